@@ -8,7 +8,7 @@ import torch
 
 from fitting_core.body.files.registry import FREE_FOLDER, find_body
 from fitting_core.config.schema import FitConfig
-from fitting_core.errors import InputError
+from fitting_core.errors import InputError, some_of
 from fitting_core.files.regular import at_home
 from fitting_core.fit.fused import ready
 from fitting_core.io.result_files import is_result
@@ -35,9 +35,8 @@ def check_out(folder: Path, *, overwrite: bool) -> None:
     if overwrite or is_result(folder) or not folder.exists() or not any(folder.iterdir()):
         return
     names = sorted(entry.name for entry in folder.iterdir())
-    some = ", ".join(names[:4]) + (", ..." if len(names) > 4 else "")
     raise InputError(
-        f"--out {folder}: holds files that are no result of tcfit ({some}). "
+        f"--out {folder}: holds files that are no result of tcfit ({some_of(names, most=4)}). "
         "Choose another folder, or give --overwrite to write the result among them."
     )
 

@@ -82,8 +82,8 @@ def in_frames(poses: Poses, frames: ClipFrames) -> tuple[Poses, tuple[str, ...]]
         first, last = frames.numbers[0] + at[inside][0], frames.numbers[0] + at[inside][-1]
         raise ValueError(
             f"has no pose for frame{'s' * (len(some) > 1)} {numbers} of the clip (poses and frames were put together "
-            f"{how}); expected one for each, or two that are at most {most} frames apart. Choose frames by first_frame "
-            f"and last_frame: {first} and {last} are the first and the last with a pose"
+            f"{how}); expected one for each, or two that are at most {most} frames apart. Choose frames by "
+            f"`first_frame` and `last_frame`: {first} and {last} are the first and the last with a pose"
         )
     known = Poses(rotation=poses.rotation[order], translation=poses.translation[order])
     plain = not missing and len(poses) == count
@@ -108,8 +108,8 @@ def _places(poses: Poses, frames: ClipFrames) -> tuple[list[int], str]:
         listed = ", ".join(poses.names[:_LISTED])
         raise ValueError(
             f"has {len(poses)} cameras ({listed}), whose names do not say which frames of the clip they are; expected "
-            "the names of its images, or names that differ in one number, the frame's. Say by camera_name which one it "
-            "is, if it stands still"
+            "the names of its images, or names that differ in one number, the frame's. Say by `camera_name` which "
+            "one it is, if it stands still"
         )
     of_image = image_numbers(timeline.stems or ())
     if set(numbers) & set(of_image):

@@ -85,8 +85,8 @@ def chosen(timeline: Timeline, first_frame: int | None, last_frame: int | None) 
     last = numbers[-1] if last_frame is None else last_frame
     if first not in numbers or last not in numbers or first > last:
         raise InputError(
-            f"Frames {first} to {last} were asked for (first_frame, last_frame); expected two frames in order out of "
-            f"{numbers[0]} to {numbers[-1]}, which the clip has."
+            f"Frames {first} to {last} were asked for (`first_frame`, `last_frame`); expected two frames in order out "
+            f"of {numbers[0]} to {numbers[-1]}, which the clip has."
         )
     return slice(first - numbers[0], last - numbers[0] + 1)
 

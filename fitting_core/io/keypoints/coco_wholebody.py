@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core import wholebody as layout
-from fitting_core.errors import InputError
+from fitting_core.errors import InputError, some_of
 from fitting_core.files.atomic import replacing
 from fitting_core.io.keypoints.coco_forms import FORMS, CocoContent
 from fitting_core.io.keypoints.detections import Detections, numbering, told_detector
@@ -97,7 +97,7 @@ def _of_file(path: Path) -> CocoContent:
     content = read_json(path, advice=_ADVICE)
     form = next((form for fits, form in FORMS if fits(content)), None)
     if form is None:
-        found = f"an object with {', '.join(list(content)[:8]) or 'nothing'}" if isinstance(content, dict) else ""
+        found = f"an object with {some_of(content)}" if isinstance(content, dict) else ""
         raise InputError(
             f"{path} is no COCO-WholeBody JSON: found {found or kind(content)}; expected 'images' and 'annotations', "
             "a list of results with 'image_id' and 'keypoints', or 'instance_info'."
@@ -188,7 +188,7 @@ def _raw_points(where: str, entry: dict[str, Any]) -> Float[np.ndarray, "133 3"]
     """Positions and scores as they stand there."""
     points = np.zeros((layout.WHOLEBODY_COUNT, 3))
     if "keypoints" not in entry:
-        raise InputError(f"{where} has no 'keypoints' (it has {', '.join(list(entry)[:8]) or 'nothing'}).")
+        raise InputError(f"{where} has no 'keypoints' (it has {some_of(entry)}).")
     values = _triples(where, "keypoints", entry)
     if len(values) not in _KEYPOINTS:
         raise InputError(

@@ -123,9 +123,9 @@ def to_pixels(
     """
     known = ("auto", PIXELS, *SCALES)
     if keypoint_scale not in known:
-        raise InputError(f"keypoint_scale is {keypoint_scale!r}; expected one of {', '.join(known)}.")
+        raise InputError(f"`keypoint_scale` is {keypoint_scale!r}; expected one of {', '.join(known)}.")
     scale = detections.scale if keypoint_scale == "auto" else keypoint_scale
-    how = "as the file says" if keypoint_scale == "auto" else "by the option keypoint_scale"
+    how = "as the file says" if keypoint_scale == "auto" else "by the option `keypoint_scale`"
     if scale == "auto":
         scale, how = guess_scale(detections.detected_points()), "judged by their range"
     if scale == PIXELS:
@@ -133,7 +133,7 @@ def to_pixels(
     if size is None:
         raise InputError(
             f"The keypoints in {detections.source} are normalised to {scale} ({how}), so the image size is needed to "
-            "turn them into pixels. Give the video, or image_size=(width, height)."
+            "turn them into pixels. Give the video, or `image_size`."
         )
     low, high = SCALES.get(scale, (0.0, 1.0))
     step = (np.array(size) - (scale in SCALES)) / (high - low)

@@ -29,7 +29,7 @@ from fitting_core.body.files.archives import Member, open_members
 from fitting_core.body.model import N_BETAS, N_EXPRESSION, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
-from fitting_core.errors import InputError
+from fitting_core.errors import InputError, some_of
 from fitting_core.files.atomic import replacing
 from fitting_core.io.motion.fitted_motion import AXES
 from fitting_core.io.motion.imported_motion import ImportedMotion, body_params
@@ -185,8 +185,10 @@ def _about(path: Path, member: Member) -> About:
 def _nothing(path: Path, pickles: list[Member], members: list[Member], person: int) -> str:
     if pickles:
         people = sorted({member.path.name for member in pickles})
-        return f"{path}: has no person {person} ({person:03d}.pkl), only {', '.join(people[:5])}. Choose one of these."
-    found = ", ".join(member.path.name for member in members[:5]) or "nothing"
+        return (
+            f"{path}: has no person {person} ({person:03d}.pkl), only {some_of(people, most=5)}. Choose one of these."
+        )
+    found = some_of((member.path.name for member in members), most=5)
     return (
         f"{path}: holds no results of SMPLify-X (found {found}); expected results/<name of the image>/000.pkl. Give "
         "its output folder."

@@ -9,7 +9,7 @@ import numpy as np
 
 from fitting_core.body.markers.marker_set import MarkerSet
 from fitting_core.camera import Camera, World
-from fitting_core.errors import InputError
+from fitting_core.errors import InputError, some_of
 from fitting_core.files.npz import npz_names, read_npz
 from fitting_core.io.result_files import FIT_NAME
 from fitting_core.measure.references import bodies as reference_bodies
@@ -164,7 +164,7 @@ def _form(file: Path, markers: MarkerSet | None) -> Callable[[Source], Reference
     for form in FORMS:
         if all(key in names for key in form.keys):
             return lambda source: _of_arrays(source, form)
-    found = ", ".join(names[:8]) or "nothing"
+    found = some_of(names)
     known = "; ".join(form.title for form in FORMS)
     raise InputError(f"{file}: holds {found}; expected {known}; or a .trc or .c3d file.")
 

@@ -11,7 +11,7 @@ from fitting_core import keypoints as kp
 from fitting_core.body.markers.marker_set import RADIUS, MarkerSet, Target
 from fitting_core.body.markers.places import PLACES
 from fitting_core.body.model import JOINT
-from fitting_core.errors import InputError
+from fitting_core.errors import InputError, some_of
 from fitting_core.io.points.named_points import NamedPoints
 from fitting_core.measure.references.reference import Reference, stated_first_frame, stated_rate
 from fitting_core.synthetic.studio.world_camera import WorldCamera
@@ -95,12 +95,12 @@ def matched(
             targets[name] = name.upper()
     if (count := len(owner) + len(targets)) < FEWEST:
         raise InputError(
-            f"{path}: names {count} known points ({', '.join(points.names[:8])[:200]}); expected at least {FEWEST} of "
+            f"{path}: names {count} known points ({some_of(points.names)}); expected at least {FEWEST} of "
             "OpenPose's, such as RShoulder or right_shoulder, of the markers of Plug-in Gait, such as LKNE, or of "
             "SMPL-X's joints. Rename its points, or say with --markers what they are."
         )
     unknown = [name for name in points.names if name not in owner.values() and name not in targets]
-    notes = (f"not used, as no keypoint has its name: {', '.join(unknown)[:300]}",) if unknown else ()
+    notes = (f"not used, as no keypoint has its name: {some_of(unknown, most=20)}",) if unknown else ()
     places = points.places[:, [points.names.index(name) for name in targets]]
     return placed, MarkerSet(targets, RADIUS if own is None else own.radius), places, notes
 

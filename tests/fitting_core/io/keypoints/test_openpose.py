@@ -345,7 +345,7 @@ def test_normalised_coordinates_need_the_image_size(write_people, figure):
 
 
 def test_an_unknown_scale(write_people):
-    with pytest.raises(InputError, match=r"keypoint_scale is '0-1'; expected one of auto, pixels, 0..1, -1..1"):
+    with pytest.raises(InputError, match=r"`keypoint_scale` is '0-1'; expected one of auto, pixels, 0..1, -1..1"):
         to_pixels(read_openpose(write_people({"a_0": [PERSON]})), SIZE, keypoint_scale="0-1")
 
 
