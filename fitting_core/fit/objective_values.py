@@ -103,7 +103,7 @@ def _frame_rate(frame_rate: float | None, config: FitConfig) -> float:
     reference = config.temporal.reference_rate
     if frame_rate is None and reference:
         raise InputError(
-            f"No frame rate is given, and the weight of E_T is for {reference:g} frames per second. Give frame_rate, "
+            f"No frame rate is given, and the weight of E_T is for {reference:g} frames per second. Give `frame_rate`, "
             "the clip's."
         )
     return 25.0 if frame_rate is None else frame_rate

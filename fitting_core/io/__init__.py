@@ -9,37 +9,32 @@ from typing import TYPE_CHECKING
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
 from fitting_core.io.added_readers import read_added_keypoints, read_added_motion
-from fitting_core.io.keypoints.coco_wholebody import holds_coco
+from fitting_core.io.keypoints.coco_wholebody import folder_holds_coco, holds_coco
 from fitting_core.io.keypoints.detections import Detections
+from fitting_core.io.keypoints.json_points import first_bytes, is_json
+from fitting_core.io.keypoints.openpose import holds_people
 from fitting_core.io.keypoints.pose_binary import starts_as_pose
 
 if TYPE_CHECKING:  # keypoints are read without torch
     from fitting_core.io.motion.imported_motion import ImportedMotion
     from fitting_core.io.motion.smplifyx import Decode
 
-_START = 65536
-"""Bytes of a file by which its format is told: COCO's annotation files can start with a list of licences."""
-
 
 def _holds_people(path: Path, start: bytes) -> bool:
-    return path.is_dir() or path.name.endswith("_keypoints.json") or (_is_json(start) and b'"people"' in start)
+    return path.is_dir() or path.name.endswith("_keypoints.json") or (is_json(start) and holds_people(start))
 
 
 def _holds_coco(path: Path, start: bytes) -> bool:
-    return _is_json(start) and holds_coco(start)
+    return folder_holds_coco(path) if path.is_dir() else is_json(start) and holds_coco(start)
 
 
 def _holds_pose(path: Path, start: bytes) -> bool:
     return path.suffix.lower() == ".pose" or starts_as_pose(start)
 
 
-def _is_json(start: bytes) -> bool:
-    return start.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"{", b"[")
-
-
 READERS: dict[Callable[[Path, bytes], bool], str] = {
-    _holds_people: "fitting_core.io.keypoints.openpose:read_openpose",
     _holds_coco: "fitting_core.io.keypoints.coco_wholebody:read_coco_wholebody",
+    _holds_people: "fitting_core.io.keypoints.openpose:read_openpose",
     _holds_pose: "fitting_core.io.keypoints.pose_file:read_pose",
 }
 """What recognises a format by the path and its first bytes (none of a folder) -> the function Path -> Detections.
@@ -56,7 +51,7 @@ def read_detections(path: Path) -> Detections:
     """
     if not path.exists():
         raise InputError(f"No keypoints at {path}: there is no such file or folder.")
-    start = b"" if path.is_dir() else _first_bytes(path)
+    start = b"" if path.is_dir() else first_bytes(path)
     if (detections := read_added_keypoints(path, start)) is not None:
         return detections
     for recognises, reader in READERS.items():
@@ -66,7 +61,7 @@ def read_detections(path: Path) -> Detections:
     found = "is empty" if not start else "starts as none of these"
     raise InputError(
         f"{path} is no keypoint format that can be read: it {found}. Expected a folder of OpenPose JSON files or one "
-        "of them, a COCO-WholeBody JSON, or a .pose file."
+        "of them, a COCO-WholeBody JSON, predictions of mmpose's inferencer, or a .pose file."
     )
 
 
@@ -113,7 +108,7 @@ def read_motion(
 def _may_hold_results(path: Path) -> bool:
     """Whether a file is a pickle of protocol 2 or later, or an archive, or was to be one."""
     packed = path.suffix.lower() in (".pkl", ".zip", ".tar", ".tgz", ".gz", ".xz", ".bz2")
-    return packed or _first_bytes(path)[:1] == b"\x80"
+    return packed or first_bytes(path)[:1] == b"\x80"
 
 
 def _holds_arrays(path: Path) -> bool:
@@ -125,11 +120,3 @@ def _holds_arrays(path: Path) -> bool:
             return any(name.endswith(".npy") for name in archive.namelist())
     except (OSError, ValueError, zipfile.BadZipFile):
         return False
-
-
-def _first_bytes(path: Path) -> bytes:
-    try:
-        with regular_file(path).open("rb") as file:
-            return file.read(_START)
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror or error}.") from error

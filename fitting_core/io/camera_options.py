@@ -87,18 +87,18 @@ def _focal_option(options: dict[str, float | FocalRule | None]) -> tuple[str, fl
     rules = get_args(FocalRule)
     given = {name: value for name, value in options.items() if value is not None}
     if len(given) > 1:
-        listed = " and ".join(f"{n}={v}" if isinstance(v, str) else f"{n}={v:g}" for n, v in given.items())
+        listed = " and ".join(f"`{n}` {v if isinstance(v, str) else format(v, 'g')}" for n, v in given.items())
         raise InputError(f"The focal length is given {len(given)} times: {listed}. Give one of them only.")
     name, value = next(iter(given.items()), ("", None))
     if value is None or (name == "focal_length" and value in rules):
         return None
     if isinstance(value, str):
         more = f", {' or '.join(rules)}" if name == "focal_length" else ""
-        raise InputError(f"{name} is {value!r}; expected a number{more}.")
+        raise InputError(f"`{name}` is {value!r}; expected a number{more}.")
     if not (math.isfinite(value) and value > 0):
-        raise InputError(f"{name} is {value:g}; expected a positive number.")
+        raise InputError(f"`{name}` is {value:g}; expected a positive number.")
     if name == "fov" and value > _FOV_RANGE[1]:
-        raise InputError(f"fov is {value:g}; expected degrees from left to right, up to {_FOV_RANGE[1]:g}.")
+        raise InputError(f"`fov` is {value:g}; expected degrees from left to right, up to {_FOV_RANGE[1]:g}.")
     return name, value
 
 
@@ -120,7 +120,7 @@ def _camera_file(
     if path is None:
         told = {"camera_name": name, "camera_unit": unit, "camera_up": up}
         if given := [option for option, value in told.items() if value is not None]:
-            raise InputError(f"{given[0]} is given without a camera file. Give the file, or leave it out.")
+            raise InputError(f"`{given[0]}` is given without a camera file. Give the file, or leave it out.")
         return None
     if others:
         raise InputError(
@@ -146,7 +146,7 @@ def _camera_of(size: tuple[int, int], center: tuple[float, float] | None, focal:
         abs(given - m) <= _MAX_CENTER * side for given, m, side in zip(center, middle, size, strict=True)
     ):
         raise InputError(
-            f"center is ({center[0]:g}, {center[1]:g}); expected the principal point in pixels of an image of "
+            f"`center` is ({center[0]:g}, {center[1]:g}); expected the principal point in pixels of an image of "
             f"{size[0]} x {size[1]}, usually near ({middle[0]:g}, {middle[1]:g})."
         )
     return Camera(focal=(pixels, pixels), center=center or middle, size=size, focal_from=told, source=source)
@@ -157,6 +157,6 @@ def _check_angle(focal: float, size: tuple[int, int], words: str) -> None:
     if not _FOV_RANGE[0] <= degrees <= _FOV_RANGE[1]:
         raise InputError(
             f"A camera with a {words} sees {degrees:.3g} degrees of an image of "
-            f"{size[0]} x {size[1]}; expected {_FOV_RANGE[0]:g} to {_FOV_RANGE[1]:g}. focal_length is in pixels (use "
-            "focal_length_35mm for millimetres), fov in degrees."
+            f"{size[0]} x {size[1]}; expected {_FOV_RANGE[0]:g} to {_FOV_RANGE[1]:g}. `focal_length` is in pixels (use "
+            "`focal_length_35mm` for millimetres), `fov` in degrees."
         )

@@ -376,11 +376,6 @@ def _in_pixels(
 def _with_contradictions(detections: Detections, footage: Footage) -> Detections:
     """With notes where the keypoint file says something else than the video, which is believed."""
     notes = list(detections.notes)
-    if detections.size and footage.size and detections.size != footage.size:
-        notes.append(
-            f"{detections.source.name} says that the image is {detections.size[0]} x {detections.size[1]} pixels; the "
-            f"video's {footage.size[0]} x {footage.size[1]} are used."
-        )
     if detections.frame_rate and footage.frame_rate and abs(detections.frame_rate - footage.frame_rate) > 0.01:
         notes.append(
             f"{detections.source.name} says {detections.frame_rate:g} frames per second; the video's "

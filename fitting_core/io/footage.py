@@ -59,10 +59,10 @@ class Footage:
         if option is None:
             return self.size
         if not all(1 <= side <= 100_000 and side == int(side) for side in option):
-            raise InputError(f"image_size is {option[0]} x {option[1]}; expected width and height in whole pixels.")
+            raise InputError(f"`image_size` is {option[0]} x {option[1]}; expected width and height in whole pixels.")
         if self.size and self.size != tuple(option):
             raise InputError(
-                f"image_size is {option[0]} x {option[1]}, but {self.path} is {self.size[0]} x {self.size[1]} "
+                f"`image_size` is {option[0]} x {option[1]}, but {self.path} is {self.size[0]} x {self.size[1]} "
                 "pixels. Leave the option out."
             )
         return (int(option[0]), int(option[1]))
@@ -74,12 +74,12 @@ class Footage:
         """
         if option is not None and not 0 < option <= _MAX_FRAME_RATE:
             raise InputError(
-                f"frame_rate is {option:g}; expected frames per second, above 0 and up to {_MAX_FRAME_RATE:g}."
+                f"`frame_rate` is {option:g}; expected frames per second, above 0 and up to {_MAX_FRAME_RATE:g}."
             )
         known = self.frame_rate or told
         if option is None and known is None:
             note = (
-                f"The frame rate is not known; {DEFAULT_FRAME_RATE:g} frames per second are assumed. Give frame_rate."
+                f"The frame rate is not known; {DEFAULT_FRAME_RATE:g} frames per second are assumed. Give `frame_rate`."
             )
             return DEFAULT_FRAME_RATE, (note,)
         if option is None:
@@ -129,6 +129,6 @@ def guessed_size(detections: Detections) -> tuple[tuple[int, int], tuple[str, ..
     size = fitting[0] if fitting else (int(width), int(height))
     note = (
         f"The image size is not known; {size[0]} x {size[1]} is assumed, the smallest common size that holds all "
-        f"keypoints (they reach {width} x {height}). Give image_size for a right camera."
+        f"keypoints (they reach {width} x {height}). Give `image_size` for a right camera."
     )
     return size, (note,)

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from fitting_core.frame_runs import runs
 
 _NUMBERED = re.compile(r"^(?P<prefix>.*?)(?P<number>\d+)$", re.DOTALL)
+_DIGITS = re.compile(r"(\d{1,40})")
 
 
 def natural_key(name: str) -> tuple[tuple[int, str], ...]:
@@ -23,12 +24,22 @@ def split_number(stem: str) -> tuple[str, int | None]:
     return (match["prefix"], int(match["number"])) if match else (stem, None)
 
 
+def frame_numbers(stems: Sequence[str]) -> tuple[int, ...] | None:
+    """The one number by which names differ, wherever it stands: 0 and 1 of ``walk_0000_30fps`` and ``walk_0001_30fps``.
+
+    Of a single name, and of names with the same numbers, it is the one at the end. None unless nothing else differs.
+    """
+    parts = [_DIGITS.split(stem) for stem in stems]
+    if len({tuple(part[::2]) for part in parts}) != 1:
+        return None
+    columns = [tuple(map(int, column)) for column in zip(*(part[1::2] for part in parts), strict=True)]
+    found = {column for column in columns if len(set(column)) > 1} or {c for c in columns[-1:] if not parts[0][-1]}
+    return found.pop() if len(found) == 1 else None
+
+
 def image_numbers(stems: Iterable[str]) -> dict[int, int]:
-    """Places of images by the numbers at the end of their names; empty unless only the numbers differ."""
-    names = [split_number(stem) for stem in stems]
-    if len({prefix for prefix, _ in names}) > 1:
-        return {}
-    return {number: t for t, (_, number) in enumerate(names) if number is not None}
+    """Places of images by the numbers in their names; empty unless these alone differ."""
+    return {number: t for t, number in enumerate(frame_numbers(list(stems)) or ())}
 
 
 def among_images(

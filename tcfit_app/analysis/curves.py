@@ -44,7 +44,8 @@ def curve(name: str, fit: PosedFit) -> Curve:
         fit: All frames of a clip.
     """
     kind = CURVES[name]
-    return Curve(name=name, title=kind.title, unit=kind.unit, values=kind.values(fit))
+    values = kind.values(fit) if fit.there is None else np.where(fit.there, kind.values(fit), np.nan)
+    return Curve(name=name, title=kind.title, unit=kind.unit, values=values)
 
 
 def weighted_mean(values: Float[np.ndarray, "T K"], weights: Float[np.ndarray, "T K"]) -> Float[np.ndarray, "T"]:

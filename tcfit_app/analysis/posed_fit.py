@@ -47,6 +47,8 @@ class PosedFit:
     """Keypoints that a person has marked as wrong (`Corrected.bad`); their confidence is 0."""
     frame_cost: Float[np.ndarray, "T"] | None = None
     """E_o of each frame, where the phase that gave the parameters has told it."""
+    there: Bool[np.ndarray, "T"] | None = None
+    """Frames of which there is a pose; None: all. In the others nothing is measured."""
 
     @staticmethod
     def of(
@@ -56,6 +58,7 @@ class PosedFit:
         *,
         phase: PhaseResult | None = None,
         bad: Bool[np.ndarray, "T 137"] | None = None,
+        there: Bool[np.ndarray, "T"] | None = None,
     ) -> "PosedFit":
         """One phase of a run, by default its last.
 
@@ -65,11 +68,17 @@ class PosedFit:
             meshes: Of the body that it was fitted with.
             phase: One of the fit's.
             bad: `Project.corrected.bad`; None: nothing is marked.
+            there: Frames of which it has a pose; None: all.
         """
         chosen = phase or fit.last
         space = fit.config.temporal.space
         seen = replace(clip, camera=fit.camera)
-        return PosedFit.posed(seen, chosen.params, meshes, space=space, bad=bad, frame_cost=chosen.frame_cost)
+        if there is not None:
+            seen = replace(
+                seen, keypoints=replace(seen.keypoints, confidence=seen.keypoints.confidence * there[:, None])
+            )
+        found = PosedFit.posed(seen, chosen.params, meshes, space=space, bad=bad, frame_cost=chosen.frame_cost)
+        return replace(found, there=there)
 
     @staticmethod
     def posed(
@@ -102,7 +111,8 @@ class PosedFit:
         """Consecutive frames, to be measured alone: nothing is evaluated outside of them."""
         cost = None if self.frame_cost is None else self.frame_cost[frames]
         clip = replace(self.clip, keypoints=self.clip.keypoints[frames], camera=self.clip.camera[frames])
-        return replace(self, clip=clip, params=self.params[frames], bad=self.bad[frames], frame_cost=cost)
+        there = None if self.there is None else self.there[frames]
+        return replace(self, clip=clip, params=self.params[frames], bad=self.bad[frames], frame_cost=cost, there=there)
 
     @cached_property
     def joints(self) -> Float[np.ndarray, "T 55 3"]:

@@ -151,9 +151,7 @@ def _of_others(path: Path, models: Path | None, choices: MotionChoices) -> Evalu
     body, motion = posed_body(motion, Bodies(models), ImportChoices(body_model=choices.body_model))
     rate = choices.frame_rate or motion.frame_rate
     places, missing = _without_gaps(motion.numbers)
-    notes = (f"Read as {motion.format}.", *motion.notes)
-    if missing:
-        notes += (f"It has no result for {len(missing)} frames ({spans(missing)}); the nearest stand for these.",)
+    notes = (f"Read as {motion.format}.", *motion.notes, *_standing_in(missing))
     params = motion.on(body, motion.camera or ANY_CAMERA)
     return EvaluatedFit(
         name=path.resolve().name if path.is_dir() else path.stem,
@@ -168,6 +166,13 @@ def _of_others(path: Path, models: Path | None, choices: MotionChoices) -> Evalu
         placed=motion.placed and not motion.from_corner,
         notes=notes,
     )
+
+
+def _standing_in(missing: list[int]) -> tuple[str, ...]:
+    """A note on frames without a result."""
+    if not missing:
+        return ()
+    return (f"It has no result for {len(missing)} frames ({spans(missing)}); the nearest stand for these.",)
 
 
 def _without_gaps(numbers: Sequence[int]) -> tuple[list[int], list[int]]:
@@ -192,7 +197,9 @@ def _chosen(project: Project, wanted: str | None) -> Run:
 
 def _of_project(project: Project, run: Run, models: Path | None) -> EvaluatedFit:
     fit, body = project.runs.load(run.id), Bodies(models).of(run.body)
-    return of_run(fit, project.clip, body, name=run.name, folder=project.folder, reference=project.reference)
+    found = of_run(fit, project.clip, body, name=run.name, folder=project.folder, reference=project.reference)
+    missing = np.flatnonzero(~fit.observed.any(1)) if run.kind == "imported" else ()
+    return replace(found, notes=(*found.notes, *_standing_in([project.clip.first_frame + t for t in missing])))
 
 
 def of_run(

@@ -73,4 +73,10 @@ def write_opensim(source: ExportSource, path: Path, progress: Progress) -> None:
 
 
 def _points(motion: Motion, names: tuple[str, ...], places: np.ndarray) -> NamedPoints:
-    return NamedPoints(names=names, places=places, frame_rate=motion.frame_rate, first_frame=motion.first_frame)
+    return NamedPoints(
+        names=names,
+        places=places,
+        frame_rate=motion.frame_rate,
+        first_frame=motion.first_frame,
+        camera=motion.seen_from,
+    )

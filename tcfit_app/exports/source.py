@@ -63,7 +63,8 @@ class ExportedFit:
         """For figures. Raises InputError while the phase is still being fitted."""
         if self.shown.result is None:
             raise InputError(f"{self.shown.run.name} is still being fitted: export its figures when it is done.")
-        return PosedFit.of(clip, self.fit, self.meshes, phase=self.fit.phase(self.shown.phase))
+        phase = self.fit.phase(self.shown.phase)
+        return PosedFit.of(clip, self.fit, self.meshes, phase=phase, there=self.shown.there)
 
     def __getitem__(self, frames: slice) -> "ExportedFit":
         """Consecutive frames of it."""
@@ -76,7 +77,8 @@ class ExportedFit:
         warnings = (*self.fit.warnings, note)
         camera = self.fit.camera[frames]
         fit = replace(self.fit, phases=phases, observed=observed, warnings=warnings, grounding=grounding, camera=camera)
-        shown = replace(self.shown, params=self.shown.params[frames], camera=self.shown.camera[frames])
+        there = None if self.shown.there is None else self.shown.there[frames]
+        shown = replace(self.shown, params=self.shown.params[frames], camera=self.shown.camera[frames], there=there)
         return replace(self, fit=fit, shown=shown)
 
 

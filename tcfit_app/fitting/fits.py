@@ -132,6 +132,12 @@ def _begun(version: _Version, found: FramesFitted, length: int) -> _Partial:
     return _Partial(phase=found.phase, params=found.params[[0] * length], there=np.zeros(length, bool))
 
 
+def _told(run: Run, fit: FitResult | None) -> Bool[np.ndarray, "T"] | None:
+    """Frames of another program's result, which may be a part of the clip; None: all."""
+    there = fit.observed.any(1) if fit is not None and run.kind == "imported" else None
+    return None if there is None or there.all() else there
+
+
 class Fits:
     """Results by run. Thread-safe; the worker's sink.
 
@@ -234,7 +240,7 @@ class Fits:
             result=last if isinstance(last, PhaseResult) else None,
             revision=version.revision,
             camera=version.camera,
-            there=last.there if isinstance(last, _Partial) else None,
+            there=last.there if isinstance(last, _Partial) else _told(run, version.fit),
         )
 
     def _version(self, run: Run) -> _Version:

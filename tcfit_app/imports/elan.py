@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from fitting_core.errors import InputError
+from fitting_core.errors import InputError, some_of
 from fitting_core.io.annotations.annotations import Tier
 from fitting_core.io.annotations.eaf import read_eaf
 from fitting_core.io.annotations.frame_times import frames_of
@@ -68,7 +68,8 @@ def import_notes(project: Project, path: Path, tiers: Sequence[str] = (), *, aut
 
 def notes_of(path: Path, project: Project, tiers: Sequence[str] = ()) -> tuple[WriteNotes | None, ElanNotes]:
     """What `import_notes` would do; None if there is nothing to be kept. Raises InputError as it does."""
-    found = read_eaf(path)
+    source = project.clip.source
+    found = read_eaf(path, "" if source is None else source.name)
     chosen = _chosen(found, tiers, path)
     exported = any(tier.name in OWN for tier in found)
     clip, there = project.clip, list(project.notes)
@@ -96,14 +97,14 @@ def notes_of(path: Path, project: Project, tiers: Sequence[str] = ()) -> tuple[W
     names = tuple(tier.name for tier in chosen)
     told = ElanNotes(new=len(wanted) - changed, changed=changed, known=known, outside=outside, tiers=names)
     if not (wanted or known):
-        raise InputError(f"{path}: has no annotations in this clip's frames (tiers: {', '.join(names) or 'none'}).")
+        raise InputError(f"{path}: has no annotations in this clip's frames (tiers: {some_of(names)}).")
     return (WriteNotes(notes=tuple(wanted)) if wanted else None), told
 
 
 def _chosen(found: Sequence[Tier], wished: Sequence[str], path: Path) -> list[Tier]:
     by_name = {tier.name: tier for tier in found}
     if unknown := [name for name in wished if name not in by_name]:
-        raise InputError(f"{path}: has no tier {unknown[0]!r}; expected some of {', '.join(by_name) or 'none'}.")
+        raise InputError(f"{path}: has no tier {unknown[0]!r}; expected some of {some_of(by_name)}.")
     return [by_name[name] for name in wished] if wished else [tier for tier in found if tier.name not in OWN]
 
 

@@ -18,10 +18,10 @@ from fitting_core.camera import Camera, FocalFrom
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import scratch_folder
-from fitting_core.io.keypoints.openpose import SUFFIX
+from fitting_core.io.keypoints.openpose import SUFFIX, stem_of
 from fitting_core.keypoints import Keypoints
 from fitting_core.silhouettes import Silhouettes
-from fitting_core.video.frame_names import natural_key, split_number
+from fitting_core.video.frame_names import frame_numbers, natural_key
 from tcfit_app.imports.found_people import FoundPeople
 
 if TYPE_CHECKING:
@@ -269,7 +269,7 @@ def _unpacked(shown: str, content: bytes, folder: Path) -> Path:
 
 
 def _keypoint_entries(shown: str, archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
-    """The files of an archive, all of which are keypoints."""
+    """The files of an archive that hold the keypoints."""
     # macOS adds a folder of its own; names that start with a dot are what systems leave beside real files.
     entries = [
         entry
@@ -286,6 +286,8 @@ def _keypoint_entries(shown: str, archive: zipfile.ZipFile) -> list[zipfile.ZipI
     if wrong or not entries:
         found = f"other files, such as {_shown(wrong[0])}" if wrong else "no file"
         raise InputError(f"{shown} holds {found}; {_EXPECTED}.")
+    # As in a folder: beside files with OpenPose's names, others say something else of the clip.
+    entries = [entry for entry in entries if entry.filename.lower().endswith(SUFFIX)] or entries
     if len(entries) > MOST_FILES or sum(entry.file_size for entry in entries) > MOST_BYTES:
         total = sum(entry.file_size for entry in entries) >> 20
         raise InputError(
@@ -297,14 +299,15 @@ def _keypoint_entries(shown: str, archive: zipfile.ZipFile) -> list[zipfile.ZipI
 
 def _numbered(shown: str, entries: list[zipfile.ZipInfo]) -> list[tuple[int, zipfile.ZipInfo]]:
     """Entries with the numbers of their frames, or counted in natural order where not all names have one."""
-    stems = [PurePosixPath(entry.filename.replace("\\", "/")).name for entry in entries]
-    split = [split_number(re.sub(r"(_keypoints)?\.json$", "", stem, flags=re.IGNORECASE)) for stem in stems]
-    prefixes = {prefix for prefix, _ in split}
-    if len(prefixes) > 1 and all(number is not None for _, number in split):
-        some = ", ".join(sorted(map(_shown, prefixes))[:3])
-        raise InputError(f"{shown} holds keypoints of several clips ({some}); expected those of one.")
-    numbers = [number for _, number in split if number is not None and number < 10**12]
-    if len(set(numbers)) < len(entries):
+    stems = [stem_of(PurePosixPath(entry.filename.replace("\\", "/")).name) for entry in entries]
+    numbers = frame_numbers(stems)
+    if numbers is None and all(re.search(r"\d", stem) for stem in stems):
+        some = ", ".join(sorted(map(_shown, stems))[:3])
+        raise InputError(
+            f"{shown} holds keypoints of several clips, or names that differ in several numbers ({some}); expected "
+            "those of one clip, with one number that counts its frames."
+        )
+    if numbers is None or max(numbers) >= 10**12 or len(set(numbers)) < len(entries):
         ordered = sorted(entries, key=lambda entry: natural_key(entry.filename))
         return list(enumerate(ordered))
     return sorted(zip(numbers, entries, strict=True), key=lambda pair: pair[0])

@@ -21,6 +21,7 @@ from fitting_core.io.motion.imported_motion import ImportedMotion, cover, from_s
 from fitting_core.io.result_files import FIT_NAME
 from fitting_core.priors.files.registry import read_prior, registered_vposer, user_file
 from fitting_core.priors.latent import LatentPrior
+from fitting_core.video.frame_names import spans
 from fitting_core.video.frames import image_files
 from tcfit_app.fitting.bodies import Bodies, record_of
 from tcfit_app.project.project import Project
@@ -118,7 +119,8 @@ def imported_fit(
     if not motion.placed:
         params = from_still(body, params, camera)
     put = () if motion.placed else (f"{path.name} tells no camera: its body was put before the clip's camera.",)
-    told = (note.replace(path.name, Path(source).name) for note in (*motion.notes, *put, *covered.notes))
+    lacks = _lacking(motion, covered.missing, clip)
+    told = (note.replace(path.name, Path(source).name) for note in (*motion.notes, *put, *covered.notes, *lacks))
     notes = (f"Imported from {source}, read as {motion.format}.", *told)
     phase = PhaseResult(
         phase=PHASE, params=params, objective={}, frame_cost=np.full(len(clip), np.nan), seconds=0.0, notes=notes
@@ -131,6 +133,17 @@ def imported_fit(
         pose_prior=motion.format,
     )
     return fit, body, motion.placed
+
+
+def _lacking(motion: ImportedMotion, missing: list[int], clip: Clip) -> tuple[str, ...]:
+    """A note on the clip's frames without a result."""
+    if not missing:
+        return ()
+    frames = spans([clip.first_frame + t for t in missing])
+    return (
+        f"{motion.source.name} has no result for {len(missing)} of the clip's {len(clip)} frames ({frames}): nobody is "
+        "shown there, and exports have the pose of the nearest frame.",
+    )
 
 
 def _name(path: Path) -> str:

@@ -73,10 +73,11 @@ def _details(options: FitOptions | NewOptions | ReviewOptions) -> tuple[dict[str
     """What the library is asked for, and what turns its words for them into the command line's."""
     camera = camera_for(options.camera, options.method if isinstance(options, FitOptions) else None)
     details = dataclasses.asdict(camera) | dataclasses.asdict(options.clip)
-    names = re.compile(r"\b(" + "|".join(name for name in details if "_" in name) + r")\b")
+    # Only in the library's own words: paths and keys of files may have the same names.
+    names = re.compile(f"`({'|'.join(details)})`")
 
     def translated(text: str) -> str:
-        return names.sub(lambda name: "--" + name[0].replace("_", "-"), text)
+        return names.sub(lambda name: "--" + name[1].replace("_", "-"), text)
 
     return details, translated
 

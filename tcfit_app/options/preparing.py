@@ -6,9 +6,9 @@ from pathlib import Path
 
 import torch
 
-from fitting_core.body.files.registry import find_body
+from fitting_core.body.files.registry import FREE_FOLDER, find_body
 from fitting_core.config.schema import FitConfig
-from fitting_core.errors import InputError
+from fitting_core.errors import InputError, some_of
 from fitting_core.files.regular import at_home
 from fitting_core.fit.fused import ready
 from fitting_core.io.result_files import is_result
@@ -35,9 +35,8 @@ def check_out(folder: Path, *, overwrite: bool) -> None:
     if overwrite or is_result(folder) or not folder.exists() or not any(folder.iterdir()):
         return
     names = sorted(entry.name for entry in folder.iterdir())
-    some = ", ".join(names[:4]) + (", ..." if len(names) > 4 else "")
     raise InputError(
-        f"--out {folder}: holds files that are no result of tcfit ({some}). "
+        f"--out {folder}: holds files that are no result of tcfit ({some_of(names, most=4)}). "
         "Choose another folder, or give --overwrite to write the result among them."
     )
 
@@ -78,7 +77,12 @@ def body_file(options: BodyOptions) -> Path:
     """
     given = at_home(options.body_model)
     if not (given.suffix or given.exists() or len(given.parts) > 1):
-        return find_body(model=options.body_model, gender=options.gender, search=options.models)
+        try:
+            return find_body(model=options.body_model, gender=options.gender, search=options.models)
+        except InputError as error:
+            if not FREE_FOLDER.is_dir() or (options.body_model == "smplx" and options.models is None):
+                raise
+            raise InputError(f"{error} Or leave out --body-model and --models: there is a free body.") from error
     if options.models is not None:
         raise InputError(
             f"--body-model {given} is a file and --models {options.models} a folder to search: give one of them."

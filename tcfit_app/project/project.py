@@ -29,7 +29,7 @@ import numpy as np
 
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
-from fitting_core.errors import InputError
+from fitting_core.errors import InputError, some_of
 from fitting_core.files.atomic import drafting, put_folder, sweep, sweep_beside
 from fitting_core.io.people_file import holds_people, refuse_several
 from fitting_core.keypoints import Keypoints
@@ -429,7 +429,9 @@ def check_free(folder: Path) -> None:
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file; expected a folder, which may not exist yet.")
     if names := sorted(entry.name for entry in folder.iterdir()) if folder.exists() else []:
-        raise InputError(f"{folder}: holds other files ({', '.join(names[:4])}). Choose a folder that is empty or new.")
+        raise InputError(
+            f"{folder}: holds other files ({some_of(names, most=4)}). Choose a folder that is empty or new."
+        )
 
 
 def _readable_log(store: Database) -> list[LogEntry]:

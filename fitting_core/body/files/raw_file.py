@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fitting_core.body.files.pickles import as_array, read_pickle
-from fitting_core.errors import InputError
+from fitting_core.errors import InputError, some_of
 from fitting_core.files.npz import npz_names, read_npz
 from fitting_core.files.regular import refusal
 
@@ -147,5 +147,5 @@ def _check_keys(raw: RawFile) -> None:
         )
     missing = [key for key in REQUIRED if key not in raw.values]
     if missing:
-        has = ", ".join(sorted(raw.values)[:12]) or "nothing"
+        has = some_of(sorted(raw.values), most=12)
         raise raw.error(f"has no {', '.join(missing)} (it has {has}), expected a SMPL-X, SMPL-H or SMPL model")

@@ -197,13 +197,12 @@ def _not_found(model: str, gender: str, folders: list[Path]) -> str:
     searched = [f"  {folder}{'' if folder.is_dir() else ' (does not exist)'}" for folder in folders]
     found = sorted({file_name(*identity, "") for folder in folders for identity in _bodies_in(folder)})
     advice = f"Get it from its official site and run `tcfit models add` with it, or name its folder in {ENVIRONMENT}"
-    free = _bodies_in(FREE_FOLDER).get(("smplx", gender))
     return "\n".join(
         [
             f"No {gender} {KINDS[model].title} body ({file_name(model, gender)} or .pkl) in",
             *searched,
             f"There is: {', '.join(found) or 'no body model at all'}.",
-            f"{advice}, or use the free body that comes with tcfit, {free}." if free else f"{advice}.",
+            f"{advice}.",
         ]
     )
 

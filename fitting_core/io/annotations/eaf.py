@@ -9,7 +9,8 @@ import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from mimetypes import guess_type
-from pathlib import Path
+from pathlib import Path, PurePosixPath
+from urllib.parse import unquote
 from xml.parsers import expat
 
 from fitting_core.errors import InputError
@@ -24,6 +25,7 @@ _LANGUAGE = {"LANG_DEF": "http://cdb.iso.org/lg/CDB-00138502-001", "LANG_ID": "e
 """Of the vocabularies' words, as ELAN writes it."""
 _NEVER = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """Characters that XML cannot have."""
+_WHOLE = re.compile(r"-?[0-9]{1,11}")
 _STEREOTYPES = {
     "Time_Subdivision": "Time subdivision of parent annotation's time interval, no time gaps allowed within this "
     "interval",
@@ -127,14 +129,22 @@ def _write_types(root: ET.Element, tiers: Sequence[Tier]) -> None:
 # --- reading ---
 
 
-def read_eaf(path: Path) -> tuple[Tier, ...]:
-    """The tiers of an .eaf file, in its order, all annotations with their time.
+def read_eaf(path: Path, video: str = "") -> tuple[Tier, ...]:
+    """The tiers of an .eaf file, in its order, all annotations with their time in the video.
+
+    ELAN counts from where it lets a medium begin (TIME_ORIGIN): the origin is that of the linked file with the video's
+    name but for its ending, else that of all linked videos.
 
     Annotations that only refer to others have the time of these; several that refer to the same one share it evenly, as
     ELAN shows them. So do those between two time slots with a time that have none themselves.
 
+    Args:
+        path: The file.
+        video: The name of the file whose time counts.
+
     Raises:
-        InputError: It cannot be read, is no .eaf file, or says something that makes no sense.
+        InputError: It cannot be read, is no .eaf file, or says something that makes no sense; or it links videos that
+            begin at different times, and none of this name.
     """
     try:
         content = regular_file(path, most=_MOST_BYTES).read_bytes()
@@ -144,7 +154,7 @@ def read_eaf(path: Path) -> tuple[Tier, ...]:
         root = _parsed(content)
         if root.tag != "ANNOTATION_DOCUMENT":
             raise ValueError(f"its outermost element is <{root.tag[:40]}>, expected <ANNOTATION_DOCUMENT>")
-        return _Document(root).tiers()
+        return _Document(root, video).tiers()
     except (ValueError, expat.ExpatError) as error:
         raise InputError(f"{path}: is no .eaf file that can be read: {error}. Open it in ELAN and save it.") from error
 
@@ -170,11 +180,12 @@ _Span = tuple[float, float]
 class _Document:
     """An .eaf file's elements, by the names with which they refer to each other."""
 
-    def __init__(self, root: ET.Element) -> None:
+    def __init__(self, root: ET.Element, video: str) -> None:
         header = root.find("HEADER")
         units = "milliseconds" if header is None else header.get("TIME_UNITS", "milliseconds")
         if units != "milliseconds":
             raise ValueError(f"its times are in {units}, expected milliseconds")
+        self.origin = _origin(root.findall("HEADER/MEDIA_DESCRIPTOR"), video)
         self.elements = root.findall("TIER")
         self.slots = {_of(slot, "TIME_SLOT_ID"): _time(slot) for slot in root.iterfind("TIME_ORDER/TIME_SLOT")}
         self.held = {_of(tier, "TIER_ID"): [_held(a) for a in tier.findall("ANNOTATION")] for tier in self.elements}
@@ -195,7 +206,7 @@ class _Document:
             if end < start:
                 raise ValueError(f"annotation {_of(held, 'ANNOTATION_ID')} ends before it starts")
             text = held.findtext("ANNOTATION_VALUE") or ""
-            found.append(Annotation(start=round(start), end=round(end), text=text))
+            found.append(Annotation(start=self.origin + round(start), end=self.origin + round(end), text=text))
         found.sort(key=lambda annotation: (annotation.start, annotation.end))
         return Tier(name=name, annotations=tuple(found), parent=element.get("PARENT_REF", ""))
 
@@ -245,6 +256,27 @@ class _Document:
             raise ValueError(f"annotation {_of(child, 'ANNOTATION_ID')} belongs to {parent}, which has no time")
 
 
+def _origin(media: list[ET.Element], video: str) -> int:
+    """Milliseconds of the video at which the file's time begins."""
+    named = [m for m in media if _stem(_of(m, "MEDIA_URL")) == _stem(video)]
+    found = named or [m for m in media if m.get("MIME_TYPE", "").startswith("video")] or media
+    origins = {_stem(_of(m, "MEDIA_URL")): m.get("TIME_ORIGIN", "0") for m in found}
+    if len(set(origins.values())) > 1:
+        begun = ", ".join(f"{name} at {origin[:12]} ms" for name, origin in origins.items())
+        raise ValueError(
+            f"the media that it links begin at different times ({begun[:200]}), and none is named as the clip's video "
+            f"{video or '(none)'}"
+        )
+    origin = next(iter(origins.values()), "0")
+    if not _WHOLE.fullmatch(origin):
+        raise ValueError(f"a medium begins at {origin[:20]!r}, expected whole milliseconds")
+    return int(origin)
+
+
+def _stem(url: str) -> str:
+    return PurePosixPath(unquote(url).replace("\\", "/")).stem.casefold()
+
+
 def _of(element: ET.Element, name: str) -> str:
     """An attribute that must be there."""
     value = element.get(name)
@@ -257,7 +289,7 @@ def _time(slot: ET.Element) -> int | None:
     value = slot.get("TIME_VALUE")
     if value is None:
         return None
-    if not (value.isascii() and value.isdecimal() and len(value) < 12):
+    if not _WHOLE.fullmatch(value) or int(value) < 0:
         raise ValueError(f"time slot {_of(slot, 'TIME_SLOT_ID')} is at {value[:20]!r}, expected whole milliseconds")
     return int(value)
 

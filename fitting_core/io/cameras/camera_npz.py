@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from fitting_core.errors import some_of
 from fitting_core.files.npz import npz_names, read_npz
 from fitting_core.files.regular import legible
 from fitting_core.io.cameras.calibration import Calibration, calibration, pose_of
@@ -49,7 +50,7 @@ def read_camera_npz(path: Path) -> list[Calibration]:
 
 def _cameras(arrays: dict[str, np.ndarray]) -> list[Calibration]:
     if "K" not in arrays:
-        raise ValueError(f"has no camera matrix K (it has {', '.join(arrays) or 'none of the keys of a camera'})")
+        raise ValueError(f"has no camera matrix K (it has {some_of(arrays)})")
     up: Any = str(arrays["up"]) if "up" in arrays else None
     given: dict[str, Any] = {what: arrays[key] for key, what in _ROWS.items() if key in arrays}
     if "names" not in arrays:

@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 from scipy.spatial.transform import Rotation, Slerp
 
 from fitting_core.io.keypoints.alignment import IN_ORDER, Timeline, counted
-from fitting_core.video.frame_names import image_numbers, spans, split_number
+from fitting_core.video.frame_names import frame_numbers, image_numbers, spans
 
 _LONGEST_GAP = 0.5
 """Seconds between two poses that others may be put between: every tenth frame of a video is reconstructed often."""
@@ -82,8 +82,8 @@ def in_frames(poses: Poses, frames: ClipFrames) -> tuple[Poses, tuple[str, ...]]
         first, last = frames.numbers[0] + at[inside][0], frames.numbers[0] + at[inside][-1]
         raise ValueError(
             f"has no pose for frame{'s' * (len(some) > 1)} {numbers} of the clip (poses and frames were put together "
-            f"{how}); expected one for each, or two that are at most {most} frames apart. Choose frames by first_frame "
-            f"and last_frame: {first} and {last} are the first and the last with a pose"
+            f"{how}); expected one for each, or two that are at most {most} frames apart. Choose frames by "
+            f"`first_frame` and `last_frame`: {first} and {last} are the first and the last with a pose"
         )
     known = Poses(rotation=poses.rotation[order], translation=poses.translation[order])
     plain = not missing and len(poses) == count
@@ -103,19 +103,18 @@ def _places(poses: Poses, frames: ClipFrames) -> tuple[list[int], str]:
     named = {stem: place for place, stem in enumerate(timeline.stems or ())}
     if set(stems) & set(named):
         return [named.get(stem, _NOWHERE) for stem in stems], "by the images' names"
-    split = [split_number(stem) for stem in stems]
-    numbers = [number for _, number in split if number is not None]
-    if len({prefix for prefix, _ in split}) > 1 or len(numbers) < len(split):
+    numbers = frame_numbers(stems)
+    if numbers is None:
         listed = ", ".join(poses.names[:_LISTED])
         raise ValueError(
             f"has {len(poses)} cameras ({listed}), whose names do not say which frames of the clip they are; expected "
-            "the names of its images, or one name with the frame's number at its end. Say by camera_name which one it "
-            "is, if it stands still"
+            "the names of its images, or names that differ in one number, the frame's. Say by `camera_name` which "
+            "one it is, if it stands still"
         )
     of_image = image_numbers(timeline.stems or ())
     if set(numbers) & set(of_image):
         return [of_image.get(number, _NOWHERE) for number in numbers], "by the numbers in the images' names"
-    places, how = counted(tuple(numbers), timeline.numbers)
+    places, how = counted(numbers, timeline.numbers)
     beyond = max(places.values()) >= len(timeline.numbers)
     if how == IN_ORDER or (beyond and min(numbers) not in (timeline.numbers[0], 1)):
         raise ValueError(

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from fitting_core.camera import Camera, CameraPath, FocalFrom, Lens, PathScale, Up, Vector, World, path_of
-from fitting_core.errors import InputError
+from fitting_core.errors import InputError, some_of
 from fitting_core.files.regular import legible
 from fitting_core.io.cameras.calibration import Calibration
 from fitting_core.io.cameras.camera_npz import read_camera_npz
@@ -75,10 +75,10 @@ def read_camera(
     """
     if file.unit is not None and not 1e-6 <= file.unit <= 1e6:
         raise InputError(
-            f"camera_unit is {file.unit:g}; expected the metres of one unit, such as 0.001 for millimetres."
+            f"`camera_unit` is {file.unit:g}; expected the metres of one unit, such as 0.001 for millimetres."
         )
     if file.up is not None and file.up not in get_args(Up):
-        raise InputError(f"camera_up is {file.up!r}; expected one of {', '.join(get_args(Up))}.")
+        raise InputError(f"`camera_up` is {file.up!r}; expected one of {', '.join(get_args(Up))}.")
     chosen = _chosen(file, _all(file.path))
     try:
         sized, size_notes = _for_size(chosen, size)
@@ -131,18 +131,20 @@ def _all(path: Path) -> list[Calibration]:
 
 def _chosen(file: CameraFile, cameras: Sequence[Calibration]) -> Calibration:
     names = [camera.name for camera in cameras]
-    listed = ", ".join(names[:_LISTED]) + (f" and {len(names) - _LISTED} more" if len(names) > _LISTED else "")
+    listed = some_of(names, most=_LISTED)
     if file.name is None:
         if len(cameras) == 1:
             return cameras[0]
         if _is_colmap(file.path) and (moving := one_that_moves(cameras)) is not None:
             return moving
         found = f"has {len(cameras)} cameras ({listed})" if cameras else "has no camera"
-        raise InputError(f"{file.path}: {found}; expected one. Say which by camera_name.")
+        raise InputError(f"{file.path}: {found}; expected one. Say which by `camera_name`.")
     matching = [camera for camera in cameras if camera.name == file.name]
     if len(matching) != 1:
         what = "several cameras" if matching else "no camera"
-        raise InputError(f"{file.path}: has {what} named {file.name!r}; it has {listed or 'cameras without names'}.")
+        raise InputError(
+            f"{file.path}: has {what} named {file.name!r}; it has {listed if any(names) else 'cameras without names'}."
+        )
     return matching[0]
 
 
@@ -258,23 +260,23 @@ def _world_notes(
     if scale is not None:
         yield (
             f"moves in a world without a scale; by {scale.by}, one unit is {scale.metres:.3g} m "
-            f"(± {scale.deviation:.0%}). If you know better, give camera_unit (a length that you know, divided by what "
-            "it is in the file's world)."
+            f"(± {scale.deviation:.0%}). If you know better, give `camera_unit` (a length that you know, divided by "
+            "what it is in the file's world)."
         )
     elif path is not None and not scaled:
         yield (
             "moves in a world without a scale, and its unit is taken for a metre. If that is wrong, the person slides "
-            "and comes out as too fast or too slow: give camera_unit, the metres of one unit (a length that you know, "
-            "divided by what it is in the file's world)."
+            "and comes out as too fast or too slow: give `camera_unit`, the metres of one unit (a length that you "
+            "know, divided by what it is in the file's world)."
         )
     elif not scaled:
-        yield "stands in a world without a scale; its unit is taken for a metre. Give camera_unit to scale it."
+        yield "stands in a world without a scale; its unit is taken for a metre. Give `camera_unit` to scale it."
     elif file.unit is None and (distance := float(np.linalg.norm(world.place))) > _FAR:
-        yield f"stands {distance:.0f} m from the origin; if its file is in millimetres, give camera_unit=0.001."
+        yield f"stands {distance:.0f} m from the origin; if its file is in millimetres, give `camera_unit` 0.001."
     if world.up_in_camera is None:
-        yield "stands in a world of which up is not known; exports are upright by estimate. Give camera_up."
+        yield "stands in a world of which up is not known; exports are upright by estimate. Give `camera_up`."
     elif world.up_in_camera[1] > 0:
-        yield f"hangs upside down if {world.up} is up, as is taken; if it is not, give camera_up."
+        yield f"hangs upside down if {world.up} is up, as is taken; if it is not, give `camera_up`."
 
 
 def _vector(row: Float[np.ndarray, "3"]) -> Vector:

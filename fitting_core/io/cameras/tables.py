@@ -18,6 +18,7 @@ from typing import Any
 import cv2
 import msgspec
 
+from fitting_core.errors import some_of
 from fitting_core.io.cameras.calibration import Calibration, calibration
 from fitting_core.io.cameras.text_file import text_of
 from fitting_core.io.cameras.transforms import is_transforms, read_transforms
@@ -104,8 +105,7 @@ def _plain(node: Any, depth: int = 0) -> Any:
 def _cameras(table: Any, *, up: str | None = None) -> list[Calibration]:
     found = list(_within(table, "", 0, up))
     if not found:
-        keys = ", ".join(map(str, table)) if isinstance(table, dict) and table else "nothing"
-        raise ValueError(f"has no camera matrix in it (it has {keys[:200]})")
+        raise ValueError(f"has no camera matrix in it (it has {some_of(table if isinstance(table, dict) else ())})")
     return found
 
 

@@ -1,5 +1,6 @@
 """Put keypoint files and video frames together, frame by frame."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -88,8 +89,8 @@ def chosen(timeline: Timeline, first_frame: int | None, last_frame: int | None) 
     last = numbers[-1] if last_frame is None else last_frame
     if first not in numbers or last not in numbers or first > last:
         raise InputError(
-            f"Frames {first} to {last} were asked for (first_frame, last_frame); expected two frames in order out of "
-            f"{numbers[0]} to {numbers[-1]}, which the clip has."
+            f"Frames {first} to {last} were asked for (`first_frame`, `last_frame`); expected two frames in order out "
+            f"of {numbers[0]} to {numbers[-1]}, which the clip has."
         )
     return slice(first - numbers[0], last - numbers[0] + 1)
 
@@ -147,6 +148,11 @@ def _notes(detections: Detections, left_out: list[str], timeline: Timeline, how:
 def _forbid_mixed_clips(detections: Detections) -> None:
     if detections.numbers is None and len(detections) > 1 and len(detections.prefixes) > 1:
         names = ", ".join(f"{prefix}..." for prefix in detections.prefixes[:3])
+        if len({re.sub(r"\d+", "0", stem) for stem in detections.stems}) == 1:
+            raise InputError(
+                f"{detections.source}: the names of its files differ in several numbers ({detections.stems[0]}, "
+                f"{detections.stems[1]}); expected one, which counts the frames. Rename them, or move the clips apart."
+            )
         raise InputError(
             f"{detections.source} holds keypoint files of {len(detections.prefixes)} clips ({names}); expected one "
             "clip per folder. Move them apart."

@@ -1,7 +1,7 @@
-"""The three forms of COCO-WholeBody JSON: which entries stand for which frame, before their numbers are looked at."""
+"""The forms of COCO-WholeBody JSON: which entries stand for which frame, before their numbers are looked at."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -83,22 +83,33 @@ def _result_list(path: Path, content: list[Any]) -> CocoContent:
     return CocoContent(frames=tuple(CocoFrame(stem=stems[number], people=tuple(people[number])) for number in order))
 
 
-def _predictions(path: Path, content: dict[str, Any]) -> CocoContent:
+def _predictions(path: Path, content: list[Any]) -> CocoContent:
     frames: dict[int, CocoFrame] = {}
-    for k, (_, entry) in enumerate(_entries(path, "frame", content["instance_info"])):
+    for k, (_, entry) in enumerate(_entries(path, "frame", content)):
         number = entry.get("frame_id", k)
         if type(number) is not int or not 0 <= number < 10**15 or number in frames:
             raise InputError(f"{path}: frame {k} has the frame_id {short(number)}; expected numbers, each once.")
         people = tuple(_entries(path, f"frame {number}, person", entry.get("instances")))
-        frames[number] = CocoFrame(stem=f"frame_{number:012d}", people=people)
-    # mmpose counts frames from 1.
-    first = min(frames, default=0)
-    ordered = [frames[number] for number in sorted(frames)]
-    if first == 1:
-        ordered = [
-            CocoFrame(stem=f"frame_{number - 1:012d}", people=frame.people) for number, frame in sorted(frames.items())
-        ]
-    return CocoContent(frames=tuple(ordered))
+        frames[number] = CocoFrame(stem="", people=people)
+    # mmpose's demos count frames from 1, its inferencer from 0.
+    first = int(min(frames, default=0) == 1)
+    return CocoContent(
+        frames=tuple(replace(frame, stem=f"frame_{n - first:012d}") for n, frame in sorted(frames.items()))
+    )
+
+
+def _one_image(path: Path, content: list[Any]) -> CocoContent:
+    return CocoContent(frames=(CocoFrame(stem=path.stem, people=tuple(_entries(path, "person", content))),))
+
+
+def _has(content: Any, key: str) -> bool:
+    """Whether it is a list whose first object has this key."""
+    return isinstance(content, list) and bool(content) and isinstance(content[0], dict) and key in content[0]
+
+
+def _mmpose(content: Any) -> Any:
+    """What mmpose predicts: its demos write it below 'instance_info', its inferencer alone."""
+    return content.get("instance_info") if isinstance(content, dict) else content
 
 
 FORMS: tuple[tuple[Callable[[Any], bool], Callable[[Path, Any], CocoContent]], ...] = (
@@ -106,8 +117,13 @@ FORMS: tuple[tuple[Callable[[Any], bool], Callable[[Path, Any], CocoContent]], .
         lambda c: isinstance(c, dict) and all(isinstance(c.get(key), list) for key in ("images", "annotations")),
         _annotation_file,
     ),
+    (lambda c: _has(c, "image_id"), _result_list),
+    (lambda c: _has(_mmpose(c), "keypoints") or c == [], lambda path, c: _one_image(path, _mmpose(c))),
+    (
+        lambda c: _has(c, "instances") or (isinstance(c, dict) and isinstance(c.get("instance_info"), list)),
+        lambda path, c: _predictions(path, _mmpose(c)),
+    ),
     (lambda c: isinstance(c, list), _result_list),
-    (lambda c: isinstance(c, dict) and isinstance(c.get("instance_info"), list), _predictions),
 )
 """What tells a form by the file's content -> what reads it."""
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -11,11 +12,19 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core import wholebody as layout
-from fitting_core.errors import InputError
+from fitting_core.errors import InputError, some_of
 from fitting_core.files.atomic import replacing
-from fitting_core.io.keypoints.coco_forms import FORMS
-from fitting_core.io.keypoints.detections import Detections, told_detector
-from fitting_core.io.keypoints.json_points import checked_points, kind, numbers, read_json, stray_confidences
+from fitting_core.io.keypoints.coco_forms import FORMS, CocoContent
+from fitting_core.io.keypoints.detections import Detections, numbering, told_detector
+from fitting_core.io.keypoints.json_points import (
+    checked_points,
+    first_bytes,
+    json_files,
+    kind,
+    numbers,
+    read_json,
+    stray_confidences,
+)
 from fitting_core.keypoint_noise import COCO_WHOLEBODY
 from fitting_core.keypoints import Keypoints
 
@@ -38,12 +47,21 @@ def holds_coco(start: bytes) -> bool:
     """Whether a JSON file that starts so is one of those that `read_coco_wholebody` reads."""
     inside = start.lstrip(b"\xef\xbb\xbf \t\r\n")
     if inside.startswith(b"["):
-        return b'"image_id"' in start
+        return any(key in start for key in (b'"image_id"', b'"instances"', b'"keypoints"'))
     return any(key in start for key in (b'"annotations"', b'"images"', b'"instance_info"'))
+
+
+def folder_holds_coco(folder: Path) -> bool:
+    """Whether the first of a folder's JSON files that says something holds the people of an image, as mmpose writes."""
+    starts = (first_bytes(file).lstrip() for file in json_files(folder))
+    said = next((start for start in starts if start.strip(b"[] \t\r\n")), b"")
+    return said.startswith(b"[") and holds_coco(said)
 
 
 def read_coco_wholebody(path: Path) -> Detections:
     """Read an annotation file (images and annotations), a result list, or what mmpose's inferencer predicts.
+
+    Of that a file for a video, or a folder with a file for each image.
 
     Frames come in the order of the images' names, or of the ids of pictures where names are not told. A person has
     `keypoints` of all 133 points, or of the 17 of the body beside `foot_kpts`, `face_kpts`, `lefthand_kpts` and
@@ -53,15 +71,7 @@ def read_coco_wholebody(path: Path) -> Detections:
     Raises:
         InputError: The file is damaged, of another format, or holds values that cannot be; it names the person.
     """
-    content = read_json(path, advice=_ADVICE)
-    form = next((form for fits, form in FORMS if fits(content)), None)
-    if form is None:
-        found = f"an object with {', '.join(list(content)[:8]) or 'nothing'}" if isinstance(content, dict) else ""
-        raise InputError(
-            f"{path} is no COCO-WholeBody JSON: found {found or kind(content)}; expected 'images' and 'annotations', "
-            "a list of results with 'image_id' and 'keypoints', or 'instance_info'."
-        )
-    known = form(path, content)
+    known = _of_folder(path) if path.is_dir() else _of_file(path)
     raw = [[_raw_points(where, entry) for where, entry in frame.people] for frame in known.frames]
     scores = np.concatenate([points[:, 2] for people in raw for points in people] or [np.zeros(0)])
     visibilities = bool(np.isin(scores, (0, 1, 2)).all() and (scores == 2).any())
@@ -71,15 +81,40 @@ def read_coco_wholebody(path: Path) -> Detections:
     for frame, people in zip(known.frames, raw, strict=True):
         found = [_checked(frame.people[k][0], points, most, halved=visibilities) for k, points in enumerate(people)]
         frames.append(layout.from_wholebody(np.stack(found)) if found else np.zeros((0, 137, 3)))
+    stems = tuple(frame.stem for frame in known.frames)
     return Detections(
         frames=tuple(frames),
-        stems=tuple(frame.stem for frame in known.frames),
+        stems=stems,
         source=path,
         size=known.size,
         frame_rate=known.frame_rate,
         detector=detector,
-        notes=(*of_detector, *_notes(path, scores, visibilities)),
+        notes=(*of_detector, *(numbering(stems) if path.is_dir() else ()), *_notes(path, scores, visibilities)),
     )
+
+
+def _of_file(path: Path) -> CocoContent:
+    content = read_json(path, advice=_ADVICE)
+    form = next((form for fits, form in FORMS if fits(content)), None)
+    if form is None:
+        found = f"an object with {some_of(content)}" if isinstance(content, dict) else ""
+        raise InputError(
+            f"{path} is no COCO-WholeBody JSON: found {found or kind(content)}; expected 'images' and 'annotations', "
+            "a list of results with 'image_id' and 'keypoints', or 'instance_info'."
+        )
+    return form(path, content)
+
+
+def _of_folder(folder: Path) -> CocoContent:
+    """Each file holds a frame."""
+    read = {file: _of_file(file) for file in json_files(folder)}
+    for file, content in read.items():
+        if len(content.frames) != 1:
+            raise InputError(
+                f"{file}: holds {len(content.frames)} frames; expected one in each file of a folder. Give this file "
+                "alone, if it is the clip's."
+            )
+    return CocoContent(frames=tuple(replace(content.frames[0], stem=file.stem) for file, content in read.items()))
 
 
 def write_coco_wholebody(
@@ -153,7 +188,7 @@ def _raw_points(where: str, entry: dict[str, Any]) -> Float[np.ndarray, "133 3"]
     """Positions and scores as they stand there."""
     points = np.zeros((layout.WHOLEBODY_COUNT, 3))
     if "keypoints" not in entry:
-        raise InputError(f"{where} has no 'keypoints' (it has {', '.join(list(entry)[:8]) or 'nothing'}).")
+        raise InputError(f"{where} has no 'keypoints' (it has {some_of(entry)}).")
     values = _triples(where, "keypoints", entry)
     if len(values) not in _KEYPOINTS:
         raise InputError(

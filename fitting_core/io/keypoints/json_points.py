@@ -11,12 +11,35 @@ from jaxtyping import Float
 
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
+from fitting_core.video.frame_names import natural_key
 
 # OpenPose interpolates its heat maps bicubically, which overshoots: real files hold face confidences up to 1.006.
 MAX_CONFIDENCE = 1.25
 MIN_CONFIDENCE = -1e-3
 """Its heat maps undershoot as well: -2e-6 is common in real files, and means 0."""
 MAX_POSITION = 1e6
+_START = 65536
+"""Bytes of a file by which its format is told: COCO's annotation files can start with a list of licences."""
+
+
+def first_bytes(path: Path) -> bytes:
+    """What a file begins with. Raises InputError if it cannot be read."""
+    try:
+        with regular_file(path).open("rb") as file:
+            return file.read(_START)
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or error}.") from error
+
+
+def is_json(start: bytes) -> bool:
+    """Whether a file that starts so is JSON, an object or a list."""
+    return start.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"{", b"[")
+
+
+def json_files(folder: Path) -> list[Path]:
+    """By the order of their names, without those that systems leave beside them."""
+    files = [file for file in folder.iterdir() if file.suffix.lower() == ".json" and not file.name.startswith(".")]
+    return sorted(files, key=lambda file: natural_key(file.stem))
 
 
 def read_json(file: Path, *, advice: str) -> Any:

@@ -1,24 +1,38 @@
 """OpenPose JSON: one file per frame with all people in it. Reading of all variants in the wild, and writing."""
 
 import json
+import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
-from fitting_core.errors import InputError
+from fitting_core.errors import InputError, some_of
 from fitting_core.files.atomic import replacing
-from fitting_core.io.keypoints.detections import Detections, told_detector
-from fitting_core.io.keypoints.json_points import checked_points, kind, numbers, read_json, short, stray_confidences
+from fitting_core.io.keypoints.detections import PIXELS, SHARES, UNIT, Detections, guess_scale, numbering, told_detector
+from fitting_core.io.keypoints.json_points import (
+    checked_points,
+    first_bytes,
+    is_json,
+    json_files,
+    kind,
+    numbers,
+    read_json,
+    short,
+    stray_confidences,
+)
 from fitting_core.keypoint_noise import OPENPOSE
 from fitting_core.keypoints import BODY, BODY_25, COUNT, FACE, INDEX, LEFT_HAND, NAMES, RIGHT_HAND, Keypoints
-from fitting_core.video.frame_names import natural_key, split_number
+from fitting_core.video.frame_names import frame_numbers, natural_key
 
 SUFFIX = "_keypoints.json"
 DETECTOR = "detector"
 """Key beside "people" under which our files say who detected them. OpenPose's own do not have it."""
+
+_CANVAS = ("canvas_width", "canvas_height")
 
 _COCO_18 = [name for name in BODY_25[:19] if name != "mid_hip"]
 """The order of OpenPose's COCO model: BODY_25 without mid-hip and feet."""
@@ -35,7 +49,7 @@ PARTS: dict[str, dict[int, list[int]]] = {
     "pose_keypoints": {25: _indices(BODY), 18: _COCO_PLACES},
     "hand_left_keypoints": {21: _indices(LEFT_HAND)},
     "hand_right_keypoints": {21: _indices(RIGHT_HAND)},
-    "face_keypoints": {70: _indices(FACE)},
+    "face_keypoints": {70: _indices(FACE), 68: _indices(FACE)[:68]},
 }
 """By the list's key (with or without "_2d"): the layouts it can have, as number of points -> places among the 137."""
 
@@ -51,33 +65,102 @@ _ADVICE = "run the detector again, or remove the file so that its frame counts a
 
 
 def read_openpose(path: Path) -> Detections:
-    """Read a folder of ``<name>_<number>_keypoints.json`` files, or one such file.
+    """Read a folder with a file for each frame, or one file.
 
-    Frames come in the order of their numbers. Body lists can be BODY_25 or COCO-18 (feet are then not detected, and
-    mid-hip is the mean of the hips); any list can be empty or absent; ``person_id`` and 3D lists are not used.
-    Positions stay as in the files, pixels or normalised. Confidences slightly below 0 or above 1 count as 0 and 1,
-    which is noted. Beside the people a file can say who detected them, as `write_openpose` does; else it was OpenPose.
+    Where files are called as OpenPose does, ``<name>_keypoints.json``, these alone count, else all that hold people.
+    Frames come in the order of their numbers, by the one number in which the names differ. Body lists can be BODY_25 or
+    COCO-18 (feet are then not detected, and mid-hip is the mean of the hips); any list can be empty or absent;
+    ``person_id`` and 3D lists are not used. Positions stay as in the files, pixels or normalised. Confidences slightly
+    below 0 or above 1 count as 0 and 1, which is noted. Beside the people a file can say who detected them, as
+    `write_openpose` does; else it was OpenPose. A file of ControlNet or ComfyUI tells the size of its canvas, of which
+    its positions may be shares, and may hold a list of frames.
 
     Raises:
         InputError: Nothing to read, broken files, or files of different layouts; it names file, person and keypoint.
     """
-    files = _json_files(path) if path.is_dir() else [path]
-    _forbid_same_number(files)
-    contents = [_read_content(file) for file in files]
-    raw = [(file, content["people"]) for file, content in zip(files, contents, strict=True)]
-    frames = tuple(_frame(file, people) for file, people in raw)
-    _forbid_mixed_layouts(raw)
-    told = [content.get(DETECTOR, OPENPOSE) for content in contents]
-    _forbid_mixed_detectors(files, told)
-    detector, of_detector = told_detector(path, told[0])
+    found = [one for file in (_json_files(path) if path.is_dir() else [path]) for one in _frames(file, path.is_dir())]
+    _forbid_same_number(found)
+    frames = tuple(_people(one) for one in found)
+    _forbid_mixed_layouts(found)
+    for what in ("detectors", "canvases"):
+        _forbid_mixed(what, found)
+    canvas = found[0].canvas
+    points = np.concatenate([people.reshape(-1, 3) for people in frames])
+    shares = canvas is not None and guess_scale(points[points[:, 2] > 0, :2]) == UNIT
+    detector, of_detector = told_detector(path, found[0].content.get(DETECTOR, OPENPOSE))
+    stems = tuple(one.stem for one in found)
     return Detections(
         frames=frames,
-        stems=tuple(_stem(file) for file in files),
+        stems=stems,
         source=path,
-        scale="auto",
+        scale=SHARES if shares else "auto" if canvas is None else PIXELS,
+        size=canvas,
         detector=detector,
-        notes=(*of_detector, *stray_confidences(path, _confidences(raw))),
+        notes=(*of_detector, *numbering(stems), *stray_confidences(path, _confidences(found))),
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Frame:
+    """What stands for a frame."""
+
+    name: str
+    """Its file's; of a list in one, with its place there."""
+    where: str
+    """The same, with the folder."""
+    stem: str
+    content: dict[str, Any]
+
+    @property
+    def people(self) -> list[Any]:
+        return self.content["people"]
+
+    @property
+    def canvas(self) -> tuple[int, int] | None:
+        """Width and height of the image, which ControlNet and ComfyUI write."""
+        sides: Any = [self.content.get(key) for key in _CANVAS]
+        if sides == [None, None]:
+            return None
+        if not all(type(side) in (int, float) and 1 <= side <= 100_000 and side == int(side) for side in sides):
+            raise InputError(
+                f"{self.where}: has {' and '.join(_CANVAS)} {short(sides[0])} and {short(sides[1])}; expected the "
+                "image's width and height in pixels."
+            )
+        return int(sides[0]), int(sides[1])
+
+
+def _frames(file: Path, one_each: bool) -> list[_Frame]:
+    """The frames of a file: one, or of ComfyUI a list of them.
+
+    Args:
+        file: To read.
+        one_each: Whether others beside it hold the other frames.
+    """
+    content = read_json(file, advice=_ADVICE)
+    stem = stem_of(file.name)
+    if not isinstance(content, list) or not content or not all(isinstance(one, dict) for one in content):
+        return [_frame(content, name=file.name, where=str(file), stem=stem)]
+    if len(content) > 1 and one_each:
+        raise InputError(
+            f"{file}: holds {len(content)} frames; expected one in each file of a folder. Give this file alone, if it "
+            "is the clip's."
+        )
+    return [
+        _frame(
+            one,
+            name=f"{file.name}, frame {k}",
+            where=f"{file}, frame {k}",
+            stem=stem if one_each else f"{stem}_{k:012d}",
+        )
+        for k, one in enumerate(content)
+    ]
+
+
+def _frame(content: Any, *, name: str, where: str, stem: str) -> _Frame:
+    if not isinstance(content, dict) or not isinstance(content.get("people"), list):
+        found = f"an object with {some_of(content)}" if isinstance(content, dict) else kind(content)
+        raise InputError(f"{where} is not OpenPose JSON: found {found}; expected an object with a list 'people'.")
+    return _Frame(name=name, where=where, stem=stem, content=content)
 
 
 def write_openpose(
@@ -148,49 +231,44 @@ def _entry(points: Float[np.ndarray, "137 3"], parts: dict[str, slice]) -> dict[
     return {"person_id": [-1], **lists}
 
 
-def _stem(file: Path) -> str:
-    return file.name.removesuffix(SUFFIX).removesuffix(".json")
+def stem_of(name: str) -> str:
+    """What the name of a keypoint file is without its ending."""
+    return re.sub(rf"({SUFFIX}|\.json)$", "", name, flags=re.IGNORECASE)
 
 
 def _json_files(folder: Path) -> list[Path]:
     # Names that start with a dot are what macOS and network drives leave beside the real files.
     entries = [entry for entry in folder.iterdir() if not entry.name.startswith(".")]
-    files = [entry for entry in entries if entry.name.endswith(SUFFIX)]
+    files = [entry for entry in entries if entry.name.lower().endswith(SUFFIX)] or [
+        entry for entry in json_files(folder) if holds_people(first_bytes(entry))
+    ]
     if not files:
         names = sorted(entry.name for entry in entries)
         found = f"{len(names)} other files, such as {names[0]}" if names else "an empty folder"
         raise InputError(
-            f"No keypoint files in {folder}: found {found}; expected one file per frame named "
-            f"<name>_000000000000{SUFFIX}, as OpenPose's --write_json makes them."
+            f"No keypoint files in {folder}: found {found}; expected one JSON file per frame with a list 'people', as "
+            "OpenPose's --write_json makes them."
         )
-    return sorted(files, key=lambda file: natural_key(_stem(file)))
+    return sorted(files, key=lambda file: natural_key(stem_of(file.name)))
 
 
-def _forbid_same_number(files: Sequence[Path]) -> None:
-    seen: dict[tuple[str, int], Path] = {}
-    for file in files:
-        prefix, number = split_number(_stem(file))
-        if number is None:
-            continue
-        if other := seen.get((prefix, number)):
-            raise InputError(
-                f"Frame {number} is there twice in {file.parent}: {other.name} and {file.name}. Remove one of them."
-            )
-        seen[prefix, number] = file
+def holds_people(start: bytes) -> bool:
+    """Whether a JSON file that starts so is one of OpenPose's, or was to be one."""
+    return not start.strip() or (is_json(start) and b'"people"' in start)
 
 
-def _read_content(file: Path) -> dict[str, Any]:
-    content = read_json(file, advice=_ADVICE)
-    if not isinstance(content, dict) or not isinstance(content.get("people"), list):
-        found = f"an object with {', '.join(content) or 'nothing'}" if isinstance(content, dict) else kind(content)
-        raise InputError(f"{file} is not OpenPose JSON: found {found}; expected an object with a list 'people'.")
-    return content
+def _forbid_same_number(found: Sequence[_Frame]) -> None:
+    seen: dict[int, _Frame] = {}
+    for one, number in zip(found, frame_numbers([one.stem for one in found]) or (), strict=False):
+        if other := seen.get(number):
+            raise InputError(f"Frame {number} is there twice: {other.where} and {one.name}. Remove one of them.")
+        seen[number] = one
 
 
-def _frame(file: Path, people: list[Any]) -> Float[np.ndarray, "P 137 3"]:
-    frame = np.zeros((len(people), COUNT, 3))
-    for k, entry in enumerate(people):
-        where = f"{file}: person {k}"
+def _people(one: _Frame) -> Float[np.ndarray, "P 137 3"]:
+    frame = np.zeros((len(one.people), COUNT, 3))
+    for k, entry in enumerate(one.people):
+        where = f"{one.where}: person {k}"
         if not isinstance(entry, dict):
             raise InputError(f"{where} is {kind(entry)}; expected an object with the list 'pose_keypoints_2d'.")
         if not any(_list(entry, key) is not None for key in PARTS):
@@ -224,9 +302,9 @@ def _points(where: str, key: str, values: list[Any], places: list[int]) -> Float
     return checked_points(where, numbers(where, values, names).reshape(-1, 3), names)
 
 
-def _confidences(raw: Sequence[tuple[Path, list[Any]]]) -> Float[np.ndarray, "n"]:
+def _confidences(found: Sequence[_Frame]) -> Float[np.ndarray, "n"]:
     """All third numbers, as they stand in the files."""
-    lists = [_list(entry, key) or () for _, people in raw for entry in people for key in PARTS]
+    lists = [_list(entry, key) or () for one in found for entry in one.people for key in PARTS]
     return np.array([confidence for values in lists for confidence in values[2::3]], float)
 
 
@@ -235,23 +313,25 @@ def _mid_hip(hips: Float[np.ndarray, "2 3"]) -> Float[np.ndarray, "3"]:
     return np.array([*hips[:, :2].mean(0), hips[:, 2].min()]) if both else np.zeros(3)
 
 
-def _forbid_mixed_layouts(raw: Sequence[tuple[Path, list[Any]]]) -> None:
-    first: dict[int, Path] = {}
-    for file, people in raw:
-        for entry in people:
+def _forbid_mixed_layouts(found: Sequence[_Frame]) -> None:
+    first: dict[int, str] = {}
+    for one in found:
+        for entry in one.people:
             if values := _list(entry, "pose_keypoints"):
-                first.setdefault(len(values) // 3, file)
+                first.setdefault(len(values) // 3, one.name)
     if len(first) > 1:
-        (count, file), (other_count, other) = list(first.items())[:2]
+        (count, name), (other_count, other) = list(first.items())[:2]
         raise InputError(
-            f"Different body layouts in one clip: {file.name} has {count} points, {other.name} has {other_count}. "
-            "Keep the files of one detector run only."
+            f"Different body layouts in one clip: {name} has {count} points, {other} has {other_count}. Keep the files "
+            "of one detector run only."
         )
 
 
-def _forbid_mixed_detectors(files: Sequence[Path], told: Sequence[Any]) -> None:
-    if other := next((k for k, detector in enumerate(told) if detector != told[0]), None):
+def _forbid_mixed(what: str, found: Sequence[_Frame]) -> None:
+    """Of one clip all frames have the same detector and canvas."""
+    told = [one.content.get(DETECTOR, OPENPOSE) if what == "detectors" else one.canvas for one in found]
+    if other := next((k for k, one in enumerate(told) if one != told[0]), None):
         raise InputError(
-            f"Different detectors in one clip: {files[0].name} says {short(told[0])}, {files[other].name} says "
+            f"Different {what} in one clip: {found[0].name} says {short(told[0])}, {found[other].name} says "
             f"{short(told[other])}. Keep the files of one detector run only."
         )

@@ -152,6 +152,15 @@ class Motion:
         return place if path is None else path.places @ self._still_to_world.T + place
 
     @property
+    def seen_from(self) -> World | None:
+        """Where the camera stands in the world of these axes; None where it moves there."""
+        if self._path is not None:
+            return None
+        rotation = self.camera_to_world.T
+        a, b, c, place = ((x, y, z) for x, y, z in (*rotation.tolist(), (-rotation @ self.camera_place).tolist()))
+        return World(rotation=(a, b, c), translation=place)
+
+    @property
     def _path(self) -> CameraPath | None:
         """In the axes "camera" those of each frame's camera count, which stands in them at the origin."""
         return None if self.axes == "camera" else self.camera.path

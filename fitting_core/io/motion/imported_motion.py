@@ -17,7 +17,7 @@ from fitting_core.camera import Camera, FocalFrom
 from fitting_core.errors import InputError
 from fitting_core.io.motion.fitted_motion import rest_joints
 from fitting_core.io.motion.seen_points import SeenPoints
-from fitting_core.video.frame_names import among_images, frames_for_one, spans
+from fitting_core.video.frame_names import among_images, frames_for_one
 
 _NEAREST = 0.5
 """Metres: a body of which something is nearer to the camera is not in front of it."""
@@ -250,6 +250,11 @@ class CoveredFrames:
     """Whether the motion has this very frame; else it is the nearest."""
     notes: tuple[str, ...]
 
+    @property
+    def missing(self) -> list[int]:
+        """Places of the clip's frames that the motion does not have."""
+        return np.flatnonzero(~self.there).tolist()
+
 
 def cover(
     motion: ImportedMotion,
@@ -265,7 +270,7 @@ def cover(
 
     Where the file tells the names of the clip's images, they tell. Else a motion with as many frames as the clip has
     these. Else the frames' numbers tell, those in the images' names before places, or `first_frame`; and the moment,
-    where the file says another frame rate. Frames without a result between others take the nearest.
+    where the file says another frame rate. Frames without a result take the nearest, and are not `there`.
 
     Args:
         motion: Any.
@@ -274,10 +279,11 @@ def cover(
         clip_rate: Frames per second of the clip.
         images: Names without suffixes of the images that the clip is a part of, in order.
         first_frame: Number in the video of the motion's first frame.
-        partly: Whether a part of the clip is enough.
+        partly: Whether a part of the clip is enough although nobody says which.
 
     Raises:
-        InputError: The motion does not reach over the clip; the message says which frames were found and expected.
+        InputError: The motion has no frame of the clip, or fewer than it and nobody says which; the message says which
+            frames were found and expected.
     """
     named = set(motion.stems) <= set(images) and bool(motion.stems) and first_frame is None
     whole = motion.numbers[-1] - motion.numbers[0] + 1 == len(motion)
@@ -290,7 +296,8 @@ def cover(
     numbers, last = numbers + (start - first), last + (start - first)
     wanted = clip_first + np.arange(frames)
     inside = (wanted >= start - 0.5) & (wanted <= last + 0.5)
-    if not (inside.any() if partly else inside.all()):
+    said = partly or named or motion.numbered or first_frame is not None
+    if not (inside.any() if said else inside.all()):
         raise InputError(_not_covered(motion, frames, clip_first, clip_rate, int(start), last))
     numbers[np.isnan(numbers)] = np.inf
     places = np.abs(numbers[None] - wanted[:, None]).argmin(1)
@@ -300,11 +307,6 @@ def cover(
         notes.append(
             f"{motion.source.name} has {motion.frame_rate:g} frames per second and the clip {clip_rate:g}: each frame "
             "of the clip shows the nearest of its frames."
-        )
-    if not there.all() and not partly:
-        missing = [int(n) for n in wanted[~there]]
-        notes.append(
-            f"{motion.source.name} has no result for {len(missing)} frames ({spans(missing)}); these show the nearest."
         )
     return CoveredFrames(places=places, there=there, notes=tuple(notes))
 
@@ -322,10 +324,12 @@ def _not_covered(
     motion: ImportedMotion, frames: int, clip_first: int, clip_rate: float, start: int, last: float
 ) -> str:
     rate = f" at {motion.frame_rate:g} per second" if motion.frame_rate else ""
+    said = motion.numbered or motion.stems
     return (
-        f"{motion.source}: has {len(motion)} frames{rate}, for the video's frames {start} to {int(last)}; expected all "
-        f"of the clip's {frames} frames, {clip_first} to {clip_first + frames - 1} at {clip_rate:g} per second. Say "
-        "with --first-frame which frame of the video its first one is, or import the result of this clip."
+        f"{motion.source}: has {len(motion)} frames{rate}, for the video's frames {start} to {int(last)}; expected "
+        f"{'some' if said else 'all'} of the clip's {frames} frames, {clip_first} to {clip_first + frames - 1} at "
+        f"{clip_rate:g} per second. Say with --first-frame which frame of the video its first one is"
+        f"{'' if said else '; of a part of the clip it is imported as that'}, or import the result of this clip."
     )
 
 

@@ -29,12 +29,12 @@ from fitting_core.body.files.archives import Member, open_members
 from fitting_core.body.model import N_BETAS, N_EXPRESSION, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera, FocalFrom
-from fitting_core.errors import InputError
+from fitting_core.errors import InputError, some_of
 from fitting_core.files.atomic import replacing
 from fitting_core.io.motion.fitted_motion import AXES
 from fitting_core.io.motion.imported_motion import ImportedMotion, body_params
 from fitting_core.io.motion.smplifyx_pickle import CAMERA, LATENT, WIDTHS, ResultFrame, pickled, read_result
-from fitting_core.video.frame_names import natural_key, split_number
+from fitting_core.video.frame_names import frame_numbers, natural_key
 
 FOCAL = 5000.0
 """Pixels: what SMPLify-X takes where nobody tells it the focal length, and its results do not say."""
@@ -185,8 +185,10 @@ def _about(path: Path, member: Member) -> About:
 def _nothing(path: Path, pickles: list[Member], members: list[Member], person: int) -> str:
     if pickles:
         people = sorted({member.path.name for member in pickles})
-        return f"{path}: has no person {person} ({person:03d}.pkl), only {', '.join(people[:5])}. Choose one of these."
-    found = ", ".join(member.path.name for member in members[:5]) or "nothing"
+        return (
+            f"{path}: has no person {person} ({person:03d}.pkl), only {some_of(people, most=5)}. Choose one of these."
+        )
+    found = some_of((member.path.name for member in members), most=5)
     return (
         f"{path}: holds no results of SMPLify-X (found {found}); expected results/<name of the image>/000.pkl. Give "
         "its output folder."
@@ -210,10 +212,10 @@ def _forbid_mixed(path: Path, frames: list[ResultFrame]) -> None:
 
 def _numbers(stems: list[str]) -> tuple[tuple[int, ...], bool]:
     """Frame numbers, and whether the names tell them."""
-    split = [split_number(stem) for stem in stems]
-    numbers = tuple(number for _, number in split if number is not None)
-    told = len({prefix for prefix, _ in split}) == 1 and len(set(numbers)) == len(stems)
-    return (numbers, True) if told else (tuple(range(len(stems))), False)
+    numbers = frame_numbers(stems)
+    if numbers is None or len(set(numbers)) < len(stems):
+        return tuple(range(len(stems))), False
+    return numbers, True
 
 
 def _params(path: Path, frames: list[ResultFrame], decode: Decode | None) -> BodyParams:

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from fitting_core.body.files.archives import Member
 from fitting_core.body.files.pickles import as_array, read_pickle
 from fitting_core.body.model import N_BETAS, N_EXPRESSION
-from fitting_core.errors import InputError
+from fitting_core.errors import InputError, some_of
 
 LATENT, BODY = 32, 63
 """Numbers of a body_pose: of VPoser, and of 21 joints' axis-angle."""
@@ -76,7 +76,7 @@ def read_result(path: Path, member: Member) -> ResultFrame:
 
 def _values(content: dict[str, Any], key: str, widths: tuple[int, ...]) -> Float[np.ndarray, "n"]:
     if key not in content:
-        raise InputError(f"has no '{key}' (it has {', '.join(list(content)[:8]) or 'nothing'})")
+        raise InputError(f"has no '{key}' (it has {some_of(content)})")
     try:
         array = as_array(content[key])
     except InputError as error:

@@ -25,7 +25,7 @@ from jaxtyping import Float
 
 from fitting_core.body.model import N_BETAS, N_EXPRESSION, N_JOINTS, POSE_COLUMNS
 from fitting_core.camera import Camera, FocalFrom, are_rotations, focal_from_words
-from fitting_core.errors import InputError
+from fitting_core.errors import InputError, some_of
 from fitting_core.files.npz import read_npz
 from fitting_core.io.motion.animation_npz import POSE_KEYS
 from fitting_core.io.motion.fitted_motion import AXES
@@ -119,10 +119,17 @@ def _motion(path: Path, arrays: dict[str, np.ndarray]) -> ImportedMotion:
 def _poses(arrays: dict[str, np.ndarray]) -> Float[np.ndarray, "N J"]:
     """All joints in one array, in SMPL-X's order where the parts had to be put together."""
     if "poses" in arrays:
-        frames = arrays["poses"].shape[0] if arrays["poses"].ndim == 2 else 0
-        return _numbers(arrays, "poses", (frames, None), _MAX_ANGLE)
+        shape = arrays["poses"].shape
+        if len(shape) != 2:
+            joints = {3 * N_JOINTS: "55", 156: "52"}.get(int(np.prod(shape[1:])), "")
+            flat = f"; flatten the {joints} joints of each frame" if joints else ""
+            raise _Wrong(
+                f"'poses' has the shape {shape}, expected ({shape[0] if shape else 'frames'}, {3 * N_JOINTS}), or 156 "
+                f"columns for SMPL-H{flat}"
+            )
+        return _numbers(arrays, "poses", (shape[0], None), _MAX_ANGLE)
     if missing := [name for name in (*_GIVEN, "trans") if name not in arrays]:
-        has = ", ".join(sorted(arrays)[:10]) or "none of the keys of an animation"
+        has = some_of(sorted(arrays))
         raise _Wrong(f"has neither 'poses' nor {', '.join(map(repr, missing))} (it has {has})")
     frames = len(arrays["trans"]) if arrays["trans"].ndim else 0
     poses = np.zeros((frames, 3 * N_JOINTS))
@@ -134,13 +141,13 @@ def _poses(arrays: dict[str, np.ndarray]) -> Float[np.ndarray, "N J"]:
 
 def _numbers(arrays: dict[str, np.ndarray], name: str, shape: tuple[int | None, ...], most: float) -> np.ndarray:
     if name not in arrays:
-        raise _Wrong(f"has no '{name}' (it has {', '.join(sorted(arrays)[:10])})")
+        raise _Wrong(f"has no '{name}' (it has {some_of(sorted(arrays))})")
     array = arrays[name]
     if array.dtype.kind not in "fiu":
         raise _Wrong(f"'{name}' holds {array.dtype} values, expected numbers")
     if array.ndim != len(shape) or any(n is not None and n != m for n, m in zip(shape, array.shape, strict=True)):
-        expected = " x ".join("any" if n is None else str(n) for n in shape)
-        raise _Wrong(f"'{name}' has the shape {array.shape}, expected {expected}")
+        expected = ", ".join("any number" if n is None else str(n) for n in shape)
+        raise _Wrong(f"'{name}' has the shape {array.shape}, expected ({expected})")
     if array.size == 0:
         raise _Wrong(f"'{name}' is empty: there is no frame")
     array = array.astype(np.float64)

@@ -16,7 +16,14 @@ import numpy as np
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.files.regular import regular_file
-from fitting_core.io.points.named_points import MOST_POINTS, NamedPoints, check_names, without_subject
+from fitting_core.io.points.named_points import (
+    MOST_POINTS,
+    NamedPoints,
+    check_names,
+    read_camera,
+    stated_camera,
+    without_subject,
+)
 
 _UNITS = {"mm": 1e-3, "cm": 1e-2, "dm": 1e-1, "m": 1.0, "": 1e-3}
 _MOST_BYTES, _MOST_FRAMES = 2**30, 10**6
@@ -49,6 +56,7 @@ def write_c3d(
     """Write points in millimetres; frames are numbered from 1, which is the video's first one, at the time 0.
 
     Where a number would pass _LAST_NUMBER, they are numbered from the points' first one, and events are timed from it.
+    The group TCFIT says where the camera stands, if that is known.
 
     Args:
         path: The file.
@@ -75,6 +83,15 @@ def write_c3d(
     group.set("USED", "Subjects", 2, "<h", 1)
     _set_texts(group, "NAMES", (_plain(subject),))
     _set_events(writer, events, _plain(subject))
+    if points.camera is not None:
+        place = np.array(stated_camera(points.camera), "<f4")
+        writer.get_create("TCFIT").add_param(
+            "CAMERA",
+            desc="R by rows, t (m): x_camera = R x + t",
+            bytes_per_element=4,
+            bytes=place.tobytes(),
+            dimensions=[len(place)],
+        )
     frames = np.zeros((len(points), len(points.names), 5), np.float32)
     frames[..., :3] = 1e3 * points.places
     frames[~np.isfinite(points.places).all(-1)] = (0, 0, 0, -1, 0)
@@ -154,6 +171,10 @@ class _Reader(c3d.Reader):
     def _check_metadata(self) -> None:
         """Header and parameters may disagree on analogue signals."""
 
+    def get_analog_transform_parameters(self) -> tuple[float, np.ndarray, np.ndarray]:
+        """Analogue signals are not read: their scale, which some programs write as one number, does not count."""
+        return 1.0, np.ones(self.analog_used), np.zeros(self.analog_used, int)
+
     @property
     def first_frame(self) -> int:
         """Not of 16 bits, which overflow behind the frame 65535."""
@@ -189,6 +210,7 @@ def _read(path: Path, reader: c3d.Reader) -> NamedPoints:
         frame_rate=rate,
         # The first frame's number is 1, also where a trial was cut.
         first_frame=max(reader.first_frame - 1, 0) or None,
+        camera=read_camera(path, [] if (param := reader.get("TCFIT:CAMERA")) is None else param.float_array.tolist()),
     )
 
 

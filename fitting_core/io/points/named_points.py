@@ -6,10 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from fitting_core.camera import Vector, World
 from fitting_core.errors import InputError
 
 MOST_POINTS = 2000
 """That a file may have."""
+_ROTATION_ERROR = 1e-4
+"""By which R R^T may differ from 1: C3D has 32-bit floats."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -23,6 +26,8 @@ class NamedPoints:
     """Frames per second."""
     first_frame: int | None = None
     """Number of the first frame at this rate, from 0; None: the file does not say."""
+    camera: World | None = None
+    """Where the clip's camera stands in the file's world; None: the file does not say, or it moves."""
     notes: tuple[str, ...] = ()
     """What a user should know of how they were read."""
 
@@ -44,3 +49,30 @@ def check_names(path: object, names: tuple[str, ...]) -> None:
     if len(set(names)) < len(names):
         twice = next(name for i, name in enumerate(names) if name in names[:i])
         raise InputError(f"{path}: has two points {twice[:40]!r}; expected each name once. Rename one of them.")
+
+
+def stated_camera(camera: World) -> list[float]:
+    """A camera's place as twelve numbers: R by rows, then t, metres."""
+    return [float(value) for row in (*camera.rotation, camera.translation) for value in row]
+
+
+def read_camera(path: object, numbers: Sequence[float | str]) -> World | None:
+    """What `stated_camera` gave; None of nothing. Raises InputError if these are no rotation and place."""
+    if not len(numbers):
+        return None
+    try:
+        a, b, c, place = np.array(numbers, float).reshape(4, 3)
+        rotation = np.stack([a, b, c])
+        if not np.abs(rotation @ rotation.T - np.eye(3)).max() < _ROTATION_ERROR or np.linalg.det(rotation) < 0:
+            raise ValueError("the first nine are no rotation")
+        return World(rotation=(_vector(a), _vector(b), _vector(c)), translation=_vector(place))
+    except ValueError as error:
+        raise InputError(
+            f"{path}: says where the camera stands by what is no rotation and place ({error!s:.80}); expected nine and "
+            "three numbers, as tcfit wrote them. Export it again, or take them out."
+        ) from error
+
+
+def _vector(values: Float[np.ndarray, "3"]) -> Vector:
+    x, y, z = values.tolist()
+    return x, y, z

@@ -7,7 +7,14 @@ import numpy as np
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.files.regular import regular_file
-from fitting_core.io.points.named_points import MOST_POINTS, NamedPoints, check_names, without_subject
+from fitting_core.io.points.named_points import (
+    MOST_POINTS,
+    NamedPoints,
+    check_names,
+    read_camera,
+    stated_camera,
+    without_subject,
+)
 
 _UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 _MOST_BYTES = 512 * 2**20
@@ -18,11 +25,15 @@ _LATEST = 1e10
 """Seconds: times may be counted from 1970."""
 _ROUNDED = 0.01
 """Seconds: some programs write times with two decimals."""
+_CAMERA = "x_camera = R x + t, metres:"
+"""In the first line, behind the file's name, before R by rows and t. OpenSim reads no further than (X/Y/Z) there."""
 _TRC = "a TRC file of OpenSim (five lines of header, then frame, time and x, y, z of each marker, by tabs)"
 
 
 def write_trc(path: Path, points: NamedPoints) -> None:
     """Write points in millimetres; frames are numbered from 1, and the video's first one has the time 0.
+
+    The first line says where the camera stands, if that is known.
 
     Raises:
         OSError: It cannot be written; nothing is left of it.
@@ -30,8 +41,11 @@ def write_trc(path: Path, points: NamedPoints) -> None:
     first, rate = points.first_frame or 0, f"{points.frame_rate:.6f}"
     names, count = points.names, len(points)
     axes = "\t".join(f"{axis}{i}" for i in range(1, len(names) + 1) for axis in "XYZ")
+    place = (
+        "" if points.camera is None else f"\t{_CAMERA} " + " ".join(map("{:.9g}".format, stated_camera(points.camera)))
+    )
     head = (
-        f"PathFileType\t4\t(X/Y/Z)\t{path.name}",
+        f"PathFileType\t4\t(X/Y/Z)\t{path.name}{place}",
         "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
         f"{rate}\t{rate}\t{count}\t{len(names)}\tmm\t{rate}\t{first + 1}\t{count}",
         "Frame#\tTime\t" + "\t\t\t".join(names) + "\t\t",
@@ -89,6 +103,7 @@ def read_trc(path: Path) -> NamedPoints:
         frame_rate=rate,
         # Programs that cut a trial begin it at 0 again as often as not.
         first_frame=round(times[0] * rate) or None,
+        camera=read_camera(path, lines[0].partition(_CAMERA)[2].split()),
         notes=(f"Its header says {stated[:20]} frames; it has {len(rows)}.",) if cut else (),
     )
 

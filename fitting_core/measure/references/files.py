@@ -9,7 +9,7 @@ import numpy as np
 
 from fitting_core.body.markers.marker_set import MarkerSet
 from fitting_core.camera import Camera, World
-from fitting_core.errors import InputError
+from fitting_core.errors import InputError, some_of
 from fitting_core.files.npz import npz_names, read_npz
 from fitting_core.io.result_files import FIT_NAME
 from fitting_core.measure.references import bodies as reference_bodies
@@ -128,13 +128,30 @@ def read_reference(
 
 def _in_world(found: Reference, read: Callable[[WorldCamera], Reference], world: World) -> Reference:
     """The same before the clip's camera, where the world of the camera's calibration puts it there."""
-    camera = WorldCamera(rotation=np.array(world.rotation, float), translation=np.array(world.translation, float))
+    camera = WorldCamera.of(world)
     depth = camera(found.all_points)[..., 2]
     if not 0 < np.nanmedian(depth) <= reference_points.FARTHEST:
         where = "It is not before the clip's camera in the world of the camera's calibration"
         return replace(found, notes=(*found.notes, f"{where}: only form is compared."))
+    up, trunk = world.up_in_world, reference_points.trunk_axis(found)
+    if up is not None and trunk is not None and up @ trunk <= 0:
+        return replace(found, notes=(*found.notes, _TURNED.format(trunk=_axis(trunk), up=world.up)))
     placed = read(camera)
     return replace(placed, notes=(*placed.notes, "It is taken to stand in the world of the camera's calibration."))
+
+
+_TURNED = (
+    "The trunk of whoever is in it points along {trunk}, and in the world of the camera's calibration {up} is up: only "
+    "form is compared. Turn one of them, or say with --camera (in a project: --reference-camera) where the camera "
+    "stands in the reference's world. Pose2Sim, for one, makes TRC files with y up from calibrations with z up: their "
+    "x, y, z are the calibration's y, z, x."
+)
+
+
+def _axis(direction: np.ndarray) -> str:
+    """Such as -y."""
+    axis = int(np.abs(direction).argmax())
+    return ("-" if direction[axis] < 0 else "") + "xyz"[axis]
 
 
 def _form(file: Path, markers: MarkerSet | None) -> Callable[[Source], Reference]:
@@ -147,7 +164,7 @@ def _form(file: Path, markers: MarkerSet | None) -> Callable[[Source], Reference
     for form in FORMS:
         if all(key in names for key in form.keys):
             return lambda source: _of_arrays(source, form)
-    found = ", ".join(names[:8]) or "nothing"
+    found = some_of(names)
     known = "; ".join(form.title for form in FORMS)
     raise InputError(f"{file}: holds {found}; expected {known}; or a .trc or .c3d file.")
 

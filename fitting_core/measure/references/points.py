@@ -11,7 +11,7 @@ from fitting_core import keypoints as kp
 from fitting_core.body.markers.marker_set import RADIUS, MarkerSet, Target
 from fitting_core.body.markers.places import PLACES
 from fitting_core.body.model import JOINT
-from fitting_core.errors import InputError
+from fitting_core.errors import InputError, some_of
 from fitting_core.io.points.named_points import NamedPoints
 from fitting_core.measure.references.reference import Reference, stated_first_frame, stated_rate
 from fitting_core.synthetic.studio.world_camera import WorldCamera
@@ -36,6 +36,8 @@ _NEAR = {"shoulder": "SHO", "hip": "ASI", "knee": "KNE", "ankle": "ANK", "elbow"
 _GROWN = (0.25, 2.0)
 """Shares of these that the limbs of people and their measurement may have: infants' are a quarter, feet make 3.3."""
 _MISTAKEN = {"millimetres": 1000.0, "centimetres": 100.0, "inches": 39.37, "feet": 3.281}
+_ALONG = 0.8
+"""Cosine to an axis along which a trunk is."""
 FARTHEST = 300.0
 """Metres from the camera at which nobody is filmed: a camera's place in mm or cm puts people there."""
 
@@ -93,12 +95,12 @@ def matched(
             targets[name] = name.upper()
     if (count := len(owner) + len(targets)) < FEWEST:
         raise InputError(
-            f"{path}: names {count} known points ({', '.join(points.names[:8])[:200]}); expected at least {FEWEST} of "
+            f"{path}: names {count} known points ({some_of(points.names)}); expected at least {FEWEST} of "
             "OpenPose's, such as RShoulder or right_shoulder, of the markers of Plug-in Gait, such as LKNE, or of "
             "SMPL-X's joints. Rename its points, or say with --markers what they are."
         )
     unknown = [name for name in points.names if name not in owner.values() and name not in targets]
-    notes = (f"not used, as no keypoint has its name: {', '.join(unknown)[:300]}",) if unknown else ()
+    notes = (f"not used, as no keypoint has its name: {some_of(unknown, most=20)}",) if unknown else ()
     places = points.places[:, [points.names.index(name) for name in targets]]
     return placed, MarkerSet(targets, RADIUS if own is None else own.radius), places, notes
 
@@ -132,7 +134,7 @@ def reference_of_points(
         path: Where they were read.
         kind: Of file, in words.
         points: In the file's world; a frame rate of 0 is not known.
-        camera: Where the clip's camera stands in that.
+        camera: Where the clip's camera stands in that; None: where the file says, if it does.
         markers: What the user says that points are.
 
     Raises:
@@ -142,6 +144,9 @@ def reference_of_points(
     if not np.isfinite(placed).any() and not np.isfinite(places).any():
         raise InputError(f"{path}: has no finite point in any frame; expected places in metres, NaN where unknown.")
     _check_metres(path, placed, known, places)
+    if camera is None and points.camera is not None:
+        camera = WorldCamera.of(points.camera)
+        notes = (*notes, "It stands before the camera as its file says, which tcfit wrote.")
     if camera is not None:
         placed, places = camera(placed), camera(places)
         _check_before(path, np.concatenate([placed, places], 1)[..., 2])
@@ -171,6 +176,23 @@ def _check_before(path: Path, depth: np.ndarray) -> None:
             f"{path}: lies {np.nanmedian(depth):.0f} m in front of the camera; expected less than "
             f"{FARTHEST:g} m. Give t of --camera in metres."
         )
+
+
+def trunk_axis(found: Reference) -> Float[np.ndarray, "3"] | None:
+    """The way from the hips to the shoulders, as a unit vector along y or z; None if it is along neither.
+
+    No program has x up, and along it people lie.
+    """
+    markers = found.markers or MarkerSet({}, RADIUS)
+    places = np.zeros((len(found), 0, 3)) if found.marker_places is None else found.marker_places
+    ends = _ends(found.points, markers, places)
+    ways = np.concatenate([ends[f"{side}_shoulder"] - ends[f"{side}_hip"] for side in _SIDES])
+    ways = ways[np.isfinite(ways).all(1) & ways.any(1)]
+    if not len(ways):
+        return None
+    way = np.median(ways / np.linalg.norm(ways, axis=1, keepdims=True), axis=0)
+    axis = np.array([0, abs(way[1]) > _ALONG, abs(way[2]) > _ALONG]) * np.sign(way)
+    return axis if axis.any() else None
 
 
 def _check_metres(

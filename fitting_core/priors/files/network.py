@@ -19,7 +19,7 @@ import msgspec
 import numpy as np
 from jaxtyping import Float
 
-from fitting_core.errors import InputError
+from fitting_core.errors import InputError, some_of
 from fitting_core.files.npz import read_npz, write_npz
 
 Activation = Literal["linear", "leaky_relu_0.01", "leaky_relu_0.2", "elu", "silu", "softplus", "tanh"]
@@ -172,7 +172,7 @@ def read_network(path: Path) -> PriorNetwork:
             for name, activations in (("decoder", about.decoder), ("encoder", about.encoder))
         )
         if arrays:
-            raise InputError(f"it holds {', '.join(sorted(arrays))}, which belongs to no layer")
+            raise InputError(f"it holds {some_of(sorted(arrays))}, which belongs to no layer")
         return PriorNetwork(decoder=decoder, encoder=encoder, title=about.title, licence=about.licence)
     except KeyError as error:
         raise InputError(f"{path}: lacks {error}, expected a file of the form {FORMAT!r}.") from error

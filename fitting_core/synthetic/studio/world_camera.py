@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 import torch
@@ -9,6 +10,7 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from fitting_core.body.params import BodyParams
+from fitting_core.camera import World
 from fitting_core.errors import InputError
 from fitting_core.files.npz import read_npz
 
@@ -19,6 +21,11 @@ class WorldCamera:
 
     rotation: Float[np.ndarray, "3 3"]
     translation: Float[np.ndarray, "3"]
+
+    @classmethod
+    def of(cls, world: World) -> Self:
+        """A camera that stands where a calibration says."""
+        return cls(rotation=np.array(world.rotation, float), translation=np.array(world.translation, float))
 
     def __call__(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3"]:
         """Points of the world in the camera's space."""

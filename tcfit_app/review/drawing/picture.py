@@ -218,7 +218,8 @@ class Picture:
     @staticmethod
     def _label(shown: OnShow, side: Side) -> str:
         fit = shown.fit(side)
-        title = "no fit yet" if fit is None else fit.title if fit.has(shown.frame) else f"{fit.title}: not here yet"
+        lacking = "not here yet" if fit is None or fit.result is None else "no pose in this frame"
+        title = "no fit yet" if fit is None else fit.title if fit.has(shown.frame) else f"{fit.title}: {lacking}"
         return f"{side.upper()}   {title}"
 
     def _draw_keypoints(self) -> None:

@@ -117,7 +117,7 @@ class DrawingData:
         def posed() -> PosedFit:
             if shown.result is None:
                 return PosedFit.posed(replace(clip, camera=fit.camera), shown.params, meshes, bad=bad)
-            made = PosedFit.of(clip, fit, meshes, phase=shown.result, bad=bad)
+            made = PosedFit.of(clip, fit, meshes, phase=shown.result, bad=bad, there=shown.there)
             # What another program found has no costs here.
             return replace(made, frame_cost=None) if shown.run.kind == "imported" else made
 

@@ -116,7 +116,6 @@ def test_missing_body_names_the_file_the_folders_and_what_to_do(user: Path, tmp_
         "There is: SMPLX_NEUTRAL.",
         "tcfit models add",
         ENVIRONMENT,
-        str(tmp_path / "free" / "SMPLX_NEUTRAL.npz"),
     ):
         assert part in message
 

@@ -208,6 +208,13 @@ KEYPOINTS |= {
     "mmpose a frame twice": coco(
         {"instance_info": [{"frame_id": 1, "instances": []}, {"frame_id": 1, "instances": []}]}, "frame_id 1; expected"
     ),
+    "mmpose frames without instances": coco([{"instances": []}, {"frame_id": 7}], "frame 7, person: found null"),
+    "mmpose several frames in a file of a folder": Case(
+        lambda f: content("walk/1.json", json.dumps([{"frame_id": k, "instances": []} for k in (0, 1)]))(f).parent,
+        read_detections,
+        "holds 2 frames; expected one in each file of a folder",
+        "1.json",
+    ),
 }
 
 

@@ -223,7 +223,7 @@ LEARNED |= {
     ),
     "gvhmr without a translation": of_gvhmr("has no 'transl'", {"transl": None}),
     "gvhmr with 23 joints": of_gvhmr(
-        r"'body_pose' has the shape \(5, 69\), expected 5 x 63", {"body_pose": torch.zeros(5, 69)}
+        r"'body_pose' has the shape \(5, 69\), expected \(5, 63\)", {"body_pose": torch.zeros(5, 69)}
     ),
     "gvhmr NaN": of_gvhmr("'transl' holds nan", {"transl": torch.as_tensor(_NAN)}),
     "gvhmr of no frame": of_gvhmr(r"'transl' has the shape \(0, 3\)", {"transl": torch.zeros(0, 3)}),
@@ -235,7 +235,7 @@ LEARNED |= {
     ),
     "wham NaN": of_wham("'trans' holds nan, expected finite", trans=_NAN),
     "wham huge": of_wham(r"'pose' holds 1e\+30", pose=np.full((5, 72), 1e30)),
-    "wham of 165 numbers": of_wham(r"'pose' has the shape \(5, 165\), expected 5 x 72", pose=np.zeros((5, 165))),
+    "wham of 165 numbers": of_wham(r"'pose' has the shape \(5, 165\), expected \(5, 72\)", pose=np.zeros((5, 165))),
     "wham without frames": of_wham("'frame_ids' holds no numbers of frames", frame_ids=np.zeros(0)),
     "wham with half frames": of_wham("'frame_ids' holds no numbers of frames", frame_ids=np.arange(5) + 0.5),
     "wham with a frame twice": of_wham("'frame_ids' has a frame twice", frame_ids=np.array([1, 2, 2, 3, 4])),

@@ -41,6 +41,21 @@ def of_sam(says: str, **changed: Any) -> Case:
     return Case(content("sam.pkl", pickle.dumps([[person], [person | changed]])), read_motion, says)
 
 
+def without_focal(name: str, frames: int) -> Case:
+    """SAM 3D Body's people as they are published elsewhere: points and place, and no camera."""
+    person = {"pred_keypoints_3d": np.zeros((70, 3)), "pred_cam_t": np.array([0.0, 0, 3])}
+    if name.endswith(".pkl"):
+        make = content(name, pickle.dumps([[person]] * frames))
+    else:
+
+        def make(folder: Path) -> Path:
+            by_frame = {key: value if frames == 1 else np.stack([value] * frames) for key, value in person.items()}
+            np.savez(folder / name, allow_pickle=False, **by_frame)
+            return folder / name
+
+    return Case(make, read_motion, "has no 'focal_length' .pixels.* Add it")
+
+
 def of_json(text: str, says: str) -> Case:
     """A JSON of anything."""
     return Case(content("sam.json", text), read_motion, says)
@@ -94,6 +109,9 @@ PER_IMAGE: dict[str, Case] = {
     ),
     "sam NaN": of_sam("'pred_keypoints_3d' holds nan", pred_keypoints_3d=np.full((70, 3), np.nan)),
     "sam at no focal length": of_sam("'focal_length' holds 0, expected numbers above 0", focal_length=0.0),
+    "sam of one image without a focal length": without_focal("sam.npz", 1),
+    "sam of a person without a focal length": without_focal("sam.npz", 2),
+    "sam of people without a focal length": without_focal("sam.pkl", 2),
     "sam behind the camera": of_sam("'pred_cam_t' holds -3", pred_cam_t=np.array([0, 0, -3.0])),
     "sam with a text": of_sam("'pred_cam_t' ", pred_cam_t="here"),
     "sam asks for code": of_sam("asks for .*could run code", mask=Bomb()),

@@ -124,8 +124,12 @@ RESULTS |= {
     "npz that points outside": Case(
         content("walk.npz", zipped({"../poses.npy": npz()})), read_motion, "has neither 'poses' nor 'root_orient'"
     ),
+    "npz of joints by three": motion(
+        r"'poses' has the shape \(4, 55, 3\), expected \(4, 165\).* flatten the 55 joints", poses=np.zeros((4, 55, 3))
+    ),
+    "npz of one number": motion(r"'poses' has the shape \(\), expected \(frames, 165\)", poses=np.float64(3)),
     "npz of SMPL": motion(r"72 columns \(SMPL's 24 joints: it has no hands\), expected 165", poses=np.zeros((4, 72))),
-    "npz of one frame less": motion(r"'trans' has the shape \(3, 3\), expected 4 x 3", trans=np.zeros((3, 3))),
+    "npz of one frame less": motion(r"'trans' has the shape \(3, 3\), expected \(4, 3\)", trans=np.zeros((3, 3))),
     "npz without a frame": motion("there is no frame", poses=np.zeros((0, 165)), trans=np.zeros((0, 3))),
     "npz without trans": motion(r"has no 'trans' \(it has betas", trans=None),
     "npz NaN": motion("'poses' holds nan, expected finite", poses=np.full((4, 165), np.nan)),

@@ -216,7 +216,7 @@ def test_other_keypoints_for_a_clip_without_video(walk, write_people, figure, nu
 
 @pytest.mark.parametrize("first, last", [(-1, 3), (0, 6), (4, 3), (6, None), (None, 100)])
 def test_frames_that_are_not_in_the_clip(video, walk, first, last):
-    with pytest.raises(InputError, match=r"were asked for \(first_frame, last_frame\); expected .* 0 to 5"):
+    with pytest.raises(InputError, match=r"were asked for \(`first_frame`, `last_frame`\); expected .* 0 to 5"):
         read_clip(video(6), walk(range(6)), first_frame=first, last_frame=last)
 
 
@@ -254,27 +254,27 @@ def test_camera(video, walk, options, focal, source):
 
 
 WRONG_OPTIONS = {
-    "two focal options": ({"focal_length": 500.0, "fov": 60.0}, "given 2 times: focal_length=500 and fov=60. Give one"),
-    "a rule and a focal option": ({"focal_length": "auto", "fov": 60.0}, "2 times: focal_length=auto and fov=60"),
-    "no rule": ({"focal_length": "long"}, "focal_length is 'long'; expected a number, auto or diagonal"),
-    "a rule for degrees": ({"fov": "auto"}, "fov is 'auto'; expected a number"),
+    "two focal options": ({"focal_length": 500.0, "fov": 60.0}, "given 2 times: `focal_length` 500 and `fov` 60"),
+    "a rule and a focal option": ({"focal_length": "auto", "fov": 60.0}, "2 times: `focal_length` auto and `fov` 60"),
+    "no rule": ({"focal_length": "long"}, "`focal_length` is 'long'; expected a number, auto or diagonal"),
+    "a rule for degrees": ({"fov": "auto"}, "`fov` is 'auto'; expected a number"),
     "three focal options": ({"focal_length": 5.0, "fov": 6.0, "focal_length_35mm": 7.0}, "given 3 times"),
-    "fov of 0": ({"fov": 0.0}, "fov is 0; expected a positive number"),
-    "fov of 180": ({"fov": 180.0}, "fov is 180; expected degrees from left to right, up to 170"),
-    "fov of 400": ({"fov": 400.0}, "fov is 400; expected degrees"),
+    "fov of 0": ({"fov": 0.0}, "`fov` is 0; expected a positive number"),
+    "fov of 180": ({"fov": 180.0}, "`fov` is 180; expected degrees from left to right, up to 170"),
+    "fov of 400": ({"fov": 400.0}, "`fov` is 400; expected degrees"),
     "fov in tiny numbers": ({"fov": 0.01}, "field of view of 0.01 degrees sees 0.01 degrees .* expected 0.5 to 170"),
-    "fov NaN": ({"fov": float("nan")}, "fov is nan; expected a positive number"),
-    "negative focal length": ({"focal_length": -500.0}, "focal_length is -500; expected a positive number"),
-    "millimetres for pixels": ({"focal_length": 4.2}, r"length of 4.2 pixels sees 177 degrees .*use focal_length_35mm"),
-    "infinite focal length": ({"focal_length_35mm": float("inf")}, "focal_length_35mm is inf; expected"),
-    "centre far outside": ({"center": (5000.0, 120.0)}, r"center is \(5000, 120\); expected .* near \(160, 120\)"),
-    "centre NaN": ({"center": (float("nan"), 120.0)}, r"center is \(nan, 120\); expected"),
-    "no frame rate": ({"frame_rate": 0.0}, "frame_rate is 0; expected frames per second, above 0"),
-    "frame rate NaN": ({"frame_rate": float("nan")}, "frame_rate is nan; expected"),
-    "another image size": ({"image_size": (640, 480)}, "image_size is 640 x 480, but .*walk.avi is 320 x 240 pixels"),
-    "image of no size": ({"image_size": (0, 480)}, "image_size is 0 x 480; expected width and height in whole pixels"),
+    "fov NaN": ({"fov": float("nan")}, "`fov` is nan; expected a positive number"),
+    "negative focal length": ({"focal_length": -500.0}, "`focal_length` is -500; expected a positive number"),
+    "millimetres for pixels": ({"focal_length": 4.2}, r"length of 4.2 pixels sees 177 degrees .*use `focal_length_35mm`"),
+    "infinite focal length": ({"focal_length_35mm": float("inf")}, "`focal_length_35mm` is inf; expected"),
+    "centre far outside": ({"center": (5000.0, 120.0)}, r"`center` is \(5000, 120\); expected .* near \(160, 120\)"),
+    "centre NaN": ({"center": (float("nan"), 120.0)}, r"`center` is \(nan, 120\); expected"),
+    "no frame rate": ({"frame_rate": 0.0}, "`frame_rate` is 0; expected frames per second, above 0"),
+    "frame rate NaN": ({"frame_rate": float("nan")}, "`frame_rate` is nan; expected"),
+    "another image size": ({"image_size": (640, 480)}, "`image_size` is 640 x 480, but .*walk.avi is 320 x 240 pixels"),
+    "image of no size": ({"image_size": (0, 480)}, "`image_size` is 0 x 480; expected width and height in whole"),
     "no such person": ({"person": 4}, "person=4, but no frame of .* has more than 1 people"),
-    "unknown scale": ({"keypoint_scale": "percent"}, "keypoint_scale is 'percent'; expected one of auto"),
+    "unknown scale": ({"keypoint_scale": "percent"}, "`keypoint_scale` is 'percent'; expected one of auto"),
 }  # fmt: skip
 
 

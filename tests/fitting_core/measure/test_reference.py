@@ -89,6 +89,36 @@ def test_without_a_camera_the_world_of_the_calibration_counts(tmp_path: Path, ca
     np.testing.assert_array_equal(read_reference(tmp_path / "stored.npz", seen_by=seen_by(SHIFT)).points, made.points)
 
 
+@pytest.mark.parametrize("file", ["points.npz", "x.trc"])
+def test_a_reference_that_stands_along_another_axis_than_the_calibrations_world(tmp_path: Path, file: str):
+    """As Pose2Sim's TRC, y up, beside its own calibration, z up. Whoever lies along x is believed."""
+    names = ["RShoulder", "LShoulder", "RHip", "LHip", "Nose"]
+    standing = np.array([[0.2, 1.4, 0], [-0.2, 1.4, 0], [0.15, 0.9, 0], [-0.15, 0.9, 0], [0, 1.6, 0.1]])
+    seen = seen_by(SHIFT)
+    assert seen.world is not None
+    camera = replace(seen, world=replace(seen.world, up="z"))
+
+    def read(points: np.ndarray) -> Reference:
+        np.savez(tmp_path / "points.npz", points=points, names=np.array(names))
+        (tmp_path / "x.trc").write_text(trc(points, names=names))
+        return read_reference(tmp_path / file, seen_by=camera)
+
+    y_up = np.tile(standing, (6, 1, 1))
+    found = read(y_up)
+    assert not found.in_camera and "points along y" in found.notes[-1] and "z is up" in found.notes[-1]
+    assert not read(-y_up[..., [0, 2, 1]]).in_camera, "head down in the same world"
+    for sound in (y_up[..., [2, 0, 1]], y_up[..., [1, 0, 2]]):
+        assert read(sound).in_camera, "upright, and lying along x"
+
+
+@pytest.mark.parametrize("numbers", ["1 0 0", " ".join(["1"] * 12), "nan " * 12, "x " * 12, "-1 0 0 0 1 0 0 0 1 0 0 0"])
+def test_a_camera_that_is_none(tmp_path: Path, numbers: str):
+    text = trc(POINTS).replace("x.trc", f"x.trc\tx_camera = R x + t, metres: {numbers}", 1)
+    (tmp_path / "x.trc").write_text(text)
+    with pytest.raises(InputError, match="no rotation and place"):
+        read_reference(tmp_path / "x.trc")
+
+
 def test_no_world_puts_a_reference_before_a_camera_that_moves(tmp_path: Path, camera: Path):
     np.savez(tmp_path / "points.npz", points=POINTS, names=np.array(NAMES))
     moving = replace(seen_by(SHIFT), path=path_of(np.tile(np.eye(3), (4, 1, 1)), np.zeros((4, 3))))

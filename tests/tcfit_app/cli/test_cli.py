@@ -125,6 +125,7 @@ REFUSED = {
     "scale": (["--keypoint-scale", "cm"], "--keypoint-scale is 'cm'; expected one of auto, pixels"),
     "gender": (["--gender", "other"], "'other' is no gender, expected one of neutral, male, female"),
     "body": (["--body-model", "scape"], "'scape' is no body model, expected one of smplx"),
+    "no such body": (["--body-model", "smplh", "--models", "."], "Or leave out --body-model and --models: there is a"),
     "body file": (["--body-model", "nowhere/SMPLX_MALE.npz"], "SMPLX_MALE.npz: does not exist"),
     "folder and file": (["--body-model", "a.npz", "--models", "m"], "give one of them"),
     "models": (["--models", "."], "No neutral SMPL-X body"),
@@ -141,6 +142,30 @@ def test_refused(
     err = capsys.readouterr().err
     assert err.startswith("tcfit: ") and message in err and err.count("tcfit: ") == 1
     assert not (tmp_path / "out").exists()
+
+
+OWN_NAMES = {
+    "a folder": (["--keypoints", "frame_rate/first_frame"], "No keypoint files in frame_rate/first_frame: found"),
+    "a video": (["image_size.mp4"], "image_size.mp4 does not exist"),
+    "keys of a file": (["--keypoints", "frame_rate", "--camera", "keypoint_scale.json"],
+        "keypoint_scale.json: has no camera matrix in it (it has camera_name, focal_length, first_frame)"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", OWN_NAMES)
+def test_names_of_the_user_s_own_stay_as_they_are(
+    case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+):
+    """Also where options of the library are called so, whose names become the command line's."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "frame_rate" / "first_frame").mkdir(parents=True)
+    body = {"people": [{"pose_keypoints_2d": [5.0, 6.0, 0.5] * 25}]}
+    (tmp_path / "frame_rate" / "walk_0_keypoints.json").write_text(json.dumps(body))
+    content = '{"camera_name": "D400", "focal_length": 650, "first_frame": 0}'
+    (tmp_path / "keypoint_scale.json").write_text(content)
+    arguments, message = OWN_NAMES[case]
+    assert main(["fit", *arguments, "--out", "o"]) == 2
+    assert message in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

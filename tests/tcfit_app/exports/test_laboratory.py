@@ -9,13 +9,16 @@ import ezc3d
 import numpy as np
 import pytest
 
+from fitting_core.body.markers.marker_set import STANDARD, marker_places
 from fitting_core.body.markers.places import PLACES
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINTS, BodyModel
-from fitting_core.camera import World
+from fitting_core.camera import World, path_of
 from fitting_core.errors import InputError
 from fitting_core.ground.contacts import Contacts
-from fitting_core.io.motion.fitted_motion import Motion
+from fitting_core.ground.level import level_of
+from fitting_core.io.motion.fitted_motion import AXES, OWN_WORLD, Motion
+from fitting_core.measure.references.files import read_reference
 from tcfit_app.exports.exporting import content_of
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.exports.table import EXPORTS
@@ -152,6 +155,38 @@ def test_axes_are_obeyed(moving: Motion, tmp_path: Path):
         assert read["parameters"]["POINT"]["Y_SCREEN"]["value"] == [up]
         points = read["data"]["points"][:3, len(PLACES) :].transpose(2, 1, 0)
         np.testing.assert_allclose(points, 1e3 * expected, atol=0.01)
+
+
+LABORATORY = World(rotation=((1, 0, 0), (0, 0, -1), (0, 1, 0)), translation=(0.1, 1.5, 4.0), up="z")
+
+
+@pytest.mark.parametrize("axes", [None, *AXES, OWN_WORLD])
+@pytest.mark.parametrize("name", ["trc", "trc-markers", "c3d", "npz"])
+def test_what_is_exported_comes_back_before_the_camera(moving: Motion, tmp_path: Path, name: str, axes: str | None):
+    """Whatever its axes, and whatever world the clip's calibration has."""
+    placed = replace(moving, camera=replace(moving.camera, world=LABORATORY), level=level_of(None, LABORATORY))
+    path = exported(placed, name, tmp_path, axes=axes)
+    found = read_reference(path, seen_by=placed.camera)
+    assert found.in_camera and not any("calibration" in note for note in found.notes)
+    if found.markers is None:
+        assert found.joints is not None
+        np.testing.assert_allclose(found.joints, moving.joints(), atol=2e-6)
+        return
+    places = dict(zip(found.markers.names, found.all_points[:, -len(found.markers) :].swapaxes(0, 1), strict=True))
+    expected = dict(zip(JOINTS, moving.joints().swapaxes(0, 1), strict=True))
+    on_skin = marker_places(moving.body, moving.params, STANDARD)
+    expected |= dict(zip(STANDARD.names, on_skin.swapaxes(0, 1), strict=True))
+    assert len(places) >= len(STANDARD)
+    for point, place in places.items():
+        np.testing.assert_allclose(place, expected[point], atol=2e-6)
+
+
+def test_of_a_camera_that_moves_no_place_is_written(moving: Motion, tmp_path: Path):
+    turns, places = np.tile(np.eye(3), (FRAMES, 1, 1)), np.linspace((0, 0, 0), (0.1, 0, 0), FRAMES)
+    panned = replace(moving, camera=replace(moving.camera, path=path_of(turns, places)))
+    for name in ("trc", "c3d"):
+        assert not read_reference(exported(panned, name, tmp_path)).in_camera
+        assert read_reference(exported(panned, name, tmp_path, axes="camera")).in_camera
 
 
 def test_a_set_of_ones_own(moving: Motion, tmp_path: Path):

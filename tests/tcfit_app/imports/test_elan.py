@@ -3,6 +3,7 @@
 import re
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from unittest.mock import MagicMock
 
@@ -160,6 +161,20 @@ def test_chosen_tiers_and_what_lies_outside(project: Project, tmp_path: Path):
     found = import_notes(project, path, ("gloss",))
     assert notes(project) == [(range(1), "A"), (range(9, 10), "B")] and found.outside == 1
     assert "2 new notes, 1 left out" in found.in_words()
+
+
+def test_notes_lie_where_elan_shows_them_in_the_project_s_video(tmp_path: Path):
+    """ELAN skips TIME_ORIGIN of a medium; of two that are linked, the project's counts."""
+    path = annotated(tmp_path / "x.eaf", ("gloss", [(0, 2, "HOUSE")]))
+    skipped = round(1000 * 4 / RATE)
+    media = f'<MEDIA_DESCRIPTOR MEDIA_URL="file:///a/walk.mp4" MIME_TYPE="video/mp4" TIME_ORIGIN="{skipped}"/>'
+    media += '<MEDIA_DESCRIPTOR MEDIA_URL="file:///a/other.mp4" MIME_TYPE="video/mp4"/>'
+    path.write_text(path.read_text(encoding="utf-8").replace("<PROPERTY", f"{media}<PROPERTY"), encoding="utf-8")
+    (tmp_path / "walk.mp4").write_bytes(b"a video")
+    clip = replace(sample_clip(10), source=tmp_path / "walk.mp4")
+    with Project.create(tmp_path / "walk.tcfit", clip) as project:
+        import_notes(project, path)
+        assert notes(project) == [(range(4, 7), "HOUSE")]
 
 
 def test_a_strange_file_s_notes_take_nobody_s_place(project: Project, tmp_path: Path):

@@ -22,8 +22,12 @@ from fitting_core.io.motion.imported_motion import ImportedMotion
 from fitting_core.io.motion.smplifyx import write_smplifyx
 from fitting_core.keypoints import Keypoints
 from fitting_core.priors.files.network import write_network
+from tcfit_app.analysis.curves import curve
+from tcfit_app.analysis.meshes import Meshes
+from tcfit_app.analysis.posed_fit import PosedFit
+from tcfit_app.analysis.suspicion import review_queue
 from tcfit_app.cli.main import main
-from tcfit_app.fitting.fits import FitChoice, Shown
+from tcfit_app.fitting.fits import FitChoice, Fits, Shown
 from tcfit_app.imports import results as importing
 from tcfit_app.imports.results import ImportChoices, import_run
 from tcfit_app.project.project import Project
@@ -45,11 +49,13 @@ def project(tmp_path: Path) -> Iterator[Project]:
         yield opened
 
 
-def results(folder: Path, body: BodyModel, frames: int = FRAMES, *, first: int = 0, seed: int = 3) -> Path:
+def results(
+    folder: Path, body: BodyModel, frames: int = FRAMES, *, first: int = 0, seed: int = 3, rate: float = 25
+) -> Path:
     """A folder of SMPLify-X results that tells its body and camera."""
     params = sample_params(seed, frames, 12)
     stems = [f"walk_{first + t:06d}" for t in range(frames)]
-    write_smplifyx(folder, params, stems=stems, camera=CAMERA, body=body, frame_rate=25)
+    write_smplifyx(folder, params, stems=stems, camera=CAMERA, body=body, frame_rate=rate)
     return folder
 
 
@@ -76,10 +82,40 @@ def test_an_export_becomes_a_run_as_it_was(project: Project, tmp_path: Path, tin
 
 
 def test_the_wrong_clip_is_refused_and_nothing_kept(project: Project, tmp_path: Path, tiny_body: BodyModel):
-    folder = results(tmp_path / "other", tiny_body, FRAMES - 2)
-    with pytest.raises(InputError, match=f"has {FRAMES - 2} frames .* expected all of the clip's {FRAMES} frames"):
+    folder = results(tmp_path / "other", tiny_body, FRAMES - 2, first=100)
+    with pytest.raises(InputError, match=f"has {FRAMES - 2} frames .* expected some of the clip's {FRAMES} frames"):
         import_run(project, OneBody(tiny_body), folder)
     assert project.runs.all() == [] and not list((project.folder / "runs").glob("*.npz"))
+    # Whose numbers nobody tells may be of any part of the clip.
+    arrays = {"poses": np.zeros((FRAMES - 2, 165)), "trans": np.zeros((FRAMES - 2, 3)), "axes": "camera"}
+    np.savez(tmp_path / "cut.npz", **arrays)
+    with pytest.raises(InputError, match=r"expected all of .* Say with --first-frame .* imported as that"):
+        import_run(project, OneBody(tiny_body), tmp_path / "cut.npz")
+    run = import_run(project, OneBody(tiny_body), tmp_path / "cut.npz", ImportChoices(first_frame=first_frame(project)))
+    assert project.runs.load(run.id).observed.any(1).tolist() == [True] * (FRAMES - 2) + [False] * 2
+
+
+def first_frame(project: Project) -> int:
+    return project.clip.first_frame
+
+
+def test_a_result_of_a_part_of_the_clip_is_shown_and_measured_there_alone(
+    project: Project, tmp_path: Path, tiny_body: BodyModel
+):
+    """As of systems that lose a person and find them again under another number."""
+    first = first_frame(project)
+    part = results(tmp_path / "part", tiny_body, 3, first=first + 1, rate=project.clip.frame_rate)
+    run = import_run(project, OneBody(tiny_body), part)
+    fits = Fits(project)
+    shown = fits.show(FitChoice(run=run.id))
+    assert shown is not None and [shown.has(t) for t in range(FRAMES)] == [False, True, True, True, False, False]
+    (note,) = (note for note in fits.fit(run).last.notes if "no result" in note)
+    assert f"3 of the clip's {FRAMES} frames ({first}, {first + 4}-{first + 5})" in note
+    posed = PosedFit.of(project.clip, fits.fit(run), Meshes(tiny_body), there=shown.there)
+    for name in ("reprojection_body", "jitter"):
+        values = curve(name, posed).values
+        assert np.isnan(values[[0, 4, 5]]).all() and np.isfinite(values[1:4]).any(), name
+    assert not {found.frame for found in review_queue(posed).left} & {0, 4, 5}
 
 
 def test_a_body_that_is_not_here_is_named(project: Project, tmp_path: Path, tiny_body: BodyModel):

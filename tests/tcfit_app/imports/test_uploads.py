@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from fitting_core.errors import InputError
+from fitting_core.io import read_detections
 from fitting_core.io.keypoints.openpose import read_openpose
 from tcfit_app.imports import keypoint_jobs as uploads
 from tcfit_app.imports.keypoint_jobs import received
@@ -41,9 +42,24 @@ def test_a_folder_of_frames(folder: Path):
     assert read_openpose(folder).numbers == (5, 6, 9)
 
 
+def test_what_lies_beside_openpose_s_files_is_no_frame(folder: Path):
+    """As in tcfit's own export, zipped."""
+    entries = [(f"walk_{n:012}_keypoints.json", FRAME) for n in (5, 6)]
+    received("kp.zip", packed(("clip.json", b"{}"), *entries), folder)
+    assert read_openpose(folder).numbers == (5, 6)
+
+
+def test_predictions_of_mmpose_for_images(folder: Path):
+    person = {"keypoints": [[1.0, 2.0]] * 133, "keypoint_scores": [0.5] * 133}
+    entries = [(f"p/frame_{n}.png.json", json.dumps([person] * n).encode()) for n in (0, 1, 2)]
+    received("predictions.zip", packed(*entries), folder)
+    found = read_detections(folder)
+    assert [len(people) for people in found.frames] == [0, 1, 2] and found.numbers == (0, 1, 2)
+
+
 def test_frames_without_numbers_come_in_natural_order(folder: Path):
-    received("kp.zip", packed(*((f"{n}b_keypoints.json", n.encode()) for n in ("10", "2", "1"))), folder)
-    assert [(folder / name).read_bytes() for name in names(folder)] == [b"1", b"2", b"10"]
+    received("kp.zip", packed(*((f"{n}_keypoints.json", n.encode()) for n in ("walk", "10", "2", "1"))), folder)
+    assert [(folder / name).read_bytes() for name in names(folder)] == [b"1", b"2", b"10", b"walk"]
 
 
 @pytest.mark.parametrize("name", ["walk_keypoints.json", "coco.json", "x.pose", "x.POSE", "../../x.json", "a\0b.json"])

@@ -51,7 +51,8 @@ from fitting_core.video.frame_names import image_numbers, natural_key
 _VERTICES = KINDS["smplx"].vertices
 _MULTI_HMR_FOCAL = 1 / (2 * math.tan(math.radians(60) / 2))
 _SAM_POINTS = 70
-_SAM_KEYS = ("pred_keypoints_3d", "pred_cam_t", "focal_length")
+_SAM_KNOWN_BY = ("pred_keypoints_3d", "pred_cam_t")
+_SAM_KEYS = (*_SAM_KNOWN_BY, "focal_length")
 _MOST_FILES, _MOST_BYTES, _MOST_TEXT = 10**5, 2**31, 2**28
 _MULTI_HMR_KEYS = ("rotvec", "shape", "transl_pelvis")
 _MULTI_HMR_FOCAL_RULE: Focal = (
@@ -106,7 +107,7 @@ def of_file(path: Path) -> Any:
     if suffix == ".json":
         return _json(path)
     try:
-        if suffix == ".npz" and set(_SAM_KEYS) <= set(npz_names(path)):
+        if suffix == ".npz" and set(_SAM_KNOWN_BY) <= set(npz_names(path)):
             return read_npz(path, (*_SAM_KEYS, "frame_index"))
     except (OSError, ValueError):
         return None
@@ -280,23 +281,34 @@ _SAM_NAMES: dict[int, str] = (
 
 def _by_frame(values: Mapping[str, Any]) -> list[list[Any]]:
     """One person's arrays as lists of people; of one image where they are of one."""
-    if np.size(values["focal_length"]) == 1 and np.size(values["pred_cam_t"]) == 3:
+    if np.size(values.get("focal_length", 0)) == 1 and np.size(values["pred_cam_t"]) == 3:
         return [[dict(values)]]
     places = rows(values, "pred_cam_t", 3)
     points = rows(values, "pred_keypoints_3d", 3 * _SAM_POINTS, len(places))
-    focal = rows(values, "focal_length", 1, len(places))
+    focal = rows(_with_focal(values), "focal_length", 1, len(places))
     return [[dict(zip(_SAM_KEYS, one, strict=True))] for one in zip(points, places, focal, strict=True)]
 
 
+def _with_focal(person: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The same. Raises InputError where the focal length was not kept."""
+    if "focal_length" not in person:
+        raise InputError(
+            "has no 'focal_length' (pixels), without which its 'pred_cam_t' tells no place; expected it beside that, "
+            "as SAM 3D Body's process_one_image returns it. Add it"
+        )
+    return person
+
+
 def _sam(content: Any) -> PerImage:
-    return _kept(_by_frame(content) if _is_person(content, _SAM_KEYS) else content, _SAM, _SAM_KEYS, "pred_cam_t")
+    own = _by_frame(content) if _is_person(content, _SAM_KNOWN_BY) else content
+    return _kept(own, _SAM, _SAM_KNOWN_BY, "pred_cam_t")
 
 
 def _sam_track(content: Any, person: int) -> Track:
     whole = _sam(content)
     seen = _of_person(whole, person)
     points = np.stack([flat(one, "pred_keypoints_3d", 3 * _SAM_POINTS).reshape(-1, 3) for _, one in seen])
-    focals = positive(np.concatenate([flat(one, "focal_length", 1) for _, one in seen]), "focal_length")
+    focals = positive(np.concatenate([flat(_with_focal(one), "focal_length", 1) for _, one in seen]), "focal_length")
     places = np.stack([flat(one, "pred_cam_t", 3) for _, one in seen])
     focal = float(np.median(focals))
     # The images' own focal lengths become one: at another depth a body looks the same to it.
@@ -388,7 +400,7 @@ SYSTEMS = (
     ),
     System(
         title="SAM 3D Body",
-        holds=lambda content: _is_person(content, _SAM_KEYS) or _kept_images(content, _SAM_KEYS) is not None,
+        holds=lambda content: _is_person(content, _SAM_KNOWN_BY) or _kept_images(content, _SAM_KNOWN_BY) is not None,
         people=lambda content: _people(_sam(content)),
         track=_sam_track,
     ),

@@ -18,7 +18,7 @@ import numpy as np
 import torch
 
 from fitting_core.body.files.archives import files_below
-from fitting_core.errors import InputError
+from fitting_core.errors import InputError, some_of
 from fitting_core.files.regular import refusal
 from fitting_core.io.motion.imported_motion import ImportedMotion, Person, body_params
 from fitting_core.io.motion.learned import crops, per_image, whole_image
@@ -93,9 +93,8 @@ def _motion(
     )
     notes = track.notes
     if len(people) > 1:
-        shown = ", ".join(f"{one.number} ({len(one.numbers)} frames)" for one in people[:_MAX_SHOWN])
-        more = f" and {len(people) - _MAX_SHOWN} more" if len(people) > _MAX_SHOWN else ""
-        notes = (f"It has {len(people)} people: {shown}{more}. Number {chosen.number} was taken.", *notes)
+        shown = some_of((f"{one.number} ({len(one.numbers)} frames)" for one in people), most=_MAX_SHOWN)
+        notes = (f"It has {len(people)} people: {shown}. Number {chosen.number} was taken.", *notes)
     numbers = range(frames) if track.numbers is None else track.numbers[order].tolist()
     if len(set(numbers)) < frames:
         raise InputError(f"has person {chosen.number} twice in a frame, expected each person once")
@@ -128,9 +127,9 @@ def _system_of(content: Any) -> System | None:
     """
     found = next((system for system in SYSTEMS if system.holds(content)), None)
     if found is None and content is not None and not is_mapping_with(content, *_SMPLIFYX_KEYS):
-        has = ", ".join(str(plain(key))[:30] for key in list(content)[:8]) if isinstance(content, dict) else ""
+        has = some_of(map(plain, content)) if isinstance(content, dict) else "nothing known"
         known = ", ".join(system.title for system in SYSTEMS)
-        raise InputError(f"holds a {type(content).__name__} of {has or 'nothing known'}, no result of {known}")
+        raise InputError(f"holds a {type(content).__name__} of {has}, no result of {known}")
     return found
 
 
@@ -148,7 +147,7 @@ def _chosen(people: tuple[Person, ...], number: int | None) -> Person:
         return people[0]
     found = next((one for one in people if one.number == number), None)
     if found is None:
-        there = ", ".join(str(one.number) for one in people[:_MAX_SHOWN])
+        there = some_of((one.number for one in people), most=_MAX_SHOWN)
         raise InputError(f"has no person {number}, only {there}; choose one of these")
     return found
 

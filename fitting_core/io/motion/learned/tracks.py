@@ -12,7 +12,7 @@ from fitting_core.body import rotations
 from fitting_core.body.files.pickles import as_array
 from fitting_core.body.model import N_BETAS
 from fitting_core.camera import Camera, FocalFrom
-from fitting_core.errors import InputError
+from fitting_core.errors import InputError, some_of
 from fitting_core.io.motion.learned.unpickling import plain
 from fitting_core.io.motion.seen_points import SeenPoints
 
@@ -96,8 +96,7 @@ def rows(values: object, key: str, width: int, frames: int | None = None) -> Flo
     """
     array = _numbers(values, key)
     if array.ndim == 0 or not len(array) or array.size != len(array) * width or frames not in (None, len(array)):
-        wanted = f"{frames or 'any'} x {width}"
-        raise InputError(f"'{key}' has the shape {array.shape}, expected {wanted}")
+        raise InputError(f"'{key}' has the shape {array.shape}, expected ({frames or 'frames'}, {width})")
     return finite(array.reshape(len(array), width), key)
 
 
@@ -115,8 +114,7 @@ def flat(values: object, key: str, count: int) -> Float[np.ndarray, "count"]:
 
 def _numbers(values: object, key: str) -> np.ndarray:
     if key not in (found := mapping(values, f"what holds '{key}'")):
-        has = ", ".join(str(plain(name))[:30] for name in list(found)[:8])
-        raise InputError(f"has no '{key}' (it has {has or 'nothing'})")
+        raise InputError(f"has no '{key}' (it has {some_of(map(plain, found))})")
     try:
         array = as_array(found[key])
     except InputError as error:

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
-from fitting_core.errors import InputError
+from fitting_core.errors import InputError, some_of
 from fitting_core.files.atomic import replacing
 from fitting_core.files.regular import regular_file
 from fitting_core.io.motion.rigs.bvh_skeleton import read_bvh_skeleton
@@ -33,6 +33,8 @@ Joints = Mapping[str, tuple[str, ...]]
 missing."""
 _MOST = 2**20
 """Bytes of a mapping file."""
+_NAMED = 30
+"""Joints of a rig that a message names."""
 _GLTF = (".glb", ".gltf", ".vrm")
 _TO_CONVERT = (".fbx", ".blend", ".dae", ".usd")
 """Rigs that are not read."""
@@ -92,7 +94,9 @@ def check_joints(joints: Joints, skeleton: Skeleton) -> None:
             )
         for name in names:
             if name not in skeleton.names:
-                raise InputError(f"{source}: has no joint {name!r} for {part}; it has {_some(skeleton.offered)}.")
+                raise InputError(
+                    f"{source}: has no joint {name!r} for {part}; it has {some_of(skeleton.offered, most=_NAMED)}."
+                )
             if skeleton.names.count(name) > 1:
                 raise InputError(
                     f"{source}: has several joints {name!r}, one of which is wished for {part}. Rename them."
@@ -101,7 +105,9 @@ def check_joints(joints: Joints, skeleton: Skeleton) -> None:
                 raise InputError(f"{source}: the joint {name!r} stands for {used[name]} and for {part}; expected one.")
             used[name] = part
     if missing := [f"{part} ({meant(part)})" for part in NEEDED if part not in joints]:
-        raise InputError(f"{source}: no joint stands for {', '.join(missing)}; choose from {_some(skeleton.offered)}.")
+        raise InputError(
+            f"{source}: no joint stands for {', '.join(missing)}; choose from {some_of(skeleton.offered, most=_NAMED)}."
+        )
     _check_tree(joints, skeleton)
 
 
@@ -116,10 +122,6 @@ def _check_tree(joints: Joints, skeleton: Skeleton) -> None:
                     f"{skeleton.source}: {lower!r} ({meant(part)}) does not hang on {upper!r}{of} in the rig; choose "
                     "joints that do, or let it hang there in the program that made the rig."
                 )
-
-
-def _some(names: tuple[str, ...], most: int = 30) -> str:
-    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
 def read_mapping(path: Path, *, checked: bool = True) -> RigMapping:
@@ -165,7 +167,7 @@ def _table(path: Path) -> dict:
             f'{path}: is no TOML file ({error}). Expected a line such as skeleton = "hero.glb", and a table [joints].'
         ) from None
     if unknown := sorted(set(table) - {"skeleton", "joints"}):
-        raise InputError(f"{path}: {', '.join(unknown)} is not known here; expected skeleton and [joints].")
+        raise InputError(f"{path}: {some_of(unknown)} is not known here; expected skeleton and [joints].")
     return table
 
 

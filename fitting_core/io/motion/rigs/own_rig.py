@@ -19,6 +19,9 @@ _SHORT = 1e-6
 """Share of the rig's height: bones that are shorter have no direction."""
 _APART = 0.05
 """How far the bases of fingers are apart at least, seen from the wrist, in radians: else a hand's roll is not known."""
+_ASTRIDE, _INWARD = 45.0, 120.0
+"""Degrees that bones of legs are off down, and of arms off outward, at most: A poses have legs 10 apart, and arms that
+hang are at 90."""
 _LOW = 0.12
 """Share of a leg up to which the lowest joint is above what the rig stands on; else it stands on that joint."""
 
@@ -37,6 +40,7 @@ def own_target(skeleton: Skeleton, joints: Joints, body: BodyModel) -> Target:
     where = {part: skeleton.places[skeleton.index(names[0])] for part, names in joints.items()}
     facing = _facing(where, skeleton)
     _check_limbs(where, skeleton)
+    _check_stands(where, facing, skeleton)
     length = _leg(where)
     upright = _upright(facing[:, 1])
     lowest = float((skeleton.places[list(_body_of(skeleton, joints))] @ upright[:, 1]).min())
@@ -95,6 +99,26 @@ def _check_limbs(where: dict[str, np.ndarray], skeleton: Skeleton) -> None:
                 f"{skeleton.source}: at rest the joints of {part} ({meant(part)}) and {end} ({meant(end)}) are in one "
                 "place; expected a bone between them. Check which joints stand for them."
             )
+
+
+def _check_stands(where: dict[str, np.ndarray], facing: Float[np.ndarray, "3 3"], skeleton: Skeleton) -> None:
+    """Legs hang down and arms do not cross the body: the turn from a T pose is long else, and its twist not known."""
+    left, up, _ = facing.T
+    for side, outward in zip(_SIDES, (left, -left), strict=True):
+        for part, direction, most in (
+            *((part, -up, _ASTRIDE) for part in ("hip", "knee")),
+            *((part, outward, _INWARD) for part in ("shoulder", "elbow")),
+        ):
+            name = f"{side}_{part}"
+            bone = where[ALONG[name]] - where[name]
+            off = np.degrees(np.arccos(np.clip(bone @ direction / np.linalg.norm(bone), -1.0, 1.0)))
+            if off > most:
+                wished = "down" if direction is not outward else "outward"
+                raise InputError(
+                    f"{skeleton.source}: at rest the bone of {name} ({meant(name)}) points {off:.0f} degrees off "
+                    f"{wished}; expected a rig that stands when nothing moves, in a T pose, an A pose or between. Make "
+                    "such a pose its rest pose (in Blender: Apply, Pose as Rest Pose), and export it again."
+                )
 
 
 def _height(where: dict[str, np.ndarray]) -> float:

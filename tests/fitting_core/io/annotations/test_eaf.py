@@ -187,3 +187,43 @@ def test_a_moment_is_one_frame():
     assert frames_of(1000, 1000, 25) == range(25, 26)
     assert frames_of(1010, 1030, 25) == range(25, 26)
     assert frames_of(1010, 1050, 25) == range(25, 27)
+
+
+def linked(path: Path, *media: tuple[str, str, str]) -> Path:
+    """A file with an annotation from 1000 to 1400 ms, and media: file, kind, and where ELAN lets it begin."""
+    write_eaf(path, [Tier(name="gloss", kind="any", annotations=(Annotation(start=1000, end=1400, text="SIGN"),))])
+    links = "".join(
+        f'<MEDIA_DESCRIPTOR MEDIA_URL="file:///a/{name}" MIME_TYPE="{kind}" {origin}/>' for name, kind, origin in media
+    )
+    content = path.read_text(encoding="utf-8")
+    path.write_text(content.replace("<PROPERTY", f"{links}<PROPERTY"), encoding="utf-8")
+    return path
+
+
+def starts(path: Path, video: str = "walk.mp4") -> int:
+    return read_eaf(path, video)[0].annotations[0].start
+
+
+LATER, SOONER = 'TIME_ORIGIN="2000"', 'TIME_ORIGIN="-500"'
+ORIGINS = {
+    "one": ([("walk.mp4", "video/mp4", LATER)], 3000),
+    "none": ([("walk.mp4", "video/mp4", "")], 1000),
+    "before the video": ([("walk.mp4", "video/mp4", SOONER)], 500),
+    "of another name": ([("moved.mp4", "video/mp4", LATER)], 3000),
+    "sound from elsewhere": ([("walk2.wav", "audio/x-wav", SOONER), ("moved.mp4", "video/mp4", LATER)], 3000),
+    "two cameras": ([("front.mp4", "video/mp4", ""), ("my%20Walk.mpg", "video/mpeg", LATER)], 3000),
+}
+
+
+@pytest.mark.parametrize("name", ORIGINS)
+def test_times_are_those_of_the_video(tmp_path: Path, name: str):
+    media, start = ORIGINS[name]
+    assert starts(linked(tmp_path / "x.eaf", *media), "my walk.mp4" if name == "two cameras" else "walk.mp4") == start
+
+
+def test_videos_that_begin_at_different_times_and_none_is_the_clip_s(tmp_path: Path):
+    path = linked(tmp_path / "x.eaf", ("a.mp4", "video/mp4", ""), ("b.mp4", "video/mp4", LATER))
+    with pytest.raises(InputError, match=r"a at 0 ms, b at 2000 ms.*none is named as the clip's video walk.mp4"):
+        starts(path)
+    with pytest.raises(InputError, match="begins at 'soon'"):
+        starts(linked(tmp_path / "x.eaf", ("walk.mp4", "video/mp4", 'TIME_ORIGIN="soon"')))

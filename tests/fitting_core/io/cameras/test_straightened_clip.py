@@ -84,9 +84,9 @@ def test_keypoints_where_the_lens_says_nothing_do_not_count(shot: tuple[Path, Pa
         ({"focal_length": 900.0}, "given twice"),
         ({"fov": 50.0}, "given twice"),
         ({"center": (640.0, 360.0)}, "given twice"),
-        ({"camera": None, "camera_up": "z"}, "camera_up is given without"),
-        ({"camera_up": "north"}, "camera_up is 'north'"),
-        ({"camera_unit": 0.0}, "camera_unit is 0"),
+        ({"camera": None, "camera_up": "z"}, "`camera_up` is given without"),
+        ({"camera_up": "north"}, "`camera_up` is 'north'"),
+        ({"camera_unit": 0.0}, "`camera_unit` is 0"),
         ({"camera_name": "left"}, "no camera named 'left'"),
     ],
 )

@@ -130,3 +130,47 @@ def test_visibilities_are_no_confidences(tmp_path: Path):
 def test_pupils_are_never_detected():
     found = layout.from_wholebody(whole())
     assert [NAMES[k] for k in np.flatnonzero(found[:, 2] == 0)] == ["face_right_pupil", "face_left_pupil"]
+
+
+def instances(*seeds: int) -> list[dict[str, Any]]:
+    """People as mmpose's inferencer writes them: positions and scores in two lists, a box in a list."""
+    return [
+        {
+            "keypoints": whole(seed)[:, :2].tolist(),
+            "keypoint_scores": [0.9] * 133,
+            "bbox": [[1.0, 2.0, 300.0, 400.0]],
+            "bbox_score": 0.8,
+        }
+        for seed in seeds
+    ]
+
+
+def expected(*seeds: int) -> np.ndarray:
+    return layout.from_wholebody(np.stack([whole(seed) for seed in seeds])) if seeds else np.zeros((0, 137, 3))
+
+
+FOUND: list[tuple[int, ...]] = [(1,), (), (2, 3), (4,)]
+"""Who is in each frame; nobody is in the second."""
+
+
+def test_predictions_of_the_inferencer_for_a_video(tmp_path: Path):
+    """MMPoseInferencer(pred_out_dir=...) lists frames from 0; mmpose's demos from 1, below instance_info."""
+    frames = [{"frame_id": k, "instances": instances(*seeds)} for k, seeds in enumerate(FOUND)]
+    of_demo = [{**frame, "frame_id": k + 1} for k, frame in enumerate(frames)]
+    for content in (frames, {"meta_info": {"dataset_name": "coco_wholebody"}, "instance_info": of_demo}):
+        found = read_detections(written(tmp_path, content))
+        assert found.numbers == (0, 1, 2, 3)
+        for people, seeds in zip(found.frames, FOUND, strict=True):
+            np.testing.assert_allclose(people, expected(*seeds))
+
+
+def test_predictions_of_the_inferencer_for_images(tmp_path: Path):
+    """A file for each image, by its name, with the image's people."""
+    for k, seeds in enumerate(FOUND, 8):
+        (tmp_path / f"walk_{k}.json").write_text(json.dumps(instances(*seeds)))
+    (tmp_path / "walk_12.json").write_text(json.dumps({"meta_info": {}, "instance_info": instances(5)}))
+    found = read_detections(tmp_path)
+    assert found.stems == tuple(f"walk_{k}" for k in range(8, 13)) and found.numbers == tuple(range(8, 13))
+    for people, seeds in zip(found.frames, [*FOUND, (5,)], strict=True):
+        np.testing.assert_allclose(people, expected(*seeds))
+    assert read_detections(tmp_path / "walk_10.json").most_people == 2

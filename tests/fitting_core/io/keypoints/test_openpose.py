@@ -11,6 +11,7 @@ from hypothesis.extra.numpy import arrays
 
 from fitting_core.errors import InputError
 from fitting_core.io import read_detections
+from fitting_core.io.keypoints.alignment import timeline_of_keypoints
 from fitting_core.io.keypoints.detections import guess_scale, to_pixels
 from fitting_core.io.keypoints.openpose import read_openpose, write_openpose
 from fitting_core.keypoints import BODY, BODY_25, FACE, INDEX, LEFT_HAND, RIGHT_HAND, Keypoints
@@ -126,6 +127,50 @@ def test_byte_order_mark_and_hidden_files(write_people):
     assert len(read_openpose(folder)) == 1
 
 
+NAMED = {
+    "plain numbers": "{}",
+    "OpenPose's own": "walk_{:012}_keypoints",
+    "a camera before": "cam01.{:04}",
+    "without a separator": "frame{}",
+    "the image's name": "frame_{:04}.png_keypoints",
+    "brackets": "clip ({})_keypoints",
+    "a rate behind": "walk_{:04}_30fps_keypoints",
+    "the same number twice": "{0}/../walk_{0}_of_{0}",
+    "capitals": "walk_{}.JSON",
+}
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_frames_are_found_by_the_number_in_which_names_differ(tmp_path: Path, name: str):
+    folder = tmp_path / "keypoints"
+    folder.mkdir()
+    (folder / "notes.json").write_text('{"filmed": "in 2024"}')
+    for k in range(12):
+        stem = NAMED[name].format(k).rpartition("/")[2]
+        (folder / (stem if stem.endswith(".JSON") else f"{stem}.json")).write_text(
+            json.dumps({"people": [{"pose_keypoints_2d": changed(BODY_LIST, 0, 100 + k)}]})
+        )
+    found = read_detections(folder)
+    assert [people[0, 0, 0] for people in found.frames] == list(range(100, 112))
+    assert found.numbers == tuple(range(12))
+    assert timeline_of_keypoints(found).numbers == range(12)
+    told = name in ("the image's name", "brackets", "a rate behind")
+    assert [f"0 of {found.stems[0]}" in note for note in found.notes] == [True] * told
+
+
+def test_names_that_differ_in_two_numbers(write_people):
+    found = read_detections(write_people({"walk_1_33": [PERSON], "walk_2_66": [PERSON]}))
+    with pytest.raises(InputError, match=r"differ in several numbers \(walk_1_33, walk_2_66\); expected one, which"):
+        timeline_of_keypoints(found)
+
+
+def test_an_empty_file_among_files_of_plain_names_is_named(tmp_path: Path):
+    (tmp_path / "0.json").write_text(json.dumps({"people": [PERSON]}))
+    (tmp_path / "1.json").touch()
+    with pytest.raises(InputError, match=r"1\.json is not readable as JSON"):
+        read_detections(tmp_path)
+
+
 def test_position_of_an_undetected_point_is_dropped(write_people):
     values = changed(BODY_LIST, 2, 0.0)
     assert read_openpose(write_people({"a_0": [{"pose_keypoints_2d": values}]})).frames[0][0, 0].tolist() == [0, 0, 0]
@@ -152,7 +197,7 @@ MALFORMED_PEOPLE = {
     "74 values": ([{"pose_keypoints_2d": BODY_LIST[:-1]}], r"found 74 values; expected 75 \(25 points\) or 54"),
     "MPI's 45 values": ([{"pose_keypoints_2d": triples(15)}], r"found 45 values; expected 75 \(25 points\) or 54"),
     "hand of 20": ([{"hand_left_keypoints_2d": triples(20)}], r"hand_left_keypoints: found 60 values; expected 63"),
-    "face of 68": ([{"face_keypoints_2d": triples(68)}], r"found 204 values; expected 210"),
+    "face of 69": ([{"face_keypoints_2d": triples(69)}], r"found 207 values; expected 210 .* or 204"),
     "list is a text": ([{"pose_keypoints_2d": "1,2,3"}], "pose_keypoints: found a text; expected a list of numbers"),
     "list is an object": ([{"pose_keypoints_2d": {"0": 1}}], "pose_keypoints: found an object; expected a list"),
     "list is an empty text": ([{"pose_keypoints_2d": ""}], "pose_keypoints: found a text; expected a list"),
@@ -234,7 +279,7 @@ def test_a_folder_in_place_of_a_file_is_named(tmp_path):
 
 
 def test_an_empty_folder(tmp_path):
-    with pytest.raises(InputError, match=r"No keypoint files in .*found an empty folder; expected one file per frame"):
+    with pytest.raises(InputError, match=r"No keypoint files in .*found an empty folder; expected one JSON file per"):
         read_detections(tmp_path)
 
 
@@ -260,7 +305,7 @@ def test_two_body_layouts_in_one_clip(write_people):
 
 def test_the_same_frame_number_twice(write_people):
     folder = write_people({"a_12": [PERSON], "a_0012": [PERSON]})
-    with pytest.raises(InputError, match=r"Frame 12 is there twice .*a_0012_keypoints.json.*Remove one") as error:
+    with pytest.raises(InputError, match=r"Frame 12 is there twice: .*a_0012_keypoints.json.*Remove one") as error:
         read_openpose(folder)
     assert "a_12_keypoints.json" in str(error.value)
 
@@ -300,8 +345,78 @@ def test_normalised_coordinates_need_the_image_size(write_people, figure):
 
 
 def test_an_unknown_scale(write_people):
-    with pytest.raises(InputError, match=r"keypoint_scale is '0-1'; expected one of auto, pixels, 0..1, -1..1"):
+    with pytest.raises(InputError, match=r"`keypoint_scale` is '0-1'; expected one of auto, pixels, 0..1, -1..1"):
         to_pixels(read_openpose(write_people({"a_0": [PERSON]})), SIZE, keypoint_scale="0-1")
+
+
+CANVAS = (512, 288)
+
+
+def of_controlnet(figure, *, shares: bool, **changed: object) -> dict:
+    """As ControlNet's preprocessors write a frame: confidences of 1, null for parts that are not there, a canvas."""
+    person = figure(100.0, 200.0)
+    values = person[:25] / ([*CANVAS, 1] if shares else [1, 1, 1])
+    coco = values[[BODY_25.index(name) for name in COCO]]
+    coco[:, 2] = 1
+    lists = {"pose_keypoints_2d": coco.ravel().tolist(), "hand_left_keypoints_2d": None, "face_keypoints_2d": None}
+    return {"people": [lists], "canvas_width": CANVAS[0], "canvas_height": CANVAS[1]} | changed
+
+
+@pytest.mark.parametrize("shares", [True, False])
+@pytest.mark.parametrize("listed", [True, False])
+def test_files_of_controlnet_and_comfyui(tmp_path: Path, figure, shares: bool, listed: bool):
+    """One object, or a list of frames; pixels of the canvas, or shares of it."""
+    frame = of_controlnet(figure, shares=shares)
+    (tmp_path / "poses.json").write_text(json.dumps([frame] * 3 if listed else frame))
+    found = read_detections(tmp_path / "poses.json")
+    assert found.size == CANVAS and len(found) == (3 if listed else 1)
+    assert found.numbers == ((0, 1, 2) if listed else None)
+    own, _ = to_pixels(found, CANVAS)
+    nose = [people[0, 0, :2] for people in own.frames]
+    np.testing.assert_allclose(nose, [figure(100.0, 200.0)[0, :2]] * len(found))
+    assert all(people[0, :, 2].max() == 1 for people in own.frames)
+
+
+@pytest.mark.parametrize("shares", [True, False])
+def test_keypoints_of_a_resized_image_are_scaled_to_the_video(tmp_path: Path, figure, shares: bool):
+    (tmp_path / "poses.json").write_text(json.dumps(of_controlnet(figure, shares=shares)))
+    found, notes = to_pixels(read_detections(tmp_path / "poses.json"), (2 * CANVAS[0], 2 * CANVAS[1]))
+    np.testing.assert_allclose(found.frames[0][0, 0, :2], 2 * figure(100.0, 200.0)[0, :2] + (0 if shares else 0.5))
+    assert ("normalised to shares (as the file says)" if shares else "scaled to that") in notes[0]
+    _, notes = to_pixels(read_detections(tmp_path / "poses.json"), (600, 600))
+    assert shares or "of another shape: the keypoints are taken as they are" in notes[0]
+
+
+CANVASES = {
+    "no number": ([{"canvas_width": "wide"}], "has canvas_width and canvas_height 'wide' and 288; expected"),
+    "one alone": ([{"canvas_height": None}], "512 and None; expected the image's width"),
+    "none": ([{"canvas_width": 0}], "0 and 288; expected"),
+    "two": ([{}, {"canvas_width": 640}], r"Different canvases in one clip: poses.json, frame 0 says \(512, 288\)"),
+}
+
+
+@pytest.mark.parametrize("name", CANVASES)
+def test_a_canvas_that_is_none(tmp_path: Path, figure, name: str):
+    changes, says = CANVASES[name]
+    frames = [of_controlnet(figure, shares=True, **changed) for changed in changes]
+    (tmp_path / "poses.json").write_text(json.dumps(frames))
+    with pytest.raises(InputError, match=says):
+        read_detections(tmp_path / "poses.json")
+
+
+def test_a_list_of_frames_in_a_folder(tmp_path: Path, figure):
+    """ComfyUI saves a list for every picture."""
+    for k in range(2):
+        (tmp_path / f"pose_{k:05}_.json").write_text(json.dumps([of_controlnet(figure, shares=True)]))
+    assert read_detections(tmp_path).numbers == (0, 1)
+    (tmp_path / "pose_00002_.json").write_text(json.dumps([of_controlnet(figure, shares=True)] * 2))
+    with pytest.raises(InputError, match=r"pose_00002_\.json: holds 2 frames; expected one in each file of a folder"):
+        read_detections(tmp_path)
+
+
+def test_a_face_of_68_points_lacks_the_pupils(write_people):
+    (found,) = read_openpose(write_people({"a_0": [{"face_keypoints_2d": triples(68)}]})).frames
+    assert (found[0, FACE, 2] > 0).tolist() == [True] * 68 + [False] * 2
 
 
 @st.composite

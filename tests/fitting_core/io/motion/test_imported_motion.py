@@ -227,7 +227,7 @@ def test_frames_by_their_numbers_with_gaps(tiny_body: BodyModel, tmp_path: Path)
     motion = _named(tiny_body, tmp_path, [10, 11, 14, 15, 16])
     covered = cover(motion, 5, clip_first=11, clip_rate=25)
     assert covered.places.tolist() == [1, 1, 2, 2, 3] and covered.there.tolist() == [True, False, False, True, True]
-    assert "has no result for 2 frames (12-13); these show the nearest" in covered.notes[0]
+    assert covered.missing == [1, 2]
 
 
 def test_as_many_frames_as_the_clip_are_its_frames(tiny_body: BodyModel, tmp_path: Path):
@@ -241,8 +241,9 @@ def test_frames_are_those_of_the_images_that_they_are_named_after(tiny_body: Bod
         assert cover(motion, 3, clip_first=3, clip_rate=25, images=images).places.tolist() == [1, 2, 3]
     # As many frames as the clip has are its frames, unless their names say others.
     assert cover(motion, 4, clip_first=4, clip_rate=25, images=padded).places.tolist() == [0, 1, 2, 3]
-    with pytest.raises(InputError, match="for the video's frames 2 to 5; expected all of the clip's 4 frames, 4 to 7"):
-        cover(motion, 4, clip_first=4, clip_rate=25, images=named)
+    assert cover(motion, 4, clip_first=4, clip_rate=25, images=named).missing == [2, 3]
+    with pytest.raises(InputError, match="for the video's frames 2 to 5; expected some of the clip's 2 frames, 6 to 7"):
+        cover(motion, 2, clip_first=6, clip_rate=25, images=named)
     assert cover(motion, 4, clip_first=4, clip_rate=25, images=named, first_frame=4).places.tolist() == [0, 1, 2, 3]
 
 
@@ -256,9 +257,10 @@ def test_a_result_of_frames_of_which_some_have_no_image(tiny_body: BodyModel, tm
 
 def test_frames_that_do_not_reach_over_the_clip(tiny_body: BodyModel, tmp_path: Path):
     motion = _named(tiny_body, tmp_path, [0, 1, 2, 3])
-    found, wanted = "has 4 frames at 25 per second, for the video's frames 0 to 3", "clip's 3 frames, 2 to 4 at 25 per"
-    with pytest.raises(InputError, match=f"{found}; expected all of the {wanted} second. Say with --first-frame"):
-        cover(motion, 3, clip_first=2, clip_rate=25)
+    found, wanted = "has 4 frames at 25 per second, for the video's frames 0 to 3", "clip's 3 frames, 4 to 6 at 25 per"
+    with pytest.raises(InputError, match=f"{found}; expected some of the {wanted} second. Say with --first-frame"):
+        cover(motion, 3, clip_first=4, clip_rate=25)
+    assert cover(motion, 3, clip_first=2, clip_rate=25).there.tolist() == [True, True, False]
     assert cover(motion, 3, clip_first=2, clip_rate=25, first_frame=1).places.tolist() == [1, 2, 3]
 
 

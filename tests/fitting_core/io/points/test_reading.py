@@ -3,6 +3,7 @@
 import struct
 from pathlib import Path
 
+import c3d
 import numpy as np
 import pytest
 
@@ -72,6 +73,26 @@ def test_a_c3d_file_of_more_frames_than_its_header_can_count(tmp_path: Path, sai
         (tmp_path / "day.c3d").write_bytes(data)
     found = read_c3d(tmp_path / "day.c3d").places
     np.testing.assert_allclose(found, places if said else places[:65535], atol=1e-6)
+
+
+@pytest.mark.filterwarnings("ignore:No analog data")
+def test_a_c3d_file_whose_parameters_are_single_numbers_and_texts(tmp_path: Path):
+    """ANALOG:SCALE as NDI's programs write it, and the label of a single point."""
+    writer = c3d.Writer(point_rate=120.0, point_units="mm")
+    writer.set_start_frame(1)
+    writer.point_group.set_str("LABELS", "", "LASI", 4)
+    writer.set_analog_labels([""])
+    one = np.float32(0.5).tobytes()
+    # The package writes no such file: it gets its name on the disk.
+    writer.get_create("ANALOG").add_param("SCOLE", desc="", bytes_per_element=4, bytes=one, dimensions=[])
+    writer.add_frames([(np.array([[1.0, 2.0, 3.0, 0.0, 0.0]], np.float32), np.zeros((0, 0)))])
+    with (tmp_path / "walk.c3d").open("wb") as file:
+        writer.write(file)
+    data = (tmp_path / "walk.c3d").read_bytes().replace(b"SCALE", b"OTHER").replace(b"SCOLE", b"SCALE")
+    (tmp_path / "walk.c3d").write_bytes(data)
+    found = read_c3d(tmp_path / "walk.c3d")
+    assert found.names == ("LASI",)
+    np.testing.assert_allclose(found.places, [[[0.001, 0.002, 0.003]]])
 
 
 def test_what_fails_leaves_nothing(tmp_path: Path):

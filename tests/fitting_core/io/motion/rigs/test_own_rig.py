@@ -50,6 +50,35 @@ def long_trunk() -> list:
     return [PERSON[0], *parts, *((n, "Spine4" if p == "Spine1" else p, o) for n, p, o in rest)]
 
 
+def turned_bones(*names: str, by: float) -> list:
+    """The rig with some bones turned about z, in degrees: what they carry goes with them."""
+    turn = Rotation.from_euler("z", by, degrees=True)
+    return [(n, above, tuple(turn.apply(offset)) if above in names else offset) for n, above, offset in PERSON]
+
+
+@pytest.mark.parametrize(
+    ("bones", "says"),
+    [
+        (turned_bones("LeftUpLeg", "LeftLeg", by=90), r"left_hip \(.*\) points [89]\d degrees off down"),
+        (turned_bones("RightLeg", by=-60), r"right_knee \(.*\) points [56]\d degrees off down"),
+        (
+            turned_bones("RightArm", "RightForeArm", by=180),
+            r"right_shoulder \(.*\) points 1\d\d degrees off outward",
+        ),
+    ],
+)
+def test_a_rig_that_does_not_stand_at_rest_is_refused(upright: Motion, tmp_path: Path, bones: list, says: str):
+    """As files of motion capture that have every bone along one axis, and all of the pose in their motion."""
+    with pytest.raises(InputError, match=says + ".*T pose, an A pose"):
+        on_own(upright, read_mapping(with_mapping(tmp_path, "hero.bvh", bvh_text(bones))))
+
+
+@pytest.mark.parametrize("by", [-40, -85, 60])
+def test_arms_may_be_in_any_pose_of_a_body_that_stands(upright: Motion, tmp_path: Path, by: float):
+    bones = turned_bones("LeftArm", "LeftForeArm", by=by)
+    on_own(upright, read_mapping(with_mapping(tmp_path, "hero.bvh", bvh_text(bones))))
+
+
 # --- joints ---
 
 
