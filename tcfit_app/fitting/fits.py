@@ -3,7 +3,6 @@
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Container
 from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
@@ -27,7 +26,6 @@ from fitting_core.fit.refitting import with_phases
 from fitting_core.fit.result import FitResult, PhaseResult
 from tcfit_app.fitting.jobs import CorrectionJob, Job, RunJob
 from tcfit_app.fitting.live import Correction, Target
-from tcfit_app.project.edits.edit_log import frames_of
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_record import Ended, Run, Source, newest
 
@@ -355,29 +353,26 @@ class Fits:
     def keep_correction(self, correction: Correction, target: Target, refit: Refit) -> None:
         """Store a released drag in the run's corrections, which are a run of their own; see `worker.Sink`."""
         assert correction.origin is not None
-        # Its own edit is among them: it was on the disk before the drag was released.
-        seen = {entry.id for entry in self._project.log if entry.id <= correction.edits_seen}
         clip = correction.edited(target)
         with self._correcting:
-            self._correct(correction.origin, (correction.frames,), refit, clip, correction.body, seen)
+            self._correct(correction.origin, (correction.frames,), refit, clip, correction.body, correction.edits_seen)
 
     def _keep_followed(self, job: CorrectionJob, fit: FitResult) -> None:
         """What is newer than the job stays: frames that were edited meanwhile are left to be followed again."""
-        log, inner = self._project.log, job.job
+        inner = job.job
         assert inner is not None, "it has run"
-        later = {f for number, frames in frames_of(log).items() if number > job.edits_seen for f in frames}
+        later = {f for frames in self._project.frames_changed_after(job.edits_seen).values() for f in frames}
         windows = tuple(window for window in inner.windows if later.isdisjoint(window))
         if late := {f for window in inner.windows if window not in windows for f in job.frames.intersection(window)}:
             self.overtaken.put((self._project.runs.get(job.origin), late))
         if windows:
-            seen = {entry.id for entry in log if entry.id <= job.edits_seen}
             provenance = fit.last.provenance or Provenance.unknown(len(fit.last.params))
             refit = Refit(params=fit.last.params, provenance=provenance)
             with self._correcting:
-                self._correct(job.origin, windows, refit, inner.clip, inner.body, seen)
+                self._correct(job.origin, windows, refit, inner.clip, inner.body, job.edits_seen)
 
     def _correct(
-        self, run: int, windows: tuple[range, ...], refit: Refit, clip: Clip, body: BodyModel, seen: set[int]
+        self, run: int, windows: tuple[range, ...], refit: Refit, clip: Clip, body: BodyModel, seen: int
     ) -> None:
         """Put windows of a fit into a run's corrections: that run may have changed since they were begun."""
         base = self.corrections_of(run)
@@ -406,20 +401,19 @@ class Fits:
         children = [r for r in self.runs if r.parent == run and r.kind == "corrections" and r.state == "finished"]
         return children[-1] if children else self._project.runs.get(run)
 
-    def edits_seen(self, base: Run, windows: tuple[range, ...], seen: Container[int]) -> int:
+    def edits_seen(self, base: Run, windows: tuple[range, ...], seen: int) -> int:
         """Up to which log entry a run has seen all edits once windows of it are fitted again.
 
         Args:
             base: The run before.
             windows: Fitted again.
-            seen: The log entries that this took into account.
+            seen: The last log entry that this took into account.
         """
         fitted, last = {frame for window in windows for frame in window}, base.edits_seen
-        for number, frames in frames_of(self._project.log).items():
-            if number > last:
-                if number not in seen or not fitted.issuperset(frames):
-                    break
-                last = number
+        for number, frames in self._project.frames_changed_after(last).items():
+            if number > seen or not fitted.issuperset(frames):
+                break
+            last = number
         return last
 
     def _store_corrections(self, base: Run, fit: FitResult, seen: int) -> None:

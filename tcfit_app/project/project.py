@@ -19,8 +19,10 @@ as if it had been closed after the last such return.
 """
 
 import threading
+from bisect import bisect_right
 from dataclasses import replace
 from datetime import UTC, datetime
+from itertools import islice
 from pathlib import Path
 from types import TracebackType
 
@@ -38,7 +40,18 @@ from fitting_core.lens import filmed_keypoints, straightened_keypoints
 from fitting_core.measure.references.reference import Reference
 from fitting_core.silhouettes import Silhouettes
 from tcfit_app.project.edits.corrected import Corrected
-from tcfit_app.project.edits.edit_log import Action, EditHistory, LogEntry, Note, Redo, Remark, Undo, decode, encode
+from tcfit_app.project.edits.edit_log import (
+    Action,
+    EditHistory,
+    LogEntry,
+    Note,
+    Redo,
+    Remark,
+    Undo,
+    decode,
+    encode,
+    frames_of,
+)
 from tcfit_app.project.storage import database, media
 from tcfit_app.project.storage.accessing import accessing
 from tcfit_app.project.storage.clip import read_clip, replace_camera, replace_detections, write_clip
@@ -343,6 +356,34 @@ class Project:
         """Everything that was done to the keypoints and said about frames, oldest first."""
         with self._guard:
             return tuple(self._log)
+
+    def last_said(self, count: int) -> list[LogEntry]:
+        """The last edits and remarks of the log, newest first; those that were undone as well."""
+        with self._guard:
+            said = (entry for entry in reversed(self._log) if not isinstance(entry.action, Undo | Redo))
+            return list(islice(said, count))
+
+    def frames_changed_after(self, seen: int) -> dict[int, tuple[int, ...]]:
+        """The frames whose keypoints each entry of the log after the entry `seen` changes, as `edit_log.frames_of`."""
+        with self._guard:
+            first = bisect_right(self._log, seen, key=lambda entry: entry.id)
+            return frames_of(self._log[first:], self._history.standing.said)
+
+    def edits_since(self, seen: int) -> int:
+        """How many edits stand now and did not after the entry `seen`, or did and do not now."""
+        with self._guard:
+            return self._history.standing.differing(seen)
+
+    def frames_edited_since(self, seen: int) -> frozenset[int]:
+        """The frames of the edits that `edits_since` counts."""
+        with self._guard:
+            changed = list(self._history.standing.changes(seen))
+        return frozenset(frame for said in changed if not isinstance(said, Remark) for frame in said.frames)
+
+    def stands(self, number: int) -> bool:
+        """Whether the edit or remark of this id is done, and not undone."""
+        with self._guard:
+            return self._history.standing.stands(number)
 
     @property
     def last_edit(self) -> int:

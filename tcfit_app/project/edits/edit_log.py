@@ -24,6 +24,7 @@ from fitting_core.errors import InputError
 from fitting_core.keypoints import Keypoints
 from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.project.edits.kinds import Edit, NewDetections, TakeOver, check
+from tcfit_app.project.edits.standing import Standing
 
 _MEMORY = 256 * 2**20
 """Bytes for what undo puts back; where that does not suffice, all edits are made again."""
@@ -128,38 +129,18 @@ class Note:
     author: str
 
 
-def frames_of(log: Iterable[LogEntry]) -> dict[int, tuple[int, ...]]:
-    """The frames whose keypoints each entry changes, by its id: Undo and Redo those of their edit, remarks none."""
+def frames_of(log: Iterable[LogEntry], said: Callable[[int], Said]) -> dict[int, tuple[int, ...]]:
+    """The frames whose keypoints each entry changes, by its id: Undo and Redo those of their edit, remarks none.
+
+    Args:
+        log: entries, all or some.
+        said: What the entry of an id has said, for those that are undone and redone.
+    """
     found: dict[int, tuple[int, ...]] = {}
     for entry in log:
-        action = entry.action
-        if isinstance(action, Undo | Redo):
-            found[entry.id] = found.get(action.edit, ())
-        else:
-            found[entry.id] = () if isinstance(action, Remark) else action.frames
+        action = said(entry.action.edit) if isinstance(entry.action, Undo | Redo) else entry.action
+        found[entry.id] = () if isinstance(action, Remark) else action.frames
     return found
-
-
-def edits_since(log: Iterable[LogEntry], seen: int) -> list[Edit]:
-    """The edits that stand now and did not after the entry `seen`, and those that did and do not now."""
-    entries = list(log)
-    now, then = _standing(entries), _standing([entry for entry in entries if entry.id <= seen])
-    changed = [said for number, said in (now | then).items() if (number in now) != (number in then)]
-    return [edit for edit in changed if not isinstance(edit, Remark)]
-
-
-def _standing(entries: Iterable[LogEntry]) -> dict[int, Said]:
-    done: dict[int, Said] = {}
-    undone: dict[int, Said] = {}
-    for entry in entries:
-        action = entry.action
-        if isinstance(action, Undo):
-            undone[action.edit] = done.pop(action.edit)
-        elif isinstance(action, Redo):
-            done[action.edit] = undone.pop(action.edit)
-        else:
-            done[entry.id] = action
-    return done
 
 
 def encode(action: Action) -> str:
@@ -213,6 +194,8 @@ class EditHistory:
         self._undone: list[LogEntry] = []
         self._written: list[LogEntry] = []
         """Those of _done about notes."""
+        self.standing: Standing[Said] = Standing()
+        """What stood after each entry."""
         self._before: deque[tuple[Edit, Corrected, Corrected | None]] = deque()
         """What the last edits of _done have overwritten, of as many as memory allows; also of the detections."""
         self._bytes = 0
@@ -334,14 +317,17 @@ class EditHistory:
     def _take_up(self, entry: LogEntry) -> Said:
         """What is done now, and what can be redone; returns what was done, undone or redone. Keypoints stay."""
         if isinstance(entry.action, Undo):
+            self.standing.undo(entry.id)
             self._undone.append(self._done.pop())
             said = _said(self._undone[-1])
             if isinstance(said, WriteNote | WriteNotes):
                 self._written.pop()
             return said
         if isinstance(entry.action, Redo):
+            self.standing.redo(entry.id, entry.action.edit)
             self._done.append(self._undone.pop())
         else:
+            self.standing.say(entry.id, entry.action, counts=not isinstance(entry.action, Remark))
             self._undone.clear()
             self._done.append(entry)
         said = _said(self._done[-1])

@@ -25,7 +25,7 @@ from tcfit_app.fitting.worker import Drag, Worker
 from tcfit_app.imports.elan import ElanNotes, notes_of
 from tcfit_app.imports.given import NOTHING, Known, read_given
 from tcfit_app.imports.results import ImportChoices, import_run, kept_as, upload
-from tcfit_app.project.edits.edit_log import LogEntry, Remark, WriteNote, WriteNotes, edits_since
+from tcfit_app.project.edits.edit_log import LogEntry, Remark, WriteNote, WriteNotes
 from tcfit_app.project.edits.kinds import Edit, MoveKeypoint, PlaceKey, SetDepth
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.names import name_of_file
@@ -335,7 +335,7 @@ class Session:
             before, parent = start.run.given, start.run.id
             given = Given(start=before.start, shape=before.shape if windows else given.shape)
         if start is not None and windows:
-            seen = self.fits.edits_seen(start.run, windows, range(seen + 1))
+            seen = self.fits.edits_seen(start.run, windows, seen)
         run = self.project.runs.start(
             job.config,
             body=record_of(job.body),
@@ -391,11 +391,11 @@ class Session:
 
     def edits_since(self, run: Run) -> int:
         """How many edits were made or taken back since a run."""
-        return len(edits_since(self.project.log, run.edits_seen))
+        return self.project.edits_since(run.edits_seen)
 
     def frames_edited_since(self, run: Run) -> frozenset[int]:
         """Their frames."""
-        return frozenset(frame for edit in edits_since(self.project.log, run.edits_seen) for frame in edit.frames)
+        return self.project.frames_edited_since(run.edits_seen)
 
     # --- live correction ---
 

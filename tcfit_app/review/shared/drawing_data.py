@@ -235,7 +235,9 @@ class DrawingData:
         project = self.session.project
 
         def queue(posed: PosedFit) -> ReviewQueue:
-            checked = still_checked(project.marks.all(), project.log, refitted=self._refitted(shown.run))
+            checked = still_checked(
+                project.marks.all(), project.frames_changed_after(0), refitted=self._refitted(shown.run)
+            )
             return review_queue(posed, checked=checked)
 
         return self._made(self._suspects_key(shown), shown, queue)

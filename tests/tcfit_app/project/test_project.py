@@ -27,7 +27,6 @@ from fitting_core.files import locking
 from fitting_core.keypoints import COUNT
 from tcfit_app.analysis.suspicion import still_checked
 from tcfit_app.project import project as project_module
-from tcfit_app.project.edits.edit_log import edits_since
 from tcfit_app.project.edits.kinds import MarkBad, MoveKeypoint
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage import database, media
@@ -180,10 +179,12 @@ def test_marks_are_undone_and_redone_as_edits_are(folder: Path):
         assert project.undo() == fine and states() == {3: "flag"}
         assert project.clip.keypoints is keypoints or same_keypoints(project.clip.keypoints, keypoints)
         assert project.redo() == fine and project.marks.all() == checked
-        assert still_checked(project.marks.all(), project.log) == {3, 4}, "an undone mark is no change of its frames"
+        assert still_checked(project.marks.all(), project.frames_changed_after(0)) == {3, 4}, (
+            "an undone mark is no change of its frames"
+        )
     with Project.open(folder) as project:
         assert states() == {3: "checked", 4: "checked"} and project.undoable == fine
-        assert edits_since(project.log, 3) == [], "a mark is no correction that a fit would have to follow"
+        assert project.edits_since(3) == 0, "a mark is no correction that a fit would have to follow"
 
 
 def test_what_came_before_a_mark_is_told_by_no_clock(folder: Path, monkeypatch: pytest.MonkeyPatch):
@@ -194,7 +195,7 @@ def test_what_came_before_a_mark_is_told_by_no_clock(folder: Path, monkeypatch: 
 
     def checked() -> frozenset[int]:
         refitted = [(run.moment, range(2, 6)) for run in project.runs.all() if run.id > 1]
-        return still_checked(project.marks.all(), project.log, refitted=refitted)
+        return still_checked(project.marks.all(), project.frames_changed_after(0), refitted=refitted)
 
     with Project.open(folder) as project:
         with monkeypatch.context() as patched:
