@@ -75,6 +75,8 @@ class Correction:
     """The run that `params` are of, for whoever keeps the correction."""
     edits_seen: int = 0
     """Id of the last log entry that `clip` holds, for whoever keeps the correction."""
+    edit: int | None = None
+    """Id of the log entry that says where they were released, for whoever keeps the correction."""
     renewed: "Callable[[], Correction] | None" = None
     """The same from the result and the keypoints as they are by then: other corrections come in between."""
 

@@ -8,6 +8,8 @@ A project is a folder:
 | detections.npz | the detected keypoints, xy (T, 137, 2) in pixels, confidence (T, 137), and by what detector; stay \
 once there are any |
 | runs/000001.npz | what a run found (`storage/run_files.py` has the keys) |
+| runs/000002/000001.npz | what a correction has replaced in a run, for undo (`storage/changes.py`); not in a packed \
+project, where the fit follows an undo as any other edit |
 | reference.npz | what fits are compared with, where something is known |
 | handshapes.toml | the user's own set of handshapes, where there is one |
 | rig/ | the user's own rig and its mapping file, where there is one; not in a packed project |
@@ -383,7 +385,22 @@ class Project:
     def stands(self, number: int) -> bool:
         """Whether the edit or remark of this id is done, and not undone."""
         with self._guard:
-            return self._history.standing.stands(number)
+            return self._history.standing.stood(number)
+
+    def stood(self, number: int, seen: int) -> bool:
+        """Whether it was so after the entry `seen`."""
+        with self._guard:
+            return self._history.standing.stood(number, seen)
+
+    def stood_by(self, seen: int, later: int | None = None) -> bool:
+        """Whether all that stood after the entry `seen` stood after a later one as well; None: stands now."""
+        with self._guard:
+            return self._history.standing.stood_by(seen, later)
+
+    def frames_of(self, edit: int) -> tuple[int, ...]:
+        """The frames that the edit of this id changes."""
+        with self._guard:
+            return self._history.standing.said(edit).frames
 
     @property
     def last_edit(self) -> int:

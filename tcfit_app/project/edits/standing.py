@@ -79,15 +79,15 @@ class Standing(Generic[SaidEntry]):
                 yield state.said
                 state = state.before
 
-    def stood_by(self, seen: int) -> bool:
-        """Whether all that stood after the entry `seen` stands now."""
+    def stood_by(self, seen: int, later: int | None = None) -> bool:
+        """Whether all that stood after the entry `seen` stood after a later one as well; None: stands now."""
         then = self._after(seen)
-        return _parted(then, self._now) is then
+        return _parted(then, self._now if later is None else self._after(later)) is then
 
-    def stands(self, number: int) -> bool:
-        """Whether what the entry has said stands now."""
-        state = self._of.get(number)
-        return state is not None and _parted(state, self._now) is state
+    def stood(self, number: int, seen: int | None = None) -> bool:
+        """Whether what an entry has said stood after the entry `seen`; None: whether it stands now."""
+        state, then = self._of.get(number), self._now if seen is None else self._after(seen)
+        return state is not None and _parted(state, then) is state
 
     def said(self, number: int) -> SaidEntry:
         """What an entry has said."""

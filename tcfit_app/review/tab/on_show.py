@@ -95,9 +95,7 @@ def live_window(session: Session, fit: Shown | None, frame: int) -> LiveWindow |
     """What a drag makes of a fit in a frame: a drag in this run, or in the one whose corrections it is."""
     if fit is None or fit.phase != 3:
         return None
-    runs = (fit.run.id, fit.run.parent) if fit.run.kind == "corrections" else (fit.run.id,)
-    windows = [session.edit_follower.window(run, frame) for run in runs if run is not None]
-    return max((w for w in windows if w is not None), key=lambda window: window.revision, default=None)
+    return session.edit_follower.window(fit.run.id, frame)
 
 
 def _places(state: TabState) -> tuple[tuple[Side, ...], ...]:

@@ -327,7 +327,7 @@ class Tab:
         if run is None:
             return
         under_way = session.edit_follower.busy or any(job.run is None for job in session.jobs.values())
-        corrections = run if session.fits.run(run) is None else session.fits.corrections_of(run).id
+        corrections = run if session.fits.run(run) is None else session.fits.corrections.of(run).id
         if corrections == run and under_way:
             return
         self.corrected = None

@@ -381,7 +381,7 @@ def test_only_the_newest_move_counts(
     assert len(reader.wait(DragFinished)) == 1
     target = c.edited(clip.keypoints.xy[3, [WRIST]] + 0.1 * 299)
     plain = finished(rerun_events(target, tiny_body, c.converging, c.params, c.frames)).params
-    (released,) = [found for what, found in kept.results if what is c]
+    (released,) = [found for what, found in kept.results if what == c]
     assert torch.allclose(released.body_pose, plain.body_pose, atol=1e-6) and not reader.moved
 
 

@@ -41,7 +41,9 @@ def test_it_tells_what_a_replay_of_the_log_tells(steps: list[str]):
         assert set(standing.changes(seen)) == now ^ then
         assert standing.differing(seen) == len((now ^ then) - remarks)
         assert standing.stood_by(seen) == (then <= now)
-        assert standing.stands(seen) == (seen in now)
+        assert all(standing.stood_by(seen, k) == (then <= set(after[k])) for k in range(seen, len(after)))
+        assert standing.stood(seen) == (seen in now)
+        assert all(standing.stood(number, seen) == (number in then) for number in range(len(after)))
 
 
 def calls(work: Callable[[], Any]) -> int:

@@ -684,9 +684,10 @@ def test_nothing_is_read_from_the_disk_where_a_drag_or_an_edit_begins(
     monkeypatch.setattr(
         session.project.runs, "load", lambda run: threads.append(threading.current_thread()) or load(run)
     )
-    for begin in (lambda: drag(session, before, 60.0), lambda: nudge(session, 1, before)):
+    for begin in (lambda shown: drag(session, shown, 60.0), lambda shown: nudge(session, 1, shown)):
+        shown = newest(session)
         del session.fits._versions[corrections.id]
-        begin()
+        begin(shown)
         idle(session)
     assert len(threads) > 1 and threading.current_thread() not in threads
     assert session.edits_since(newest(session).run) == 0
