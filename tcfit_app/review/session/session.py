@@ -297,6 +297,11 @@ class Session:
             InputError: As `fit_everything`.
         """
         start = self._start_of(shown)
+        if start.last.phase < 2 and shown.run.state != "running":
+            raise InputError(
+                f"{shown.run.name} ended after its first phase, in which each frame has a shape of its own. Find one "
+                "that all share with Re-run shape, and re-run frames of that."
+            )
         body = self.bodies.of(shown.run.body)
         job = RerunFrames(clip=self.clip_of(start.camera), body=body, config=config, start=start, windows=windows)
         return self._submit(job, kind="frames", start=shown, windows=windows)

@@ -525,6 +525,15 @@ def test_nothing_goes_on_from_a_run_that_did_not_finish(session: Session):
     assert after is not None and after.state == "failed" and "did not finish" in after.message
 
 
+def test_frames_of_a_run_that_ended_after_its_first_phase_are_not_fitted_again(session: Session):
+    session.fit_everything(replace(QUICK, last_phase=1), kind="smplx", gender="neutral")
+    idle(session)
+    runs = session.fits.runs
+    with pytest.raises(InputError, match=r"Run 2 ended after its first phase.*Re-run shape"):
+        session.rerun_frames(newest(session), QUICK, (range(2, 5),))
+    assert session.fits.runs == runs
+
+
 def test_a_drag_that_overtook_an_edit_stays(session: Session):
     before = newest(session)
     with held(session):
