@@ -161,17 +161,14 @@ class Worker:
     def _serve(self) -> None:
         torch.set_num_threads(1)  # a second thread hardly helps a fit, and the draw loop needs it
         while not self._closing:
+            self._follow_drags()
             with self._changed:
                 self._changed.wait_for(lambda: self._closing or self._errands or self._waiting_drag() or self._queue)
-            self._run_errands()
-            with self._changed:
-                drag = self._waiting_drag()
-                entry = self._queue.popleft() if drag is None and self._queue and not self._closing else None
+                idle = self._closing or self._errands or self._waiting_drag() or not self._queue
+                entry = None if idle else self._queue.popleft()
                 if entry is not None:
                     self._running, self._cancelled = entry[0], False
-            if drag is not None:
-                self._follow(drag)
-            elif entry is not None:
+            if entry is not None:
                 self._run(*entry)
         self._run_errands()
         for drag in self._drags:
@@ -227,13 +224,9 @@ class Worker:
 
     def _may_go_on(self) -> bool:
         """Between two iterations: follows drags; False if the job was cancelled."""
-        while True:
-            self._run_errands()
-            with self._changed:
-                drag = self._waiting_drag()
-                if self._closing or self._cancelled or drag is None:
-                    return not (self._closing or self._cancelled)
-            self._follow(drag)
+        if not self._cancelled:
+            self._follow_drags()
+        return not (self._closing or self._cancelled)
 
     def _pass_on(self, number: int, job: Job, event: FitEvent, clock: JobClock) -> None:
         clock.take(event)
@@ -245,32 +238,41 @@ class Worker:
         if not isinstance(event, Finished):  # its result comes as the outcome
             self.reports.tell(JobReported(job=number, event=event))
 
-    def _follow(self, drag: Drag) -> None:
-        """A drag until it ends, or until its pointer rests."""
-        try:
-            ended = self._followed(drag)
-        except Exception as error:  # whatever it was: the user is told, and a job under way goes on
-            ended = DragEnded(drag=drag.number, how="failed", reason=_reason(error))
-            _log.exception("Following drag %d failed", drag.number)
-        if ended is not None:
-            with self._changed:
-                self._drags.remove(drag)
-            self.reports.tell(ended)
-
-    def _followed(self, drag: Drag) -> DragEnded | None:
+    def _follow_drags(self) -> None:
+        """A step for each drag in turn, until they have ended or their pointers have rested for a while."""
         while True:
+            self._run_errands()
             with self._changed:
-                self._changed.wait_for(lambda: self._closing or drag.wants, LINGER)
-                if not (self._closing or drag.wants):
-                    return None
+                self._changed.wait_for(
+                    lambda: self._closing or self._errands or self._waiting_drag() or not self._drags, LINGER
+                )
+                if self._errands:
+                    continue
+                drag = self._waiting_drag()
+                if drag is None:
+                    return
+                self._drags.remove(drag)
+                self._drags.append(drag)
                 target = drag.taken()
-            if self._closing or drag.abandoned:
+            if (ended := self._followed(drag, target)) is not None:
+                with self._changed:
+                    self._drags.remove(drag)
+                self.reports.tell(ended)
+
+    def _followed(self, drag: Drag, target: Target | None) -> DragEnded | None:
+        """One step of a drag; how it has ended, if it has."""
+        try:
+            if drag.abandoned:
                 return DragEnded(drag=drag.number, how="abandoned")
             live = self._aimed(drag, target)
             if drag.released:
                 return self._released(drag, live)
             params = live.resolve()
-            self.reports.show(DragMoved(drag=drag.number, frames=drag.correction.frames, params=params))
+        except Exception as error:  # whatever it was: the user is told, and a job under way goes on
+            _log.exception("Following drag %d failed", drag.number)
+            return DragEnded(drag=drag.number, how="failed", reason=_reason(error))
+        self.reports.show(DragMoved(drag=drag.number, frames=drag.correction.frames, params=params))
+        return None
 
     def _aimed(self, drag: Drag, target: Target | None) -> LiveCorrection:
         """The drag's correction, made at first."""
