@@ -81,7 +81,11 @@ class Session:
     def close(self) -> None:
         """End all work; what had finished is on the disk."""
         self.tasks.close()
+        self.take_news()
         self.worker.close()
+        for report in self.worker.reports.take().reports:  # what ended by itself before it was cancelled
+            if not (isinstance(report, JobEnded) and report.how == "cancelled"):
+                self._take_whatever_comes(report)
         for job in self.jobs.values():
             job.outcome, job.reason = "cancelled", "tcfit was closed"
             self._end_run(job)

@@ -35,7 +35,7 @@ from tcfit_app.project.storage.run_record import Given, Source
 from tcfit_app.review.panels.runs.run_texts import result_of
 from tcfit_app.review.session.session import Session
 from tests.samples.scenes import finished
-from tests.samples.sessions import FRAMES, QUICK, held, idle, newest, session_of, small_clip, told, until
+from tests.samples.sessions import FRAMES, PATIENCE, QUICK, held, idle, newest, session_of, small_clip, told, until
 
 WRIST = kp.INDEX["right_wrist"]
 
@@ -787,6 +787,35 @@ def test_frames_around():
     assert around([0, 9], 2, 10) == (range(0, 3), range(7, 10))
     assert around([1, 5], 2, 10) == (range(0, 8),), "ranges that touch are one"
     assert around([], 2, 10) == ()
+
+
+@pytest.mark.parametrize("while_closing", [False, True])
+def test_closing_leaves_what_has_ended_by_itself_as_it_ended(
+    session: Session, monkeypatch: pytest.MonkeyPatch, while_closing: bool
+):
+    """The session has not asked for the worker's news by then."""
+    ended, tell, close = [], session.worker.reports.tell, session.worker.close
+    monkeypatch.setattr(
+        session.worker.reports, "tell", lambda report: (tell(report), ended.append(isinstance(report, JobEnded)))
+    )
+
+    def wait() -> None:
+        end = time.monotonic() + PATIENCE
+        while sum(ended) < 2:
+            assert time.monotonic() < end
+            time.sleep(0.005)
+
+    wrong = replace(QUICK, pose_prior="/nowhere/at all.npz")
+    fitted, failed = (session.fit_everything(config, kind="smplx", gender="neutral") for config in (QUICK, wrong))
+    if while_closing:
+        monkeypatch.setattr(session.worker, "close", lambda: (wait(), close()))
+    else:
+        wait()
+    session.close()
+    runs = session.project.runs
+    assert [runs.get(run.id).state for run in (fitted, failed)] == ["finished", "failed"]
+    assert "nowhere" in runs.get(failed.id).message
+    assert not any("cannot be written" in notice.title for notice in told(session))
 
 
 def test_a_closing_session_does_not_hang(session: Session):
