@@ -114,10 +114,9 @@ class EditFollower:
             return None  # the picture says so
         self._go_on_from(shown.run)
 
-        def of(camera: Camera, params: BodyParams, given: GivenStart | None) -> Correction:
-            seen = self._project.last_edit
+        def of(clip: Clip, params: BodyParams, given: GivenStart | None, seen: int = 0) -> Correction:
             return Correction(
-                clip=self._clip(camera),
+                clip=clip,
                 body=body,
                 config=shown.run.config,
                 params=params,
@@ -132,10 +131,12 @@ class EditFollower:
 
         def renewed() -> Correction:
             start = self._fits.fit(self._fits.corrections.of(shown.run.id))
-            return of(start.camera, start.last.params, start.start)
+            seen = self._project.last_edit
+            return of(self._clip(start.camera), start.last.params, start.start, seen)
 
-        # The worker renews it before it begins: corrections that are not in memory are read on its thread.
-        drag = self._worker.drag(of(shown.camera, shown.params, None), target)
+        # The worker renews it before it begins: corrections that are not in memory are read on its thread, and the
+        # keypoints as they stand put together.
+        drag = self._worker.drag(of(replace(self._project.footage, camera=shown.camera), shown.params, None), target)
         self._drags[drag.number] = (drag, shown.run)
         return drag
 
@@ -267,7 +268,7 @@ class EditFollower:
             )
 
         frames = sorted(frame for window in self._windows(edits) for frame in window)
-        where = in_words(frames, self._project.clip.first_frame)
+        where = in_words(frames, self._project.footage.first_frame)
         return CorrectionJob(origin=run.id, edits=edits, title=f"Follow edits: re-run {where}", renewed=renewed)
 
     def _clip(self, camera: Camera) -> Clip:

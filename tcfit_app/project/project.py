@@ -30,6 +30,7 @@ from types import TracebackType
 
 import msgspec
 import numpy as np
+from jaxtyping import Bool
 
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
@@ -46,6 +47,7 @@ from tcfit_app.project.edits.edit_log import (
     Action,
     EditHistory,
     LogEntry,
+    Marking,
     Note,
     Redo,
     Remark,
@@ -83,6 +85,7 @@ class Project:
         )
         self._stored, self._database, self._lock = stored, store, held
         self._clip: Clip | None = None
+        self._footage: Clip | None = None
         self._detected = bool((stored.keypoints.confidence > 0).any())
         self._guard = threading.RLock()
         """Of what is known of the project; held for moments only, for the thread that draws asks for it."""
@@ -181,7 +184,8 @@ class Project:
 
     @property
     def detected(self) -> Corrected:
-        """What is corrected: the detections, and what was taken over from another person or detected again."""
+        """What is corrected: the detections, and what was taken over from another person or detected again. As
+        `corrected`, it shows what later edits make of it."""
         with self._guard:
             return self._history.detected
 
@@ -193,18 +197,49 @@ class Project:
 
     @property
     def corrected(self) -> Corrected:
-        """The keypoints as they stand, with marks of what was edited and what is bad."""
+        """The keypoints as they stand, with marks of what was edited and what is bad; for the thread that edits, for it
+        shows what later edits make of them."""
         with self._guard:
             return self._history.corrected
 
+    def marked(self, marking: Marking) -> list[int]:
+        """The frames with any keypoint of which that is so, in order."""
+        with self._guard:
+            return self._history.marked(marking)
+
+    @property
+    def bad(self) -> Bool[np.ndarray, "T 137"]:
+        """Which keypoints are marked as bad."""
+        bad = np.zeros(self._stored.keypoints.confidence.shape, bool)
+        with self._guard:
+            frames = self._history.marked("bad")
+            bad[frames] = self._history.corrected.bad[frames]
+        return bad
+
+    @property
+    def footage(self) -> Clip:
+        """The clip as it was filmed and detected, and the source where it is now: for whoever needs no corrected
+        keypoints, which take longer after an edit."""
+        with self._guard:
+            if self._footage is None or self._footage.source != self.media.path:
+                self._footage = replace(self._stored, source=self.media.path)
+            return self._footage
+
     @property
     def clip(self) -> Clip:
-        """What is to be fitted now: corrected keypoints, and the source where it is now."""
-        with self._guard:
-            keypoints, source = self._history.keypoints, self.media.path
-            if self._clip is None or self._clip.keypoints is not keypoints or self._clip.source != source:
-                self._clip = replace(self._stored, keypoints=keypoints, source=source)
-            return self._clip
+        """What is to be fitted now: corrected keypoints, and the source where it is now. In a long clip it takes some
+        milliseconds after an edit, for which nobody else waits."""
+        while True:
+            with self._guard:
+                history, news = self._history, self._history.news()
+            made = news.keypoints()
+            with self._guard:
+                if history is not self._history:
+                    continue
+                keypoints = history.keep(news, made)
+                if self._clip is None or self._clip.keypoints is not keypoints or self._clip.source != self.media.path:
+                    self._clip = replace(self.footage, keypoints=keypoints)
+                return self._clip
 
     @property
     def has_detections(self) -> bool:
@@ -260,7 +295,7 @@ class Project:
             EditHistory(stored.keypoints, self.log)  # what could not be opened again must not get onto the disk
             replace_detections(self.folder, self._database, stored)
             with self._guard:
-                self._stored, self._detected = stored, True
+                self._stored, self._detected, self._clip, self._footage = stored, True, None, None
                 self._history = EditHistory(stored.keypoints, self._log)
 
     def set_camera(self, camera: Camera, notes: tuple[str, ...] = ()) -> None:
@@ -290,7 +325,7 @@ class Project:
                 stored = replace(stored, keypoints=_fixed(straight), notes=(*stored.notes, *lens_notes))
                 replace_detections(self.folder, self._database, stored)
             with self._guard:
-                self._stored, self._clip = stored, None
+                self._stored, self._clip, self._footage = stored, None, None
                 if stored.keypoints is not before.keypoints:
                     self._history = EditHistory(stored.keypoints, self._log)
 

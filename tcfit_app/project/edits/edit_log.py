@@ -12,17 +12,18 @@ them they take back or bring back:
 The log belongs to the project and not to a browser: two people at one project undo each other's edits.
 """
 
+import itertools
 from collections import deque
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
-from typing import Literal
+from typing import Literal, get_args
 
 import msgspec
 
 from fitting_core.errors import InputError
 from fitting_core.keypoints import Keypoints
-from tcfit_app.project.edits.corrected import Corrected
+from tcfit_app.project.edits.corrected import Corrected, read_only
 from tcfit_app.project.edits.kinds import Edit, NewDetections, TakeOver, check
 from tcfit_app.project.edits.standing import Standing
 
@@ -162,11 +163,32 @@ def decode(text: str | bytes) -> Action:
         ) from error
 
 
+Marking = Literal["told", "bad", "key"]
+"""What `Corrected` says of a keypoint, and a timeline of its frame."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class News:
+    """How keypoints have changed."""
+
+    before: Keypoints
+    frames: list[int]
+    """That are others."""
+    rows: Corrected
+    """Those frames."""
+    version: int
+    """Of the history, by the number of its changes."""
+
+    def keypoints(self) -> Keypoints:
+        """As they are now."""
+        return self.rows.put_into(self.before, self.frames) if self.frames else self.before
+
+
 class EditHistory:
     """The log's meaning: the corrected keypoints, and what can be undone and redone.
 
-    A further entry costs as much as the keypoints that it touches, whatever the lengths of the clip and of the log.
-    Not thread-safe; what it returns never changes.
+    A further entry costs as much as the frames that it touches, whatever the lengths of the clip and of the log. Not
+    thread-safe. Keypoints that it has returned never change; `corrected` and `detected` show what they are now.
     """
 
     def __init__(
@@ -188,8 +210,6 @@ class EditHistory:
         """
         self._original = detections
         self._detections = self._now = Corrected.none(detections)
-        self._detections_given = False
-        """Whether somebody else has them, for whom they must stay as they are."""
         self._done: list[LogEntry] = []
         self._undone: list[LogEntry] = []
         self._written: list[LogEntry] = []
@@ -199,8 +219,15 @@ class EditHistory:
         self._before: deque[tuple[Edit, Corrected, Corrected | None]] = deque()
         """What the last edits of _done have overwritten, of as many as memory allows; also of the detections."""
         self._bytes = 0
-        self._published: Corrected | None = None
-        self._keypoints: Keypoints | None = None
+        self._keypoints = replace(detections, xy=read_only(detections.xy), confidence=read_only(detections.confidence))
+        """What there was to fit, before the frames `_changed` did."""
+        self._changed: set[int] = set()
+        self._version = 0
+        self._touched: set[int] = set()
+        """All frames that any edit has ever changed."""
+        self._marked: dict[Marking, set[int]] = {marking: set() for marking in get_args(Marking)}
+        """The frames with any keypoint of which that is so, but for those that are `_unmarked`."""
+        self._unmarked: set[int] = set()
         for entry in tuple(entries):  # what was undone in the end need not be made
             try:
                 self.check(entry.action)
@@ -247,22 +274,42 @@ class EditHistory:
     @property
     def detected(self) -> Corrected:
         """What is corrected: the detections, and what was taken over or detected again in their place."""
-        self._detections_given = True
-        return self._detections
+        return self._detections.view
 
     @property
     def corrected(self) -> Corrected:
         """The whole clip as it stands, with marks of what was edited."""
-        if self._published is None:
-            self._published = self._now.frozen()
-        return self._published
+        return self._now.view
+
+    def marked(self, marking: Marking) -> list[int]:
+        """The frames with any keypoint of which that is so, in order."""
+        if frames := sorted(self._unmarked):
+            rows = Corrected(records=self._now.records[frames])
+            for name, marked in self._marked.items():
+                marked.difference_update(frames)
+                marked.update(itertools.compress(frames, getattr(rows, name).any(1)))
+            self._unmarked.clear()
+        return sorted(self._marked[marking])
 
     @property
     def keypoints(self) -> Keypoints:
         """The keypoints to fit."""
-        if self._keypoints is None:
-            self._keypoints = self.corrected.keypoints()
-        return self._keypoints
+        news = self.news()
+        return self.keep(news, news.keypoints())
+
+    def news(self) -> "News":
+        """What makes `keypoints`, which takes longer in a long clip: for somebody who cannot wait for that."""
+        frames = sorted(self._changed)
+        rows = Corrected(records=self._now.records[frames])
+        return News(before=self._keypoints, frames=frames, rows=rows, version=self._version)
+
+    def keep(self, news: "News", made: Keypoints) -> Keypoints:
+        """Remember what `news` has made, so that further news are those since then."""
+        if news.before is self._keypoints:
+            self._keypoints = made
+            if news.version == self._version:
+                self._changed.clear()
+        return made
 
     def check(self, action: Action) -> None:
         """Raise InputError if this cannot be the next action."""
@@ -308,7 +355,6 @@ class EditHistory:
         changed = self._take_up(entry)
         if isinstance(changed, Remark):
             return
-        self._published = self._keypoints = None
         if isinstance(entry.action, Undo):
             self._take_back()
         else:
@@ -345,20 +391,24 @@ class EditHistory:
             self._bytes -= self._before.popleft()[1].nbytes
 
     def _put(self, edit: Edit) -> None:
-        self._now.put(edit.frames, edit.joints, edit.values(self._now, self._detections))
+        self._write(edit, edit.values(self._now, self._detections))
         if isinstance(edit, NewDetections):
-            self._detect(edit, edit.values(self._detections, self._detections))
+            self._detections.put(edit.frames, edit.joints, edit.values(self._detections, self._detections))
 
-    def _detect(self, edit: Edit, values: Corrected) -> None:
-        """In a copy where others have them: what was given to them never changes."""
-        if self._detections_given:
-            self._detections, self._detections_given = Corrected(records=self._detections.records.copy()), False
-        self._detections.put(edit.frames, edit.joints, values)
+    def _write(self, edit: Edit, values: Corrected) -> None:
+        self._now.put(edit.frames, edit.joints, values)
+        self._note(edit.frames)
+
+    def _note(self, frames: Iterable[int]) -> None:
+        """Frames are others than they were."""
+        self._version += 1
+        for those in (self._changed, self._touched, self._unmarked):
+            those.update(frames)
 
     def _make_all(self) -> None:
         """Everything that is done, on the keypoints as they were detected."""
         self._detections, self._now = Corrected.none(self._original), Corrected.none(self._original)
-        self._detections_given = False
+        self._note(tuple(self._touched))
         edits = [said for entry in self._done if not isinstance(said := _said(entry), Remark)]
         for edit in edits[:-_UNDOABLE]:
             self._put(edit)
@@ -369,9 +419,9 @@ class EditHistory:
         if self._before:
             edit, values, detected = self._before.pop()
             self._bytes -= values.nbytes
-            self._now.put(edit.frames, edit.joints, values)
+            self._write(edit, values)
             if detected is not None:
-                self._detect(edit, detected)
+                self._detections.put(edit.frames, edit.joints, detected)
             return
         self._make_all()
 

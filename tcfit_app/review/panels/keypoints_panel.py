@@ -127,7 +127,7 @@ class KeypointsPanel:
         switches = state.keyframes, state.hand_along
         if tab.sent.differs("keypoint buttons", where, bad, key, switches, not state.selection, tab.hits_unseen):
             self._draw_buttons(where, bad, key)
-        detector = session.project.clip.detector
+        detector = session.project.footage.detector
         if tab.sent.differs("groups", where, detector):
             self._groups.show(heading("Whole groups", where), self._group_table(), *_detected_by(detector))
         self._draw_again(where)
@@ -397,7 +397,7 @@ def _place(tab: Tab, joint: int) -> Html:
 
 
 def _lock(corrected: Corrected, frame: int, joint: int) -> Html:
-    return tag("div", "turn locked", class_="tcfit-dim") if corrected.locked[frame, joint] else Html()
+    return tag("div", "turn locked", class_="tcfit-dim") if corrected[frame].locked[joint] else Html()
 
 
 def _depth(corrected: Corrected, frame: int, joint: int) -> Html:

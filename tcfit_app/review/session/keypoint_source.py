@@ -58,7 +58,7 @@ class KeypointSource:
         if not project.has_detections:
             return True
         edited = any(not isinstance(entry.action, Remark) for entry in project.log)
-        return not (edited or self.busy) and project.clip.camera == self._camera
+        return not (edited or self.busy) and project.footage.camera == self._camera
 
     def choose(self, frame: int, place: int) -> None:
         """Say who is meant of those who were found; keypoints that the project has got already are replaced.
@@ -96,7 +96,7 @@ class KeypointSource:
             for frames in people.done:
                 if frames.start not in taken:
                     taken.add(frames.start)
-                    straight, _ = straightened_keypoints(people.keypoints(frames), self._project.clip.camera.lens)
+                    straight, _ = straightened_keypoints(people.keypoints(frames), self._project.footage.camera.lens)
                     return frames, straight
             return None
 
@@ -138,5 +138,5 @@ class KeypointSource:
                 camera=found.camera,
                 before=before,
             )
-            self._camera = self._project.clip.camera
+            self._camera = self._project.footage.camera
         return found

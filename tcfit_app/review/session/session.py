@@ -193,7 +193,7 @@ class Session:
         self.refuse_without_keypoints()
         body = self.bodies.find(kind=kind, gender=gender)
         job = FitEverything(
-            clip=self.clip_of(camera or self.project.clip.camera),
+            clip=self.clip_of(camera or self.project.footage.camera),
             body=body,
             config=config,
             begun_with=known.start,
@@ -240,7 +240,7 @@ class Session:
             InputError: The body is not there, or nothing can be fitted. The function as `read_given`.
         """
         self.refuse_without_keypoints()
-        body, clip = self.bodies.find(kind=kind, gender=gender), self.clip_of(camera or self.project.clip.camera)
+        body, clip = self.bodies.find(kind=kind, gender=gender), self.clip_of(camera or self.project.footage.camera)
         return lambda: read_given(given, self.project, clip, body, self.bodies)
 
     def reading_shape(self, given: Given, shown: Shown) -> Callable[[], Known]:
@@ -261,7 +261,7 @@ class Session:
         self.project.refuse_read_only()
         if self.source.busy:
             raise InputError("Keypoints are being read or found with the camera as it is: wait for them, or cancel.")
-        camera, notes = read_camera(file, self.project.clip.camera.size)
+        camera, notes = read_camera(file, self.project.footage.camera.size)
         if sent_as:
             camera = replace(camera, source=camera.source.replace(file.path.name, sent_as))
             notes = tuple(note.replace(file.path.name, sent_as) for note in notes)

@@ -69,7 +69,7 @@ def on_show(state: TabState, session: Session) -> OnShow:
     """What a tab's state means now."""
     problems: list[str] = []
     a, b = (_read(session.stored, choice, problems) for choice in (state.a, state.b))
-    clip = session.project.clip.camera
+    clip = session.project.footage.camera
     there = [fit for fit in (b, a) if fit is not None]
     return OnShow(
         frame=state.frame,

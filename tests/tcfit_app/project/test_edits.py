@@ -307,7 +307,7 @@ def test_undo_brings_the_earlier_detection_back(detected: Keypoints):
     history = after(detected, DetectAgain.found((1,), "left_hand", hand_at(7)))
     given = history.detected
     history.add(LogEntry(id=2, time=NOW, author="", action=DetectAgain.found((1,), "left_hand", hand_at(9))))
-    assert given.xy[1, 30].tolist() == [7, 8], "what was handed out stays as it was"
+    assert given.xy[1, 30].tolist() == [9, 10], "it shows what is detected now"
     for number, place in ((2, [7, 8]), (1, detected.xy[1, 30].tolist())):
         history.add(LogEntry(id=9 - number, time=NOW, author="", action=edit_log.Undo(edit=number)))
         assert history.detected.xy[1, 30].tolist() == history.corrected.xy[1, 30].tolist() == place

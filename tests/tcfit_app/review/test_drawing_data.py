@@ -28,7 +28,7 @@ def data(tiny_body: BodyModel, tmp_path: Path) -> Iterator[DrawingData]:
     folder = tmp_path / "walk.tcfit"
     Project.create(folder, small_clip(tiny_body)).close()
     with session_of(folder, tiny_body) as session:
-        session.fit_everything(replace(QUICK, last_phase=1), kind="smplx", gender="neutral")
+        session.fit_everything(replace(QUICK, last_phase=2), kind="smplx", gender="neutral")
         idle(session)
         made = DrawingData(session, lambda: None)
         try:
