@@ -86,7 +86,7 @@ def test_what_is_there_is_not_made_again(data: DrawingData, monkeypatch: pytest.
     def refuse(*_: object, **__: object) -> None:
         raise AssertionError("copied or read again")
 
-    for owner, name in ((PosedFit, "posed"), (Corrected, "frozen"), (Corrected, "keypoints"), (Marks, "all")):
+    for owner, name in ((PosedFit, "posed"), (Corrected, "put_into"), (Corrected, "keypoints"), (Marks, "all")):
         monkeypatch.setattr(owner, name, refuse)
     assert [name for name, draw in draws.items() if draw() is None] == []
 
