@@ -82,7 +82,11 @@ class Correction:
 
     def __post_init__(self) -> None:
         if not 0 <= self.frame < len(self.clip):
-            raise InputError(f"Frame {self.frame} cannot be corrected: the clip has frames 0 to {len(self.clip) - 1}.")
+            first = self.clip.first_frame
+            raise InputError(
+                f"Frame {first + self.frame} cannot be corrected: the clip has frames {first} to "
+                f"{first + len(self.clip) - 1}."
+            )
         wrong = [k for k in self.keypoints if not 0 <= k < kp.COUNT]
         if wrong or not self.keypoints or len(set(self.keypoints)) < len(self.keypoints):
             raise InputError(

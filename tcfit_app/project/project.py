@@ -105,7 +105,7 @@ class Project:
             senseless.add(entry.id)
 
         log = _readable_log(store)
-        self._history = EditHistory(stored.keypoints, log, leave_out=leave_out)
+        self._history = EditHistory(stored.keypoints, log, first_frame=stored.first_frame, leave_out=leave_out)
         self._log = [entry for entry in log if entry.id not in senseless]
 
     @property
@@ -296,7 +296,7 @@ class Project:
             replace_detections(self.folder, self._database, stored)
             with self._guard:
                 self._stored, self._detected, self._clip, self._footage = stored, True, None, None
-                self._history = EditHistory(stored.keypoints, self._log)
+                self._history = EditHistory(stored.keypoints, self._log, first_frame=stored.first_frame)
 
     def set_camera(self, camera: Camera, notes: tuple[str, ...] = ()) -> None:
         """Say what the clip was filmed with; when this returns, it is on the disk. Runs keep the camera that they have.
@@ -327,7 +327,7 @@ class Project:
             with self._guard:
                 self._stored, self._clip, self._footage = stored, None, None
                 if stored.keypoints is not before.keypoints:
-                    self._history = EditHistory(stored.keypoints, self._log)
+                    self._history = EditHistory(stored.keypoints, self._log, first_frame=stored.first_frame)
 
     def _edits_and_runs(self) -> str:
         """What stands on the keypoints as they were detected, for the user; empty if there is nothing."""

@@ -24,7 +24,7 @@ import msgspec
 from fitting_core.errors import InputError
 from fitting_core.keypoints import Keypoints
 from tcfit_app.project.edits.corrected import Corrected, read_only
-from tcfit_app.project.edits.kinds import Edit, NewDetections, TakeOver, check
+from tcfit_app.project.edits.kinds import Edit, NewDetections, TakeOver, check, clip_has
 from tcfit_app.project.edits.standing import Standing
 
 _MEMORY = 256 * 2**20
@@ -196,6 +196,7 @@ class EditHistory:
         detections: Keypoints,
         entries: Iterable[LogEntry] = (),
         *,
+        first_frame: int = 0,
         leave_out: Callable[[LogEntry, InputError], None] | None = None,
     ) -> None:
         """Take up a log.
@@ -203,12 +204,13 @@ class EditHistory:
         Args:
             detections: What the edits correct.
             entries: In order.
+            first_frame: The number by which users know the clip's first.
             leave_out: Takes those that make no sense, and why.
 
         Raises:
             InputError: One makes no sense, and there is nobody to take it.
         """
-        self._original = detections
+        self._original, self._first_frame = detections, first_frame
         self._detections = self._now = Corrected.none(detections)
         self._done: list[LogEntry] = []
         self._undone: list[LogEntry] = []
@@ -316,14 +318,19 @@ class EditHistory:
         if isinstance(action, WriteNotes):
             return self._check_notes(action)
         if isinstance(action, Remark):
-            _check_frames(action.frames, len(self._now.xy))
+            self._check_frames(action.frames)
             return self._check_note(action) if isinstance(action, WriteNote) else None
         if not isinstance(action, Undo | Redo):
-            return check(action, len(self._now.xy))
+            return check(action, len(self._now.xy), self._first_frame)
         verb, expected = ("undone", self.undoable) if isinstance(action, Undo) else ("redone", self.redoable)
         if expected is None or expected.id != action.edit:
             now = f"edit {expected.id} is" if expected else "none is"
             raise InputError(f"Edit {action.edit} cannot be {verb} now; {now} next. Somebody else may have edited.")
+
+    def _check_frames(self, frames: tuple[int, ...]) -> None:
+        length, first = len(self._now.xy), self._first_frame
+        if outside := [frame for frame in frames if not 0 <= frame < length]:
+            raise InputError(f"There is no frame {first + outside[0]}; {clip_has(length, first)}.")
 
     def _check_note(self, note: WriteNote) -> None:
         self._check_text(note.text, note.replaces, {known.id for known in self.notes})
@@ -335,7 +342,7 @@ class EditHistory:
             raise InputError("There are no notes to keep.")
         there = {known.id for known in self.notes}
         for note in written.notes:
-            _check_frames((note.first, note.last), len(self._now.xy))
+            self._check_frames((note.first, note.last))
             self._check_text(note.text, note.replaces, there)
             there.discard(note.replaces)
             if note.last < note.first:
@@ -442,8 +449,3 @@ def _texts(action: Action) -> list[tuple[range, str, int | None]]:
 def _said(entry: LogEntry) -> Said:
     assert not isinstance(entry.action, Undo | Redo)
     return entry.action
-
-
-def _check_frames(frames: tuple[int, ...], length: int) -> None:
-    if outside := [frame for frame in frames if not 0 <= frame < length]:
-        raise InputError(f"There is no frame {outside[0]}; the clip has frames 0 to {length - 1}.")

@@ -310,7 +310,7 @@ class Runs:
 
     def _span(self, first: int, last: int) -> range:
         if not first <= last < self._frames:
-            raise ValueError(f"frames {first} to {last} of {self._frames}")
+            raise ValueError(f"{first} to {last} of {self._frames} frames, counted from 0")
         return range(first, last + 1)
 
 

@@ -259,14 +259,13 @@ class Session:
             InputError: It cannot be read, is of no use for this clip, or the project cannot be written.
         """
         self.project.refuse_read_only()
-        if self.source.busy:
-            raise InputError("Keypoints are being read or found with the camera as it is: wait for them, or cancel.")
-        camera, notes = read_camera(file, self.project.footage.camera.size)
-        if sent_as:
-            camera = replace(camera, source=camera.source.replace(file.path.name, sent_as))
-            notes = tuple(note.replace(file.path.name, sent_as) for note in notes)
-        self.project.set_camera(camera, notes)
-        return camera
+        with self.source.camera_changes():
+            camera, notes = read_camera(file, self.project.footage.camera.size)
+            if sent_as:
+                camera = replace(camera, source=camera.source.replace(file.path.name, sent_as))
+                notes = tuple(note.replace(file.path.name, sent_as) for note in notes)
+            self.project.set_camera(camera, notes)
+            return camera
 
     def import_run(self, path: Path, choices: ImportChoices, report: Step, *, sent_as: str = "") -> Run:
         """Keep another program's result as a run to compare with. Slow: for `tasks`.

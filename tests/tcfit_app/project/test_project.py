@@ -27,6 +27,7 @@ from fitting_core.files import locking
 from fitting_core.keypoints import COUNT
 from tcfit_app.analysis.suspicion import still_checked
 from tcfit_app.project import project as project_module
+from tcfit_app.project.edits.edit_log import WriteNote
 from tcfit_app.project.edits.kinds import MarkBad, MoveKeypoint
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage import database, media
@@ -155,13 +156,22 @@ def test_marks(folder: Path):
         assert project.marks.all()[3].state == "flag" and project.marks.all()[3].author == "anna"
         project.marks.set([5, 3, 4], "checked", author="ben")
         project.marks.set([4, 0], None)
-        with pytest.raises(InputError, match="no frame 6; the clip has frames 0 to 5"):
+        with pytest.raises(InputError, match="no frame 13; the clip has frames 7 to 12"):
             project.marks.set([1, 6], "flag")
     with Project.open(folder, read_only=True) as project:
         assert [(frame, m.state, m.author) for frame, m in project.marks.all().items()] == [
             (3, "checked", "ben"),
             (5, "checked", "ben"),
         ]
+
+
+def test_frames_have_the_numbers_that_users_see(folder: Path):
+    """The clip's first one is frame 7 of its video."""
+    with Project.open(folder) as project:
+        assert project.footage.first_frame == 7
+        for wrong in (MarkBad(frames=(2, 6), joints=(0,)), WriteNote(frames=(6,), text="there is none")):
+            with pytest.raises(InputError, match=r"no frame 13; the clip has frames 7 to 12"):
+                project.append(wrong)
 
 
 def test_marks_are_undone_and_redone_as_edits_are(folder: Path):
