@@ -27,7 +27,8 @@ def refit(clip: Clip, body: BodyModel, fit: FitResult, *windows: range, config: 
         config: Other settings than the fit's; None: the same.
 
     Raises:
-        InputError: No windows are given, or the clip has not all of these frames, or the fit is of another clip.
+        InputError: No windows are given, or the clip has not all of these frames, or the fit is of another clip, or
+            ended after phase 1.
     """
     if not windows:
         raise InputError("No frames to fit again are given; expected ranges such as range(20, 40).")
@@ -46,7 +47,15 @@ def refit_events(
     Args:
         clip: As for `refit`, like all others.
         title: Of what is done, for the note in the result.
+
+    Raises:
+        InputError: As `refit`.
     """
+    if fit.last.phase < 2:
+        raise InputError(
+            "The fit ended after phase 1, in which each frame has a shape of its own; frames are fitted again under "
+            "one that all share. Find that first: run phase 2."
+        )
     begin, params = time.perf_counter(), fit.last.params
     provenance = Provenance.unknown(len(clip))
     for i, window in enumerate(windows):

@@ -137,9 +137,10 @@ def is_result(folder: Path) -> bool:
 
 def fit_arrays(fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool = True) -> dict[str, np.ndarray]:
     """The arrays of fit.npz by name, as the table above describes them."""
-    last, first = fit.last.params, fit.phases[0].params
-    motion = Motion(body=body, params=last, camera=fit.camera, frame_rate=clip.frame_rate, name=clip.name)
+    first = fit.phases[0].params
+    motion = Motion(body=body, params=fit.last.params, camera=fit.camera, frame_rate=clip.frame_rate, name=clip.name)
     shaped = motion.one_shape.params
+    last = fit.last.params if fit.last.phase == 1 else shaped  # phase 1 has betas of its own in the file
     arrays: dict[str, Any] = _smplx_arrays(body, shaped)
     arrays |= {name: getattr(last, name).numpy() for name in _NAMES} | {"betas": shaped.betas[0].numpy()}
     arrays |= {PHASE1 + name: getattr(first, name).numpy() for name in _NAMES}

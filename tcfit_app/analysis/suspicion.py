@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from tcfit_app.analysis.body_regions import LIMB_OF
 from tcfit_app.analysis.findings import FINDINGS, Finding, added_findings
 from tcfit_app.analysis.posed_fit import PosedFit
-from tcfit_app.project.edits.edit_log import LogEntry, frames_of
 from tcfit_app.project.storage.marks import Mark
 
 _GAP = 2
@@ -71,18 +70,21 @@ def review_queue(fit: PosedFit, *, checked: Collection[int] = ()) -> ReviewQueue
 
 
 def still_checked(
-    marks: Mapping[int, Mark], log: Iterable[LogEntry], *, refitted: Iterable[tuple[int, Iterable[int]]] = ()
+    marks: Mapping[int, Mark],
+    edited: Mapping[int, Iterable[int]],
+    *,
+    refitted: Iterable[tuple[int, Iterable[int]]] = (),
 ) -> frozenset[int]:
     """Frames that were found to be fine and have not changed since, in the order of what was stored: clocks are set.
 
     Args:
         marks: `Marks.all()`.
-        log: `Project.log`.
+        edited: Which frames each entry of the log changes, `Project.frames_changed_after`.
         refitted: `Run.moment` of fits, and which frames they fitted.
     """
     checked = {frame: mark for frame, mark in marks.items() if mark.state == "checked"}
     edits, fits = {frame: m.last_edit for frame, m in checked.items()}, {f: m.last_moment for f, m in checked.items()}
-    return frozenset(checked) - _later(frames_of(log).items(), edits) - _later(refitted, fits)
+    return frozenset(checked) - _later(edited.items(), edits) - _later(refitted, fits)
 
 
 def _later(changes: Iterable[tuple[int, Iterable[int]]], known: Mapping[int, int]) -> frozenset[int]:

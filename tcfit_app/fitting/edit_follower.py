@@ -1,7 +1,7 @@
 """The fit follows the hand: while a keypoint is dragged, and after edits."""
 
 import time
-from collections.abc import Callable, Container, Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from itertools import count
 
@@ -14,7 +14,7 @@ from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.fitting.fits import Fits, Shown
 from tcfit_app.fitting.jobs import CorrectionJob, RerunFrames, around
 from tcfit_app.fitting.live import REACH, Correction, Target
-from tcfit_app.fitting.reports import DragEnded, DragMoved, Notice
+from tcfit_app.fitting.reports import DragEnded, DragMoved, ErrandEnded, Notice
 from tcfit_app.fitting.worker import Drag, Worker
 from tcfit_app.project.edits.edit_log import LogEntry
 from tcfit_app.project.frame_words import in_words
@@ -44,7 +44,8 @@ class _Recent:
     """Edits that a run's fit is going to follow."""
 
     run: Run
-    frames: set[int]
+    edits: dict[int, bool]
+    """By their ids, and whether they stand: an undo is followed as well."""
     since: float
 
 
@@ -69,6 +70,10 @@ class EditFollower:
         self._recent: dict[int, _Recent] = {}
         self._settled: dict[int, _Recent] = {}
         """Held until the run's corrections before them are through: then one job follows them all."""
+        self._under_way: set[int] = set()
+        """Runs whose corrections are being fitted, or wait for it."""
+        self._taking_back: set[int] = set()
+        """Errands of the worker."""
 
     @property
     def live(self) -> LiveWindow | None:
@@ -76,14 +81,15 @@ class EditFollower:
         return max(self._windows_of.values(), key=lambda window: window.revision, default=None)
 
     def window(self, run: int, frame: int) -> LiveWindow | None:
-        """What a drag has led to last in a frame of a run."""
-        there = (w for w in self._windows_of.values() if w.run == run and frame in w.frames)
+        """What a drag has led to last in a frame of a run, or of one in which its corrections are collected."""
+        of = self._fits.corrections.of
+        there = (w for w in self._windows_of.values() if frame in w.frames and run in (w.run, of(w.run).id))
         return max(there, key=lambda window: window.revision, default=None)
 
     @property
     def busy(self) -> bool:
         """Whether the fit follows a drag, or is about to follow an edit."""
-        return bool(self._drags or self._recent or self._settled)
+        return bool(self._drags or self._recent or self._settled or self._taking_back)
 
     @staticmethod
     def obstacle(shown: Shown | None) -> str:
@@ -106,11 +112,11 @@ class EditFollower:
             body = self._bodies.of(shown.run.body)
         except InputError:
             return None  # the picture says so
+        self._go_on_from(shown.run)
 
-        def of(camera: Camera, params: BodyParams, given: GivenStart | None) -> Correction:
-            seen = self._project.last_edit
+        def of(clip: Clip, params: BodyParams, given: GivenStart | None, seen: int = 0) -> Correction:
             return Correction(
-                clip=self._clip(camera),
+                clip=clip,
                 body=body,
                 config=shown.run.config,
                 params=params,
@@ -124,11 +130,13 @@ class EditFollower:
             )
 
         def renewed() -> Correction:
-            start = self._fits.fit(self._fits.corrections_of(shown.run.id))
-            return of(start.camera, start.last.params, start.start)
+            start = self._fits.fit(self._fits.corrections.of(shown.run.id))
+            seen = self._project.last_edit
+            return of(self._clip(start.camera), start.last.params, start.start, seen)
 
-        # The worker renews it before it begins: corrections that are not in memory are read on its thread.
-        drag = self._worker.drag(of(shown.camera, shown.params, None), target)
+        # The worker renews it before it begins: corrections that are not in memory are read on its thread, and the
+        # keypoints as they stand put together.
+        drag = self._worker.drag(of(replace(self._project.footage, camera=shown.camera), shown.params, None), target)
         self._drags[drag.number] = (drag, shown.run)
         return drag
 
@@ -147,71 +155,121 @@ class EditFollower:
         if drag is None or run is None or report.how != "failed":
             return
         drag.failed = True
-        if drag.released and self.after_edits:
-            self.follow(run, {drag.correction.frame})
+        if drag.released and drag.edit is not None and self.after_edits:
+            self.follow(run, {drag.edit: True})
 
     def edited(self, entry: LogEntry, shown: Shown) -> None:
         """An edit was made while this fit was on show."""
         if not self.after_edits or shown.phase != 3 or shown.result is None:
             return
-        self.follow(shown.run, getattr(entry.action, "frames", ()))
+        self._go_on_from(shown.run)
+        self.follow(shown.run, {entry.id: True})
 
-    def follow(self, run: Run, frames: Iterable[int]) -> None:
-        """Fit the surroundings of frames of a run again, soon."""
+    def went_back(self, edit: int, shown: Shown | None) -> None:
+        """An edit was undone or redone while this fit was on show: it is what it was before.
+
+        Where the fit was made with the edit, it never was without, and follows that as it follows edits.
+        """
+        waited = [waiting for waiting in (*self._recent.values(), *self._settled.values()) if edit in waiting.edits]
+        for waiting in waited:
+            del waiting.edits[edit]
+        follows = self.after_edits and shown is not None and shown.phase == 3 and shown.result is not None
+        run = shown.run.id if shown is not None and follows and not waited else None
+        self._taking_back.add(self._worker.run_errand(lambda: self._fits.corrections.take_back(edit, run)))
+
+    def take_errand(self, report: ErrandEnded) -> None:
+        """Corrections were taken back."""
+        self._taking_back.discard(report.errand)
+
+    def _go_on_from(self, run: Run) -> None:
+        """What is corrected now is what is on show: this run, but for corrections of it that are under way."""
+        begun = {run.id for _, run in self._drags.values()} | {*self._recent, *self._settled} | self._under_way
+        if run.id not in begun:
+            self._fits.corrections.begin(run.id)
+
+    def take_up(self) -> None:
+        """What the worker leaves to be followed."""
+        left = self._fits.corrections.to_follow
+        while not left.empty():
+            run, edits = left.get()
+            if self.after_edits:
+                self.follow(run, edits)
+
+    def follow(self, run: Run, edits: dict[int, bool]) -> None:
+        """Fit the surroundings of edits again, soon."""
         before = self._recent.get(run.id)
-        found = set(frames) | (before.frames if before else set())
-        self._recent[run.id] = _Recent(run=run, frames=found, since=time.monotonic())
+        self._recent[run.id] = _Recent(run=run, edits=(before.edits if before else {}) | edits, since=time.monotonic())
 
-    def forget(self, run: int) -> None:
-        """Do not follow the edits that wait for a run's corrections: the user cancelled those."""
-        self._recent.pop(run, None)
-        self._settled.pop(run, None)
+    def ended(self, run: int, *, cancelled: bool) -> None:
+        """What followed edits of a run is over; the user may have cancelled it, and those that wait for it as well."""
+        self._under_way.discard(run)
+        if cancelled:
+            self._recent.pop(run, None)
+            self._settled.pop(run, None)
 
-    def due(self, tell: Callable[[Notice], None], under_way: Container[int] = ()) -> CorrectionJob | None:
-        """Fits the surroundings of recent edits again, once these have settled.
+    def due(self, tell: Callable[[Notice], None]) -> CorrectionJob | None:
+        """Fits the surroundings of recent edits again, once these have settled. Further edits of a run whose
+        corrections are under way wait, and are followed together.
 
         Args:
             tell: gets to know of edits that the fit does not follow by itself: too many, or without the body model.
-            under_way: Runs whose corrections are being fitted, or wait for it: their further edits wait, and are
-                followed together.
         """
         self._settle(tell)
-        recent = next((recent for run, recent in self._settled.items() if run not in under_way), None)
+        recent = next((recent for run, recent in self._settled.items() if run not in self._under_way), None)
         if recent is None:
             return None
         del self._settled[recent.run.id]
+        if not recent.edits:
+            return None
         try:
-            return self._job(recent.run, frozenset(recent.frames), self._windows(recent.frames))
+            job = self._job(recent.run, recent.edits)
         except InputError as error:
             tell(Notice(title="The fit cannot follow", text=str(error), kind="error"))
             return None
+        self._under_way.add(recent.run.id)
+        return job
+
+    def _wanted(self, edits: dict[int, bool]) -> dict[int, bool]:
+        """Those that still stand, or still do not."""
+        return {edit: stands for edit, stands in edits.items() if self._project.stands(edit) == stands}
+
+    def _frames(self, edits: Iterable[int]) -> set[int]:
+        return {frame for edit in edits for frame in self._project.frames_of(edit)}
 
     def _settle(self, tell: Callable[[Notice], None]) -> None:
         """Edits that nothing was added to for a while go to those that wait."""
         latest = time.monotonic() - SETTLING
         for recent in [recent for recent in self._recent.values() if recent.since <= latest]:
             del self._recent[recent.run.id]
-            if sum(map(len, self._windows(recent.frames))) > MOST_FOLLOWED:
-                text = f"{len(recent.frames)} frames were edited: re-run them when you are done."
+            recent.edits = self._wanted(recent.edits)
+            if not recent.edits:
+                continue
+            if sum(map(len, self._windows(recent.edits))) > MOST_FOLLOWED:
+                text = f"{len(self._frames(recent.edits))} frames were edited: re-run them when you are done."
                 tell(Notice(title="The fit does not follow by itself", text=text))
             elif (waiting := self._settled.setdefault(recent.run.id, recent)) is not recent:
-                waiting.frames |= recent.frames
+                waiting.edits |= recent.edits
 
-    def _windows(self, frames: Iterable[int]) -> tuple[range, ...]:
-        return around(frames, REACH, len(self._project.detections))
+    def _windows(self, edits: Iterable[int]) -> tuple[range, ...]:
+        return around(self._frames(edits), REACH, len(self._project.detections))
 
-    def _job(self, run: Run, frames: frozenset[int], windows: tuple[range, ...]) -> CorrectionJob:
+    def _job(self, run: Run, edits: dict[int, bool]) -> CorrectionJob:
         body = self._bodies.of(run.body)
         config = replace(run.config, solver="lm", temporal=replace(run.config.temporal, stages=(5,)))
 
-        def renewed() -> tuple[RerunFrames, int]:
-            seen = self._project.last_edit
-            start = self._fits.fit(self._fits.corrections_of(run.id))
+        def renewed(job: CorrectionJob) -> tuple[RerunFrames, dict[int, bool], int]:
+            seen, left = self._project.last_edit, self._wanted(job.edits)
+            start = self._fits.fit(self._fits.corrections.of(run.id))
             clip = self._clip(start.camera)
-            return RerunFrames(clip=clip, body=body, config=config, start=start, windows=windows), seen
+            return (
+                RerunFrames(clip=clip, body=body, config=config, start=start, windows=self._windows(left)),
+                left,
+                seen,
+            )
 
-        where = in_words(sorted(frame for window in windows for frame in window), self._project.clip.first_frame)
-        return CorrectionJob(origin=run.id, frames=frames, title=f"Follow edits: re-run {where}", renewed=renewed)
+        frames = sorted(frame for window in self._windows(edits) for frame in window)
+        where = in_words(frames, self._project.footage.first_frame)
+        return CorrectionJob(origin=run.id, edits=edits, title=f"Follow edits: re-run {where}", renewed=renewed)
 
     def _clip(self, camera: Camera) -> Clip:
         return replace(self._project.clip, camera=camera)

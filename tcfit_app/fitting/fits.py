@@ -3,31 +3,23 @@
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Container
 from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
-from queue import SimpleQueue
 
 import numpy as np
 from jaxtyping import Bool
 
-from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
-from fitting_core.clip import Clip
 from fitting_core.config.schema import fits_as_smplifyx
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FramesFitted, PhaseFinished
 from fitting_core.fit.fitting import Refit
-from fitting_core.fit.grounded import grounded
-from fitting_core.fit.phase_figures import patched
-from fitting_core.fit.provenance import Provenance
-from fitting_core.fit.refitting import with_phases
 from fitting_core.fit.result import FitResult, PhaseResult
+from tcfit_app.fitting.corrections import Corrections
 from tcfit_app.fitting.jobs import CorrectionJob, Job, RunJob
 from tcfit_app.fitting.live import Correction, Target
-from tcfit_app.project.edits.edit_log import frames_of
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_record import Ended, Run, Source, newest
 
@@ -147,8 +139,6 @@ class Fits:
     def __init__(self, project: Project) -> None:
         self._project = project
         self._lock = threading.RLock()
-        self._correcting = threading.Lock()
-        """Held from the reading of a run's corrections until they are stored with a change."""
         self._versions: OrderedDict[int, _Version] = OrderedDict()
         self._asked: dict[int, float] = {}
         """When each was asked for last."""
@@ -156,8 +146,8 @@ class Fits:
         self._runs: tuple[Run, ...] | None = None
         self._unwritten: dict[int, FitResult] = {}
         """Finished fits that the disk had no room for."""
-        self.overtaken: SimpleQueue[tuple[Run, set[int]]] = SimpleQueue()
-        """Edited frames of a run whose fit was overtaken by further edits: they are to be followed again."""
+        self.corrections = Corrections(project, self)
+        """Of keypoints, which are runs of their own."""
         self.changes = 0
         """Another number whenever a run appeared, changed or went."""
 
@@ -252,9 +242,10 @@ class Fits:
                 return version
         fit = self._project.runs.load(run.id)
         with self._lock:  # another thread may have published a newer one meanwhile
-            return self._versions.get(run.id) or self._publish(run.id, fit)
+            return self._versions.get(run.id) or self.publish(run.id, fit)
 
-    def _publish(self, run: int, fit: FitResult, partial: _Partial | None = None) -> _Version:
+    def publish(self, run: int, fit: FitResult, partial: _Partial | None = None) -> _Version:
+        """What a run has found is this from now on."""
         return self._put(run, fit, fit.camera, partial)
 
     def _put(self, run: int, fit: FitResult | None, camera: Camera, partial: _Partial | None) -> _Version:
@@ -282,7 +273,7 @@ class Fits:
             kept = tuple(p for p in fit.phases if p.phase < (2 if run.kind == "shape" else 3))
             # Frames that are fitted again stand as they were until they come in, and all others for good.
             partial = _Partial(phase=3, params=start.params, there=None) if run.kind == "frames" else None
-            self._publish(run.id, replace(fit, phases=kept, config=run.config), partial)
+            self.publish(run.id, replace(fit, phases=kept, config=run.config), partial)
         self.changed()
 
     def end(self, run: int, state: Ended, message: str = "") -> None:
@@ -295,7 +286,7 @@ class Fits:
         with self._lock:
             version = self._versions.pop(run, None)
             if version is not None and version.fit is not None and self._project.runs.get(run).stored:
-                self._publish(run, version.fit)
+                self.publish(run, version.fit)
         self.changed()
 
     def forget(self, run: int) -> None:
@@ -308,7 +299,7 @@ class Fits:
         """Store what a run's job found; see `worker.Sink`."""
         if isinstance(job, CorrectionJob):
             if isinstance(result, FitResult):
-                self._keep_followed(job, result)
+                self.corrections.keep_followed(job, result)
             return
         assert isinstance(job, RunJob)
         if isinstance(result, FitResult):
@@ -319,11 +310,11 @@ class Fits:
                 raise InputError(
                     f"{error} The fit is not lost: leave tcfit running, it is written as soon as that is possible."
                 ) from error
-            self._publish(job.run_id, result)
+            self.publish(job.run_id, result)
             self.changed()
         elif isinstance(result, PhaseFinished):
             self._project.runs.store(job.run_id, result.so_far)
-            self._publish(job.run_id, result.so_far)
+            self.publish(job.run_id, result.so_far)
             self.changed()
         else:
             self._put_frames(job, result)
@@ -342,7 +333,7 @@ class Fits:
                     written.append(self._project.runs.finish(number, found, state="failed"))
                 except InputError:
                     break
-                self._publish(number, found)
+                self.publish(number, found)
                 self.changed()
             del self._unwritten[number]
         return written
@@ -359,92 +350,5 @@ class Fits:
             self.changed()  # there is something to look at
 
     def keep_correction(self, correction: Correction, target: Target, refit: Refit) -> None:
-        """Store a released drag in the run's corrections, which are a run of their own; see `worker.Sink`."""
-        assert correction.origin is not None
-        # Its own edit is among them: it was on the disk before the drag was released.
-        seen = {entry.id for entry in self._project.log if entry.id <= correction.edits_seen}
-        clip = correction.edited(target)
-        with self._correcting:
-            self._correct(correction.origin, (correction.frames,), refit, clip, correction.body, seen)
-
-    def _keep_followed(self, job: CorrectionJob, fit: FitResult) -> None:
-        """What is newer than the job stays: frames that were edited meanwhile are left to be followed again."""
-        log, inner = self._project.log, job.job
-        assert inner is not None, "it has run"
-        later = {f for number, frames in frames_of(log).items() if number > job.edits_seen for f in frames}
-        windows = tuple(window for window in inner.windows if later.isdisjoint(window))
-        if late := {f for window in inner.windows if window not in windows for f in job.frames.intersection(window)}:
-            self.overtaken.put((self._project.runs.get(job.origin), late))
-        if windows:
-            seen = {entry.id for entry in log if entry.id <= job.edits_seen}
-            provenance = fit.last.provenance or Provenance.unknown(len(fit.last.params))
-            refit = Refit(params=fit.last.params, provenance=provenance)
-            with self._correcting:
-                self._correct(job.origin, windows, refit, inner.clip, inner.body, seen)
-
-    def _correct(
-        self, run: int, windows: tuple[range, ...], refit: Refit, clip: Clip, body: BodyModel, seen: set[int]
-    ) -> None:
-        """Put windows of a fit into a run's corrections: that run may have changed since they were begun."""
-        base = self.corrections_of(run)
-        fit = self.fit(base)
-        whole = fit.last.params
-        for window in windows:
-            whole = whole.with_frames(window, refit.params[slice(window.start, window.stop)])
-        note = "keypoints were corrected, and the frames around them fitted again"
-        phase = patched(
-            fit.last,
-            clip,
-            body,
-            fit.config,
-            whole,
-            windows,
-            start=fit.start,
-            provenance=refit.provenance,
-            note=note,
-        )
-        config = self._project.runs.get(run).config
-        found = grounded(with_phases(fit, (phase,), config), clip, body)
-        self._store_corrections(base, found, self.edits_seen(base, windows, seen))
-
-    def corrections_of(self, run: int) -> Run:
-        """The run in which corrections of a run are collected, or the run itself if there is none yet."""
-        children = [r for r in self.runs if r.parent == run and r.kind == "corrections" and r.state == "finished"]
-        return children[-1] if children else self._project.runs.get(run)
-
-    def edits_seen(self, base: Run, windows: tuple[range, ...], seen: Container[int]) -> int:
-        """Up to which log entry a run has seen all edits once windows of it are fitted again.
-
-        Args:
-            base: The run before.
-            windows: Fitted again.
-            seen: The log entries that this took into account.
-        """
-        fitted, last = {frame for window in windows for frame in window}, base.edits_seen
-        for number, frames in frames_of(self._project.log).items():
-            if number > last:
-                if number not in seen or not fitted.issuperset(frames):
-                    break
-                last = number
-        return last
-
-    def _store_corrections(self, base: Run, fit: FitResult, seen: int) -> None:
-        runs = self._project.runs
-        if runs.get(base.id).deleted:
-            raise InputError(f"{base.name} was deleted: what followed its corrections is not kept.")
-        if base.kind == "corrections":
-            run = runs.amend(base.id, fit, edits_seen=seen)
-        else:
-            name = f"{base.name} corrected"
-            run = runs.start(
-                fit.config,
-                body=base.body,
-                edits_seen=seen,
-                kind="corrections",
-                parent=base.id,
-                given=base.given,
-                name=name,
-            )
-            runs.finish(run.id, fit)
-        self._publish(run.id, fit)
-        self.changed()
+        """Store a released drag; see `worker.Sink`."""
+        self.corrections.keep_drag(correction, target, refit)

@@ -213,22 +213,22 @@ class CorrectionJob:
     """A re-run around some edits, whose windows go into the run's corrections."""
 
     origin: int
-    frames: frozenset[int]
-    """That were edited."""
+    edits: dict[int, bool]
+    """That it follows, by their ids, and whether they stand: an undo is followed as well."""
     title: str
     """For the user."""
-    renewed: Callable[[], tuple[RerunFrames, int]]
-    """The re-run, and the id of the last log entry that its keypoints hold, as of now: drags go first, and have changed
-    both by the time that the job begins. Reads the disk, which is for the worker's thread."""
+    renewed: "Callable[[CorrectionJob], tuple[RerunFrames, dict[int, bool], int]]"
+    """The re-run, which of the edits are still to be followed, and the id of the last log entry that its keypoints
+    hold, as of now: drags and undos go first. Reads the disk, which is for the worker's thread."""
     job: RerunFrames | None = None
     """None until it begins."""
     edits_seen: int = 0
     phases: tuple[int, ...] = (3,)
 
     def run(self) -> Generator[FitEvent, None, FitResult]:
-        """The re-run, from what there is now."""
-        self.job, self.edits_seen = self.renewed()
-        return self.job.run()
+        """The re-run, from what there is now; nothing if all that it was to follow was taken back."""
+        self.job, self.edits, self.edits_seen = self.renewed(self)
+        return (yield from self.job.run()) if self.edits else self.job.start
 
 
 def around(frames: Iterable[int], reach: int, length: int) -> tuple[range, ...]:

@@ -75,12 +75,18 @@ class Correction:
     """The run that `params` are of, for whoever keeps the correction."""
     edits_seen: int = 0
     """Id of the last log entry that `clip` holds, for whoever keeps the correction."""
+    edit: int | None = None
+    """Id of the log entry that says where they were released, for whoever keeps the correction."""
     renewed: "Callable[[], Correction] | None" = None
     """The same from the result and the keypoints as they are by then: other corrections come in between."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.frame < len(self.clip):
-            raise InputError(f"Frame {self.frame} cannot be corrected: the clip has frames 0 to {len(self.clip) - 1}.")
+            first = self.clip.first_frame
+            raise InputError(
+                f"Frame {first + self.frame} cannot be corrected: the clip has frames {first} to "
+                f"{first + len(self.clip) - 1}."
+            )
         wrong = [k for k in self.keypoints if not 0 <= k < kp.COUNT]
         if wrong or not self.keypoints or len(set(self.keypoints)) < len(self.keypoints):
             raise InputError(

@@ -88,7 +88,16 @@ class DragEnded:
     """As of JobEnded."""
 
 
-Report = JobStarted | JobReported | JobEnded | DragEnded
+@dataclass(frozen=True, kw_only=True)
+class ErrandEnded:
+    """An errand was run."""
+
+    errand: int
+    reason: str = ""
+    """Why it failed, as of JobEnded; empty if it did not."""
+
+
+Report = JobStarted | JobReported | JobEnded | DragEnded | ErrandEnded
 """What must not be lost."""
 
 

@@ -5,7 +5,9 @@ import logging
 import sys
 import threading
 from collections import deque
+from collections.abc import Callable
 from contextlib import closing
+from dataclasses import replace
 from itertools import count
 from typing import Protocol
 
@@ -19,7 +21,7 @@ from fitting_core.fit.result import FitResult
 from tcfit_app.fitting.job_progress import JobClock
 from tcfit_app.fitting.jobs import Job
 from tcfit_app.fitting.live import Correction, LiveCorrection, Target
-from tcfit_app.fitting.reports import DragEnded, DragMoved, JobEnded, JobReported, JobStarted, Reports
+from tcfit_app.fitting.reports import DragEnded, DragMoved, ErrandEnded, JobEnded, JobReported, JobStarted, Reports
 
 LINGER = 2.0
 """Seconds for which a job waits for a pointer that rests, before it goes on under the drag."""
@@ -48,6 +50,7 @@ class Drag:
         self._changed = changed
         self._target: Target | None = np.array(target, dtype=float)
         self.released = self.abandoned = False
+        self.edit: int | None = None
         self.failed = False
         """Known to whoever began it: nothing follows it any more."""
 
@@ -57,10 +60,10 @@ class Drag:
             self._target = np.array(target, dtype=float)
             self._changed.notify_all()
 
-    def release(self) -> None:
-        """Converge the window where the keypoints are, and keep it."""
+    def release(self, edit: int | None = None) -> None:
+        """Converge the window where the keypoints are, and keep it; `edit` is the log entry that says so."""
         with self._changed:
-            self.released = True
+            self.released, self.edit = True, edit
             self._changed.notify_all()
 
     def abandon(self) -> None:
@@ -95,6 +98,7 @@ class Worker:
         self._numbers = count(1)
         self._queue: deque[tuple[int, Job]] = deque()
         self._drags: deque[Drag] = deque()
+        self._errands: deque[tuple[int, Callable[[], None]]] = deque()
         self._running: int | None = None
         self._cancelled = self._closing = False
         self._thread = threading.Thread(target=self._serve, name="tcfit fits", daemon=True)
@@ -118,6 +122,19 @@ class Worker:
             for number in dropped:
                 self.reports.tell(JobEnded(job=number, how="cancelled"))
             self._changed.notify_all()
+
+    def run_errand(self, errand: Callable[[], None]) -> int:
+        """Does something short, before all drags and jobs that wait, and between two iterations of one that runs.
+
+        Returns:
+            The number by which its end is reported; it comes also if the worker is closed.
+        """
+        with self._changed:
+            self._refuse_if_closing()
+            number = next(self._numbers)
+            self._errands.append((number, errand))
+            self._changed.notify_all()
+        return number
 
     def drag(self, correction: Correction, target: Target) -> Drag:
         """Begins to follow a drag; a running job waits for it."""
@@ -144,18 +161,29 @@ class Worker:
     def _serve(self) -> None:
         torch.set_num_threads(1)  # a second thread hardly helps a fit, and the draw loop needs it
         while not self._closing:
+            self._follow_drags()
             with self._changed:
-                self._changed.wait_for(lambda: self._closing or self._waiting_drag() or self._queue)
-                drag = self._waiting_drag()
-                entry = self._queue.popleft() if drag is None and self._queue and not self._closing else None
+                self._changed.wait_for(lambda: self._closing or self._errands or self._waiting_drag() or self._queue)
+                idle = self._closing or self._errands or self._waiting_drag() or not self._queue
+                entry = None if idle else self._queue.popleft()
                 if entry is not None:
                     self._running, self._cancelled = entry[0], False
-            if drag is not None:
-                self._follow(drag)
-            elif entry is not None:
+            if entry is not None:
                 self._run(*entry)
+        self._run_errands()
         for drag in self._drags:
             self.reports.tell(DragEnded(drag=drag.number, how="abandoned"))
+
+    def _run_errands(self) -> None:
+        while self._errands:
+            number, errand = self._errands.popleft()
+            reason = ""
+            try:
+                errand()
+            except Exception as error:  # whatever it was: the user is told, and the worker stays
+                reason = _reason(error)
+                _log.warning("An errand failed", exc_info=not isinstance(error, InputError))
+            self.reports.tell(ErrandEnded(errand=number, reason=reason))
 
     def _waiting_drag(self) -> Drag | None:
         return None if self._closing else next((drag for drag in self._drags if drag.wants), None)
@@ -196,12 +224,9 @@ class Worker:
 
     def _may_go_on(self) -> bool:
         """Between two iterations: follows drags; False if the job was cancelled."""
-        while True:
-            with self._changed:
-                drag = self._waiting_drag()
-                if self._closing or self._cancelled or drag is None:
-                    return not (self._closing or self._cancelled)
-            self._follow(drag)
+        if not self._cancelled:
+            self._follow_drags()
+        return not (self._closing or self._cancelled)
 
     def _pass_on(self, number: int, job: Job, event: FitEvent, clock: JobClock) -> None:
         clock.take(event)
@@ -213,32 +238,41 @@ class Worker:
         if not isinstance(event, Finished):  # its result comes as the outcome
             self.reports.tell(JobReported(job=number, event=event))
 
-    def _follow(self, drag: Drag) -> None:
-        """A drag until it ends, or until its pointer rests."""
-        try:
-            ended = self._followed(drag)
-        except Exception as error:  # whatever it was: the user is told, and a job under way goes on
-            ended = DragEnded(drag=drag.number, how="failed", reason=_reason(error))
-            _log.exception("Following drag %d failed", drag.number)
-        if ended is not None:
-            with self._changed:
-                self._drags.remove(drag)
-            self.reports.tell(ended)
-
-    def _followed(self, drag: Drag) -> DragEnded | None:
+    def _follow_drags(self) -> None:
+        """A step for each drag in turn, until they have ended or their pointers have rested for a while."""
         while True:
+            self._run_errands()
             with self._changed:
-                self._changed.wait_for(lambda: self._closing or drag.wants, LINGER)
-                if not (self._closing or drag.wants):
-                    return None
+                self._changed.wait_for(
+                    lambda: self._closing or self._errands or self._waiting_drag() or not self._drags, LINGER
+                )
+                if self._errands:
+                    continue
+                drag = self._waiting_drag()
+                if drag is None:
+                    return
+                self._drags.remove(drag)
+                self._drags.append(drag)
                 target = drag.taken()
-            if self._closing or drag.abandoned:
+            if (ended := self._followed(drag, target)) is not None:
+                with self._changed:
+                    self._drags.remove(drag)
+                self.reports.tell(ended)
+
+    def _followed(self, drag: Drag, target: Target | None) -> DragEnded | None:
+        """One step of a drag; how it has ended, if it has."""
+        try:
+            if drag.abandoned:
                 return DragEnded(drag=drag.number, how="abandoned")
             live = self._aimed(drag, target)
             if drag.released:
                 return self._released(drag, live)
             params = live.resolve()
-            self.reports.show(DragMoved(drag=drag.number, frames=drag.correction.frames, params=params))
+        except Exception as error:  # whatever it was: the user is told, and a job under way goes on
+            _log.exception("Following drag %d failed", drag.number)
+            return DragEnded(drag=drag.number, how="failed", reason=_reason(error))
+        self.reports.show(DragMoved(drag=drag.number, frames=drag.correction.frames, params=params))
+        return None
 
     def _aimed(self, drag: Drag, target: Target | None) -> LiveCorrection:
         """The drag's correction, made at first."""
@@ -257,7 +291,7 @@ class Worker:
                     next(events)
                 except StopIteration as stop:
                     refit: Refit = stop.value
-                    self._sink.keep_correction(live.correction, live.target, refit)
+                    self._sink.keep_correction(replace(live.correction, edit=drag.edit), live.target, refit)
                     return DragEnded(drag=drag.number, how="finished")
         return DragEnded(drag=drag.number, how="abandoned")
 

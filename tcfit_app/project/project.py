@@ -8,6 +8,8 @@ A project is a folder:
 | detections.npz | the detected keypoints, xy (T, 137, 2) in pixels, confidence (T, 137), and by what detector; stay \
 once there are any |
 | runs/000001.npz | what a run found (`storage/run_files.py` has the keys) |
+| runs/000002/000001.npz | what a correction has replaced in a run, for undo (`storage/changes.py`); not in a packed \
+project, where the fit follows an undo as any other edit |
 | reference.npz | what fits are compared with, where something is known |
 | handshapes.toml | the user's own set of handshapes, where there is one |
 | rig/ | the user's own rig and its mapping file, where there is one; not in a packed project |
@@ -19,13 +21,16 @@ as if it had been closed after the last such return.
 """
 
 import threading
+from bisect import bisect_right
 from dataclasses import replace
 from datetime import UTC, datetime
+from itertools import islice
 from pathlib import Path
 from types import TracebackType
 
 import msgspec
 import numpy as np
+from jaxtyping import Bool
 
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
@@ -37,7 +42,19 @@ from fitting_core.lens import filmed_keypoints, straightened_keypoints
 from fitting_core.measure.references.reference import Reference
 from fitting_core.silhouettes import Silhouettes
 from tcfit_app.project.edits.corrected import Corrected
-from tcfit_app.project.edits.edit_log import Action, EditHistory, LogEntry, Note, Redo, Remark, Undo, decode, encode
+from tcfit_app.project.edits.edit_log import (
+    Action,
+    EditHistory,
+    LogEntry,
+    Marking,
+    Note,
+    Redo,
+    Remark,
+    Undo,
+    decode,
+    encode,
+    frames_of,
+)
 from tcfit_app.project.storage import database, media
 from tcfit_app.project.storage.accessing import accessing
 from tcfit_app.project.storage.clip import read_clip, replace_camera, replace_detections, write_clip
@@ -67,6 +84,7 @@ class Project:
         )
         self._stored, self._database, self._lock = stored, store, held
         self._clip: Clip | None = None
+        self._footage: Clip | None = None
         self._detected = bool((stored.keypoints.confidence > 0).any())
         self._guard = threading.RLock()
         """Of what is known of the project; held for moments only, for the thread that draws asks for it."""
@@ -86,7 +104,7 @@ class Project:
             senseless.add(entry.id)
 
         log = _readable_log(store)
-        self._history = EditHistory(stored.keypoints, log, leave_out=leave_out)
+        self._history = EditHistory(stored.keypoints, log, first_frame=stored.first_frame, leave_out=leave_out)
         self._log = [entry for entry in log if entry.id not in senseless]
 
     @property
@@ -165,7 +183,8 @@ class Project:
 
     @property
     def detected(self) -> Corrected:
-        """What is corrected: the detections, and what was taken over from another person or detected again."""
+        """What is corrected: the detections, and what was taken over from another person or detected again. As
+        `corrected`, it shows what later edits make of it."""
         with self._guard:
             return self._history.detected
 
@@ -177,18 +196,49 @@ class Project:
 
     @property
     def corrected(self) -> Corrected:
-        """The keypoints as they stand, with marks of what was edited and what is bad."""
+        """The keypoints as they stand, with marks of what was edited and what is bad; for the thread that edits, for it
+        shows what later edits make of them."""
         with self._guard:
             return self._history.corrected
 
+    def marked(self, marking: Marking) -> list[int]:
+        """The frames with any keypoint of which that is so, in order."""
+        with self._guard:
+            return self._history.marked(marking)
+
+    @property
+    def bad(self) -> Bool[np.ndarray, "T 137"]:
+        """Which keypoints are marked as bad."""
+        bad = np.zeros(self._stored.keypoints.confidence.shape, bool)
+        with self._guard:
+            frames = self._history.marked("bad")
+            bad[frames] = self._history.corrected.bad[frames]
+        return bad
+
+    @property
+    def footage(self) -> Clip:
+        """The clip as it was filmed and detected, and the source where it is now: for whoever needs no corrected
+        keypoints, which take longer after an edit."""
+        with self._guard:
+            if self._footage is None or self._footage.source != self.media.path:
+                self._footage = replace(self._stored, source=self.media.path)
+            return self._footage
+
     @property
     def clip(self) -> Clip:
-        """What is to be fitted now: corrected keypoints, and the source where it is now."""
-        with self._guard:
-            keypoints, source = self._history.keypoints, self.media.path
-            if self._clip is None or self._clip.keypoints is not keypoints or self._clip.source != source:
-                self._clip = replace(self._stored, keypoints=keypoints, source=source)
-            return self._clip
+        """What is to be fitted now: corrected keypoints, and the source where it is now. In a long clip it takes some
+        milliseconds after an edit, for which nobody else waits."""
+        while True:
+            with self._guard:
+                history, news = self._history, self._history.news()
+            made = news.keypoints()
+            with self._guard:
+                if history is not self._history:
+                    continue
+                keypoints = history.keep(news, made)
+                if self._clip is None or self._clip.keypoints is not keypoints or self._clip.source != self.media.path:
+                    self._clip = replace(self.footage, keypoints=keypoints)
+                return self._clip
 
     @property
     def has_detections(self) -> bool:
@@ -244,8 +294,8 @@ class Project:
             EditHistory(stored.keypoints, self.log)  # what could not be opened again must not get onto the disk
             replace_detections(self.folder, self._database, stored)
             with self._guard:
-                self._stored, self._detected = stored, True
-                self._history = EditHistory(stored.keypoints, self._log)
+                self._stored, self._detected, self._clip, self._footage = stored, True, None, None
+                self._history = EditHistory(stored.keypoints, self._log, first_frame=stored.first_frame)
 
     def set_camera(self, camera: Camera, notes: tuple[str, ...] = ()) -> None:
         """Say what the clip was filmed with; when this returns, it is on the disk. Runs keep the camera that they have.
@@ -275,9 +325,9 @@ class Project:
                 stored = replace(stored, keypoints=_fixed(straight), notes=(*stored.notes, *lens_notes))
                 replace_detections(self.folder, self._database, stored)
             with self._guard:
-                self._stored, self._clip = stored, None
+                self._stored, self._clip, self._footage = stored, None, None
                 if stored.keypoints is not before.keypoints:
-                    self._history = EditHistory(stored.keypoints, self._log)
+                    self._history = EditHistory(stored.keypoints, self._log, first_frame=stored.first_frame)
 
     def _edits_and_runs(self) -> str:
         """What stands on the keypoints as they were detected, for the user; empty if there is nothing."""
@@ -343,6 +393,49 @@ class Project:
         """Everything that was done to the keypoints and said about frames, oldest first."""
         with self._guard:
             return tuple(self._log)
+
+    def last_said(self, count: int) -> list[LogEntry]:
+        """The last edits and remarks of the log, newest first; those that were undone as well."""
+        with self._guard:
+            said = (entry for entry in reversed(self._log) if not isinstance(entry.action, Undo | Redo))
+            return list(islice(said, count))
+
+    def frames_changed_after(self, seen: int) -> dict[int, tuple[int, ...]]:
+        """The frames whose keypoints each entry of the log after the entry `seen` changes, as `edit_log.frames_of`."""
+        with self._guard:
+            first = bisect_right(self._log, seen, key=lambda entry: entry.id)
+            return frames_of(self._log[first:], self._history.standing.said)
+
+    def edits_since(self, seen: int) -> int:
+        """How many edits stand now and did not after the entry `seen`, or did and do not now."""
+        with self._guard:
+            return self._history.standing.differing(seen)
+
+    def frames_edited_since(self, seen: int) -> frozenset[int]:
+        """The frames of the edits that `edits_since` counts."""
+        with self._guard:
+            changed = list(self._history.standing.changes(seen))
+        return frozenset(frame for said in changed if not isinstance(said, Remark) for frame in said.frames)
+
+    def stands(self, number: int) -> bool:
+        """Whether the edit or remark of this id is done, and not undone."""
+        with self._guard:
+            return self._history.standing.stood(number)
+
+    def stood(self, number: int, seen: int) -> bool:
+        """Whether it was so after the entry `seen`."""
+        with self._guard:
+            return self._history.standing.stood(number, seen)
+
+    def stood_by(self, seen: int, later: int | None = None) -> bool:
+        """Whether all that stood after the entry `seen` stood after a later one as well; None: stands now."""
+        with self._guard:
+            return self._history.standing.stood_by(seen, later)
+
+    def frames_of(self, edit: int) -> tuple[int, ...]:
+        """The frames that the edit of this id changes."""
+        with self._guard:
+            return self._history.standing.said(edit).frames
 
     @property
     def last_edit(self) -> int:

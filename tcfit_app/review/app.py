@@ -74,7 +74,7 @@ class ReviewApp:
         if group is None:
             return (alone(DrawingData(self.session, self._wake)),)
         sessions = [member.session for member in group.members]
-        videos = Videos([session.project.clip for session in sessions], self._wake)
+        videos = Videos([session.project.footage for session in sessions], self._wake)
         return together(group, [DrawingData(session, self._wake, videos) for session in sessions])
 
     async def _connected(self, client: viser.ClientHandle) -> None:

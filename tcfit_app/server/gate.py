@@ -6,10 +6,11 @@ this user's terminal, memory or cookies; between computers everything travels un
 """
 
 import base64
+import ipaddress
 import secrets
 import threading
 import time
-from collections import deque
+from collections import OrderedDict, deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from http import HTTPStatus
@@ -33,7 +34,9 @@ _TOKEN_BYTES = 32
 
 
 _TRIES, _MINUTE = 20, 60.0
-"""Wrong passwords in so many seconds, after which nobody is asked for one; browsers that are in notice nothing."""
+"""Wrong passwords from one place in so many seconds, after which it is asked for none; all others notice nothing."""
+_PLACES = 1000
+"""Of which wrong passwords are remembered, those that came last."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,8 +77,8 @@ class Gate:
             admitted: Called after each new browser, when `link` is a fresh one.
         """
         self._address, self._entry = address, entry or Entry()
-        self._wrong: deque[float] = deque(maxlen=_TRIES)
-        """When passwords were wrong, the last ones."""
+        self._wrong: OrderedDict[str, deque[float]] = OrderedDict()
+        """When passwords were wrong, the last ones, by the place that they came from."""
         self._scripts = scripts or {}
         self._admitted = admitted
         # Cookies do not tell ports apart: without it two servers on one computer would overwrite each other's.
@@ -90,8 +93,13 @@ class Gate:
         with self._lock:
             return (self._entry.public or self._address.url) + self._entrance()
 
-    def answer(self, request: Request) -> Response | None:
-        """The answer that the request gets without reaching viser; None if viser may answer."""
+    def answer(self, request: Request, address: str = "") -> Response | None:
+        """The answer that the request gets without reaching viser; None if viser may answer.
+
+        Args:
+            request: as it came.
+            address: The other end of its connection.
+        """
         hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
         public = len(hosts) == 1 and self._entry.is_at(hosts[0])
         if len(hosts) != 1 or not (public or self._address.accepts(hosts[0])):
@@ -107,19 +115,24 @@ class Gate:
             self._admitted()
             return self._welcome(secure=own.startswith("https:"))
         if self._entry.password and not websocket:
-            return self._ask(request.headers, secure=own.startswith("https:"))
+            place = _place(_sent_from(request.headers) or address if public else address)
+            return self._ask(request.headers, place, secure=own.startswith("https:"))
         return _page(HTTPStatus.FORBIDDEN, _UNKNOWN)
 
-    def _ask(self, headers: Headers, *, secure: bool) -> Response:
+    def _ask(self, headers: Headers, place: str, *, secure: bool) -> Response:
         """The password, which the browser asks for in a window of its own (RFC 7617), whatever the user's name."""
         given = headers.get_all("Authorization")
-        now = time.monotonic()
-        if len(self._wrong) == _TRIES and now - self._wrong[0] < _MINUTE:
+        wrong, now = self._wrong.get(place, ()), time.monotonic()
+        if len(wrong) == _TRIES and now - wrong[0] < _MINUTE:
             return _page(HTTPStatus.TOO_MANY_REQUESTS, _TOO_OFTEN, {"Retry-After": f"{_MINUTE:.0f}"})
         if len(given) == 1 and _same(_password_in(given[0]), self._entry.password):
             return self._welcome(secure=secure)
         if given:
-            self._wrong.append(now)
+            with self._lock:
+                self._wrong.setdefault(place, deque(maxlen=_TRIES)).append(now)
+                self._wrong.move_to_end(place)
+                if len(self._wrong) > _PLACES:
+                    self._wrong.popitem(last=False)
         return _page(HTTPStatus.UNAUTHORIZED, _PASSWORD, {"WWW-Authenticate": 'Basic realm="tcfit", charset="UTF-8"'})
 
     def _lead(self, path: str, websocket: bool) -> Response | None:
@@ -170,6 +183,20 @@ def protect(headers: Headers) -> None:
         headers[name] = value
 
 
+def _sent_from(headers: Headers) -> str:
+    """The browser's address as the proxy has it, which adds it behind what the browser itself may have sent."""
+    return ",".join(headers.get_all("X-Forwarded-For")).rpartition(",")[2].strip()
+
+
+def _place(address: str) -> str:
+    """Where an address is: of IPv6 its network, for a computer has as many of those as it likes."""
+    try:
+        ip = ipaddress.ip_address(address.partition("%")[0])
+    except ValueError:
+        return address
+    return str(ipaddress.ip_network((ip, 64), strict=False)) if ip.version == 6 else str(ip)
+
+
 def _password_in(authorization: str) -> str:
     """Of a header Authorization; empty if it has none."""
     scheme, _, code = authorization.partition(" ")
@@ -205,7 +232,7 @@ _UNKNOWN = (
     "once, and until tcfit is stopped; after each use a fresh one is printed."
 )
 _PASSWORD = "This review asks for its password. Reload the page to be asked again."
-_TOO_OFTEN = "Wrong passwords came too often. Try again in a minute."
+_TOO_OFTEN = "Wrong passwords came too often from where you are. Try again in a minute."
 _FOREIGN = "Refused: this request comes from another web page."
 _WRONG_HOST = (
     "Refused: tcfit does not answer to this host name. Use the link as it was printed, or this computer's "

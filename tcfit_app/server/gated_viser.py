@@ -131,7 +131,7 @@ def _checked(gate: Gate, answer: Callable[[Any, Request], Response | None]) -> C
     """viser's answers to requests, where the gate has none."""
 
     def checked(connection: Any, request: Request) -> Response | None:
-        response = gate.answer(request)
+        response = gate.answer(request, str((connection.remote_address or [""])[0]))
         if response is None and "Upgrade" in request.headers and len(connection.server.connections) >= PAGES:
             response = busy()
         if response is None:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, Shaped
@@ -30,6 +31,10 @@ class Corrected:
 
     records: Shaped[np.ndarray, "F K"]
     """Of `_RECORD`, side by side: an edit reads and writes a few keypoints of a few frames, and all about them."""
+
+    def __getitem__(self, cells: Any) -> "Corrected":
+        """Some of them, as of an array. What is worked out of several fields takes a while for those of a long clip."""
+        return Corrected(records=self.records[cells])
 
     @staticmethod
     def none(keypoints: Keypoints) -> "Corrected":
@@ -113,26 +118,59 @@ class Corrected:
         """Memory in bytes."""
         return self.records.nbytes
 
-    def frozen(self) -> "Corrected":
-        """A copy that nobody can write to."""
-        return Corrected(records=_fixed(self.records.copy()))
+    @property
+    def view(self) -> "Corrected":
+        """The same keypoints for somebody who cannot write to them, and sees what is written later."""
+        return Corrected(records=read_only(self.records))
+
+    @property
+    def told(self) -> Bool[np.ndarray, "F K"]:
+        """A person has said something of it."""
+        return self.edited | np.isfinite(self.depth) | self.locked
 
     def keypoints(self) -> Keypoints:
         """What is fitted: a keypoint marked bad has confidence 0. In arrays of their own, which nobody can write to."""
-        depth = _fixed(self.told_depth)
-        return Keypoints(
-            xy=_fixed(self.xy.copy()),
-            confidence=_fixed(np.where(self.bad, 0.0, self.confidence)),
-            by_hand=_fixed(self.edited & self.present),
-            depth=depth if np.isfinite(depth).any() else None,
-            turn=_fixed(self.turn.copy()) if self.locked.any() else None,
-        )
+        return _keypoints(*self._fitted())
+
+    def _fitted(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        confidence = np.where(self.bad, 0.0, self.confidence)
+        return self.xy.copy(), confidence, self.edited & self.present, self.told_depth, self.turn.copy()
+
+    def put_into(self, before: Keypoints, frames: list[int]) -> Keypoints:
+        """What `keypoints` gives for a clip that had given `before`, since these became some of its frames.
+
+        It copies plain arrays, which takes a tenth of going through all that is known of a whole clip.
+        """
+        nowhere = np.full((*before.confidence.shape, 3), np.nan, np.float32)
+        turn = nowhere if before.turn is None else before.turn.copy()
+        arrays = before.xy.copy(), before.confidence.copy(), before.placed.copy(), before.told_depth.copy(), turn
+        for array, part in zip(arrays, self._fitted(), strict=True):
+            array[frames] = part
+        return _keypoints(*arrays)
+
+
+def _keypoints(
+    xy: np.ndarray, confidence: np.ndarray, by_hand: np.ndarray, depth: np.ndarray, turn: np.ndarray
+) -> Keypoints:
+    """With what is told of depths and turns only where something is."""
+    return Keypoints(
+        xy=_fixed(xy),
+        confidence=_fixed(confidence),
+        by_hand=_fixed(by_hand),
+        depth=_fixed(depth) if np.isfinite(depth).any() else None,
+        turn=_fixed(turn) if np.isfinite(turn[..., 0]).any() else None,
+    )
 
 
 @lru_cache(maxsize=4)  # An edit writes what it has read.
 def _cells(frames: tuple[int, ...], joints: tuple[int, ...], count: int) -> Int[np.ndarray, "f j"]:
     """Numbers of some keypoints among all `count` of all frames: reading by these takes a third of np.ix_."""
     return _fixed(np.array(frames)[:, None] * count + np.array(joints))
+
+
+def read_only(array: np.ndarray) -> np.ndarray:
+    """The same array for somebody who cannot write to it."""
+    return _fixed(array.view())
 
 
 def _fixed(array: np.ndarray) -> np.ndarray:

@@ -12,18 +12,20 @@ them they take back or bring back:
 The log belongs to the project and not to a browser: two people at one project undo each other's edits.
 """
 
+import itertools
 from collections import deque
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
-from typing import Literal
+from typing import Literal, get_args
 
 import msgspec
 
 from fitting_core.errors import InputError
 from fitting_core.keypoints import Keypoints
-from tcfit_app.project.edits.corrected import Corrected
-from tcfit_app.project.edits.kinds import Edit, NewDetections, TakeOver, check
+from tcfit_app.project.edits.corrected import Corrected, read_only
+from tcfit_app.project.edits.kinds import Edit, NewDetections, TakeOver, check, clip_has
+from tcfit_app.project.edits.standing import Standing
 
 _MEMORY = 256 * 2**20
 """Bytes for what undo puts back; where that does not suffice, all edits are made again."""
@@ -128,38 +130,18 @@ class Note:
     author: str
 
 
-def frames_of(log: Iterable[LogEntry]) -> dict[int, tuple[int, ...]]:
-    """The frames whose keypoints each entry changes, by its id: Undo and Redo those of their edit, remarks none."""
+def frames_of(log: Iterable[LogEntry], said: Callable[[int], Said]) -> dict[int, tuple[int, ...]]:
+    """The frames whose keypoints each entry changes, by its id: Undo and Redo those of their edit, remarks none.
+
+    Args:
+        log: entries, all or some.
+        said: What the entry of an id has said, for those that are undone and redone.
+    """
     found: dict[int, tuple[int, ...]] = {}
     for entry in log:
-        action = entry.action
-        if isinstance(action, Undo | Redo):
-            found[entry.id] = found.get(action.edit, ())
-        else:
-            found[entry.id] = () if isinstance(action, Remark) else action.frames
+        action = said(entry.action.edit) if isinstance(entry.action, Undo | Redo) else entry.action
+        found[entry.id] = () if isinstance(action, Remark) else action.frames
     return found
-
-
-def edits_since(log: Iterable[LogEntry], seen: int) -> list[Edit]:
-    """The edits that stand now and did not after the entry `seen`, and those that did and do not now."""
-    entries = list(log)
-    now, then = _standing(entries), _standing([entry for entry in entries if entry.id <= seen])
-    changed = [said for number, said in (now | then).items() if (number in now) != (number in then)]
-    return [edit for edit in changed if not isinstance(edit, Remark)]
-
-
-def _standing(entries: Iterable[LogEntry]) -> dict[int, Said]:
-    done: dict[int, Said] = {}
-    undone: dict[int, Said] = {}
-    for entry in entries:
-        action = entry.action
-        if isinstance(action, Undo):
-            undone[action.edit] = done.pop(action.edit)
-        elif isinstance(action, Redo):
-            done[action.edit] = undone.pop(action.edit)
-        else:
-            done[entry.id] = action
-    return done
 
 
 def encode(action: Action) -> str:
@@ -181,11 +163,32 @@ def decode(text: str | bytes) -> Action:
         ) from error
 
 
+Marking = Literal["told", "bad", "key"]
+"""What `Corrected` says of a keypoint, and a timeline of its frame."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class News:
+    """How keypoints have changed."""
+
+    before: Keypoints
+    frames: list[int]
+    """That are others."""
+    rows: Corrected
+    """Those frames."""
+    version: int
+    """Of the history, by the number of its changes."""
+
+    def keypoints(self) -> Keypoints:
+        """As they are now."""
+        return self.rows.put_into(self.before, self.frames) if self.frames else self.before
+
+
 class EditHistory:
     """The log's meaning: the corrected keypoints, and what can be undone and redone.
 
-    A further entry costs as much as the keypoints that it touches, whatever the lengths of the clip and of the log.
-    Not thread-safe; what it returns never changes.
+    A further entry costs as much as the frames that it touches, whatever the lengths of the clip and of the log. Not
+    thread-safe. Keypoints that it has returned never change; `corrected` and `detected` show what they are now.
     """
 
     def __init__(
@@ -193,6 +196,7 @@ class EditHistory:
         detections: Keypoints,
         entries: Iterable[LogEntry] = (),
         *,
+        first_frame: int = 0,
         leave_out: Callable[[LogEntry, InputError], None] | None = None,
     ) -> None:
         """Take up a log.
@@ -200,24 +204,32 @@ class EditHistory:
         Args:
             detections: What the edits correct.
             entries: In order.
+            first_frame: The number by which users know the clip's first.
             leave_out: Takes those that make no sense, and why.
 
         Raises:
             InputError: One makes no sense, and there is nobody to take it.
         """
-        self._original = detections
+        self._original, self._first_frame = detections, first_frame
         self._detections = self._now = Corrected.none(detections)
-        self._detections_given = False
-        """Whether somebody else has them, for whom they must stay as they are."""
         self._done: list[LogEntry] = []
         self._undone: list[LogEntry] = []
         self._written: list[LogEntry] = []
         """Those of _done about notes."""
+        self.standing: Standing[Said] = Standing()
+        """What stood after each entry."""
         self._before: deque[tuple[Edit, Corrected, Corrected | None]] = deque()
         """What the last edits of _done have overwritten, of as many as memory allows; also of the detections."""
         self._bytes = 0
-        self._published: Corrected | None = None
-        self._keypoints: Keypoints | None = None
+        self._keypoints = replace(detections, xy=read_only(detections.xy), confidence=read_only(detections.confidence))
+        """What there was to fit, before the frames `_changed` did."""
+        self._changed: set[int] = set()
+        self._version = 0
+        self._touched: set[int] = set()
+        """All frames that any edit has ever changed."""
+        self._marked: dict[Marking, set[int]] = {marking: set() for marking in get_args(Marking)}
+        """The frames with any keypoint of which that is so, but for those that are `_unmarked`."""
+        self._unmarked: set[int] = set()
         for entry in tuple(entries):  # what was undone in the end need not be made
             try:
                 self.check(entry.action)
@@ -264,36 +276,61 @@ class EditHistory:
     @property
     def detected(self) -> Corrected:
         """What is corrected: the detections, and what was taken over or detected again in their place."""
-        self._detections_given = True
-        return self._detections
+        return self._detections.view
 
     @property
     def corrected(self) -> Corrected:
         """The whole clip as it stands, with marks of what was edited."""
-        if self._published is None:
-            self._published = self._now.frozen()
-        return self._published
+        return self._now.view
+
+    def marked(self, marking: Marking) -> list[int]:
+        """The frames with any keypoint of which that is so, in order."""
+        if frames := sorted(self._unmarked):
+            rows = Corrected(records=self._now.records[frames])
+            for name, marked in self._marked.items():
+                marked.difference_update(frames)
+                marked.update(itertools.compress(frames, getattr(rows, name).any(1)))
+            self._unmarked.clear()
+        return sorted(self._marked[marking])
 
     @property
     def keypoints(self) -> Keypoints:
         """The keypoints to fit."""
-        if self._keypoints is None:
-            self._keypoints = self.corrected.keypoints()
-        return self._keypoints
+        news = self.news()
+        return self.keep(news, news.keypoints())
+
+    def news(self) -> "News":
+        """What makes `keypoints`, which takes longer in a long clip: for somebody who cannot wait for that."""
+        frames = sorted(self._changed)
+        rows = Corrected(records=self._now.records[frames])
+        return News(before=self._keypoints, frames=frames, rows=rows, version=self._version)
+
+    def keep(self, news: "News", made: Keypoints) -> Keypoints:
+        """Remember what `news` has made, so that further news are those since then."""
+        if news.before is self._keypoints:
+            self._keypoints = made
+            if news.version == self._version:
+                self._changed.clear()
+        return made
 
     def check(self, action: Action) -> None:
         """Raise InputError if this cannot be the next action."""
         if isinstance(action, WriteNotes):
             return self._check_notes(action)
         if isinstance(action, Remark):
-            _check_frames(action.frames, len(self._now.xy))
+            self._check_frames(action.frames)
             return self._check_note(action) if isinstance(action, WriteNote) else None
         if not isinstance(action, Undo | Redo):
-            return check(action, len(self._now.xy))
+            return check(action, len(self._now.xy), self._first_frame)
         verb, expected = ("undone", self.undoable) if isinstance(action, Undo) else ("redone", self.redoable)
         if expected is None or expected.id != action.edit:
             now = f"edit {expected.id} is" if expected else "none is"
             raise InputError(f"Edit {action.edit} cannot be {verb} now; {now} next. Somebody else may have edited.")
+
+    def _check_frames(self, frames: tuple[int, ...]) -> None:
+        length, first = len(self._now.xy), self._first_frame
+        if outside := [frame for frame in frames if not 0 <= frame < length]:
+            raise InputError(f"There is no frame {first + outside[0]}; {clip_has(length, first)}.")
 
     def _check_note(self, note: WriteNote) -> None:
         self._check_text(note.text, note.replaces, {known.id for known in self.notes})
@@ -305,7 +342,7 @@ class EditHistory:
             raise InputError("There are no notes to keep.")
         there = {known.id for known in self.notes}
         for note in written.notes:
-            _check_frames((note.first, note.last), len(self._now.xy))
+            self._check_frames((note.first, note.last))
             self._check_text(note.text, note.replaces, there)
             there.discard(note.replaces)
             if note.last < note.first:
@@ -325,7 +362,6 @@ class EditHistory:
         changed = self._take_up(entry)
         if isinstance(changed, Remark):
             return
-        self._published = self._keypoints = None
         if isinstance(entry.action, Undo):
             self._take_back()
         else:
@@ -334,14 +370,17 @@ class EditHistory:
     def _take_up(self, entry: LogEntry) -> Said:
         """What is done now, and what can be redone; returns what was done, undone or redone. Keypoints stay."""
         if isinstance(entry.action, Undo):
+            self.standing.undo(entry.id)
             self._undone.append(self._done.pop())
             said = _said(self._undone[-1])
             if isinstance(said, WriteNote | WriteNotes):
                 self._written.pop()
             return said
         if isinstance(entry.action, Redo):
+            self.standing.redo(entry.id, entry.action.edit)
             self._done.append(self._undone.pop())
         else:
+            self.standing.say(entry.id, entry.action, counts=not isinstance(entry.action, Remark))
             self._undone.clear()
             self._done.append(entry)
         said = _said(self._done[-1])
@@ -359,20 +398,24 @@ class EditHistory:
             self._bytes -= self._before.popleft()[1].nbytes
 
     def _put(self, edit: Edit) -> None:
-        self._now.put(edit.frames, edit.joints, edit.values(self._now, self._detections))
+        self._write(edit, edit.values(self._now, self._detections))
         if isinstance(edit, NewDetections):
-            self._detect(edit, edit.values(self._detections, self._detections))
+            self._detections.put(edit.frames, edit.joints, edit.values(self._detections, self._detections))
 
-    def _detect(self, edit: Edit, values: Corrected) -> None:
-        """In a copy where others have them: what was given to them never changes."""
-        if self._detections_given:
-            self._detections, self._detections_given = Corrected(records=self._detections.records.copy()), False
-        self._detections.put(edit.frames, edit.joints, values)
+    def _write(self, edit: Edit, values: Corrected) -> None:
+        self._now.put(edit.frames, edit.joints, values)
+        self._note(edit.frames)
+
+    def _note(self, frames: Iterable[int]) -> None:
+        """Frames are others than they were."""
+        self._version += 1
+        for those in (self._changed, self._touched, self._unmarked):
+            those.update(frames)
 
     def _make_all(self) -> None:
         """Everything that is done, on the keypoints as they were detected."""
         self._detections, self._now = Corrected.none(self._original), Corrected.none(self._original)
-        self._detections_given = False
+        self._note(tuple(self._touched))
         edits = [said for entry in self._done if not isinstance(said := _said(entry), Remark)]
         for edit in edits[:-_UNDOABLE]:
             self._put(edit)
@@ -383,9 +426,9 @@ class EditHistory:
         if self._before:
             edit, values, detected = self._before.pop()
             self._bytes -= values.nbytes
-            self._now.put(edit.frames, edit.joints, values)
+            self._write(edit, values)
             if detected is not None:
-                self._detect(edit, detected)
+                self._detections.put(edit.frames, edit.joints, detected)
             return
         self._make_all()
 
@@ -406,8 +449,3 @@ def _texts(action: Action) -> list[tuple[range, str, int | None]]:
 def _said(entry: LogEntry) -> Said:
     assert not isinstance(entry.action, Undo | Redo)
     return entry.action
-
-
-def _check_frames(frames: tuple[int, ...], length: int) -> None:
-    if outside := [frame for frame in frames if not 0 <= frame < length]:
-        raise InputError(f"There is no frame {outside[0]}; the clip has frames 0 to {length - 1}.")

@@ -21,20 +21,22 @@ def joined(now: Corrected, joints: tuple[int, ...], at: range, reach: int = REAC
     They end before the next keyframes on both sides. Those farther than `reach` count only where they are followed
     already.
     """
-    start, stop = at.start, at.stop
+    start, stop, reach = at.start, at.stop, max(reach, 1)
     for joint in joints:
-        keys = np.flatnonzero(now.key[:, joint])
-        before, after = max(keys[keys < at.start], default=None), min(keys[keys >= at.stop], default=None)
-        if before is not None and (at.start - before <= reach or _follows(now, joint, at.start - 1, before)):
-            start = min(start, int(before) + 1)
-        if after is not None and (after - at.stop < reach or _follows(now, joint, at.stop, after)):
-            stop = max(stop, int(after))
+        key = now.key[:, joint]
+        # Far ones are looked for only where they are followed: there is no end of frames in a long clip.
+        before = key[: at.start] if _follows(now, joint, at.start - 1) else key[max(at.start - reach, 0) : at.start]
+        after = key[at.stop :] if _follows(now, joint, at.stop) else key[at.stop : at.stop + reach]
+        if before.any():
+            start = min(start, at.start - int(before[::-1].argmax()))
+        if after.any():
+            stop = max(stop, at.stop + int(after.argmax()))
     return range(start, stop)
 
 
-def _follows(now: Corrected, joint: int, frame: int, key: int) -> bool:
-    """Whether a frame beside a keyframe, or beside where one will be, follows another one."""
-    return frame == key or bool(now.shift[frame, joint].any())
+def _follows(now: Corrected, joint: int, frame: int) -> bool:
+    """Whether there is a frame, and keyframes have moved a keypoint there."""
+    return 0 <= frame < len(now.records) and bool(now.shift[frame, joint].any())
 
 
 def keyed(

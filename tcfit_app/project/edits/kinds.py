@@ -165,7 +165,7 @@ class CopyFrom(_Edit, frozen=True, tag="copy"):
         return here
 
     def problem(self, length: int) -> str:
-        return "" if 0 <= self.source < length else f"it copies from frame {self.source}"
+        return "" if 0 <= self.source < length else "it copies from a frame that the clip does not have"
 
 
 class Interpolate(_Edit, frozen=True, tag="interpolate"):
@@ -196,7 +196,7 @@ class Interpolate(_Edit, frozen=True, tag="interpolate"):
 
     def problem(self, length: int) -> str:
         if not 0 <= self.first < min(self.frames) <= max(self.frames) < self.last < length:
-            return f"the frames to fill do not lie between frames {self.first} and {self.last} of the clip"
+            return "the frames to fill do not lie between the two of the clip that it names"
         return ""
 
 
@@ -378,7 +378,7 @@ class _KeyEdit(_Edit, frozen=True):
     def problem(self, length: int) -> str:
         if self.frames != tuple(self._span):
             return "its frames do not follow each other"
-        return "" if self.at in self.frames else f"frame {self.at} is none of those that it names"
+        return "" if self.at in self.frames else "its keyframe is in none of the frames that it names"
 
     @property
     def _span(self) -> range:
@@ -423,7 +423,9 @@ class MoveKey(_KeyEdit, frozen=True, tag="move_key"):
         return keyed(now, detections, self._span, self.joints, removed=self.at, placed=self.to, xy=xy)
 
     def problem(self, length: int) -> str:
-        return super().problem(length) or ("" if self.to in self.frames else f"frame {self.to} is none of its frames")
+        return super().problem(length) or (
+            "" if self.to in self.frames else "its keyframe goes to none of the frames that it names"
+        )
 
 
 Edit = (
@@ -453,14 +455,14 @@ KINDS: dict[str, type[Edit]] = {kind.__struct_config__.tag: kind for kind in get
 """Every kind of edit by its name in the log; a new one is a class above and its name in Edit."""
 
 
-def check(edit: Edit, length: int) -> None:
-    """Refuse an edit that makes no sense in a clip of `length` frames.
+def check(edit: Edit, length: int, first_frame: int = 0) -> None:
+    """Refuse an edit that makes no sense in a clip of `length` frames, whose first one users know by that number.
 
     Raises:
         InputError: Frames or keypoints that do not exist or come twice, none at all, or wrong values.
     """
     problem = (
-        _choice_problem(edit.frames, length, f"the clip has frames 0 to {length - 1}", "frame")
+        _choice_problem(edit.frames, length, clip_has(length, first_frame), "frame", first_frame)
         or _choice_problem(edit.joints, COUNT, f"keypoints have numbers 0 to {COUNT - 1}", "keypoint")
         or edit.problem(length)
     )
@@ -469,12 +471,17 @@ def check(edit: Edit, length: int) -> None:
         raise InputError(f"The edit ({kind}) cannot be made: {problem}. Nothing was changed.")
 
 
-def _choice_problem(chosen: tuple[int, ...], count: int, existing: str, noun: str) -> str:
+def clip_has(length: int, first_frame: int) -> str:
+    """Which frames there are, as users number them."""
+    return f"the clip has frames {first_frame} to {first_frame + length - 1}"
+
+
+def _choice_problem(chosen: tuple[int, ...], count: int, existing: str, noun: str, first: int = 0) -> str:
     if not chosen:
         return f"it names no {noun}"
     if min(chosen) >= 0 and max(chosen) < count and len(set(chosen)) == len(chosen):
         return ""
-    if outside := sorted(n for n in set(chosen) if not 0 <= n < count):
+    if outside := sorted(first + n for n in set(chosen) if not 0 <= n < count):
         return f"there is no {noun} {spans(outside)}; {existing}"
     return f"it names a {noun} twice"
 

@@ -78,7 +78,7 @@ class Marks:
     def _of_the_table(self) -> dict[int, Mark]:
         found = {}
         for row in self._database.rows("SELECT * FROM marks"):
-            mark = Columns(row, f"the mark of frame {row['frame']}", self._database.damage)
+            mark = Columns(row, f"the mark in row {row['frame']}", self._database.damage)
             frame = mark.read("frame", self._frame, None, _LEFT_OUT)
             state = mark.read("state", of(MarkState), None, _LEFT_OUT)
             if frame is None or state is None:
@@ -94,5 +94,5 @@ class Marks:
 
     def _frame(self, value: int) -> int:
         if not 0 <= value < self._frames:
-            raise ValueError(f"the clip has frames 0 to {self._frames - 1}")
+            raise ValueError(f"expected one of {self._frames} frames, counted from 0")
         return value

@@ -45,11 +45,20 @@ _START_WIDTHS: dict[str, tuple[int, ...]] = {"there": (), "points": (25, 3), "of
 """Arrays of a given start by their shape behind the number of frames."""
 
 
-class _Phase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class PhaseRecord(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What a phase has besides its arrays."""
+
     phase: int
     terms: tuple[str, ...]
     seconds: float
     notes: tuple[str, ...]
+
+    @staticmethod
+    def of(phase: PhaseResult) -> "PhaseRecord":
+        """That of a phase."""
+        return PhaseRecord(
+            phase=phase.phase, terms=tuple(phase.objective), seconds=float(phase.seconds), notes=phase.notes
+        )
 
 
 class _About(msgspec.Struct, frozen=True, kw_only=True):
@@ -57,7 +66,7 @@ class _About(msgspec.Struct, frozen=True, kw_only=True):
 
     format: str
     camera: Camera
-    phases: tuple[_Phase, ...]
+    phases: tuple[PhaseRecord, ...]
     warnings: tuple[str, ...]
     pose_prior: str
     start: StartRecord | None = None
@@ -69,9 +78,7 @@ def write_run(path: Path, fit: FitResult) -> None:
     Raises:
         InputError: The folder cannot be written.
     """
-    phases = tuple(
-        _Phase(phase=p.phase, terms=tuple(p.objective), seconds=float(p.seconds), notes=p.notes) for p in fit.phases
-    )
+    phases = tuple(map(PhaseRecord.of, fit.phases))
     about = _About(
         format=FORMAT,
         camera=fit.camera,
@@ -86,13 +93,22 @@ def write_run(path: Path, fit: FitResult) -> None:
         arrays |= {_START + name: getattr(start, name) for name in _START_WIDTHS}
         arrays |= {_START + name: getattr(start.params, name).detach().cpu().numpy() for name in _NAMES}
     for p in fit.phases:
-        prefix = f"phase{p.phase}_"
-        arrays |= {prefix + name: getattr(p.params, name).detach().cpu().numpy() for name in _NAMES}
-        arrays |= {f"{prefix}frame_cost": p.frame_cost, f"{prefix}objective": np.array([*p.objective.values()], float)}
-        if p.provenance is not None:
-            arrays |= {f"{prefix}start": p.provenance.start, f"{prefix}stopped": p.provenance.stopped}
+        arrays |= phase_arrays(p)
     with accessing(path), replacing(path) as draft:
         np.savez(draft, allow_pickle=False, **{name: np.asarray(value) for name, value in arrays.items()})
+
+
+def phase_arrays(phase: PhaseResult) -> dict[str, np.ndarray]:
+    """The arrays of a phase, by the names of the table above."""
+    prefix = f"phase{phase.phase}_"
+    arrays = {prefix + name: getattr(phase.params, name).detach().cpu().numpy() for name in _NAMES}
+    arrays |= {
+        f"{prefix}frame_cost": phase.frame_cost,
+        f"{prefix}objective": np.array([*phase.objective.values()], float),
+    }
+    if phase.provenance is not None:
+        arrays |= {f"{prefix}start": phase.provenance.start, f"{prefix}stopped": phase.provenance.stopped}
+    return arrays
 
 
 def read_run(path: Path, config: FitConfig) -> FitResult:
@@ -111,7 +127,7 @@ def read_run(path: Path, config: FitConfig) -> FitResult:
         about = msgspec.convert(stored | {"camera": with_focal_from(stored.get("camera"))}, _About)
         if about.format != FORMAT:
             raise ValueError(f"it is a {about.format!r}, expected {FORMAT!r}")
-        phases = tuple(_phase(arrays, p) for p in about.phases)
+        phases = tuple(phase_from(arrays, p) for p in about.phases)
         frames = len(phases[0].params)
         observed = _shaped(arrays, "observed", (frames, 55)).astype(bool)
         grounding = grounding_from(arrays, frames)
@@ -152,7 +168,8 @@ def _start(arrays: dict[str, np.ndarray], about: StartRecord | None, frames: int
     )
 
 
-def _phase(arrays: dict[str, np.ndarray], about: _Phase) -> PhaseResult:
+def phase_from(arrays: dict[str, np.ndarray], about: PhaseRecord) -> PhaseResult:
+    """What `phase_arrays` made. Raises KeyError, IndexError or ValueError if an array lacks or has another shape."""
     prefix = f"phase{about.phase}_"
     params = _params(arrays, prefix)
     frames = len(params)

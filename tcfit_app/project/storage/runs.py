@@ -7,6 +7,7 @@ finished; when its process dies, the run becomes "interrupted" the next time the
 import sqlite3
 from datetime import UTC, datetime
 from pathlib import Path
+from shutil import rmtree
 from time import time_ns
 from typing import Annotated, Any
 
@@ -18,6 +19,7 @@ from fitting_core.errors import InputError
 from fitting_core.files.atomic import sweep, sync
 from fitting_core.fit.result import FitResult
 from tcfit_app.project.storage.accessing import accessing
+from tcfit_app.project.storage.changes import Changes, file_name
 from tcfit_app.project.storage.columns import UNKNOWN_TIME, Columns, Count, json_of, line, of, or_none, text, time
 from tcfit_app.project.storage.database import Database
 from tcfit_app.project.storage.names import checked_name
@@ -232,6 +234,8 @@ class Runs:
             # Files first: a row without a file only tells that there is nothing to show.
             for run in gone:
                 self._path(run).unlink(missing_ok=True)
+                if (changes := self._path(run).with_suffix("")).is_dir():
+                    rmtree(changes)
             sync(self._folder)
             connection.executemany("DELETE FROM runs WHERE id = ?", [(run,) for run in gone])
         return gone
@@ -258,13 +262,17 @@ class Runs:
         """
         return read_run(self._path(run), self.get(run).config)
 
+    def changes(self, run: int) -> Changes:
+        """What corrections have changed in a run."""
+        return Changes(self._path(run).with_suffix(""))
+
     def _expect(self, run: int, state: RunState) -> None:
         found = self.get(run)
         if found.state != state:
             raise InputError(f"{found.name} is {found.state}; expected one that is {state}.")
 
     def _path(self, run: int) -> Path:
-        return self._folder / _file_name(run)
+        return self._folder / file_name(run)
 
     def _run(self, row: sqlite3.Row) -> Run | None:
         of_run = Columns(row, f"run {row['id']}", self._database.damage)
@@ -302,7 +310,7 @@ class Runs:
 
     def _span(self, first: int, last: int) -> range:
         if not first <= last < self._frames:
-            raise ValueError(f"frames {first} to {last} of {self._frames}")
+            raise ValueError(f"{first} to {last} of {self._frames} frames, counted from 0")
         return range(first, last + 1)
 
 
@@ -328,12 +336,8 @@ def _figures(value: Any) -> dict[str, Any]:
 def entries(folder: Path, connection: sqlite3.Connection) -> list[str]:
     """The results that lie in a project's folder, of the runs that a copy of its database knows, as paths in it."""
     numbers = [number for (number,) in connection.execute("SELECT id FROM runs ORDER BY id")]
-    names = [f"{_FOLDER}/{_file_name(number)}" for number in numbers]
+    names = [f"{_FOLDER}/{file_name(number)}" for number in numbers]
     return [name for name in names if (folder / name).is_file()]
-
-
-def _file_name(run: int) -> str:
-    return f"{int(run):06d}.npz"
 
 
 def _now() -> datetime:

@@ -161,7 +161,7 @@ class Picture:
         side = self._side.poster(shown, drawn, others, self._room) if self._side.wanted(shown) else None
         posters = tuple(Poster(image=image, bodies=made, others=others) for made in layers)
         snapshot = Posters(
-            camera=tab.session.project.clip.camera, posters=posters, side=side, arrangement=tab.arrangement
+            camera=tab.session.project.footage.camera, posters=posters, side=side, arrangement=tab.arrangement
         )
         self._show(snapshot)
         named = labels if side is None else (*labels, (direction_text(tab.state.side_from), _SIDE_COLOR))

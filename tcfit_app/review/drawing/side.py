@@ -62,7 +62,7 @@ class SidePart:
         self._tab.channel.send("side", fit and self._state(view, fit.camera, [bodies[side] for side in there]))
 
     def _state(self, view: SideView, camera: Camera, bodies: list[BodyLayer]) -> SideState:
-        height = self._tab.session.project.clip.camera.size[1]
+        height = self._tab.session.project.footage.camera.size[1]
         shifts = view.shifts([body.vertices for body in bodies])
         origins = pixel_pairs(np.stack([view.pixels(np.zeros(3), shift, height) for shift in shifts]))
         metre, plate, sight = view.scale * height, view.plate(height), view.sight(camera, height)

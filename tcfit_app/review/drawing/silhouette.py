@@ -23,7 +23,7 @@ class SilhouettePart:
 
     def draw(self) -> None:
         """Send what changed."""
-        tab, state, clip = self._tab, self._tab.state, self._tab.session.project.clip
+        tab, state, clip = self._tab, self._tab.state, self._tab.session.project.footage
         known = clip.silhouettes if state.silhouette and state.mode != "space" else None
         frame = state.frame if known is not None else None
         if not tab.sent.differs("silhouette", frame, tab.session.edits if known is not None else None):

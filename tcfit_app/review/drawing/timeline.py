@@ -58,7 +58,7 @@ class Timeline:
         self._draw_fit()
 
     def _draw_strip(self) -> None:
-        tab, clip = self._tab, self._tab.session.project.clip
+        tab, clip = self._tab, self._tab.session.project.footage
         if tab.sent.differs("timeline"):
             strip = states.Timeline(
                 length=tab.length, frame_rate=clip.frame_rate, first_frame=clip.first_frame, choices=CHOICES
@@ -69,11 +69,11 @@ class Timeline:
         tab, apart = self._tab, self._apart()
         if not tab.sent.differs("marks", tab.session.edits, tab.session.marked, apart):
             return
-        corrected, marks = tab.session.project.corrected, tab.session.project.marks.all()
+        project, marks = tab.session.project, tab.session.project.marks.all()
         by_state = {state: [f for f, mark in marks.items() if mark.state == state] for state in ("flag", "checked")}
         found = states.Marks(
-            edited=spans(np.flatnonzero((corrected.edited | np.isfinite(corrected.depth) | corrected.locked).any(1))),
-            bad=spans(np.flatnonzero(corrected.bad.any(1))),
+            edited=spans(project.marked("told")),
+            bad=spans(project.marked("bad")),
             flagged=spans(by_state["flag"]),
             checked=spans(by_state["checked"]),
             apart=spans(sorted(apart)),
@@ -93,9 +93,11 @@ class Timeline:
     def _draw_keyframes(self) -> None:
         tab, joints = self._tab, self._tab.state.selection
         if tab.sent.differs("keyframes", tab.session.edits, joints):
-            key = tab.session.project.corrected.key
-            chosen = key[:, list(joints)] if joints else key
-            tab.channel.send("keyframes", keyframes(np.flatnonzero(chosen.any(1)), joints))
+            project = tab.session.project
+            frames = np.array(project.marked("key"), int)
+            key = project.corrected.key[frames]
+            chosen = (key[:, list(joints)] if joints else key).any(1)
+            tab.channel.send("keyframes", keyframes(frames[chosen], joints))
 
     def _draw_suspicions(self) -> None:
         tab, shown = self._tab, self._tab.shown.b

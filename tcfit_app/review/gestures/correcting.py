@@ -130,7 +130,7 @@ class Correcting:
         if dragging.in_depth:
             frames, depths = (frame,), dragging.target[None]
             if tab.state.keyframes:
-                frames, depths = filled(tab.session.project.corrected.told_depth[:, list(joints)], frames, depths)
+                frames, depths = filled(tab.session.project.corrected[:, list(joints)].told_depth, frames, depths)
             edit = depth_edit(frames, joints, depths)
         else:
             edit = self._placed(frame, joints, dragging.target)
@@ -228,7 +228,8 @@ class Correcting:
             joints = with_hands(joints, corrected, frame)
         if not state.keyframes:
             return self.make(Nudge(frames=(frame,), joints=joints, by=(dx, dy)))
-        there = tuple(joint for joint in joints if corrected.present[frame, joint])
+        present = corrected[frame].present
+        there = tuple(joint for joint in joints if present[joint])
         if not there:
             raise InputError("The selected keypoints are marked bad: restore them first (X).")
         self.make(self._placed(frame, there, corrected.xy[frame, list(there)] + np.array([dx, dy])))

@@ -56,7 +56,7 @@ class CorrectingDepth:
     def unlock(self) -> None:
         """Let the joints of the selected keypoints turn again."""
         frames, joints = self._tab.frames_to_change, self._lockable()
-        if not self._tab.session.project.corrected.locked[np.ix_(frames, joints)].any():
+        if not self._tab.session.project.corrected[np.ix_(frames, joints)].locked.any():
             raise InputError(f"None of the selected joints is locked in {in_words(frames, self._tab.first_frame)}.")
         self._correcting.make(Unlock(frames=frames, joints=joints))
 
@@ -88,7 +88,7 @@ class CorrectingDepth:
         """Put the depths of the selected limbs on a line, between told ones: the ends of the selected frames, or the
         nearest before and after the one on show. Their places in the image stay."""
         joints = tuple(joint for limb in limbs_of(self._correcting.selected()) for joint in limb[1:])
-        told = self._tab.session.project.corrected.told_depth[:, list(joints)]
+        told = self._tab.session.project.corrected[:, list(joints)].told_depth
         known = np.flatnonzero(np.isfinite(told).all(1))
         frames, apart = self._tab.frames_to_change, int(self._tab.state.frames is None)
         before, after = known[known <= frames[0] - apart], known[known >= frames[-1] + apart]
@@ -117,7 +117,7 @@ class CorrectingDepth:
         """Let the selected keypoints stay where the fit has them now, in all of the selected frames."""
         tab, joints = self._tab, self._correcting.selected()
         frames, now = tab.frames_to_change, tab.state.frame
-        if tab.session.project.clip.camera.path is not None:
+        if tab.session.project.footage.camera.path is not None:
             raise InputError(
                 "The camera of this clip moves, and what is pinned stays in one place of the picture. Set where it is "
                 "in single frames instead; feet that stand are held in the world by the fit itself."

@@ -84,7 +84,7 @@ class DetectingAgain:
         self.look(part, region)
 
     def _in_picture(self, event: Framed, part: PartOfPerson) -> Region:
-        width, height = self._tab.session.project.clip.camera.size
+        width, height = self._tab.session.project.footage.camera.size
         left, right = (min(max(x, 0.0), width) for x in sorted((event.left, event.right)))
         top, bottom = (min(max(y, 0.0), height) for y in sorted((event.top, event.bottom)))
         if right - left < _LEAST or bottom - top < _LEAST:
@@ -120,7 +120,7 @@ class DetectingAgain:
         if (edit := task.result()) is None:
             where = in_words(look.frames, tab.first_frame)
             return tab.notify(Notice(title=f"No {name} was found in {where}.", text=_advice(look)))
-        if tab.session.project.clip.camera.lens != clip.camera.lens:
+        if tab.session.project.footage.camera.lens != clip.camera.lens:
             raise InputError("The camera has another lens by now. Detect again.")
         left = sorted({*look.frames} - {*edit.frames})
         self._correcting.keep(edit, f"; not found in {in_words(left, tab.first_frame)}" if left else "")

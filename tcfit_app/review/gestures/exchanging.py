@@ -78,7 +78,7 @@ class Exchanging:
         name = uuid.uuid4().hex
         edits = [
             TakeOver(
-                frames=tuple(n - one.session.project.clip.first_frame for n in shared),
+                frames=tuple(n - one.session.project.footage.first_frame for n in shared),
                 joints=_ALL,
                 source=source.name,
                 exchange=name,
@@ -104,7 +104,7 @@ class Exchanging:
 
 def _keypoints(someone: Someone, numbers: range) -> bytes:
     """As they count now: what is marked bad has confidence 0."""
-    first = someone.session.project.clip.first_frame
+    first = someone.session.project.footage.first_frame
     now: Corrected = someone.session.project.corrected.at(tuple(n - first for n in numbers), _ALL)
     confidence = np.where(now.bad, 0.0, now.confidence)
     return packed(np.concatenate([now.xy, confidence[..., None], (now.edited & now.present)[..., None]], -1))

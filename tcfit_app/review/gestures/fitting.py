@@ -42,7 +42,7 @@ class Fitting:
         tab, session = self._tab, self._tab.session
         body, camera = (
             {"kind": settings.kind, "gender": settings.gender},
-            camera_of(settings, session.project.clip.camera),
+            camera_of(settings, session.project.footage.camera),
         )
 
         def begin(known: Known) -> None:

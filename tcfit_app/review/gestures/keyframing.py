@@ -21,12 +21,13 @@ def with_hands(joints: tuple[int, ...], corrected: Corrected, frame: int) -> tup
 
     Only what is somewhere in the frame comes along.
     """
+    present = corrected[frame].present
     along = [
         joint
         for wrist, hand in HANDS_OF.items()
         if wrist in joints or hand.start in joints
         for joint in (wrist, *range(hand.start, hand.stop))
-        if joint not in joints and corrected.present[frame, joint]
+        if joint not in joints and present[joint]
     ]
     return (*joints, *along)
 

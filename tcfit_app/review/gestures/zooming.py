@@ -34,7 +34,7 @@ def zoom_to_selection(tab: Tab) -> None:
     xy = chosen.xy[(chosen.confidence > 0) | (chosen.edited & chosen.xy.any(-1))]
     if not len(xy):
         raise InputError(_NONE_THERE)
-    low, high = surroundings(xy, tab.session.project.clip.camera.size)
+    low, high = surroundings(xy, tab.session.project.footage.camera.size)
     tab.set(close_up=None)
     tab.scene.zoom_to((*low.tolist(), *high.tolist()))
 
@@ -72,7 +72,7 @@ def show_close_up(tab: Tab, part: Part | None) -> None:
     if size is None:
         raise InputError(f"The {CLOSE_UPS[part].lower()} was detected in no frame: there is nothing to follow.")
     tab.set(close_up=part)
-    tab.scene.zoom_about_middle(max(_ROOM * size, _LEAST * float(np.hypot(*tab.session.project.clip.camera.size))))
+    tab.scene.zoom_about_middle(max(_ROOM * size, _LEAST * float(np.hypot(*tab.session.project.footage.camera.size))))
 
 
 def next_close_up(tab: Tab) -> None:

@@ -285,11 +285,11 @@ class ReferenceField:
 
     @property
     def _clip_camera(self) -> Camera:
-        return self._tab.session.project.clip.camera
+        return self._tab.session.project.footage.camera
 
     def _start_given(self) -> Callable[[Reference], Reference]:
         """What puts a reference where the user says that it begins."""
-        first, rate = frame_number("Begins at frame", self._first.value), self._tab.session.project.clip.frame_rate
+        first, rate = frame_number("Begins at frame", self._first.value), self._tab.session.project.footage.frame_rate
         return lambda found: found if first is None else found.starting_at(first, rate)
 
     def _read(self, read: Callable[[], Reference]) -> None:

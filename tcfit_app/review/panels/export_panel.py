@@ -194,7 +194,7 @@ class ExportPanel:
         tab, project = self._tab, self._tab.session.project
         fits = {} if export.needs == "keypoints" else {s: self._exported(f) for s, f in _fits(tab.shown).items()}
         return ExportSource(
-            name=project.clip.name,
+            name=project.footage.name,
             chosen=fits.get(self._wishes.side),
             compared=list(fits.values()),
             known_clip=project.clip,
@@ -258,7 +258,7 @@ class ExportPanel:
         axes = [
             button(label, "export.axes", value, pressed=wishes.axes == value, hint=_axes_hint(value))
             for value, label in _AXES.items()
-            if value != OWN_WORLD or tab.session.project.clip.camera.world is not None
+            if value != OWN_WORLD or tab.session.project.footage.camera.world is not None
         ]
         keys = [
             button(

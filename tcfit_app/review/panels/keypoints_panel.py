@@ -1,7 +1,7 @@
 """The panel that corrects keypoints, and lists what was done to them."""
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from datetime import datetime
 from functools import partial
 from typing import ClassVar
@@ -17,6 +17,7 @@ from tcfit_app.project.edits.edit_log import LogEntry, Redo, Remark, Said, Undo
 from tcfit_app.project.edits.keyframes import REACH
 from tcfit_app.project.edits.kinds import SIDES
 from tcfit_app.project.frame_words import in_words
+from tcfit_app.project.project import Project
 from tcfit_app.review.browser.page_states import GROUP_COLORS
 from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.gestures.detecting_again import can_look, missing_parts
@@ -126,7 +127,7 @@ class KeypointsPanel:
         switches = state.keyframes, state.hand_along
         if tab.sent.differs("keypoint buttons", where, bad, key, switches, not state.selection, tab.hits_unseen):
             self._draw_buttons(where, bad, key)
-        detector = session.project.clip.detector
+        detector = session.project.footage.detector
         if tab.sent.differs("groups", where, detector):
             self._groups.show(heading("Whole groups", where), self._group_table(), *_detected_by(detector))
         self._draw_again(where)
@@ -272,7 +273,7 @@ class KeypointsPanel:
             row(self._step("undo", "Undo", project.undoable)),
             row(self._step("redo", "Redo", project.redoable)),
             row(button("The fit follows edits", "keypoints.follow", pressed=follow, hint=hint)),
-            *history_table(project.log, me=tab.author, first_frame=tab.first_frame),
+            *history_table(project, me=tab.author, first_frame=tab.first_frame),
         )
 
     def _step(self, name: str, verb: str, entry: LogEntry | None) -> Html:
@@ -287,40 +288,37 @@ SHOWN = 12
 """Corrections that are listed."""
 
 
-def history_table(log: Sequence[LogEntry], *, me: str, first_frame: int) -> list[Html]:
-    """The last edits of a log, newest first; a row leads to its frame, and those that were undone are marked.
+def history_table(project: Project, *, me: str, first_frame: int) -> list[Html]:
+    """The last edits of a project, newest first; a row leads to its frame, and those that were undone are marked.
 
     Args:
-        log: everything that was done to the keypoints.
+        project: whose keypoints were edited.
         me: the author who reads it.
         first_frame: the number that users see for frame 0.
     """
-    undone: set[int] = set()
-    edits: list[tuple[LogEntry, Said]] = []
-    for entry in log:
-        if isinstance(entry.action, Undo):
-            undone.add(entry.action.edit)
-        elif isinstance(entry.action, Redo):
-            undone.discard(entry.action.edit)
-        else:
-            edits.append((entry, entry.action))
+    edits = project.last_said(SHOWN)
     if not edits:
         return [paragraph("No corrections yet.", "dim")]
     now = datetime.now().astimezone()
     rows = [
-        line(
-            _when(entry.time, now),
-            _whose(entry.author, me),
-            opener(describe(edit, first_frame), "keypoints.visit", str(entry.id)),
-            whole=(0, 1),
-            kind="off" if entry.id in undone else "",
-            command="keypoints.visit",
-            value=str(entry.id),
-            hint=f"{'Undone. ' if entry.id in undone else ''}Go to frame {first_frame + edit.frames[0]}",
-        )
-        for entry, edit in reversed(edits[-SHOWN:])
+        _row(entry, _when(entry.time, now), _whose(entry.author, me), first_frame, done=project.stands(entry.id))
+        for entry in edits
     ]
     return [table(rows)]
+
+
+def _row(entry: LogEntry, when: str, whose: str, first_frame: int, *, done: bool) -> Html:
+    assert not isinstance(entry.action, Undo | Redo)
+    return line(
+        when,
+        whose,
+        opener(describe(entry.action, first_frame), "keypoints.visit", str(entry.id)),
+        whole=(0, 1),
+        kind="" if done else "off",
+        command="keypoints.visit",
+        value=str(entry.id),
+        hint=f"{'' if done else 'Undone. '}Go to frame {first_frame + entry.action.frames[0]}",
+    )
 
 
 def _whose(author: str, me: str) -> str:
@@ -399,7 +397,7 @@ def _place(tab: Tab, joint: int) -> Html:
 
 
 def _lock(corrected: Corrected, frame: int, joint: int) -> Html:
-    return tag("div", "turn locked", class_="tcfit-dim") if corrected.locked[frame, joint] else Html()
+    return tag("div", "turn locked", class_="tcfit-dim") if corrected[frame].locked[joint] else Html()
 
 
 def _depth(corrected: Corrected, frame: int, joint: int) -> Html:

@@ -49,7 +49,7 @@ class QueuePictures:
     def _crop(self, suspect: Suspect) -> Crop:
         key = suspect.frame, suspect.joints
         if key not in self._crops:
-            corrected, size = self._tab.session.project.corrected, self._tab.session.project.clip.camera.size
+            corrected, size = self._tab.session.project.corrected, self._tab.session.project.footage.camera.size
             seen = corrected.confidence[suspect.frame] > 0
             self._crops[key] = crop_of(corrected.xy[suspect.frame], seen, suspect.joints, size)
         return self._crops[key]

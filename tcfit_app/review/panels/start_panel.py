@@ -200,7 +200,7 @@ def _finished(tab: Tab) -> list[Html]:
     return [
         heading("Keypoints", first=True),
         paragraph(words(f"Found in {found} of {tab.length} frames.", "good")),
-        *(paragraph(note, "dim") for note in project.clip.notes),
+        *(paragraph(note, "dim") for note in project.footage.notes),
         *_others(tab),
         *_what_next(tab),
     ]

@@ -267,7 +267,7 @@ class ViewPanel:
         )
 
     def _silhouette(self) -> Html:
-        known, state = self._tab.session.project.clip.silhouettes is not None, self._tab.state
+        known, state = self._tab.session.project.footage.silhouettes is not None, self._tab.state
         return action(
             "silhouette",
             "Silhouette",

@@ -30,7 +30,7 @@ class Member:
 
     def span(self, entry: LogEntry) -> Span:
         """The frames of an edit, by number in the video."""
-        first, frames = self.session.project.clip.first_frame, _taken(entry).frames
+        first, frames = self.session.project.footage.first_frame, _taken(entry).frames
         return first + frames[0], first + frames[-1]
 
 

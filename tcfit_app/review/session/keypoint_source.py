@@ -1,6 +1,8 @@
 """Keypoints for a project that was made without: one job at a time, for all browsers."""
 
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
@@ -35,6 +37,9 @@ class KeypointSource:
         self._detector = ""
         self._before: Clip | None = None
         """The clip as the detection that began last found it."""
+        self._beginning = threading.Lock()
+        self._cameras = 0
+        """How many calibrations are being read that may become the project's camera."""
         self._camera: Camera | None = None
         """The clip's, as that detection left it."""
 
@@ -58,7 +63,7 @@ class KeypointSource:
         if not project.has_detections:
             return True
         edited = any(not isinstance(entry.action, Remark) for entry in project.log)
-        return not (edited or self.busy) and project.clip.camera == self._camera
+        return not (edited or self.busy) and project.footage.camera == self._camera
 
     def choose(self, frame: int, place: int) -> None:
         """Say who is meant of those who were found; keypoints that the project has got already are replaced.
@@ -96,7 +101,7 @@ class KeypointSource:
             for frames in people.done:
                 if frames.start not in taken:
                     taken.add(frames.start)
-                    straight, _ = straightened_keypoints(people.keypoints(frames), self._project.clip.camera.lens)
+                    straight, _ = straightened_keypoints(people.keypoints(frames), self._project.footage.camera.lens)
                     return frames, straight
             return None
 
@@ -112,6 +117,25 @@ class KeypointSource:
         """Whether a job is running."""
         return self.going is not None and self.going.state == "running"
 
+    @contextmanager
+    def camera_changes(self) -> Iterator[None]:
+        """No job begins meanwhile, whose keypoints would be those of the camera before. For any thread.
+
+        Raises:
+            InputError: A job is running.
+        """
+        with self._beginning:
+            if self.busy:
+                raise InputError(
+                    "Keypoints are being read or found with the camera as it is: wait for them, or cancel."
+                )
+            self._cameras += 1
+        try:
+            yield
+        finally:
+            with self._beginning:
+                self._cameras -= 1
+
     def begin(self, job: KeypointJob) -> None:
         """Begin a job. Raises InputError if the project has keypoints or cannot be changed, or another job goes on."""
         self._project.refuse_read_only()
@@ -124,7 +148,12 @@ class KeypointSource:
         self._begin(job, None)
 
     def _begin(self, job: KeypointJob, before: Clip | None) -> None:
-        self.going = self._tasks.submit(job.title, lambda report: self._found(job, before, report), then=self._ended)
+        with self._beginning:
+            if self._cameras:
+                raise InputError("The project's camera is being changed: wait for that, and begin again.")
+            self.going = self._tasks.submit(
+                job.title, lambda report: self._found(job, before, report), then=self._ended
+            )
 
     def _found(self, job: KeypointJob, before: Clip | None, report: Step) -> FoundKeypoints | None:
         """What a job finds, which is in the project when this returns."""
@@ -138,5 +167,5 @@ class KeypointSource:
                 camera=found.camera,
                 before=before,
             )
-            self._camera = self._project.clip.camera
+            self._camera = self._project.footage.camera
         return found

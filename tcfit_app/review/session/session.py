@@ -20,12 +20,12 @@ from tcfit_app.fitting.edit_follower import EditFollower
 from tcfit_app.fitting.fits import Fits, Shown
 from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.fitting.jobs import FitAsFound, FitEverything, FitShape, Job, RerunFrames, RunJob
-from tcfit_app.fitting.reports import DragEnded, JobEnded, JobReported, JobStarted, Notice, Report
+from tcfit_app.fitting.reports import DragEnded, ErrandEnded, JobEnded, JobReported, JobStarted, Notice, Report
 from tcfit_app.fitting.worker import Drag, Worker
 from tcfit_app.imports.elan import ElanNotes, notes_of
 from tcfit_app.imports.given import NOTHING, Known, read_given
 from tcfit_app.imports.results import ImportChoices, import_run, kept_as, upload
-from tcfit_app.project.edits.edit_log import LogEntry, Remark, WriteNote, WriteNotes, edits_since
+from tcfit_app.project.edits.edit_log import LogEntry, Remark, WriteNote, WriteNotes
 from tcfit_app.project.edits.kinds import Edit, MoveKeypoint, PlaceKey, SetDepth
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.names import name_of_file
@@ -81,7 +81,11 @@ class Session:
     def close(self) -> None:
         """End all work; what had finished is on the disk."""
         self.tasks.close()
+        self.take_news()
         self.worker.close()
+        for report in self.worker.reports.take().reports:  # what ended by itself before it was cancelled
+            if not (isinstance(report, JobEnded) and report.how == "cancelled"):
+                self._take_whatever_comes(report)
         for job in self.jobs.values():
             job.outcome, job.reason = "cancelled", "tcfit was closed"
             self._end_run(job)
@@ -106,33 +110,36 @@ class Session:
         """
         self.refuse_without_keypoints()
         entry = self.project.append(edit, author=author)
-        self._edited(entry, shown)
-        return entry
-
-    def undo(self, *, author: str, shown: Shown | None = None) -> LogEntry | None:
-        """Take back the project's last edit or remark, whoever made it; None if there is none. Raises as `edit`."""
-        entry = self.project.undo(author=author)
-        return self._edited(entry, shown)
-
-    def redo(self, *, author: str, shown: Shown | None = None) -> LogEntry | None:
-        """Bring back what was undone last; None if there is nothing. Raises as `edit`."""
-        entry = self.project.redo(author=author)
-        return self._edited(entry, shown)
-
-    def _edited(self, entry: LogEntry | None, shown: Shown | None) -> LogEntry | None:
-        if entry is None:
-            return None
-        if isinstance(entry.action, Remark):
-            self.marked += 1
-            return entry
-        self.edits += 1
+        self._noted(entry)
         if shown is not None:
             self.edit_follower.edited(entry, shown)
         return entry
 
+    def undo(self, *, author: str, shown: Shown | None = None) -> LogEntry | None:
+        """Take back the project's last edit or remark, whoever made it; None if there is none. Raises as `edit`."""
+        return self._went_back(self.project.undo(author=author), shown)
+
+    def redo(self, *, author: str, shown: Shown | None = None) -> LogEntry | None:
+        """Bring back what was undone last; None if there is nothing. Raises as `edit`."""
+        return self._went_back(self.project.redo(author=author), shown)
+
+    def _went_back(self, entry: LogEntry | None, shown: Shown | None) -> LogEntry | None:
+        if entry is not None:
+            self._noted(entry)
+            if not isinstance(entry.action, Remark):
+                self.edit_follower.went_back(entry.id, shown)
+        return entry
+
+    def _noted(self, entry: LogEntry) -> None:
+        """Whoever draws is to look again."""
+        if isinstance(entry.action, Remark):
+            self.marked += 1
+        else:
+            self.edits += 1
+
     def mark(self, frames: Iterable[int], state: Literal["checked", "flag"] | None, *, author: str) -> None:
         """Say that frames look fine, need attention, or neither. Raises InputError if that cannot be stored."""
-        self._edited(self.project.marks.set(frames, state, author=author), None)
+        self._noted(self.project.marks.set(frames, state, author=author))
 
     def write_note(self, frames: Iterable[int], text: str, *, author: str, replaces: int | None = None) -> None:
         """Keep a note on frames that follow each other.
@@ -147,7 +154,7 @@ class Session:
             InputError: It makes no sense, or the project cannot be written.
         """
         note = WriteNote(frames=tuple(frames), text=text.strip(), replaces=replaces)
-        self._edited(self.project.append(note, author=author), None)
+        self._noted(self.project.append(note, author=author))
 
     def read_elan(self, name: str, content: bytes, tiers: tuple[str, ...]) -> tuple[WriteNotes | None, ElanNotes]:
         """The notes in an .eaf file that a browser has sent, for `keep_notes`. Slow: for `tasks`.
@@ -160,7 +167,7 @@ class Session:
 
     def keep_notes(self, notes: WriteNotes, *, author: str) -> None:
         """Keep several notes at once. Raises InputError as `write_note`."""
-        self._edited(self.project.append(notes, author=author), None)
+        self._noted(self.project.append(notes, author=author))
 
     # --- fits ---
 
@@ -186,7 +193,7 @@ class Session:
         self.refuse_without_keypoints()
         body = self.bodies.find(kind=kind, gender=gender)
         job = FitEverything(
-            clip=self.clip_of(camera or self.project.clip.camera),
+            clip=self.clip_of(camera or self.project.footage.camera),
             body=body,
             config=config,
             begun_with=known.start,
@@ -233,7 +240,7 @@ class Session:
             InputError: The body is not there, or nothing can be fitted. The function as `read_given`.
         """
         self.refuse_without_keypoints()
-        body, clip = self.bodies.find(kind=kind, gender=gender), self.clip_of(camera or self.project.clip.camera)
+        body, clip = self.bodies.find(kind=kind, gender=gender), self.clip_of(camera or self.project.footage.camera)
         return lambda: read_given(given, self.project, clip, body, self.bodies)
 
     def reading_shape(self, given: Given, shown: Shown) -> Callable[[], Known]:
@@ -252,14 +259,13 @@ class Session:
             InputError: It cannot be read, is of no use for this clip, or the project cannot be written.
         """
         self.project.refuse_read_only()
-        if self.source.busy:
-            raise InputError("Keypoints are being read or found with the camera as it is: wait for them, or cancel.")
-        camera, notes = read_camera(file, self.project.clip.camera.size)
-        if sent_as:
-            camera = replace(camera, source=camera.source.replace(file.path.name, sent_as))
-            notes = tuple(note.replace(file.path.name, sent_as) for note in notes)
-        self.project.set_camera(camera, notes)
-        return camera
+        with self.source.camera_changes():
+            camera, notes = read_camera(file, self.project.footage.camera.size)
+            if sent_as:
+                camera = replace(camera, source=camera.source.replace(file.path.name, sent_as))
+                notes = tuple(note.replace(file.path.name, sent_as) for note in notes)
+            self.project.set_camera(camera, notes)
+            return camera
 
     def import_run(self, path: Path, choices: ImportChoices, report: Step, *, sent_as: str = "") -> Run:
         """Keep another program's result as a run to compare with. Slow: for `tasks`.
@@ -294,6 +300,11 @@ class Session:
             InputError: As `fit_everything`.
         """
         start = self._start_of(shown)
+        if start.last.phase < 2 and shown.run.state != "running":
+            raise InputError(
+                f"{shown.run.name} ended after its first phase, in which each frame has a shape of its own. Find one "
+                "that all share with Re-run shape, and re-run frames of that."
+            )
         body = self.bodies.of(shown.run.body)
         job = RerunFrames(clip=self.clip_of(start.camera), body=body, config=config, start=start, windows=windows)
         return self._submit(job, kind="frames", start=shown, windows=windows)
@@ -335,7 +346,7 @@ class Session:
             before, parent = start.run.given, start.run.id
             given = Given(start=before.start, shape=before.shape if windows else given.shape)
         if start is not None and windows:
-            seen = self.fits.edits_seen(start.run, windows, range(seen + 1))
+            seen = self.fits.corrections.edits_seen(start.run, windows, seen)
         run = self.project.runs.start(
             job.config,
             body=record_of(job.body),
@@ -391,11 +402,11 @@ class Session:
 
     def edits_since(self, run: Run) -> int:
         """How many edits were made or taken back since a run."""
-        return len(edits_since(self.project.log, run.edits_seen))
+        return self.project.edits_since(run.edits_seen)
 
     def frames_edited_since(self, run: Run) -> frozenset[int]:
         """Their frames."""
-        return frozenset(frame for edit in edits_since(self.project.log, run.edits_seen) for frame in edit.frames)
+        return self.project.frames_edited_since(run.edits_seen)
 
     # --- live correction ---
 
@@ -405,16 +416,16 @@ class Session:
         """End a drag: the edit is on the disk first, then the fit converges. Raises InputError as `edit`."""
         followed = drag is not None and not drag.failed
         try:
-            self.edit(edit, author=author, shown=None if followed else shown)
+            entry = self.edit(edit, author=author, shown=None if followed else shown)
         except InputError:
             if drag:
                 drag.abandon()
             raise
         if drag:
-            drag.release()
-        others = [frame for frame in edit.frames if drag is not None and frame != drag.correction.frame]
+            drag.release(entry.id)
+        others = drag is not None and set(edit.frames) != {drag.correction.frame}
         if followed and shown is not None and others and self.edit_follower.after_edits:
-            self.edit_follower.follow(shown.run, others)
+            self.edit_follower.follow(shown.run, {entry.id: True})
 
     # --- news from the worker ---
 
@@ -430,10 +441,8 @@ class Session:
             self.edit_follower.take_move(moved)
         self.tasks.take()
         self._end_late(time.monotonic())
-        while not self.fits.overtaken.empty():
-            self.edit_follower.follow(*self.fits.overtaken.get())
-        under_way = {job.follows for job in self.jobs.values()}
-        correction = self.edit_follower.due(self.tell, under_way)
+        self.edit_follower.take_up()
+        correction = self.edit_follower.due(self.tell)
         if correction is not None:
             self._enqueue(correction, None, follows=correction.origin)
 
@@ -464,6 +473,11 @@ class Session:
             if report.how == "failed":
                 self.tell(Notice(title="The fit could not follow", text=report.reason, kind="error"))
             return
+        if isinstance(report, ErrandEnded):
+            self.edit_follower.take_errand(report)
+            if report.reason:
+                self.tell(Notice(title="The fit could not be taken back", text=report.reason, kind="error"))
+            return
         job = self.jobs.get(report.job)
         if job is None:
             return
@@ -493,8 +507,8 @@ class Session:
             self.tell(Notice(title=f"{job.title}: done", text="", kind="done"))
         if report.how == "failed":
             self.tell(Notice(title=f"{job.title} failed", text=report.reason, kind="error"))
-        elif report.how == "cancelled" and job.follows is not None:
-            self.edit_follower.forget(job.follows)
+        if job.follows is not None:
+            self.edit_follower.ended(job.follows, cancelled=report.how == "cancelled")
 
     def _drop_empty(self, job: RunningJob) -> bool:
         """Take a run away whose keypoints were not found, which is told already. Whether it was so."""

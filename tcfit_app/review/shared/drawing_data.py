@@ -51,7 +51,7 @@ class DrawingData:
 
     def __init__(self, session: Session, wake: Callable[[], None], videos: Videos | None = None) -> None:
         self.session = session
-        clip = session.project.clip
+        clip = session.project.footage
         self.length = len(clip)
         self.tasks = session.tasks
         self._videos = videos or Videos([clip], wake)
@@ -62,7 +62,7 @@ class DrawingData:
         self.video = self._opened()
 
     def _opened(self) -> SharedVideo:
-        return self._videos.of(self.session.project.clip)
+        return self._videos.of(self.session.project.footage)
 
     def warm_up(self) -> None:
         """Read what the first picture of a fitted project needs, before anybody asks for it."""
@@ -112,9 +112,10 @@ class DrawingData:
             InputError: Its body model is not there.
         """
         project, meshes = self.session.project, self.meshes(shown)
-        clip, fit, bad = project.clip, self.session.fits.fit(shown.run), project.corrected.bad
+        fit = self.session.fits.fit(shown.run)
 
         def posed() -> PosedFit:
+            clip, bad = project.clip, project.bad
             if shown.result is None:
                 return PosedFit.posed(replace(clip, camera=fit.camera), shown.params, meshes, bad=bad)
             made = PosedFit.of(clip, fit, meshes, phase=shown.result, bad=bad, there=shown.there)
@@ -235,7 +236,9 @@ class DrawingData:
         project = self.session.project
 
         def queue(posed: PosedFit) -> ReviewQueue:
-            checked = still_checked(project.marks.all(), project.log, refitted=self._refitted(shown.run))
+            checked = still_checked(
+                project.marks.all(), project.frames_changed_after(0), refitted=self._refitted(shown.run)
+            )
             return review_queue(posed, checked=checked)
 
         return self._made(self._suspects_key(shown), shown, queue)

@@ -18,6 +18,7 @@ as "playing" and "full", on one thread:
     1088 x 1920    H.264     100                 160       267        7, 20
 """
 
+import logging
 import threading
 from collections import deque
 from collections.abc import Callable, Hashable, Iterable
@@ -43,6 +44,7 @@ THUMBNAIL = (144, 96)
 """Most pixels of a thumbnail, likewise."""
 _QUALITY = {"thumbnail": 70, "playing": 80, "full": 85}
 _GREY = 96
+_log = logging.getLogger(__name__)
 _LIMIT = 256 * 2**20
 _FILLED = 0.5
 """Share of the cache up to which frames that nobody has asked for are kept."""
@@ -178,8 +180,8 @@ class VideoFrames:
     def _work(self, source: Path, lens: Lens | None) -> None:
         try:
             frames = FrameSource(source, lens=lens)
-        except (InputError, OSError, cv2.error) as error:
-            self._problem = str(error)
+        except Exception as error:  # whatever it was: the thread's end would leave everybody waiting
+            self._problem = _reason(error)
             self._arrived()
             return
         with frames:
@@ -233,14 +235,22 @@ class VideoFrames:
             image = last[1] if last and last[0] == frame else frames.frame(self._first + frame)
             self._cache.put(wanted, encoded(image, shown))
             last = frame, image
-        except (InputError, OSError, cv2.error) as error:
-            self._problems[frame] = str(error)
+        except Exception as error:  # as above
+            self._problems[frame] = _reason(error)
         with self._changed:
             awaited = wanted in self._awaited
             self._awaited.discard(wanted)
         if awaited:
             self._arrived()
         return last
+
+
+def _reason(error: Exception) -> str:
+    """Why a frame is grey, for the user; what should not happen is in the log as well."""
+    if isinstance(error, InputError | OSError | cv2.error):
+        return str(error)
+    _log.error("A frame cannot be shown", exc_info=error)
+    return f"{type(error).__name__}: {error}"
 
 
 def _forward(frames: list[int]) -> list[int]:

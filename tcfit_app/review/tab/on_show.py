@@ -69,7 +69,7 @@ def on_show(state: TabState, session: Session) -> OnShow:
     """What a tab's state means now."""
     problems: list[str] = []
     a, b = (_read(session.stored, choice, problems) for choice in (state.a, state.b))
-    clip = session.project.clip.camera
+    clip = session.project.footage.camera
     there = [fit for fit in (b, a) if fit is not None]
     return OnShow(
         frame=state.frame,
@@ -95,9 +95,7 @@ def live_window(session: Session, fit: Shown | None, frame: int) -> LiveWindow |
     """What a drag makes of a fit in a frame: a drag in this run, or in the one whose corrections it is."""
     if fit is None or fit.phase != 3:
         return None
-    runs = (fit.run.id, fit.run.parent) if fit.run.kind == "corrections" else (fit.run.id,)
-    windows = [session.edit_follower.window(run, frame) for run in runs if run is not None]
-    return max((w for w in windows if w is not None), key=lambda window: window.revision, default=None)
+    return session.edit_follower.window(fit.run.id, frame)
 
 
 def _places(state: TabState) -> tuple[tuple[Side, ...], ...]:

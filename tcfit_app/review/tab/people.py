@@ -108,15 +108,15 @@ class Someone:
     @property
     def stop(self) -> int:
         """The number in the video behind the last frame."""
-        return self.data.session.project.clip.first_frame + self.data.length
+        return self.data.session.project.footage.first_frame + self.data.length
 
     def frames_from(self, number: int) -> range:
         """The numbers of the frames from one on."""
-        return range(max(number, self.data.session.project.clip.first_frame), self.stop)
+        return range(max(number, self.data.session.project.footage.first_frame), self.stop)
 
     def frame_of(self, number: int) -> int | None:
         """The own frame with a number in the video; None if the clip does not have it."""
-        frame = number - self.data.session.project.clip.first_frame
+        frame = number - self.data.session.project.footage.first_frame
         return frame if 0 <= frame < self.data.length else None
 
 

@@ -76,7 +76,7 @@ class Tab:
             browser.scene,
         )
         self.length = self.data.length
-        self.first_frame = self.session.project.clip.first_frame
+        self.first_frame = self.session.project.footage.first_frame
         """The number that users see for frame 0."""
         self.state = TabState()
         self.message: tuple[str, float] = ("", 0.0)
@@ -85,7 +85,7 @@ class Tab:
         """The action that a command does, for what is told if it cannot be done; empty for any other command."""
         self.corrected: int | None = None
         """The run that this tab has corrected, until its corrections are on show."""
-        self.playback = Playback(self.session.project.clip.frame_rate)
+        self.playback = Playback(self.session.project.footage.frame_rate)
         self.buttons, self.sent = Buttons(), Sent()
         self._do, self._remembered = do, someone.remembered
         self._shown: OnShow | None = None
@@ -147,7 +147,7 @@ class Tab:
     def save_picture(self) -> None:
         """Have the page save what its canvas shows."""
         self._saved += 1
-        name = f"{self.session.project.clip.name} frame {self.state.frame + self.first_frame}.png"
+        name = f"{self.session.project.footage.name} frame {self.state.frame + self.first_frame}.png"
         self.channel.send("saving", Saving(name=name, number=self._saved))
         self.say(f"Saved: {name}")
 
@@ -277,7 +277,7 @@ class Tab:
         """How A and B lie in A | B: as was chosen, or as suits the canvas."""
         if self.state.arrangement is not None:
             return self.state.arrangement
-        size = self.session.project.clip.camera.size
+        size = self.session.project.footage.camera.size
         width = size[0] / size[1]
         side = usual_width(2 * width) if self.state.side else None
         return divide(self.scene.cameras.window, pictures=2, width=width, side=side).arrangement
@@ -290,7 +290,7 @@ class Tab:
     @property
     def side_width(self) -> float:
         """Of the side view's plate, in image heights."""
-        width, height = self.session.project.clip.camera.size
+        width, height = self.session.project.footage.camera.size
         beside = len(self.shown.places) if self.arrangement == "beside" else 1
         return self.state.side_width or usual_width(beside * width / height)
 
@@ -301,7 +301,7 @@ class Tab:
 
     def switch_silhouette(self) -> None:
         """Draw the silhouette, or not. Raises InputError where none is known."""
-        if self.session.project.clip.silhouettes is None:
+        if self.session.project.footage.silhouettes is None:
             raise InputError(NO_SILHOUETTE)
         self.set(silhouette=not self.state.silhouette)
 
@@ -327,7 +327,7 @@ class Tab:
         if run is None:
             return
         under_way = session.edit_follower.busy or any(job.run is None for job in session.jobs.values())
-        corrections = run if session.fits.run(run) is None else session.fits.corrections_of(run).id
+        corrections = run if session.fits.run(run) is None else session.fits.corrections.of(run).id
         if corrections == run and under_way:
             return
         self.corrected = None

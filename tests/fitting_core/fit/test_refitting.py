@@ -80,6 +80,8 @@ def test_what_cannot_be_fitted_again_is_refused(clip: Clip, body: BodyModel, fit
         refit(replace(clip, keypoints=clip.keypoints[:3]), body, fit, range(1, 2))
     with pytest.raises(InputError, match="cannot be fitted again"):
         refit(clip, body, fit, range(5, 9))
+    with pytest.raises(InputError, match="ended after phase 1, in which each frame has a shape of its own"):
+        refit(clip, body, replace(fit, phases=fit.phases[:1]), range(1, 2))
 
 
 def test_phases_that_are_not_there_and_endings_that_nobody_knows(clip: Clip, body: BodyModel, fit: FitResult, tmp_path):

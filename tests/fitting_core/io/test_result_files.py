@@ -15,7 +15,7 @@ from fitting_core.body.files.reading import load_body
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.body.points.positions import keypoints_in_space
+from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.camera import Camera, project
 from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS
@@ -100,6 +100,19 @@ def test_round_trip(tmp_path: Path, result: Callable[..., Result], last_phase: i
     assert (stored.last_phase, stored.complete) == (last_phase, last_phase == 3)
     assert (stored.observed == fit.observed).all() and stored.provenance is None
     assert np.allclose(stored.joints, Mesh(body, dtype=torch.float64).joints(fit.last.params).numpy(), atol=1e-9)
+
+
+@pytest.mark.parametrize("phases", [(1,), (1, 3), (3,)])
+def test_joints_are_those_of_the_parameters_that_are_read_back(
+    tmp_path: Path, result: Callable[..., Result], phases: tuple[int, ...]
+):
+    """Also where another program has found a shape for each frame."""
+    fit, clip, body = result(1)
+    params = fit.last.params
+    write_result(tmp_path, replace(fit, phases=tuple(_phase(number, params) for number in phases)), clip, body)
+    stored = read_fit(tmp_path)
+    np.testing.assert_allclose(stored.joints, joints_in_space(body, stored.params), atol=1e-9)
+    np.testing.assert_allclose(stored.joints[:, 0], joints_in_space(body, params)[:, 0], atol=1e-9)
 
 
 def test_the_ground_reads_back_and_old_files_open_without(tmp_path: Path, result: Callable[..., Result]):

@@ -17,7 +17,7 @@ from fitting_core.lifting.clip_lifting import LiftedClip
 from tcfit_app.analysis.findings import FINDINGS, scores
 from tcfit_app.analysis.posed_fit import PosedFit
 from tcfit_app.analysis.suspicion import Suspect, review_queue, still_checked
-from tcfit_app.project.edits.edit_log import Action, LogEntry, Redo, Undo
+from tcfit_app.project.edits.edit_log import Action, LogEntry, Redo, Undo, frames_of
 from tcfit_app.project.edits.kinds import MarkBad
 from tcfit_app.project.storage.marks import Mark, MarkState
 from tests.samples.posed import displaced, fit_of, keypoints_of, still_fit, still_params, with_keypoints
@@ -312,14 +312,18 @@ def test_a_check_holds_until_the_frame_changes():
     def mark(state: MarkState) -> Mark:
         return Mark(state=state, time=time, author="", last_edit=2, last_moment=5)
 
+    def checked(log: list[LogEntry], **given: Any) -> frozenset[int]:
+        return still_checked(marks, frames_of(log, {1: first, 2: second}.__getitem__), **given)
+
     marks = {frame: mark("checked") for frame in (1, 2, 3, 4)} | {6: mark("flag")}
-    log = [entry(1, MarkBad(frames=(1,), joints=(0,))), entry(2, MarkBad(frames=(2,), joints=(0,)))]
-    assert still_checked(marks, log) == {1, 2, 3, 4}
+    first, second = MarkBad(frames=(1,), joints=(0,)), MarkBad(frames=(2,), joints=(0,))
+    log = [entry(1, first), entry(2, second)]
+    assert checked(log) == {1, 2, 3, 4}
     log.append(entry(3, MarkBad(frames=(3, 6), joints=(0,))))
-    assert still_checked(marks, log) == {1, 2, 4}
+    assert checked(log) == {1, 2, 4}
     log += [entry(4, Undo(edit=2)), entry(5, Redo(edit=2))]
-    assert still_checked(marks, log[:4]) == still_checked(marks, log) == {1, 4}
-    assert still_checked(marks, log, refitted=[(5, range(5)), (6, range(4, 9))]) == {1}
+    assert checked(log[:4]) == checked(log) == {1, 4}
+    assert checked(log, refitted=[(5, range(5)), (6, range(4, 9))]) == {1}
 
 
 def test_scores_are_in_units_of_the_threshold():

@@ -25,7 +25,7 @@ from fitting_core.fit.fitting import Refit, fit_clip, rerun_events
 from fitting_core.fit.result import FitResult
 from tcfit_app.fitting import worker as worker_module
 from tcfit_app.fitting.jobs import FitEverything, FitShape, Job, RerunFrames
-from tcfit_app.fitting.live import Correction
+from tcfit_app.fitting.live import Correction, LiveCorrection
 from tcfit_app.fitting.reports import (
     DragEnded,
     DragMoved,
@@ -36,7 +36,7 @@ from tcfit_app.fitting.reports import (
     Report,
     Reports,
 )
-from tcfit_app.fitting.worker import Worker
+from tcfit_app.fitting.worker import Drag, Worker
 from tests.samples import sessions
 from tests.samples.scenes import arms_in_motion, clip_of, finished, hidden, keypoints_of, noisy
 from tests.samples.sessions import PATIENCE
@@ -365,6 +365,39 @@ def test_a_resting_pointer_lets_the_job_go_on(
     assert reader.wait(DragAbandoned)[0].drag == drag.number
 
 
+def test_drags_of_several_people_are_followed_in_turn(
+    worker: Worker, reader: Reader, clip: Clip, tiny_body: BodyModel, result: FitResult, monkeypatch: pytest.MonkeyPatch
+):
+    """Both pointers go on moving; then one rests, which holds jobs for a while but nobody's drag."""
+    monkeypatch.setattr(worker_module, "LINGER", PATIENCE)
+    order: list[int] = []
+    drags: dict[int, Drag] = {}
+    resolve = LiveCorrection.resolve
+    resting = False
+
+    def moving_on(live: LiveCorrection) -> BodyParams:
+        frame = live.correction.frame
+        order.append(frame)
+        if frame in drags and not resting:
+            drags[frame].move(clip.keypoints.xy[frame, [WRIST]] + len(order) % 7)
+        return resolve(live)
+
+    monkeypatch.setattr(LiveCorrection, "resolve", moving_on)
+    for frame in (1, 4):
+        correction = replace(drag_of(clip, tiny_body, result.last.params), frame=frame)
+        drags[frame] = worker.drag(correction, clip.keypoints.xy[frame, [WRIST]])
+        until(lambda frame=frame: order.count(frame) > 5)
+    both = order[order.index(4) :]
+    assert abs(both.count(1) - both.count(4)) <= 1
+    resting = True
+    until(lambda: all(drag.live is not None and drag.live.settled for drag in drags.values()))
+    third = worker.drag(drag_of(clip, tiny_body, result.last.params), clip.keypoints.xy[3, [WRIST]])
+    until(lambda: third.number in {moved.drag for moved in reader.look().moved})
+    for drag in (*drags.values(), third):
+        drag.abandon()
+    reader.wait(DragAbandoned, count=3)
+
+
 def test_only_the_newest_move_counts(
     worker: Worker, reader: Reader, kept: Kept, clip: Clip, tiny_body: BodyModel, result: FitResult
 ):
@@ -381,7 +414,7 @@ def test_only_the_newest_move_counts(
     assert len(reader.wait(DragFinished)) == 1
     target = c.edited(clip.keypoints.xy[3, [WRIST]] + 0.1 * 299)
     plain = finished(rerun_events(target, tiny_body, c.converging, c.params, c.frames)).params
-    (released,) = [found for what, found in kept.results if what is c]
+    (released,) = [found for what, found in kept.results if what == c]
     assert torch.allclose(released.body_pose, plain.body_pose, atol=1e-6) and not reader.moved
 
 

@@ -307,7 +307,7 @@ def test_undo_brings_the_earlier_detection_back(detected: Keypoints):
     history = after(detected, DetectAgain.found((1,), "left_hand", hand_at(7)))
     given = history.detected
     history.add(LogEntry(id=2, time=NOW, author="", action=DetectAgain.found((1,), "left_hand", hand_at(9))))
-    assert given.xy[1, 30].tolist() == [7, 8], "what was handed out stays as it was"
+    assert given.xy[1, 30].tolist() == [9, 10], "it shows what is detected now"
     for number, place in ((2, [7, 8]), (1, detected.xy[1, 30].tolist())):
         history.add(LogEntry(id=9 - number, time=NOW, author="", action=edit_log.Undo(edit=number)))
         assert history.detected.xy[1, 30].tolist() == history.corrected.xy[1, 30].tolist() == place
@@ -328,10 +328,10 @@ REFUSED = {
     "confidence": (SetConfidence(**ONE, confidence=1.5), "confidence is 1.5; expected 0 to 1"),
     "confidence no number": (SetConfidence(**ONE, confidence=float("nan")), "confidence is nan"),
     "infinite nudge": (Nudge(**ONE, by=(float("inf"), 0.0)), "distance is not a number"),
-    "source": (CopyFrom(**ONE, source=6), "copies from frame 6"),
+    "source": (CopyFrom(**ONE, source=6), "copies from a frame that the clip does not have"),
     "nothing between": (Interpolate.between(2, 3, (0,)), "names no frame"),
     "outside of the ends": (Interpolate(frames=(1, 4), joints=(0,), first=0, last=3), "do not lie between"),
-    "end outside the clip": (Interpolate.between(3, 6, (0,)), "do not lie between frames 3 and 6"),
+    "end outside the clip": (Interpolate.between(3, 6, (0,)), "do not lie between the two"),
     "one side": (SwapSides(frames=(0,), joints=(INDEX["left_wrist"],)), "left_wrist is named without"),
     "too few depths": (SetDepth(frames=(0, 1), joints=(0,), depth=((0.1,),)), "not one value for each of 2 frames"),
     "depth no number": (SetDepth(**ONE, depth=((float("nan"),),)), "a depth is not a number between -3 and 3 m"),
@@ -339,8 +339,8 @@ REFUSED = {
     "depth of a finger": (SetDepth(frames=(0,), joints=(30,), depth=((0.0,),)), "left_index1 is none of the body's"),
     "no depth to clear": (ClearDepth(frames=(0,), joints=(100,)), "is none of the body's"),
     "gap around a key": (RemoveKey(frames=(0, 2), joints=(0,), at=0), "frames do not follow each other"),
-    "key elsewhere": (RemoveKey(frames=(1, 2), joints=(0,), at=3), "frame 3 is none of those that it names"),
-    "key goes elsewhere": (MoveKey(frames=(1, 2), joints=(0,), at=1, to=3), "frame 3 is none of its frames"),
+    "key elsewhere": (RemoveKey(frames=(1, 2), joints=(0,), at=3), "keyframe is in none of the frames"),
+    "key goes elsewhere": (MoveKey(frames=(1, 2), joints=(0,), at=1, to=3), "keyframe goes to none of the frames"),
     "too few positions of a key": (PlaceKey(**ONE, at=0, xy=()), "not one position for each of 1 keypoints"),
     "key far away": (PlaceKey(**ONE, at=0, xy=((1e9, 1.0),)), "a position is not a number between"),
     "too few turns": (Lock(frames=(0,), joints=(4, 7), turn=((0.0, 0.0, 0.0),)), "not one rotation for each of 2"),

@@ -27,7 +27,7 @@ from fitting_core.files import locking
 from fitting_core.keypoints import COUNT
 from tcfit_app.analysis.suspicion import still_checked
 from tcfit_app.project import project as project_module
-from tcfit_app.project.edits.edit_log import edits_since
+from tcfit_app.project.edits.edit_log import WriteNote
 from tcfit_app.project.edits.kinds import MarkBad, MoveKeypoint
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage import database, media
@@ -156,13 +156,22 @@ def test_marks(folder: Path):
         assert project.marks.all()[3].state == "flag" and project.marks.all()[3].author == "anna"
         project.marks.set([5, 3, 4], "checked", author="ben")
         project.marks.set([4, 0], None)
-        with pytest.raises(InputError, match="no frame 6; the clip has frames 0 to 5"):
+        with pytest.raises(InputError, match="no frame 13; the clip has frames 7 to 12"):
             project.marks.set([1, 6], "flag")
     with Project.open(folder, read_only=True) as project:
         assert [(frame, m.state, m.author) for frame, m in project.marks.all().items()] == [
             (3, "checked", "ben"),
             (5, "checked", "ben"),
         ]
+
+
+def test_frames_have_the_numbers_that_users_see(folder: Path):
+    """The clip's first one is frame 7 of its video."""
+    with Project.open(folder) as project:
+        assert project.footage.first_frame == 7
+        for wrong in (MarkBad(frames=(2, 6), joints=(0,)), WriteNote(frames=(6,), text="there is none")):
+            with pytest.raises(InputError, match=r"no frame 13; the clip has frames 7 to 12"):
+                project.append(wrong)
 
 
 def test_marks_are_undone_and_redone_as_edits_are(folder: Path):
@@ -180,10 +189,12 @@ def test_marks_are_undone_and_redone_as_edits_are(folder: Path):
         assert project.undo() == fine and states() == {3: "flag"}
         assert project.clip.keypoints is keypoints or same_keypoints(project.clip.keypoints, keypoints)
         assert project.redo() == fine and project.marks.all() == checked
-        assert still_checked(project.marks.all(), project.log) == {3, 4}, "an undone mark is no change of its frames"
+        assert still_checked(project.marks.all(), project.frames_changed_after(0)) == {3, 4}, (
+            "an undone mark is no change of its frames"
+        )
     with Project.open(folder) as project:
         assert states() == {3: "checked", 4: "checked"} and project.undoable == fine
-        assert edits_since(project.log, 3) == [], "a mark is no correction that a fit would have to follow"
+        assert project.edits_since(3) == 0, "a mark is no correction that a fit would have to follow"
 
 
 def test_what_came_before_a_mark_is_told_by_no_clock(folder: Path, monkeypatch: pytest.MonkeyPatch):
@@ -194,7 +205,7 @@ def test_what_came_before_a_mark_is_told_by_no_clock(folder: Path, monkeypatch: 
 
     def checked() -> frozenset[int]:
         refitted = [(run.moment, range(2, 6)) for run in project.runs.all() if run.id > 1]
-        return still_checked(project.marks.all(), project.log, refitted=refitted)
+        return still_checked(project.marks.all(), project.frames_changed_after(0), refitted=refitted)
 
     with Project.open(folder) as project:
         with monkeypatch.context() as patched:

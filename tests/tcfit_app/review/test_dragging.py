@@ -12,6 +12,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.keypoints import INDEX
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.fitting.live import Correction
+from tcfit_app.project.storage.run_record import Run
 from tcfit_app.review.browser.page_events import Drag
 from tcfit_app.review.panels.fit.fit_panel import FitPanel
 from tests.drivers.lone_page import LonePage, tiny_page
@@ -46,7 +47,7 @@ def test_the_fit_converges_where_the_keypoint_was_let_go(tested: LonePage, monke
     drag(tested, "end", 60.0)  # the pointer went on since its last move
     tested.until(lambda: not session.edit_follower.busy)
     assert np.array_equal(kept[0], session.project.corrected.xy[FRAME, [WRIST]])
-    assert session.edits_since(session.fits.corrections_of(run.id)) == 0
+    assert session.edits_since(session.fits.corrections.of(run.id)) == 0
 
 
 @pytest.mark.parametrize("chosen", [True, False])
@@ -73,7 +74,39 @@ def test_the_old_body_does_not_come_back_when_a_drag_ends(tested: LonePage, chos
         assert not np.array_equal(body(), old)
         assert time.monotonic() < end
     assert not np.array_equal(body(), old)
-    assert tab.state.b.run == (session.fits.corrections_of(run.id).id if chosen else None)
+    assert tab.state.b.run == (session.fits.corrections.of(run.id).id if chosen else None)
+
+
+@pytest.mark.parametrize("by_key", [False, True])
+def test_what_is_on_show_is_corrected_and_no_earlier_corrections_of_it(tested: LonePage, by_key: bool):
+    """The parent stands as B again, beside corrections of it that went wrong."""
+    tab, run = tested.page.tab, tested.fit()
+    session = tab.session
+
+    def correct(dx: float) -> Run:
+        drag(tested, "start", 0.0)
+        drag(tested, "end", dx)
+        tested.until(lambda: not session.edit_follower.busy)
+        shown = tab.look().b
+        assert shown is not None
+        return shown.run
+
+    bad = correct(150.0)
+    assert bad.parent == run.id and session.fits.meant(FitChoice()) == bad
+    went_wrong = session.fits.fit(bad)
+    tab.set(b=FitChoice(run=run.id), frame=0, selection=(WRIST,))
+    if by_key:
+        tested.page.gestures.correcting.nudge(30.0, 0.0)
+        tested.until(lambda: not session.jobs and not session.edit_follower.busy)
+    else:
+        tested.page.receive(Drag("start", (WRIST,), 0.0, 0.0, 0))
+        tested.page.receive(Drag("end", (WRIST,), 30.0, 0.0, 0))
+        tested.until(lambda: not session.edit_follower.busy)
+    found = tab.look().b
+    assert found is not None and found.run.id not in (run.id, bad.id)
+    assert (found.run.kind, found.run.parent, found.run.name) == ("corrections", run.id, f"{bad.name} 2")
+    assert np.array_equal(found.params.body_pose[-1], session.fits.fit(run).last.params.body_pose[-1])
+    assert session.fits.fit(bad) is went_wrong, "it stays as it was"
 
 
 def test_a_drag_of_another_frame_or_run_leaves_this_body_alone(tested: LonePage):

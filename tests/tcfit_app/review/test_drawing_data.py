@@ -28,7 +28,7 @@ def data(tiny_body: BodyModel, tmp_path: Path) -> Iterator[DrawingData]:
     folder = tmp_path / "walk.tcfit"
     Project.create(folder, small_clip(tiny_body)).close()
     with session_of(folder, tiny_body) as session:
-        session.fit_everything(replace(QUICK, last_phase=1), kind="smplx", gender="neutral")
+        session.fit_everything(replace(QUICK, last_phase=2), kind="smplx", gender="neutral")
         idle(session)
         made = DrawingData(session, lambda: None)
         try:
@@ -86,7 +86,7 @@ def test_what_is_there_is_not_made_again(data: DrawingData, monkeypatch: pytest.
     def refuse(*_: object, **__: object) -> None:
         raise AssertionError("copied or read again")
 
-    for owner, name in ((PosedFit, "posed"), (Corrected, "frozen"), (Corrected, "keypoints"), (Marks, "all")):
+    for owner, name in ((PosedFit, "posed"), (Corrected, "put_into"), (Corrected, "keypoints"), (Marks, "all")):
         monkeypatch.setattr(owner, name, refuse)
     assert [name for name, draw in draws.items() if draw() is None] == []
 

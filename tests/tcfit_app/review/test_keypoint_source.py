@@ -14,12 +14,14 @@ import pytest
 import viser
 
 from fitting_core.body.model import BodyModel
+from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.detect import known_models, stored
 from fitting_core.detect.detectors import DEFAULT, DETECTORS
 from fitting_core.detect.known_models import KNOWN_MODELS
 from fitting_core.detect.mediapipe import networks
 from fitting_core.errors import InputError
+from fitting_core.io.cameras.reading import CameraFile
 from fitting_core.keypoints import COUNT, INDEX, Keypoints
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.imports.keypoint_jobs import FoundKeypoints, ImportFiles, ImportUpload, Report
@@ -28,6 +30,7 @@ from tcfit_app.project.edits.kinds import MarkBad
 from tcfit_app.project.project import Project
 from tcfit_app.review.panels import start_panel
 from tcfit_app.review.panels.start_panel import StartPanel
+from tcfit_app.review.session import session as session_module
 from tcfit_app.review.session.session import Session
 from tests.drivers.lone_page import LonePage, lone_page
 from tests.drivers.review_page import QUICK
@@ -165,6 +168,34 @@ def test_a_fit_whose_keypoints_are_not_found_leaves_nothing(
         until(session, lambda: not session.jobs)
         assert session.fits.runs == () and not session.project.has_detections
         assert [notice.title for notice in told(session)] == ["Finding keypoints failed"]
+
+
+def test_no_detection_begins_while_the_camera_changes(
+    session: Session, detector: FakeDetector, monkeypatch: pytest.MonkeyPatch
+):
+    """Its keypoints would be those of the lens before."""
+    reading, gone_on = threading.Event(), threading.Event()
+    camera = session.project.footage.camera
+
+    def slowly(*_: object) -> tuple[Camera, tuple[str, ...]]:
+        reading.set()
+        assert gone_on.wait(60)
+        return replace(camera, source="a file"), ()
+
+    monkeypatch.setattr(session_module, "read_camera", slowly)
+    task = session.tasks.submit(
+        "camera", lambda report: session.set_camera(CameraFile(path=Path("c.toml"))), then=lambda task: None
+    )
+    assert reading.wait(60)
+    with pytest.raises(InputError, match="camera is being changed: wait for that"):
+        session.source.detect(DEFAULT)
+    assert session.source.going is None
+    gone_on.set()
+    until(session, lambda: task.state == "finished")
+    session.source.detect(DEFAULT)
+    with pytest.raises(InputError, match="with the camera as it is: wait for them"):
+        session.set_camera(CameraFile(path=Path("c.toml")))
+    until(session, lambda: not session.source.busy)
 
 
 def test_whom_somebody_clicks_on_is_taken(session: Session, detector: FakeDetector):

@@ -35,7 +35,7 @@ from tcfit_app.project.storage.run_record import Given, Source
 from tcfit_app.review.panels.runs.run_texts import result_of
 from tcfit_app.review.session.session import Session
 from tests.samples.scenes import finished
-from tests.samples.sessions import FRAMES, QUICK, held, idle, newest, session_of, small_clip, told, until
+from tests.samples.sessions import FRAMES, PATIENCE, QUICK, held, idle, newest, session_of, small_clip, told, until
 
 WRIST = kp.INDEX["right_wrist"]
 
@@ -525,6 +525,15 @@ def test_nothing_goes_on_from_a_run_that_did_not_finish(session: Session):
     assert after is not None and after.state == "failed" and "did not finish" in after.message
 
 
+def test_frames_of_a_run_that_ended_after_its_first_phase_are_not_fitted_again(session: Session):
+    session.fit_everything(replace(QUICK, last_phase=1), kind="smplx", gender="neutral")
+    idle(session)
+    runs = session.fits.runs
+    with pytest.raises(InputError, match=r"Run 2 ended after its first phase.*Re-run shape"):
+        session.rerun_frames(newest(session), QUICK, (range(2, 5),))
+    assert session.fits.runs == runs
+
+
 def test_a_drag_that_overtook_an_edit_stays(session: Session):
     before = newest(session)
     with held(session):
@@ -684,9 +693,10 @@ def test_nothing_is_read_from_the_disk_where_a_drag_or_an_edit_begins(
     monkeypatch.setattr(
         session.project.runs, "load", lambda run: threads.append(threading.current_thread()) or load(run)
     )
-    for begin in (lambda: drag(session, before, 60.0), lambda: nudge(session, 1, before)):
+    for begin in (lambda shown: drag(session, shown, 60.0), lambda shown: nudge(session, 1, shown)):
+        shown = newest(session)
         del session.fits._versions[corrections.id]
-        begin()
+        begin(shown)
         idle(session)
     assert len(threads) > 1 and threading.current_thread() not in threads
     assert session.edits_since(newest(session).run) == 0
@@ -777,6 +787,35 @@ def test_frames_around():
     assert around([0, 9], 2, 10) == (range(0, 3), range(7, 10))
     assert around([1, 5], 2, 10) == (range(0, 8),), "ranges that touch are one"
     assert around([], 2, 10) == ()
+
+
+@pytest.mark.parametrize("while_closing", [False, True])
+def test_closing_leaves_what_has_ended_by_itself_as_it_ended(
+    session: Session, monkeypatch: pytest.MonkeyPatch, while_closing: bool
+):
+    """The session has not asked for the worker's news by then."""
+    ended, tell, close = [], session.worker.reports.tell, session.worker.close
+    monkeypatch.setattr(
+        session.worker.reports, "tell", lambda report: (tell(report), ended.append(isinstance(report, JobEnded)))
+    )
+
+    def wait() -> None:
+        end = time.monotonic() + PATIENCE
+        while sum(ended) < 2:
+            assert time.monotonic() < end
+            time.sleep(0.005)
+
+    wrong = replace(QUICK, pose_prior="/nowhere/at all.npz")
+    fitted, failed = (session.fit_everything(config, kind="smplx", gender="neutral") for config in (QUICK, wrong))
+    if while_closing:
+        monkeypatch.setattr(session.worker, "close", lambda: (wait(), close()))
+    else:
+        wait()
+    session.close()
+    runs = session.project.runs
+    assert [runs.get(run.id).state for run in (fitted, failed)] == ["finished", "failed"]
+    assert "nowhere" in runs.get(failed.id).message
+    assert not any("cannot be written" in notice.title for notice in told(session))
 
 
 def test_a_closing_session_does_not_hang(session: Session):

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from fitting_core.video.frames import FrameSource
+from tcfit_app.review.shared import video_frames
 from tcfit_app.review.shared.video_frames import FrameSize, VideoFrames, _forward, encoded, placeholder, shown_size
 
 COUNT, SIZE, STEP = 24, (1200, 640), 10
@@ -102,6 +103,22 @@ def test_every_frame_in_any_order(opened: Callable[..., VideoFrames], kind: Fram
 def test_a_clip_that_starts_later_in_its_video(opened: Callable[..., VideoFrames]):
     frames = opened(first_frame=5, count=10)
     assert [shown(waited(frames, frame)) for frame in (0, 9)] == [5, 14]
+
+
+@pytest.mark.parametrize("at", ["opening", "decoding"])
+def test_whatever_goes_wrong_in_the_thread_is_told_and_nobody_waits_for_ever(
+    opened: Callable[..., VideoFrames], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, at: str
+):
+    def fail(*given: object, **named: object) -> None:
+        raise MemoryError("no room")
+
+    if at == "opening":
+        monkeypatch.setattr(video_frames, "FrameSource", fail)
+    else:
+        monkeypatch.setattr(FrameSource, "frame", fail)
+    frames = opened()
+    assert waited(frames, 1) and frames.problem_of(1) == "MemoryError: no room" and "no room" in caplog.text
+    assert waited(frames, 2) and frames.problem_of(2)
 
 
 def test_asking_does_not_wait_but_has_the_frame_decoded(opened: Callable[..., VideoFrames]):

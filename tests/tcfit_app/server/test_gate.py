@@ -660,6 +660,22 @@ def test_guessing_ends_while_links_and_browsers_that_are_in_go_on():
         assert get(running, HOME, Cookie=cookie).status == 200 and get(running, entrance(running)).status == 200
 
 
+def test_guesses_from_one_place_lock_nobody_else_out(lab: ReviewServer):
+    """The proxy adds where a request comes from behind what that has said of itself."""
+
+    def status(place: str, password: str) -> int:
+        given = {"Host": "fits.example.org", "X-Forwarded-For": f"10.0.0.7, {place}"}
+        return get(lab, HOME, Authorization=basic(password), **given).status
+
+    right = "correct horse: battery"
+    assert [status("203.0.113.9", f"guess {n}") for n in range(21)] == [401] * 20 + [429]
+    assert status("203.0.113.10", "guess") == 401 and status("203.0.113.10", right) == 200
+    assert get(lab, HOME, Host="fits.example.org").status == 401, "a newcomer is asked"
+    assert get(lab, HOME, Authorization=basic(right), **{"X-Forwarded-For": "203.0.113.9"}).status == 200, "no proxy"
+    assert [status(f"2001:db8:1:2::{n}", f"guess {n}") for n in range(21)] == [401] * 20 + [429], "one network"
+    assert status("2001:db8:1:3::1", right) == 200
+
+
 def test_a_websocket_asks_for_no_password(lab: ReviewServer):
     with pytest.raises(InvalidStatus, match="403"):
         connect(

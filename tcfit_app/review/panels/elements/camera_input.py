@@ -97,7 +97,7 @@ class CameraInput:
     def draw(self) -> None:
         """Send what changed."""
         project = self._tab.session.project
-        camera, off = project.clip.camera, project.read_only or self._busy
+        camera, off = project.footage.camera, project.read_only or self._busy
         if self._tab.sent.differs(self._command, camera, off):
             self._known.show(paragraph(described(camera), "dim"))
             label = "Reading …" if self._busy else "Use this camera"

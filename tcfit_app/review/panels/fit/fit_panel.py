@@ -55,7 +55,7 @@ class FitPanel:
         with gui.add_folder("Shape, solver, prior"):
             self._inputs.add("shape_sample.size", "shape_sample.strategy", "shape_sample.seed", "solver", "pose_prior")
             self._inputs.add("keypoint_noise")
-        begins = not tab.session.fits.runs and not tab.session.project.clip.camera.calibrated
+        begins = not tab.session.fits.runs and not tab.session.project.footage.camera.calibrated
         with gui.add_folder("How it was filmed", expand_by_default=begins):
             self._inputs.add_camera()
         with gui.add_folder("Body", expand_by_default=False):

@@ -254,7 +254,7 @@ class FitInputs:
 
     @property
     def _camera(self) -> Any:
-        return self._tab.session.project.clip.camera
+        return self._tab.session.project.footage.camera
 
     # --- drawing ---
 
@@ -283,8 +283,8 @@ class FitInputs:
 
     def _draw_focal(self, now: FitSettings) -> None:
         tab, camera = self._tab, self._camera
-        if tab.sent.differs("size of the person", tab.session.edits):
-            self._metre = metre_in_pixels(tab.session.project.clip.keypoints)
+        if tab.sent.differs("size of the person", id(detected := tab.session.project.footage.keypoints)):
+            self._metre = metre_in_pixels(detected)
         seen = Perspective(focal=now.focal or camera.focal[0], size=camera.size, metre=self._metre)
         lenses = [button(name, "fit.lens", name, kind="mini", hint=f"{mm:g} mm") for name, mm in LENSES.items()]
         self._focal.show(

@@ -137,7 +137,7 @@ def short(value: object) -> str:
 
 def details(listed: Listed, session: Session, fit: FitResult | None) -> list[Html]:
     """All that is known of a run but its result."""
-    run, clip = listed.run, session.project.clip
+    run, clip = listed.run, session.project.footage
     known = {
         "Fitted": _kind(run, clip.first_frame),
         "From": _origin(run, session),

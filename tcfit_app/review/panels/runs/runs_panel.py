@@ -110,7 +110,7 @@ class RunsPanel:
         tab = self._tab
         if run.stored and tab.session.stored.reading(run):
             raise InputError(f"{run.name} is still being read: try again in a moment.")
-        fit, clip = result_of(tab.session, run), tab.session.project.clip.camera
+        fit, clip = result_of(tab.session, run), tab.session.project.footage.camera
         focal = fit.camera.focal[0] if fit is not None and fit.camera.focal != clip.focal else None
         settings = replace(
             tab.state.settings,

@@ -1,0 +1,230 @@
+"""What corrections have replaced in a run, so that undo brings it back: runs/<id>/<number>.npz, one for each change.
+
+| key | shape | |
+|---|---|---|
+| phase3_... | (n, ...) | as in `run_files`, of the frames of `windows` one after the other |
+| gravity, ground, contacts, ... | | of the whole clip; see fitting_core/ground/arrays.py |
+| about | () | JSON: what is in `About` |
+
+A change that was taken back holds what it had made, so that redo brings that back. A file that cannot be read is as one
+that is not there: the fit then follows the edit as any other.
+"""
+
+import logging
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import numpy as np
+
+from fitting_core.errors import InputError
+from fitting_core.files.npz import read_npz, write_npz
+from fitting_core.fit.provenance import Provenance
+from fitting_core.fit.result import FitResult, PhaseResult
+from fitting_core.ground.arrays import grounding_arrays, grounding_from
+from fitting_core.ground.grounding import Grounding
+from tcfit_app.project.storage.accessing import accessing
+from tcfit_app.project.storage.run_files import PhaseRecord, phase_arrays, phase_from
+
+_MOST = 256 * 2**20
+"""Bytes for a run's changes; of more, the oldest go, and the edits before them cannot be taken back exactly."""
+_FORMAT = "tcfit change 1"
+_log = logging.getLogger(__name__)
+_Count = Annotated[int, msgspec.Meta(ge=0, le=2**48)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Frames:
+    """Some frames of a fit's last phase, and what goes with them."""
+
+    windows: tuple[range, ...]
+    phase: PhaseResult
+    """Its frames are those of the windows, one after the other."""
+    grounding: Grounding | None
+    """Of the whole clip."""
+    edits_seen: int
+    """As of `Run`."""
+
+    @staticmethod
+    def of(fit: FitResult, windows: tuple[range, ...], edits_seen: int) -> "Frames":
+        """Those of a fit."""
+        last, chosen = fit.last, [frame for window in windows for frame in window]
+        known = last.provenance
+        phase = replace(
+            last,
+            params=last.params[chosen],
+            frame_cost=last.frame_cost[chosen],
+            provenance=None if known is None else Provenance(known.start[chosen], known.stopped[chosen]),
+        )
+        return Frames(windows=windows, phase=phase, grounding=fit.grounding, edits_seen=edits_seen)
+
+    def put_into(self, fit: FitResult) -> FitResult:
+        """A fit with these frames in place of its own."""
+        last, begin = fit.last, 0
+        params, cost, known = (
+            last.params,
+            last.frame_cost.copy(),
+            last.provenance or Provenance.unknown(len(last.params)),
+        )
+        for window in self.windows:
+            part = slice(begin, begin + len(window))
+            params = params.with_frames(window, self.phase.params[part])
+            cost[window.start : window.stop] = self.phase.frame_cost[part]
+            if self.phase.provenance is not None:
+                known = known.with_frames(window, self.phase.provenance[part])
+            begin = part.stop
+        provenance = None if self.phase.provenance is None else known
+        phase = replace(self.phase, params=params, frame_cost=cost, provenance=provenance)
+        return replace(fit, phases=(*fit.phases[:-1], phase), grounding=self.grounding)
+
+
+class About(msgspec.Struct, frozen=True, kw_only=True):
+    """What a change is."""
+
+    format: str
+    seen: _Count
+    """The last log entry that the keypoints held to which these frames were fitted."""
+    edits: dict[_Count, bool]
+    """The edits that it follows, by their ids, and whether they stood: an undo is followed as well."""
+    taken_back: bool
+    windows: tuple[tuple[_Count, _Count], ...]
+    """First frames, and those behind the last."""
+    frames: _Count
+    """Of the clip."""
+    edits_seen: _Count
+    phase: PhaseRecord
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """A change that is on the disk."""
+
+    number: int
+    about: About
+
+
+class Changes:
+    """The changes of one run, oldest first. For one thread at a time.
+
+    Args:
+        folder: theirs; made with the first of them.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self.made: list[Change] = []
+        """Those that the run has, each on top of those before it."""
+        self.taken_back: list[Change] = []
+        """Those that it had: the first was taken back last, and stands right on those that it has."""
+        files = sorted(folder.glob("*.npz")) if folder.is_dir() else []
+        for file in files:
+            about = _about(file)
+            if file.stem.isdigit() and about is not None:
+                change = Change(number=int(file.stem), about=about)
+                (self.taken_back if about.taken_back else self.made).append(change)
+
+    def __bool__(self) -> bool:
+        return bool(self.made or self.taken_back)
+
+    def add(self, before: Frames, *, seen: int, edits: dict[int, bool], frames: int) -> None:
+        """Note what frames were before they change.
+
+        Args:
+            before: those frames.
+            seen: As of `About`, like all others.
+            edits: like it.
+            frames: like it.
+
+        Raises:
+            InputError: It cannot be written.
+        """
+        about = About(
+            format=_FORMAT,
+            seen=seen,
+            edits=edits,
+            taken_back=False,
+            windows=tuple((window.start, window.stop) for window in before.windows),
+            frames=frames,
+            edits_seen=before.edits_seen,
+            phase=PhaseRecord.of(before.phase),
+        )
+        self._write_last(about, before)
+        self._make_room()
+
+    def _write_last(self, about: About, before: Frames) -> None:
+        number = 1 + max((change.number for change in (*self.made, *self.taken_back)), default=0)
+        change = Change(number=number, about=about)
+        self._write(change, before)
+        self.made.append(change)
+
+    def frames(self, change: Change) -> Frames | None:
+        """What a change has replaced, or what it had made if it was taken back; None if it cannot be read."""
+        try:
+            arrays, about = read_npz(self._file(change)), change.about
+            phase, windows = phase_from(arrays, about.phase), tuple(range(*window) for window in about.windows)
+            if len(phase.params) != sum(map(len, windows)) or any(window.stop > about.frames for window in windows):
+                raise ValueError("its frames are not those of its windows")
+            grounding = grounding_from(arrays, about.frames)
+        except (OSError, ValueError, KeyError, IndexError, TypeError) as error:
+            _log.warning("%s cannot be read (%s): the fit follows its edits as any others", self._file(change), error)
+            return None
+        return Frames(windows=windows, phase=phase, grounding=grounding, edits_seen=about.edits_seen)
+
+    def take_back(self, change: Change, made: Frames) -> None:
+        """The last change of the run, which had made this, is none any more. Raises InputError as `add`."""
+        about = _turned(change.about, made, taken_back=True)
+        back = Change(number=change.number, about=about)
+        self._write(back, made)
+        self.made.remove(change)
+        self.taken_back.insert(0, back)
+
+    def make_again(self, change: Change, before: Frames) -> None:
+        """The first change of those that were taken back is the last of the run again, in place of this. Raises
+        InputError as `add`."""
+        self._write_last(_turned(change.about, before, taken_back=False), before)
+        self.forget([change])
+
+    def forget(self, changes: list[Change]) -> None:
+        """Remove some: nothing goes back to them any more."""
+        for change in changes:
+            (self.taken_back if change.about.taken_back else self.made).remove(change)
+            with accessing(self._folder):
+                self._file(change).unlink(missing_ok=True)
+
+    def _make_room(self) -> None:
+        sizes = [self._file(change).stat().st_size for change in self.made]
+        while sum(sizes) > _MOST and len(sizes) > 1:
+            sizes.pop(0)
+            self.forget(self.made[:1])
+
+    def _write(self, change: Change, frames: Frames) -> None:
+        arrays = phase_arrays(frames.phase) | grounding_arrays(frames.grounding)
+        arrays["about"] = np.array(msgspec.json.encode(change.about).decode())
+        with accessing(self._folder):
+            self._folder.mkdir(exist_ok=True)
+            write_npz(self._file(change), arrays)
+
+    def _file(self, change: Change) -> Path:
+        return self._folder / file_name(change.number)
+
+
+def file_name(number: int) -> str:
+    """Of a run's result, and of a change of it."""
+    return f"{int(number):06d}.npz"
+
+
+def _turned(about: About, frames: Frames, *, taken_back: bool) -> About:
+    phase, seen = PhaseRecord.of(frames.phase), frames.edits_seen
+    return msgspec.structs.replace(about, taken_back=taken_back, edits_seen=seen, phase=phase)
+
+
+def _about(file: Path) -> About | None:
+    try:
+        about = msgspec.json.decode(str(read_npz(file, ["about"])["about"]), type=About)
+        if about.format != _FORMAT:
+            raise ValueError(f"it is a {about.format!r}, expected {_FORMAT!r}")
+    except (OSError, ValueError, KeyError, InputError) as error:
+        _log.warning("%s is left out (%s)", file, error)
+        return None
+    return about
