@@ -73,7 +73,7 @@ class Range(_Event, frozen=True, tag="range"):
 
 
 class OpenLink(_Event, frozen=True, tag="open_link"):
-    """The page was opened by a link to a frame, and to a fit; or such a link was followed in it."""
+    """The page was opened by a link to a frame, and to a fit."""
 
     frame: Annotated[int, msgspec.Meta(ge=-(2**53), le=2**53)]
     """The number that users see."""
