@@ -304,6 +304,23 @@ def test_on_a_poster_the_camera_pans_and_zooms_and_never_turns(tab: Tab) -> None
     assert tuple(np.abs(camera.wxyz)) == pytest.approx((1, 0, 0, 0), abs=1e-6)
 
 
+def test_the_menu_comes_when_the_right_button_is_released_where_it_was_pressed(tab: Tab) -> None:
+    menu, mouse = tab.page.get_by_role("menu"), tab.page.mouse
+    tab.send("picture_menus", states.PictureMenus(elsewhere=((states.MenuItem(label="Undo", action="undo"),),)))
+    for x, y in (tab.screen(200, 60), strip_place(tab, 100)):
+        for way in (0, 40):
+            mouse.move(x, y)
+            mouse.down(button="right")
+            tab.page.wait_for_timeout(100)
+            assert menu.count() == 0, "browsers on Linux ask for a menu at the press"
+            mouse.move(x + way, y)
+            mouse.move(x, y)
+            mouse.up(button="right")
+            tab.settle()
+            assert menu.count() == (way == 0), "a drag moves the picture, also there and back"
+            tab.page.keyboard.press("Escape")
+
+
 @pytest.mark.parametrize("over", HALVES)
 def test_two_pictures_are_zoomed_about_the_same_pixel(tab: Tab, over: states.Place) -> None:
     tab.send("layout", PAIR)
