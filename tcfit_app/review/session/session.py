@@ -14,7 +14,6 @@ from fitting_core.errors import InputError
 from fitting_core.fit.events import FramesFitted, PhaseStarted
 from fitting_core.fit.result import FitResult
 from fitting_core.io.cameras.reading import CameraFile, read_camera
-from fitting_core.measure.references.reference import Reference
 from tcfit_app.fitting.bodies import Bodies, record_of
 from tcfit_app.fitting.edit_follower import EditFollower
 from tcfit_app.fitting.fits import Fits, Shown
@@ -68,12 +67,6 @@ class Session:
         self._next_try = 0.0
         self.ended: RunningJob | None = None
         """The run's job that ended last."""
-        self.edits = 0
-        """Another number whenever the keypoints are others."""
-        self.marked = 0
-        """Another number whenever a frame's mark is another."""
-        self.referenced = 0
-        """Another number whenever fits are compared with something else."""
         self.changes = 0
         """Another number whenever anything about jobs is another."""
         self.tell: Callable[[Notice], None] = lambda notice: None
@@ -87,14 +80,20 @@ class Session:
             self._end_run(job)
         self._end_late(0.0)
 
-    def set_reference(self, reference: Reference | None) -> None:
-        """Keep what fits are compared with from now on.
+    @property
+    def edits(self) -> int:
+        """Another number whenever the keypoints are others."""
+        return self.project.keypoints_version
 
-        Raises:
-            InputError: It has no frame in common with the clip, or the project cannot be written.
-        """
-        self.project.set_reference(reference)
-        self.referenced += 1
+    @property
+    def marked(self) -> int:
+        """Another number whenever a frame's mark or note is another."""
+        return self.project.marks_version
+
+    @property
+    def referenced(self) -> int:
+        """Another number whenever fits are compared with something else."""
+        return self.project.reference_version
 
     # --- keypoints ---
 
@@ -120,19 +119,13 @@ class Session:
         return self._edited(entry, shown)
 
     def _edited(self, entry: LogEntry | None, shown: Shown | None) -> LogEntry | None:
-        if entry is None:
-            return None
-        if isinstance(entry.action, Remark):
-            self.marked += 1
-            return entry
-        self.edits += 1
-        if shown is not None:
+        if entry is not None and shown is not None and not isinstance(entry.action, Remark):
             self.edit_follower.edited(entry, shown)
         return entry
 
     def mark(self, frames: Iterable[int], state: Literal["checked", "flag"] | None, *, author: str) -> None:
         """Say that frames look fine, need attention, or neither. Raises InputError if that cannot be stored."""
-        self._edited(self.project.marks.set(frames, state, author=author), None)
+        self.project.marks.set(frames, state, author=author)
 
     def write_note(self, frames: Iterable[int], text: str, *, author: str, replaces: int | None = None) -> None:
         """Keep a note on frames that follow each other.
@@ -147,7 +140,7 @@ class Session:
             InputError: It makes no sense, or the project cannot be written.
         """
         note = WriteNote(frames=tuple(frames), text=text.strip(), replaces=replaces)
-        self._edited(self.project.append(note, author=author), None)
+        self.project.append(note, author=author)
 
     def read_elan(self, name: str, content: bytes, tiers: tuple[str, ...]) -> tuple[WriteNotes | None, ElanNotes]:
         """The notes in an .eaf file that a browser has sent, for `keep_notes`. Slow: for `tasks`.
@@ -160,7 +153,7 @@ class Session:
 
     def keep_notes(self, notes: WriteNotes, *, author: str) -> None:
         """Keep several notes at once. Raises InputError as `write_note`."""
-        self._edited(self.project.append(notes, author=author), None)
+        self.project.append(notes, author=author)
 
     # --- fits ---
 
@@ -445,7 +438,6 @@ class Session:
         if ended.state == "failed":
             self.tell(Notice(title=f"{ended.title} failed", text=ended.reason, kind="error"))
         elif ended.state == "finished" and (found := ended.result()) is not None:
-            self.edits += 1
             self.tell(Notice(title="This project has its keypoints", text="\n".join(found.notes), kind="done"))
 
     def _take_whatever_comes(self, report: Report) -> None:

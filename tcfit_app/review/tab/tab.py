@@ -104,20 +104,24 @@ class Tab:
         """Run something on the drawing thread; for callbacks. What goes wrong is told in the tab."""
         self._do(self.guarded(command))
 
-    def begin(self, title: str, work: Work[Value], then: Callable[[Value], None]) -> Task[Value]:
-        """Do something slow beside the drawing thread. What goes wrong is told in the tab; it ends when that is closed.
+    def begin(
+        self, title: str, work: Work[Value], then: Callable[[Value], None], *, writes: bool = False
+    ) -> Task[Value]:
+        """Do something slow beside the drawing thread. What goes wrong is told in the tab.
 
         Args:
             title: What it is.
             work: See `Tasks.submit`.
             then: Gets what it has made, on the drawing thread.
+            writes: It changes the project, which goes on, and is told to everybody, when the tab is closed; anything
+                else ends with the tab.
         """
 
         def ended(task: Task[Value]) -> None:
             if task.state != "cancelled":
                 self.guarded(lambda: then(task.result()))()
 
-        return self.session.tasks.submit(title, work, owner=self, then=ended)
+        return self.session.tasks.submit(title, work, owner=None if writes else self, then=ended)
 
     def guarded(self, command: Callable[[], None]) -> Callable[[], None]:
         """A command that tells in the tab what goes wrong in it."""

@@ -454,13 +454,15 @@ def test_finding_the_video_again(tested: LonePage, tmp_path: Path):
     page = tested.page
     assert "made without a video" in tested.html()
     assert tested.field("New place").visible
-    told: list[str] = []
-    page.tab.notify = lambda notice: told.append(f"{notice.title}: {notice.text}")  # pyright: ignore[reportAttributeAccessIssue]
     folder = write_images(tmp_path / "images", *(f"{frame:03}.png" for frame in range(FRAMES)))
     tested.field("New place")._impl.value = f'"{folder}" '
     tested.press("review.relink")
     tested.settle()
-    assert told == [f"The video is found: {folder}"] and page.tab.session.project.media.problem == ""
+    (told,) = tested.notices
+    assert (told.title, told.text) == (
+        "The video is found",
+        str(folder),
+    ) and page.tab.session.project.media.problem == ""
 
 
 def test_a_wrong_place_is_told(tested: LonePage):
