@@ -30,6 +30,7 @@ from tcfit_app.project.project import Project
 from tcfit_app.project.storage.names import name_of_file
 from tcfit_app.project.storage.run_record import Given, Run, RunKind
 from tcfit_app.review.session.keypoint_source import Going, KeypointSource
+from tcfit_app.review.session.own_rig import OwnRig
 from tcfit_app.review.session.stored_fits import StoredFits
 from tcfit_app.review.session.tasks import Step, Tasks
 
@@ -58,6 +59,8 @@ class Session:
         """The fits, for whoever draws."""
         self.source = KeypointSource(project, self.tasks, self._take_keypoints)
         """Gets keypoints for a project that has none."""
+        self.rig = OwnRig(project.folder)
+        """The user's own, which exports can move."""
         self._as_found: int | None = None
         """The run that is fitted while its keypoints are found."""
         self.jobs: dict[int, RunningJob] = {}
