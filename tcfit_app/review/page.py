@@ -59,6 +59,7 @@ class Page:
         """From now on the browser's tab shows this."""
         browser = self.tab.browser
         browser.receive = lambda event: self.tab.do(lambda: self.receive(event))
+        browser.show_first_steps = lambda: browser.channel.send("hints", HINTS)
         self.tab.channel.send("skeleton", SKELETON)
         self.tab.channel.send("keys", Keys(bindings=bindings()))
 
@@ -208,7 +209,6 @@ class Page:
         problem = self.picture.problem or self.tab.shown.problem
         self._attempt("draw the status line", lambda: self.status.draw(now, problem), now)
         self._attempt("show the keys", self._key_window.draw, now)
-        self._attempt("show the first steps", self._draw_first_steps, now)
         panels = self.panels
         self._attempt("draw the choice of the person", self._person.draw, now)
         for panel in panels:
@@ -231,10 +231,6 @@ class Page:
         if following:
             self._followed = revision
             tab.channel.send("cursor", Cursor(frame=tab.state.frame, playing=tab.state.playing))
-
-    def _draw_first_steps(self) -> None:
-        if self.tab.sent.differs("first steps", self.tab.first_steps) and self.tab.first_steps:
-            self.tab.channel.send("hints", HINTS)
 
     def _draw_selection(self) -> None:
         tab, framing = self.tab, self.gestures.again.framing

@@ -389,6 +389,13 @@ class Session:
         """How many edits were made or taken back since a run."""
         return len(edits_since(self.project.log, run.edits_seen))
 
+    def as_corrected(self, run: Run) -> Run:
+        """What shows a run, or one of corrections, as it is corrected now: the run itself once no correction stands."""
+        base = run if run.kind != "corrections" or run.parent is None else self.fits.run(run.parent)
+        if base is None:
+            return run
+        return self.fits.corrections_of(base.id) if self.edits_since(base) else base
+
     def frames_edited_since(self, run: Run) -> frozenset[int]:
         """Their frames."""
         return frozenset(frame for edit in edits_since(self.project.log, run.edits_seen) for frame in edit.frames)

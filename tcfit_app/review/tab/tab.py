@@ -90,8 +90,6 @@ class Tab:
         self._do, self._remembered = do, someone.remembered
         self._shown: OnShow | None = None
         self._saved = 0
-        self.first_steps = 0
-        """How often what to do first was asked for."""
 
     @property
     def author(self) -> str:
@@ -158,7 +156,7 @@ class Tab:
     def show_first_steps(self) -> None:
         """Have the page show what to do first."""
         self.set(keys=False)
-        self.first_steps += 1
+        self.browser.show_first_steps()
 
     def refuse_read_only(self) -> None:
         """Raises InputError where nothing can be changed."""
@@ -323,18 +321,21 @@ class Tab:
         return self._shown
 
     def _go_over_to_corrections(self) -> None:
-        """Where B is a run that was chosen, and that this tab has corrected, it becomes the run of its corrections.
+        """Where B is a run that this tab has corrected, it becomes the run of its corrections; and the run itself again
+        when all of them were taken back.
 
         In the same drawing in which a drag's live body ends: the run itself still has the body from before.
         """
-        run, session = self.corrected, self.session
+        session = self.session
+        run = None if self.corrected is None else session.fits.run(self.corrected)
         if run is None:
             return
         under_way = session.edit_follower.busy or any(job.run is None for job in session.jobs.values())
-        corrections = run if session.fits.run(run) is None else session.fits.corrections_of(run).id
-        if corrections == run and under_way:
+        corrected = session.as_corrected(run)
+        if corrected.id == run.id and under_way:
             return
         self.corrected = None
-        if self.state.b.run == run != corrections:
-            self.set(b=replace(self.state.b, run=corrections))
-            self.say(f"B shows {session.project.runs.get(corrections).name}")
+        shown = session.fits.meant(self.state.b)
+        if shown is not None and shown.id == run.id != corrected.id:
+            self.set(b=replace(self.state.b, run=corrected.id))
+            self.say(f"B shows {corrected.name}")

@@ -212,7 +212,7 @@ def test_choosing_runs_and_phases(tested: LonePage):
     assert tested.field("A shows").value == "first"
     page.tab.session.delete(runs[0].id)
     tested.draw()
-    assert tested.field("A shows").value == "Deleted run"
+    assert tested.field("A shows").value == "Newest"
 
 
 def test_runs_of_one_name_are_told_apart(tested: LonePage):
