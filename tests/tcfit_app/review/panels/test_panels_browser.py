@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from fitting_core.config.schema import PRESETS
 from tests.drivers.lone_page import sample_project
 from tests.drivers.review_page import Reviewing, reviewing, until
 
@@ -116,6 +117,39 @@ def test_a_number_of_the_fit_panel_is_taken_as_it_is_typed(opened: Reviewing):
     field.fill("100")
     until(lambda: not opened.page.tab.state.settings.problems)
     opened.tab.evaluate("document.activeElement.blur()")
+
+
+def test_what_is_changed_moves_no_field(opened: Reviewing):
+    opened.tab.get_by_role("tab", name="Fit", exact=True).click()
+    weight, window = (opened.tab.locator(f"input[aria-label='{name}']") for name in ("w_T", "Window"))
+    before = window.bounding_box()
+    for value in ("77", "-1", "5"):
+        weight.fill(value)
+        weight.press("Enter")
+        settings = lambda: opened.page.tab.state.settings  # noqa: E731
+        until(lambda value=value: settings().problems or settings().config.temporal.weight == float(value))
+        opened.tab.wait_for_timeout(200)
+        assert window.bounding_box() == before
+    opened.tab.get_by_role("button", name="Back to the preset").click()
+    until(lambda: opened.page.tab.state.settings.config == PRESETS["tcfit"])
+    assert window.bounding_box() == before
+
+
+def test_a_dropdown_that_is_reached_by_tab_stays_closed_until_it_is_wanted(opened: Reviewing):
+    opened.tab.get_by_role("tab", name="Fit", exact=True).click()
+    options, focused = opened.tab.get_by_role("option"), opened.tab.locator("input[aria-haspopup=listbox]:focus")
+    opened.tab.locator("input[aria-label='w_T']").focus()
+    opened.tab.keyboard.press("Tab")
+    until(lambda: focused.count() == 1, "the focus")
+    opened.tab.wait_for_timeout(300)
+    assert options.count() == 0
+    opened.tab.keyboard.press("ArrowDown")
+    until(lambda: options.count() > 1, "the list")
+    opened.tab.keyboard.press("Escape")
+    until(lambda: options.count() == 0, "no list")
+    focused.click()
+    until(lambda: options.first.is_visible(), "the list, by a click")
+    opened.tab.keyboard.press("Escape")
 
 
 def test_enter_in_the_field_name_renames(opened: Reviewing):
