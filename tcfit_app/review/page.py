@@ -17,6 +17,7 @@ from tcfit_app.review.browser.page_events import PageEvent
 from tcfit_app.review.browser.page_states import Beat, Cursor, Framing, Keys, Selection, Skeleton
 from tcfit_app.review.drawing.first_steps import HINTS
 from tcfit_app.review.drawing.picture import Picture
+from tcfit_app.review.drawing.rows import MOST_ROWS, PLOTS
 from tcfit_app.review.drawing.status import Status
 from tcfit_app.review.drawing.timeline import Timeline
 from tcfit_app.review.faults import Faults
@@ -118,7 +119,8 @@ class Page:
         browser.greet(event.tab, event.browser, (event.width, event.height))
         set_theme(self.tab.client.gui, dark=event.dark)
         self.picture.resized(event.width, event.height)
-        self.tab.greet()
+        rows = None if event.plots is None else tuple(dict.fromkeys(name for name in event.plots if name in PLOTS))
+        self.tab.greet(plots=rows and rows[:MOST_ROWS])
         if not event.hinted and self.tab.session.project.has_detections:
             self.tab.show_first_steps()
         browser.has_come()

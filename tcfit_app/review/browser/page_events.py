@@ -36,6 +36,8 @@ class Hello(_Event, frozen=True, tag="hello"):
     """As of `Theme`."""
     hinted: bool = True
     """The first steps have been read in this browser."""
+    plots: Annotated[tuple[Text, ...], msgspec.Meta(max_length=64)] | None = None
+    """The rows of the timeline that were on show in this browser last; None: none ever were."""
 
 
 class Theme(_Event, frozen=True, tag="theme"):

@@ -169,13 +169,19 @@ class Tab:
         """Whether the page's script has said hello."""
         return self.browser.name is not None
 
-    def greet(self) -> None:
-        """The page's script is there; a name that is known brings its state back."""
+    def greet(self, *, plots: tuple[str, ...] | None = None) -> None:
+        """The page's script is there; a name that is known brings its state back.
+
+        Args:
+            plots: The timeline's rows for one that is not known; None: the usual ones.
+        """
         known = self._remembered.get(self.browser.name or "")
         if known is not None:
             self.state = replace(
                 known, playing=False, keys=False, close_up=None, frame=min(known.frame, self.length - 1)
             )
+        elif plots is not None:
+            self.state = replace(self.state, plots=plots)
         self.set()
 
     def come_from(self, other: "Tab") -> None:

@@ -46,8 +46,8 @@ window.addEventListener("pointerdown", ({ target }) => {
   if (target instanceof Element && target.matches(WINDOW_SURROUNDINGS)) closeWindow();
 }, true);
 
-// viser's dropdowns open as soon as they have the focus. Whoever comes by Tab wants them open by arrow, space or letter:
-// the list would lie over the next field.
+// viser's dropdowns open as soon as they have the focus. Not for whoever comes by Tab, as the list would lie over the
+// next field: an arrow or a letter opens it.
 let byTab = false;
 window.addEventListener("keydown", ({ key }) => {
   byTab = key === "Tab";
