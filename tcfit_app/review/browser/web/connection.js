@@ -201,8 +201,8 @@ const ASK_AGAIN = 2000; // milliseconds
 let asking = 0; // the timer of that
 
 /** Looks whether there is a server again: one that was started since knows this page only once its link was opened.
- * One that has answered before, and still is not connected, will not be: browsers hold connections back that have failed
- * often, for seconds, and viser gives each of them up after one. A page that is loaded anew gets through.
+ * One that has answered before, and still is not connected, will not be: after many failures browsers hold connections
+ * back for seconds, and viser gives each of them up after one. A page that is loaded anew gets through.
  * @param {boolean} answered before */
 async function askAgain(answered) {
   const answer = await fetch("/favicon.ico", { cache: "no-store" }).catch(() => null);
