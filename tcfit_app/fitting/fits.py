@@ -198,9 +198,15 @@ class Fits:
             raise InputError(f"{run.name} is in its first phase: wait until that is done.")
         return fit
 
+    def standing(self, choice: FitChoice) -> FitChoice:
+        """The choice, with the newest run in the place of one that was deleted."""
+        gone = choice.run is not None and self.run(choice.run) is None
+        return replace(choice, run=None) if gone else choice
+
     def meant(self, choice: FitChoice) -> Run | None:
         """The run that a choice means now."""
-        runs = [run for run in self.showable() if choice.run in (None, run.id)]
+        number = self.standing(choice).run
+        runs = [run for run in self.showable() if number in (None, run.id)]
         return newest(runs) if runs else None
 
     def held(self, run: Run) -> bool:

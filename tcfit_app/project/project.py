@@ -83,6 +83,9 @@ class Project:
             store, len(stored), self._marks_done, lambda action, author: self.append(action, author=author)
         )
         self._stored, self._database, self._lock = stored, store, held
+        self.keypoints_version = self.marks_version = self.reference_version = self.video_version = 0
+        """Another number whenever the keypoints, marks and notes, what fits are compared with, or the frames of the
+        video are others."""
         self._clip: Clip | None = None
         self._footage: Clip | None = None
         self._detected = bool((stored.keypoints.confidence > 0).any())
@@ -296,6 +299,7 @@ class Project:
             with self._guard:
                 self._stored, self._detected, self._clip, self._footage = stored, True, None, None
                 self._history = EditHistory(stored.keypoints, self._log, first_frame=stored.first_frame)
+                self.keypoints_version += 1
 
     def set_camera(self, camera: Camera, notes: tuple[str, ...] = ()) -> None:
         """Say what the clip was filmed with; when this returns, it is on the disk. Runs keep the camera that they have.
@@ -326,8 +330,10 @@ class Project:
                 replace_detections(self.folder, self._database, stored)
             with self._guard:
                 self._stored, self._clip, self._footage = stored, None, None
+                self.keypoints_version += 1  # also of the same lens: another camera sees fits elsewhere
                 if stored.keypoints is not before.keypoints:
                     self._history = EditHistory(stored.keypoints, self._log, first_frame=stored.first_frame)
+                    self.video_version += 1
 
     def _edits_and_runs(self) -> str:
         """What stands on the keypoints as they were detected, for the user; empty if there is nothing."""
@@ -354,7 +360,10 @@ class Project:
             media.check_decodes(source)
             with self._database.transaction() as connection:
                 connection.execute("UPDATE clip SET media = ?", (msgspec.json.encode(link).decode(),))
-            self.media = media.find(link, self.folder)
+            found = media.find(link, self.folder)
+            with self._guard:
+                self.media = found
+                self.video_version += 1
 
     @property
     def reference(self) -> Reference | None:
@@ -377,6 +386,7 @@ class Project:
             store_reference(self.folder, reference)
             with self._guard:
                 self._reference, self._looked = reference, True
+                self.reference_version += 1
 
     def _marks_done(self) -> list[LogEntry]:
         with self._guard:
@@ -488,7 +498,17 @@ class Project:
             entry = LogEntry(id=number, time=time, author=author, action=action)
             self._history.add(entry)
             self._log.append(entry)
+            if isinstance(self._subject(action), Remark):
+                self.marks_version += 1
+            else:
+                self.keypoints_version += 1
             return entry
+
+    def _subject(self, action: Action) -> Action:
+        """What is done or taken back."""
+        if not isinstance(action, Undo | Redo):
+            return action
+        return next(entry.action for entry in reversed(self._log) if entry.id == action.edit)
 
     def close(self) -> None:
         """Let others write; this object is of no use any more."""

@@ -17,6 +17,7 @@ from tcfit_app.review.browser.page_events import PageEvent
 from tcfit_app.review.browser.page_states import Beat, Cursor, Framing, Keys, Selection, Skeleton
 from tcfit_app.review.drawing.first_steps import HINTS
 from tcfit_app.review.drawing.picture import Picture
+from tcfit_app.review.drawing.rows import MOST_ROWS, PLOTS
 from tcfit_app.review.drawing.status import Status
 from tcfit_app.review.drawing.timeline import Timeline
 from tcfit_app.review.faults import Faults
@@ -59,6 +60,7 @@ class Page:
         """From now on the browser's tab shows this."""
         browser = self.tab.browser
         browser.receive = lambda event: self.tab.do(lambda: self.receive(event))
+        browser.show_first_steps = lambda: browser.channel.send("hints", HINTS)
         self.tab.channel.send("skeleton", SKELETON)
         self.tab.channel.send("keys", Keys(bindings=bindings()))
 
@@ -117,7 +119,8 @@ class Page:
         browser.greet(event.tab, event.browser, (event.width, event.height))
         set_theme(self.tab.client.gui, dark=event.dark)
         self.picture.resized(event.width, event.height)
-        self.tab.greet()
+        rows = None if event.plots is None else tuple(dict.fromkeys(name for name in event.plots if name in PLOTS))
+        self.tab.greet(plots=rows and rows[:MOST_ROWS])
         if not event.hinted and self.tab.session.project.has_detections:
             self.tab.show_first_steps()
         browser.has_come()
@@ -208,7 +211,6 @@ class Page:
         problem = self.picture.problem or self.tab.shown.problem
         self._attempt("draw the status line", lambda: self.status.draw(now, problem), now)
         self._attempt("show the keys", self._key_window.draw, now)
-        self._attempt("show the first steps", self._draw_first_steps, now)
         panels = self.panels
         self._attempt("draw the choice of the person", self._person.draw, now)
         for panel in panels:
@@ -231,10 +233,6 @@ class Page:
         if following:
             self._followed = revision
             tab.channel.send("cursor", Cursor(frame=tab.state.frame, playing=tab.state.playing))
-
-    def _draw_first_steps(self) -> None:
-        if self.tab.sent.differs("first steps", self.tab.first_steps) and self.tab.first_steps:
-            self.tab.channel.send("hints", HINTS)
 
     def _draw_selection(self) -> None:
         tab, framing = self.tab, self.gestures.again.framing

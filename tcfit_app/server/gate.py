@@ -7,12 +7,14 @@ this user's terminal, memory or cookies; between computers everything travels un
 
 import base64
 import ipaddress
+import re
 import secrets
 import threading
 import time
 from collections import OrderedDict, deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from html import escape
 from http import HTTPStatus
 from urllib.parse import urlsplit
 
@@ -30,8 +32,12 @@ PROTECTION = {
 }
 """Headers of every answer: it is not stored, framed or embedded, and its address goes to nobody else."""
 
+HOME = "/"
+"""viser's page, which is a single file."""
 _TOKEN_BYTES = 32
-
+_PLACE = re.compile(r"/\?frame=-?[0-9]{1,15}(&(run|phase|person)=[0-9]{1,15})*")
+"""The page at a frame and a fit, as its links have it. No other query is for viser's page: with "?websocket=" it would
+take orders from a foreign server."""
 
 _TRIES, _MINUTE = 20, 60.0
 """Wrong passwords from one place in so many seconds, after which it is asked for none; all others notice nothing."""
@@ -113,20 +119,22 @@ class Gate:
             return self._lead(request.path, websocket)
         if not websocket and self._redeem(request.path):
             self._admitted()
-            return self._welcome(secure=own.startswith("https:"))
+            return self._welcome(request.path, secure=own.startswith("https:"))
+        if _PLACE.fullmatch(request.path) and "cross-site" in request.headers.get_all("Sec-Fetch-Site"):
+            return _going_on(request.path)  # a click in another page, with which the strict cookie does not come
         if self._entry.password and not websocket:
             place = _place(_sent_from(request.headers) or address if public else address)
-            return self._ask(request.headers, place, secure=own.startswith("https:"))
+            return self._ask(request, place, secure=own.startswith("https:"))
         return _page(HTTPStatus.FORBIDDEN, _UNKNOWN)
 
-    def _ask(self, headers: Headers, place: str, *, secure: bool) -> Response:
+    def _ask(self, request: Request, place: str, *, secure: bool) -> Response:
         """The password, which the browser asks for in a window of its own (RFC 7617), whatever the user's name."""
-        given = headers.get_all("Authorization")
+        given = request.headers.get_all("Authorization")
         wrong, now = self._wrong.get(place, ()), time.monotonic()
         if len(wrong) == _TRIES and now - wrong[0] < _MINUTE:
             return _page(HTTPStatus.TOO_MANY_REQUESTS, _TOO_OFTEN, {"Retry-After": f"{_MINUTE:.0f}"})
         if len(given) == 1 and _same(_password_in(given[0]), self._entry.password):
-            return self._welcome(secure=secure)
+            return self._welcome(request.path, secure=secure)
         if given:
             with self._lock:
                 self._wrong.setdefault(place, deque(maxlen=_TRIES)).append(now)
@@ -136,14 +144,13 @@ class Gate:
         return _page(HTTPStatus.UNAUTHORIZED, _PASSWORD, {"WWW-Authenticate": 'Basic realm="tcfit", charset="UTF-8"'})
 
     def _lead(self, path: str, websocket: bool) -> Response | None:
-        """Lets a known browser through to viser's page, which is a single file, and answers for all other paths."""
-        if path == "/":
+        """Lets a known browser through to viser's page, and answers for all other paths."""
+        if path == HOME or (_PLACE.fullmatch(path) and not websocket):
             return None
         if path in self._scripts and not websocket:
             return _answer(HTTPStatus.OK, self._scripts[path], {"Content-Type": "text/javascript; charset=utf-8"})
-        # A query is not for viser's page either: with "?websocket=" it would take orders from a foreign server.
         if path.startswith("/?") and not websocket:
-            return _page(HTTPStatus.SEE_OTHER, "", {"Location": "/"})
+            return _page(HTTPStatus.SEE_OTHER, "", {"Location": HOME})
         if path == "/favicon.ico" and not websocket:  # browsers ask by themselves, and complain of a 404
             return Response(HTTPStatus.NO_CONTENT, HTTPStatus.NO_CONTENT.phrase, Headers({"Connection": "close"}))
         return _page(HTTPStatus.NOT_FOUND, "There is nothing here. <a href='/'>To the review.</a>")
@@ -162,12 +169,17 @@ class Gate:
     def _entrance(self) -> str:
         return f"/?token={self._token}"
 
-    def _welcome(self, *, secure: bool) -> Response:
-        # A page that goes on by itself, not a redirect: after a click on a link in another page or program, browsers
-        # would follow the redirect without the strict cookie that it just set.
-        going_on = "<meta http-equiv='refresh' content='0; url=/'><a href='/'>To the review.</a>"
+    def _welcome(self, path: str, *, secure: bool) -> Response:
         cookie = f"{self._cookie_name}={self._cookie}; HttpOnly; SameSite=Strict; Path=/{'; Secure' * secure}"
-        return _page(HTTPStatus.OK, going_on, {"Set-Cookie": cookie})
+        return _going_on(path if _PLACE.fullmatch(path) else HOME, {"Set-Cookie": cookie})
+
+
+def _going_on(path: str, headers: dict[str, str] | None = None) -> Response:
+    """A page that goes on by itself, not a redirect: after a click on a link in another page or program, browsers would
+    follow the redirect without the strict cookie."""
+    there = escape(path)
+    going_on = f"<meta http-equiv='refresh' content='0; url={there}'><a href='{there}'>To the review.</a>"
+    return _page(HTTPStatus.OK, going_on, headers)
 
 
 def busy() -> Response:

@@ -177,9 +177,9 @@ SPACE = states.Layout(mode="space")
 KEYS = states.Keys(
     bindings=(
         states.KeyBinding(key="ArrowRight", action="next"),
-        states.KeyBinding(key="KeyB", action="bad"),
-        states.KeyBinding(key="KeyB", shift=True, action="bad range"),
-        states.KeyBinding(key="KeyZ", ctrl=True, action="undo"),
+        states.KeyBinding(key="b", action="bad"),
+        states.KeyBinding(key="b", shift=True, action="bad range"),
+        states.KeyBinding(key="z", ctrl=True, action="undo"),
         states.KeyBinding(key="?", action="help"),
         states.KeyBinding(key="Space", action="play"),
     )

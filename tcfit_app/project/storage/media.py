@@ -107,7 +107,10 @@ def find(link: MediaLink | None, project: Path) -> Media:
     if link is None:
         return Media(path=None, problem="The project was made without a video.")
     if link == UNREADABLE:
-        return Media(path=None, problem="Where the video was is damaged in the project. Say where the video is now.")
+        return Media(
+            path=None,
+            problem="Where the video was is damaged in the project. Say where the video is now, in the panel Review.",
+        )
     places = [project / link.relative] if link.relative else []
     found = [path for path in (*places, Path(link.absolute)) if not _absence(path)]
     same = [path for path in found if _fingerprint_or_none(path) == link.fingerprint]
@@ -116,7 +119,10 @@ def find(link: MediaLink | None, project: Path) -> Media:
     if found:
         problem = f"{found[0]} is not what the project was made with: other content, or it cannot be read."
         return Media(path=found[0], problem=problem)
-    return Media(path=None, problem=f"{link.absolute} {_absence(Path(link.absolute))}. Say where the video is now.")
+    return Media(
+        path=None,
+        problem=f"{link.absolute} {_absence(Path(link.absolute))}. Say where the video is now, in the panel Review.",
+    )
 
 
 def _absence(path: Path) -> str:

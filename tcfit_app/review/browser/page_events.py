@@ -36,6 +36,8 @@ class Hello(_Event, frozen=True, tag="hello"):
     """As of `Theme`."""
     hinted: bool = True
     """The first steps have been read in this browser."""
+    plots: Annotated[tuple[Text, ...], msgspec.Meta(max_length=64)] | None = None
+    """The rows of the timeline that were on show in this browser last; None: none ever were."""
 
 
 class Theme(_Event, frozen=True, tag="theme"):
@@ -73,7 +75,7 @@ class Range(_Event, frozen=True, tag="range"):
 
 
 class OpenLink(_Event, frozen=True, tag="open_link"):
-    """The page was opened by a link to a frame, and to a fit; or such a link was followed in it."""
+    """The page was opened by a link to a frame, and to a fit."""
 
     frame: Annotated[int, msgspec.Meta(ge=-(2**53), le=2**53)]
     """The number that users see."""

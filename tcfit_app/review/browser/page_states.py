@@ -449,7 +449,8 @@ class KeyBinding(_State, frozen=True, kw_only=True):
     """A key and what it does."""
 
     key: str
-    """`KeyboardEvent.code` ("KeyB", "ArrowLeft", "Space") or `.key` ("?", "+"; Shift is then ignored)."""
+    """`KeyboardEvent.key` of letters, in lower case ("b"), and of signs ("[", "?"), with whatever else a keyboard needs
+    for those; `.code` of all others, which have their place ("ArrowLeft", "Digit1", "Space")."""
     action: str
     """Comes back in `Key`."""
     shift: bool = False

@@ -6,6 +6,7 @@ import numpy as np
 
 from tcfit_app.review.browser import page_states as states
 from tcfit_app.review.drawing.rows import VIDEO
+from tcfit_app.review.shared.shared_video import SharedVideo
 from tcfit_app.review.tab.tab import Tab
 
 MOST = 64
@@ -21,6 +22,8 @@ class Thumbnails:
         self._tab = tab
         self._frames = frames_of(tab.length)
         self._found: dict[int, str] = {}
+        self._video: SharedVideo | None = None
+        """Whose they are."""
 
     def draw(self) -> None:
         """Have those made that are missing, while the row is on show, and send some at a time."""
@@ -28,12 +31,14 @@ class Thumbnails:
         if VIDEO not in tab.state.plots:
             return
         video = tab.data.video
+        if video is not self._video:
+            self._video, self._found = video, {}
         missing = [frame for frame in self._frames if frame not in self._found and not video.problem_of(frame)]
         if missing:
             made = video.thumbnails([(frame, "thumbnail") for frame in missing], reader=self)
             self._found |= {frame: b64encode(image).decode() for (frame, _), image in made.items()}
         all_there = all(frame in self._found for frame in missing)
-        if tab.sent.differs("thumbnails", all_there, len(self._found) // (1 if all_there else _TOGETHER)):
+        if tab.sent.differs("thumbnails", video, all_there, len(self._found) // (1 if all_there else _TOGETHER)):
             frames = tuple(sorted(self._found))
             images = tuple(self._found[frame] for frame in frames)
             tab.channel.send("thumbnails", states.Thumbnails(frames=frames, images=images))

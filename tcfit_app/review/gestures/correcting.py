@@ -257,17 +257,19 @@ class Correcting:
         """Take back the project's last edit or mark, and show where it was."""
         self.refuse_while_dragging()
         tab = self._tab
-        entry = tab.someone.undo(author=tab.author, shown=tab.look().b)
-        self._went_back(entry, "Undone", "There is nothing to undo.")
+        shown = tab.look().b
+        entry = tab.someone.undo(author=tab.author, shown=shown)
+        self._went_back(entry, shown, "Undone", "There is nothing to undo.")
 
     def redo(self) -> None:
         """Bring back the edit or mark that was undone last, and show where it is."""
         self.refuse_while_dragging()
         tab = self._tab
-        entry = tab.someone.redo(author=tab.author, shown=tab.look().b)
-        self._went_back(entry, "Redone", "There is nothing to redo.")
+        shown = tab.look().b
+        entry = tab.someone.redo(author=tab.author, shown=shown)
+        self._went_back(entry, shown, "Redone", "There is nothing to redo.")
 
-    def _went_back(self, entry: LogEntry | None, verb: str, nothing: str) -> None:
+    def _went_back(self, entry: LogEntry | None, shown: Shown | None, verb: str, nothing: str) -> None:
         if entry is None:
             raise InputError(nothing)
         assert not isinstance(entry.action, Undo | Redo)
@@ -275,8 +277,10 @@ class Correcting:
         tab.pause()
         if tab.state.frame not in edit.frames:
             tab.seek(edit.frames[0])
-        if not isinstance(edit, Remark) and len(edit.joints) <= FEW:
-            tab.set(selection=edit.joints)
+        if not isinstance(edit, Remark):
+            tab.corrected = None if shown is None else shown.run.id
+            if len(edit.joints) <= FEW:
+                tab.set(selection=edit.joints)
         whose = "" if entry.author == tab.author else " (made in another browser)"
         tab.say(f"{verb}: {describe(edit, tab.first_frame)}{whose}")
 

@@ -305,19 +305,18 @@ class ReferenceField:
             session.project.set_reference(reference)
             return reference
 
-        self._reading = self._tab.begin("Reading the reference", work, self._take)
+        self._reading = self._tab.begin("Reading the reference", work, self._take, writes=True)
 
     @property
     def _busy(self) -> bool:
         return self._reading is not None and self._reading.state == "running"
 
     def _take(self, reference: Reference) -> None:
-        self._tab.session.referenced += 1
-        self._tab.notify(Notice(title="Fits are compared with it", text=_described(reference), kind="done"))
+        self._tab.session.tell(Notice(title="Fits are compared with it", text=_described(reference), kind="done"))
 
     def _forget(self) -> None:
         self._tab.refuse_read_only()
-        self._tab.session.set_reference(None)
+        self._tab.session.project.set_reference(None)
 
 
 def _described(reference: Reference | None) -> str:

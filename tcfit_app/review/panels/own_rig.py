@@ -10,10 +10,10 @@ from fitting_core.errors import InputError
 from fitting_core.io.motion.rigs.mapping import check_joints
 from fitting_core.io.motion.rigs.parts import CHAINS, NEEDED, PARTS, meant
 from tcfit_app.exports.table import exports
-from tcfit_app.project.storage.rig import KeptRig, keep_joints, keep_rig, kept_rig
+from tcfit_app.fitting.reports import Notice
+from tcfit_app.project.storage.rig import KeptRig
 from tcfit_app.review.panels.elements.field import Dropdown, Field, take_uploads
 from tcfit_app.review.panels.elements.html import Board, Html, button, paragraph, row
-from tcfit_app.review.session.tasks import Task
 from tcfit_app.review.tab.tab import Tab
 
 _NONE = "none"
@@ -34,12 +34,6 @@ class OwnRig:
 
     def __init__(self, tab: Tab) -> None:
         self._tab = tab
-        self._kept: KeptRig | None = None
-        self._problem = ""
-        """Why the project's rig cannot be read."""
-        self._looked = False
-        self._reading: Task[KeptRig] | None = None
-        """The upload that began last."""
         self._shown: KeptRig | None = None
         """Whose joints the inputs offer."""
         self._inputs: dict[str, Field[str]] = {}
@@ -55,25 +49,23 @@ class OwnRig:
         tab.buttons.on("rig.download", lambda _: self._download())
 
     @property
+    def _kept(self) -> KeptRig | None:
+        return self._tab.session.rig.kept
+
+    @property
     def mapping(self) -> Path | None:
         """The mapping file, where the project has a rig."""
         return None if self._kept is None else self._kept.mapping
 
-    @property
-    def _busy(self) -> bool:
-        return self._reading is not None and self._reading.state == "running"
-
     def _begin(self, file: viser.UploadedFile) -> None:
-        tab = self._tab
+        tab, rig = self._tab, self._tab.session.rig
         tab.refuse_read_only()
-        if self._busy:
-            raise InputError("Another rig is still being read: wait for it.")
-        folder, name, content = tab.session.project.folder, file.name, file.content
-        self._reading = tab.begin("Reading the rig", lambda report: keep_rig(folder, name, content), self._take)
+        rig.refuse_busy()
+        name, content = file.name, file.content
+        rig.reading = tab.begin("Reading the rig", lambda report: rig.keep(name, content), self._take, writes=True)
 
     def _take(self, kept: KeptRig) -> None:
-        self._kept, self._problem = kept, ""
-        self._tab.say(f"The project has the rig {kept.rig.name}")
+        self._tab.session.tell(Notice(title=f"The project has the rig {kept.rig.name}", text="", kind="done"))
 
     def _choose(self, part: str, value: str) -> None:
         """A part stands for another joint; who had this one before has none."""
@@ -88,12 +80,12 @@ class OwnRig:
             for other, had in kept.joints.items()
             if other != part and (left := tuple(name for name in had if name not in names))
         }
-        self._kept = keep_joints(kept, joints | ({part: names} if names else {}))
+        self._tab.session.rig.map_to(joints | ({part: names} if names else {}))
 
     def _download(self) -> None:
-        if self.mapping is not None:
-            name = f"{Path(self._kept.rig.name).stem if self._kept else 'rig'}.toml"
-            self._tab.client.send_file_download(name, self.mapping.read_bytes(), save_immediately=True)
+        if (kept := self._kept) is not None:
+            name = f"{Path(kept.rig.name).stem}.toml"
+            self._tab.client.send_file_download(name, kept.mapping.read_bytes(), save_immediately=True)
 
     # --- drawing ---
 
@@ -103,28 +95,19 @@ class OwnRig:
         Args:
             there: whether there is a fit to export.
         """
-        if not self._looked:
-            self._look()
-        if self._kept is not None and (self._shown is None or self._shown.skeleton is not self._kept.skeleton):
-            self._make_inputs(self._kept)
-        off = self._tab.session.project.read_only or self._busy
-        if not self._tab.sent.differs("own rig", self._kept, self._problem, off, there):
+        session, kept = self._tab.session, self._kept
+        if kept is not None and (self._shown is None or self._shown.skeleton is not kept.skeleton):
+            self._make_inputs(kept)
+        off = session.project.read_only or session.rig.busy
+        if not self._tab.sent.differs("own rig", kept, session.rig.problem, off, there):
             return
         self._upload.disabled = off
-        joints = {} if self._kept is None else self._kept.joints
+        joints = {} if kept is None else kept.joints
         for part, field in self._inputs.items():
-            field.show(_value(self._kept, part))
+            field.show(_value(kept, part))
             self._handles[part].label = _label(part, missing=part not in joints)
             self._handles[part].disabled = off
         self._about.show(paragraph(_SAID, "dim"), *self._told(there))
-
-    def _look(self) -> None:
-        """The project may have one since yesterday."""
-        self._looked = True
-        try:
-            self._kept = kept_rig(self._tab.session.project.folder)
-        except InputError as error:
-            self._problem = str(error)
 
     def _make_inputs(self, kept: KeptRig) -> None:
         """A list of joints for each part."""
@@ -153,8 +136,8 @@ class OwnRig:
 
     def _told(self, there: bool) -> list[Html]:
         """What the rig is, what is missing, and the exports."""
-        if self._problem:
-            return [paragraph(f"The project's rig cannot be read: {self._problem} Upload it again.", "bad")]
+        if problem := self._tab.session.rig.problem:
+            return [paragraph(f"The project's rig cannot be read: {problem} Upload it again.", "bad")]
         kept = self._kept
         if kept is None:
             return []

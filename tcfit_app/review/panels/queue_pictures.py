@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float
 from fitting_core import keypoints as kp
 from tcfit_app.analysis.suspicion import Suspect
 from tcfit_app.review.panels.elements.html import Board, Html, tag
+from tcfit_app.review.shared.shared_video import SharedVideo
 from tcfit_app.review.shared.video_frames import Crop, Wanted
 from tcfit_app.review.tab.tab import Tab
 
@@ -28,6 +29,8 @@ class QueuePictures:
         self._tab, self._board = tab, Board(tab)
         self._crops: dict[tuple[int, tuple[int, ...]], Crop] = {}
         self._found: dict[Wanted, bytes] = {}
+        self._video: SharedVideo | None = None
+        """Whose they are."""
 
     def of(self, suspect: Suspect) -> Html:
         """The place of an entry's picture."""
@@ -36,13 +39,14 @@ class QueuePictures:
     def draw(self, suspects: Sequence[Suspect]) -> None:
         """Have those made that are missing, and send some at a time."""
         tab, wanted = self._tab, {_class(suspect): (suspect.frame, self._crop(suspect)) for suspect in suspects}
-        self._found = {one: made for one, made in self._found.items() if one in wanted.values()}
-        missing = {one for one in wanted.values() if one not in self._found and not tab.data.video.problem_of(one[0])}
+        video, kept = tab.data.video, self._found if tab.data.video is self._video else {}
+        self._video, self._found = video, {one: made for one, made in kept.items() if one in wanted.values()}
+        missing = {one for one in wanted.values() if one not in self._found and not video.problem_of(one[0])}
         if missing:
             ordered = [one for one in wanted.values() if one in missing]
-            self._found |= tab.data.video.thumbnails(ordered, reader=self)
+            self._found |= video.thumbnails(ordered, reader=self)
         waiting = len(missing - self._found.keys())
-        if tab.sent.differs("pictures of the queue", tuple(wanted), -(-waiting // _TOGETHER)):
+        if tab.sent.differs("pictures of the queue", video, tuple(wanted), -(-waiting // _TOGETHER)):
             rules = [f".{name}{{{_image(self._found[one])}}}" for name, one in wanted.items() if one in self._found]
             self._board.show(*([tag("style", Html("\n".join(rules)))] if rules else []))
 

@@ -103,16 +103,15 @@ class ReviewPanel:
         if not self._path.value.strip():
             raise InputError("Type where the video is now: its file, or the folder of its images.")
         path, project = tab.files.path(self._path.value), tab.session.project
-        tab.begin("Looking for the video", lambda _: project.relink(path), lambda _: self._found_video())
+        tab.begin("Looking for the video", lambda _: project.relink(path), lambda _: self._found_video(), writes=True)
 
     def _found_video(self) -> None:
-        tab = self._tab
-        tab.data.reopen_video()
-        media = tab.session.project.media
+        session = self._tab.session
+        media = session.project.media
         if media.problem:
-            tab.notify(Notice(title="Linked, but look at it", text=media.problem))
+            session.tell(Notice(title="Linked, but look at it", text=media.problem))
         else:
-            tab.notify(Notice(title="The video is found", text=str(media.path and media.path.resolve()), kind="done"))
+            session.tell(Notice(title="The video is found", text=str(media.path and media.path.resolve()), kind="done"))
 
     # --- drawing ---
 

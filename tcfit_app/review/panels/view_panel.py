@@ -9,7 +9,7 @@ import viser
 from fitting_core.errors import InputError
 from fitting_core.keypoints import GROUPS
 from tcfit_app.fitting.fits import TITLES, FitChoice, Shown, phase_title
-from tcfit_app.project.storage.run_record import Run, newest
+from tcfit_app.project.storage.run_record import Run
 from tcfit_app.review.browser.page_states import GROUP_COLORS
 from tcfit_app.review.gestures.actions import ACTIONS, Gestures
 from tcfit_app.review.gestures.zooming import show_close_up
@@ -279,7 +279,6 @@ class ViewPanel:
 
 NEWEST = "Newest"
 """Stands for the newest run that has a result."""
-_GONE = "Deleted run"
 _LONGEST, _END = 28, 11
 """Characters of a run's name that are shown, and those of its end among them: more are wider than the field."""
 _HINTS = {"a": "Left of A | B, and what blinking shows", "b": "Right of A | B; corrections are made to it"}
@@ -318,14 +317,15 @@ class RunsShown:
         self._tab.set(**{side: FitChoice(run=now.run, phase=phase)})
 
     def _choice(self, side: str) -> FitChoice:
-        return self._tab.state.a if side == "a" else self._tab.state.b
+        return self._tab.session.fits.standing(self._tab.state.a if side == "a" else self._tab.state.b)
 
     def draw(self) -> None:
         """Bring it to the tab's state."""
         tab, state = self._tab, self._tab.state
         fits = tab.session.fits
-        runs = fits.showable()
-        shown = {side: self._run(side, runs) for side in SIDES}
+        showable, chosen = fits.showable(), {self._choice(side).run for side in SIDES}
+        runs = [run for run in fits.runs if run in showable or run.id in chosen]
+        shown = {side: fits.meant(self._choice(side)) for side in SIDES}
         there = {side: self._phases_of(shown[side]) for side in SIDES}
         if not tab.sent.differs("runs shown", state.a, state.b, state.blinked, fits.changes, *there.values()):
             return
@@ -341,12 +341,6 @@ class RunsShown:
         for side in SIDES:
             self._draw_side(side, runs, shown[side], there[side])
 
-    def _run(self, side: str, runs: list[Run]) -> Run | None:
-        number = self._choice(side).run
-        if number is None:
-            return newest(runs) if runs else None
-        return next((run for run in runs if run.id == number), None)
-
     def _phases_of(self, run: Run | None) -> tuple[int, ...]:
         try:
             return () if run is None else self._tab.session.stored.phases(run)
@@ -357,9 +351,7 @@ class RunsShown:
         now = self._choice(side)
         names = {number: name for name, number in self._numbers.items()}
         options = [NEWEST, *(names[run.id] for run in reversed(runs))]
-        if now.run not in names:
-            options.append(_GONE)
-        self._runs[side].offer(options, names.get(now.run, _GONE))
+        self._runs[side].offer(options, names[now.run])
         phased = shown is None or shown.kind != "imported"  # a result of another program has no phases
         self._phases[side].show(*([row(choice(*self._phase_buttons(side, now, shown, there)))] if phased else []))
 
@@ -379,8 +371,7 @@ class RunsShown:
 def run_names(runs: Sequence[Run]) -> list[str]:
     """What runs are called in a list of options, where each name stands only once; long ones without their middle."""
     names = [_shortened(run.name) for run in runs]
-    taken = {NEWEST, _GONE}
-    alike = [names.count(name) > 1 or name in taken for name in names]
+    alike = [names.count(name) > 1 or name == NEWEST for name in names]
     return [f"{name} (#{run.id})" if also else name for run, name, also in zip(runs, names, alike, strict=True)]
 
 

@@ -14,7 +14,6 @@ from fitting_core.errors import InputError
 from fitting_core.fit.events import FramesFitted, PhaseStarted
 from fitting_core.fit.result import FitResult
 from fitting_core.io.cameras.reading import CameraFile, read_camera
-from fitting_core.measure.references.reference import Reference
 from tcfit_app.fitting.bodies import Bodies, record_of
 from tcfit_app.fitting.edit_follower import EditFollower
 from tcfit_app.fitting.fits import Fits, Shown
@@ -31,6 +30,7 @@ from tcfit_app.project.project import Project
 from tcfit_app.project.storage.names import name_of_file
 from tcfit_app.project.storage.run_record import Given, Run, RunKind
 from tcfit_app.review.session.keypoint_source import Going, KeypointSource
+from tcfit_app.review.session.own_rig import OwnRig
 from tcfit_app.review.session.stored_fits import StoredFits
 from tcfit_app.review.session.tasks import Step, Tasks
 
@@ -59,6 +59,8 @@ class Session:
         """The fits, for whoever draws."""
         self.source = KeypointSource(project, self.tasks, self._take_keypoints)
         """Gets keypoints for a project that has none."""
+        self.rig = OwnRig(project.folder)
+        """The user's own, which exports can move."""
         self._as_found: int | None = None
         """The run that is fitted while its keypoints are found."""
         self.jobs: dict[int, RunningJob] = {}
@@ -68,12 +70,6 @@ class Session:
         self._next_try = 0.0
         self.ended: RunningJob | None = None
         """The run's job that ended last."""
-        self.edits = 0
-        """Another number whenever the keypoints are others."""
-        self.marked = 0
-        """Another number whenever a frame's mark is another."""
-        self.referenced = 0
-        """Another number whenever fits are compared with something else."""
         self.changes = 0
         """Another number whenever anything about jobs is another."""
         self.tell: Callable[[Notice], None] = lambda notice: None
@@ -91,14 +87,20 @@ class Session:
             self._end_run(job)
         self._end_late(0.0)
 
-    def set_reference(self, reference: Reference | None) -> None:
-        """Keep what fits are compared with from now on.
+    @property
+    def edits(self) -> int:
+        """Another number whenever the keypoints are others."""
+        return self.project.keypoints_version
 
-        Raises:
-            InputError: It has no frame in common with the clip, or the project cannot be written.
-        """
-        self.project.set_reference(reference)
-        self.referenced += 1
+    @property
+    def marked(self) -> int:
+        """Another number whenever a frame's mark or note is another."""
+        return self.project.marks_version
+
+    @property
+    def referenced(self) -> int:
+        """Another number whenever fits are compared with something else."""
+        return self.project.reference_version
 
     # --- keypoints ---
 
@@ -110,7 +112,6 @@ class Session:
         """
         self.refuse_without_keypoints()
         entry = self.project.append(edit, author=author)
-        self._noted(entry)
         if shown is not None:
             self.edit_follower.edited(entry, shown)
         return entry
@@ -124,22 +125,13 @@ class Session:
         return self._went_back(self.project.redo(author=author), shown)
 
     def _went_back(self, entry: LogEntry | None, shown: Shown | None) -> LogEntry | None:
-        if entry is not None:
-            self._noted(entry)
-            if not isinstance(entry.action, Remark):
-                self.edit_follower.went_back(entry.id, shown)
+        if entry is not None and not isinstance(entry.action, Remark):
+            self.edit_follower.went_back(entry.id, shown)
         return entry
-
-    def _noted(self, entry: LogEntry) -> None:
-        """Whoever draws is to look again."""
-        if isinstance(entry.action, Remark):
-            self.marked += 1
-        else:
-            self.edits += 1
 
     def mark(self, frames: Iterable[int], state: Literal["checked", "flag"] | None, *, author: str) -> None:
         """Say that frames look fine, need attention, or neither. Raises InputError if that cannot be stored."""
-        self._noted(self.project.marks.set(frames, state, author=author))
+        self.project.marks.set(frames, state, author=author)
 
     def write_note(self, frames: Iterable[int], text: str, *, author: str, replaces: int | None = None) -> None:
         """Keep a note on frames that follow each other.
@@ -154,7 +146,7 @@ class Session:
             InputError: It makes no sense, or the project cannot be written.
         """
         note = WriteNote(frames=tuple(frames), text=text.strip(), replaces=replaces)
-        self._noted(self.project.append(note, author=author))
+        self.project.append(note, author=author)
 
     def read_elan(self, name: str, content: bytes, tiers: tuple[str, ...]) -> tuple[WriteNotes | None, ElanNotes]:
         """The notes in an .eaf file that a browser has sent, for `keep_notes`. Slow: for `tasks`.
@@ -167,7 +159,7 @@ class Session:
 
     def keep_notes(self, notes: WriteNotes, *, author: str) -> None:
         """Keep several notes at once. Raises InputError as `write_note`."""
-        self._noted(self.project.append(notes, author=author))
+        self.project.append(notes, author=author)
 
     # --- fits ---
 
@@ -404,6 +396,13 @@ class Session:
         """How many edits were made or taken back since a run."""
         return self.project.edits_since(run.edits_seen)
 
+    def as_corrected(self, run: Run) -> Run:
+        """What shows a run, or one of corrections, as it is corrected now: the run itself once no correction stands."""
+        base = run if run.kind != "corrections" or run.parent is None else self.fits.run(run.parent)
+        if base is None:
+            return run
+        return self.fits.corrections.of(base.id) if self.edits_since(base) else base
+
     def frames_edited_since(self, run: Run) -> frozenset[int]:
         """Their frames."""
         return self.project.frames_edited_since(run.edits_seen)
@@ -454,7 +453,6 @@ class Session:
         if ended.state == "failed":
             self.tell(Notice(title=f"{ended.title} failed", text=ended.reason, kind="error"))
         elif ended.state == "finished" and (found := ended.result()) is not None:
-            self.edits += 1
             self.tell(Notice(title="This project has its keypoints", text="\n".join(found.notes), kind="done"))
 
     def _take_whatever_comes(self, report: Report) -> None:

@@ -59,10 +59,19 @@ class DrawingData:
         self._points: dict[Hashable, np.ndarray] = {}
         self.warming = False
         """Whether the first body is still being read (a second): nothing on the drawing thread waits for it."""
-        self.video = self._opened()
+        self._video = self._opened()
 
     def _opened(self) -> SharedVideo:
+        self._of_video = self.session.project.video_version
         return self._videos.of(self.session.project.footage)
+
+    @property
+    def video(self) -> SharedVideo:
+        """The frames of the project's media: another object when these have become others."""
+        if self._of_video != self.session.project.video_version:
+            self._video.close()
+            self._video = self._opened()
+        return self._video
 
     def warm_up(self) -> None:
         """Read what the first picture of a fitted project needs, before anybody asks for it."""
@@ -80,14 +89,9 @@ class DrawingData:
         finally:
             self.warming = False
 
-    def reopen_video(self) -> None:
-        """The project's media lie elsewhere now."""
-        self.video.close()
-        self.video = self._opened()
-
     def close(self) -> None:
         """End its thread."""
-        self.video.close()
+        self._video.close()
 
     def meshes(self, shown: Shown) -> Meshes:
         """Of the run's body. Raises InputError if that is not there."""

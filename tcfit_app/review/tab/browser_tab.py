@@ -31,6 +31,8 @@ class BrowserTab:
         """Shows another of the people."""
         self.has_come: Callable[[], None] = lambda: None
         """The page has said hello: called once it is known which tab it is."""
+        self.show_first_steps: Callable[[], None] = lambda: None
+        """Tells the page what to do first."""
         self.channel = Channel(client, lambda event: self.receive(event), timeline=True)
         self.scene = SceneView(client)
         self.toasts = Toasts(client)

@@ -90,8 +90,6 @@ class Tab:
         self._do, self._remembered = do, someone.remembered
         self._shown: OnShow | None = None
         self._saved = 0
-        self.first_steps = 0
-        """How often what to do first was asked for."""
 
     @property
     def author(self) -> str:
@@ -104,20 +102,24 @@ class Tab:
         """Run something on the drawing thread; for callbacks. What goes wrong is told in the tab."""
         self._do(self.guarded(command))
 
-    def begin(self, title: str, work: Work[Value], then: Callable[[Value], None]) -> Task[Value]:
-        """Do something slow beside the drawing thread. What goes wrong is told in the tab; it ends when that is closed.
+    def begin(
+        self, title: str, work: Work[Value], then: Callable[[Value], None], *, writes: bool = False
+    ) -> Task[Value]:
+        """Do something slow beside the drawing thread. What goes wrong is told in the tab.
 
         Args:
             title: What it is.
             work: See `Tasks.submit`.
             then: Gets what it has made, on the drawing thread.
+            writes: It changes the project, which goes on, and is told to everybody, when the tab is closed; anything
+                else ends with the tab.
         """
 
         def ended(task: Task[Value]) -> None:
             if task.state != "cancelled":
                 self.guarded(lambda: then(task.result()))()
 
-        return self.session.tasks.submit(title, work, owner=self, then=ended)
+        return self.session.tasks.submit(title, work, owner=None if writes else self, then=ended)
 
     def guarded(self, command: Callable[[], None]) -> Callable[[], None]:
         """A command that tells in the tab what goes wrong in it."""
@@ -154,7 +156,7 @@ class Tab:
     def show_first_steps(self) -> None:
         """Have the page show what to do first."""
         self.set(keys=False)
-        self.first_steps += 1
+        self.browser.show_first_steps()
 
     def refuse_read_only(self) -> None:
         """Raises InputError where nothing can be changed."""
@@ -167,13 +169,19 @@ class Tab:
         """Whether the page's script has said hello."""
         return self.browser.name is not None
 
-    def greet(self) -> None:
-        """The page's script is there; a name that is known brings its state back."""
+    def greet(self, *, plots: tuple[str, ...] | None = None) -> None:
+        """The page's script is there; a name that is known brings its state back.
+
+        Args:
+            plots: The timeline's rows for one that is not known; None: the usual ones.
+        """
         known = self._remembered.get(self.browser.name or "")
         if known is not None:
             self.state = replace(
                 known, playing=False, keys=False, close_up=None, frame=min(known.frame, self.length - 1)
             )
+        elif plots is not None:
+            self.state = replace(self.state, plots=plots)
         self.set()
 
     def come_from(self, other: "Tab") -> None:
@@ -319,18 +327,21 @@ class Tab:
         return self._shown
 
     def _go_over_to_corrections(self) -> None:
-        """Where B is a run that was chosen, and that this tab has corrected, it becomes the run of its corrections.
+        """Where B is a run that this tab has corrected, it becomes the run of its corrections; and the run itself again
+        when all of them were taken back.
 
         In the same drawing in which a drag's live body ends: the run itself still has the body from before.
         """
-        run, session = self.corrected, self.session
+        session = self.session
+        run = None if self.corrected is None else session.fits.run(self.corrected)
         if run is None:
             return
         under_way = session.edit_follower.busy or any(job.run is None for job in session.jobs.values())
-        corrections = run if session.fits.run(run) is None else session.fits.corrections.of(run).id
-        if corrections == run and under_way:
+        corrected = session.as_corrected(run)
+        if corrected.id == run.id and under_way:
             return
         self.corrected = None
-        if self.state.b.run == run != corrections:
-            self.set(b=replace(self.state.b, run=corrections))
-            self.say(f"B shows {session.project.runs.get(corrections).name}")
+        shown = session.fits.meant(self.state.b)
+        if shown is not None and shown.id == run.id != corrected.id:
+            self.set(b=replace(self.state.b, run=corrected.id))
+            self.say(f"B shows {corrected.name}")

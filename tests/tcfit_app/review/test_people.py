@@ -33,6 +33,7 @@ from tcfit_app.project.project import Project
 from tcfit_app.project.storage.lock import ProjectLocked
 from tcfit_app.review.app import ReviewApp
 from tcfit_app.review.browser.page_events import GoToPerson, Hello, OpenLink, Press
+from tcfit_app.review.drawing.rows import MOST_ROWS, PLOTS
 from tcfit_app.review.panels.export_panel import ExportPanel
 from tcfit_app.review.panels.review_panel import ReviewPanel
 from tcfit_app.review.session.group import Group
@@ -106,6 +107,28 @@ def test_going_to_somebody_keeps_the_moment_and_the_looks_and_not_what_is_the_ot
         first.tab.seek(1)
         first.receive(GoToPerson(1))
         assert app.pages[1].tab.state.frame == 0, "as near as the other is there"
+
+
+def test_rows_that_a_browser_remembers_are_those_that_there_are(folder: Path, panel_server: viser.ViserServer):
+    with reviewed(folder, panel_server) as app:
+        usual = app.pages[1].tab.state.plots
+        app.pages[1].receive(Hello(tab="a", width=1000, height=700, plots=("volume", "gone", "volume", "video")))
+        assert app.pages[1].tab.state.plots == ("volume", "video")
+        app.pages[1].receive(Hello(tab="b", width=1000, height=700, plots=(*PLOTS,)))
+        assert app.pages[1].tab.state.plots == (*PLOTS,)[:MOST_ROWS] != usual
+
+
+def test_what_to_do_first_is_told_once_and_not_with_every_person(folder: Path, panel_server: viser.ViserServer):
+    with reviewed(folder, panel_server) as app:
+        told = MagicMock()
+        app.pages[1].tab.channel.send = told
+        app.pages[1].receive(Hello(tab="mine", width=1000, height=700, hinted=False))
+        for person in (1, 0, 1):
+            app.pages[1].receive(GoToPerson(person))
+            app.pages[1].draw(0.0)
+        assert [call.args[0] for call in told.call_args_list].count("hints") == 1
+        app.pages[1].tab.show_first_steps()
+        assert told.call_args.args[0] == "hints"
 
 
 def test_a_tab_that_is_loaded_again_shows_whom_it_has_shown(folder: Path, panel_server: viser.ViserServer):

@@ -8,6 +8,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import pytest
+
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.project.edits.kinds import MarkBad
 from tcfit_app.project.project import Project
@@ -60,6 +62,25 @@ def test_a_page_goes_on_with_the_next_tcfit(demo_project: Path, browser: "Browse
         until(lambda: not card.is_visible(), "the end of the loss")
         for one in (tab, other):
             until(lambda one=one: _lists_an_edit_of_its_own(one), "the edit")
+    context.close()
+
+
+@pytest.mark.slow
+def test_a_page_goes_on_after_a_long_pause(demo_project: Path, browser: "Browser", tmp_path: Path):
+    """Chromium holds connections back after some 16 that failed, for longer than viser waits for one."""
+    folder = Path(shutil.copytree(demo_project, tmp_path / "demo.tcfit"))
+    context = browser.new_context(viewport={"width": 1200, "height": 700})
+    tab = context.new_page()
+    with served(folder, 0) as (app, server):
+        port = server.address.port
+        tab.goto(server.gate.link)
+        until(lambda: any(p.tab.ready for p in app.pages.values()), "the page")
+    tab.wait_for_timeout(40_000)
+    with served(folder, port) as (app, server):
+        other = context.new_page()
+        other.goto(server.gate.link)
+        until(lambda: sum(p.tab.ready for p in app.pages.values()) == 2, "both pages")
+        until(lambda: tab.locator(".tcfit-card").is_hidden(), "the end of the loss")
     context.close()
 
 

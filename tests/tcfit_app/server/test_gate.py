@@ -316,10 +316,27 @@ def test_scripts_are_for_browsers_that_were_let_in():
         assert refusal(server, "/tcfit/main.js", Cookie=cookie) == 404
 
 
-def test_no_query_reaches_the_page(server: ReviewServer, cookie: str):
+@pytest.mark.parametrize(
+    "query", ["websocket=ws://evil.example", "frame=1&websocket=ws://evil.example", "frame=1&run=", "frame=x", "run=1"]
+)
+def test_no_other_query_than_that_of_links_to_frames_reaches_the_page(server: ReviewServer, cookie: str, query: str):
     """viser's page would connect to the server that ?websocket= names, and run the scripts that it sends."""
-    answer = get(server, "/?websocket=ws://evil.example", Cookie=cookie)
+    answer = get(server, f"/?{query}", Cookie=cookie)
     assert (answer.status, answer.headers["Location"]) == (303, "/")
+
+
+PLACE = "/?frame=-3&run=2&phase=1&person=4"
+
+
+def test_a_link_to_a_frame_is_the_page_itself(server: ReviewServer, cookie: str):
+    assert get(server, PLACE, Cookie=cookie).body == get(server, HOME, Cookie=cookie).body
+    assert refusal(server, PLACE, Cookie=cookie) == 404
+    assert get(server, PLACE).status == 403
+
+
+def test_a_link_to_a_frame_that_was_clicked_elsewhere_goes_on_with_the_cookie(server: ReviewServer):
+    clicked = get(server, PLACE, **{"Sec-Fetch-Site": "cross-site"})
+    assert "url=/?frame=-3&amp;run=2&amp;phase=1&amp;person=4'" in clicked.body and "Set-Cookie" not in clicked.headers
 
 
 def test_every_answer_is_protected(server: ReviewServer, cookie: str):
@@ -643,6 +660,10 @@ def test_through_the_proxy_only_its_own_page_talks(lab: ReviewServer):
         assert get(lab, HOME, Origin=origin, **given).status == 403
     assert get(lab, HOME, Host="evil.example", Authorization=given["Authorization"]).status == 421
     assert lab.gate.link.startswith(f"{PUBLIC}/?token=")
+
+
+def test_the_password_leads_on_to_the_frame_of_a_link(lab: ReviewServer):
+    assert "url=/?frame=3'" in get(lab, "/?frame=3", Authorization=basic("correct horse: battery")).body
 
 
 @pytest.mark.parametrize("header", ["Basic", "Basic %%%", "Bearer correct", basic(""), basic("correct horse")])

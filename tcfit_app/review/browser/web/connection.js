@@ -173,9 +173,15 @@ function greet(uuid, end) {
   if (greeting !== uuid) return; // that connection is gone
   if (!canvasFits() && performance.now() < end) return void setTimeout(greet, SPACING, uuid, end);
   [field, greeting] = [uuid, null];
-  const about = { browser: browserName(), hinted: remembered("tcfit-hints") !== undefined };
+  const plots = remembered(ROWS)?.split(",").filter(Boolean).map(decodeURIComponent);
+  const about = { browser: browserName(), hinted: remembered("tcfit-hints") !== undefined, plots: plots ?? null };
   emit({ type: "hello", tab: tabName, ...canvasSize(), ...about, dark: isDark() });
 }
+
+const ROWS = "tcfit-rows";
+watch("rows", (state) => {
+  if (state) remember(ROWS, state.rows.map(({ name }) => encodeURIComponent(name)).join(","));
+});
 
 const connected = () => (field ?? resting ?? greeting) !== null;
 
@@ -188,19 +194,23 @@ function loseConnection() {
   receive("fit", null); // whether it goes on is not known here
   receive("chips", { chips: (states.chips?.chips ?? []).filter(({ kind }) => kind !== "busy") });
   receive("lost", true);
-  asking = setTimeout(askAgain, ASK_AGAIN);
+  asking = setTimeout(askAgain, ASK_AGAIN, false);
 }
 
 const ASK_AGAIN = 2000; // milliseconds
 let asking = 0; // the timer of that
 
-/** Looks whether there is a server again: one that was started since knows this page only once its link was opened. */
-async function askAgain() {
+/** Looks whether there is a server again: one that was started since knows this page only once its link was opened.
+ * One that has answered before, and still is not connected, will not be: after many failures browsers hold connections
+ * back for seconds, and viser gives each of them up after one. A page that is loaded anew gets through.
+ * @param {boolean} answered before */
+async function askAgain(answered) {
   const answer = await fetch("/favicon.ico", { cache: "no-store" }).catch(() => null);
   if (connected()) return;
+  if (answer?.ok && answered) return location.reload();
   const found = answer?.status === 403 ? "restarted" : true;
   if (states.lost !== found) receive("lost", found);
-  asking = setTimeout(askAgain, ASK_AGAIN);
+  asking = setTimeout(askAgain, ASK_AGAIN, answer?.ok === true);
 }
 
 const MISSED_BEATS = 4; // after which the server counts as silent

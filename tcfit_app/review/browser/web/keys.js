@@ -33,15 +33,24 @@ function keyIsTaken(event) {
   return target === reachedByKeyboard && (!target.matches(BUTTONS) || PRESSING_KEYS.includes(event.key));
 }
 
+/** The letter or sign on the key; where the keyboard writes no Latin letters, what an American one has there.
+ * @param {KeyboardEvent} event */
+function characterOf({ key, code }) {
+  const latin = key.length !== 1 || /[ -~]/.test(key);
+  return (latin ? key : code.replace(/^Key/, "")).toLowerCase();
+}
+
 /** @param {KeyboardEvent} event */
 function bindingFor(event) {
-  if (event.altKey) return undefined;
-  const symbol = event.key.length === 1 && !/[a-z0-9 ]/i.test(event.key);
+  const character = characterOf(event);
+  // Keyboards have signs with Shift, with AltGr or, on a Mac, with Alt.
+  const isSign = /^[^a-z0-9 ]$/.test(character);
+  const alt = event.altKey || event.getModifierState("AltGraph");
   return states.keys?.bindings.find(
     ({ key, shift, ctrl }) =>
       ctrl === (event.ctrlKey || event.metaKey) &&
-      ((key === event.code && shift === event.shiftKey) ||
-        (key.toLowerCase() === event.key.toLowerCase() && (symbol || shift === event.shiftKey))),
+      ((isSign && key === character) ||
+        (!alt && shift === event.shiftKey && (key === event.code || key === character))),
   );
 }
 

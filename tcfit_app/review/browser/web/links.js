@@ -1,17 +1,17 @@
-// Links to a frame, a fit and, of several people, a person: in the part of the page's address after #, which no server
-// sees.
+// Links to a frame, a fit and, of several people, a person: in the query of the page's address, since viser takes what
+// comes before the query for the server's.
 
-import { emit, states, watch } from "./connection.js";
+import { emit, watch } from "./connection.js";
 
 /** What a number in the address says; undefined if it is none. @param {string | null} text */
 const whole = (text) => (text !== null && /^-?\d{1,15}$/.test(text) ? Number(text) : undefined);
 
 /** Goes where the address says, once: later the frame on show is another one. */
 function follow() {
-  const parts = new URLSearchParams(location.hash.slice(1));
+  const parts = new URLSearchParams(location.search);
   const [frame, run, phase, person] = ["frame", "run", "phase", "person"].map((name) => whole(parts.get(name)));
-  if (frame === undefined || !states.skeleton) return;
-  history.replaceState(null, "", location.pathname + location.search);
+  if (frame === undefined) return;
+  history.replaceState(null, "", location.pathname);
   emit({ type: "open_link", frame, run: run ?? null, phase: phase ?? null, person: person ?? null });
 }
 
@@ -22,14 +22,14 @@ function copy(link) {
   copied.catch(() => window.prompt("The link to this frame and fit", link));
 }
 
-watch("skeleton", (skeleton) => {
-  if (skeleton) follow();
+// The first thing that comes once the server has heard of the page.
+watch("beat", (beat) => {
+  if (beat) follow();
 });
-window.addEventListener("hashchange", follow);
 watch("linking", (linking) => {
   if (!linking) return;
   const { frame, run, phase, person } = linking;
   const fit = run ? `&run=${run}&phase=${phase}` : "";
   const whose = person ? `&person=${person}` : "";
-  copy(`${location.origin}${location.pathname}#frame=${frame}${fit}${whose}`);
+  copy(`${location.origin}${location.pathname}?frame=${frame}${fit}${whose}`);
 });

@@ -60,6 +60,28 @@ export function closeMenu() {
   if (focused && opener instanceof HTMLElement && opener !== document.body) opener.focus({ preventScroll: true });
 }
 
+const STILL = 4; // CSS pixels that the pointer may move in a click
+
+/** Calls back for right clicks, in place of the browser's menu. At the release: browsers ask for a menu at the press,
+ * on Linux and Macs, and a drag with that button moves what is under it.
+ * @param {(event: MouseEvent) => boolean} over whether an event is where that is so
+ * @param {(event: PointerEvent) => void} show */
+export function onRightClick(over, show) {
+  /** @type {{ x: number, y: number } | null} */
+  let pressed = null;
+  window.addEventListener("contextmenu", (event) => over(event) && event.preventDefault(), true);
+  window.addEventListener("pointerdown", (event) => {
+    pressed = event.button === 2 && over(event) ? { x: event.clientX, y: event.clientY } : null;
+  }, true);
+  window.addEventListener("pointermove", (event) => {
+    if (pressed && Math.hypot(event.clientX - pressed.x, event.clientY - pressed.y) > STILL) pressed = null;
+  }, true);
+  window.addEventListener("pointerup", (event) => {
+    if (pressed) show(event);
+    pressed = null;
+  }, true);
+}
+
 /** @param {MenuItem} item */
 function lineOf(item) {
   const { label, keys = "", disabled = false, checked, more } = item;

@@ -163,6 +163,7 @@ export const PANEL_SHEET = `
 .tcfit-panel h3.tcfit-first { margin-top: 0; padding-top: 0; border-top: 0; }
 .tcfit-panel h3 span { font-weight: 400; }
 .tcfit-panel p { margin: 3px 0; white-space: pre-line; overflow-wrap: anywhere; }
+.tcfit-panel p.tcfit-two-lines { height: 2.8em; overflow: hidden auto; }
 .tcfit-row { display: flex; align-items: center; gap: 4px; margin: 0 0 5px; }
 .tcfit-row:last-child { margin-bottom: 0; }
 .tcfit-wrap { flex-wrap: wrap; }

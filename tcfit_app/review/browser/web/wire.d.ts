@@ -330,6 +330,7 @@ export interface Hello {
   browser: string;
   dark: boolean;
   hinted: boolean;
+  plots: string[] | null;
 }
 
 export interface Theme {

@@ -83,16 +83,14 @@ class CameraInput:
             with kept_as(file.path.name, content, shown) as path:
                 return tab.session.set_camera(replace(file, path=path), sent_as=shown)
 
-        self._reading = tab.begin("Reading the camera file", work, self._taken)
+        self._reading = tab.begin("Reading the camera file", work, self._taken, writes=True)
 
     @property
     def _busy(self) -> bool:
         return self._reading is not None and self._reading.state == "running"
 
     def _taken(self, camera: Camera) -> None:
-        self._tab.session.edits += 1  # With another lens keypoints lie elsewhere.
-        self._tab.data.reopen_video()
-        self._tab.notify(Notice(title="The project has another camera", text=camera.source, kind="done"))
+        self._tab.session.tell(Notice(title="The project has another camera", text=camera.source, kind="done"))
 
     def draw(self) -> None:
         """Send what changed."""

@@ -43,7 +43,6 @@ class FitPanel:
         self._inputs = FitInputs(tab)
         self._inputs.add_preset()
         self._inputs.add("temporal.weight", "temporal.mode", "temporal.window_size", "temporal.space")
-        self._inputs.add_problems()
         self._everything = Board(tab)
         self._again = Board(tab)
         hint = f"Frames fitted again before and after each edited or flagged one. {REACH.range.capitalize()}."

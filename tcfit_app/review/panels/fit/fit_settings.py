@@ -18,7 +18,7 @@ from fitting_core.priors.files.registry import list_priors
 from tcfit_app.review.gestures.fitting import camera_of
 from tcfit_app.review.panels.elements.camera_input import CameraInput
 from tcfit_app.review.panels.elements.field import Dropdown, Field, Number, NumberField
-from tcfit_app.review.panels.elements.html import Board, button, joined, paragraph, row, text
+from tcfit_app.review.panels.elements.html import Board, button, joined, paragraph, row, tag, text
 from tcfit_app.review.panels.elements.html import words as marked
 from tcfit_app.review.panels.fit.focal_picture import LENSES, Perspective, focal_of_lens, focal_picture, metre_in_pixels
 from tcfit_app.review.panels.fit.given_inputs import GivenInputs
@@ -61,6 +61,8 @@ _FOCAL = (1.0, 1e6)
 _OF_FRAMES = ("temporal.window_size", "shape_sample.size")
 """Counts of frames, of which there are no more than the clip has."""
 _SOURCE = "All settings"
+_LISTED = 80
+"""Characters of what is changed that two lines have room for."""
 
 
 def differences(config: FitConfig, preset: str) -> list[str]:
@@ -99,7 +101,8 @@ class FitInputs:
     # --- elements ---
 
     def add_preset(self) -> None:
-        """The preset, what is changed in it, and the way back."""
+        """The preset, what is changed in it or wrong, and the way back: always as high, for the next click is meant for
+        what stands below."""
         now = self._tab.state.settings
         handle = self._gui.add_dropdown("Preset", tuple(PRESETS), initial_value=now.preset, hint="Sets all settings")
         self._add("preset", handle, self._take_preset, lambda s: s.preset)
@@ -147,10 +150,6 @@ class FitInputs:
         self._source_of: Hashable = None
         Board(self._tab).show(row(button("Use these settings", "fit.source")))
         self._tab.buttons.on("fit.source", lambda _: self._take_source())
-
-    def add_problems(self) -> None:
-        """What was entered and cannot be used."""
-        self._problems = Board(self._tab)
 
     def _choice(self, name: str, value: str, options: tuple[str, ...]) -> Any:
         label, hint = LABELS[name], _HINTS[name]
@@ -272,14 +271,20 @@ class FitInputs:
                 field.offer(pose_priors(now.config.pose_prior), now.config.pose_prior, wrong=name in wrong)
             else:
                 field.show(self._reads[name](now), wrong=name in wrong and name not in pair)
-        names = differences(now.config, now.preset)
-        said = ", ".join(map(words, names)) if len(names) < 8 else f"{len(names)} settings"
-        back = row(button("Back to the preset", "fit.preset", hint="Sets all settings as the preset has them"))
-        self._changed.show(*([paragraph(joined(text("Changed: "), marked(said, "strong"))), back] if names else []))
+        self._draw_changed(now)
         self._draw_focal(now)
         self._given.draw()
-        self._problems.show(*(paragraph(problem, "bad") for problem in wrong.values()))
         self._draw_source(now)
+
+    def _draw_changed(self, now: FitSettings) -> None:
+        names, problems = differences(now.config, now.preset), [why for _, why in now.problems]
+        listed = ", ".join(map(words, names)) or "nothing"
+        said = listed if len(listed) <= _LISTED else f"{len(names)} settings"
+        more = f" ({len(problems) - 1} more)" if len(problems) > 1 else ""
+        told = marked(problems[0] + more, "bad") if problems else joined(text("Changed: "), marked(said, "strong"))
+        hint = "Sets all settings as the preset has them"
+        back = button("Back to the preset", "fit.preset", disabled=not names and not problems, hint=hint)
+        self._changed.show(tag("p", told, class_="tcfit-two-lines", title="\n".join(problems) or listed), row(back))
 
     def _draw_focal(self, now: FitSettings) -> None:
         tab, camera = self._tab, self._camera

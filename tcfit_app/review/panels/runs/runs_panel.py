@@ -246,7 +246,7 @@ class DeletedRuns:
         """The window that asks, if it was ever open."""
         self._question: Board | None = None
         """What it shows."""
-        self._folder = gui.add_folder("Deleted runs", expand_by_default=False, visible=False)
+        self._folder = gui.add_folder("Deleted runs", visible=False)
         with self._folder:
             self._choice: Any = gui.add_dropdown("Deleted", ("",))
             self._buttons = Board(tab)

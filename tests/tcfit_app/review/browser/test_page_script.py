@@ -17,6 +17,7 @@ from tcfit_app.review.browser import channel
 from tcfit_app.review.browser import page_states as states
 from tcfit_app.review.browser.channel import loading, web_files
 from tcfit_app.review.browser.page_events import Drag, Drawn, Gesture, Hello, Key, Resized, Select, Theme
+from tcfit_app.review.gestures.actions import bindings
 from tcfit_app.server.serving import ReviewServer, review_server
 from tests.drivers.page_tab import (
     ELBOW,
@@ -303,6 +304,23 @@ def test_on_a_poster_the_camera_pans_and_zooms_and_never_turns(tab: Tab) -> None
     assert tuple(np.abs(camera.wxyz)) == pytest.approx((1, 0, 0, 0), abs=1e-6)
 
 
+def test_the_menu_comes_when_the_right_button_is_released_where_it_was_pressed(tab: Tab) -> None:
+    menu, mouse = tab.page.get_by_role("menu"), tab.page.mouse
+    tab.send("picture_menus", states.PictureMenus(elsewhere=((states.MenuItem(label="Undo", action="undo"),),)))
+    for x, y in (tab.screen(200, 60), strip_place(tab, 100)):
+        for way in (0, 40):
+            mouse.move(x, y)
+            mouse.down(button="right")
+            tab.page.wait_for_timeout(100)
+            assert menu.count() == 0, "browsers on Linux ask for a menu at the press"
+            mouse.move(x + way, y)
+            mouse.move(x, y)
+            mouse.up(button="right")
+            tab.settle()
+            assert menu.count() == (way == 0), "a drag moves the picture, also there and back"
+            tab.page.keyboard.press("Escape")
+
+
 @pytest.mark.parametrize("over", HALVES)
 def test_two_pictures_are_zoomed_about_the_same_pixel(tab: Tab, over: states.Place) -> None:
     tab.send("layout", PAIR)
@@ -356,7 +374,7 @@ def test_the_divider_is_dragged_and_moved_by_keys(tab: Tab) -> None:
 
 
 def test_while_its_key_is_held_the_video_is_seen_alone(tab: Tab) -> None:
-    tab.send("keys", states.Keys(bindings=(states.KeyBinding(key="KeyP", action="peek", held=True),)))
+    tab.send("keys", states.Keys(bindings=(states.KeyBinding(key="p", action="peek", held=True),)))
     place = tab.screen(*PLACES[WRIST])
     assert tab.painted(*place)
     for let_go in (
@@ -403,7 +421,7 @@ def test_in_space_the_left_button_is_the_camera_s(tab: Tab) -> None:
 
 
 def test_in_space_keys_do_what_they_do_elsewhere(tab: Tab) -> None:
-    keys = tuple(states.KeyBinding(key=key, action=key) for key in ("KeyS", "KeyD"))
+    keys = tuple(states.KeyBinding(key=key, action=key) for key in "sd")
     tab.send("keys", states.Keys(bindings=keys))
     tab.send("layout", SPACE)
     tab.settle()
@@ -412,7 +430,7 @@ def test_in_space_keys_do_what_they_do_elsewhere(tab: Tab) -> None:
         tab.page.keyboard.press(key, delay=30)
     tab.page.wait_for_timeout(300)
     tab.settle()
-    assert tab.events == [Key(action="KeyS", repeat=False), Key(action="KeyD", repeat=False)]
+    assert tab.events == [Key(action="s", repeat=False), Key(action="d", repeat=False)]
     assert tuple(tab.clients[-1].camera.position) == before
     tab.send("layout", POSTER)
     tab.look(300.0)
@@ -426,6 +444,72 @@ def test_of_a_long_run_s_name_the_phase_stays_in_sight(tab: Tab) -> None:
     tab.settle()
     short = next(text for text in reversed(tab.page.evaluate("window.written")) if "shared shape" in text)
     assert short.endswith("rected · shared shape") and "a very" in short and "…" in short and len(short) < 140
+
+
+CTRL, SHIFT = 2, 8
+"""Modifiers as Chromium's protocol counts them."""
+KEYBOARDS = {
+    "US": {
+        "undo": ("z", "KeyZ", CTRL),
+        "redo": ("y", "KeyY", CTRL),
+        "all": ("a", "KeyA", CTRL),
+        "bodies": ("m", "KeyM", 0),
+        "range_start": ("[", "BracketLeft", 0),
+        "denser": (".", "Period", 0),
+        "edit": ("1", "Digit1", 0),
+        "previous": ("ArrowLeft", "ArrowLeft", 0),
+    },
+    "German": {
+        "undo": ("z", "KeyY", CTRL),
+        "redo": ("y", "KeyZ", CTRL),
+        "all": ("a", "KeyA", CTRL),
+        "mirror_depth": ("M", "KeyM", SHIFT),
+        "range_start": ("[", "Digit8", 0),  # with AltGr, which is none of the protocol's modifiers
+        "range_end": ("]", "Digit9", 0),
+        "fainter": (",", "Comma", 0),
+        "edit": ("1", "Digit1", 0),
+        "next10": ("ArrowRight", "ArrowRight", SHIFT),
+    },
+    "French": {
+        "undo": ("z", "KeyW", CTRL),
+        "redo": ("Z", "KeyW", CTRL | SHIFT),
+        "all": ("a", "KeyQ", CTRL),
+        "bodies": ("m", "Semicolon", 0),
+        "range_start": ("[", "Digit5", 0),
+        "fainter": (",", "KeyM", 0),
+        "denser": (".", "Comma", SHIFT),
+        "edit": ("&", "Digit1", 0),
+        "ab": ("é", "Digit2", 0),
+        "nudge_up": ("ArrowUp", "ArrowUp", CTRL),
+    },
+    "Russian": {"undo": ("я", "KeyZ", CTRL), "all": ("ф", "KeyA", CTRL), "next_person": ("й", "KeyQ", 0)},
+    "German, of a Mac": {"undo": ("z", "KeyY", 4), "range_start": ("[", "Digit5", 1)},
+}
+"""What a key gives, where it is and what is held with it, by what it does."""
+
+
+@pytest.mark.parametrize("keyboard", KEYBOARDS)
+def test_letters_and_signs_go_by_what_is_written_on_the_keys(tab: Tab, keyboard: str) -> None:
+    tab.send("keys", states.Keys(bindings=bindings()))
+    tab.settle()
+    protocol = tab.page.context.new_cdp_session(tab.page)
+    for key, code, modifiers in KEYBOARDS[keyboard].values():
+        event = {"key": key, "code": code, "modifiers": modifiers}
+        protocol.send("Input.dispatchKeyEvent", {"type": "rawKeyDown", **event})
+        protocol.send("Input.dispatchKeyEvent", {"type": "keyUp", **event})
+    tab.settle()
+    assert [event.action for event in tab.events if isinstance(event, Key)] == list(KEYBOARDS[keyboard])
+
+
+def test_what_a_key_gives_with_altgr_is_none_of_its_other_meanings(tab: Tab) -> None:
+    tab.send("keys", states.Keys(bindings=bindings()))
+    tab.settle()
+    tab.page.evaluate("""() => {
+      for (const [key, code] of [["¹", "Digit1"], ["@", "KeyQ"], ["[", "Digit8"]])
+        window.dispatchEvent(new KeyboardEvent("keydown", { key, code, modifierAltGraph: true }));
+    }""")
+    tab.settle()
+    assert [event.action for event in tab.events if isinstance(event, Key)] == ["range_start"]
 
 
 def test_keys_are_told_and_kept_from_the_camera(tab: Tab) -> None:

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from tcfit_app.review.gestures.actions import ACTIONS, Key
 from tcfit_app.review.panels.key_list import GESTURES, joined_keys, key_groups, keys_html
+from tcfit_app.review.tab.state import MODES
 
 PAGE = Path(__file__).parents[4] / "docs" / "app.md"
 
@@ -37,10 +38,16 @@ def test_an_action_has_a_line_of_its_own_or_its_family_has():
 
 
 def test_keys_of_a_family_say_their_modifiers_once():
-    left, right = Key(code="ArrowLeft", ctrl=True), Key(code="ArrowRight", ctrl=True)
+    left, right = Key(key="ArrowLeft", ctrl=True), Key(key="ArrowRight", ctrl=True)
     assert joined_keys((left,), (right,)) == "Ctrl+← →"
-    assert joined_keys((Key(code="KeyN"),), (Key(code="KeyN", shift=True),)) == "N, Shift+N"
+    assert joined_keys((Key(key="n"),), (Key(key="n", shift=True),)) == "N, Shift+N"
     assert joined_keys((left, right)) == "Ctrl+← or Ctrl+→"
+
+
+def test_keys_are_called_what_is_written_on_them():
+    assert ACTIONS["undo"].key_text == "Ctrl+Z"
+    assert ACTIONS["range_start"].key_text == "["
+    assert [ACTIONS[name].key_text for name in MODES] == ["1", "2", "3"]
 
 
 def test_the_window_has_a_heading_for_each_group():

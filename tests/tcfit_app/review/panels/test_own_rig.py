@@ -1,6 +1,7 @@
 """The user's own rig in the panel Export: uploaded, its joints picked by names, kept in the project, exported."""
 
 import json
+import threading
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,8 +12,13 @@ import viser
 
 from fitting_core.body.model import BodyModel
 from fitting_core.io.motion.rigs.mapping import read_mapping
-from tcfit_app.project.storage.rig import kept_rig
+from tcfit_app.project.storage.rig import keep_rig, kept_rig
+from tcfit_app.review.page import Page
 from tcfit_app.review.panels.export_panel import ExportPanel
+from tcfit_app.review.session import own_rig
+from tcfit_app.review.session.own_rig import OwnRig
+from tcfit_app.review.tab.browser_tab import BrowserTab
+from tcfit_app.server.page_files import PageFiles
 from tests.drivers.lone_page import LonePage, tiny_page
 from tests.fitting_core.io.motion.rigs.rig_files import PERSON, bvh_text, glb_bytes, gltf_document
 
@@ -83,6 +89,35 @@ def test_another_rig_takes_the_place_of_the_first(tested: LonePage):
     assert "Bone_7" in tested.field("left forearm – missing").options
 
 
+def test_a_rig_that_another_tab_has_uploaded_is_the_one_that_is_mapped(tested: LonePage):
+    upload(tested, "hero.glb", glb_bytes(gltf_document()))
+    tab = tested.page.tab
+    other = Page(BrowserTab(tab.client, PageFiles(here=True)), tab.someone, lambda command: command())
+    (panel,) = (panel for panel in other.panels if isinstance(panel, ExportPanel))
+    panel._own_rig._begin(viser.UploadedFile(name="villain.bvh", content=bvh_text(ODD).encode()))
+    other.close()
+    tested.settle()
+    assert "villain.bvh" in tested.html()
+    tested.enter("left forearm – missing", "Bone_7")
+    kept = kept_rig(tab.session.project.folder)
+    assert kept is not None and kept.rig.name == "villain.bvh" and kept.joints["left_elbow"] == ("Bone_7",)
+
+
+def test_while_a_rig_is_read_the_one_before_is_not_mapped(tested: LonePage, monkeypatch: pytest.MonkeyPatch):
+    upload(tested, "hero.glb", glb_bytes(gltf_document()))
+    goes_on = threading.Event()
+    monkeypatch.setattr(own_rig, "keep_rig", lambda *given: (goes_on.wait(20), keep_rig(*given))[1])
+    button = tested.field("Upload a rig …")
+    button._impl.value = viser.UploadedFile(name="villain.bvh", content=bvh_text(ODD).encode())
+    tested.call_back(button, MagicMock())
+    tested.enter("left thigh", "RightUpLeg")
+    assert "still being read" in tested.notices[-1].text
+    goes_on.set()
+    tested.settle()
+    kept = kept_rig(tested.page.tab.session.project.folder)
+    assert kept is not None and kept.rig.name == "villain.bvh" and kept.joints["left_hip"] == ("LeftUpLeg",)
+
+
 @pytest.mark.parametrize(
     ("name", "content", "said"),
     [
@@ -106,16 +141,17 @@ def test_what_is_no_rig_is_told_and_changes_nothing(tested: LonePage, name: str,
 
 def test_a_rig_that_was_damaged_is_told(tested: LonePage):
     upload(tested, "hero.glb", glb_bytes(gltf_document()))
-    panel = tested.panels[0]._own_rig
-    panel.mapping.write_text("skeleton = 3")
-    panel._kept, panel._looked = None, False
+    session = tested.page.tab.session
+    (session.project.folder / "rig" / "mapping.toml").write_text("skeleton = 3")
+    session.rig = OwnRig(session.project.folder)
     assert "cannot be read" in tested.html() and "Upload it again" in tested.html()
 
 
 def test_a_name_in_the_mapping_that_the_rig_does_not_have_is_told(tested: LonePage):
     upload(tested, "hero.glb", glb_bytes(gltf_document()))
-    panel = tested.panels[0]._own_rig
-    panel.mapping.write_text(panel.mapping.read_text().replace('"LeftUpLeg"', '"Leg of the left"'))
-    panel._kept, panel._shown, panel._looked = None, None, False
+    session = tested.page.tab.session
+    mapping = session.project.folder / "rig" / "mapping.toml"
+    mapping.write_text(mapping.read_text().replace('"LeftUpLeg"', '"Leg of the left"'))
+    session.rig = OwnRig(session.project.folder)
     assert "has no joint &#x27;Leg of the left&#x27; for left_hip" in tested.html()
     assert tested.field("left thigh").value in tested.field("left thigh").options

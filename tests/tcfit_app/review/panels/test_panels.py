@@ -212,7 +212,7 @@ def test_choosing_runs_and_phases(tested: LonePage):
     assert tested.field("A shows").value == "first"
     page.tab.session.delete(runs[0].id)
     tested.draw()
-    assert tested.field("A shows").value == "Deleted run"
+    assert tested.field("A shows").value == "Newest"
 
 
 def test_runs_of_one_name_are_told_apart(tested: LonePage):
@@ -454,13 +454,15 @@ def test_finding_the_video_again(tested: LonePage, tmp_path: Path):
     page = tested.page
     assert "made without a video" in tested.html()
     assert tested.field("New place").visible
-    told: list[str] = []
-    page.tab.notify = lambda notice: told.append(f"{notice.title}: {notice.text}")  # pyright: ignore[reportAttributeAccessIssue]
     folder = write_images(tmp_path / "images", *(f"{frame:03}.png" for frame in range(FRAMES)))
     tested.field("New place")._impl.value = f'"{folder}" '
     tested.press("review.relink")
     tested.settle()
-    assert told == [f"The video is found: {folder}"] and page.tab.session.project.media.problem == ""
+    (told,) = tested.notices
+    assert (told.title, told.text) == (
+        "The video is found",
+        str(folder),
+    ) and page.tab.session.project.media.problem == ""
 
 
 def test_a_wrong_place_is_told(tested: LonePage):

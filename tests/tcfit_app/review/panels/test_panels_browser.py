@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from fitting_core.config.schema import PRESETS
+from tcfit_app.review.tab.state import FitSettings
 from tests.drivers.lone_page import sample_project
 from tests.drivers.review_page import Reviewing, reviewing, until
 
@@ -116,6 +118,58 @@ def test_a_number_of_the_fit_panel_is_taken_as_it_is_typed(opened: Reviewing):
     field.fill("100")
     until(lambda: not opened.page.tab.state.settings.problems)
     opened.tab.evaluate("document.activeElement.blur()")
+
+
+def test_what_is_changed_moves_no_field(opened: Reviewing):
+    opened.tab.get_by_role("tab", name="Fit", exact=True).click()
+    weight, window = (opened.tab.locator(f"input[aria-label='{name}']") for name in ("w_T", "Window"))
+    before = window.bounding_box()
+
+    def settings() -> FitSettings:
+        return opened.page.tab.state.settings
+
+    for value, problems in (("77", 0), ("-1", 1), ("5", 0)):
+        weight.fill(value)
+        weight.press("Enter")
+        until(
+            lambda n=problems, v=value: (
+                len(settings().problems) == n and (n or settings().config.temporal.weight == float(v))
+            )
+        )
+        opened.tab.wait_for_timeout(200)
+        assert window.bounding_box() == before
+    opened.tab.get_by_role("button", name="Back to the preset").click()
+    until(lambda: settings().config == PRESETS["tcfit"])
+    assert window.bounding_box() == before
+
+
+def test_a_dropdown_that_is_reached_by_tab_stays_closed_until_it_is_wanted(opened: Reviewing):
+    opened.tab.get_by_role("tab", name="Fit", exact=True).click()
+    options, focused = opened.tab.get_by_role("option"), opened.tab.locator("input[aria-haspopup=listbox]:focus")
+    opened.tab.locator("input[aria-label='w_T']").focus()
+    opened.tab.keyboard.press("Tab")
+    until(lambda: focused.count() == 1, "the focus")
+    opened.tab.wait_for_timeout(300)
+    assert options.count() == 0
+    opened.tab.keyboard.press("ArrowDown")
+    until(lambda: options.count() > 1, "the list")
+    opened.tab.keyboard.press("Escape")
+    until(lambda: options.count() == 0, "no list")
+    focused.click()
+    until(lambda: options.first.is_visible(), "the list, by a click")
+    opened.tab.keyboard.press("Escape")
+
+
+def test_the_next_tab_has_the_curves_that_were_chosen_last(opened: Reviewing):
+    first, page = opened.page, opened.tab
+    opened.app.post(lambda: first.timeline.plot("volume", shown=True))
+    until(lambda: "volume" in page.evaluate("() => tcfit.state('rows').rows.map(({ name }) => name)"), "the curve")
+    other = page.context.new_page()
+    other.goto(page.url)
+    until(lambda: opened.page is not first and opened.page.tab.ready, "the other tab")
+    assert opened.page.tab.state.plots == first.tab.state.plots and "volume" in first.tab.state.plots
+    other.close()
+    until(lambda: opened.page is first, "the end of the other tab")
 
 
 def test_enter_in_the_field_name_renames(opened: Reviewing):

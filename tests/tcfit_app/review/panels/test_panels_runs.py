@@ -78,6 +78,49 @@ def test_runs_are_renamed_shown_deleted_and_restored(panel_of: Opener):
     assert tested.field("Run").value == f"{first.id} · {EVIL}" and tested.field("Name").value == EVIL
 
 
+def test_in_the_place_of_a_deleted_run_the_newest_is_shown(panel_of: Opener):
+    tested = panel_of(RunsPanel)
+    tab = tested.page.tab
+    first, second = tested.fit(), tested.fit()
+    tab.set(b=FitChoice(run=second.id))
+    tested.press("runs.choose", str(second.id))
+    tested.click("Delete")
+    shown = tab.look().b
+    assert shown is not None and shown.run.id == first.id and tab.shown.held is not None
+    tested.draw()
+    assert tested.field("Deleted").value == second.option
+    folders = [h for h in tested._children() if getattr(h, "label", "") == "Deleted runs"]
+    assert [(folder.visible, folder.expand_by_default) for folder in folders] == [(True, True)]
+    tested.press("deleted.restore")
+    tested.until(lambda: (shown := tab.look().b) is not None and shown.run.id == second.id)  # what was chosen
+
+
+def test_a_run_is_corrected_as_long_as_a_correction_stands(panel_of: Opener):
+    tested = panel_of(RunsPanel)
+    tab, correcting = tested.page.tab, tested.page.gestures.correcting
+    run = tested.fit()
+    tab.set(selection=(kp.INDEX["right_wrist"],), b=FitChoice(run=run.id))
+
+    def shows(kind: str) -> bool:
+        shown, session = tab.look().b, tab.session
+        rests = not session.jobs and not session.edit_follower.busy
+        return rests and shown is not None and shown.run.kind == kind
+
+    for b in (FitChoice(run=run.id), FitChoice()):
+        tab.set(b=b)
+        correcting.nudge(5.0, 0.0)
+        correcting.nudge(0.0, 5.0)
+        tested.until(lambda: shows("corrections"))
+        correcting.undo()
+        tested.until(lambda: shows("corrections"))
+        correcting.undo()
+        tested.until(lambda: shows("fit"))
+        correcting.redo()
+        tested.until(lambda: shows("corrections"))
+        correcting.undo()
+        tested.until(lambda: shows("fit"))
+
+
 def test_a_new_run_does_not_take_the_place_of_the_one_at_hand(panel_of: Opener):
     tested = panel_of(RunsPanel)
     first = tested.fit()

@@ -46,6 +46,19 @@ window.addEventListener("pointerdown", ({ target }) => {
   if (target instanceof Element && target.matches(WINDOW_SURROUNDINGS)) closeWindow();
 }, true);
 
+// viser's dropdowns open as soon as they have the focus. Not for whoever comes by Tab, as the list would lie over the
+// next field: an arrow or a letter opens it.
+let byTab = false;
+window.addEventListener("keydown", ({ key }) => {
+  byTab = key === "Tab";
+}, true);
+window.addEventListener("pointerdown", () => {
+  byTab = false;
+}, true);
+window.addEventListener("focusin", (event) => {
+  if (byTab && event.target instanceof Element && event.target.matches(DROPDOWN_INPUT)) event.stopPropagation();
+}, true);
+
 // Of a dropdown's text, so that what is typed is looked for and not added to it.
 window.addEventListener("click", ({ target }) => {
   const field = target instanceof HTMLInputElement && target.matches(DROPDOWN_INPUT) ? target : null;

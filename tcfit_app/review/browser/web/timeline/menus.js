@@ -4,7 +4,7 @@
 
 import { emitLast, states } from "../connection.js";
 import { stripCanvas } from "../elements.js";
-import { openMenu, openMenuAt } from "../menu.js";
+import { onRightClick, openMenu, openMenuAt } from "../menu.js";
 import { GUTTER, clipLength, frameAt, frameNumber, showFrames, shownCount } from "./axis.js";
 import { clearRange, more } from "./head.js";
 import { chosenRange, cursorFrame } from "./pointed.js";
@@ -43,7 +43,6 @@ function zoomTo(first, last) {
 
 /** @param {MouseEvent} event */
 function rightClick(event) {
-  event.preventDefault();
   const x = event.clientX - stripCanvas.getBoundingClientRect().left;
   if (!states.timeline || x < GUTTER) return;
   const frame = frameAt(x);
@@ -59,5 +58,5 @@ function openMore() {
   openMenuAt("Frames", items(range !== null), more);
 }
 
-stripCanvas.addEventListener("contextmenu", rightClick);
+onRightClick(({ target }) => target === stripCanvas, rightClick);
 more.addEventListener("click", openMore);

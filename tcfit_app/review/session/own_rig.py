@@ -1,0 +1,49 @@
+"""The user's own rig of an open project, shared by all browsers."""
+
+from pathlib import Path
+
+from fitting_core.errors import InputError
+from fitting_core.io.motion.rigs.mapping import Joints
+from tcfit_app.project.storage.rig import KeptRig, keep_joints, keep_rig, kept_rig
+from tcfit_app.review.session.tasks import Task
+
+
+class OwnRig:
+    """What the project has, as it stands in its folder. For the one thread that draws.
+
+    Args:
+        folder: of the project.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self.reading: Task[KeptRig] | None = None
+        """What does `keep` for the upload that began last."""
+        self.kept: KeptRig | None = None
+        self.problem = ""
+        """Why there is one that cannot be read; empty if nothing is wrong."""
+        try:
+            self.kept = kept_rig(folder)
+        except InputError as error:
+            self.problem = str(error)
+
+    @property
+    def busy(self) -> bool:
+        """Whether another one is being read."""
+        return self.reading is not None and self.reading.state == "running"
+
+    def refuse_busy(self) -> None:
+        """Raises InputError while another one is being read."""
+        if self.busy:
+            raise InputError("Another rig is still being read: wait for it.")
+
+    def keep(self, name: str, content: bytes) -> KeptRig:
+        """Make a rig the project's. Slow: for `tasks`. Arguments and errors as of `keep_rig`."""
+        self.kept, self.problem = keep_rig(self._folder, name, content), ""
+        return self.kept
+
+    def map_to(self, joints: Joints) -> None:
+        """Say what its joints stand for. Raises InputError while another one is being read, OSError."""
+        self.refuse_busy()
+        if self.kept is not None:
+            self.kept = keep_joints(self.kept, joints)

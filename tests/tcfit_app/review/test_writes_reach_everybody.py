@@ -1,0 +1,108 @@
+"""What is written into the project is known to everybody, whatever becomes of the tab that asked for it."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+import viser
+
+from fitting_core import keypoints as kp
+from tcfit_app.analysis.suspicion import Suspect
+from tcfit_app.review.browser.page_states import Thumbnails as State
+from tcfit_app.review.drawing.rows import VIDEO
+from tcfit_app.review.drawing.thumbnails import Thumbnails
+from tcfit_app.review.panels.queue_pictures import QueuePictures
+from tests.drivers.lone_page import LonePage, lone_page, sample_project
+from tests.samples.media import write_images
+from tests.samples.project_samples import FRAMES
+
+FIRST = 7
+"""The number in the video of the sample clip's frame 0."""
+
+
+@pytest.fixture
+def tested(panel_server: viser.ViserServer, tmp_path: Path) -> Iterator[LonePage]:
+    with sample_project(tmp_path / "walk.tcfit") as project, lone_page(panel_server, project) as made:
+        yield made
+
+
+def images(folder: Path, *, seed: int = 0) -> Path:
+    return write_images(folder, *(f"{frame:03}.png" for frame in range(FIRST + FRAMES)), seed=seed)
+
+
+def camera(path: Path) -> Path:
+    K = [[700.0, 0, 320], [0, 700, 240], [0, 0, 1]]
+    np.savez(path, R=np.eye(3), t=np.zeros(3), K=K)
+    return path
+
+
+def points(path: Path) -> Path:
+    found = np.random.default_rng(0).normal(0, 0.2, (FIRST + FRAMES, len(kp.LIMBS), 3))
+    np.savez(path, points=found, names=np.array(kp.NAMES)[kp.LIMBS])
+    return path
+
+
+@dataclass(frozen=True)
+class Write:
+    """What somebody asks for in a panel, and what stands for what others know of it."""
+
+    make: Callable[[Path], Path]
+    field: str
+    command: str
+    known: Callable[[LonePage], object]
+    told: str
+
+
+WRITES = {
+    "video": Write(images, "New place", "review.relink", lambda page: page.page.tab.data.video, "The video is found"),
+    "camera": Write(
+        lambda path: camera(path.with_suffix(".npz")),
+        "Camera file",
+        "fit.camera",
+        lambda page: page.page.tab.session.edits,
+        "The project has another camera",
+    ),
+    "reference": Write(
+        lambda path: points(path.with_suffix(".npz")),
+        "File",
+        "compare.reference",
+        lambda page: page.page.tab.session.referenced,
+        "Fits are compared with it",
+    ),
+}
+
+
+@pytest.mark.parametrize("write", WRITES.values(), ids=WRITES.keys())
+def test_a_write_is_known_though_its_tab_was_closed_meanwhile(tested: LonePage, tmp_path: Path, write: Write):
+    before = write.known(tested)
+    tested.field(write.field)._impl.value = str(write.make(tmp_path / "given"))
+    tested.press(write.command)
+    tested.page.close()
+    tested.settle()
+    assert write.known(tested) != before
+    assert [notice.title for notice in tested.notices] == [write.told]
+
+
+def test_small_pictures_are_of_the_video_that_is_linked_now(tested: LonePage, tmp_path: Path):
+    tab, sent = tested.page.tab, []
+    tab.channel.send = lambda name, state: sent.extend([state] * (name == "thumbnails"))  # pyright: ignore[reportAttributeAccessIssue]
+    tested.panels = []
+    tab.set(plots=(VIDEO,))
+    row, queue = Thumbnails(tab), QueuePictures(tab)
+    suspect = Suspect(frame=2, frames=range(2, 3), score=2.0, kind="cost", reason="", joints=(7,), also=())
+
+    def shown() -> tuple[State, str] | None:
+        row.draw()
+        queue.draw([suspect])
+        pictures = queue._board._content
+        return (sent[-1], pictures) if sent and len(sent[-1].frames) == FRAMES and "base64" in pictures else None
+
+    seen = []
+    for seed in (0, 1):
+        tab.session.project.relink(images(tmp_path / f"images {seed}", seed=seed))
+        sent.clear()
+        tested.until(shown)
+        seen.append(shown())
+    assert set(seen[0][0].images).isdisjoint(seen[1][0].images) and seen[0][1] != seen[1][1]
