@@ -267,7 +267,7 @@ def read_clip(
         first_frame=first_frame,
         last_frame=last_frame,
     )
-    choice = choose_person(shot.detections, person=person, first_frame=shot.first_frame)
+    choice = choose_person(shot.detections, person=person, first_frame=shot.first_frame, frame_rate=shot.frame_rate)
     of_places = check_inside(choice.keypoints, shot.size)
     seen, of_camera = shot.camera(choice.keypoints)
     of_person = (choice.note,) if choice.note else ()
@@ -348,7 +348,8 @@ def read_keypoints(
     timeline = Footage.of(clip.source).timeline or _timeline_around(clip, detections)
     part = chosen(timeline, clip.first_frame, clip.first_frame + len(clip) - 1)
     aligned, notes = align(detections, timeline)
-    found = choose_person(aligned[part], person=person, first_frame=timeline.numbers[part.start])
+    first = timeline.numbers[part.start]
+    found = choose_person(aligned[part], person=person, first_frame=first, frame_rate=clip.frame_rate)
     of_person = (found.note,) if found.note else ()
     straight, of_lens = straightened_keypoints(found.keypoints, clip.camera.lens)
     of_places = check_inside(found.keypoints, clip.camera.size)

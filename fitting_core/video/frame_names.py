@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 from fitting_core.frame_runs import runs
 
@@ -57,17 +58,17 @@ def among_images(
     """
     numbered = image_numbers(images)
     gaps = bool(numbered) and max(numbered) - min(numbered) >= len(numbered)
-    named = {stem: t for t, stem in enumerate(images)}
     late = bool(numbered) and min(numbered) > 1
-    ways: tuple[tuple[Sequence, dict, bool, str], ...] = (
-        (stems, named, True, "by the images' names"),
-        (numbers or (), numbered, gaps or late, "by the numbers in the images' names"),
-    )
-    for keys, places, sure, how in ways:
-        shared = {k: places[key] for k, key in enumerate(keys) if key in places}
-        whole = len(shared) == len(keys) or (sure and len(shared) == len(places))
-        if shared and (whole or (gaps and 2 * len(shared) > min(len(keys), len(places)))):
-            return shared, how
+
+    def shared(keys: Sequence[Any], places: dict[Any, int], sure: bool) -> dict[int, int]:
+        both = {k: places[key] for k, key in enumerate(keys) if key in places}
+        whole = len(both) == len(keys) or (sure and len(both) == len(places))
+        return both if whole or (gaps and 2 * len(both) > min(len(keys), len(places))) else {}
+
+    if pairs := shared(stems, {stem: t for t, stem in enumerate(images)}, True):
+        return pairs, "by the images' names"
+    if pairs := shared(numbers or (), numbered, gaps or late):
+        return pairs, "by the numbers in the images' names"
     return None
 
 

@@ -150,7 +150,9 @@ class Detect:
         detections = found_detections(with_somebody(found, clip.source), clip.source)
         seen = self._seen(found)
         person = self.person if seen is None else None
-        choice = choose_person(detections, person=person, seen=seen, first_frame=clip.first_frame)
+        choice = choose_person(
+            detections, person=person, seen=seen, first_frame=clip.first_frame, frame_rate=clip.frame_rate
+        )
         keypoints, of_lens = straightened_keypoints(choice.keypoints, clip.camera.lens)
         guessed = clip.camera.focal_from is FocalFrom.DIAGONAL
         return FoundKeypoints(

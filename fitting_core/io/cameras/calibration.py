@@ -10,6 +10,9 @@ from scipy.spatial.transform import Rotation
 from fitting_core.camera import COEFFICIENTS, Up, is_rotation
 from fitting_core.io.cameras.moving import Poses
 
+OPENCV_FIRST_PIXEL = 0.0
+"""OpenCV counts from the middle of the first pixel (`cornerSubPix`, `calibrateCamera`)."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Calibration:
@@ -20,6 +23,7 @@ class Calibration:
     focal: tuple[float, float]
     """Pixels of an image of `size`."""
     center: tuple[float, float]
+    """Pixels from the image's corner: the middle of the first pixel is (0.5, 0.5)."""
     distortion: tuple[float, ...]
     """As of `Lens`; empty for none."""
     size: tuple[int, int] | None
@@ -48,6 +52,7 @@ def calibration(
     up: Any = None,
     poses: Poses | None = None,
     has_unit: bool = True,
+    first_pixel: float = 0.5,
 ) -> Calibration:
     """A camera from what a file has, in any of the usual shapes.
 
@@ -61,6 +66,8 @@ def calibration(
         up: One of `Up`.
         poses: Of a camera that moves, checked, in place of rotation and translation.
         has_unit: As of `Calibration`.
+        first_pixel: What the file's principal point calls the middle of the first pixel: OPENCV_FIRST_PIXEL, or 0.5 in
+            COLMAP and whatever counts from the image's corner, as tcfit does.
 
     Raises:
         ValueError: It is no camera, or one that tcfit cannot use; the message says what was found and expected.
@@ -81,7 +88,7 @@ def calibration(
     return Calibration(
         name=name,
         focal=(float(k[0, 0]), float(k[1, 1])),
-        center=(float(k[0, 2]), float(k[1, 2])),
+        center=(float(k[0, 2]) + 0.5 - first_pixel, float(k[1, 2]) + 0.5 - first_pixel),
         distortion=_coefficients(distortion),
         size=None if size is None else _size(size),
         rotation=None if pose is None else pose[0],

@@ -2,7 +2,7 @@
 
 | key | shape | |
 |---|---|---|
-| K | (3, 3) | focal lengths and principal point, pixels |
+| K | (3, 3) | focal lengths and principal point, pixels; as in OpenCV, the middle of the first pixel is (0, 0) |
 | dist | (n,) | optional: OpenCV's distortion coefficients, 4, 5, 8 or 12 |
 | size or image_size | (2,) | optional: width and height of the images that were calibrated |
 | R | (3, 3) or (3,) | optional: rotation from the world to the camera, as a matrix or as a rotation vector |
@@ -24,7 +24,7 @@ import numpy as np
 from fitting_core.errors import some_of
 from fitting_core.files.npz import npz_names, read_npz
 from fitting_core.files.regular import legible
-from fitting_core.io.cameras.calibration import Calibration, calibration, pose_of
+from fitting_core.io.cameras.calibration import OPENCV_FIRST_PIXEL, Calibration, calibration, pose_of
 from fitting_core.io.cameras.moving import Poses
 
 _ROWS = {"K": "matrix", "dist": "distortion", "size": "size", "image_size": "size", "R": "rotation", "t": "translation"}
@@ -60,13 +60,17 @@ def _cameras(arrays: dict[str, np.ndarray]) -> list[Calibration]:
     if wrong := [what for what, values in given.items() if values.ndim < 2 or len(values) != len(names)]:
         raise ValueError(f"has {len(names)} names, but not so many rows of {wrong[0]}")
     rows = ({what: values[i] for what, values in given.items()} for i in range(len(names)))
-    return [calibration(str(name), up=up, **row) for name, row in zip(names, rows, strict=True)]
+    return [_one(str(name), up, row) for name, row in zip(names, rows, strict=True)]
+
+
+def _one(name: str, up: Any, given: dict[str, Any], poses: Poses | None = None) -> Calibration:
+    return calibration(name, up=up, poses=poses, first_pixel=OPENCV_FIRST_PIXEL, **given)
 
 
 def _standing(given: dict[str, Any], up: Any) -> Calibration:
     if given["matrix"].ndim == 3:
         raise ValueError("has several cameras and no names, or one that zooms; expected one K, or names")
-    return calibration("", up=up, **given)
+    return _one("", up, given)
 
 
 def _moving(given: dict[str, Any], up: Any, frames: np.ndarray | None) -> Calibration:
@@ -79,22 +83,17 @@ def _moving(given: dict[str, Any], up: Any, frames: np.ndarray | None) -> Calibr
     if "rotation" not in given or len(given["rotation"]) != len(given["translation"]):
         found = len(given["rotation"]) if "rotation" in given else 0
         raise ValueError(f"has {len(given['translation'])} rows of t and {found} of R; expected as many")
-    poses = []
+    places = []
     for row, (rotation, translation) in enumerate(zip(given["rotation"], given["translation"], strict=True)):
         try:
-            poses.append(pose_of(rotation, translation))
+            places.append(pose_of(rotation, translation))
         except ValueError as error:
             raise ValueError(f"row {row} of R and t: {error}") from error
     rest = {what: given[what] for what in ("distortion", "size") if what in given}
-    rotations, translations = (np.stack(part) for part in zip(*poses, strict=True))
-    numbers = None if frames is None else _numbers_of(frames, len(poses))
-    return calibration(
-        "",
-        matrix=matrix,
-        up=up,
-        poses=Poses(rotation=rotations, translation=translations, numbers=numbers),
-        **rest,
-    )
+    rotations, translations = (np.stack(part) for part in zip(*places, strict=True))
+    numbers = None if frames is None else _numbers_of(frames, len(places))
+    poses = Poses(rotation=rotations, translation=translations, numbers=numbers)
+    return _one("", up, {"matrix": matrix, **rest}, poses)
 
 
 def _numbers_of(frames: np.ndarray, count: int) -> tuple[int, ...]:

@@ -19,7 +19,7 @@ import cv2
 import msgspec
 
 from fitting_core.errors import some_of
-from fitting_core.io.cameras.calibration import Calibration, calibration
+from fitting_core.io.cameras.calibration import OPENCV_FIRST_PIXEL, Calibration, calibration
 from fitting_core.io.cameras.text_file import text_of
 from fitting_core.io.cameras.transforms import is_transforms, read_transforms
 
@@ -157,6 +157,7 @@ def _camera(key: str, known: dict[str, Any], up: str | None) -> Calibration:
             rotation=rotation,
             translation=translation,
             up=known.get("up", up if rotation is not None else None),
+            first_pixel=OPENCV_FIRST_PIXEL,
         )
     except ValueError as error:
         raise ValueError(f"{f'camera {name!r} ' if name else ''}{error}") from error

@@ -12,10 +12,11 @@ from fitting_core.errors import InputError
 from fitting_core.io.cameras.moving import ClipFrames
 from fitting_core.io.cameras.reading import CameraFile, camera_files, read_camera
 from fitting_core.io.keypoints.alignment import Timeline
-from fitting_core.lens import filmed
+from fitting_core.lens import Straightener, filmed
 from tests.fitting_core.io.cameras import camera_files as files
 from tests.fitting_core.io.cameras.camera_files import DISTORTION, ROTATION, SIZE, TRANSLATION, K
 
+CENTER = (K[0, 2] + 0.5, K[1, 2] + 0.5)
 FRAMES = ClipFrames(timeline=Timeline(numbers=range(5)), part=slice(0, 5), frame_rate=25.0)
 FORMS: dict[str, tuple[Callable[[Path], Path], str | None, str | None, bool]] = {
     "pose2sim": (lambda f: files.pose2sim(f / "Calib.toml"), "int_cam01_img", "z", True),
@@ -37,7 +38,7 @@ def test_every_form_says_the_same(form: str, tmp_path: Path):
     camera, _ = read_camera(CameraFile(path=write(tmp_path), name=name), SIZE)
     assert camera.lens and camera.calibrated
     assert camera.focal == camera.lens.focal == (K[0, 0], K[1, 1])
-    assert camera.center == camera.lens.center == (K[0, 2], K[1, 2])
+    assert camera.center == camera.lens.center == CENTER
     assert camera.lens.distortion == (DISTORTION[:4] if form == "pose2sim" else DISTORTION)
     assert (camera.world is not None) == has_world
     if camera.world:
@@ -101,7 +102,7 @@ def test_what_an_npz_has_beside_is_said_to_be_passed_over(tmp_path: Path):
 def test_a_calibration_of_another_size_is_scaled_and_said(tmp_path: Path):
     path = files.own(tmp_path / "camera.npz")
     camera, notes = read_camera(CameraFile(path=path), (640, 360))
-    assert camera.focal == (K[0, 0] / 2, K[1, 1] / 2) and camera.center == (K[0, 2] / 2, K[1, 2] / 2)
+    assert camera.focal == (K[0, 0] / 2, K[1, 1] / 2) and camera.center == (CENTER[0] / 2, CENTER[1] / 2)
     assert camera.size == (640, 360) and "scaled" in notes[0]
     assert camera.lens and camera.lens.focal == camera.focal and camera.lens.distortion == DISTORTION
     for size in ((720, 1280), (1280, 1024)):
@@ -126,7 +127,18 @@ def test_points_of_the_world_are_filmed_where_opencv_says(tmp_path: Path):
     assert camera.world and camera.lens
     points = camera.world.place + np.random.default_rng(0).uniform((-1, -0.6, 2), (1, 0.6, 4), (50, 3)) @ ROTATION
     expected = cv2.projectPoints(points, ROTATION, TRANSLATION, K, np.array(DISTORTION))[0][:, 0]
-    np.testing.assert_allclose(filmed(camera.lens, _seen(camera, camera.world, points)), expected, atol=1e-9)
+    np.testing.assert_allclose(filmed(camera.lens, _seen(camera, camera.world, points)), expected + 0.5, atol=1e-9)
+
+
+def test_a_picture_is_straightened_as_opencv_does(tmp_path: Path):
+    """OpenCV counts from the middle of the first pixel, and tcfit from the image's corner."""
+    camera, _ = read_camera(CameraFile(path=files.opencv(tmp_path / "camera.yml")), SIZE)
+    assert camera.lens
+    picture = np.random.default_rng(0).integers(0, 256, (SIZE[1], SIZE[0], 3), dtype=np.uint8)
+    expected = cv2.undistort(picture, K, np.array(DISTORTION))
+    inside = (slice(100, -100), slice(100, -100))
+    off = np.abs(Straightener(camera.lens, SIZE)(picture)[inside].astype(int) - expected[inside])
+    assert off.mean() < 0.1, "half a pixel off it is 3.3"
 
 
 def _seen(camera: Camera, world: World, points: np.ndarray) -> np.ndarray:

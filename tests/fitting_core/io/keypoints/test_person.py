@@ -11,6 +11,7 @@ from fitting_core.errors import InputError
 from fitting_core.io import read_detections
 from fitting_core.io.keypoints.detections import Detections
 from fitting_core.io.keypoints.person import choose_person
+from fitting_core.synthetic.company.filmed import film
 from fitting_core.video.frame_names import spans
 
 NOBODY = np.zeros((137, 3))
@@ -106,6 +107,41 @@ def test_a_nearly_equal_rival_is_named(figure):
     choice = choose_person(clip(*frames))
     assert choice.entries == (1, 1, 1, 1)
     assert "Another person is nearly as prominent, in frame 0 at place 0 of the list: use person=0" in choice.note
+
+
+def _after_a_gap(figure, moved: int, *, beside: bool) -> list[list[np.ndarray]]:
+    """Somebody of 200 pixels who is not seen in frames 20 to 26, and who is then that many pixels off."""
+    others = [figure(900, 300, height=120)] if beside else []
+    walked = [figure(300, 300)] * 20, [figure(300 + moved, 300)] * 20
+    return [[one, *others] for one in walked[0]] + [others] * 7 + [[one, *others] for one in walked[1]]
+
+
+def test_who_comes_back_far_off_beside_others_may_be_one_of_them(figure):
+    choice = choose_person(clip(*_after_a_gap(figure, 90, beside=True)), first_frame=100)
+    assert all(entry == 0 for t, entry in enumerate(choice.entries) if not 20 <= t < 27)
+    assert choice.doubtful == (range(19, 28),)
+    assert "Over frames 119-127 the person may have become one of the others" in choice.note
+
+
+@pytest.mark.parametrize("moved, beside", [(5, True), (90, False)])
+def test_who_comes_back_where_he_was_or_was_alone_is_the_same(figure, moved: int, beside: bool):
+    choice = choose_person(clip(*_after_a_gap(figure, moved, beside=beside)))
+    assert not choice.doubtful and "may have become" not in choice.note and "not in frames 20-26" in choice.note
+
+
+def test_exchanges_in_generated_scenes_are_named_in_few_frames():
+    exchanges, named, doubtful = 0, 0, []
+    for scene, seed in (("both leaving", 0), ("both leaving", 1), ("crossing", 0)):
+        company = film(scene, seed, every=3)
+        choice = choose_person(company.detections, frame_rate=company.frame_rate)
+        frames = {t for doubt in choice.doubtful for t in doubt}
+        whose = [(t, company.owners[t][entry]) for t, entry in enumerate(choice.entries) if entry is not None]
+        known = [(t, owner) for t, owner in whose if owner is not None and owner >= 0]
+        for (before, one), (after, other) in itertools.pairwise(known):
+            exchanges += one != other
+            named += one != other and not frames.isdisjoint(range(before, after + 1))
+        doubtful.append(np.mean([t in frames for t, _ in whose]))
+    assert named == exchanges > 0 and np.mean(doubtful) < 0.03
 
 
 @pytest.mark.parametrize("seed", range(5))
