@@ -134,8 +134,10 @@ def _begun(version: _Version, found: FramesFitted, length: int) -> _Partial:
 
 def _told(run: Run, fit: FitResult | None) -> Bool[np.ndarray, "T"] | None:
     """Frames of another program's result, which may be a part of the clip; None: all."""
-    there = fit.observed.any(1) if fit is not None and run.kind == "imported" else None
-    return None if there is None or there.all() else there
+    if fit is None or run.kind != "imported":
+        return None
+    there = np.asarray(fit.observed.any(1))
+    return None if there.all() else there
 
 
 class Fits:
