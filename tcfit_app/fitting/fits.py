@@ -4,7 +4,7 @@ import threading
 import time
 from collections import OrderedDict
 from collections.abc import Container
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import count
 from pathlib import Path
 from queue import SimpleQueue
@@ -77,8 +77,8 @@ class Shown:
     """Another number whenever `params` is another."""
     camera: Camera
     """The one that it was fitted with: its focal length may not be the clip's."""
-    there: Bool[np.ndarray, "T"] | None
-    """Frames that have a body; None: all."""
+    there: Bool[np.ndarray, "T"] | None = field(compare=False)
+    """Frames that have a body; None: all. Where they are others, the revision is."""
 
     def has(self, frame: int) -> bool:
         """Whether there is a body in a frame: while phase 1 runs, not in those that it has not come to."""
