@@ -1,6 +1,5 @@
 """Configurations as files: read from TOML, written as TOML with comments, and as plain data for JSON."""
 
-import tomllib
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
@@ -12,6 +11,7 @@ from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.config.settings import NONE, changed, groups, nearest, settings, unknown, value_of
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
+from fitting_core.files.toml_text import parsed_toml
 
 _MAX_BYTES = 2**20
 
@@ -68,8 +68,8 @@ def parsed(text: str, *, origin: str, preset_name: str | None = None) -> tuple[s
         InputError: It is no TOML, or holds an unknown name or a wrong value.
     """
     try:
-        table = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        table = parsed_toml(text)
+    except ValueError as error:
         raise InputError(f"{origin}: is no TOML ({error}). `tcfit settings` prints a file to start from.") from error
     name = table.pop("preset", DEFAULT_PRESET)
     base = preset(name, origin=origin)

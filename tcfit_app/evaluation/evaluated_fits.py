@@ -198,7 +198,7 @@ def _chosen(project: Project, wanted: str | None) -> Run:
 def _of_project(project: Project, run: Run, models: Path | None) -> EvaluatedFit:
     fit, body = project.runs.load(run.id), Bodies(models).of(run.body)
     found = of_run(fit, project.clip, body, name=run.name, folder=project.folder, reference=project.reference)
-    missing = np.flatnonzero(~fit.observed.any(1)) if run.kind == "imported" else ()
+    missing = np.flatnonzero(~fit.observed.any(1)).tolist() if run.kind == "imported" else []
     return replace(found, notes=(*found.notes, *_standing_in([project.clip.first_frame + t for t in missing])))
 
 

@@ -3,7 +3,7 @@
 import threading
 import time
 from collections import OrderedDict
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import count
 from pathlib import Path
 
@@ -69,8 +69,8 @@ class Shown:
     """Another number whenever `params` is another."""
     camera: Camera
     """The one that it was fitted with: its focal length may not be the clip's."""
-    there: Bool[np.ndarray, "T"] | None
-    """Frames that have a body; None: all."""
+    there: Bool[np.ndarray, "T"] | None = field(compare=False)
+    """Frames that have a body; None: all. Where they are others, the revision is."""
 
     def has(self, frame: int) -> bool:
         """Whether there is a body in a frame: while phase 1 runs, not in those that it has not come to."""
@@ -126,8 +126,10 @@ def _begun(version: _Version, found: FramesFitted, length: int) -> _Partial:
 
 def _told(run: Run, fit: FitResult | None) -> Bool[np.ndarray, "T"] | None:
     """Frames of another program's result, which may be a part of the clip; None: all."""
-    there = fit.observed.any(1) if fit is not None and run.kind == "imported" else None
-    return None if there is None or there.all() else there
+    if fit is None or run.kind != "imported":
+        return None
+    there = np.asarray(fit.observed.any(1))
+    return None if there.all() else there
 
 
 class Fits:

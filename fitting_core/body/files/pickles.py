@@ -5,37 +5,23 @@ unpickler below admits these and plain containers by name and refuses everything
 only keep their state until `as_array` checks and unfolds it: neither chumpy nor a scipy of the file's time is needed.
 """
 
+import io
 import pickle
-import pickletools
 import re
-from collections import OrderedDict
 from collections.abc import Callable
 from typing import Any, BinaryIO
 
 import numpy as np
 
 from fitting_core.errors import InputError
+from fitting_core.files.restricted_pickle import Kept, RestrictedUnpickler, Stream, mapping
 
 MAX_ELEMENTS = 2**28
 """Elements of the largest matrix that a stand-in may unfold to, 2 GB of float64; a body needs some 16 million."""
+MAX_BYTES = 4 * 2**30
+"""Of the largest body model file that is read, unpacked; SMPL-X's has some 0.5 GB."""
 _MAX_DEPTH = 16
 """Of lists in lists; an array has 3."""
-_PUTS = ("PUT", "BINPUT", "LONG_BINPUT")
-
-
-class Kept:
-    """Stands in for an object of a library that is not needed: keeps the state, runs nothing of it."""
-
-    title = "chumpy array"
-
-    def __init__(self, *arguments: object) -> None:
-        self.state: dict[str, Any] = {}
-
-    def __setstate__(self, state: object) -> None:
-        self.state = dict(state) if isinstance(state, dict) else {}
-
-    def array(self) -> np.ndarray:
-        raise NotImplementedError
 
 
 class _Dtype(Kept):
@@ -81,12 +67,16 @@ class _Array(Kept):
 class _Chumpy(Kept):
     """A chumpy array that holds its numbers."""
 
+    title = "chumpy array"
+
     def array(self) -> np.ndarray:
         return as_array(self.state["x"])
 
 
 class _ChumpySelection(Kept):
     """Elements of another chumpy array: how SMPL files cut their shape directions to 10."""
+
+    title = "chumpy array"
 
     def array(self) -> np.ndarray:
         selected = as_array(self.state["a"]).reshape(-1)[as_array(self.state["idxs"])]
@@ -253,9 +243,9 @@ _ADMITTED: dict[tuple[str, str], Callable[..., Any]] = {
     **{(module, "_frombuffer"): _array_from_buffer for module in _NUMERIC},
     ("_codecs", "encode"): _encode,
     **{(module, "_reconstructor"): _new for module in ("copyreg", "copy_reg")},
-    **{(module, cls.__name__): cls for module in _BUILTINS for cls in (object, set, frozenset)},
+    **{(module, name): Kept for module in _BUILTINS for name in ("object", "set", "frozenset")},
     **{(module, "bytes"): _empty_bytes for module in _BUILTINS},
-    ("collections", "OrderedDict"): OrderedDict,
+    ("collections", "OrderedDict"): mapping,
     **{
         (module.format(k), f"{k}_{suffix}"): stand_in
         for k, stand_in in _SPARSE.items()
@@ -268,11 +258,8 @@ _ADMITTED: dict[tuple[str, str], Callable[..., Any]] = {
 }
 
 
-class ArrayUnpickler(pickle.Unpickler):
+class ArrayUnpickler(RestrictedUnpickler):
     """Unpickler that admits arrays, sparse matrices, chumpy arrays and plain containers, and nothing else."""
-
-    def __init__(self, file: BinaryIO) -> None:
-        super().__init__(file, encoding="latin1")
 
     def find_class(self, module: str, name: str) -> Any:
         """The stand-in for what the pickle names.
@@ -284,40 +271,30 @@ class ArrayUnpickler(pickle.Unpickler):
             return _ADMITTED[module, name]
         if module.split(".")[0] == "chumpy":
             return _ChumpyExpression
-        raise InputError(f"the pickle asks for {module}.{name}, which no body model needs and which could run code")
-
-    def persistent_load(self, pid: object) -> Any:
-        """Nothing outside the file is loaded.
-
-        Raises:
-            InputError: Always.
-        """
-        raise InputError(f"the pickle refers to an object outside the file (a {type(pid).__name__})")
-
-
-def _forbid_far_memos(file: BinaryIO) -> None:
-    """The unpickler makes room for whatever number an object is remembered by: 5 bytes could ask for 64 GB."""
-    for codes, (code, argument, _) in enumerate(pickletools.genops(file), 1):
-        if code.name in _PUTS and isinstance(argument, int) and argument > codes:
-            raise InputError(f"the pickle numbers an object {argument} that is at most its {codes}th; it is damaged")
+        raise InputError(
+            f"the pickle asks for {f'{module}.{name}':.60}, which no body model needs and which could run code"
+        )
 
 
 def read_pickle(file: BinaryIO) -> dict[str, Any]:
     """The dictionary that a pickle holds; its values go through `as_array`.
+
+    Args:
+        file: Stands where the pickle begins, which fills the rest of it.
 
     Raises:
         InputError: The pickle is damaged, asks for something that is not admitted, or holds no dictionary.
     """
     try:
         start = file.tell()
-        _forbid_far_memos(file)
+        size = file.seek(0, io.SEEK_END)
         file.seek(start)
-        content = ArrayUnpickler(file).load()
+        content = ArrayUnpickler(Stream(file, size, most=MAX_BYTES, line=MAX_BYTES)).load()
+        if not isinstance(content, dict):
+            raise InputError(f"the pickle holds a {type(content).__name__}, expected a dictionary of arrays")
+        return {str(key): value for key, value in content.items()}
     except InputError:
         raise
     # A damaged or hostile stream can make the unpickler raise nearly anything; all of it means the same to the user.
     except Exception as error:
-        raise InputError(f"the pickle cannot be read, it is damaged or incomplete ({error})") from error
-    if not isinstance(content, dict):
-        raise InputError(f"the pickle holds a {type(content).__name__}, expected a dictionary of arrays")
-    return {str(key): value for key, value in content.items()}
+        raise InputError(f"the pickle cannot be read, it is damaged or incomplete ({str(error)[:80]})") from error

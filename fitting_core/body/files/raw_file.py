@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fitting_core.body.files.pickles import as_array, read_pickle
+from fitting_core.body.files.pickles import MAX_BYTES, as_array, read_pickle
 from fitting_core.errors import InputError, some_of
 from fitting_core.files.npz import npz_names, read_npz
 from fitting_core.files.regular import refusal
@@ -20,8 +20,6 @@ OWN_KEYPOINTS = "keypoint_vertices"
 """Optional key for a mesh that is not the official one: a vertex for each of SURFACE_KEYPOINTS, -1 for none."""
 KEYS = (*REQUIRED, *HANDS, *LANDMARKS, OWN_KEYPOINTS, "gender")
 """What is read of a file; it may hold more."""
-MAX_BYTES = 4 * 2**30
-"""Unpacked size of the largest file that is read; SMPL-X's is some 0.5 GB."""
 ADVICE = "Download the model again from its official site, or run `tcfit models` to see the bodies found here."
 
 

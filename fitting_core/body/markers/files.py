@@ -10,7 +10,6 @@
 JSON has the same keys: {"radius": 7, "markers": {"LKNE": 8123}}.
 """
 
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ from fitting_core.body.markers.places import PLACES
 from fitting_core.body.model import JOINTS
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
+from fitting_core.files.toml_text import parsed_toml
 
 _MOST_BYTES, _MOST_MARKERS, _LONGEST = 2**20, 200, 60
 _FARTHEST = 100.0
@@ -51,7 +51,7 @@ def read_marker_set(path: Path) -> MarkerSet:
 def _content(path: Path) -> dict[str, Any]:
     try:
         text = regular_file(path, most=_MOST_BYTES).read_text(encoding="utf-8-sig")
-        found = msgspec.json.decode(text) if text.lstrip()[:1] == "{" else tomllib.loads(text)
+        found = msgspec.json.decode(text) if text.lstrip()[:1] == "{" else parsed_toml(text)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error}); expected {_FORM}.") from error
     except (ValueError, RecursionError) as error:

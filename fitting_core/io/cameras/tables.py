@@ -10,7 +10,6 @@ capitals, underscores and words: NAMES has those that are read.
 """
 
 import re
-import tomllib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ import cv2
 import msgspec
 
 from fitting_core.errors import some_of
+from fitting_core.files.toml_text import parsed_toml
 from fitting_core.io.cameras.calibration import OPENCV_FIRST_PIXEL, Calibration, calibration
 from fitting_core.io.cameras.text_file import text_of
 from fitting_core.io.cameras.transforms import is_transforms, read_transforms
@@ -43,6 +43,13 @@ NAMES: dict[str, tuple[str, ...]] = {
 _MODELS = ("plumbbob", "rationalpolynomial", "radtan", "opencv", "brownconrady", "none", "")
 _DEEPEST = 8
 """Tables within tables."""
+_NESTED = 256
+"""Levels that OpenCV's parsers may have to go down; they fell at 30,000."""
+_XML = re.compile(r"(?P<opens><[^/!?][^<>]*+(?<!/)>)|</")
+_YAML = re.compile(r"(?P<opens>[\[{])|[\]}]")
+_INDENTED = re.compile(rf"^[ \t?-]{{{_NESTED}}}", re.MULTILINE)
+_MOST_BYTES = 4 * 2**20
+"""Of TOML, YAML and XML of cameras, which have some kilobytes."""
 _MOST = 100
 """Elements of a matrix."""
 _TOML_UP = "z"
@@ -52,8 +59,8 @@ _TOML_UP = "z"
 def read_toml(path: Path) -> list[Calibration]:
     """All cameras of a TOML file. Raises ValueError if it has none, or one that cannot be used; OSError."""
     try:
-        table = tomllib.loads(text_of(path))
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        table = parsed_toml(text_of(path, most=_MOST_BYTES))
+    except ValueError as error:
         raise ValueError(f"is no TOML ({error})") from error
     return _cameras(table, up=_TOML_UP)
 
@@ -69,14 +76,30 @@ def read_json(path: Path) -> list[Calibration]:
 
 def read_yaml(path: Path) -> list[Calibration]:
     """All cameras of OpenCV's or ROS's YAML. Raises ValueError if it has none, or one that cannot be used; OSError."""
-    text = text_of(path)
+    text = text_of(path, most=_MOST_BYTES)
+    _forbid_depth("YAML", text, _YAML)
+    if deep := _INDENTED.search(text):
+        raise ValueError(
+            f"is no YAML of a camera: line {text.count(chr(10), 0, deep.start()) + 1} is nested too deeply"
+        )
     # OpenCV reads no YAML without its header, which ROS does not write.
     return _cameras(_stored(text if text.startswith("%YAML") else f"%YAML:1.0\n---\n{text}", "YAML"))
 
 
 def read_xml(path: Path) -> list[Calibration]:
     """All cameras of OpenCV's XML. Raises ValueError if it has none, or one that cannot be used; OSError."""
-    return _cameras(_stored(text_of(path), "XML"))
+    text = text_of(path, most=_MOST_BYTES)
+    _forbid_depth("XML", text, _XML)
+    return _cameras(_stored(text, "XML"))
+
+
+def _forbid_depth(form: str, text: str, marks: re.Pattern) -> None:
+    """Raises ValueError for a text nested so deeply that OpenCV's parsers, which recurse, end the process."""
+    depth = 0
+    for mark in marks.finditer(text):
+        depth += 1 if mark["opens"] else -1
+        if depth > _NESTED:
+            raise ValueError(f"is no {form} of a camera: it is nested more than {_NESTED} deep")
 
 
 def _stored(text: str, form: str) -> Any:

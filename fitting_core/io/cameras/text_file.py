@@ -8,14 +8,18 @@ _MAX_BYTES = 256 * 2**20
 """COLMAP's list of images has its points in it: some 100 kB an image."""
 
 
-def text_of(path: Path) -> str:
+def text_of(path: Path, *, most: int = _MAX_BYTES) -> str:
     """The file's text.
+
+    Args:
+        path: The file.
+        most: Bytes that it may have.
 
     Raises:
         ValueError: It is no file, too large, or no text.
         OSError: It is not there, or cannot be read.
     """
-    if why := refusal(path, most=_MAX_BYTES):
+    if why := refusal(path, most=most):
         raise ValueError(why)
     try:
         return path.read_text(encoding="utf-8-sig")

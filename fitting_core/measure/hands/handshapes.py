@@ -1,6 +1,5 @@
 """Which named handshape a hand is nearest to, and how near: by the directions of its finger bones."""
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -18,6 +17,7 @@ from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
+from fitting_core.files.toml_text import parsed_toml
 from fitting_core.keypoints import LEFT_HAND, RIGHT_HAND
 from fitting_core.measure.hands.phases import Side
 from fitting_core.synthetic.acting.handshapes import HANDSHAPES, Handshape, finger_angles
@@ -127,8 +127,8 @@ def read_handshapes(path: Path) -> dict[str, Handshape]:
         InputError: It cannot be read, or says something else.
     """
     try:
-        table = tomllib.loads(regular_file(path, most=_MOST_BYTES).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
+        table = parsed_toml(regular_file(path, most=_MOST_BYTES).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
         raise InputError(f"{path}: is no TOML that can be read ({error}). docs/linguists.md shows one.") from error
     found: dict[str, Handshape] = {}
     for name, written in table.items():

@@ -8,20 +8,22 @@ weights_only=True it refuses Lightning's objects, and before torch 2.6 even that
 
 import io
 import math
-import pickle
 import struct
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import IO, Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from fitting_core.errors import InputError
+from fitting_core.files.restricted_pickle import Kept, RestrictedUnpickler, Stream, mapping
 
 MAX_COUNT = 2**26
 """Numbers of the largest tensor or storage that is read; VPoser's largest has some 260,000."""
+_MOST_BYTES = 2**30
+"""Of a checkpoint's pickle, or of one that holds its numbers too."""
 _OTHER_ORDER = "it was written on a computer with another byte order; save it again on this one"
 _LEGACY_MAGIC = 0x1950A86A20F9469CFC6C
 _NUMBERS = {
@@ -49,29 +51,19 @@ class StoredTensor:
     strides: tuple[int, ...]
 
 
-class _Table(dict):
-    """An OrderedDict, without the attributes that torch hangs on it."""
-
-    def __setstate__(self, _: object) -> None: ...
-
-
-class Foreign:
+class Foreign(Kept):
     """Stands in for an object of a class that is not needed: takes whatever the pickle does to it and does nothing."""
 
-    def __init__(self, *_: object, **__: object) -> None: ...
+    def __init__(self, *_: object, **__: object) -> None:
+        super().__init__()
 
     def __setstate__(self, _: object) -> None: ...
-
-    def __setitem__(self, _: object, __: object) -> None: ...
 
     def append(self, _: object) -> None:
         """As lists have it."""
 
     def extend(self, _: object) -> None:
         """As lists have it."""
-
-    def add(self, _: object) -> None:
-        """As sets have it."""
 
 
 def _tensor(storage: object, offset: int, shape: tuple[int, ...], strides: tuple[int, ...], *_: object) -> object:
@@ -92,14 +84,14 @@ _MADE: dict[tuple[str, str], Any] = {
     ("torch._utils", "_rebuild_tensor"): _tensor,
     ("torch._utils", "_rebuild_tensor_v2"): _tensor,
     ("torch._utils", "_rebuild_parameter"): _parameter,
-    ("collections", "OrderedDict"): _Table,
+    ("collections", "OrderedDict"): mapping,
     **{("torch", name): np.dtype(code) for name, code in _NUMBERS.items()},
 }
 
 
-class _Unpickler(pickle.Unpickler):
-    def __init__(self, stream: IO[bytes]) -> None:
-        super().__init__(stream)
+class _Unpickler(RestrictedUnpickler):
+    def __init__(self, data: BinaryIO, size: int | None = None) -> None:
+        super().__init__(Stream(data, size, most=_MOST_BYTES))
         self.storages: dict[str, Storage] = {}
 
     def find_class(self, module: str, name: str) -> Any:
@@ -180,24 +172,25 @@ def _read_zip(data: bytes) -> Checkpoint:
             return stream.read(storage.count * storage.dtype.itemsize)
 
     with archive.open(found[0]) as stream:
-        return Checkpoint(_Unpickler(stream).load(), read)
+        return Checkpoint(_Unpickler(stream).load(), read)  # pyright: ignore[reportArgumentType]
 
 
-def _read_legacy(stream: IO[bytes]) -> Checkpoint:
+def _read_legacy(stream: io.BytesIO) -> Checkpoint:
     """Pickles of a magic number, a version, the computer, the content and the storages' keys; then the storages."""
-    if _Unpickler(stream).load() != _LEGACY_MAGIC:
+    size = stream.getbuffer().nbytes
+    if _Unpickler(stream, size).load() != _LEGACY_MAGIC:
         raise InputError("it is no checkpoint of torch")
-    _, computer = (_Unpickler(stream).load() for _ in range(2))
+    _, computer = (_Unpickler(stream, size).load() for _ in range(2))
     if not computer["little_endian"]:
         raise InputError(_OTHER_ORDER)
-    unpickler = _Unpickler(stream)
-    content, keys, places = unpickler.load(), _Unpickler(stream).load(), {}
+    unpickler = _Unpickler(stream, size)
+    content, keys, places = unpickler.load(), _Unpickler(stream, size).load(), {}
     for key in keys:
         (count,) = struct.unpack("<q", stream.read(8))
         places[key] = stream.tell()
         stream.seek(places[key] + max(count, 0) * unpickler.storages[key].dtype.itemsize)
     # Storages lie in the order of their addresses, another in each file: the cut-off one may be one nobody asks for.
-    if stream.tell() > stream.seek(0, io.SEEK_END):
+    if stream.tell() > size:
         raise InputError("its end is missing: copy or download it again")
 
     def read(storage: Storage) -> bytes:

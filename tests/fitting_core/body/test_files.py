@@ -240,7 +240,7 @@ HOSTILE = [
     (b"cnumpy\nload\n.", r"asks for numpy\.load"),
     (b"cnumpy.f2py\ncompile\n.", r"asks for numpy\.f2py\.compile"),
     (b"cfunctools\npartial\n.", r"asks for functools\.partial"),
-    (b"ccopyreg\n_reconstructor\n(cbuiltins\nset\ncbuiltins\nobject\nNtR.", "an object of the class set"),
+    (b"ccopyreg\n_reconstructor\n(cbuiltins\nset\ncbuiltins\nobject\nNtR.", "the pickle holds a Kept"),
     (b"\x80\x04\x8c\x08builtins\x8c\x15object.__subclasses__\x93.", r"asks for builtins\.object\.__sub"),
     (b"\x80\x04\x8c\x06chumpy\x8c\x14Ch.array.__globals__\x93.", "expected a dictionary"),
     (b"Pid\n.", "refers to an object outside the file"),

@@ -62,7 +62,32 @@ class Bomb:
 
 PICKLE_BOMB = pickle.dumps({"poses": Bomb(), "v_template": Bomb()}, protocol=2)
 FAR_MEMO = b"\x80\x02}r\xff\xff\xff\x7f."
-"""Asks the unpickler for a table of 32 GB."""
+"""An empty dictionary, which asks the unpickler for a table of 32 GB."""
+_ENDLESS = b"K\x00K\x00\x86" + b"2\x86" * 60
+"""A tuple that holds itself 2^60 times."""
+HOSTILE: dict[str, tuple[bytes, str]] = {
+    "a key that is hashed for ever": (b"\x80\x04}(" + _ENDLESS + b"Nu.", "an entry under a tuple, expected names"),
+    "a key of the old kind that is hashed for ever": (
+        b"(" + _ENDLESS + b"Nd.",
+        "an entry under a tuple, expected names",
+    ),
+    "a key of many tuples": (b"\x80\x04}(" + b")" + b"\x85" * 10**6 + b"Nu.", "an entry under a tuple"),
+    "a key of an ordered dictionary": (
+        b"\x80\x02ccollections\nOrderedDict\n(](" + _ENDLESS + b"N\x86etR.",
+        "an entry under a tuple",
+    ),
+    "a set that is hashed for ever": (b"\x80\x04}\x8c\x01a\x8f(" + _ENDLESS + b"\x90s.", "has no|holds a dict of a"),
+    "a frozen set that is hashed for ever": (b"\x80\x04}\x8c\x01a(" + _ENDLESS + b"\x91s.", "has no|holds a dict of a"),
+    "a dictionary whose methods are others": (
+        b"\x80\x04\x8c\x0bcollections\x8c\x0bOrderedDict\x93)R}\x8c\x05items\x8c\x05numpy\x8c\x07ndarray\x93sb.",
+        "has no|holds a dict of nothing|is no result",
+    ),
+    "more objects than the memory holds": (
+        b"\x80\x04}\x8c\x01a](" + b"]" * (2**23) + b"es.",
+        "holds more than 8388608 objects, expected those of a clip",
+    ),
+}
+"""Pickles that would keep an unpickler for ever or end the process, and what is said of them."""
 
 
 def doubling(key: str) -> bytes:

@@ -183,6 +183,22 @@ CAMERAS: dict[str, Case] = {
         _changed(files.opencv, "camera.yml", "rows: 3", "rows: 4"), "with 9 numbers"
     ),
     "camera yaml of a fisheye": _case(_changed(files.ros, "camera.yaml", "plumb_bob", "equidistant"), "equidistant"),
+    "camera toml of a key of 60 kB": _case(content("Calib.toml", "a" + ".a" * 30_000 + " = 1"), "more than 32 parts"),
+    "camera toml of a quoted key": _case(
+        content("Calib.toml", "[b]\n'a' " + '. "a"' * 9000 + " = 1"), "line 2 has a key"
+    ),
+    "camera toml of brackets": _case(content("Calib.toml", "a = " + "[" * 50_000), "nested too deeply"),
+    "camera yaml of brackets": _case(
+        content("camera.yml", "%YAML:1.0\n---\na: " + "[" * 50_000), "nested more than 256"
+    ),
+    "camera yaml of braces": _case(content("camera.yaml", "a: " + "{a: " * 50_000), "nested more than 256"),
+    "camera yaml of dashes": _case(content("camera.yml", "a:\n" + "- " * 50_000 + "1"), "line 2 is nested too deeply"),
+    "camera yaml of steps": _case(
+        content("camera.yml", "".join(" " * k + "a:\n" for k in range(2000))), "line 257 is nested too deeply"
+    ),
+    "camera xml of tags": _case(
+        content("camera.xml", '<?xml version="1.0"?><opencv_storage>' + "<a>" * 30_000), "nested more than 256 deep"
+    ),
     "camera xml cut off": _case(_cut(files.opencv, "camera.xml"), "XML|matrix"),
     "camera xml that expands": _case(content("camera.xml", _EXPANDING), "XML|numbers|matrix"),
     "camera json cut off": _case(_cut(files.plain_json, "camera.json"), "JSON"),

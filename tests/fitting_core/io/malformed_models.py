@@ -19,6 +19,7 @@ from fitting_core.video.frames import FrameSource
 from tcfit_app.project.project import Project
 from tests.fitting_core.io.malformed import (
     FAR_MEMO,
+    HOSTILE,
     PICKLE_BOMB,
     Case,
     content,
@@ -57,7 +58,8 @@ MODELS: dict[str, Case] = {
     "body npz bomb": Case(content("SMPLX_MALE.npz", zip_bomb("v_template")), load_body, "SMPLX_MALE.npz"),
     "body says 8 TB": Case(content("SMPLX_MALE.npz", endless_npz("v_template")), load_body, "'v_template' declares"),
     "body pickle bomb": _pickled_body(PICKLE_BOMB, r"asks for (posix|nt).system, which no body model needs"),
-    "body memo bomb": _pickled_body(FAR_MEMO, "numbers an object 2147483647"),
+    "body memo bomb": _pickled_body(FAR_MEMO, "has no v_template"),
+    **{f"body of {name}": _pickled_body(*hostile) for name, hostile in HOSTILE.items()},
     "body list bomb": _pickled_body(
         pickle.dumps({**body_arrays(), "v_template": pickle.loads(doubling("v"))["v"]}, protocol=2), "lists nested"
     ),
@@ -68,6 +70,10 @@ MODELS: dict[str, Case] = {
     "vposer empty folder": Case(directory("V02_05"), read_vposer, "holds no VPoser .found nothing"),
     "vposer truncated": Case(content("snapshots/TR00_E096.pt", b"PK\x03\x04rest"), read_vposer, "is no VPoser"),
     "vposer pickle bomb": Case(content("TR00_E096.pt", PICKLE_BOMB), read_vposer, "is no VPoser"),
+    **{
+        f"vposer of {name}": Case(content("TR00_E096.pt", hostile), read_vposer, "is no VPoser")
+        for name, (hostile, _) in HOSTILE.items()
+    },
     "vposer another network": Case(
         content("a.ckpt", zipped({"a/data.pkl": pickle.dumps({"state_dict": {}}, protocol=2)})),
         read_vposer,

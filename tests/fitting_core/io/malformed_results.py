@@ -13,6 +13,7 @@ from fitting_core.io.result_files import read_fit
 from tcfit_app.project.storage.run_files import read_run
 from tests.fitting_core.io.malformed import (
     FAR_MEMO,
+    HOSTILE,
     PICKLE_BOMB,
     Case,
     content,
@@ -56,7 +57,8 @@ RESULTS: dict[str, Case] = {
     "smplifyx empty": smplifyx(b"", "the pickle cannot be read"),
     "smplifyx a text": smplifyx(b"body_pose: 0\n", "the pickle"),
     "smplifyx pickle bomb": smplifyx(PICKLE_BOMB, r"asks for (posix|nt).system, which no body model needs"),
-    "smplifyx memo bomb": smplifyx(FAR_MEMO, "numbers an object 2147483647"),
+    "smplifyx memo bomb": smplifyx(FAR_MEMO, "has no .* .it has nothing"),
+    **{f"smplifyx of {name}": smplifyx(*hostile) for name, hostile in HOSTILE.items()},
     "smplifyx list bomb": smplifyx(
         pickle.dumps({**_RESULT, "betas": pickle.loads(doubling("b"))["b"]}, protocol=2), "'betas' is lists nested"
     ),

@@ -109,6 +109,7 @@ def test_a_result_of_a_part_of_the_clip_is_shown_and_measured_there_alone(
     fits = Fits(project)
     shown = fits.show(FitChoice(run=run.id))
     assert shown is not None and [shown.has(t) for t in range(FRAMES)] == [False, True, True, True, False, False]
+    assert shown == fits.show(FitChoice(run=run.id)), "what is on show is compared at every draw"
     (note,) = (note for note in fits.fit(run).last.notes if "no result" in note)
     assert f"3 of the clip's {FRAMES} frames ({first}, {first + 4}-{first + 5})" in note
     posed = PosedFit.of(project.clip, fits.fit(run), Meshes(tiny_body), there=shown.there)

@@ -16,7 +16,8 @@ from numpy.lib import format as npy
 from fitting_core.body.files.pickles import as_objects
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
-from fitting_core.io.motion.learned.unpickling import MAX_BYTES, Load, Storage, Stream, unpickled, with_storages
+from fitting_core.files.restricted_pickle import Load, Stream
+from fitting_core.io.motion.learned.unpickling import MAX_BYTES, Storage, unpickled, with_storages
 
 _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 _OBJECTS = re.compile(r"(?:.*/)?(?:hps_track_\d{1,6}|camera)\.npy|results\.npy", re.DOTALL)
@@ -115,7 +116,7 @@ def _of_packed(unpack: Callable[[BinaryIO], Any], file: BinaryIO) -> Any:
     except (OSError, EOFError, zlib.error, lzma.LZMAError):
         return None
     file.seek(0)
-    return unpickled(Stream(unpack(file), None)) if holds_pickle else None
+    return unpickled(Stream(unpack(file), None, most=MAX_BYTES)) if holds_pickle else None
 
 
 def _of_zip(archive: zipfile.ZipFile, left: int) -> Any:
@@ -156,7 +157,7 @@ def _of_torch(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo], pre
         return Storage(code, count, _load(archive, members.get(f"{prefix}data/{key}")), order=order)
 
     with archive.open(members[f"{prefix}data.pkl"]) as stream:
-        return with_storages(Stream(stream, None), storage)  # pyright: ignore[reportArgumentType]
+        return with_storages(Stream(stream, None, most=MAX_BYTES), storage)  # pyright: ignore[reportArgumentType]
 
 
 def _member(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo], name: str, most: int) -> bytes:

@@ -6,14 +6,14 @@ same file), pytorch/pytorch `torch/serialization.py` and `torch/storage.py` (ten
 
 import io
 import math
-import pickle
 from collections.abc import Callable
-from typing import Any, BinaryIO, ClassVar
+from typing import Any
 
 import numpy as np
 
-from fitting_core.body.files.pickles import MAX_ELEMENTS, Kept, as_array, stand_in
+from fitting_core.body.files.pickles import MAX_ELEMENTS, as_array, stand_in
 from fitting_core.errors import InputError
+from fitting_core.files.restricted_pickle import Kept, Load, RestrictedUnpickler, Stream, mapping
 
 MAX_BYTES = 2 * 2**30
 """Of what is held in memory of one file: pickles themselves, and arrays of packed files."""
@@ -36,64 +36,6 @@ _STORAGES = {
     "BoolStorage": "b1",
 }
 """Types of numbers by the names of torch's storages."""
-Load = Callable[[], bytes]
-
-
-class Stream:
-    """A file read from front to back. It has no `peek`: an unpickler must not read ahead of arrays in the file.
-
-    Args:
-        file: Opened for reading.
-        size: Bytes that it has; None: it is unpacked as it is read, and cannot go back.
-        most: Bytes that are read into memory.
-    """
-
-    def __init__(self, file: BinaryIO, size: int | None, *, most: int = MAX_BYTES) -> None:
-        self._file, self._size = file, size
-        self.left = most
-        """Bytes that may still be read into memory."""
-
-    def read(self, count: int) -> bytes:
-        """So many bytes, or those that are left.
-
-        Raises:
-            InputError: They are more than are read of a file.
-        """
-        if self._size is not None:
-            count = min(count, max(self._size - self._file.tell(), 0))
-        if count > self.left:
-            raise InputError(f"holds more than {MAX_BYTES / 2**30:.0f} GB, which no result does")
-        data = self._file.read(count)
-        self.left -= len(data)
-        return data
-
-    def readline(self) -> bytes:
-        """Up to the end of a line of at most 64 kB."""
-        data = self._file.readline(min(2**16, self.left))
-        self.left -= len(data)
-        return data
-
-    def take(self, count: int) -> Load:
-        """The next so many bytes: in memory where the file is packed, else left in the file until they are wanted.
-
-        Raises:
-            InputError: The file ends before.
-        """
-        if self._size is None:
-            data = self.read(count)
-            if len(data) < count:
-                raise InputError(f"ends in an array of {count} bytes; it was cut off")
-            return lambda: data
-        start = self._file.tell()
-        if count > self._size - start:
-            raise InputError(f"ends in an array of {count} bytes; it was cut off")
-        self._file.seek(count, io.SEEK_CUR)
-
-        def load() -> bytes:
-            self._file.seek(start)
-            return self._file.read(count)
-
-        return load
 
 
 class _Inline(Kept):
@@ -197,15 +139,10 @@ def _first(first: object, *_: object) -> object:
 
 def _storage_of_bytes(data: object) -> Storage:
     """A storage in a pickle: a file of torch's older form in a string of bytes."""
-    found = legacy(Stream(io.BytesIO(data), len(data))) if isinstance(data, bytes) else None
+    found = legacy(Stream(io.BytesIO(data), len(data), most=MAX_BYTES)) if isinstance(data, bytes) else None
     if not isinstance(found, Storage):
         raise InputError("a tensor whose numbers are not in the file")
     return found
-
-
-def _mapping(*_: object) -> dict[Any, Any]:
-    """Mappings begin empty: their entries follow."""
-    return {}
 
 
 def _encode(text: str, encoding: str = "latin1") -> bytes:
@@ -220,22 +157,18 @@ _ADMITTED: dict[tuple[str, str], Any] = {
     ("torch._utils", "_rebuild_parameter"): _first,
     ("torch.storage", "_load_from_bytes"): _storage_of_bytes,
     ("torch", "Size"): _first,
-    ("collections", "OrderedDict"): _mapping,
-    ("collections", "defaultdict"): _mapping,
-    ("builtins", "dict"): _mapping,
-    ("__builtin__", "dict"): _mapping,
+    ("collections", "OrderedDict"): mapping,
+    ("collections", "defaultdict"): mapping,
+    ("builtins", "dict"): mapping,
+    ("__builtin__", "dict"): mapping,
     ("_codecs", "encode"): _encode,
     **{("torch", name): Storage(code, 0) for name, code in _STORAGES.items()},
 }
 """What results need, beside numpy's arrays."""
-_PLAIN = (str, bytes, int, float, type(None), Kept)
 
 
-class ResultUnpickler(pickle._Unpickler):
+class ResultUnpickler(RestrictedUnpickler):
     """Unpickler that admits arrays, tensors and plain containers, and nothing else.
-
-    It is Python's own in Python: the one in C reads ahead, and takes memory for whatever number an object is remembered
-    by. Nothing of the file becomes an attribute of an object that is not a stand-in.
 
     Args:
         stream: Stands where the pickle begins; stands behind it afterwards.
@@ -243,9 +176,8 @@ class ResultUnpickler(pickle._Unpickler):
     """
 
     def __init__(self, stream: Stream, storage: Callable[[str, str, int], Storage] | None = None) -> None:
-        super().__init__(stream, encoding="latin1")  # pyright: ignore[reportArgumentType]
-        self._stream, self._storage = stream, storage
-        self.stack: list[Any]
+        super().__init__(stream)
+        self._storage = storage
 
     def find_class(self, module: str, name: str) -> Any:
         """The stand-in for what the pickle names.
@@ -271,51 +203,9 @@ class ResultUnpickler(pickle._Unpickler):
             raise InputError("refers to a storage that is none of numbers")
         return self._storage(key, kind.code, count)
 
-    def _build(self) -> None:
-        state, instance = self.stack.pop(), self.stack[-1]
-        if isinstance(instance, Kept):
-            instance.__setstate__(state)
-        if isinstance(instance, _Inline):
-            self.stack[-1] = instance.read_from(self._stream)
-
-    def _set_item(self) -> None:
-        value, key = self.stack.pop(), self.stack.pop()
-        _put(self.stack[-1], key, value)
-
-    def _set_items(self) -> None:
-        items = self.pop_mark()  # pyright: ignore[reportAttributeAccessIssue]
-        for key, value in zip(items[::2], items[1::2], strict=True):
-            _put(self.stack[-1], key, value)
-
-    def _bytes(self) -> None:
-        count = int.from_bytes(self._exactly(8), "little")
-        self.stack.append(self._exactly(count))
-
-    def _exactly(self, count: int) -> bytes:
-        if len(data := self.read(count)) < count:  # pyright: ignore[reportAttributeAccessIssue]
-            raise EOFError("the pickle ends early")
-        return data
-
-    def _refuse(self) -> None:
-        raise InputError("holds a set, which no result has")
-
-    dispatch: ClassVar[dict[int, Any]] = {
-        **pickle._Unpickler.dispatch,
-        pickle.BUILD[0]: _build,
-        pickle.SETITEM[0]: _set_item,
-        pickle.SETITEMS[0]: _set_items,
-        pickle.EMPTY_SET[0]: _refuse,
-        pickle.ADDITEMS[0]: _refuse,
-        pickle.FROZENSET[0]: _refuse,
-        pickle.BYTEARRAY8[0]: _bytes,
-    }
-
-
-def _put(target: object, key: object, value: object) -> None:
-    """An entry of a dictionary. A tuple as a key could hold itself so often that its hash takes for ever."""
-    if not isinstance(target, dict) or not isinstance(key, _PLAIN):
-        raise InputError(f"has an entry under a {type(key).__name__}, expected names and numbers")
-    target[key] = value
+    def built(self, stand_in: Kept) -> object:
+        """Behind joblib's wrapper of an array lies the array."""
+        return stand_in.read_from(self.stream) if isinstance(stand_in, _Inline) else stand_in
 
 
 def unpickled(stream: Stream) -> Any:

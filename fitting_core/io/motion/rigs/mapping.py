@@ -12,7 +12,6 @@ What the table leaves out is guessed by the joints' names, and "" says that the 
 the rig itself, given in the place of this file, everything is guessed.
 """
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
@@ -21,6 +20,7 @@ from pathlib import Path
 from fitting_core.errors import InputError, some_of
 from fitting_core.files.atomic import replacing
 from fitting_core.files.regular import regular_file
+from fitting_core.files.toml_text import parsed_toml
 from fitting_core.io.motion.rigs.bvh_skeleton import read_bvh_skeleton
 from fitting_core.io.motion.rigs.gltf_file import read_gltf
 from fitting_core.io.motion.rigs.gltf_skeleton import gltf_skeleton
@@ -161,8 +161,8 @@ def _table(path: Path) -> dict:
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error}).") from error
     try:
-        table = tomllib.loads(content.decode("utf-8-sig"))
-    except (ValueError, RecursionError) as error:
+        table = parsed_toml(content.decode("utf-8-sig"))
+    except ValueError as error:
         raise InputError(
             f'{path}: is no TOML file ({error}). Expected a line such as skeleton = "hero.glb", and a table [joints].'
         ) from None

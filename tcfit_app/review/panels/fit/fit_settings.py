@@ -1,6 +1,5 @@
 """The settings of the next fit, as inputs: those that are changed most, and all others as TOML."""
 
-import tomllib
 from collections.abc import Callable, Hashable
 from contextlib import suppress
 from dataclasses import replace
@@ -14,6 +13,7 @@ from fitting_core.config.schema import POSE_PRIORS, PRESETS, FitConfig
 from fitting_core.config.settings import RANGES, Range, changed, settings, value_of
 from fitting_core.config.toml import as_toml, parsed
 from fitting_core.errors import InputError
+from fitting_core.files.toml_text import parsed_toml
 from fitting_core.priors.files.registry import list_priors
 from tcfit_app.review.gestures.fitting import camera_of
 from tcfit_app.review.panels.elements.camera_input import CameraInput
@@ -239,8 +239,8 @@ class FitInputs:
 
     def _take_source(self) -> None:
         prior = None
-        with suppress(tomllib.TOMLDecodeError, RecursionError):  # which `parsed` tells
-            prior = self._prior(tomllib.loads(self._source.value).get("pose_prior"))
+        with suppress(ValueError):  # which `parsed` tells
+            prior = self._prior(parsed_toml(self._source.value).get("pose_prior"))
         preset, config = parsed(self._source.value, origin=_SOURCE)
         config = replace(config, pose_prior=prior) if prior is not None else config
         self._set(preset=preset, config=config, problems=())
