@@ -4,6 +4,7 @@ import hashlib
 import http.client
 import json
 import shutil
+import socket
 import urllib.error
 import urllib.request
 import zipfile
@@ -88,10 +89,8 @@ def download(model: KnownModel, folder: Path | None = None) -> Generator[Downloa
     except urllib.error.HTTPError as error:
         raise InputError(f"{model.url}: the server answers {error.code} ({error.reason}). {_BY_HAND}") from error
     except (urllib.error.URLError, http.client.HTTPException, TimeoutError, ConnectionError) as error:
-        reason = getattr(error, "reason", error)
         raise InputError(
-            f"{model.url}: cannot be fetched ({reason}). What has come stays, and the next try goes on there. "
-            + _BY_HAND
+            f"{model.url}: cannot be fetched: {_why(error)}. {_kept(model.url, part)}{_BY_HAND}"
         ) from error
     except OSError as error:
         raise InputError(f"{folder}: cannot be written ({error.strerror or error}). Free space there.") from error
@@ -100,10 +99,37 @@ def download(model: KnownModel, folder: Path | None = None) -> Generator[Downloa
 _BY_HAND = "Or download it in a browser, and give the ONNX file's path."
 
 
+def _why(error: Exception) -> str:
+    """What keeps the server from being reached, for somebody who knows no errno."""
+    reason = getattr(error, "reason", error)
+    if isinstance(reason, socket.gaierror):
+        return "this computer does not find the server's address; see whether it is on the internet, or needs a proxy"
+    if isinstance(reason, TimeoutError):
+        return "the server does not answer"
+    if isinstance(reason, ConnectionRefusedError):
+        return "the server takes no connection"
+    if isinstance(reason, http.client.IncompleteRead):
+        return "the connection broke off"
+    if isinstance(reason, OSError) and reason.strerror:
+        return f"the connection failed ({reason.strerror})"
+    return f"the connection failed ({reason})"
+
+
+def _there(url: str, part: Path) -> int:
+    """Bytes that a further try goes on after."""
+    known = _state(part)
+    return part.stat().st_size if part.is_file() and known.get("url") == url and known.get("tag") else 0
+
+
+def _kept(url: str, part: Path) -> str:
+    have = _there(url, part)
+    size = f"{have / 1e6:.1f} MB" if have >= 1e5 else f"{have / 1e3:g} kB"
+    return f"The first {size} are here already, and a further try goes on after them. " if have else ""
+
+
 def _fetch(url: str, part: Path) -> Iterator[DownloadProgress]:
     """Bring the file `part` to what the server has, from where it ends."""
-    known = _state(part)
-    have = part.stat().st_size if part.is_file() and known.get("url") == url and known.get("tag") else 0
+    known, have = _state(part), _there(url, part)
     headers = {"User-Agent": "tcfit", "Accept-Encoding": "identity"}
     if have:
         headers |= {"Range": f"bytes={have}-", "If-Range": known["tag"]}

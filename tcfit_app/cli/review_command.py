@@ -30,6 +30,7 @@ from tcfit_app.server.serving import ReviewServer, review_server, tell
 if TYPE_CHECKING:
     from tcfit_app.project.people import OpenPeople
     from tcfit_app.project.project import Project
+    from tcfit_app.review.session.session import Session
 
 
 def run_review(options: ReviewOptions) -> None:
@@ -165,20 +166,29 @@ def _review(
     app = ReviewApp(session, server.viser, files=options.files, group=people and Group(people, sessions))
     try:
         for one in sessions:
-            if fit is None or one.fits.runs or one.project.read_only:
-                continue
-            if one.project.has_detections:
-                one.fit_everything(fit, kind="smplx", gender="neutral")
-            elif find is not None:
-                one.find_and_fit(find.detector, fit, person=find.person)
-            else:
-                tell("Nothing is fitted: the project has no keypoints yet, and --keypoints none was given.")
+            if fit is not None and (why_not := _begun(one, fit, find)):
+                tell(f"--fit: nothing is fitted, for {one.project.folder.name} {why_not}.")
         app.run()
     except KeyboardInterrupt:
         tell("Ending the review ...")
     finally:
         app.close()
     tell(f"The review has ended. Everything is saved in {project.folder if people is None else people.folder}")
+
+
+def _begun(session: "Session", fit: FitConfig, find: ClipOptions | None) -> str:
+    """Begin a first fit; why it cannot be one, in the rest of a sentence."""
+    if session.project.read_only:
+        return "is open read-only"
+    if session.fits.runs:
+        return "has fits already"
+    if session.project.has_detections:
+        session.fit_everything(fit, kind="smplx", gender="neutral")
+    elif find is not None:
+        session.find_and_fit(find.detector, fit, person=find.person)
+    else:
+        return "has no keypoints. Have them found first, in the panel Start"
+    return ""
 
 
 def _take_reference(project: "Project", options: ReferenceOptions) -> None:

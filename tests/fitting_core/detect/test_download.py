@@ -2,7 +2,11 @@
 
 import hashlib
 import io
+import json
+import socket
 import threading
+import urllib.error
+import urllib.request
 import zipfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
@@ -11,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from fitting_core.detect.download import Downloaded, DownloadProgress, announced, download
+from fitting_core.detect.download import Downloaded, DownloadProgress, _note, announced, download
 from fitting_core.detect.known_models import KNOWN_MODELS, KnownModel, find_model, is_here, model_path
 from fitting_core.errors import InputError
 from tests.fitting_core.detect.onnx_files import brightest_model
@@ -113,7 +117,8 @@ def test_a_download_that_breaks_off_goes_on(
     known: KnownModel, served: Served, tmp_path: Path, onnx_bytes: bytes, breaks_after: int
 ):
     served.breaks_after = breaks_after
-    with pytest.raises(InputError, match="the next try goes on there"):
+    kept = f"The first {breaks_after / 1e3:g} kB are here already, and a further try goes on after them. "
+    with pytest.raises(InputError, match="the connection broke off. " + kept * bool(breaks_after) + "Or download"):
         list(download(known, tmp_path))
     assert nothing_there(tmp_path)
     served.breaks_after = None
@@ -212,10 +217,35 @@ def test_names_in_archives_do_not_become_paths(known: KnownModel, served: Served
 
 
 def test_servers_that_are_not_there_or_refuse(known: KnownModel, served: Served, tmp_path: Path):
-    with pytest.raises(InputError, match="cannot be fetched"):
+    with pytest.raises(InputError, match=r"cannot be fetched: the server takes no connection\. Or download it"):
         list(download(replace(known, url="http://127.0.0.1:9/model.zip"), tmp_path))
     served.status = 404
     with pytest.raises(InputError, match="answers 404"):
+        list(download(known, tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("reason", "words"),
+    [
+        (socket.gaierror(-2, "Name or service not known"), "does not find the server's address; see whether it is on"),
+        (TimeoutError("timed out"), "the server does not answer"),
+        (ConnectionResetError(104, "Connection reset by peer"), r"the connection failed \(Connection reset by peer\)"),
+    ],
+)
+def test_what_keeps_a_server_away_is_told_in_words(
+    known: KnownModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, reason: OSError, words: str
+):
+    def fail(*_: object, **__: object) -> None:
+        raise urllib.error.URLError(reason)
+
+    monkeypatch.setattr(urllib.request, "urlopen", fail)
+    with pytest.raises(InputError, match=f"cannot be fetched: .*{words}.*Or download it in a browser") as told:
+        list(download(known, tmp_path))
+    assert "Errno" not in str(told.value) and "goes on after them" not in str(told.value)
+    part = tmp_path / f".{known.name}.part"
+    part.write_bytes(bytes(2_500_000))
+    _note(part).write_text(json.dumps({"url": known.url, "tag": '"1"'}))
+    with pytest.raises(InputError, match=r"The first 2\.5 MB are here already, and a further try goes on after them"):
         list(download(known, tmp_path))
 
 

@@ -6,10 +6,13 @@ from typing import Any
 
 import pytest
 
+from fitting_core.config.schema import PRESETS
 from tcfit_app.cli.main import main, parse
 from tcfit_app.project.project import Project
 from tcfit_app.review.app import ReviewApp
 from tcfit_app.review.session.session import Session
+from tests.samples.media import write_video
+from tests.samples.project_samples import BODY
 from tests.tcfit_app.conftest import FRAMES
 
 
@@ -72,6 +75,32 @@ def test_a_first_fit_starts_if_asked_for(
     assert not started.is_set()
     reviewed(folder, "--fit")
     assert started.is_set()
+
+
+def test_a_fit_that_is_asked_for_and_cannot_begin_is_told(
+    clip_arguments: list[str],
+    tmp_path: Path,
+    served: list[Session],
+    capsys: pytest.CaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
+):
+    def told(*arguments: str | Path) -> str:
+        capsys.readouterr()
+        assert reviewed(*arguments, "--fit") == 0
+        lines = [line for line in capsys.readouterr().out.splitlines() if "--fit" in line]
+        return lines[0] if lines else ""
+
+    alone, folder = tmp_path / "alone.tcfit", tmp_path / "wave.tcfit"
+    no_keypoints = "--fit: nothing is fitted, for alone.tcfit has no keypoints. Have them found first"
+    assert no_keypoints in told(write_video(tmp_path / "a.mp4"), "--keypoints", "none", "--out", alone)
+    found = []
+    monkeypatch.setattr(Session, "find_and_fit", lambda self, detector, fit, person: found.append(detector))
+    assert told(alone) == "" and found == ["mediapipe"], "they are found without being asked twice"
+    reviewed(*clip_arguments, "--out", folder)
+    assert told(folder, "--read-only").endswith("wave.tcfit is open read-only.")
+    with Project.open(folder) as project:
+        project.runs.start(PRESETS["tcfit"], body=BODY, edits_seen=0)
+    assert told(folder).endswith("wave.tcfit has fits already.")
 
 
 def test_what_is_wrong_is_said(clip_arguments: list[str], tmp_path: Path, capsys: pytest.CaptureFixture):

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from fitting_core.keypoints import COUNT, Keypoints
-from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.project.edits.edit_log import EditHistory, LogEntry, Undo
 from tcfit_app.project.edits.keyframes import joined
 from tcfit_app.project.edits.kinds import Edit, MarkBad, MoveKey, MoveKeypoint, Nudge, PlaceKey, RemoveKey, Reset
@@ -146,10 +145,10 @@ def test_frames_far_apart_are_not_joined(history: EditHistory):
 
 def test_undo_brings_all_of_it_back(history: EditHistory):
     place(history, 10, ONE, by=(30.0, 0.0))
-    before: Corrected = history.corrected
+    before = history.corrected.records.copy()
     place(history, 20, ONE, by=(50.0, 0.0))
     last = history.undoable
     assert last is not None
     do(history, Undo(edit=last.id))
-    for name in before.records.dtype.names or ():
-        np.testing.assert_array_equal(history.corrected.records[name], before.records[name])
+    for name in before.dtype.names or ():
+        np.testing.assert_array_equal(history.corrected.records[name], before[name])

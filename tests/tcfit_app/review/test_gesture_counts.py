@@ -89,14 +89,14 @@ def user(review: Reviewing) -> User:
 
 def test_a_wrist_that_is_wrong_over_ten_frames(user: User):
     review = user.review
-    before, edits = review.session.project.corrected, review.session.project.last_edit
+    before, edits = review.session.project.clip.keypoints, review.session.project.last_edit
     for frame in (5, 14):
         user.seek(frame)
         user.move_wrist((30.0, -20.0))
         edits += 1
         until(lambda done=edits: review.session.project.last_edit == done, "the edit")
     assert user.count == 4, "two seeks and two drags"
-    after, way = review.session.project.corrected, np.array([30.0, -20.0]) / review.scale()
+    after, way = review.session.project.clip.keypoints, np.array([30.0, -20.0]) / review.scale()
     for frame in range(5, 15):
         np.testing.assert_allclose(after.xy[frame, WRIST] - before.xy[frame, WRIST], way, atol=0.1)
         there = [joint for joint in HAND if before.confidence[frame, joint] > 0]

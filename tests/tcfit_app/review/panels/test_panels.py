@@ -297,7 +297,7 @@ def test_moving_by_fields(tested: LonePage):
     page = tested.page
     joint = int(np.flatnonzero(page.tab.session.project.detections.confidence[0] > 0)[0])
     page.tab.set(selection=(joint,))
-    before = page.tab.session.project.corrected.xy[0, joint]
+    before = page.tab.session.project.corrected.xy[0, joint].copy()
     tested.field("Move by")._impl.value = (2.5, -1.0)
     tested.press("keypoints.move")
     np.testing.assert_allclose(page.tab.session.project.corrected.xy[0, joint] - before, (2.5, -1.0))

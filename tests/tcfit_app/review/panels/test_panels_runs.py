@@ -305,6 +305,23 @@ def test_a_re_run_stands_beside_what_it_came_from(panel_of: Opener):
     assert (tab.state.mode, tab.state.a.run, tab.state.b.run) == ("ab", first.id, rerun.id)
 
 
+def test_the_corrected_fit_stands_beside_the_first_one_as_the_first_correction_tells(panel_of: Opener):
+    """docs/first-correction.md, step 5: nothing was chosen, and B has gone over to the corrections by itself."""
+    tested = panel_of(RunsPanel)
+    first, tab = tested.fit(), tested.page.tab
+    tab.set(selection=(kp.INDEX["right_elbow"],))
+    tested.page.gestures.correcting.nudge(20.0, 0.0)
+    tested.until(lambda: not tab.session.jobs and not tab.session.edit_follower.busy)
+    tested.draw()
+    told = (Path(__file__).parents[4] / "docs" / "first-correction.md").read_text(encoding="utf-8")
+    assert "*Compare with its parent* in the panel *Runs*" in " ".join(told.split())
+    tested.click("Compare with its parent")
+    a, b = tab.look().a, tab.look().b
+    assert a is not None and b is not None and tab.state.mode == "ab"
+    assert (a.run.id, a.phase, b.run.parent, b.phase) == (first.id, 3, first.id, 3)
+    assert not np.array_equal(a.params.body_pose, b.params.body_pose)
+
+
 def _metrics(tested: LonePage, shown: Shown, frames: range | None = None) -> tuple[Metric, ...]:
     found: list[tuple[Metric, ...] | None] = []
     tested.until(lambda: found.append(tested.page.tab.data.metrics(shown, frames)) or found[-1] is not None)
