@@ -197,7 +197,7 @@ export const PANEL_SHEET = `
 .tcfit-keys { columns: 2; column-gap: 28px; }
 .tcfit-keys section { break-inside: avoid; padding-bottom: 12px; }
 .tcfit-keys td:first-child { width: 118px; }
-.tcfit-joined { display: flex; flex: 1 1 auto; min-width: 0; }
+.tcfit-joined { display: flex; flex-wrap: wrap; flex: 1 1 auto; min-width: 0; }
 .tcfit-joined button { border-radius: 0; margin-left: -1px; padding: 0 5px; }
 .tcfit-joined kbd { margin-left: 4px; }
 .tcfit-joined button:first-child { border-radius: 4px 0 0 4px; margin-left: 0; }
@@ -219,6 +219,7 @@ export const PANEL_SHEET = `
   overflow-wrap: anywhere; }
 .tcfit-table .tcfit-number, .tcfit-table .tcfit-whole { white-space: nowrap; overflow-wrap: normal; }
 .tcfit-table .tcfit-number { text-align: right; }
+.tcfit-table .tcfit-number div { white-space: normal; }
 .tcfit-table tr[data-tcfit] { cursor: pointer; }
 .tcfit-table tr[data-tcfit]:hover td { background: var(--tcfit-pointed); }
 .tcfit-focal { display: block; width: 100%; height: auto; margin: 4px 0; border-radius: 4px; background: var(--tcfit-bed); }
