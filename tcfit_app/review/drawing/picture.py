@@ -260,6 +260,7 @@ class Picture:
             confidence=shares(corrected.confidence[frame]),
             bad=tuple(np.flatnonzero(corrected.bad[frame]).tolist()),
             edited=tuple(edited.tolist()),
+            pinned=tuple(np.flatnonzero(corrected.pinned[frame]).tolist()),
             detections=tuple((j, *pixel_pairs(found.xy[frame, [j]])[0]) for j in detected),
         )
         tab.channel.send("keypoints", keypoints)

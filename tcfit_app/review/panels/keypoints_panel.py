@@ -332,7 +332,7 @@ def _detected_by(detector: str) -> list[Html]:
     return [paragraph(f"Detected by {DETECTORS.get(detector, detector)}.", "dim")] if detector else []
 
 
-_STATES = ("bad", "corrected", "detected", "missing")
+_STATES = ("bad", "pinned", "corrected", "detected", "missing")
 """The style sheet knows these names."""
 
 
@@ -342,6 +342,8 @@ def state_of(corrected: Corrected, frame: int, joint: int) -> str:
         return "bad"
     if corrected.confidence[frame, joint] == 0:
         return "missing"
+    if corrected.pinned[frame, joint]:
+        return "pinned"
     return "corrected" if corrected.edited[frame, joint] else "detected"
 
 
