@@ -136,6 +136,8 @@ def _checked(gate: Gate, answer: Callable[[Any, Request], Response | None]) -> C
             response = busy()
         if response is None:
             response = answer(connection, request)
+            if response is not None:
+                response.body = viser_bridge.curtained(response.headers, bytes(response.body))
         if response is not None:
             protect(response.headers)
         return response

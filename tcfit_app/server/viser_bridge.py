@@ -4,10 +4,11 @@ No other file imports a private module of viser or touches a private attribute o
 that a new version of viser is looked through here, and in the page's `viser/bridge.js`.
 """
 
+import gzip
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, lru_cache
 from threading import Lock
 from types import SimpleNamespace
 from typing import Any
@@ -15,6 +16,7 @@ from zipfile import ZipFile
 
 import viser
 import websockets.asyncio.server
+from websockets.datastructures import Headers
 
 from fitting_core.errors import InputError
 
@@ -177,6 +179,40 @@ def watch_connections(
 
     server._websock_server.on_client_connect(come)
     server._websock_server.on_client_disconnect(gone)
+
+
+_CURTAIN = b"""<style>
+html::before { content: ""; position: fixed; inset: 0; z-index: 900; pointer-events: none; background: #fff;
+  animation: tcfit-lift 0s 6s forwards; }
+html.tcfit-drawn::before { left: calc(100% - 342px); }
+html.tcfit-ready::before { display: none; }
+@keyframes tcfit-lift { to { visibility: hidden; } }
+@media (prefers-color-scheme: dark) { html::before { background: #1a1b1e; } }
+</style>"""
+"""Over viser's own panel, and its theme, until the app's picture and panels are there (the page's `curtain.js`); at the
+latest after 6 seconds: what keeps them away is seen then."""
+
+
+def curtained(headers: Headers, body: bytes) -> bytes:
+    """A page of viser's behind a curtain; whatever else it answers as it is.
+
+    Args:
+        headers: Of the answer; its length is put right in place.
+        body: Of the answer, compressed or not.
+    """
+    if not headers.get("Content-Type", "").startswith("text/html"):
+        return body
+    made = _curtained(body, headers.get("Content-Encoding") == "gzip")
+    del headers["Content-Length"]
+    headers["Content-Length"] = str(len(made))
+    return made
+
+
+@lru_cache(maxsize=2)  # with and without compression
+def _curtained(body: bytes, compressed: bool) -> bytes:
+    page = gzip.decompress(body) if compressed else body
+    page = page.replace(b"<head>", b"<head>" + _CURTAIN, 1)
+    return gzip.compress(page, compresslevel=1) if compressed else page
 
 
 def let_tabs_leave() -> None:

@@ -19,6 +19,7 @@ _RECORD = np.dtype(
         ("bad", bool),
         ("edited", bool),
         ("key", bool),
+        ("pinned", bool),
     ],
     align=True,
 )
@@ -83,6 +84,11 @@ class Corrected:
     def key(self) -> Bool[np.ndarray, "F K"]:
         """A person has put it there as a keyframe: the frames between two of them follow both."""
         return self.records["key"]
+
+    @property
+    def pinned(self) -> Bool[np.ndarray, "F K"]:
+        """A person has said that it is in one place in space, in these frames and others, and nothing since."""
+        return self.records["pinned"]
 
     @property
     def shift(self) -> Float[np.ndarray, "F K 2"]:

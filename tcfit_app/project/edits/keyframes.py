@@ -81,6 +81,7 @@ def keyed(
             row = placed - start
             one.xy[row], one.shift[row] = xy[column], xy[column] - base[row, column]
             one.confidence[row], one.bad[row], one.edited[row], one.key[row] = 1.0, False, True, True
+            one.pinned[row] = False
         rows = slice(first, last + 1)
         one, found = (Corrected(records=part.records[rows]) for part in (one, found))
         _follow(one, found, there[rows, column], base[rows, column])
@@ -121,7 +122,7 @@ def _follow(one: Corrected, found: Corrected, there: Bool[np.ndarray, "n"], base
         path = path + _interpolated(rows, keys, one.xy - path)
         one.xy[between], one.shift[between] = path[between], (path - base)[between]
         one.confidence[between & ~there] = 1.0
-        one.bad[between], one.edited[between] = False, True
+        one.bad[between], one.edited[between], one.pinned[between] = False, True, False
     back = ~between & ~one.key & one.shift.any(-1)
     if not back.any():
         return

@@ -230,7 +230,7 @@ class SetDepth(_Edit, frozen=True, tag="depth"):
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
         here = now.at(self.frames, self.joints)
-        here.depth[:] = self.depth
+        here.depth[:], here.pinned[:] = self.depth, False
         return here
 
     def problem(self, length: int) -> str:
@@ -242,7 +242,7 @@ class ClearDepth(_Edit, frozen=True, tag="clear_depth"):
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
         here = now.at(self.frames, self.joints)
-        here.depth[:] = np.nan
+        here.depth[:], here.pinned[:] = np.nan, False
         return here
 
     def problem(self, length: int) -> str:
@@ -261,6 +261,7 @@ class Pin(_Edit, frozen=True, tag="pin"):
         here = now.at(self.frames, self.joints)
         here.depth[:] = self.depth
         _place(here, np.array(self.xy, dtype=float), 1.0)
+        here.pinned[:] = True
         return here
 
     def problem(self, length: int) -> str:
@@ -529,3 +530,4 @@ def _place(here: Corrected, xy: np.ndarray, confidence: np.ndarray | float, *, w
     np.copyto(here.edited, True, where=where)
     np.copyto(here.bad, False, where=where)
     np.copyto(here.key, False, where=where)
+    np.copyto(here.pinned, False, where=where)

@@ -168,6 +168,8 @@ class Keypoints(_State, frozen=True, kw_only=True):
     confidence: tuple[float, ...]
     bad: tuple[int, ...] = ()
     edited: tuple[int, ...] = ()
+    pinned: tuple[int, ...] = ()
+    """Of edited ones: in one place in space."""
     detections: tuple[tuple[int, float, float], ...] = ()
     """Of edited ones: keypoint, and where it was detected."""
 

@@ -35,6 +35,8 @@ _LEGEND_HEIGHT = 34.0
 """CSS pixels that posters leave free for the colour bar below them."""
 _SIDE_COLOR = "#8a94a3"
 """Of the side view's name."""
+_UNSEEN = 0.4
+"""Of the usual opacity, where a body is filled in from its neighbours."""
 _COLORS: dict[Side, RGB] = dict(zip(SIDES, RUN_COLORS, strict=True))
 _OTHER: dict[Side, Side] = {"a": "b", "b": "a"}
 
@@ -116,7 +118,8 @@ class Picture:
         state, data = self._tab.state, self._data
         drawn = data.body(fit, shown.frame, shown.live_of(side))
         compared = self._compared_with(shown, _OTHER[side], drawn) if state.difference else None
-        look = (_COLORS[side], state.opacity, state.wireframe, state.outline, compared.version if compared else None)
+        opacity = state.opacity * (1.0 if self._seen(shown.frame) else _UNSEEN)
+        look = (_COLORS[side], opacity, state.wireframe, state.outline, compared.version if compared else None)
         key = (drawn.version, fit.camera, *look)
         if key not in self._layers:
             values = None if compared is None else vertex_distances(drawn.vertices, compared.vertices) / 1e3
@@ -127,12 +130,17 @@ class Picture:
                 faces=data.meshes(fit).faces,
                 color=_COLORS[side],
                 camera=fit.camera,
-                opacity=state.opacity,
+                opacity=opacity,
                 wireframe=state.wireframe,
                 outline=state.outline,
                 values=values,
             )
         return self._layers[key]
+
+    def _seen(self, frame: int) -> bool:
+        """Whether any keypoint counts in a frame; a project without keypoints has fits that do not come from them."""
+        project = self._tab.session.project
+        return not project.has_detections or bool(project.corrected.present[frame].any())
 
     def _compared_with(self, shown: OnShow, other: Side, drawn: Drawn) -> Drawn | None:
         """The other side's body, if it has the same vertices."""
@@ -215,11 +223,14 @@ class Picture:
         for problem in scene.show(snapshot):
             self.problem = problem
 
-    @staticmethod
-    def _label(shown: OnShow, side: Side) -> str:
+    def _label(self, shown: OnShow, side: Side) -> str:
         fit = shown.fit(side)
-        lacking = "not here yet" if fit is None or fit.result is None else "no pose in this frame"
-        title = "no fit yet" if fit is None else fit.title if fit.has(shown.frame) else f"{fit.title}: {lacking}"
+        if fit is None:
+            title = "no fit yet"
+        elif not fit.has(shown.frame):
+            title = f"{fit.title}: {'not here yet' if fit.result is None else 'no pose in this frame'}"
+        else:
+            title = fit.title if self._seen(shown.frame) else f"{fit.title}: no keypoint here"
         return f"{side.upper()}   {title}"
 
     def _draw_keypoints(self) -> None:
@@ -249,6 +260,7 @@ class Picture:
             confidence=shares(corrected.confidence[frame]),
             bad=tuple(np.flatnonzero(corrected.bad[frame]).tolist()),
             edited=tuple(edited.tolist()),
+            pinned=tuple(np.flatnonzero(corrected.pinned[frame]).tolist()),
             detections=tuple((j, *pixel_pairs(found.xy[frame, [j]])[0]) for j in detected),
         )
         tab.channel.send("keypoints", keypoints)

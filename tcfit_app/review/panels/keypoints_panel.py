@@ -1,7 +1,7 @@
 """The panel that corrects keypoints, and lists what was done to them."""
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from datetime import datetime
 from functools import partial
 from typing import ClassVar
@@ -39,6 +39,7 @@ from tcfit_app.review.panels.elements.html import (
     table,
     tag,
     text,
+    words,
 )
 from tcfit_app.review.panels.elements.selected_frames import listen, named, unseen
 from tcfit_app.review.tab.browser_tab import BROWSER
@@ -207,9 +208,9 @@ class KeypointsPanel:
         none = off or not state.selection
         edit = partial(action, disabled=none)
         self._buttons.show(
-            heading("Correct", where),
-            *unseen(tab),
-            *self._corrections(edit, bad),
+            heading("Correct", words(f"{where}, not on show", "warn") if tab.hits_unseen else where),
+            row(edit("bad", "Restore" if bad else "Mark bad"), edit("reset", "Reset")),
+            row(edit("copy", "Copy previous"), edit("interpolate", "Interpolate")),
             row(
                 action("swap_body", "Swap body", disabled=off),
                 *(button(name.title(), "keypoints.swap", name, disabled=off) for name in _SWAPPED),
@@ -231,20 +232,8 @@ class KeypointsPanel:
                 button("Move by x, y", "keypoints.move", disabled=none, hint="In the frame on show only"),
                 button(named("Set confidence", tab), "keypoints.confidence", disabled=none),
             ),
+            *unseen(tab),  # below: whoever selects frames finds the buttons where they were
         )
-
-    def _corrections(self, edit: Callable[[str, str], Html], bad: bool) -> list[Html]:
-        """Two beside each other, unless they have to name the frames that they change."""
-        labels = {
-            "bad": "Restore" if bad else "Mark bad",
-            "reset": "Reset",
-            "copy": "Copy previous",
-            "interpolate": "Interpolate",
-        }
-        made = [edit(name, named(label, self._tab)) for name, label in labels.items()]
-        if self._tab.state.frames is not None:
-            return [row(one) for one in made]
-        return [row(*made[:2]), row(*made[2:])]
 
     def _group_table(self) -> Html:
         off = self._tab.session.project.read_only
@@ -341,7 +330,7 @@ def _detected_by(detector: str) -> list[Html]:
     return [paragraph(f"Detected by {DETECTORS.get(detector, detector)}.", "dim")] if detector else []
 
 
-_STATES = ("bad", "corrected", "detected", "missing")
+_STATES = ("bad", "pinned", "corrected", "detected", "missing")
 """The style sheet knows these names."""
 
 
@@ -351,6 +340,8 @@ def state_of(corrected: Corrected, frame: int, joint: int) -> str:
         return "bad"
     if corrected.confidence[frame, joint] == 0:
         return "missing"
+    if corrected.pinned[frame, joint]:
+        return "pinned"
     return "corrected" if corrected.edited[frame, joint] else "detected"
 
 

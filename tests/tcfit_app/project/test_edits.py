@@ -232,6 +232,25 @@ def test_pinned_keypoints_are_in_one_place_and_count_again(detected: Keypoints):
         np.testing.assert_array_equal(history.keypoints.confidence[frame, [4, 7]], 1)
 
 
+@pytest.mark.parametrize(
+    "later",
+    [
+        MoveKeypoint(frames=(1,), joints=(4,), xy=(((9.0, 9.0),),)),
+        Nudge(frames=(1,), joints=(4,), by=(1.0, 0.0)),
+        SetDepth(frames=(1,), joints=(4,), depth=((0.5,),)),
+        ClearDepth(frames=(1,), joints=(4,)),
+        CopyFrom(frames=(1,), joints=(4,), source=0),
+        Reset(frames=(1,), joints=(4,)),
+        PlaceKey(frames=(1,), joints=(4,), at=1, xy=((9.0, 9.0),)),
+    ],
+    ids=lambda edit: type(edit).__name__,
+)
+def test_a_keypoint_is_pinned_until_something_else_is_said_of_its_place(detected: Keypoints, later: Edit):
+    pin = Pin(frames=(1, 2), joints=(4, 7), xy=((1.0, 2.0), (3.0, 4.0)), depth=((0.1, 0.2), (0.3, 0.4)))
+    assert np.argwhere(after(detected, pin).corrected.pinned).tolist() == [[1, 4], [1, 7], [2, 4], [2, 7]]
+    assert np.argwhere(after(detected, pin, later).corrected.pinned).tolist() == [[1, 7], [2, 4], [2, 7]]
+
+
 def test_joints_are_locked_until_they_are_unlocked_or_reset(detected: Keypoints):
     lock = Lock(frames=(0, 1, 2), joints=(4, 7), turn=((0.1, 0.2, 0.3), (1.0, 0.0, 0.0)))
     history = after(detected, lock)

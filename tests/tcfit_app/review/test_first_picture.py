@@ -9,12 +9,17 @@ import numpy as np
 import pytest
 
 from tcfit_app.project.project import Project
+from tests.drivers.lone_page import sample_project
 from tests.drivers.review_page import opened, reviewing
 from tests.samples.project_samples import sample_clip
 from tests.samples.spot_clips import empty_project, spot_video
 
 if TYPE_CHECKING:
+    from typing import Literal
+
     from playwright.sync_api import Browser
+
+    Scheme = Literal["light", "dark"]
 
 CORNERS = """
   window.corners = new Set();
@@ -49,6 +54,36 @@ def test_the_first_picture_is_drawn_where_it_stays(browser: "Browser", tmp_path:
         assert len(found) == 1, found
         left, top, right, bottom, height = map(int, found[0].split())
         assert (right - left) / (bottom - top) == pytest.approx(size[0] / size[1], rel=0.02) and bottom <= height
+
+
+SEEN = """
+  window.seen = new Set();
+  const look = () => {
+    requestAnimationFrame(look);
+    if (!document.querySelector("#root > *")) return;
+    const { display, visibility, left, backgroundColor } = getComputedStyle(document.documentElement, "::before");
+    const behind = display === "none" || visibility === "hidden" ? "nothing" : left === "0px" ? "all" : "panel";
+    seen.add([behind, document.querySelector("[role=tab]") !== null, backgroundColor].join());
+  };
+  requestAnimationFrame(look);
+"""
+"""Notes, once viser has drawn something, what is behind the curtain, whether the panels are there, and its colour."""
+WHITE, DARK = "rgb(255, 255, 255)", "rgb(26, 27, 30)"
+
+
+@pytest.mark.parametrize(("scheme", "color"), [("light", WHITE), ("dark", DARK)])
+def test_viser_s_own_panel_is_never_seen(browser: "Browser", tmp_path: Path, scheme: "Scheme", color: str):
+    sample_project(tmp_path / "walk.tcfit", "first").close()
+    with reviewing(tmp_path / "walk.tcfit", browser) as first:
+        context = browser.new_context(viewport={"width": 960, "height": 640}, color_scheme=scheme)
+        tab = context.new_page()
+        tab.add_init_script(SEEN)
+        tab.goto(first.server.gate.link)
+        tab.get_by_role("tab", name="View", exact=True).wait_for()
+        tab.wait_for_function("document.documentElement.matches('.tcfit-ready')")
+        seen = tab.evaluate("[...seen]")
+        assert f"all,false,{color}" in seen and not [one for one in seen if one.startswith("nothing,false")]
+        assert tab.evaluate("() => getComputedStyle(document.documentElement, '::before').display") == "none"
 
 
 LATE_PICTURES = """

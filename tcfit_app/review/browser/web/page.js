@@ -1,6 +1,7 @@
 // All of the script's parts, and what the server can call of them.
 
 import { connect, receive, states } from "./connection.js";
+import "./curtain.js";
 import "./hints.js";
 import "./keys.js";
 import "./links.js";

@@ -197,7 +197,7 @@ export const PANEL_SHEET = `
 .tcfit-keys { columns: 2; column-gap: 28px; }
 .tcfit-keys section { break-inside: avoid; padding-bottom: 12px; }
 .tcfit-keys td:first-child { width: 118px; }
-.tcfit-joined { display: flex; flex: 1 1 auto; min-width: 0; }
+.tcfit-joined { display: flex; flex-wrap: wrap; flex: 1 1 auto; min-width: 0; }
 .tcfit-joined button { border-radius: 0; margin-left: -1px; padding: 0 5px; }
 .tcfit-joined kbd { margin-left: 4px; }
 .tcfit-joined button:first-child { border-radius: 4px 0 0 4px; margin-left: 0; }
@@ -219,6 +219,7 @@ export const PANEL_SHEET = `
   overflow-wrap: anywhere; }
 .tcfit-table .tcfit-number, .tcfit-table .tcfit-whole { white-space: nowrap; overflow-wrap: normal; }
 .tcfit-table .tcfit-number { text-align: right; }
+.tcfit-table .tcfit-number div { white-space: normal; }
 .tcfit-table tr[data-tcfit] { cursor: pointer; }
 .tcfit-table tr[data-tcfit]:hover td { background: var(--tcfit-pointed); }
 .tcfit-focal { display: block; width: 100%; height: auto; margin: 4px 0; border-radius: 4px; background: var(--tcfit-bed); }
@@ -236,6 +237,6 @@ export const PANEL_SHEET = `
 .tcfit-table kbd { margin: 0; font: 13px/1 ${FONT}; color: var(--tcfit-text); white-space: nowrap; }
 .tcfit-picture { display: block; width: 64px; height: 48px; border-radius: 3px; background: #14171b center / cover; }
 .tcfit-table tr:has(.tcfit-picture) td { vertical-align: middle; }
-.tcfit-detected { color: var(--tcfit-detected); } .tcfit-corrected { color: var(--tcfit-edited); }
+.tcfit-detected { color: var(--tcfit-detected); } .tcfit-corrected, .tcfit-pinned { color: var(--tcfit-edited); }
 .tcfit-missing { color: var(--tcfit-dim); }
 `;

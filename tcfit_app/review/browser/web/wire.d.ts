@@ -79,6 +79,7 @@ export interface Keypoints {
   confidence: number[];
   bad: number[];
   edited: number[];
+  pinned: number[];
   detections: [number, number, number][];
 }
 

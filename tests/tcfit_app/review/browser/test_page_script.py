@@ -216,6 +216,32 @@ def test_hovering_shows_name_confidence_and_marks(tab: Tab) -> None:
     assert tab.text(tooltip) is None
 
 
+def test_a_pinned_keypoint_has_a_mark_of_its_own(tab: Tab) -> None:
+    x, y = tab.screen(*PLACES[WRIST])
+
+    def marked() -> int:
+        tab.settle()
+        look = "([x, y]) => document.querySelector('.tcfit > canvas').getContext('2d').getImageData(x, y, 29, 29).data"
+        pixels = tab.page.evaluate(look, [round(x) - 14, round(y) - 14])
+        return sum(alpha > 100 for alpha in np.reshape(pixels, (-1, 4))[:, 3])
+
+    edited = marked()
+    xy, confidence = np.zeros((COUNT, 2)), np.zeros(COUNT)
+    xy[WRIST], confidence[WRIST] = PLACES[WRIST], 0.83
+    state = states.Keypoints(
+        frame=tab.frame,
+        xy=states.pixel_pairs(xy),
+        confidence=states.shares(confidence),
+        edited=(WRIST,),
+        pinned=(WRIST,),
+    )
+    tab.send("keypoints", state)
+    assert marked() > 1.1 * edited, "a square is more than the ring in it"
+    tab.page.mouse.move(x + 4, y + 4)
+    tab.settle()
+    assert tab.text(".tcfit > .tcfit-tooltip") == "right_wrist  0.83  pinned"
+
+
 def test_a_missing_keypoint_is_only_there_when_selected(tab: Tab) -> None:
     x, y = tab.screen(0, 0)
     tab.page.mouse.move(x + 3, y + 3)

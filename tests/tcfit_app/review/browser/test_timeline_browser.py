@@ -160,6 +160,8 @@ def test_the_wheel_zooms_the_timeline_around_the_pointer(tab: Tab) -> None:
     tab.page.mouse.click(place[0] + 40, place[1])
     tab.settle()
     assert 201 <= tab.await_event(Seek).frame <= 206  # 20 when all is shown
+    tab.page.mouse.move(place[0] + 80, place[1])
+    tab.settle()
     assert tab.text(".tcfit-strip .tcfit-tooltip") is not None
     for _ in range(6):
         tab.page.mouse.wheel(0, 600)
@@ -183,6 +185,19 @@ def test_the_overview_moves_and_zooms_what_is_shown(tab: Tab) -> None:
     known = len(tab.events)
     tab.page.mouse.click(*left)
     assert tab.await_event(Seek, known + 1).frame == 0
+
+
+def test_after_a_click_the_picture_is_not_covered_until_the_pointer_goes_on(tab: Tab) -> None:
+    tip, mouse, (x, y) = tab.page.locator(".tcfit-strip .tcfit-tooltip"), tab.page.mouse, strip_place(tab, 100)
+    mouse.move(x, y)
+    tip.wait_for()
+    mouse.click(x, y)
+    tip.wait_for(state="hidden")
+    mouse.move(x + 2, y)
+    tab.settle()
+    assert tip.is_hidden(), "a hand is never quite still"
+    mouse.move(x + 30, y)
+    tip.wait_for()
 
 
 def test_the_overview_scrolls_and_zooms_by_keyboard(tab: Tab) -> None:
@@ -238,10 +253,11 @@ def test_keyframes_are_gone_to_and_dragged(tab: Tab) -> None:
     tab.send("keyframes", states.Keyframes(frames=(50, 200), subject="right wrist"))
     tab.settle()
     x, y = lane_place(tab, 200, "keys")
-    tab.page.mouse.click(x, y)
-    assert tab.await_event(Seek) == Seek(frame=200)
+    tab.page.mouse.move(x, y)
     tab.settle()
     assert tooltip(tab)[1] == "keyframe of right wrist"
+    tab.page.mouse.click(x, y)
+    assert tab.await_event(Seek) == Seek(frame=200)
     tab.drag((x, y), (lane_place(tab, 170, "keys")[0] - x, 0))
     assert tab.await_event(MoveKey) == MoveKey(frame=200, to=170)
 

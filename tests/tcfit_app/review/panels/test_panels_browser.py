@@ -1,11 +1,15 @@
 """The panels in Chromium: buttons of HTML that viser knows nothing of."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
 
+from fitting_core.camera import World
 from fitting_core.config.schema import PRESETS
+from fitting_core.keypoints import INDEX
+from tcfit_app.project.edits.kinds import SetDepth
 from tcfit_app.review.tab.state import FitSettings
 from tests.drivers.lone_page import sample_project
 from tests.drivers.review_page import Reviewing, reviewing, until
@@ -158,6 +162,38 @@ def test_a_dropdown_that_is_reached_by_tab_stays_closed_until_it_is_wanted(opene
     focused.click()
     until(lambda: options.first.is_visible(), "the list, by a click")
     opened.tab.keyboard.press("Escape")
+
+
+_CUT = "(spans) => spans.filter((span) => span.scrollWidth > span.clientWidth).map((span) => span.textContent)"
+"""Texts of buttons that are not shown in full."""
+
+
+def test_axes_with_a_calibrated_camera_are_shown_in_full(opened: Reviewing):
+    project = opened.session.project
+    world = World(rotation=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), translation=(0.3, 1.2, 4.0), up="z")
+    opened.app.post(lambda: project.set_camera(replace(project.clip.camera, world=world)))
+    opened.tab.get_by_role("tab", name="Export", exact=True).click()
+    opened.tab.get_by_role("button", name="calibration's").wait_for()
+    assert opened.tab.locator(".tcfit-joined button > span").evaluate_all(_CUT) == []
+
+
+def test_selected_keypoints_and_frames_leave_the_panel_as_wide_and_its_buttons_in_place(opened: Reviewing):
+    tab, (first, second) = opened.page.tab, (INDEX["right_wrist"], INDEX["left_ankle"])
+    edit = SetDepth(frames=(0,), joints=(first, second), depth=((-0.12, 0.34),))
+    opened.app.post(lambda: tab.session.edit(edit, author="me"))
+    opened.app.post(lambda: tab.set(selection=(first, second), frame=0, frames=None))
+    opened.tab.get_by_role("tab", name="Keypoints", exact=True).click()
+    opened.tab.get_by_text("nearer than the pelvis").wait_for()
+    ends = "(table) => [table, table.closest('.tcfit-panel')].map((box) => box.getBoundingClientRect().right)"
+    table, panel = opened.tab.locator(".tcfit-table", has_text="nearer than the pelvis").evaluate(ends)
+    assert table <= panel
+    bad, reset = (opened.tab.locator(f"[data-tcfit=action][data-value={name}]") for name in ("bad", "reset"))
+    before = bad.bounding_box(), reset.bounding_box()
+    for frames in (range(0, 3), range(2, 5)):
+        opened.app.post(lambda frames=frames: tab.set(frames=frames))
+        opened.tab.get_by_text(f"apply to frames {7 + frames[0]}–{7 + frames[-1]}").first.wait_for()
+        assert (bad.bounding_box(), reset.bounding_box()) == before
+    opened.app.post(lambda: tab.set(frames=None, selection=()))
 
 
 def test_the_next_tab_has_the_curves_that_were_chosen_last(opened: Reviewing):

@@ -28,7 +28,7 @@ from tcfit_app.analysis.run_metrics import Metric
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.exports.table import EXPORTS, Export
 from tcfit_app.fitting.fits import FitChoice, Shown
-from tcfit_app.project.edits.kinds import MoveKeypoint
+from tcfit_app.project.edits.kinds import MarkBad, MoveKeypoint
 from tcfit_app.project.packed import unpack
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_record import Given, Source
@@ -119,6 +119,23 @@ def test_a_run_is_corrected_as_long_as_a_correction_stands(panel_of: Opener):
         tested.until(lambda: shows("corrections"))
         correcting.undo()
         tested.until(lambda: shows("fit"))
+
+
+def test_a_body_without_any_keypoint_is_fainter(panel_of: Opener):
+    tested = panel_of(RunsPanel)
+    tested.fit()
+    tab, picture = tested.page.tab, tested.page.picture
+    tab.session.edit(MarkBad(frames=(3,), joints=tuple(range(kp.COUNT))), author="me")
+    tested.until(lambda: not tab.session.jobs and not tab.session.edit_follower.busy)
+
+    def seen(frame: int) -> tuple[float, str]:
+        tab.seek(frame)
+        shown = tab.look()
+        return picture._bodies(shown)["b"].opacity, picture._label(shown, "b")
+
+    (usual, title), (faint, told) = seen(2), seen(3)
+    assert usual == tab.state.opacity and faint < 0.6 * usual
+    assert "no keypoint here" in told and "no keypoint" not in title
 
 
 def test_a_new_run_does_not_take_the_place_of_the_one_at_hand(panel_of: Opener):

@@ -19,8 +19,8 @@ import { wayOf } from "./depth.js";
 import { fitLine } from "./fits.js";
 import { drawBorder, drawFits, drawSide } from "./side.js";
 import {
-  badJoints, chosen, editedJoints, groupOf, groupShown, isPicture, isSide, jointRadius, located, placesOf, position,
-  shown, shownJoints, skeletonReady, zoomFactor,
+  badJoints, chosen, editedJoints, groupOf, groupShown, isPicture, isSide, jointRadius, located, pinnedJoints, placesOf,
+  position, shown, shownJoints, skeletonReady, zoomFactor,
 } from "./skeleton.js";
 import { drawSilhouette } from "./silhouette.js";
 import { drawTrail } from "./trail.js";
@@ -136,6 +136,7 @@ function drawJoint(context, map, joint) {
   const radius = jointRadius(joint, map);
   if (badJoints.has(joint)) drawBad(context, x, y, radius);
   else drawDisc(context, x, y, radius, joint);
+  if (pinnedJoints.has(joint)) drawPin(context, x, y, 1.6 * radius + 3.5);
   if (editedJoints.has(joint)) ring(context, x, y, 1.15 * radius + 1.5, COLORS.edited, 1.6);
   if (chosen.joints.has(joint)) ring(context, x, y, 1.5 * radius + 1.8, COLORS.selected, Math.min(1 + radius / 5, 2.2));
 }
@@ -156,6 +157,13 @@ function drawBad(context, x, y, radius) {
   context.lineCap = "round";
   stroke(context, mark, "rgba(8, 10, 14, 0.85)", 4);
   stroke(context, mark, COLORS.bad, 2);
+}
+
+/** A square around all rings. @param {Context} context @param {number} x @param {number} y @param {number} half */
+function drawPin(context, x, y, half) {
+  const square = new Path2D();
+  square.rect(x - half, y - half, 2 * half, 2 * half);
+  stroke(context, square, COLORS.edited, 1.6);
 }
 
 /** Where edited keypoints were detected, and the way from there. @param {Context} context @param {PosterMap} map */
@@ -196,7 +204,8 @@ function jointLine(joint) {
   const confidence = known("keypoints").confidence[joint];
   const parts = [known("skeleton").names[joint], confidence > 0 ? confidence.toFixed(2) : "missing"];
   if (badJoints.has(joint)) parts.push("bad");
-  if (editedJoints.has(joint)) parts.push("edited");
+  if (pinnedJoints.has(joint)) parts.push("pinned");
+  else if (editedJoints.has(joint)) parts.push("edited");
   return parts.join("  ");
 }
 

@@ -45,6 +45,8 @@ export let groupOf = []; // by keypoint: its group's place in skeleton.groups, w
 export let badJoints = new Set();
 /** @type {Set<number>} */
 export let editedJoints = new Set();
+/** @type {Set<number>} */
+export let pinnedJoints = new Set();
 
 watch("skeleton", (skeleton) => {
   const groups = skeleton?.groups ?? [];
@@ -59,6 +61,7 @@ watch("selection", (selection) => {
 watch("keypoints", (keypoints) => {
   badJoints = new Set(keypoints?.bad);
   editedJoints = new Set(keypoints?.edited);
+  pinnedJoints = new Set(keypoints?.pinned);
   const { held } = chosen;
   if (held?.left && (keypoints?.frame !== held.frame || arrived(held, keypoints))) chosen.held = null;
   invalidate("overlay");

@@ -140,6 +140,7 @@ function drawPointer(context) {
     drawKey(context, frameX(pointed.key), top, bottom, tones.selected);
   }
   fillBox(context, tones.hair, frameX(frame) - 0.5, ruler.top, 1, overview().top - ruler.top);
+  if (pointed.clicked) return;
   const about = found ? [frameTitle(frame), found.mark.text] : pointed.collapsed ? [] : heatLines(frame, y);
   stripTooltip.textContent = (about.length ? about : frameLines(frame)).join("\n");
   placeTooltip(stripTooltip, frameX(frame), 0, true);

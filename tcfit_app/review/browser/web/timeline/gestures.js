@@ -113,6 +113,8 @@ const between = (a, b) => ({ first: Math.min(a, b), last: Math.max(a, b) });
 /** @param {PointerEvent} event */
 function move(event) {
   const { x, y } = placeOf(event);
+  const { clicked } = pointed;
+  if (clicked && Math.hypot(x - clicked.x, y - clicked.y) > GRAB) pointed.clicked = null;
   Object.assign(pointed, { x: event.target === stripCanvas ? x : null, y });
   invalidate("cursor");
   if (!gesture) return void (stripCanvas.style.cursor = cursorAt(x, y));
@@ -162,6 +164,8 @@ function release(event) {
   if (event.pointerId !== gesture?.pointer) return;
   const ended = gesture;
   gesture = null;
+  if (!ended.moved) pointed.clicked = placeOf(event);
+  invalidate("cursor");
   ENDS[ended.kind]?.(ended, placeOf(event).x, event.shiftKey);
   letGo();
 }
@@ -178,6 +182,7 @@ function doubleClick(event) {
 function wheel(event) {
   if (!states.timeline) return;
   event.preventDefault();
+  pointed.clicked = null;
   const way = event.deltaMode === 1 ? 30 : 1; // lines or pixels
   const [dx, dy] = [event.deltaX * way, event.deltaY * way];
   const sideways = event.shiftKey ? dx || dy : Math.abs(dx) > Math.abs(dy) ? dx : 0;
@@ -186,7 +191,7 @@ function wheel(event) {
 }
 
 function leave() {
-  pointed.x = null;
+  pointed.x = pointed.clicked = null;
   invalidate("cursor");
 }
 

@@ -17,6 +17,8 @@ export const pointed = {
   /** @type {number | null} */
   x: null, // of the pointer over the strip
   y: 0,
+  /** @type {{ x: number, y: number } | null} */
+  clicked: null, // where, as long as the pointer stays there: what it points at is known, and need not be told
 };
 
 /** @param {boolean} collapsed */
