@@ -1,7 +1,6 @@
 """The panel that corrects keypoints, and lists what was done to them."""
 
 from collections import Counter
-from collections.abc import Callable, Sequence
 from datetime import datetime
 from functools import partial
 from typing import ClassVar
