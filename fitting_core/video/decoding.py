@@ -24,7 +24,7 @@ _MP4_BOXES = (b"ftyp", b"moov", b"mdat", b"wide", b"free", b"skip", b"styp")
 
 
 def packet_times(path: Path, *, early: bool) -> Int[np.ndarray, "P"]:
-    """When each packet is shown, in units of the stream and sorted: 30,000 packets take a tenth of a second.
+    """When each packet is shown, in units of the stream and sorted: 30,000 packets take 0.3 s.
 
     Packets that are never shown are left out: VP8's that are only referred to (10 beside 180 frames), and those that an
     edit list of MP4 cuts away. Empty where two are shown at once or a time is missing, as in raw streams.

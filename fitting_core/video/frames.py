@@ -22,9 +22,8 @@ IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
 class FrameSource:
     """A video file, an image, or a folder of images in natural order (``2.png`` before ``10.png``).
 
-    Frames come upright: a video's rotation by quarters and a photo's EXIF orientation are applied. Frames whose
-    pixels are not square come as they are stored. A context manager; one
-    thread reads at a time, others wait.
+    Frames come upright: a video's rotation by quarters and a photo's EXIF orientation are applied. Frames whose pixels
+    are not square come as they are stored. A context manager; one thread reads at a time, others wait.
 
     Example:
         >>> with FrameSource(Path("walk.mp4")) as frames:
@@ -34,8 +33,8 @@ class FrameSource:
     def __init__(self, path: Path, *, lens: Lens | None = None) -> None:
         """Open the path, decode its first frame, and find out how many there are.
 
-        Quick where the container tells the times of its frames; a file without them
-        (raw H.264) is decoded once from start to end.
+        Quick where the container tells the times of its frames; a file without them (raw H.264) is decoded once from
+        start to end.
 
         Args:
             path: Of the video, the image or the folder.

@@ -103,7 +103,7 @@ def test_spreadsheets_of_all_countries_are_read(tmp_path: Path, delimiter: str):
 def test_a_focal_length_that_is_not_given_goes_by_the_preset(tmp_path: Path):
     text = "keypoints,out,preset,focal_length\nk,a,,\nk,b,paper,\nk,c,paper,auto\nk,d,,diagonal\nk,e,,800\n"
     found = [task.fit.camera.focal_length for task in tasks_of(tmp_path, text)]
-    assert found == ["auto", None, "auto", "diagonal", 800]
+    assert found == [None, "diagonal", "auto", "diagonal", 800]
 
 
 WRONG = {
