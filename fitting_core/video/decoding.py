@@ -58,6 +58,13 @@ def _before_gap(times: Int[np.ndarray, "P"], decoded: int) -> Int[np.ndarray, "P
     return times[: gaps[0] + 1] if len(gaps) else times
 
 
+_ONLY = {
+    "format_whitelist": "mov,matroska,avi,mpegts,mpeg,mpegvideo,flv,asf,dv,mxf,ogg,ivf,nut,rm,gif,apng,yuv4mpegpipe",
+    "protocol_whitelist": "file",
+}
+"""FFmpeg takes nearly any bytes for something, raw pictures among them; and lists, of which some name other files."""
+
+
 def opened(path: Path) -> tuple[InputContainer, VideoStream]:
     """A file and its video.
 
@@ -67,7 +74,7 @@ def opened(path: Path) -> tuple[InputContainer, VideoStream]:
     regular_file(path, most=None)
     try:
         # "file:", for FFmpeg takes what stands before a colon for a protocol.
-        container = av.open(f"file:{path}", metadata_errors="replace")
+        container = av.open(f"file:{path}", metadata_errors="replace", container_options=_ONLY)
     except FFmpegError as error:
         raise InputError(
             f"{path} is not a video that can be opened (found {path.stat().st_size} bytes). If it plays elsewhere, "

@@ -118,6 +118,8 @@ def screen(browser: "Browser", size: tuple[int, int] = (1440, 900)) -> Iterator[
         errors: list[str] = []
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.goto(server.gate.link)
+        page.wait_for_selector("canvas")
+        page.evaluate("document.documentElement.classList.add('tcfit-ready')")  # no panels are here to lift the curtain
         end = time.monotonic() + PATIENCE_SECONDS
         while not clients and time.monotonic() < end:
             page.wait_for_timeout(20)

@@ -140,7 +140,7 @@ class Picture:
     def _seen(self, frame: int) -> bool:
         """Whether any keypoint counts in a frame; a project without keypoints has fits that do not come from them."""
         project = self._tab.session.project
-        return not project.has_detections or bool(project.corrected.present[frame].any())
+        return not project.has_detections or bool(project.corrected[frame].present.any())
 
     def _compared_with(self, shown: OnShow, other: Side, drawn: Drawn) -> Drawn | None:
         """The other side's body, if it has the same vertices."""

@@ -225,7 +225,7 @@ class ExportPanel:
         if tab.state.frames is None and self._wishes.selected:
             self._wish(selected=False)
         titles: dict[Side, str] = {side: fit.title for side, fit in fits.items()}
-        placed = tab.session.project.clip.camera.world is not None
+        placed = tab.session.project.footage.camera.world is not None
         if tab.sent.differs("exported", tuple(titles.items()), tab.state.frames, self._wishes, placed):
             self._files.show(*self._choices(titles), *self._groups(titles))
         self._own_rig.draw(there=self._wishes.side in titles)

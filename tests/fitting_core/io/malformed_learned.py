@@ -192,7 +192,7 @@ LEARNED |= {
     ),
     "a text of 1 PB": case("a.pkl", _HUGE_TEXT, "cannot be read, it is damaged or incomplete"),
     "bytes of 1 PB": case("a.pkl", _HUGE_BYTES, "cannot be read, it is damaged or incomplete"),
-    "a frame of 1 PB": case("a.pkl", _HUGE_FRAME, "cannot be read, it is damaged or incomplete"),
+    "a frame of 1 PB": case("a.pkl", _HUGE_FRAME, r"has no 'global_orient' \(it has nothing\)"),
     "packed, a text of 1 PB": case("a.pkl", zlib.compress(_HUGE_TEXT), "holds more than 2 GB"),
     "a set": case("a.pkl", pickle.dumps({"a": {1, 2}}, protocol=4), "holds a dict of a, no result of"),
     "a set of protocol 2": case("a.pkl", pickle.dumps({"a": {1, 2}}, protocol=2), r"asks for __builtin__.set"),

@@ -99,14 +99,15 @@ def test_a_camera_that_nobody_asked_for_is_not_compared():
 
 
 def test_a_calibration_is_compared_where_one_is_given(tmp_path: Path):
-    """Its principal point is nobody's middle of an image: the clip without it is the project's all the same."""
+    """Its principal point, told from the middle of the first pixel, is nobody's middle of an image: the clip without it
+    is the project's all the same."""
     file, other = tmp_path / "camera.npz", tmp_path / "other.npz"
     matrix = np.array([[800.0, 0, 250], [0, 800, 230], [0, 0, 1]])
     for path, distortion in ((file, -0.2), (other, -0.1)):
         np.savez(path, K=matrix, size=(480, 480), dist=(distortion, 0.05, 0, 0))
     video = images("one")
     made = review(video, "--camera", file).clip.camera
-    assert made.center == (250, 230) and made.lens is not None
+    assert made.center == (250.5, 230.5) and made.lens is not None
     assert (
         review(video, "--last-frame", str(FRAMES - 1)).clip.camera
         == made

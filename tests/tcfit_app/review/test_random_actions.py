@@ -25,7 +25,7 @@ _MODIFIERS = {"shift": "Shift+", "ctrl": "Control+"}
 
 def _pressed(key: Key) -> str:
     """A key as Playwright names it."""
-    return "".join(text for name, text in _MODIFIERS.items() if getattr(key, name)) + key.code
+    return "".join(text for name, text in _MODIFIERS.items() if getattr(key, name)) + key.key
 
 
 KEYS = [_pressed(key) for name, action in ACTIONS.items() for key in action.keys if name != "fit"]

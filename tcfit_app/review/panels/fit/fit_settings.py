@@ -238,9 +238,10 @@ class FitInputs:
         self.attempt("focal", lambda: self._take_focal(round(focal_of_lens(name, self._camera.size), 2)))
 
     def _take_source(self) -> None:
-        prior = None
+        given = {}
         with suppress(ValueError):  # which `parsed` tells
-            prior = self._prior(parsed_toml(self._source.value).get("pose_prior"))
+            given = parsed_toml(self._source.value)
+        prior = self._prior(given.get("pose_prior"))
         preset, config = parsed(self._source.value, origin=_SOURCE)
         config = replace(config, pose_prior=prior) if prior is not None else config
         self._set(preset=preset, config=config, problems=())
