@@ -10,8 +10,13 @@ from fitting_core.ground.placing import rays_of
 
 _SMOOTH = 0.25
 """Seconds over which keypoints are smoothed: their errors last for a tenth of a second, and some for longer."""
-_EXTENT = 0.06
-"""Metres that the keypoints of a foot that stays may go, from one end to the other."""
+_EXTENT = 0.03
+"""Metres that the smoothed keypoints of a foot that stays may go, from one end to the other; detectors are off so much,
+by pose."""
+_OF_NOISE = 3.0
+"""How much further, in standard deviations of what smoothing takes away: so much of the noise is left in it."""
+_SLOW, _LEAST = 0.06, 0.3
+"""Metres per second and seconds: where a foot goes on, what is slower for so long is a place in which it stays."""
 
 
 def going_on(
@@ -36,9 +41,21 @@ def going_on(
     for foot in range(2):
         for run in runs_where(standing[:, foot]):
             track = _track(run, xy[:, foot], certain[:, foot], camera, feet[:, foot])
-            smooth = gaussian_filter1d(track, _SMOOTH * frame_rate, axis=0, mode="nearest")
-            found[run, foot] = np.ptp(smooth, axis=0).max() > _EXTENT
+            found[run, foot] = ~_stays(track, frame_rate)
     return found
+
+
+def _stays(track: Float[np.ndarray, "n 2"], frame_rate: float) -> Bool[np.ndarray, "n"]:
+    """Frames in which a foot stays: all of them, or where it goes on those between."""
+    smooth = gaussian_filter1d(track, _SMOOTH * frame_rate, axis=0, mode="nearest")
+    allowed = _EXTENT + _OF_NOISE * (track - smooth).std(0).mean()
+    if np.ptp(smooth, axis=0).max() <= allowed:
+        return np.ones(len(track), bool)
+    speed = np.linalg.norm(np.gradient(smooth, axis=0), axis=1) * frame_rate
+    stays = np.zeros(len(track), bool)
+    for part in runs_where(speed < _SLOW):
+        stays[part] = len(part) >= _LEAST * frame_rate and np.ptp(smooth[part], axis=0).max() <= allowed
+    return stays
 
 
 def _track(
