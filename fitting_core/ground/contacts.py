@@ -88,6 +88,11 @@ class Contacts:
         """Share of frames in which a foot stands."""
         return float(self.standing.any(1).mean()) if len(self.standing) else 0.0
 
+    @property
+    def let_go_share(self) -> float:
+        """Share of frames in which one is let go."""
+        return float(self.let_go.any(1).mean()) if len(self.let_go) else 0.0
+
     def let_go_in_words(self, first_frame: int) -> str:
         """Which feet are let go in which frames of the video, for the user; empty where none is."""
         found = (

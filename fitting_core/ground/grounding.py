@@ -42,7 +42,7 @@ class Grounding:
         tilt = round(self.gravity.tilt)
         way = f"tilted {abs(tilt)}° {'down' if tilt > 0 else 'up'}" if tilt else "level"
         camera = f"camera {way} (± {self.gravity.deviation:.0f}°)"
-        gone = self.contacts.let_go.any(1).mean() if self.contacts.let_go.any() else 0.0
+        gone = self.contacts.let_go_share
         let_go = f"; in {_percent(gone)} one seems to, and goes on in the image" if gone else ""
         if self.ground is None:
             return f"Ground: none, {self.missing}{let_go}; {camera}"

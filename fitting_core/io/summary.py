@@ -82,7 +82,7 @@ def _ground(grounding: Grounding) -> dict[str, Any]:
         "text": grounding.text,
         "seen": ground is not None,
         "standing_share": grounding.contacts.share,
-        "let_go_share": float(grounding.contacts.let_go.any(1).mean()),
+        "let_go_share": grounding.contacts.let_go_share,
         "camera_tilt_degrees": gravity.tilt,
         "gravity_deviation_degrees": gravity.deviation,
         "camera_height_m": None if ground is None else ground.offset,

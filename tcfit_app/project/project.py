@@ -498,17 +498,12 @@ class Project:
             entry = LogEntry(id=number, time=time, author=author, action=action)
             self._history.add(entry)
             self._log.append(entry)
-            if isinstance(self._subject(action), Remark):
+            said = self._history.standing.said(action.edit) if isinstance(action, Undo | Redo) else action
+            if isinstance(said, Remark):
                 self.marks_version += 1
             else:
                 self.keypoints_version += 1
             return entry
-
-    def _subject(self, action: Action) -> Action:
-        """What is done or taken back."""
-        if not isinstance(action, Undo | Redo):
-            return action
-        return next(entry.action for entry in reversed(self._log) if entry.id == action.edit)
 
     def close(self) -> None:
         """Let others write; this object is of no use any more."""
