@@ -203,7 +203,7 @@ def test_the_next_tab_has_the_curves_that_were_chosen_last(opened: Reviewing):
     other = page.context.new_page()
     other.goto(page.url)
     until(lambda: opened.page is not first and opened.page.tab.ready, "the other tab")
-    until(lambda: opened.page.tab.state.plots == first.tab.state.plots, "its curves")  # ready, it may not be greeted yet
+    until(lambda: opened.page.tab.state.plots == first.tab.state.plots, "its curves")  # it is greeted after
     assert "volume" in opened.page.tab.state.plots
     other.close()
     until(lambda: opened.page is first, "the end of the other tab")
