@@ -18,11 +18,12 @@ from tyro.conf import Positional
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import FREE_FOLDER, find_body
 from fitting_core.body.model import JOINT, BodyModel
+from fitting_core.body.segment_axes import BONES, rest_axes
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.measure.angles.joint_angles import joint_angles
-from fitting_core.measure.angles.segments import SEGMENTS, Segments, rest_axes
+from fitting_core.measure.angles.segments import Segments
 from fitting_core.render.renderer import Renderer, Surface
 from fitting_core.render.sheets import Cell, View, beside, sheet
 
@@ -110,7 +111,7 @@ def _standing(body: BodyModel, turned: Mapping[str, Rotation]) -> Motion:
     neutral = BodyParams.neutral(1)
     camera = Camera(focal=(500.0, 500.0), center=(320.0, 240.0), size=(640, 480), source="as given")
     motion = Motion(body=body, params=neutral, camera=camera, frame_rate=1.0, name="standing", axes="y-up")
-    axes = {name: frames[0] for name, frames in rest_axes(motion).items()}
+    axes = {name: frames[0] for name, frames in rest_axes(motion.rest_joints.numpy()).items()}
     pose = np.zeros((55, 3))
     named = {name: _BY_JOINT[name][:3] for name in _BY_JOINT}
     left = {
@@ -170,7 +171,7 @@ def _whole(body: BodyModel, degrees: float, size: tuple[int, int]) -> Image:
     bones = {"pelvis": "pelvis", "thorax": "spine3", "head": "head"}
     limbs = dict(thigh="hip", shank="knee", foot="ankle", humerus="shoulder", forearm="elbow", hand="wrist")
     bones |= {f"{side}_{name}": f"{side}_{joint}" for side in ("left", "right") for name, joint in limbs.items()}
-    for name in SEGMENTS:
+    for name in BONES:
         if name in bones:
             _draw_axes(image, view, segments.joints[0, JOINT[bones[name]]], segments.axes[name][0], 0.085)
     return image

@@ -12,6 +12,7 @@ from fitting_core.fit.evidence.observations import lifted_keypoints, seen_confid
 from fitting_core.fit.evidence.sides import unswapped
 from fitting_core.fit.evidence.stances import Stances, stances
 from fitting_core.fit.result import FitResult
+from fitting_core.fit.stages import Stages
 from fitting_core.ground.feet import has_feet, sole_heights, stance_of
 from fitting_core.ground.grounding import Grounding, grounding_of
 
@@ -60,6 +61,14 @@ def stances_of_params(clip: Clip, body: BodyModel, params: BodyParams, *, unswap
     if grounding is None or not grounding.contacts.standing.any():
         return None
     return stances(grounding.contacts, clip.camera.to_still(stance_of(body, params).feet), clip.camera)
+
+
+def holding_feet(stages: Stages, clip: Clip, params: BodyParams) -> Stages | None:
+    """The stages with feet held where they stand in these parameters; None where nothing is to be held."""
+    if not any(stages.config.weights.held_position):
+        return None
+    stances = stances_of_params(clip, stages.body, params, unswap=stages.config.unswap_sides)
+    return None if stances is None else stages.holding(stances)
 
 
 def _soles(body: BodyModel, params: BodyParams) -> Float[np.ndarray, "2 4"]:

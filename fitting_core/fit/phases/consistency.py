@@ -70,7 +70,7 @@ class Consistency:
         """Every frame free, every residual counted. Long clips are fitted part by part, each from the last frames of
         the one before on: time is linear in the number of frames, memory bounded.
         """
-        parts = _parts(len(state))
+        parts = overlapping_parts(len(state), _PART, _SEAM)
         state = _own(state)
         for k, part in enumerate(parts):
             label = f"part {k + 1} of {len(parts)}, " if len(parts) > 1 else ""
@@ -107,10 +107,10 @@ class Consistency:
         return frames, self.stages.parametrisation.to_params(state[frames.start : frames.stop])
 
 
-def _parts(frames: int) -> list[range]:
-    """A clip in parts that overlap."""
-    starts = range(0, max(frames - _SEAM, 1), _PART - _SEAM)
-    return [range(start, min(start + _PART, frames)) for start in starts]
+def overlapping_parts(frames: int, size: int, seam: int) -> list[range]:
+    """A clip in parts of so many frames, of which two neighbours share `seam`."""
+    starts = range(0, max(frames - seam, 1), size - seam)
+    return [range(start, min(start + size, frames)) for start in starts]
 
 
 def _own(state: State) -> State:

@@ -53,6 +53,39 @@ def solve_block_banded(bands: Sequence[Float[Tensor, "_ d d"]], g: Float[Tensor,
     return x if bool(x.isfinite().all()) else None
 
 
+@torch.no_grad()
+def diagonal_of_inverse(bands: Sequence[Float[Tensor, "_ d d"]]) -> Float[Tensor, "n d d"] | None:
+    """The diagonal blocks of H^-1, without the rest of it: of normal equations, the covariance of each frame's unknowns.
+
+    With H = L L^T, Z = H^-1 solves L^T Z = L^-1, whose right side is lower triangular. So from the last frame to the
+    first, with i's coupled frames N and G = L[N, i] L[i, i]^-1,
+
+        Z[N, i] = -Z[N, N] G,    Z[i, i] = (L[i, i] L[i, i]^T)^-1 - G^T Z[N, i],
+
+    which takes of Z only what lies within the band (Takahashi, Fagan and Chin, 1973; Erisman and Tinney, Comm. ACM 18
+    (1975) 177).
+
+    Args:
+        bands: As of `solve_block_banded`.
+
+    Returns:
+        None where H is not numerically positive definite.
+    """
+    factor = _factor(bands)
+    if factor is None:
+        return None
+    inverse, size = torch.empty_like(bands[0]), bands[0].shape[-1]
+    most = (len(bands) - 1) * size
+    known = inverse.new_zeros(0, 0)  # Z of the frames after this one that it couples with
+    for i, (lower, panel) in reversed([*enumerate(zip(*factor, strict=True))]):
+        lever = torch.linalg.solve_triangular(lower, panel, upper=False, left=False)
+        beside = -known @ lever
+        own = torch.cholesky_inverse(lower) - lever.mT @ beside
+        own = inverse[i] = (own + own.mT) / 2  # else what rounding makes asymmetric doubles from frame to frame
+        known = torch.cat([torch.cat([own, beside.mT], 1), torch.cat([beside, known], 1)])[:most, :most]
+    return inverse
+
+
 def _factor(bands: Sequence[Tensor]) -> tuple[list[Tensor], list[Tensor]] | None:
     """The Cholesky factor by block columns: L[i, i], (d, d), and L[i + 1, i] over L[i + 2, i] and so on, (k d, d)."""
     diagonal, *below = bands

@@ -1,16 +1,6 @@
 """The body's segments as biomechanics sees them: an anatomical frame in each, fixed to the bone of the body model.
 
-Axes as the International Society of Biomechanics has them: x forward, y up, z to the right, for a person who stands
-upright with hanging arms and palms forward, on the left side as on the right. Sources: Wu et al., J. Biomech. 35 (2002)
-543 (ankle, hip, spine); Wu et al., J. Biomech. 38 (2005) 981 (shoulder, elbow, wrist); Grood & Suntay, J. Biomech. Eng.
-105 (1983) 136 (knee). The long axes of the limbs run through the joint centres of the shaped rest pose, as there. Where
-the recommendations take landmarks that a body model does not have, its rest pose says what they would:
-
-- pelvis, thorax, head: upright in the rest pose. ISB's planes through the spines of the pelvis and through breastbone
-  and vertebrae are tilted by some degrees in a person who stands so, and by other degrees in each person.
-- knee, ankle: the epicondyles and malleoli lie beside each other in the rest pose, whose knees bend straight back.
-- elbow, forearm: the T-pose's elbows bend forward, and its palms look down, halfway between supination and pronation.
-- hand: the heads of the metacarpals lie in its plane.
+Which axes these are: see `body.segment_axes`.
 """
 
 from dataclasses import dataclass
@@ -20,23 +10,13 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core.body import rotations
-from fitting_core.body.geometry import frame
 from fitting_core.body.kinematics import Tree, pose_joints
 from fitting_core.body.model import JOINT
+from fitting_core.body.segment_axes import BONES, rest_axes
 from fitting_core.io.motion.fitted_motion import Motion
 
-_LIMBS = ("thigh", "shank", "foot", "toes", "humerus", "forearm", "hand")
-_BONES = {"pelvis": "pelvis", "thorax": "spine3", "head": "head"} | {
-    f"{side}_{segment}": f"{side}_{joint}"
-    for side in ("left", "right")
-    for segment, joint in zip(_LIMBS, ("hip", "knee", "ankle", "foot", "shoulder", "elbow", "wrist"), strict=True)
-}
-SEGMENTS = tuple(_BONES)
 MIRROR_SIDES = np.diag([1.0, 1.0, -1.0])
 """Turns a rotation between two anatomical frames into that of the other side of the body, M R M."""
-_UP, _FORWARD, _RIGHT = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0]), np.array([-1.0, 0.0, 0.0])
-"""In the rest pose's frame."""
-_UPRIGHT = np.stack([_FORWARD, _UP, _RIGHT], -1)
 
 
 @dataclass(frozen=True)
@@ -49,8 +29,8 @@ class Segments:
     @cached_property
     def axes(self) -> dict[str, Float[np.ndarray, "T 3 3"]]:
         """By segment: x, y and z as columns, in the world of the motion."""
-        world, at_rest = self._posed[0], rest_axes(self.motion)
-        return {name: world[:, JOINT[_BONES[name]]] @ axes for name, axes in at_rest.items()}
+        world, at_rest = self._posed[0], rest_axes(self.motion.rest_joints.numpy())
+        return {name: world[:, JOINT[BONES[name]]] @ axes for name, axes in at_rest.items()}
 
     @cached_property
     def joints(self) -> Float[np.ndarray, "T 55 3"]:
@@ -70,30 +50,3 @@ class Segments:
         """
         turned = self.axes[parent].swapaxes(-1, -2) @ self.axes[child]
         return MIRROR_SIDES @ turned @ MIRROR_SIDES if child.startswith("left") else turned
-
-
-def rest_axes(motion: Motion) -> dict[str, Float[np.ndarray, "T 3 3"]]:
-    """By segment: the anatomical axes as columns in the rest pose's frame (x to the left, y up, z forward)."""
-    places = motion.rest_joints.numpy()
-    found = {name: np.broadcast_to(_UPRIGHT, (len(places), 3, 3)) for name in SEGMENTS}  # those that no joint tells
-    for side, sign in (("left", -1.0), ("right", 1.0)):
-        hip, knee, ankle, shoulder, elbow, wrist, middle, index, pinky = (
-            places[:, JOINT[f"{side}_{name}"]]
-            for name in "hip knee ankle shoulder elbow wrist middle1 index1 pinky1".split()
-        )
-        found[f"{side}_thigh"] = _along(hip - knee, _RIGHT)
-        found[f"{side}_shank"] = _along(knee - ankle, _RIGHT)
-        # The upper arm's z is the axis of the elbow, upright in the T-pose. Those of the right forearm and hand run to
-        # the thumb, and of the left ones away from it: both to the right where arms hang and palms look forward.
-        found[f"{side}_humerus"] = _along(shoulder - elbow, sign * _UP)
-        found[f"{side}_forearm"] = forearm = _along(elbow - wrist, sign * _FORWARD)
-        has_fingers = np.linalg.norm(wrist - middle, axis=-1) > 1e-6  # SMPL's lie in the wrist
-        found[f"{side}_hand"] = hand = forearm.copy()
-        hand[has_fingers] = _along((wrist - middle)[has_fingers], sign * (index - pinky)[has_fingers])
-    return found
-
-
-def _along(up: Float[np.ndarray, "T 3"], right: Float[np.ndarray, "*T 3"]) -> Float[np.ndarray, "T 3 3"]:
-    """Axes whose y runs along `up`, and whose z is `right` made orthogonal to it."""
-    y, z, x = np.moveaxis(frame(up, np.broadcast_to(right, up.shape)), -1, 0)
-    return np.stack([x, y, z], -1)

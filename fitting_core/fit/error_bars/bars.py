@@ -1,0 +1,39 @@
+"""Error bars of a fit: within them lie 68 % of the errors."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float32
+
+from fitting_core.body import model
+
+JOINTS = model.JOINTS[:22]
+"""Joints with error bars: the body's, without hands and face."""
+ANGLES = tuple(f"{side}_{joint}_flexion" for joint in ("hip", "knee", "elbow") for side in ("left", "right"))
+"""Angles with error bars, named and measured as in `measure.angles`."""
+DIRECTIONS = ("along", "across")
+"""The camera's ray through the joint: along it, and across it in any direction."""
+WIDER = 2.0
+"""Times an error bar is what 95 % of the errors lie within."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ErrorBars:
+    """Of T frames; NaN where they are not known. Errors of a clip last: they do not average out over its frames."""
+
+    joints: Float32[np.ndarray, "T 22 2"]
+    """Of JOINTS relative to the pelvis, metres, along the camera's ray and across it; 0 of the pelvis itself."""
+    angles: Float32[np.ndarray, "T 6"]
+    """Of ANGLES, degrees."""
+
+    def __len__(self) -> int:
+        return len(self.joints)
+
+    def __getitem__(self, frames: slice | list[int]) -> "ErrorBars":
+        return ErrorBars(joints=self.joints[frames], angles=self.angles[frames])
+
+    def with_frames(self, frames: range, other: "ErrorBars") -> "ErrorBars":
+        """A copy in which `frames` are as `other` has them, one after the other."""
+        joints, angles = self.joints.copy(), self.angles.copy()
+        joints[frames.start : frames.stop], angles[frames.start : frames.stop] = other.joints, other.angles
+        return ErrorBars(joints=joints, angles=angles)

@@ -1,0 +1,126 @@
+"""How far off the normal equations say that joints and angles are: their own deviations, which are too small.
+
+The objective is a sum of squared residuals, so near its minimum it is (up to a factor) the negative logarithm of a
+normal distribution whose inverse covariance is J^T J of all residuals: keypoints with their robust weights, the lifter,
+the priors, E_T and held feet (Triggs et al., Bundle Adjustment - A Modern Synthesis, 2000, section 2.3). A covariance
+of the unknowns becomes one of what depends on them, K C K^T with K its derivative.
+
+The shape is held, and so is the camera; and every error counts as one of a single frame, where a detector's and the
+lifter's last. `calibration` makes up for that.
+"""
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from fitting_core.body import rotations
+from fitting_core.body.model import JOINT, POSE_COLUMNS
+from fitting_core.body.segment_axes import rest_axes
+from fitting_core.fit.error_bars.bars import ANGLES, JOINTS, ErrorBars
+from fitting_core.fit.objective import FrameObjective, jacobians_at_once
+from fitting_core.fit.phases.consistency import overlapping_parts
+from fitting_core.fit.solvers.banded import diagonal_of_inverse
+from fitting_core.fit.solvers.sequence import Sequence
+from fitting_core.fit.stages import N_STAGES, Stages
+from fitting_core.fit.terms.temporal import JointPositions
+from fitting_core.fit.variables.estimate import Estimate
+from fitting_core.fit.variables.state import State
+
+_PART, _SEAM = 200, 20
+"""Frames whose normal equations stand in memory together, and those that two neighbours share: deviations of a walker
+differ from the whole clip's by 0.1 % at most."""
+_SEGMENTS = {"hip": ("pelvis", "thigh"), "knee": ("thigh", "shank"), "elbow": ("humerus", "forearm")}
+"""By the joint that bends: the segment before it, and the one that it turns."""
+
+
+def deviations(stages: Stages, state: State) -> ErrorBars:
+    """Standard deviations of a state in which E_o + E_T is at its minimum, as the normal equations have them.
+
+    Linear in the number of frames; NaN where the normal equations cannot be inverted.
+
+    Args:
+        stages: Of the clip, with feet held as in the fit.
+        state: All of its frames.
+    """
+    frames = len(state)
+    parts = overlapping_parts(frames, _PART, _SEAM)
+    found = [_of_part(stages.within(part), state[part.start : part.stop]) for part in parts]
+    middles = [part.start + _SEAM // 2 for part in parts[1:]]
+    own = [
+        slice(first - part.start, last - part.start)
+        for part, first, last in zip(parts, [0, *middles], [*middles, frames], strict=True)
+    ]
+    joints, angles = (
+        np.concatenate([values[inside] for values, inside in zip(kind, own, strict=True)])
+        for kind in zip(*found, strict=True)
+    )
+    return ErrorBars(joints=joints, angles=angles)
+
+
+def _of_part(stages: Stages, state: State) -> tuple[np.ndarray, np.ndarray]:
+    objective = stages.objective(N_STAGES, state, stages.free(N_STAGES, betas=False))
+    problem = Sequence(objective, state, range(len(state)))
+    _, _, *bands = problem.normal(state, torch.zeros(1, dtype=torch.long, device=stages.device))
+    covariance = diagonal_of_inverse([band[0].double() for band in bands])
+    if covariance is None:
+        return np.full((len(state), len(JOINTS), 2), np.nan, np.float32), np.full((len(state), len(ANGLES)), np.nan)
+    joints = JointPositions(stages.body, stages.parametrisation, in_camera=False)
+    chunks = stages.all_frames.split(jacobians_at_once(stages.device))
+    estimates = [joints.estimate(state[chunk], chunk) for chunk in chunks]
+    blocks = [covariance[chunk].to(state.vector) for chunk in chunks]
+    of_joints = [_of_joints(objective, e, block) for e, block in zip(estimates, blocks, strict=True)]
+    of_angles = [_of_angles(objective, e, block) for e, block in zip(estimates, blocks, strict=True)]
+    return (*(torch.cat(found).float().cpu().numpy() for found in (of_joints, of_angles)),)
+
+
+def _of_joints(
+    objective: FrameObjective, joints: Estimate, covariance: Float[Tensor, "B d d"]
+) -> Float[Tensor, "B 22 2"]:
+    """Metres along the camera's ray through each joint, and across it: the root mean square over two directions."""
+    posed, count = joints.posed, len(JOINTS)
+    identity = torch.eye(3, dtype=covariance.dtype, device=covariance.device).expand(*posed.points.shape, 3)
+    of_all = objective.jacobian.on(joints.view.points)(posed, identity, translation=False)
+    rows = objective.rows_in_prior_space(joints, of_all[:, : 3 * count])
+    spread = (rows @ covariance).unflatten(1, (count, 3)) @ rows.unflatten(1, (count, 3)).mT
+    ray = torch.nn.functional.normalize(joints.in_camera[:, :count], dim=-1)
+    along = (ray[..., None, :] @ spread @ ray[..., None])[..., 0, 0]
+    across = (spread.diagonal(dim1=-2, dim2=-1).sum(-1) - along) / 2
+    return torch.stack([along, across], -1).clamp_min(0).sqrt()
+
+
+def _of_angles(
+    objective: FrameObjective, joints: Estimate, covariance: Float[Tensor, "B d d"]
+) -> Float[Tensor, "B 6"]:
+    """Degrees."""
+    with torch.enable_grad():
+        pose = joints.body_pose.detach().requires_grad_()
+        angles = _flexions(joints, pose)
+        (slopes,) = torch.autograd.grad(angles.sum(), pose)  # no two angles depend on the same numbers
+    rows = slopes.new_zeros(len(slopes), len(ANGLES), objective.jacobian.width)
+    body = POSE_COLUMNS["body_pose"]
+    for row, name in enumerate(ANGLES):
+        own = _columns(name)
+        rows[:, row, body][:, own] = slopes[:, own]
+    rows = objective.rows_in_prior_space(joints, rows)
+    return ((rows @ covariance) * rows).sum(-1).clamp_min(0).sqrt().rad2deg()
+
+
+def _columns(angle: str) -> slice:
+    """Of the joint that an angle is of, in the axis-angle of the body's joints."""
+    first = 3 * (JOINT[angle.removesuffix("_flexion")] - 1)
+    return slice(first, first + 3)
+
+
+def _flexions(joints: Estimate, pose: Float[Tensor, "B 63"]) -> Float[Tensor, "B 6"]:
+    """ANGLES, radians: the turn about z of the segment before, which comes first, takes its y to (-sin, cos) of it."""
+    points, coefficients = joints.view.points, joints.view.parametrisation.coefficients(joints.state[:1])
+    rest = points.rest + (coefficients @ points.rest_directions.flatten(0, 1).T).view(-1, 3)
+    axes = {name: pose.new_tensor(at[0]) for name, at in rest_axes(rest[None].cpu().numpy()).items()}
+    found = []
+    for name in ANGLES:
+        side, joint = name.split("_")[:2]
+        before, turned = (axes.get(segment, axes.get(f"{side}_{segment}")) for segment in _SEGMENTS[joint])
+        x, y, _ = (rotations.exp(pose[:, _columns(name)]) @ turned[:, 1] @ before).unbind(-1)
+        found.append(torch.atan2(-x, y))
+    return torch.stack(found, -1)
