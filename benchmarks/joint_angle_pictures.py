@@ -18,8 +18,8 @@ from tyro.conf import Positional
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import FREE_FOLDER, find_body
 from fitting_core.body.model import JOINT, BodyModel
-from fitting_core.body.segment_axes import BONES, rest_axes
 from fitting_core.body.params import BodyParams
+from fitting_core.body.segment_axes import BONES, rest_axes
 from fitting_core.camera import Camera
 from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.measure.angles.joint_angles import joint_angles

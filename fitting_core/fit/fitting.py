@@ -15,6 +15,7 @@ from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
+from fitting_core.fit.error_bars import ErrorBars
 from fitting_core.fit.events import (
     Finished,
     FitEvent,
@@ -41,6 +42,7 @@ from fitting_core.fit.provenance import Provenance, Start
 from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.stages import Stages
+from fitting_core.fit.uncertainty.calibration import error_bars
 from fitting_core.fit.variables.state import State
 from fitting_core.video.frame_names import spans
 
@@ -302,7 +304,8 @@ class _Fit:
         state = yield from _events(_twice(run, consistency, state, held), 3)
         before = self.provenance or Provenance.unknown(len(state))
         self.provenance = replace(before, stopped=consistency.stopped)
-        yield self._finish(3, state, start, tuple(consistency.notes), stages=consistency.stages)
+        bars = error_bars(consistency.stages, state)
+        yield self._finish(3, state, start, tuple(consistency.notes), stages=consistency.stages, bars=bars)
 
     def _finish(
         self,
@@ -314,13 +317,14 @@ class _Fit:
         sample: tuple[State, Tensor] | None = None,
         poses: BodyParams | None = None,
         stages: Stages | None = None,
+        bars: ErrorBars | None = None,
     ) -> PhaseFinished:
         result = phase_result(
             stages or self.stages, phase, state, seconds=time.perf_counter() - start, notes=notes, sample=sample
         )
         if poses is not None:
             result = replace(result, params=replace(poses, betas=result.params.betas))
-        result = replace(result, provenance=self.provenance)
+        result = replace(result, provenance=self.provenance, error_bars=bars)
         self.phases.append(result)
         return PhaseFinished(phase=phase, result=result, so_far=self._result())
 

@@ -1,6 +1,6 @@
 """A phase's figures, for parameters that it found or that come from elsewhere."""
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,11 +12,17 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
+from fitting_core.fit.error_bars import ErrorBars
 from fitting_core.fit.evidence.given_start import GivenStart
+from fitting_core.fit.grounded import holding_feet
 from fitting_core.fit.provenance import Provenance
 from fitting_core.fit.result import PhaseResult
 from fitting_core.fit.stages import N_STAGES, Stages
+from fitting_core.fit.uncertainty.calibration import error_bars
 from fitting_core.fit.variables.state import State
+
+_AROUND = 20
+"""Frames to either side of those whose error bars are taken anew."""
 
 
 def evaluated(
@@ -49,7 +55,7 @@ def patched(
     body: BodyModel,
     config: FitConfig,
     params: BodyParams,
-    windows: Iterable[range],
+    windows: Sequence[range],
     *,
     start: GivenStart | None = None,
     provenance: Provenance | None = None,
@@ -73,6 +79,7 @@ def patched(
     """
     whole = Stages.of_clip(clip, body, config, start=start)
     cost, known = phase.frame_cost.copy(), phase.provenance or Provenance.unknown(len(params))
+    bars = phase.error_bars
     for window in windows:
         stages, inside = whole.within(window), slice(window.start, window.stop)
         state = stages.parametrisation.from_params(params[inside])
@@ -85,7 +92,22 @@ def patched(
         objective={"by frame": float(cost.mean())},
         notes=(note,),
         provenance=known,
+        error_bars=bars if bars is None else _new_error_bars(bars, whole, clip, params, windows),
     )
+
+
+def _new_error_bars(
+    known: ErrorBars, whole: Stages, clip: Clip, params: BodyParams, windows: Sequence[range]
+) -> ErrorBars:
+    """Those of the windows anew, with so many frames around them as their evidence comes from."""
+    holding = holding_feet(whole, clip, params) or whole
+    for window in windows:
+        near = range(max(0, window.start - _AROUND), min(len(params), window.stop + _AROUND))
+        stages = holding.within(near)
+        found = error_bars(stages, stages.parametrisation.from_params(params[slice(near.start, near.stop)]))
+        inside = slice(window.start - near.start, window.stop - near.start)
+        known = known.with_frames(window, (found or ErrorBars.unknown(len(near)))[inside])
+    return known
 
 
 def _frame_costs(stages: Stages, state: State) -> Float[np.ndarray, "T"]:

@@ -8,6 +8,7 @@ from jaxtyping import Bool, Float
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.config.schema import FitConfig
+from fitting_core.fit.error_bars import ErrorBars
 from fitting_core.fit.evidence.given_start import GivenStart
 from fitting_core.fit.provenance import Provenance
 from fitting_core.ground.grounding import Grounding
@@ -28,6 +29,9 @@ class PhaseResult:
     notes: tuple[str, ...] = ()
     provenance: Provenance | None = None
     """Where each frame's fit came from; None for what came from elsewhere, such as files of earlier versions."""
+    error_bars: ErrorBars | None = None
+    """How far off joints and angles may be; None where that is not known: of phases 1 and 2, of fits without the
+    lifter, and of files of earlier versions."""
 
 
 @dataclass(frozen=True, kw_only=True)

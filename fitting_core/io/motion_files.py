@@ -58,6 +58,7 @@ def motion_of(fit: FitResult, clip: Clip, body: BodyModel, *, phase: int | None 
     return Motion(
         body=body,
         params=chosen.params,
+        error_bars=chosen.error_bars,
         camera=fit.camera,
         frame_rate=clip.frame_rate,
         name=clip.name,
@@ -89,6 +90,7 @@ def stored_motion(fit: StoredFit, body: BodyModel, *, name: str, phase: int | No
     return Motion(
         body=body,
         params=fit.phase1 if phase == 1 else fit.params,
+        error_bars=None if phase == 1 else fit.error_bars,
         camera=fit.camera,
         frame_rate=fit.frame_rate,
         name=name,

@@ -17,6 +17,10 @@ camera_translation | (N, ...) | the same as `BodyParams` has it: hands as compon
 | start, stopped | (N,) | where each frame's fit came from and why its solver stopped, as numbers of the next two; not \
 there where it is not known, as of an imported motion |
 | start_texts, stopped_texts | (k,) | their meaning in English, the text of number i at i |
+| joint_error_bars | (N, 22, 2) | how far off the body's joints may be relative to the pelvis, metres, along the ray \
+of the camera through the joint and across it: 68 % of errors lie within, 95 % within twice as much; not there of \
+phases 1 and 2, of fits without the lifter, and in files of earlier versions |
+| angle_error_bars | (N, 6) | the same of the flexion of hips, knees and elbows, left and right of each, degrees |
 | gravity, gravity_deviation, ground, ground_deviation, ground_text, contacts, contact_probability | | what is known \
 of the world: see fitting_core/ground/arrays.py; not there in files of earlier versions |
 | camera_*, image_size, lens_*, world_*, path_* | | the camera: see fitting_core/io/camera_arrays.py |
@@ -45,6 +49,7 @@ from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.files.npz import read_npz, write_npz
+from fitting_core.fit.error_bars import ErrorBars, error_bar_arrays, error_bars_from
 from fitting_core.fit.provenance import STARTS, STOPS, Provenance
 from fitting_core.fit.result import FitResult
 from fitting_core.ground.arrays import grounding_arrays, grounding_from
@@ -93,6 +98,8 @@ class StoredFit:
     last_phase: int
     complete: bool
     """Whether the fit went through; if not, these are the phases that it finished."""
+    error_bars: ErrorBars | None = None
+    """Of the last finished phase; None where the file does not tell."""
     grounding: Grounding | None = None
     """Gravity, contacts and floor; None where the file does not tell, as those of earlier versions."""
 
@@ -161,7 +168,8 @@ def fit_arrays(fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool = 
         "complete": complete,
         "format": FORMAT,
     }
-    arrays |= _provenance_arrays(fit.last.provenance) | grounding_arrays(fit.grounding)
+    arrays |= _provenance_arrays(fit.last.provenance) | error_bar_arrays(fit.last.error_bars)
+    arrays |= grounding_arrays(fit.grounding)
     return {name: np.asarray(value) for name, value in arrays.items()}
 
 
@@ -229,6 +237,7 @@ def _stored(arrays: dict[str, np.ndarray]) -> StoredFit:
         **{name: str(arrays[name]) for name in ("gender", "body_kind", "body_hash")},
         last_phase=last_phase,
         complete=bool(arrays["complete"]),
+        error_bars=error_bars_from(arrays, frames),
         grounding=grounding_from(arrays, frames),
     )
 

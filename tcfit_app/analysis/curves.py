@@ -10,7 +10,9 @@ from jaxtyping import Float, Float32
 from fitting_core import keypoints as kp
 from fitting_core.body.model import N_JOINTS
 from fitting_core.errors import InputError
+from fitting_core.fit.error_bars import ANGLES
 from fitting_core.fit.terms.temporal import OFF_MEAN
+from fitting_core.measure.angles.joint_angles import flexion
 from fitting_core.measure.hands.phases import SIDES, Side, wrist_speed
 from tcfit_app.analysis.posed_fit import GROUPS, PosedFit
 
@@ -24,6 +26,8 @@ class Curve:
     unit: str
     values: Float[np.ndarray, "T"]
     """NaN where there is none."""
+    error_bars: Float[np.ndarray, "T"] | None = None
+    """How far off the values may be: 68 % of errors lie within; None where nobody knows."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +38,8 @@ class CurveKind:
     unit: str
     values: Callable[[PosedFit], Float[np.ndarray, "T"]]
     """A frame's value may depend on its neighbours and on no other frame."""
+    angle: int | None = None
+    """Whose error bars the curve has, of `error_bars.ANGLES`."""
 
 
 def curve(name: str, fit: PosedFit) -> Curve:
@@ -45,7 +51,8 @@ def curve(name: str, fit: PosedFit) -> Curve:
     """
     kind = CURVES[name]
     values = kind.values(fit) if fit.there is None else np.where(fit.there, kind.values(fit), np.nan)
-    return Curve(name=name, title=kind.title, unit=kind.unit, values=values)
+    bars = None if fit.error_bars is None or kind.angle is None else fit.error_bars.angles[:, kind.angle]
+    return Curve(name=name, title=kind.title, unit=kind.unit, values=values, error_bars=bars)
 
 
 def weighted_mean(values: Float[np.ndarray, "T K"], weights: Float[np.ndarray, "T K"]) -> Float[np.ndarray, "T"]:
@@ -80,6 +87,15 @@ def _speed(side: Side) -> Callable[[PosedFit], Float[np.ndarray, "T"]]:
     return lambda fit: wrist_speed(fit.joints, side, fit.clip.frame_rate)
 
 
+def _flexion(name: str) -> Callable[[PosedFit], Float[np.ndarray, "T"]]:
+    return lambda fit: flexion(fit.motion, name)
+
+
+def _flexion_title(name: str) -> str:
+    side, joint, _ = name.split("_")
+    return f"Flexion of the {side} {joint}"
+
+
 CURVES: dict[str, CurveKind] = {
     "reprojection": CurveKind(title="Reprojection error", unit="px", values=_reprojection(slice(0, kp.COUNT))),
     **{
@@ -94,6 +110,10 @@ CURVES: dict[str, CurveKind] = {
     **{
         f"{side}_wrist": CurveKind(title=f"Speed of the {side} wrist", unit="m/s", values=_speed(side))
         for side in SIDES
+    },
+    **{
+        name: CurveKind(title=_flexion_title(name), unit="°", values=_flexion(name), angle=i)
+        for i, name in enumerate(ANGLES)
     },
 }
 """By name; "volume" is the slow one, as it needs whole meshes.

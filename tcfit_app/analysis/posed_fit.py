@@ -13,8 +13,10 @@ from fitting_core.body.model import JOINT
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import project
 from fitting_core.clip import Clip
+from fitting_core.fit.error_bars import ErrorBars
 from fitting_core.fit.evidence.sides import PAIRED, unswapped
 from fitting_core.fit.result import FitResult, PhaseResult
+from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.io.summary import counted_keypoints
 from fitting_core.measure.mesh.volume import Enclosed
 from fitting_core.metrics import reprojection_errors
@@ -47,6 +49,8 @@ class PosedFit:
     """Keypoints that a person has marked as wrong (`Corrected.bad`); their confidence is 0."""
     frame_cost: Float[np.ndarray, "T"] | None = None
     """E_o of each frame, where the phase that gave the parameters has told it."""
+    error_bars: ErrorBars | None = None
+    """How far off joints and angles may be; None where nobody knows."""
     there: Bool[np.ndarray, "T"] | None = None
     """Frames of which there is a pose; None: all. In the others nothing is measured."""
 
@@ -78,7 +82,7 @@ class PosedFit:
                 seen, keypoints=replace(seen.keypoints, confidence=seen.keypoints.confidence * there[:, None])
             )
         found = PosedFit.posed(seen, chosen.params, meshes, space=space, bad=bad, frame_cost=chosen.frame_cost)
-        return replace(found, there=there)
+        return replace(found, there=there, error_bars=chosen.error_bars)
 
     @staticmethod
     def posed(
@@ -112,7 +116,15 @@ class PosedFit:
         cost = None if self.frame_cost is None else self.frame_cost[frames]
         clip = replace(self.clip, keypoints=self.clip.keypoints[frames], camera=self.clip.camera[frames])
         there = None if self.there is None else self.there[frames]
-        return replace(self, clip=clip, params=self.params[frames], bad=self.bad[frames], frame_cost=cost, there=there)
+        bars = None if self.error_bars is None else self.error_bars[frames]
+        part = replace(self, clip=clip, params=self.params[frames], bad=self.bad[frames])
+        return replace(part, frame_cost=cost, there=there, error_bars=bars)
+
+    @property
+    def motion(self) -> Motion:
+        """In camera space."""
+        body, clip = self.meshes.body, self.clip
+        return Motion(body=body, params=self.params, camera=clip.camera, frame_rate=clip.frame_rate, name=clip.name)
 
     @cached_property
     def joints(self) -> Float[np.ndarray, "T 55 3"]:

@@ -9,6 +9,7 @@ from fitting_core.body.model import JOINTS
 from fitting_core.errors import InputError
 from fitting_core.io.motion.fitted_motion import OWN_WORLD, Motion, Progress
 from fitting_core.io.points.contact_table import events_of, write_contacts
+from fitting_core.io.points.joint_table import write_joints_csv
 from fitting_core.io.points.named_points import NamedPoints
 from fitting_core.io.points.trc import write_trc
 from fitting_core.measure.angles.angle_files import write_angles_csv, write_mot
@@ -22,6 +23,11 @@ def write_joints_trc(source: ExportSource, path: Path, progress: Progress) -> No
     """The 55 joint centres."""
     motion = source.motion("y-up")
     write_trc(path, _points(motion, tuple(JOINTS), motion.joints()))
+
+
+def write_joint_table(source: ExportSource, path: Path, progress: Progress) -> None:
+    """The same and their error bars as a table."""
+    write_joints_csv(path, source.motion("y-up"))
 
 
 def write_markers_trc(source: ExportSource, path: Path, progress: Progress) -> None:

@@ -47,6 +47,7 @@ class ExportedFit:
             name=clip.name,
             first_frame=clip.first_frame,
             contacts=None if self.fit.grounding is None else self.fit.grounding.contacts,
+            error_bars=None if self.shown.result is None else self.shown.result.error_bars,
             level=level_of(self.fit.grounding, self.shown.camera.world),
         )
 
@@ -78,14 +79,28 @@ class ExportedFit:
         camera = self.fit.camera[frames]
         fit = replace(self.fit, phases=phases, observed=observed, warnings=warnings, grounding=grounding, camera=camera)
         there = None if self.shown.there is None else self.shown.there[frames]
-        shown = replace(self.shown, params=self.shown.params[frames], camera=self.shown.camera[frames], there=there)
+        result = None if self.shown.result is None else _part(self.shown.result, frames)
+        shown = replace(
+            self.shown,
+            params=self.shown.params[frames],
+            camera=self.shown.camera[frames],
+            there=there,
+            result=result,
+        )
         return replace(self, fit=fit, shown=shown)
 
 
 def _part(phase: PhaseResult, frames: slice) -> PhaseResult:
     """Consecutive frames of a phase. Costs are known by frame, and not by term."""
-    cost = phase.frame_cost[frames]
-    return replace(phase, params=phase.params[frames], frame_cost=cost, objective={"by frame": float(cost.mean())})
+    cost, known, bars = phase.frame_cost[frames], phase.provenance, phase.error_bars
+    return replace(
+        phase,
+        params=phase.params[frames],
+        frame_cost=cost,
+        objective={"by frame": float(cost.mean())},
+        provenance=None if known is None else known[frames],
+        error_bars=None if bars is None else bars[frames],
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

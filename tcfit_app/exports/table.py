@@ -16,6 +16,7 @@ from tcfit_app.exports.keypoints import write_coco, write_openpose_folder, write
 from tcfit_app.exports.laboratory import (
     write_angles,
     write_contact_table,
+    write_joint_table,
     write_joints_trc,
     write_marker_c3d,
     write_markers_trc,
@@ -191,6 +192,13 @@ EXPORTS: dict[str, Export] = {
         hint="Your own rig's skeleton with this motion, in its unit and lengths; by a mapping file",
         write=write_rig_bvh,
         own_rig=True,
+    ),
+    "joints": Export(
+        title="Joints (CSV)",
+        group="Laboratory",
+        suffix=".joints.csv",
+        hint="55 joint centres by frame, metres, by default y up; with error bars where they are known",
+        write=write_joint_table,
     ),
     "trc": Export(
         title="Joints (TRC)",

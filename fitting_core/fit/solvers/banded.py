@@ -55,7 +55,7 @@ def solve_block_banded(bands: Sequence[Float[Tensor, "_ d d"]], g: Float[Tensor,
 
 @torch.no_grad()
 def diagonal_of_inverse(bands: Sequence[Float[Tensor, "_ d d"]]) -> Float[Tensor, "n d d"] | None:
-    """The diagonal blocks of H^-1, without the rest of it: of normal equations, the covariance of each frame's unknowns.
+    """The diagonal blocks of H^-1, without the rest of it: of normal equations, each frame's covariance.
 
     With H = L L^T, Z = H^-1 solves L^T Z = L^-1, whose right side is lower triangular. So from the last frame to the
     first, with i's coupled frames N and G = L[N, i] L[i, i]^-1,

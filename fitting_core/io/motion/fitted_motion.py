@@ -15,6 +15,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams, full_pose
 from fitting_core.camera import Camera, CameraPath, World
 from fitting_core.errors import InputError
+from fitting_core.fit.error_bars import ErrorBars
 from fitting_core.ground.contacts import Contacts
 from fitting_core.ground.level import Level
 
@@ -60,6 +61,8 @@ class Motion:
     """A name of AXES, or OWN_WORLD."""
     contacts: Contacts | None = None
     """Which foot stands in each of the T frames; None where nobody looked."""
+    error_bars: ErrorBars | None = None
+    """How far off its joints and angles may be; None where nobody knows."""
     level: Level | None = None
     """How the camera is held: by it y-up and z-up are upright, and their floor is at 0. None: as if it were level."""
 
@@ -74,6 +77,7 @@ class Motion:
             params=self.params[frames],
             camera=self.camera[frames],
             contacts=None if self.contacts is None else self.contacts[frames],
+            error_bars=None if self.error_bars is None else self.error_bars[frames],
             first_frame=self.first_frame + start,
         )
 

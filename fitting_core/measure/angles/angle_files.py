@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from fitting_core.files.atomic import replacing
+from fitting_core.fit.error_bars import ANGLES as BARRED
+from fitting_core.fit.error_bars import WIDER, ErrorBars
 from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.measure.angles.cardan import SINGULAR
 from fitting_core.measure.angles.joint_angles import ANGLES, JOINTS, UNSEEN, joint_angles
@@ -15,14 +17,16 @@ _DECIMALS = 4
 
 
 def write_angles_csv(path: Path, motion: Motion) -> None:
-    """A row for each frame: its number, seconds in the video, and ANGLES in degrees; empty where not determined.
+    """A row for each frame: its number, seconds in the video, ANGLES in degrees, and the error bars of some of them;
+    empty where not determined.
 
     The lines before the names begin with # and state the conventions.
 
     Raises:
         OSError: The file cannot be written; nothing is left of it.
     """
-    columns = joint_angles(motion)
+    columns, bars = joint_angles(motion), motion.error_bars or ErrorBars.unknown(len(motion))
+    columns |= {f"{name}_error_bar": values for name, values in zip(BARRED, bars.angles.T, strict=True)}
     frames = motion.first_frame + np.arange(len(motion))
     with replacing(path) as draft, draft.open("w", newline="", encoding="utf-8") as file:
         file.writelines(f"# {line}\n" for line in _conventions(motion))
@@ -53,6 +57,7 @@ def _conventions(motion: Motion) -> list[str]:
         f"Empty: not determined. The first and third angle of a sequence within {SINGULAR:g} degrees of where their "
         f"axes coincide; shoulder_flexion and shoulder_abduction within {UNSEEN:g} degrees of the plane's normal.",
         "Angles run on over time without jumps of 360 degrees.",
+        f"error_bar: 68 % of errors lie within it and 95 % within {WIDER:g} times as much; empty where not known.",
     ]
     return lines
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from fitting_core.body.segment_axes import BONES
 from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.measure.angles.cardan import angles_of, continuous, singular
 from fitting_core.measure.angles.segments import Segments
@@ -198,6 +199,16 @@ def joint_angles(motion: Motion) -> dict[str, Float[np.ndarray, "T"]]:
             if joint.name == "shoulder":
                 found |= {f"{side}shoulder_{name}": values for name, values in _projected(segments, side).items()}
     return found
+
+
+def flexion(motion: Motion, name: str) -> Float[np.ndarray, "T"]:
+    """One of `error_bars.ANGLES`, degrees from -180 to 180: each frame by itself, whatever those before it are."""
+    side, joint = name.removesuffix("_flexion").split("_")
+    known = next(one for one in JOINTS if one.name == joint)
+    assert known.angles[0] is not None and known.sequence == "ZXY"
+    parent = known.parent if known.parent in BONES else f"{side}_{known.parent}"
+    turns = angles_of(Segments(motion).between(parent, f"{side}_{known.child}"), known.sequence)
+    return known.angles[0].sign * turns[:, 0]
 
 
 def _turns(joint: Joint, segments: Segments, side: str) -> Float[np.ndarray, "T 3"]:

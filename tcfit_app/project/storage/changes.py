@@ -20,6 +20,7 @@ import numpy as np
 
 from fitting_core.errors import InputError
 from fitting_core.files.npz import read_npz, write_npz
+from fitting_core.fit.error_bars import ErrorBars
 from fitting_core.fit.provenance import Provenance
 from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.ground.arrays import grounding_arrays, grounding_from
@@ -56,6 +57,7 @@ class Frames:
             params=last.params[chosen],
             frame_cost=last.frame_cost[chosen],
             provenance=None if known is None else Provenance(known.start[chosen], known.stopped[chosen]),
+            error_bars=None if last.error_bars is None else last.error_bars[chosen],
         )
         return Frames(windows=windows, phase=phase, grounding=fit.grounding, edits_seen=edits_seen)
 
@@ -67,15 +69,18 @@ class Frames:
             last.frame_cost.copy(),
             last.provenance or Provenance.unknown(len(last.params)),
         )
+        bars, own_bars = last.error_bars, self.phase.error_bars
         for window in self.windows:
             part = slice(begin, begin + len(window))
             params = params.with_frames(window, self.phase.params[part])
             cost[window.start : window.stop] = self.phase.frame_cost[part]
             if self.phase.provenance is not None:
                 known = known.with_frames(window, self.phase.provenance[part])
+            if bars is not None:
+                bars = bars.with_frames(window, ErrorBars.unknown(len(window)) if own_bars is None else own_bars[part])
             begin = part.stop
         provenance = None if self.phase.provenance is None else known
-        phase = replace(self.phase, params=params, frame_cost=cost, provenance=provenance)
+        phase = replace(self.phase, params=params, frame_cost=cost, provenance=provenance, error_bars=bars)
         return replace(fit, phases=(*fit.phases[:-1], phase), grounding=self.grounding)
 
 

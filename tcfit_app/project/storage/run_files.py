@@ -7,6 +7,8 @@
 | phase1_objective | (n,) | mean cost by term; their names stand in about |
 | phase1_start, phase1_stopped | (T,) | where each frame's fit came from: numbers of `provenance.Start` and `Stopped`; \
 runs of earlier versions and imported motions have none |
+| phase3_joint_error_bars, phase3_angle_error_bars | (T, 22, 2), (T, 6) | as in fit.npz; not there where they are not \
+known |
 | observed | (T, 55) | as in FitResult |
 | start_there, start_points, start_off, start_betas, ... | (T, ...) | the `GivenStart` that phase 1 began with, where \
 there was one |
@@ -30,6 +32,7 @@ from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.files.npz import read_npz
+from fitting_core.fit.error_bars import error_bar_arrays, error_bars_from
 from fitting_core.fit.evidence.given_start import GivenStart, StartRecord
 from fitting_core.fit.provenance import Provenance
 from fitting_core.fit.result import FitResult, PhaseResult
@@ -108,6 +111,7 @@ def phase_arrays(phase: PhaseResult) -> dict[str, np.ndarray]:
     }
     if phase.provenance is not None:
         arrays |= {f"{prefix}start": phase.provenance.start, f"{prefix}stopped": phase.provenance.stopped}
+    arrays |= {prefix + name: values for name, values in error_bar_arrays(phase.error_bars).items()}
     return arrays
 
 
@@ -171,7 +175,7 @@ def _start(arrays: dict[str, np.ndarray], about: StartRecord | None, frames: int
 def phase_from(arrays: dict[str, np.ndarray], about: PhaseRecord) -> PhaseResult:
     """What `phase_arrays` made. Raises KeyError, IndexError or ValueError if an array lacks or has another shape."""
     prefix = f"phase{about.phase}_"
-    params = _params(arrays, prefix)
+    params, own = _params(arrays, prefix), {name.removeprefix(prefix): values for name, values in arrays.items()}
     frames = len(params)
     costs = _shaped(arrays, f"{prefix}objective", (len(about.terms),))
     return PhaseResult(
@@ -182,6 +186,7 @@ def phase_from(arrays: dict[str, np.ndarray], about: PhaseRecord) -> PhaseResult
         seconds=about.seconds,
         notes=about.notes,
         provenance=_provenance(arrays, prefix, frames),
+        error_bars=error_bars_from(own, frames),
     )
 
 

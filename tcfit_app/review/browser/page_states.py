@@ -69,6 +69,8 @@ class FitBody(_State, frozen=True, kw_only=True):
     color: Color
     points: tuple[Triple | None, ...]
     """In camera space, metres; None where the body has no such keypoint."""
+    error_bars: tuple[tuple[float, float] | None, ...] = ()
+    """How far off they may be along the camera's ray and across it, metres; none where nobody knows."""
 
 
 class Bodies(_State, frozen=True, kw_only=True):
@@ -188,6 +190,8 @@ class Style(_State, frozen=True, kw_only=True):
     """Draw where edited keypoints were detected."""
     hand_along: bool = True
     """A wrist that is dragged takes its hand along."""
+    error_bars: bool = True
+    """In the side view and in 3D."""
 
 
 Path = tuple[tuple[float, float] | None, ...]
@@ -244,6 +248,8 @@ class Curve(_State, frozen=True, kw_only=True):
     color: Color
     values: tuple[float | None, ...]
     """For each frame."""
+    error_bars: tuple[float | None, ...] = ()
+    """How far off they may be to either side; none where nobody knows."""
 
 
 class Heat(_State, frozen=True, kw_only=True):

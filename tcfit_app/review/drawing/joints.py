@@ -2,13 +2,20 @@
 
 import numpy as np
 
-from fitting_core.keypoints import BODY
+from fitting_core.fit.error_bars import JOINTS
+from fitting_core.keypoints import BODY, NAMES
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.review.browser.page_states import Bodies, FitBody, points_in_space
 from tcfit_app.review.scene.layers import BodyLayer, css
 from tcfit_app.review.scene.room import Room
 from tcfit_app.review.tab.on_show import OnShow, Side
 from tcfit_app.review.tab.tab import Tab
+
+_OTHERWISE_NAMED = {"nose": "head", "left_big_toe": "left_foot", "right_big_toe": "right_foot"}
+_JOINTS = [
+    JOINTS.index(joint) if (joint := _OTHERWISE_NAMED.get(name, name)) in JOINTS else None for name in NAMES[BODY]
+]
+"""Of each of BODY_25's keypoints: the joint whose error bars it has."""
 
 
 class JointsPart:
@@ -31,7 +38,9 @@ class JointsPart:
         for side, fit in there.items():
             points = self._data.body_points(fit, shown.frame, shown.live_of(side))
             assert len(points) == BODY.stop
-            made.append(FitBody(color=css(bodies[side].color), points=points_in_space(points)))
+            bars = () if shown.live_of(side) is not None else _error_bars(fit, shown.frame)
+            body = FitBody(color=css(bodies[side].color), points=points_in_space(points), error_bars=bars)
+            made.append(body)
         down = (float(value) for value in np.round(room.turn[1], 5))
         state = Bodies(
             bodies=tuple(made),
@@ -39,6 +48,15 @@ class JointsPart:
             floor=round(room.floor - float(room.place[1]), 4),
         )
         self._tab.channel.send("bodies", state if made else None)
+
+
+def _error_bars(fit: Shown, frame: int) -> tuple[tuple[float, float] | None, ...]:
+    """Of BODY_25's keypoints; none where they are not known."""
+    known = None if fit.result is None else fit.result.error_bars
+    if known is None or not np.isfinite(known.joints[frame]).all():
+        return ()
+    bars = [(round(float(along), 4), round(float(across), 4)) for along, across in known.joints[frame]]
+    return tuple(None if joint is None else bars[joint] for joint in _JOINTS)
 
 
 def drawn(bodies: dict[Side, BodyLayer]) -> list[Side]:

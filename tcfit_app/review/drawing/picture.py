@@ -244,6 +244,7 @@ class Picture:
             minimum=state.minimum,
             ghosts=state.detections,
             hand_along=state.hand_along,
+            error_bars=state.error_bars,
         )
         if tab.sent.differs("style", style):
             tab.channel.send("style", style)

@@ -202,7 +202,8 @@ class Rows:
             return
         for side, curve in found.curves:
             label, color = ("", _COMPARED) if plot.how == "between" else (self._label(side), _color(side))
-            yield states.Curve(label=label, color=color, values=curve_values(curve.values))
+            bars = () if curve.error_bars is None else curve_values(curve.error_bars, digits=3)
+            yield states.Curve(label=label, color=color, values=curve_values(curve.values), error_bars=bars)
 
 
 _WAYS: dict[str, Callable[[Rows, str], _Found]] = {

@@ -35,7 +35,7 @@ from tcfit_app.review.tab.on_show import SIDES
 from tcfit_app.review.tab.state import CLOSE_UPS, MODES, OPACITIES, SIDES_SEEN, SPEEDS, Part
 from tcfit_app.review.tab.tab import NO_SILHOUETTE, Tab
 
-_SWITCHES = {"video", "bones", "detections", "others"}
+_SWITCHES = {"video", "bones", "detections", "others", "error_bars"}
 """What can be switched here and has no key."""
 _COLORS_BY = ("group", "confidence")
 _SPEEDS = {f"{speed:g}": speed for speed in SPEEDS}
@@ -134,7 +134,7 @@ class ViewPanel:
             self._turn.show(angle)
         if tab.sent.differs(
             "keypoint layers",
-            *(state.close_up, state.trail),
+            *(state.close_up, state.trail, state.error_bars, version),
             *(
                 state.video,
                 state.keypoints,
@@ -146,7 +146,7 @@ class ViewPanel:
                 tab.session.edits,
             ),
         ):
-            self._draw_keypoints()
+            self._draw_keypoints(held)
 
     def _draw_playing(self) -> None:
         tab, state = self._tab, self._tab.state
@@ -222,7 +222,7 @@ class ViewPanel:
             row(action("side", "Show", pressed=state.side), choice(*seen), choice(*wider)),
         )
 
-    def _draw_keypoints(self) -> None:
+    def _draw_keypoints(self, held: Shown | None) -> None:
         state = self._tab.state
         groups = (
             button(
@@ -260,11 +260,20 @@ class ViewPanel:
                 ),
                 action("trail", "Trail", pressed=state.trail),
                 self._silhouette(),
+                self._error_bars(held),
                 wrap=True,
             ),
             row(*groups),
             row(choice(*colors), label="Colour by"),
         )
+
+    def _error_bars(self, held: Shown | None) -> Html:
+        known = held is not None and held.result is not None and held.result.error_bars is not None
+        hint = "In the side view and in 3D: two of three joints lie within, relative to the pelvis"
+        unknown = "Not known of this fit: only phase 3 with the lifter has them"
+        pressed = known and self._tab.state.error_bars
+        hint = hint if known else unknown
+        return button("Error bars", "view.switch", "error_bars", pressed=pressed, disabled=not known, hint=hint)
 
     def _silhouette(self) -> Html:
         known, state = self._tab.session.project.footage.silhouettes is not None, self._tab.state

@@ -102,6 +102,8 @@ class TabState:
     color_by: Literal["group", "confidence"] = "group"
     minimum: float = 0.0
     """Keypoints of less confidence are left out."""
+    error_bars: bool = True
+    """How far off joints may be is drawn in the side view and in 3D, where it is known."""
     detections: bool = True
     """Corrected keypoints have a trace to where they were detected."""
     plots: tuple[str, ...] = ("reprojection", "jitter")

@@ -22,6 +22,7 @@ export interface Layout {
 export interface FitBody {
   color: string;
   points: ([number, number, number] | null)[];
+  error_bars: ([number, number] | null)[];
 }
 
 export interface Bodies {
@@ -91,6 +92,7 @@ export interface Style {
   minimum: number;
   ghosts: boolean;
   hand_along: boolean;
+  error_bars: boolean;
 }
 
 export interface Trail {
@@ -122,6 +124,7 @@ export interface Curve {
   label: string;
   color: string;
   values: (number | null)[];
+  error_bars: (number | null)[];
 }
 
 export interface Heat {

@@ -31,6 +31,34 @@ export function projections(map) {
   });
 }
 
+/** The outline on the screen of an ellipsoid around a point; null where that lies behind the viewer. With the images of
+ * its three half axes as columns of M, that is the ellipse of M Mᵀ.
+ * @param {(point: number[]) => [number, number] | null} project
+ * @param {Point} point
+ * @param {readonly [along: number, across: number]} bars half axes along the camera's ray and across it, metres */
+export function ellipse(project, point, [along, across]) {
+  const centre = project(point);
+  const [x, y, z] = unit(point);
+  const aside = unit([z, 0, -x]);
+  const below = [y * aside[2], z * aside[0] - x * aside[2], -y * aside[0]];
+  let [uu, uv, vv] = [0, 0, 0];
+  for (const [i, axis] of [[x, y, z], aside, below].entries()) {
+    const end = project(point.map((value, k) => value + STEP * axis[k]));
+    if (!centre || !end) return null;
+    const [u, v] = minus(end, centre).map((pixels) => (pixels * (i ? across : along)) / STEP);
+    [uu, uv, vv] = [uu + u * u, uv + u * v, vv + v * v];
+  }
+  if (!centre) return null;
+  const [mean, off] = [(uu + vv) / 2, Math.hypot((uu - vv) / 2, uv)];
+  const path = new Path2D();
+  const [long, short] = [Math.sqrt(mean + off), Math.sqrt(Math.max(mean - off, 0))];
+  path.ellipse(...centre, long, short, Math.atan2(2 * uv, uu - vv) / 2, 0, 2 * Math.PI);
+  return path;
+}
+
+/** @param {number[]} a */
+const unit = (a) => a.map((value) => value / Math.hypot(...a));
+
 /** Keypoints of the fits on the screen. @param {PosterMap} map @param {number[]} joints @returns {Placed[]} */
 export function fitPlaces(map, joints) {
   const ways = projections(map);
@@ -79,6 +107,8 @@ export function fitLine(joint, body, selected) {
   }
   const height = centimetres(floor - dot(down, point));
   parts.push(`${Math.abs(height)} cm ${height < 0 ? "below" : "above"} the floor`);
+  const bars = states.bodies?.bodies[body]?.error_bars[joint];
+  if (bars) parts.push(`± ${centimetres(bars[0])} cm in depth, ± ${centimetres(bars[1])} cm across`);
   if (BENDS.test(names[joint])) parts.push(`bent by ${bend(points, joint)}°`);
   const [other] = selected;
   const far = points[other];

@@ -6,7 +6,7 @@
 
 import { known, states } from "../connection.js";
 import { COLORS, FONT } from "../style.js";
-import { projections } from "./fits.js";
+import { ellipse, projections } from "./fits.js";
 import { borderAt, pointer } from "./picking.js";
 import { drawn, toScreen } from "./projection.js";
 import { disc, rim, ring, stamp, stroke } from "./shapes.js";
@@ -35,6 +35,7 @@ export function drawSide(context, map) {
 /** The fits' keypoints and bones. @param {Context} context @param {PosterMap} map of the side view or of 3D */
 export function drawFits(context, map) {
   const bodies = states.bodies?.bodies ?? [];
+  if (known("style").error_bars) drawErrorBars(context, map, bodies);
   if (known("style").bones && groupShown(0)) drawBones(context, map, bodies);
   // The body that is corrected on top, and on each body the joints in the order of the picture.
   for (const { joint, x, y, body } of placedOn(map).sort((a, b) => a.body - b.body || b.joint - a.joint)) {
@@ -100,6 +101,25 @@ function write(context, text, x, y, align) {
   context.fillStyle = TEXT;
   context.fillText(text, x, y);
   context.textAlign = "start";
+}
+
+/** How far off joints may be, as the outline of an ellipsoid that is longest along the camera's ray.
+ * @param {Context} context @param {PosterMap} map @param {readonly FitBody[]} bodies */
+function drawErrorBars(context, map, bodies) {
+  for (const [i, project] of projections(map).entries()) {
+    const { points, color, error_bars } = bodies[i] ?? { points: [], color: "", error_bars: [] };
+    error_bars.forEach((bars, joint) => {
+      const point = points[joint];
+      const outline = bars && point && ellipse(project, point, bars);
+      if (!outline) return;
+      context.globalAlpha = 0.16;
+      context.fillStyle = color;
+      context.fill(outline);
+      context.globalAlpha = 0.5;
+      stroke(context, outline, color, 1);
+      context.globalAlpha = 1;
+    });
+  }
 }
 
 /** @param {Context} context @param {PosterMap} map @param {readonly FitBody[]} bodies */

@@ -112,8 +112,39 @@ export function curvePath(values, y) {
   return path;
 }
 
+/** The band of a curve's error bars, as a path to be filled: one shape for each run of values.
+ * @param {Curve["values"]} values @param {Curve["error_bars"]} bars @param {(value: number) => number} y */
+export function bandPath(values, bars, y) {
+  const path = new Path2D();
+  /** @param {1 | -1} side */
+  const edge = (side) => [...columns(values.map((value, i) => shifted(value, bars[i], side)))];
+  const [above, below] = [edge(1), edge(-1)];
+  for (let start = 0; start < above.length; start++) {
+    const upper = upTo(above, start);
+    const lower = upTo(below, start).reverse();
+    if (!upper.length) continue;
+    path.moveTo(upper[0].x, y(upper[0].high));
+    for (const { x, high } of upper) path.lineTo(x, y(high));
+    for (const { x, low } of lower) path.lineTo(x, y(low));
+    start += upper.length;
+  }
+  return path;
+}
+
+/** Those from one on, up to the first that is none. @param {(Column | null)[]} found @param {number} start */
+function upTo(found, start) {
+  const run = [];
+  for (let i = start, column = found[i]; column; column = found[++i]) run.push(column);
+  return run;
+}
+
+/** @param {number | null} value @param {number | null} bar @param {1 | -1} side */
+const shifted = (value, bar, side) => (value === null || bar === null ? null : value + side * bar);
+
+/** @typedef {{ x: number, low: number, high: number }} Column */
+
 /** For each pixel (or frame, where these are wider) its extreme values, null where there are none.
- * @param {Curve["values"]} values */
+ * @param {Curve["values"]} values @returns {Generator<Column | null>} */
 function* columns(values) {
   const perColumn = Math.max(Math.floor(shownCount() / plotWidth()), 1);
   const begin = Math.max(Math.floor(firstShown() / perColumn) * perColumn - perColumn, 0);

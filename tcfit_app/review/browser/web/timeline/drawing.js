@@ -167,9 +167,11 @@ function frameLines(frame) {
     const worst = heat && worstPart(heat, frame);
     if (worst) lines.push(`${title}  ${valueOf(worst, unit, heat.words)}`);
     const there = curves.filter(({ values }) => (values[frame] ?? null) !== null);
-    const said = there.map(({ label, values }) => {
+    const said = there.map(({ label, values, error_bars }) => {
+      const bar = error_bars[frame] ?? null;
       const value = Number(Number(values[frame]).toPrecision(3));
-      return [label, `${signed && value > 0 ? "+" : ""}${value}`.replace("-", "−"), unit].filter(Boolean).join(" ");
+      const off = bar === null ? "" : ` ± ${Number(bar.toPrecision(2))}`;
+      return [label, `${signed && value > 0 ? "+" : ""}${value}`.replace("-", "−") + off, unit].filter(Boolean).join(" ");
     });
     if (said.length) lines.push(`${title}  ${said.join("   ")}`);
   }

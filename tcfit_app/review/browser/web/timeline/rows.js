@@ -7,7 +7,7 @@
 import { states } from "../connection.js";
 import { stroke } from "../picture/shapes.js";
 import { onGround, tones } from "../theme.js";
-import { GUTTER, curvePath, niceStep, plotWidth, valueScale, valueText } from "./axis.js";
+import { GUTTER, bandPath, curvePath, niceStep, plotWidth, valueScale, valueText } from "./axis.js";
 import { drawHeat } from "./heat.js";
 import { fitBand, rowBand } from "./layout.js";
 import { drawThumbnails } from "./thumbnails.js";
@@ -42,6 +42,12 @@ function drawRow(context, row, band) {
   }
   clipToPlot(context, band, () => {
     context.lineJoin = "round";
+    for (const { values, color, error_bars } of row.curves) {
+      context.globalAlpha = 0.22;
+      context.fillStyle = onGround(color);
+      if (error_bars.length) context.fill(bandPath(values, error_bars, y));
+      context.globalAlpha = 1;
+    }
     for (const { values, color } of row.curves) stroke(context, curvePath(values, y), onGround(color), 1.4);
   });
 }

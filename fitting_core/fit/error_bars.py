@@ -1,5 +1,6 @@
 """Error bars of a fit: within them lie 68 % of the errors."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +27,12 @@ class ErrorBars:
     angles: Float32[np.ndarray, "T 6"]
     """Of ANGLES, degrees."""
 
+    @staticmethod
+    def unknown(frames: int) -> "ErrorBars":
+        """Nothing is known of any frame."""
+        joints, angles = ((frames, len(JOINTS), len(DIRECTIONS)), (frames, len(ANGLES)))
+        return ErrorBars(joints=np.full(joints, np.nan, np.float32), angles=np.full(angles, np.nan, np.float32))
+
     def __len__(self) -> int:
         return len(self.joints)
 
@@ -37,3 +44,30 @@ class ErrorBars:
         joints, angles = self.joints.copy(), self.angles.copy()
         joints[frames.start : frames.stop], angles[frames.start : frames.stop] = other.joints, other.angles
         return ErrorBars(joints=joints, angles=angles)
+
+
+_NAMES = ("joint_error_bars", "angle_error_bars")
+
+
+def error_bar_arrays(bars: ErrorBars | None) -> dict[str, np.ndarray]:
+    """As arrays of npz files; none of them without error bars."""
+    return {} if bars is None else dict(zip(_NAMES, (bars.joints, bars.angles), strict=True))
+
+
+def error_bars_from(arrays: Mapping[str, np.ndarray], frames: int) -> ErrorBars | None:
+    """What `error_bar_arrays` made; None where there is nothing of it, as in files of earlier versions.
+
+    Raises:
+        KeyError: Only a part of it is there.
+        ValueError: An array has another shape than it should, or holds what cannot be.
+    """
+    if not any(name in arrays for name in _NAMES):
+        return None
+    unknown = ErrorBars.unknown(frames)
+    for name, like in error_bar_arrays(unknown).items():
+        if arrays[name].shape != like.shape:
+            raise ValueError(f"{name} has the shape {arrays[name].shape}, expected {like.shape}")
+        if (arrays[name] < 0).any():
+            raise ValueError(f"{name} has values below 0")
+    joints, angles = (arrays[name].astype(np.float32) for name in _NAMES)
+    return ErrorBars(joints=joints, angles=angles)

@@ -9,7 +9,6 @@ The shape is held, and so is the camera; and every error counts as one of a sing
 lifter's last. `calibration` makes up for that.
 """
 
-import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -17,8 +16,8 @@ from torch import Tensor
 from fitting_core.body import rotations
 from fitting_core.body.model import JOINT, POSE_COLUMNS
 from fitting_core.body.segment_axes import rest_axes
-from fitting_core.fit.error_bars.bars import ANGLES, JOINTS, ErrorBars
-from fitting_core.fit.objective import FrameObjective, jacobians_at_once
+from fitting_core.fit.error_bars import ANGLES, JOINTS, ErrorBars
+from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.phases.consistency import overlapping_parts
 from fitting_core.fit.solvers.banded import diagonal_of_inverse
 from fitting_core.fit.solvers.sequence import Sequence
@@ -30,6 +29,8 @@ from fitting_core.fit.variables.state import State
 _PART, _SEAM = 200, 20
 """Frames whose normal equations stand in memory together, and those that two neighbours share: deviations of a walker
 differ from the whole clip's by 0.1 % at most."""
+_AT_ONCE = 32
+"""Frames whose joints' derivatives stand in memory together: 0.2 MB each."""
 _SEGMENTS = {"hip": ("pelvis", "thigh"), "knee": ("thigh", "shank"), "elbow": ("humerus", "forearm")}
 """By the joint that bends: the segment before it, and the one that it turns."""
 
@@ -46,32 +47,28 @@ def deviations(stages: Stages, state: State) -> ErrorBars:
     frames = len(state)
     parts = overlapping_parts(frames, _PART, _SEAM)
     found = [_of_part(stages.within(part), state[part.start : part.stop]) for part in parts]
-    middles = [part.start + _SEAM // 2 for part in parts[1:]]
-    own = [
-        slice(first - part.start, last - part.start)
-        for part, first, last in zip(parts, [0, *middles], [*middles, frames], strict=True)
-    ]
-    joints, angles = (
-        np.concatenate([values[inside] for values, inside in zip(kind, own, strict=True)])
-        for kind in zip(*found, strict=True)
-    )
-    return ErrorBars(joints=joints, angles=angles)
+    whole = ErrorBars.unknown(frames)
+    for part, bars in zip(parts, found, strict=True):  # of frames that two parts share, the later half is the later's
+        first = part.start and part.start + _SEAM // 2
+        whole = whole.with_frames(range(first, part.stop), bars[slice(first - part.start, None)])
+    return whole
 
 
-def _of_part(stages: Stages, state: State) -> tuple[np.ndarray, np.ndarray]:
+def _of_part(stages: Stages, state: State) -> ErrorBars:
     objective = stages.objective(N_STAGES, state, stages.free(N_STAGES, betas=False))
     problem = Sequence(objective, state, range(len(state)))
     _, _, *bands = problem.normal(state, torch.zeros(1, dtype=torch.long, device=stages.device))
     covariance = diagonal_of_inverse([band[0].double() for band in bands])
     if covariance is None:
-        return np.full((len(state), len(JOINTS), 2), np.nan, np.float32), np.full((len(state), len(ANGLES)), np.nan)
+        return ErrorBars.unknown(len(state))
     joints = JointPositions(stages.body, stages.parametrisation, in_camera=False)
-    chunks = stages.all_frames.split(jacobians_at_once(stages.device))
-    estimates = [joints.estimate(state[chunk], chunk) for chunk in chunks]
-    blocks = [covariance[chunk].to(state.vector) for chunk in chunks]
-    of_joints = [_of_joints(objective, e, block) for e, block in zip(estimates, blocks, strict=True)]
-    of_angles = [_of_angles(objective, e, block) for e, block in zip(estimates, blocks, strict=True)]
-    return (*(torch.cat(found).float().cpu().numpy() for found in (of_joints, of_angles)),)
+    covariance = covariance.to(state.vector)
+    of_joints = [
+        _of_joints(objective, joints.estimate(state[frames], frames), covariance[frames])
+        for frames in stages.all_frames.split(_AT_ONCE)
+    ]
+    of_angles = _of_angles(objective, joints.estimate(state), covariance)
+    return ErrorBars(joints=torch.cat(of_joints).float().cpu().numpy(), angles=of_angles.float().cpu().numpy())
 
 
 def _of_joints(
@@ -89,9 +86,7 @@ def _of_joints(
     return torch.stack([along, across], -1).clamp_min(0).sqrt()
 
 
-def _of_angles(
-    objective: FrameObjective, joints: Estimate, covariance: Float[Tensor, "B d d"]
-) -> Float[Tensor, "B 6"]:
+def _of_angles(objective: FrameObjective, joints: Estimate, covariance: Float[Tensor, "B d d"]) -> Float[Tensor, "B 6"]:
     """Degrees."""
     with torch.enable_grad():
         pose = joints.body_pose.detach().requires_grad_()

@@ -1,0 +1,41 @@
+"""From the normal equations' deviations to error bars: what errors the motion suite showed beside them.
+
+    error bar = sqrt((factor x deviation)^2 + least^2)
+
+for each part of the body and each direction. The factor makes up for errors that last (a detector's and the lifter's do
+not average out over the frames, as J^T J takes them to do), the least error for what the deviations do not know: the
+shape, and where joints lie in a person.
+"""
+
+import numpy as np
+
+from fitting_core.fit.error_bars import ANGLES, JOINTS, ErrorBars
+from fitting_core.fit.stages import Stages
+from fitting_core.fit.uncertainty.deviations import deviations
+from fitting_core.fit.uncertainty.measured import OF_ANGLES, OF_JOINTS
+from fitting_core.fit.variables.state import State
+
+
+def error_bars(stages: Stages, state: State) -> ErrorBars | None:
+    """Error bars of a state that phase 3 has found; None where the lifter has no say, for which none were measured.
+
+    Arguments: as of `deviations`.
+    """
+    return calibrated(deviations(stages, state)) if any(stages.config.weights.relative_position) else None
+
+
+def calibrated(found: ErrorBars) -> ErrorBars:
+    """Error bars, from what the normal equations say."""
+    of_joints = np.array([OF_JOINTS[part_of(name)] for name in JOINTS])
+    of_angles = np.array([OF_ANGLES[part_of(name)] for name in ANGLES])
+    return ErrorBars(joints=_widened(found.joints, of_joints), angles=_widened(found.angles, of_angles))
+
+
+def _widened(values: np.ndarray, table: np.ndarray) -> np.ndarray:
+    return np.hypot(table[..., 0] * values, table[..., 1]).astype(np.float32)
+
+
+def part_of(name: str) -> str:
+    """Of a joint or an angle, without its side: knee of left_knee_flexion, spine of spine2."""
+    name = name.removesuffix("_flexion").removeprefix("left_").removeprefix("right_")
+    return name.rstrip("123")
