@@ -124,7 +124,7 @@ def _fitted(sample: Sample) -> tuple[float, float]:
 
     best = min((minimize(loss, at, method="Nelder-Mead") for at in ((0.0, -1.0), (-1.0, 0.0))), key=lambda r: r.fun)
     factor, least = np.exp(best.x) * (scale / np.median(sample.deviation), scale)
-    return float(f"{factor:.3g}"), float(f"{least:.3g}")
+    return float(f"{factor:.3g}"), round(float(least), 4)
 
 
 def _write(table: dict[tuple[str, str], tuple[float, float]]) -> None:

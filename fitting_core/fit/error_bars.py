@@ -14,7 +14,7 @@ ANGLES = tuple(f"{side}_{joint}_flexion" for joint in ("hip", "knee", "elbow") f
 """Angles with error bars, named and measured as in `measure.angles`."""
 DIRECTIONS = ("along", "across")
 """The camera's ray through the joint: along it, and across it in any direction."""
-WIDER = 2.0
+WIDER = 2.2
 """Times an error bar is what 95 % of the errors lie within."""
 
 

@@ -18,7 +18,7 @@ camera_translation | (N, ...) | the same as `BodyParams` has it: hands as compon
 there where it is not known, as of an imported motion |
 | start_texts, stopped_texts | (k,) | their meaning in English, the text of number i at i |
 | joint_error_bars | (N, 22, 2) | how far off the body's joints may be relative to the pelvis, metres, along the ray \
-of the camera through the joint and across it: 68 % of errors lie within, 95 % within twice as much; not there of \
+of the camera through the joint and across it: 68 % of errors lie within, 95 % within 2.2 times as much; not there of \
 phases 1 and 2, of fits without the lifter, and in files of earlier versions |
 | angle_error_bars | (N, 6) | the same of the flexion of hips, knees and elbows, left and right of each, degrees |
 | gravity, gravity_deviation, ground, ground_deviation, ground_text, contacts, contact_probability | | what is known \

@@ -10,6 +10,7 @@ from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS
+from fitting_core.fit.error_bars import ErrorBars, error_bar_arrays
 from fitting_core.fit.provenance import Provenance
 from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.ground.arrays import grounding_arrays
@@ -86,7 +87,16 @@ def sample_phase(phase: int, seed: int, frames: int = FRAMES, components: int = 
         seconds=phase / 2,
         notes=(f"shape from frames {seed}",),
         provenance=Provenance(*rng.integers(0, 5, (2, frames), np.uint8)),
+        error_bars=sample_error_bars(seed, frames) if phase == 3 else None,
     )
+
+
+def sample_error_bars(seed: int, frames: int = FRAMES) -> ErrorBars:
+    """Any, and none in the first frame."""
+    rng, unknown = np.random.default_rng(seed), ErrorBars.unknown(frames)
+    joints, angles = (rng.random(values.shape, np.float32) for values in (unknown.joints, unknown.angles))
+    joints[0], angles[0] = np.nan, np.nan
+    return ErrorBars(joints=joints, angles=angles)
 
 
 def sample_fit(seed: int, *, last_phase: int = 3, frames: int = FRAMES, components: int = 12) -> FitResult:
@@ -130,6 +140,8 @@ def assert_same_fit(one: FitResult, other: FitResult) -> None:
         assert_same_params(a.params, b.params)
         assert (a.objective, a.seconds, a.notes) == (b.objective, b.seconds, b.notes)
         assert np.array_equal(a.frame_cost, b.frame_cost)
+        bars, others = error_bar_arrays(a.error_bars), error_bar_arrays(b.error_bars)
+        assert bars.keys() == others.keys() and all(_same_values(bars[name], others[name]) for name in bars)
         assert (a.provenance is None) == (b.provenance is None)
         for name, codes in vars(a.provenance).items() if a.provenance else ():
             assert getattr(b.provenance, name).dtype == np.uint8 and np.array_equal(codes, getattr(b.provenance, name))

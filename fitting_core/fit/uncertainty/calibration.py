@@ -15,6 +15,9 @@ from fitting_core.fit.uncertainty.deviations import deviations
 from fitting_core.fit.uncertainty.measured import OF_ANGLES, OF_JOINTS
 from fitting_core.fit.variables.state import State
 
+_EXACT = ((1.0, 0.0), (1.0, 0.0))
+"""Of the pelvis, from which all others are told."""
+
 
 def error_bars(stages: Stages, state: State) -> ErrorBars | None:
     """Error bars of a state that phase 3 has found; None where the lifter has no say, for which none were measured.
@@ -26,7 +29,7 @@ def error_bars(stages: Stages, state: State) -> ErrorBars | None:
 
 def calibrated(found: ErrorBars) -> ErrorBars:
     """Error bars, from what the normal equations say."""
-    of_joints = np.array([OF_JOINTS[part_of(name)] for name in JOINTS])
+    of_joints = np.array([OF_JOINTS.get(part_of(name), _EXACT) for name in JOINTS])
     of_angles = np.array([OF_ANGLES[part_of(name)] for name in ANGLES])
     return ErrorBars(joints=_widened(found.joints, of_joints), angles=_widened(found.angles, of_angles))
 

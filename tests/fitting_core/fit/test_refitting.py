@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from fitting_core.body.model import BodyModel
+from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS, SolverSettings
 from fitting_core.errors import InputError
@@ -35,6 +35,18 @@ def body() -> BodyModel:
 @pytest.fixture(scope="module")
 def fit(clip: Clip, body: BodyModel) -> FitResult:
     return fit_clip(clip, body, QUICK)
+
+
+def test_error_bars_of_frames_that_are_fitted_again_are_new_and_all_others_stay(
+    clip: Clip, body: BodyModel, fit: FitResult
+):
+    points = {name: None for name in ("right_wrist", "right_elbow")}
+    unseen = clip.corrected(3, points)
+    before, after = fit.last.error_bars, refit(unseen, body, fit, range(3, 4)).last.error_bars
+    assert before is not None and after is not None
+    np.testing.assert_array_equal(np.delete(after.joints, 3, 0), np.delete(before.joints, 3, 0))
+    wrist = JOINT["right_wrist"]
+    assert (after.joints[3, wrist] > 1.1 * before.joints[3, wrist]).all(), "what nobody sees any more is less sure"
 
 
 def test_a_correction_is_a_new_clip(clip: Clip):

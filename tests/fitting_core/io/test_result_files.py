@@ -26,6 +26,7 @@ from fitting_core.io import result_files
 from fitting_core.io.result_files import fit_arrays, is_result, read_fit, write_result
 from fitting_core.keypoints import Keypoints
 from tests.samples.body_files import VERTICES, body_arrays, write_npz
+from tests.samples.project_samples import sample_error_bars
 from tests.samples.walkers import HEIGHT, TILT, grounding_of_a_walk
 
 FRAMES = 5
@@ -128,6 +129,37 @@ def test_the_ground_reads_back_and_old_files_open_without(tmp_path: Path, result
         assert file["gravity"][1] > 0.9, "things fall along y, which points down in the image"
     assert write_result(tmp_path / "old", fit, clip, body)["ground"] is None
     assert read_fit(tmp_path / "old").grounding is None
+
+
+def test_error_bars_read_back_and_old_files_open_without(tmp_path: Path, result: Callable[..., Result]):
+    fit, clip, body = result()
+    bars = sample_error_bars(1, FRAMES)
+    known = replace(fit, phases=(*fit.phases[:-1], replace(fit.last, error_bars=bars)))
+    write_result(tmp_path / "known", known, clip, body)
+    stored = read_fit(tmp_path / "known").error_bars
+    assert stored is not None
+    np.testing.assert_array_equal(stored.joints, bars.joints)
+    np.testing.assert_array_equal(stored.angles, bars.angles)
+    write_result(tmp_path / "old", fit, clip, body)
+    assert read_fit(tmp_path / "old").error_bars is None
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda arrays: arrays | {"joint_error_bars": arrays["joint_error_bars"][:-1]}, "has the shape"),
+        (lambda arrays: arrays | {"angle_error_bars": -arrays["angle_error_bars"]}, "below 0"),
+        (lambda arrays: {name: values for name, values in arrays.items() if name != "angle_error_bars"}, "lacks"),
+    ],
+)
+def test_impossible_error_bars_are_refused(
+    tmp_path: Path, result: Callable[..., Result], change: Callable[[dict], dict], said: str
+):
+    fit, clip, body = result()
+    known = replace(fit, phases=(*fit.phases[:-1], replace(fit.last, error_bars=sample_error_bars(1, FRAMES))))
+    np.savez(tmp_path / "fit.npz", **change(fit_arrays(known, clip, body)))
+    with pytest.raises(InputError, match=said):
+        read_fit(tmp_path)
 
 
 def test_keys_of_smplx_tools(result: Callable[..., Result]):

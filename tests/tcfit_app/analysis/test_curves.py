@@ -11,11 +11,14 @@ from fitting_core import keypoints as kp
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
+from fitting_core.fit.error_bars import ANGLES
+from fitting_core.measure.angles.joint_angles import joint_angles
 from fitting_core.metrics import jitter
 from tcfit_app.analysis.curves import CURVES, curve
 from tcfit_app.analysis.posed_fit import PosedFit
 from tests.samples import scenes
 from tests.samples.posed import displaced, fit_of, keypoints_of, still_params, with_keypoints
+from tests.samples.project_samples import sample_error_bars
 from tests.samples.scenes import random_params
 
 
@@ -38,6 +41,22 @@ def test_exact_keypoints_have_no_error_and_a_still_body_no_jitter(tiny_body: Bod
         assert np.isnan(values(name, fit)[[0, 4]]).all()
         np.testing.assert_allclose(values(name, fit)[1:4], 0, atol=1e-9)
     assert np.ptp(values("volume", fit)) < 1e-3 and np.ptp(values("depth", fit)) == 0
+
+
+def test_flexion_has_the_error_bars_of_its_angle_and_other_curves_none(tiny_body: BodyModel):
+    fit = replace(fit_of(tiny_body, still_params(3)), error_bars=sample_error_bars(1, 3))
+    assert fit.error_bars is not None
+    bars = curve("right_knee_flexion", fit).error_bars
+    np.testing.assert_array_equal(bars, fit.error_bars.angles[:, ANGLES.index("right_knee_flexion")])
+    assert curve("jitter", fit).error_bars is None
+    assert curve("right_knee_flexion", replace(fit, error_bars=None)).error_bars is None
+
+
+def test_flexion_is_that_of_the_joint_angles(tiny_body: BodyModel):
+    fit = fit_of(tiny_body, random_params(4, size=0.3))
+    angles = joint_angles(fit.motion)
+    for name in ANGLES:
+        np.testing.assert_allclose((values(name, fit) - angles[name] + 180) % 360, 180, atol=1e-6)
 
 
 def test_one_keypoint_off_counts_by_its_confidence(tiny_body: BodyModel):

@@ -12,9 +12,10 @@ import pytest
 from fitting_core.body.markers.marker_set import STANDARD, marker_places
 from fitting_core.body.markers.places import PLACES
 from fitting_core.body.mesh import Mesh
-from fitting_core.body.model import JOINTS, BodyModel
+from fitting_core.body.model import JOINT, JOINTS, BodyModel
 from fitting_core.camera import World, path_of
 from fitting_core.errors import InputError
+from fitting_core.fit.error_bars import ANGLES
 from fitting_core.ground.contacts import Contacts
 from fitting_core.ground.level import level_of
 from fitting_core.io.motion.fitted_motion import AXES, OWN_WORLD, Motion
@@ -23,6 +24,7 @@ from tcfit_app.exports.exporting import content_of
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.exports.table import EXPORTS
 from tests.fitting_core.io.motion.motions import swinging
+from tests.samples.project_samples import sample_error_bars
 
 FRAMES = 7
 STANDING = np.array([[0, 0], [1, 0], [1, 0], [1, 1], [0, 1], [0, 0], [0, 1]], bool)
@@ -55,6 +57,28 @@ def parsed_trc(path: Path) -> tuple[list[str], np.ndarray, np.ndarray, dict[str,
     assert [int(header[key]) for key in ("NumFrames", "NumMarkers")] == [len(rows), len(names)]
     assert len(lines[4].split("\t")) == 2 + 3 * len(names) and rows.shape[1] == 2 + 3 * len(names)
     return names, rows[:, 1], rows[:, 2:].reshape(len(rows), -1, 3), header
+
+
+def test_tables_have_error_bars_where_they_are_known(moving: Motion, tmp_path: Path):
+    bars = sample_error_bars(3, FRAMES)
+    barred = replace(moving, error_bars=bars)
+    for name, column, values in (
+        ("joints", "left_knee_error_bar_along", bars.joints[:, JOINT["left_knee"], 0]),
+        ("joints", "right_wrist_error_bar_across", bars.joints[:, JOINT["right_wrist"], 1]),
+        ("angles", "right_elbow_flexion_error_bar", bars.angles[:, ANGLES.index("right_elbow_flexion")]),
+    ):
+        for motion, expected in ((barred, values), (moving, np.full(FRAMES, np.nan))):
+            lines = [line for line in exported(motion, name, tmp_path).read_text().splitlines() if line[0] != "#"]
+            cells = [row[column] for row in csv.DictReader(lines)]
+            np.testing.assert_allclose([float(cell or "nan") for cell in cells], expected, atol=1e-4)
+
+
+def test_the_table_of_joints_is_where_they_are(moving: Motion, tmp_path: Path):
+    lines = exported(moving, "joints", tmp_path).read_text().splitlines()
+    rows = list(csv.DictReader(line for line in lines if line[0] != "#"))
+    assert [int(row["frame"]) for row in rows] == list(range(12, 12 + FRAMES))
+    places = [[float(row[f"head_{axis}"]) for axis in "xyz"] for row in rows]
+    np.testing.assert_allclose(places, moving.in_axes("y-up").joints()[:, JOINT["head"]], atol=1e-4)
 
 
 def y_up(places: np.ndarray) -> np.ndarray:

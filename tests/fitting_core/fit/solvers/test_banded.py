@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-from fitting_core.fit.solvers.banded import solve_block_banded
+from fitting_core.fit.solvers.banded import diagonal_of_inverse, solve_block_banded
 
 
 def dense(bands: list[Tensor]) -> Tensor:
@@ -119,3 +119,39 @@ def test_cuda_agrees_with_cpu():
     torch.testing.assert_close(x.cpu(), expected, rtol=1e-9, atol=1e-10)
     bands[0][3] -= 1e4 * torch.eye(20, dtype=torch.float64)
     assert solve_block_banded([band.cuda() for band in bands], g.cuda()) is None
+
+
+@pytest.mark.parametrize(("size", "bandwidth"), [(1, 2), (7, 2), (63, 2), (7, 0), (7, 1), (7, 4)])
+@pytest.mark.parametrize("n", [1, 2, 3, 5, 12])
+def test_the_diagonal_of_the_inverse_is_that_of_the_dense_one(n: int, size: int, bandwidth: int):
+    bands, _ = system(n, size, bandwidth=bandwidth)
+    inverse = torch.linalg.inv(dense(bands)).view(n, size, n, size)
+    expected = torch.stack([inverse[i, :, i] for i in range(n)])
+    found = diagonal_of_inverse(bands)
+    assert found is not None
+    torch.testing.assert_close(found, expected, rtol=1e-8, atol=1e-9)
+
+
+def test_rounding_does_not_grow_from_frame_to_frame():
+    """As E_T couples the frames of a long clip: to far more than each frame alone is known."""
+    generator = torch.Generator().manual_seed(0)
+    n, size = 120, 12
+    second = torch.tensor([1.0, -2.0, 1.0], dtype=torch.float64)
+    rows = 30 * torch.randn(n, 30, size, generator=generator, dtype=torch.float64)
+    rows[1:] = rows[:1] + 0.3 * rows[1:]
+    bands = [torch.zeros(n - k, size, size, dtype=torch.float64) for k in range(3)]
+    bands[0] += torch.eye(size, dtype=torch.float64)
+    for first in range(n - 2):
+        for a in range(3):
+            for b in range(a + 1):
+                bands[a - b][first + b] += second[a] * second[b] * rows[first + a].mT @ rows[first + b]
+    inverse = torch.linalg.inv(dense(bands)).view(n, size, n, size)
+    found = diagonal_of_inverse(bands)
+    assert found is not None
+    torch.testing.assert_close(found, torch.stack([inverse[i, :, i] for i in range(n)]), rtol=1e-5, atol=1e-9)
+
+
+def test_what_is_not_positive_definite_has_no_inverse():
+    bands, _ = system(5, 3)
+    bands[0][3, 1, 1] = -1.0
+    assert diagonal_of_inverse(bands) is None
