@@ -115,7 +115,7 @@ def _flexions(joints: Estimate, pose: Float[Tensor, "B 63"]) -> Float[Tensor, "B
     found = []
     for name in ANGLES:
         side, joint = name.split("_")[:2]
-        before, turned = (axes.get(segment, axes.get(f"{side}_{segment}")) for segment in _SEGMENTS[joint])
+        before, turned = (axes[one if one in axes else f"{side}_{one}"] for one in _SEGMENTS[joint])
         x, y, _ = (rotations.exp(pose[:, _columns(name)]) @ turned[:, 1] @ before).unbind(-1)
         found.append(torch.atan2(-x, y))
     return torch.stack(found, -1)

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.camera import World
+from fitting_core.fit.error_bars import ANGLES as BARRED
 from fitting_core.ground.level import level_of
 from fitting_core.measure.angles.angle_files import write_angles_csv, write_mot
 from fitting_core.measure.angles.joint_angles import ANGLES, joint_angles
@@ -95,7 +96,8 @@ def test_the_table(free_body: BodyModel, tmp_path: Path):
     assert any("ISB" in line for line in comments) and any("knee_flexion: shank goes backward" in c for c in comments)
     assert any("y up" in line and "the camera stands at the origin" in line for line in comments)
     rows = list(csv.DictReader(lines[len(comments) :]))
-    assert list(rows[0]) == ["frame", "time_s", *ANGLES]
+    assert list(rows[0]) == ["frame", "time_s", *ANGLES, *(f"{name}_error_bar" for name in BARRED)]
+    assert {row["left_knee_flexion_error_bar"] for row in rows} == {""}, "not known of this motion"
     assert [row["frame"] for row in rows] == ["0", "1", "2"] and float(rows[2]["time_s"]) == pytest.approx(2 / 50)
     assert [row["right_shoulder_plane"] for row in rows] == ["", "0.0000", "0.0000"]
     assert rows[2]["right_shoulder_flexion"] == ""

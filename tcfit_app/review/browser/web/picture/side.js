@@ -107,17 +107,15 @@ function write(context, text, x, y, align) {
  * @param {Context} context @param {PosterMap} map @param {readonly FitBody[]} bodies */
 function drawErrorBars(context, map, bodies) {
   for (const [i, project] of projections(map).entries()) {
-    const { points, color, error_bars } = bodies[i] ?? { points: [], color: "", error_bars: [] };
+    const { points, error_bars } = bodies[i] ?? { points: [], error_bars: [] };
     error_bars.forEach((bars, joint) => {
       const point = points[joint];
       const outline = bars && point && ellipse(project, point, bars);
       if (!outline) return;
-      context.globalAlpha = 0.16;
-      context.fillStyle = color;
+      context.fillStyle = "rgba(255, 255, 255, 0.2)"; // on a body of the fit's own colour
       context.fill(outline);
-      context.globalAlpha = 0.5;
-      stroke(context, outline, color, 1);
-      context.globalAlpha = 1;
+      stroke(context, outline, "rgba(8, 10, 14, 0.5)", 2.2);
+      stroke(context, outline, "rgba(255, 255, 255, 0.8)", 1);
     });
   }
 }

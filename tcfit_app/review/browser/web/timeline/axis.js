@@ -77,12 +77,13 @@ const lastShown = () => Math.min(Math.ceil(axis.last), clipLength()) - 1;
  * Null without values. @param {Curve[]} curves @param {boolean} signed */
 export function valueScale(curves, signed) {
   let [low, high] = [Infinity, -Infinity];
-  for (const { values } of curves)
+  for (const { values, error_bars } of curves)
     for (let frame = firstShown(); frame <= lastShown(); frame++) {
       const value = values[frame];
       if (value === null || value === undefined) continue;
-      if (value < low) low = value;
-      if (value > high) high = value;
+      const bar = error_bars[frame] ?? 0;
+      if (value - bar < low) low = value - bar;
+      if (value + bar > high) high = value + bar;
     }
   if (low > high) return null;
   const extent = Math.max(high, 0) - Math.min(low, 0) || 1;
