@@ -38,7 +38,7 @@ class JointsPart:
         for side, fit in there.items():
             points = self._data.body_points(fit, shown.frame, shown.live_of(side))
             assert len(points) == BODY.stop
-            bars = () if shown.live_of(side) is not None else _error_bars(fit, shown.frame)
+            bars = () if shown.live_of(side) is not None else error_bars_of(fit, shown.frame)
             body = FitBody(color=css(bodies[side].color), points=points_in_space(points), error_bars=bars)
             made.append(body)
         down = (float(value) for value in np.round(room.turn[1], 5))
@@ -50,7 +50,7 @@ class JointsPart:
         self._tab.channel.send("bodies", state if made else None)
 
 
-def _error_bars(fit: Shown, frame: int) -> tuple[tuple[float, float] | None, ...]:
+def error_bars_of(fit: Shown, frame: int) -> tuple[tuple[float, float] | None, ...]:
     """Of BODY_25's keypoints; none where they are not known."""
     known = None if fit.result is None else fit.result.error_bars
     if known is None or not np.isfinite(known.joints[frame]).all():

@@ -57,6 +57,15 @@ def sent(tested: LonePage) -> list[dict[str, Any]]:
     return found
 
 
+def test_curves_are_sent_with_their_error_bars(tested: LonePage):
+    tab, bars = tested.page.tab, np.array([1.0, 2, 3, 4, 5, np.nan])
+    curves = {1: replace(of("jitter", VALUES[1]), error_bars=bars), 2: of("jitter", VALUES[2])}
+    tab.data.curve = lambda name, shown: curves[shown.run.id]  # pyright: ignore[reportAttributeAccessIssue]
+    tab.set(plots=("left_knee_flexion",))
+    barred, plain = sent(tested)[-1]["rows"][0]["curves"]
+    assert list(barred["error_bars"]) == [1, 2, 3, 4, 5, None] and not plain.get("error_bars")
+
+
 def test_a_new_page_shows_what_can_be_plotted():
     assert set(TabState().plots) <= set(PLOTS) and {choice.name for choice in CHOICES} == set(PLOTS)
     assert len({choice.title for choice in CHOICES}) == len(CHOICES) == 2 * len(CURVES) + len(HEAT_MAPS) + 2

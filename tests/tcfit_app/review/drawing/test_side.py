@@ -1,6 +1,7 @@
 """The side view of a tab: what the page is told, and what keys and buttons make of it. No browser."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,13 +10,17 @@ import pytest
 import viser
 
 from fitting_core.body.model import BodyModel
+from fitting_core.fit.error_bars import JOINTS
+from fitting_core.keypoints import INDEX
 from tcfit_app.project.project import Project
 from tcfit_app.review.browser.page_events import Hello, Key, Widen
 from tcfit_app.review.browser.page_states import Bodies, Layout, Side
+from tcfit_app.review.drawing.joints import error_bars_of
 from tcfit_app.review.panels.view_panel import ViewPanel
 from tcfit_app.review.tab.state import SIDE_WIDTHS
 from tcfit_app.review.tab.tab import Sent
 from tests.drivers.lone_page import LonePage, lone_page
+from tests.samples.project_samples import sample_error_bars
 from tests.samples.sessions import QUICK, OneBody, idle, small_clip, until
 
 
@@ -87,6 +92,21 @@ def test_it_is_there_at_first_and_shows_the_bodies_of_the_pictures(tested: LoneP
     assert len(seen(tested).shifts) == 2
     tested.page.tab.set(mode="space")
     assert plates(tested) == []
+
+
+def test_error_bars_are_told_of_the_keypoints_that_are_joints(tested: LonePage):
+    (plain,) = seen(tested, "bodies").bodies
+    assert not plain.error_bars, "this fit has none"
+    tab = tested.page.tab
+    shown = tab.look().b
+    assert shown is not None and shown.result is not None
+    bars = sample_error_bars(1, len(shown.params))
+    known = replace(shown, result=replace(shown.result, error_bars=bars))
+    found = error_bars_of(known, 1)
+    assert found[INDEX["left_knee"]] == pytest.approx(bars.joints[1, JOINTS.index("left_knee")], abs=1e-4)
+    assert found[INDEX["nose"]] == pytest.approx(bars.joints[1, JOINTS.index("head")], abs=1e-4)
+    assert found[INDEX["left_ear"]] is None
+    assert error_bars_of(known, 0) == (), "there is none of this frame"
 
 
 def test_keypoints_are_told_in_space_and_how_the_plate_shows_them(tested: LonePage):
