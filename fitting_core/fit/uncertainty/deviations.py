@@ -27,8 +27,8 @@ from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.state import State
 
 _PART, _SEAM = 200, 20
-"""Frames whose normal equations stand in memory together, and those that two neighbours share: deviations of a walker
-differ from the whole clip's by 0.1 % at most."""
+"""Frames whose normal equations stand in memory together, and those that two neighbours share: the deviations
+differ from the whole clip's by less than 0.2 % (a test has it)."""
 _AT_ONCE = 32
 """Frames whose joints' derivatives stand in memory together: 0.2 MB each."""
 _SEGMENTS = {"hip": ("pelvis", "thigh"), "knee": ("thigh", "shank"), "elbow": ("humerus", "forearm")}
