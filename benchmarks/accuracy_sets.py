@@ -41,7 +41,7 @@ _SHORT = {"sho": "shoulder", "elb": "elbow", "wri": "wrist", "hip": "hip", "kne"
 _OFFSETS = np.arange(-0.1, 0.1001, 0.01)
 """Seconds by which the markers' clock may be off the video's."""
 _LIMB_JOINTS = [JOINT[kp.BODY_25[i]] for i in kp.LIMBS]
-_COLUMNS = {"mpjpe_turned": "MPJPE mm", "knee_flexion": "knee °", "hip_flexion": "hip °", "elbow_flexion": "elbow °"}
+_COLUMNS = {"turned_mpjpe": "MPJPE mm", "knee_flexion": "knee °", "hip_flexion": "hip °", "elbow_flexion": "elbow °"}
 _PHONES = {"squat": 120, "walk_ts": 80}
 """By name, frames that a quick run takes: somebody goes down and comes up again, and nearly the whole walk."""
 _PEOPLE, _QUICK_PEOPLE, _QUICK_WINDOWS = 48, 9, 5

@@ -29,7 +29,7 @@ from fitting_core.fit.evidence.given_start import GivenStart
 from fitting_core.fit.evidence.known_shape import KnownShape
 from fitting_core.fit.evidence.sides import SEEN
 from fitting_core.fit.fused.ready import say_if_slow
-from fitting_core.fit.grounded import grounded, stances_of_params
+from fitting_core.fit.grounded import grounded, grounding_of_params, holding_feet
 from fitting_core.fit.phase_figures import phase_result
 from fitting_core.fit.phases.consistency import Consistency, coupled
 from fitting_core.fit.phases.independent import fit_frames
@@ -353,10 +353,8 @@ class _Fit:
 
 def _holding_feet(stages: Stages, clip: Clip, params: BodyParams) -> Stages | None:
     """The stages with feet held where they stand in these parameters; None where nothing is to be held."""
-    if not any(stages.config.weights.held_position):
-        return None
-    stances = stances_of_params(clip, stages.body, params, unswap=stages.config.unswap_sides)
-    return None if stances is None else stages.holding(stances)
+    grounding = grounding_of_params(clip, stages.body, params, unswap=stages.config.unswap_sides)
+    return holding_feet(stages, clip, params, grounding)
 
 
 def _twice(

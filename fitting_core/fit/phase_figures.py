@@ -13,10 +13,12 @@ from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.evidence.given_start import GivenStart
+from fitting_core.fit.grounded import grounding_of_params, holding_feet
 from fitting_core.fit.provenance import Provenance
 from fitting_core.fit.result import PhaseResult
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.variables.state import State
+from fitting_core.ground.grounding import Grounding
 
 
 def evaluated(
@@ -35,10 +37,13 @@ def evaluated(
         body: the body model.
         config: its weights are those of the costs.
         params: all frames; they are kept as they are.
-        phase: 3 counts E_T too.
+        phase: 3 counts E_T too, and feet that are held.
         start: what the fit began with, `FitResult.start`.
     """
     stages = Stages.of_clip(clip, body, config, start=start)
+    if phase == 3:
+        grounding = grounding_of_params(clip, body, params, unswap=config.unswap_sides)
+        stages = holding_feet(stages, clip, params, grounding) or stages
     result = phase_result(stages, phase, stages.parametrisation.from_params(params), seconds=0.0)
     return replace(result, params=params)
 
@@ -51,6 +56,7 @@ def patched(
     params: BodyParams,
     windows: Iterable[range],
     *,
+    grounding: Grounding | None,
     start: GivenStart | None = None,
     provenance: Provenance | None = None,
     note: str,
@@ -67,11 +73,13 @@ def patched(
         config: as for `evaluated`.
         params: all frames.
         windows: where they are others than those of `phase`.
+        grounding: of `params`: feet that stand are held, and count.
         start: as for `evaluated`.
         provenance: of all frames; None: it is not known where those of the windows came from.
         note: for the user.
     """
-    whole = Stages.of_clip(clip, body, config, start=start)
+    stages = Stages.of_clip(clip, body, config, start=start)
+    whole = holding_feet(stages, clip, params, grounding) or stages
     cost, known = phase.frame_cost.copy(), phase.provenance or Provenance.unknown(len(params))
     for window in windows:
         stages, inside = whole.within(window), slice(window.start, window.stop)

@@ -221,7 +221,7 @@ def read_clip(
         detector: What finds them: a name in DETECTORS, the path of an ONNX model of the RTMPose family, or what
             `find_detector` opened.
         tell: Is told how far finding them is, in this thread; what it raises ends it.
-        focal_length: Pixels; "auto" for what photographs tell, or else an estimate from the clip; or "diagonal", the
+        focal_length: Pixels; "auto" for what the files tell, or else an estimate from the clip; or "diagonal", the
             image's.
         fov: Horizontal field of view in degrees.
         focal_length_35mm: Millimetres on 35 mm film, as phones and cameras state it. At most one of these three; the

@@ -26,7 +26,7 @@ def pa_mpjpe(estimate: Limbs, truth: Limbs) -> Float[np.ndarray, "T"]:
     return errors
 
 
-def mpjpe_turned(estimate: Limbs, truth: Limbs) -> float | None:
+def turned_mpjpe(estimate: Limbs, truth: Limbs) -> float | None:
     """Mean joint error, the middle of the hips aligned, after the one rotation of the whole clip that is best.
 
     For a truth in a laboratory whose place before the camera nobody knows. Millimetres; None where no frame is known.
@@ -72,7 +72,7 @@ class LimbFigure:
 
 
 LIMB_FIGURES: dict[str, LimbFigure] = {
-    "mpjpe_turned": LimbFigure(title="MPJPE after one rotation of the clip", unit="mm", value=mpjpe_turned),
+    "turned_mpjpe": LimbFigure(title="MPJPE after one rotation of the clip", unit="mm", value=turned_mpjpe),
     **{
         f"{joint}_flexion": LimbFigure(
             title=f"{joint.capitalize()} flexion by joint centres, RMS error", unit="°", value=_flexion_error(joint)

@@ -10,6 +10,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.config.schema import PRESETS, FitConfig
 from fitting_core.fit.fitting import fit_clip
+from fitting_core.fit.phase_figures import patched
 from fitting_core.synthetic.carried import CARRIED, RATE, Carried, carried_clip, gesturing, pixel_errors
 
 FRAMES = 50
@@ -42,3 +43,25 @@ def test_feet_that_stand_are_held(free_body: BodyModel):
     assert metrics.pa_mpjpe(held, true).mean() < metrics.pa_mpjpe(free, true).mean() + 0.5
     assert fits[0].grounding is not None
     assert not fits[0].grounding.contacts.let_go.any() and not any("not held" in w for w in fits[0].warnings)
+
+
+def test_costs_of_frames_that_are_fitted_again_have_held_feet_in_them(free_body: BodyModel):
+    """In the middle of a stand, of which they show a part alone: also where nothing has changed."""
+    params, window = gesturing(Carried(), frames=FRAMES), range(20, 24)
+    clip, config = carried_clip(free_body, params), PRESETS["tcfit"]
+    fit = fit_clip(clip, free_body, config)
+    inside, ground = slice(window.start, window.stop), fit.grounding
+    same = patched(fit.last, clip, free_body, config, fit.last.params, [window], grounding=ground, note="").frame_cost
+    np.testing.assert_allclose(same[inside], fit.last.frame_cost[inside], rtol=0.02)
+    pose = fit.last.params.body_pose.clone()
+    pose[inside, 3] -= 0.1  # bends a knee: the foot leaves its place
+    moved = replace(fit.last.params, body_pose=pose)
+
+    def rise(config: FitConfig) -> np.ndarray:
+        costs = [
+            patched(fit.last, clip, free_body, config, p, [window], grounding=ground, note="").frame_cost[inside]
+            for p in (moved, fit.last.params)
+        ]
+        return costs[0] - costs[1]
+
+    assert (rise(config) > rise(without_held_feet(config)) + 1).all()
