@@ -73,9 +73,9 @@ Samples = dict[tuple[str, str], list[Sample]]
 def measure(body: BodyModel, made: MotionClipMade, found: Samples) -> None:
     """Fit a clip and add its samples."""
     config, clip = PRESETS[DEFAULT_PRESET], made.clip
-    params = fit_clip(clip, body, config).last.params
-    stages = Stages.of_clip(clip, body, config)
-    stages = holding_feet(stages, clip, params) or stages
+    fit = fit_clip(clip, body, config)
+    params, stages = fit.last.params, Stages.of_clip(clip, body, config)
+    stages = holding_feet(stages, clip, params, fit.grounding) or stages
     bars = deviations(stages, stages.parametrisation.from_params(params))
     joints, true = joints_in_space(body, params), made.truth.joints
     for key, sample in (*_of_joints(bars, joints, true), *_of_angles(bars, body, params, made)):

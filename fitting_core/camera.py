@@ -35,7 +35,7 @@ class FocalFrom(StrEnum):
     FILE = "file"
     """A calibration."""
     PHOTOGRAPHS = "photographs"
-    """What the camera wrote into the images."""
+    """What the camera wrote into the images or the video."""
     ESTIMATED = "estimated"
     """From what the person does in the clip."""
     DIAGONAL = "diagonal"

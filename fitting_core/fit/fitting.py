@@ -30,7 +30,7 @@ from fitting_core.fit.evidence.given_start import GivenStart
 from fitting_core.fit.evidence.known_shape import KnownShape
 from fitting_core.fit.evidence.sides import SEEN
 from fitting_core.fit.fused.ready import say_if_slow
-from fitting_core.fit.grounded import grounded, holding_feet
+from fitting_core.fit.grounded import grounded, grounding_of_params, holding_feet
 from fitting_core.fit.phase_figures import phase_result
 from fitting_core.fit.phases.consistency import Consistency, coupled
 from fitting_core.fit.phases.independent import fit_frames
@@ -167,7 +167,7 @@ def rerun_events(
         return before.with_frames(frames, stages.parametrisation.to_params(state[inner]))
 
     def held(state: State) -> Stages | None:
-        holding = holding_feet(whole, clip, with_fresh(state))
+        holding = _holding_feet(whole, clip, with_fresh(state))
         return holding and holding.within(near)
 
     state = stages.parametrisation.from_params(params[slice(near.start, near.stop)])
@@ -299,7 +299,7 @@ class _Fit:
         run, to_params = mode[self.config.temporal.mode], self.stages.parametrisation.to_params
 
         def held(state: State) -> Stages | None:
-            return holding_feet(self.stages, self.clip, to_params(state))
+            return _holding_feet(self.stages, self.clip, to_params(state))
 
         state = yield from _events(_twice(run, consistency, state, held), 3)
         before = self.provenance or Provenance.unknown(len(state))
@@ -353,6 +353,12 @@ class _Fit:
         near = self.config.start_deviation
         hold = "not held near it" if near is None else f"held near it (start_deviation {near:g} m)"
         return (*self.start.about.notes, f"{self.start.about.sentence()} The fit is {hold}.")
+
+
+def _holding_feet(stages: Stages, clip: Clip, params: BodyParams) -> Stages | None:
+    """The stages with feet held where they stand in these parameters; None where nothing is to be held."""
+    grounding = grounding_of_params(clip, stages.body, params, unswap=stages.config.unswap_sides)
+    return holding_feet(stages, clip, params, grounding)
 
 
 def _twice(

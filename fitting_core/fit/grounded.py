@@ -10,7 +10,7 @@ from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
 from fitting_core.fit.evidence.observations import lifted_keypoints, seen_confidence
 from fitting_core.fit.evidence.sides import unswapped
-from fitting_core.fit.evidence.stances import Stances, stances
+from fitting_core.fit.evidence.stances import stances
 from fitting_core.fit.result import FitResult
 from fitting_core.fit.stages import Stages
 from fitting_core.ground.feet import has_feet, sole_heights, stance_of
@@ -55,20 +55,19 @@ def grounding_of_params(clip: Clip, body: BodyModel, params: BodyParams, *, unsw
     )
 
 
-def stances_of_params(clip: Clip, body: BodyModel, params: BodyParams, *, unswap: bool) -> Stances | None:
-    """Where feet are held that stand in a body's motion; None where none does. Arguments: as `grounding_of_params`."""
-    grounding = grounding_of_params(clip, body, params, unswap=unswap)
-    if grounding is None or not grounding.contacts.standing.any():
-        return None
-    return stances(grounding.contacts, clip.camera.to_still(stance_of(body, params).feet), clip.camera)
+def holding_feet(stages: Stages, clip: Clip, params: BodyParams, grounding: Grounding | None) -> Stages | None:
+    """The stages with feet held where they stand; None where nothing is to be held.
 
-
-def holding_feet(stages: Stages, clip: Clip, params: BodyParams) -> Stages | None:
-    """The stages with feet held where they stand in these parameters; None where nothing is to be held."""
-    if not any(stages.config.weights.held_position):
+    Args:
+        stages: of the whole clip.
+        clip: what is fitted.
+        params: all frames, in which the feet stand.
+        grounding: of these.
+    """
+    if not any(stages.config.weights.held_position) or grounding is None or not grounding.contacts.standing.any():
         return None
-    stances = stances_of_params(clip, stages.body, params, unswap=stages.config.unswap_sides)
-    return None if stances is None else stages.holding(stances)
+    feet = clip.camera.to_still(stance_of(stages.body, params).feet)
+    return stages.holding(stances(grounding.contacts, feet, clip.camera))
 
 
 def _soles(body: BodyModel, params: BodyParams) -> Float[np.ndarray, "2 4"]:

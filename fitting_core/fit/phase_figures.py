@@ -14,12 +14,13 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.error_bars import ErrorBars
 from fitting_core.fit.evidence.given_start import GivenStart
-from fitting_core.fit.grounded import holding_feet
+from fitting_core.fit.grounded import grounding_of_params, holding_feet
 from fitting_core.fit.provenance import Provenance
 from fitting_core.fit.result import PhaseResult
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.uncertainty.calibration import error_bars
 from fitting_core.fit.variables.state import State
+from fitting_core.ground.grounding import Grounding
 
 _AROUND = 20
 """Frames to either side of those whose error bars are taken anew."""
@@ -41,10 +42,13 @@ def evaluated(
         body: the body model.
         config: its weights are those of the costs.
         params: all frames; they are kept as they are.
-        phase: 3 counts E_T too.
+        phase: 3 counts E_T too, and feet that are held.
         start: what the fit began with, `FitResult.start`.
     """
     stages = Stages.of_clip(clip, body, config, start=start)
+    if phase == 3:
+        grounding = grounding_of_params(clip, body, params, unswap=config.unswap_sides)
+        stages = holding_feet(stages, clip, params, grounding) or stages
     result = phase_result(stages, phase, stages.parametrisation.from_params(params), seconds=0.0)
     return replace(result, params=params)
 
@@ -57,6 +61,7 @@ def patched(
     params: BodyParams,
     windows: Sequence[range],
     *,
+    grounding: Grounding | None,
     start: GivenStart | None = None,
     provenance: Provenance | None = None,
     note: str,
@@ -73,11 +78,13 @@ def patched(
         config: as for `evaluated`.
         params: all frames.
         windows: where they are others than those of `phase`.
+        grounding: of `params`: feet that stand are held, and count.
         start: as for `evaluated`.
         provenance: of all frames; None: it is not known where those of the windows came from.
         note: for the user.
     """
-    whole = Stages.of_clip(clip, body, config, start=start)
+    stages = Stages.of_clip(clip, body, config, start=start)
+    whole = holding_feet(stages, clip, params, grounding) or stages
     cost, known = phase.frame_cost.copy(), phase.provenance or Provenance.unknown(len(params))
     bars = phase.error_bars
     for window in windows:
@@ -92,18 +99,15 @@ def patched(
         objective={"by frame": float(cost.mean())},
         notes=(note,),
         provenance=known,
-        error_bars=bars if bars is None else _new_error_bars(bars, whole, clip, params, windows),
+        error_bars=bars if bars is None else _new_error_bars(bars, whole, params, windows),
     )
 
 
-def _new_error_bars(
-    known: ErrorBars, whole: Stages, clip: Clip, params: BodyParams, windows: Sequence[range]
-) -> ErrorBars:
+def _new_error_bars(known: ErrorBars, whole: Stages, params: BodyParams, windows: Sequence[range]) -> ErrorBars:
     """Those of the windows anew, with so many frames around them as their evidence comes from."""
-    holding = holding_feet(whole, clip, params) or whole
     for window in windows:
         near = range(max(0, window.start - _AROUND), min(len(params), window.stop + _AROUND))
-        stages = holding.within(near)
+        stages = whole.within(near)
         found = error_bars(stages, stages.parametrisation.from_params(params[slice(near.start, near.stop)]))
         inside = slice(window.start - near.start, window.stop - near.start)
         known = known.with_frames(window, (found or ErrorBars.unknown(len(near)))[inside])

@@ -10,7 +10,7 @@ from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FitEvent, FramesFitted, Iteration, drained, mapped
 from fitting_core.fit.fitting import Refit, rerun_events
-from fitting_core.fit.grounded import grounded
+from fitting_core.fit.grounded import grounding_of_params
 from fitting_core.fit.phase_figures import patched
 from fitting_core.fit.provenance import Provenance
 from fitting_core.fit.result import FitResult, PhaseResult
@@ -66,9 +66,21 @@ def refit_events(
         yield FramesFitted(phase=3, frames=window, params=params[inside])
     note = f"{title}: window of phase 3, the rest as in the run before"
     before = replace(fit.last, phase=3)
-    phase = patched(before, clip, body, config, params, windows, start=fit.start, provenance=provenance, note=note)
+    grounding = grounding_of_params(clip, body, params, unswap=config.unswap_sides)
+    phase = patched(
+        before,
+        clip,
+        body,
+        config,
+        params,
+        windows,
+        grounding=grounding,
+        start=fit.start,
+        provenance=provenance,
+        note=note,
+    )
     phase = replace(phase, seconds=time.perf_counter() - begin)
-    return grounded(with_phases(fit, (phase,), config), clip, body)
+    return replace(with_phases(fit, (phase,), config), grounding=grounding)
 
 
 def with_phases(fit: FitResult, phases: tuple[PhaseResult, ...], config: FitConfig) -> FitResult:

@@ -1,4 +1,4 @@
-"""What nobody said of a camera: its focal length, told by photographs or estimated from the clip; a path's scale."""
+"""What nobody said of a camera: its focal length, told by its files or estimated from the clip; a path's scale."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -7,25 +7,29 @@ from pathlib import Path
 from fitting_core.camera import Camera, FocalFrom, PathScale, focal_from_35mm
 from fitting_core.keypoints import Keypoints
 from fitting_core.lens import straightened_keypoints
+from fitting_core.video.decoding import told_35mm
 from fitting_core.video.exif import focal_35mm
-from fitting_core.video.frames import image_files
+from fitting_core.video.frames import IMAGE_SUFFIXES, image_files
 
 _LENSES_MM = (5.0, 2000.0)
-"""35 mm equivalents that a photograph may tell; others are mistakes."""
+"""35 mm equivalents that a file may tell; others are mistakes."""
 
 
-def told_by_photographs(camera: Camera, images: Path | None) -> Camera | None:
-    """The camera with the focal length in the Exif data of a clip's images; None where they tell none, or several."""
+def told_by_files(camera: Camera, images: Path | None) -> Camera | None:
+    """The camera with the focal length that it wrote into a clip's photographs or video; None: none, or several."""
     if images is None:
         return None
-    files = image_files(images) or (images,)
-    # The first and the last: a zoom between them, or a folder put together from several cameras, is not one lens.
-    told = {focal_35mm(file) for file in (files[0], files[-1])}
+    if images.is_dir() or images.suffix.lower() in IMAGE_SUFFIXES:
+        files, who = image_files(images) or (images,), "the images tell"
+        # The first and the last: a zoom between them, or a folder put together from several cameras, is not one lens.
+        told = {focal_35mm(file) for file in (files[0], files[-1])}
+    else:
+        told, who = {told_35mm(images)}, "the video tells"
     millimetres = told.pop()
     if told or millimetres is None or not _LENSES_MM[0] <= millimetres <= _LENSES_MM[1]:
         return None
     focal = focal_from_35mm(millimetres, camera.size)
-    source = f"35 mm equivalent of {millimetres:g} mm, as the images tell"
+    source = f"35 mm equivalent of {millimetres:g} mm, as {who}"
     return replace(camera, focal=(focal, focal), focal_from=FocalFrom.PHOTOGRAPHS, source=source)
 
 

@@ -14,7 +14,7 @@ from fitting_core.detect.part import Detector
 from fitting_core.errors import InputError
 from fitting_core.io import read_detections
 from fitting_core.io.camera_options import CameraGiven
-from fitting_core.io.camera_rule import estimated, scale_by, told_by_photographs
+from fitting_core.io.camera_rule import estimated, scale_by, told_by_files
 from fitting_core.io.cameras.moving import ClipFrames
 from fitting_core.io.footage import Footage, guessed_size, locate
 from fitting_core.io.keypoints.alignment import Timeline, align, chosen, timeline_of_keypoints
@@ -58,7 +58,7 @@ class Shot:
         """The camera, with the focal length and the scale that these keypoints tell if no other is known, and notes."""
         seen, notes = self.given.camera(self.size, self.frames, scale_by(keypoints, self.frame_rate))
         if self.given.automatic:
-            seen = told_by_photographs(seen, self.images) or estimated(seen, keypoints, self.frame_rate)
+            seen = told_by_files(seen, self.images) or estimated(seen, keypoints, self.frame_rate)
         return seen, notes
 
     def clip(
@@ -221,7 +221,7 @@ def read_clip(
         detector: What finds them: a name in DETECTORS, the path of an ONNX model of the RTMPose family, or what
             `find_detector` opened.
         tell: Is told how far finding them is, in this thread; what it raises ends it.
-        focal_length: Pixels; "auto" for what photographs tell, or else an estimate from the clip; or "diagonal", the
+        focal_length: Pixels; "auto" for what the files tell, or else an estimate from the clip; or "diagonal", the
             image's.
         fov: Horizontal field of view in degrees.
         focal_length_35mm: Millimetres on 35 mm film, as phones and cameras state it. At most one of these three; the
@@ -323,7 +323,7 @@ def read_footage(
     )
     seen, of_camera = given.camera(shot.size, shot.frames)
     if given.automatic:
-        seen = told_by_photographs(seen, images) or seen
+        seen = told_by_files(seen, images) or seen
     count = len(shot.detections)
     nothing = Keypoints(xy=np.zeros((count, COUNT, 2)), confidence=np.zeros((count, COUNT)))
     return shot.clip(nothing, seen, entries=(None,) * count, of_person=(), of_places=(), of_camera=of_camera)

@@ -89,6 +89,25 @@ def opened(path: Path) -> tuple[InputContainer, VideoStream]:
     return container, stream
 
 
+_FOCAL_35MM = "com.apple.quicktime.camera.focal_length.35mm_equivalent"
+"""Of the file or of its video (Apple, QuickTime metadata keys); other containers keep it in capitals."""
+
+
+def told_35mm(path: Path) -> float | None:
+    """The 35 mm equivalent in millimetres that a phone wrote into its video; None where it wrote none.
+
+    Raises:
+        InputError: As `opened`.
+    """
+    container, stream = opened(path)
+    with container:
+        said = {name.lower(): value for name, value in (container.metadata | stream.metadata).items()}
+    try:
+        return float(said[_FOCAL_35MM])
+    except (KeyError, ValueError):
+        return None
+
+
 def _packets(container: InputContainer, stream: VideoStream) -> Iterator[av.Packet]:
     """Those that can be read, and an empty one that ends them; a damaged file may end before its last."""
     try:

@@ -6,6 +6,7 @@ on top of it: the frames are again what they were, bit for bit.
 """
 
 import threading
+from dataclasses import replace
 from itertools import count, takewhile
 from queue import SimpleQueue
 from typing import Protocol
@@ -14,7 +15,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.fit.fitting import Refit
-from fitting_core.fit.grounded import grounded
+from fitting_core.fit.grounded import grounding_of_params
 from fitting_core.fit.phase_figures import patched
 from fitting_core.fit.provenance import Provenance
 from fitting_core.fit.refitting import with_phases
@@ -132,10 +133,20 @@ class Corrections:
         for window in windows:
             whole = whole.with_frames(window, refit.params[slice(window.start, window.stop)])
         config = self._project.runs.get(run).config
+        grounding = grounding_of_params(clip, body, whole, unswap=config.unswap_sides)
         phase = patched(
-            fit.last, clip, body, fit.config, whole, windows, start=fit.start, provenance=refit.provenance, note=_NOTE
+            fit.last,
+            clip,
+            body,
+            fit.config,
+            whole,
+            windows,
+            grounding=grounding,
+            start=fit.start,
+            provenance=refit.provenance,
+            note=_NOTE,
         )
-        found = grounded(with_phases(fit, (phase,), config), clip, body)
+        found = replace(with_phases(fit, (phase,), config), grounding=grounding)
         if self._project.runs.get(base.id).deleted:
             raise InputError(f"{base.name} was deleted: what followed its corrections is not kept.")
         now_seen = self.edits_seen(base, windows, seen)

@@ -96,7 +96,7 @@ class CameraOptions:
         float | FocalRule | None,
         shown("PX|auto|diagonal", "auto; with the presets paper and smplifyx diagonal"),
     ] = None
-    """Focal length in pixels. auto: what photographs tell in their Exif data, or else an estimate from how the person
+    """Focal length in pixels. auto: what photographs or a phone's video tell, or else an estimate from how the person
     moves and looks; diagonal: as long as the image's diagonal, a 43 mm equivalent."""
     fov: Annotated[float | None, shown("DEGREES", "not given")] = None
     """Horizontal field of view in degrees."""

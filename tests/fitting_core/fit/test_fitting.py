@@ -22,6 +22,7 @@ from fitting_core.fit.events import Finished, FramesFitted, Iteration, PhaseFini
 from fitting_core.fit.evidence.sides import PAIRED
 from fitting_core.fit.evidence.stances import Stances
 from fitting_core.fit.fitting import fit_clip, fit_events, rerun_events
+from fitting_core.fit.grounded import grounding_of_params
 from fitting_core.fit.phase_figures import evaluated, patched
 from fitting_core.fit.phases import progress
 from fitting_core.fit.provenance import Start, Stopped
@@ -189,7 +190,7 @@ def test_frames_that_are_fitted_again_come_from_the_result_before(
     free_body: BodyModel, short_clip: Clip, quick: FitResult
 ):
     refit = finished(rerun_events(short_clip, free_body, QUICK, quick.last.params, range(2, 5)))
-    again = patched(quick.last, short_clip, free_body, QUICK, refit.params, [range(2, 5)],
+    again = patched(quick.last, short_clip, free_body, QUICK, refit.params, [range(2, 5)], grounding=None,
                     provenance=refit.provenance, note="")  # fmt: skip
     assert again.provenance is not None and quick.last.provenance is not None
     before = quick.last.provenance.start.tolist()
@@ -373,7 +374,8 @@ def test_costs_of_changed_frames_are_those_of_the_whole_clip(tiny_body: BodyMode
     params = replace(arms_in_motion(60, depth=3.5), left_hand_pose=torch.full((60, 12), 4.0, dtype=torch.float64))
     whole = evaluated(clip, tiny_body, config, params)
     before = replace(whole, frame_cost=np.full(60, np.nan))
-    after = patched(before, clip, tiny_body, config, params, [window], note="")
+    grounding = grounding_of_params(clip, tiny_body, params, unswap=config.unswap_sides)
+    after = patched(before, clip, tiny_body, config, params, [window], grounding=grounding, note="")
     changed = slice(window.start, window.stop)
     np.testing.assert_allclose(after.frame_cost[changed], whole.frame_cost[changed], rtol=1e-9)
     assert np.isnan(np.delete(after.frame_cost, range(window.start, window.stop))).all()
@@ -474,7 +476,7 @@ def test_phase_3_tells_what_its_solver_minimised(
     deviation = np.full((8, kp.COUNT), np.inf)
     deviation[:, kp.INDEX["left_ankle"]] = 0.02
     held = Stances(position=np.tile([0.1, 0.9, 3.0], (8, kp.COUNT, 1)), deviation=deviation)
-    monkeypatch.setattr(fitting, "stances_of_params", lambda *args, **kwargs: held)
+    monkeypatch.setattr(fitting, "holding_feet", lambda stages, *args: stages.holding(held))
     config = replace(QUICK, weights=replace(NO_COLLISION, held_position=(10.0,) * 5))
     events = list(fit_events(short_clip, free_body, config))
     minimised = [event for event in events if isinstance(event, Iteration)][-1]

@@ -3,12 +3,13 @@
 from dataclasses import replace
 from pathlib import Path
 
+import av
 import cv2
 import numpy as np
 import pytest
 
 from fitting_core.camera import DEFAULT_FOCAL, Camera, FocalFrom, focal_from_35mm
-from fitting_core.io.camera_rule import estimated, told_by_photographs
+from fitting_core.io.camera_rule import estimated, told_by_files
 from fitting_core.io.clip_reader import read_footage
 from fitting_core.keypoints import COUNT, Keypoints
 from tests.fitting_core.video.test_exif import jpeg, tiff
@@ -38,7 +39,7 @@ def test_photographs_tell_it(tmp_path: Path):
     assert camera.source == "35 mm equivalent of 28 mm, as the images tell"
     assert read_footage(tmp_path).camera == camera, "the default, as of the commands"
     assert read_footage(tmp_path, focal_length="diagonal").camera == CAMERA
-    single = told_by_photographs(CAMERA, tmp_path / "1.jpg")
+    single = told_by_files(CAMERA, tmp_path / "1.jpg")
     assert single is not None and single.focal == camera.focal
 
 
@@ -46,8 +47,33 @@ def test_photographs_tell_it(tmp_path: Path):
 def test_photographs_that_disagree_or_are_silent_tell_nothing(tmp_path: Path, told: tuple[int | None, int | None]):
     for name, millimetres in zip(("1.jpg", "2.jpg"), told, strict=True):
         photograph(tmp_path / name, millimetres)
-    assert told_by_photographs(CAMERA, tmp_path) is None
+    assert told_by_files(CAMERA, tmp_path) is None
     assert read_footage(tmp_path, focal_length="auto").camera == CAMERA
+
+
+def movie(path: Path, told: str | None) -> Path:
+    """Three black frames, as a phone tags them."""
+    with av.open(str(path), "w", options={"movflags": "use_metadata_tags"} if path.suffix == ".mov" else {}) as file:
+        if told is not None:
+            file.metadata["com.apple.quicktime.camera.focal_length.35mm_equivalent"] = told
+        stream = file.add_stream("mpeg4", rate=25)
+        stream.width, stream.height, stream.pix_fmt = 320, 240, "yuv420p"
+        for _ in range(3):
+            file.mux(stream.encode(av.VideoFrame.from_ndarray(np.zeros((240, 320, 3), np.uint8), format="rgb24")))
+        file.mux(stream.encode())
+    return path
+
+
+@pytest.mark.parametrize("name", ["phone.mov", "converted.mkv"])
+def test_a_phones_video_tells_it(tmp_path: Path, name: str):
+    camera = read_footage(movie(tmp_path / name, "26.5")).camera
+    assert camera.focal[0] == pytest.approx(focal_from_35mm(26.5, (320, 240))) and camera.calibrated
+    assert camera.source == "35 mm equivalent of 26.5 mm, as the video tells"
+
+
+@pytest.mark.parametrize("told", [None, "0", "nan", "wide", "60000"])
+def test_a_video_that_says_nothing_of_use_tells_nothing(tmp_path: Path, told: str | None):
+    assert read_footage(movie(tmp_path / "phone.mov", told)).camera == CAMERA
 
 
 def test_no_person_no_estimate():

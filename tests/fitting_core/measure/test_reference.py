@@ -378,6 +378,22 @@ def test_files_say_where_a_reference_begins(tmp_path: Path, free_body: BodyModel
     assert (untold.first_frame, untold.first_frame_known) == (0, False)
 
 
+def test_other_systems_results_lie_beside_the_truth(tmp_path: Path):
+    """On the video's clock, which says rate and first frame; stored, they are the same."""
+    points = np.tile(POINTS, (3, 1, 1))
+    seconds = 0.25 + np.arange(len(points)) / 100
+    np.savez(tmp_path / "p.npz", points=points, names=np.array(NAMES), time=seconds, wham=points + 0.01, scores=seconds)
+    found = read_reference(tmp_path / "p.npz")
+    assert found.frame_rate == pytest.approx(100) and found.first_frame == 25 and found.first_frame_known
+    assert list(found.others) == ["wham"]
+    np.testing.assert_allclose(found.others["wham"], found.points + 0.01)
+    write_reference(tmp_path / "stored.npz", found)
+    np.testing.assert_array_equal(read_reference(tmp_path / "stored.npz").others["wham"], found.others["wham"])
+    np.savez(tmp_path / "p.npz", points=points, names=np.array(NAMES), time=seconds**2)
+    with pytest.raises(InputError, match="not evenly spaced; expected a second of the video for each of"):
+        read_reference(tmp_path / "p.npz")
+
+
 def test_what_is_no_reference(tmp_path: Path):
     (tmp_path / "x.npz").write_bytes(b"PK broken")
     np.savez(tmp_path / "other.npz", a=np.zeros(3))

@@ -263,6 +263,26 @@ def test_points_between_frames_are_interpolated(tmp_path: Path, free_body: BodyM
     assert "Its 50 frames per second are interpolated to the fit's 30." in _told(capsys)
 
 
+def test_other_systems_are_judged_beside_the_fit(tmp_path: Path, free_body: BodyModel, capsys: pytest.CaptureFixture):
+    """In a laboratory's world, at another rate: each by its form, in the same frames, and in no record of its own."""
+    seconds = np.arange(0, 2, 1 / laboratory.RATE)
+    result = written(tmp_path / "hmr4d_results.pt", torch_bytes(gvhmr(laboratory.acted(seconds))))
+    moments = np.arange(0, 1.5, 1 / 50)
+    points, _ = keypoints_in_space(free_body, laboratory.acted(moments))
+    points = points[:, kp.LIMBS] @ laboratory.TURN.T + laboratory.SHIFT
+    noisy = points + np.random.default_rng(0).normal(0, 0.02, points.shape)
+    names = np.array([kp.NAMES[i] for i in kp.LIMBS])
+    np.savez(tmp_path / "points.npz", points=points, names=names, time=moments, wham=noisy)
+    arguments = ["evaluate", str(result), "--pictures", "0", "--out", str(tmp_path / "out"), "--frame-rate", "30"]
+    assert main([*arguments, "--reference", str(tmp_path / "points.npz")]) == 0
+    told = capsys.readouterr().out
+    assert "wham" in told and "Knee flexion by joint centres, RMS error, °" in told
+    other, own = records_in(tmp_path / "out")
+    assert other["method"] == "wham" and other["compared_frames"] == own["compared_frames"]
+    for figure, least in (("pa_mpjpe_mean [mm]", 15), ("turned_mpjpe [mm]", 20), ("elbow_flexion [°]", 2)):
+        assert float(own[figure]) < 0.5 and least < float(other[figure]) < 60
+
+
 def test_a_user_s_markers_say_what_points_are(tmp_path: Path, free_body: BodyModel, capsys: pytest.CaptureFixture):
     seconds = np.arange(0, 2, 1 / laboratory.RATE)
     result = written(tmp_path / "hmr4d_results.pt", torch_bytes(gvhmr(laboratory.acted(seconds))))
