@@ -89,8 +89,8 @@ class _Sight:
 
     def sampled(self, values: np.ndarray, xy: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n"]:
         """Of the mask's pixels between them, at pixels of the image; 0 outside it."""
-        at = self.in_mask(xy).astype(np.float32)[None]
-        return cv2.remap(values.astype(np.float32), at, None, cv2.INTER_LINEAR)[0].astype(float)
+        x, y = self.in_mask(xy).astype(np.float32).T[:, None]
+        return cv2.remap(values.astype(np.float32), x, y, cv2.INTER_LINEAR)[0].astype(float)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

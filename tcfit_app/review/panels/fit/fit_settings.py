@@ -179,7 +179,7 @@ class FitInputs:
         label, hint = LABELS[name], _HINTS[name]
         if name == "pose_prior":
             return self._gui.add_dropdown(label, pose_priors(value), initial_value=value, hint=hint)
-        shown = tuple(CHOICE_WORDS.get(str(option), option) for option in options)
+        shown = tuple(CHOICE_WORDS.get(str(option), str(option)) for option in options)
         return self._gui.add_dropdown(label, shown, initial_value=CHOICE_WORDS.get(str(value), value), hint=hint)
 
     def _number(self, name: str) -> Number:
