@@ -77,7 +77,7 @@ class BodyModel:
     kind: str
     """"smplx", "smplh" or "smpl": what the file was."""
     gender: str
-    """"neutral", "male" or "female"."""
+    """"neutral", "male", "female" or "child"."""
     template: Float[np.ndarray, "V 3"]
     shape_directions: Float[np.ndarray, "V 3 10"]
     expression_directions: Float[np.ndarray, "V 3 10"]
@@ -110,6 +110,17 @@ class BodyModel:
     def rest_joints(self) -> Float[np.ndarray, "55 3"]:
         """Joints of the mean shape in the rest pose."""
         return self.joint_regressor @ self.template
+
+    @property
+    def height(self) -> tuple[float, Float[np.ndarray, "10"]]:
+        """From the soles to the crown in the rest pose: metres of the mean shape, and what each beta adds."""
+        up, low, high = self.template[:, 1], self.template[:, 1].argmin(), self.template[:, 1].argmax()
+        return float(up[high] - up[low]), self.shape_directions[high, 1] - self.shape_directions[low, 1]
+
+    def betas_of_height(self, metres: float) -> Float[np.ndarray, "10"]:
+        """The likeliest shape of this height: the one nearest to the mean."""
+        mean, by_betas = self.height
+        return (metres - mean) / (by_betas @ by_betas) * by_betas
 
     def with_shape(self, betas: Sequence[float] | Float[np.ndarray, "10"]) -> "BodyModel":
         """The body whose mean shape is the one that these betas give; further betas add to it."""

@@ -118,6 +118,8 @@ class FitConfig:
     of a pose prior's npz."""
     hand_components: int = 12
     """Principal components of each hand; 45 for full axis-angle."""
+    height: float | None = None
+    """Standing height of the person in centimetres, without shoes; shape and distance follow it. None: not known."""
     robust_pixels: float = 100.0
     """rho of the Geman-McClure function for body keypoints, in pixels."""
     robust_pixels_fine: float = 100.0
@@ -157,6 +159,8 @@ class FitConfig:
     """Of how many frames one has its limbs mirrored; the relay carries what it found to the others."""
     camera_frozen: bool = False
     """Phase 1: keep the translation of the camera step, as SMPLify-X does."""
+    silhouettes: bool = False
+    """Phase 2: find the shape with what the person covers of the image too, where it is known (see outlines.py)."""
     last_phase: Literal[1, 2, 3] = 3
     """Stop after this phase."""
     precision: Literal["float64", "float32"] = "float64"
@@ -210,6 +214,7 @@ PRESETS: dict[str, FitConfig] = {
         limb_flips=True,
         limb_flips_every=8,
         curled_hands=True,
+        silhouettes=True,
         shape_sample=ShapeSample(strategy="coverage", stages=(5,)),
         temporal=Temporal(mode="global", space="camera", stages=(5,), reference_rate=25.0),
     ),

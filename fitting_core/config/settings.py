@@ -89,6 +89,7 @@ RANGES: dict[str, Range] = {
     "robust_pixels_fine": _POSITIVE,
     "robust_at_height": _POSITIVE,
     "start_deviation": _POSITIVE,
+    "height": Range(50, 250),
     "key_frames_every": Range(1),
     "limb_flips_every": Range(1),
 }

@@ -37,7 +37,7 @@ from fitting_core.fit.phases.independent import fit_frames
 from fitting_core.fit.phases.limb_flips import mirrored_as_told
 from fitting_core.fit.phases.progress import Step, TermSampling
 from fitting_core.fit.phases.shared_shape import Sight, fit_shape
-from fitting_core.fit.plausibility import doubts
+from fitting_core.fit.plausibility import doubts, small_adult
 from fitting_core.fit.provenance import Provenance, Start
 from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.fit.solvers import make_solver
@@ -285,10 +285,11 @@ class _Fit:
             state = state.with_columns(betas, torch.as_tensor(self.shape.betas).to(state.vector).expand(len(state), -1))
             yield self._finish(2, state, start, (self.shape.sentence(),), poses=poses)
             return state
-        sampled, frames = yield from _events(fit_shape(sight, self.solver), 2)
-        state = state.with_columns(betas, sampled.vector[0, betas].expand(len(state), -1))
+        found = yield from _events(fit_shape([sight], self.solver, self.config.shape_sample), 2)
+        (frames,) = found.frames
+        state = state.with_columns(betas, found.state.vector[0, betas].expand(len(state), -1))
         note = "shape from frames " + ", ".join(map(str, (self.clip.first_frame + frames).tolist()))
-        yield self._finish(2, state, start, (note,), sample=(sampled, frames), poses=poses)
+        yield self._finish(2, state, start, (note, *found.notes), sample=(found.state, frames), poses=poses)
         return state
 
     def _third(self, state: State) -> Generator[FitEvent, None, None]:
@@ -342,6 +343,7 @@ class _Fit:
                 *_swap_notes(self.stages, self.clip.first_frame),
                 *(note for p in self.phases for note in p.notes),
                 *doubts(self.clip, self.phases[-1].params),
+                *small_adult(self.body, self.config.height),
             ),
         )
         result = grounded(result, self.clip, self.body)

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
 from fitting_core.fit.evidence.sides import SEEN
@@ -9,6 +10,8 @@ from fitting_core.keypoints import BODY
 
 _FAR, _NEAR = 60.0, 0.25
 """Metres from the camera between which people are filmed so that keypoints can be found."""
+_GROWN = 145.0
+"""Centimetres below which people are mostly children."""
 _SMALL = 24.0
 """Pixels of a person's larger side: less than a detector's own errors times ten."""
 
@@ -34,6 +37,16 @@ def doubts(clip: Clip, params: BodyParams) -> tuple[str, ...]:
             "Check the keypoints and the focal length"
         )
     return tuple(found)
+
+
+def small_adult(body: BodyModel, height: float | None) -> tuple[str, ...]:
+    """A sentence about an adult's body that is to have a child's height in centimetres; none for other bodies."""
+    if height is None or height >= _GROWN or body.gender == "child":
+        return ()
+    return (
+        f"a height of {height:g} cm is rarely an adult's, and the body has an adult's proportions; for a child choose "
+        "the body of a child (gender child)",
+    )
 
 
 def _median_size(clip: Clip) -> float | None:

@@ -10,14 +10,14 @@ from torch import Tensor
 
 from fitting_core import keypoints as kp
 from fitting_core.body.kinematics import contour_bins
-from fitting_core.body.model import N_JOINTS, BodyModel
+from fitting_core.body.model import N_BETAS, N_JOINTS, BodyModel
 from fitting_core.body.points.body_points import BodyPoints
 from fitting_core.body.points.pairs import Point, keypoint_points
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.evidence.given_start import GivenStart
-from fitting_core.fit.evidence.observations import Observations
+from fitting_core.fit.evidence.observations import LIFTED_HEIGHT, Observations
 from fitting_core.fit.evidence.stances import Stances
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.terms.collision.term import CollidingBody
@@ -28,6 +28,7 @@ from fitting_core.fit.variables.estimate import View
 from fitting_core.fit.variables.state import Free, Parametrisation, State
 from fitting_core.keypoints import Keypoints
 from fitting_core.priors.pose import make_prior
+from fitting_core.silhouettes import Silhouettes
 
 
 class FittedBody:
@@ -39,12 +40,16 @@ class FittedBody:
     """
 
     def __init__(self, model: BodyModel, config: FitConfig) -> None:
+        told = config.height
+        self.betas = np.zeros(N_BETAS) if told is None else model.betas_of_height(told / 100)
+        """The likeliest shape before anything is seen."""
         self.model = model
         self.dtype, self.device = getattr(torch, config.precision), torch.device(config.device)
         self.parametrisation = Parametrisation(
             model,
             make_prior(config.pose_prior, dtype=self.dtype, device=self.device),
             hand_components=config.hand_components,
+            betas=self.betas,
             dtype=self.dtype,
             device=self.device,
         )
@@ -57,10 +62,17 @@ class FittedBody:
         """The whole mesh, made when the first stage asks for collisions."""
         return CollidingBody(self.model, dtype=self.dtype, device=self.device)
 
+    @property
+    def size(self) -> float:
+        """To the people that the lifter knows; 1 for an adult of whom nothing is known."""
+        mean, by_betas = self.model.height
+        known = self.betas.any() or self.model.gender == "child"
+        return (mean + float(by_betas @ self.betas)) / LIFTED_HEIGHT if known else 1.0
+
     @cached_property
     def rest_joints(self) -> Float[Tensor, "55 3"]:
-        """Joints of the mean shape at rest, metres."""
-        joints = self.model.rest_joints
+        """Joints of the likeliest shape at rest, metres."""
+        joints = self.model.with_shape(self.betas).rest_joints
         return torch.as_tensor(joints, dtype=self.dtype, device=self.device)
 
     def points(self, indices: Int[Tensor, "N"]) -> BodyPoints:
@@ -134,6 +146,8 @@ class Stages:
     """w_T for this clip."""
     start: GivenStart | None = None
     """Of the same frames."""
+    silhouettes: Silhouettes | None = None
+    """Of the same frames, where they are known and count."""
 
     @staticmethod
     def of(
@@ -145,6 +159,7 @@ class Stages:
         frame_rate: float = 25.0,
         detector: str = "",
         start: GivenStart | None = None,
+        silhouettes: Silhouettes | None = None,
     ) -> "Stages":
         """The stages of a whole clip.
 
@@ -156,13 +171,14 @@ class Stages:
             frame_rate: of the clip, frames per second; matters where `config.temporal.reference_rate` is set.
             detector: who found the keypoints, `Clip.detector`.
             start: what phase 1 begins with, and what is held near it if `config.start_deviation` says so.
+            silhouettes: what the person covers, which counts if `config.silhouettes` says so.
         """
         fitted, reference = FittedBody(body, config), config.temporal.reference_rate
         observations = Observations.of(
             keypoints, camera, config, detector=detector, dtype=fitted.dtype, device=fitted.device
         )
         if any(config.weights.relative_position):
-            observations = observations.lifted(camera, frame_rate)
+            observations = observations.lifted(camera, frame_rate, size=fitted.size)
         if start is not None and config.start_deviation is not None:
             start = start.beside(keypoints, camera)
             observations = observations.near(start.points, start.deviation(config.start_deviation))
@@ -173,6 +189,7 @@ class Stages:
             config=config,
             temporal_weight=config.temporal.weight * ((frame_rate / reference) ** 2 if reference else 1.0),
             start=start,
+            silhouettes=silhouettes if config.silhouettes else None,
         )
 
     @staticmethod
@@ -186,6 +203,7 @@ class Stages:
             frame_rate=clip.frame_rate,
             detector=clip.detector,
             start=start,
+            silhouettes=clip.silhouettes,
         )
 
     def holding(self, stances: Stances) -> "Stages":
@@ -198,8 +216,13 @@ class Stages:
         What the whole clip decides stays: swapped sides, the keypoints that are looked at, what is free to move.
         """
         inside = slice(frames.start, frames.stop)
-        start = None if self.start is None else self.start[inside]
-        return replace(self, observations=self.observations[inside], camera=self.camera[inside], start=start)
+        return replace(
+            self,
+            observations=self.observations[inside],
+            camera=self.camera[inside],
+            start=None if self.start is None else self.start[inside],
+            silhouettes=None if self.silhouettes is None else self.silhouettes[inside],
+        )
 
     def __len__(self) -> int:
         return len(self.observations)

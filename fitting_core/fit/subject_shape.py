@@ -11,7 +11,7 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.events import drained
 from fitting_core.fit.fitting import clip_stages
-from fitting_core.fit.phases.shared_shape import Sight, fit_subject_shape
+from fitting_core.fit.phases.shared_shape import Sight, fit_shape
 from fitting_core.fit.result import FitResult
 from fitting_core.fit.solvers import make_solver
 
@@ -42,7 +42,7 @@ def subject_shape(clips: Sequence[tuple[Clip, FitResult]], body: BodyModel, conf
     """
     sights = [Sight.after_first_phase(clip_stages(clip, body, config, start=fit.start), fit) for clip, fit in clips]
     sample = replace(config.shape_sample, size=min(_MOST_SAMPLED, config.shape_sample.size * len(clips)))
-    state, frames = drained(fit_subject_shape(sights, make_solver(config.solver, config.settings), sample))
-    betas = state.vector[0, sights[0].stages.parametrisation.columns.betas].double().cpu().numpy()
-    numbers = [tuple((clip.first_frame + own).tolist()) for (clip, _), own in zip(clips, frames, strict=True)]
+    found = drained(fit_shape(sights, make_solver(config.solver, config.settings), sample))
+    betas = found.state.vector[0, sights[0].stages.parametrisation.columns.betas].double().cpu().numpy()
+    numbers = [tuple((clip.first_frame + own).tolist()) for (clip, _), own in zip(clips, found.frames, strict=True)]
     return SubjectShape(betas=betas, frames=tuple(numbers))

@@ -229,7 +229,7 @@ def subject_body(subject: Subject) -> BodyModel:
     return _load(find_body(gender=subject.gender, search=FREE_FOLDER))
 
 
-@lru_cache(maxsize=3)
+@lru_cache(maxsize=4)
 def _load(path: Path) -> BodyModel:
     return load_body(path)
 

@@ -353,7 +353,7 @@ def _run_fit(work: Work, clip: Clip) -> FitResult:
     return drained(mapped(events, work.report))
 
 
-@lru_cache(maxsize=3)  # One for each gender; tens of megabytes each.
+@lru_cache(maxsize=4)  # One for each gender; tens of megabytes each.
 def _body(path: Path) -> BodyModel:
     return load_body(path)
 

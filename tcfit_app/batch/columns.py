@@ -30,7 +30,7 @@ _OPTIONS: dict[Group, type] = {
     "start": StartOptions,
 }
 _CHOICES = {
-    "gender": ("neutral", "male", "female"),
+    "gender": ("neutral", "male", "female", "child"),
     "keypoint_scale": ("auto", "pixels", "0..1", "-1..1"),
     "preset": tuple(PRESETS),
 }

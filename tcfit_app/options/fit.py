@@ -46,6 +46,8 @@ SHORTCUTS = {
     "shape_sample": "shape_sample.size",
     "shape_strategy": "shape_sample.strategy",
     "seed": "shape_sample.seed",
+    "height": "height",
+    "silhouettes": "silhouettes",
     "start_deviation": "start_deviation",
     "device": "device",
     "precision": "precision",
@@ -136,8 +138,8 @@ class BodyOptions:
     """Its kind, or a model file."""
     models: Annotated[Path | None, shown("DIR", "see tcfit models")] = None
     """Folder with body models, which alone is searched then."""
-    gender: Annotated[str, arg(metavar="{neutral,male,female}")] = "neutral"
-    """Gender of the body model."""
+    gender: Annotated[str, arg(metavar="{neutral,male,female,child}")] = "neutral"
+    """Gender of the body model; child: the free body of a boy or girl of about 2 to 13 years."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -163,6 +165,13 @@ class MethodOptions:
     seed: Annotated[str | None, _shortcut("seed", "Of the random sample of frames.")] = None
     start_deviation: Annotated[
         str | None, _shortcut("start_deviation", "How near the fit is held to the result of --start, in metres.")
+    ] = None
+    height: Annotated[
+        str | None, _shortcut("height", "The person's height in centimetres; the distance follows it.")
+    ] = None
+    silhouettes: Annotated[
+        str | None,
+        _shortcut("silhouettes", "Find the shape with what the person covers of the image, where that is known."),
     ] = None
     device: Annotated[str | None, _shortcut("device", "Where torch computes: cpu, cuda, cuda:1, mps.")] = None
     precision: Annotated[str | None, _shortcut("precision", "Number type of the computation.")] = None

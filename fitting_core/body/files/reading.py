@@ -42,7 +42,11 @@ OFFSETS: dict[int, dict[str, KeypointOffset]] = {
 """By number of vertices. SMPL-X's own is empty: its joints were regressed to be used with OpenPose as they are."""
 
 
-_GENDERS = {"neutral": "neutral", "male": "male", "female": "female", "n": "neutral", "m": "male", "f": "female"}
+_GENDERS = {name: name for name in ("neutral", "male", "female", "child")} | {
+    "n": "neutral",
+    "m": "male",
+    "f": "female",
+}
 _OTHER_MODELS = {16: "a MANO hand", 5: "a FLAME head", 33: "a SMAL animal", 35: "a SMAL animal"}
 
 _IN_USE: WeakValueDictionary[tuple[Path, int, int], BodyModel] = WeakValueDictionary()
@@ -217,5 +221,5 @@ def _gender(raw: RawFile) -> str | None:
     value = as_array(told).reshape(-1)
     word = (value.astype(str)[0] if value.dtype.kind in "SU" and len(value) else str(told)).lower()
     if word not in _GENDERS:
-        raise raw.error(f"has the gender '{word}', expected neutral, male or female")
+        raise raw.error(f"has the gender '{word}', expected neutral, male, female or child")
     return _GENDERS[word]

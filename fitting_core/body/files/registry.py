@@ -25,9 +25,10 @@ ENVIRONMENT = "TCFIT_BODY_MODELS"
 """Environment variable with folders of body models, separated as in PATH."""
 FREE_FOLDER = Path(__file__).resolve().parents[3] / "assets" / "bodies"
 """The bodies that come with tcfit: SMPL-X's form, free to use."""
-GENDERS = ("neutral", "male", "female")
+GENDERS = ("neutral", "male", "female", "child")
+"""A child is listed among them, for that is how bodies' files are told apart; only the free bodies have one."""
 
-_NAMED = re.compile(r"(smplx|smplh|smpl)_(?:neutral|male|female)", re.IGNORECASE)
+_NAMED = re.compile(r"(smplx|smplh|smpl)_(?:neutral|male|female|child)", re.IGNORECASE)
 _SMPL_NAMED = re.compile(r"basicmodel_(?:neutral|m|f)_lbs_.*", re.IGNORECASE)
 AnyPath = TypeVar("AnyPath", bound=PurePath)
 
@@ -39,7 +40,7 @@ class BodyFile:
     kind: str
     """"smplx", "smplh" or "smpl"."""
     gender: str
-    """"neutral", "male" or "female"."""
+    """"neutral", "male", "female" or "child"."""
     path: Path
     origin: Literal["free", "user"]
     """Whether it came with tcfit or is the user's own."""
@@ -71,7 +72,7 @@ def find_body(*, model: str = "smplx", gender: str = "neutral", search: Path | N
 
     Args:
         model: "smplx", "smplh" or "smpl".
-        gender: "neutral", "male" or "female".
+        gender: "neutral", "male", "female" or "child".
         search: A model file, which is taken as it is, or a folder, which alone is searched then. A body that was asked
             for by its place is never replaced by another. None: `search_folders`.
 

@@ -85,7 +85,7 @@ def build_body(layout: Layout, gender: str, report: Callable[[float], object] = 
 
     Args:
         layout: what all bodies share.
-        gender: "neutral", "male" or "female".
+        gender: "neutral", "male", "female" or "child".
         report: is told the share of the work that is done, 0..1.
 
     Returns:

@@ -1,6 +1,6 @@
-"""Samples adult bodies from MakeHuman's macro targets and local shape changes, in the base mesh's A-pose."""
+"""Samples bodies from MakeHuman's macro targets and local shape changes, in the base mesh's A-pose."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -10,7 +10,7 @@ from fitting_core.build_assets.free_body.makehuman import BaseMesh, DataFolder, 
 
 _ANCHORS = {
     "gender": ("male", "female"),
-    "age": ("young", "old"),
+    "age": ("baby", "child", "young", "old"),
     "muscle": ("minmuscle", "averagemuscle", "maxmuscle"),
     "weight": ("minweight", "averageweight", "maxweight"),
     "height": ("minheight", "maxheight"),
@@ -18,18 +18,20 @@ _ANCHORS = {
     "cup": ("mincup", "averagecup", "maxcup"),
     "firmness": ("minfirmness", "averagefirmness", "maxfirmness"),
 }
+_SPANS = {"age": (-2.0, 1.0)}
+"""The values of the first and the last anchor, where they are not 0 and 1."""
 _ORIGINS = ("african", "asian", "caucasian")
 _UNBOUNDED = ("weight",)  # the targets alone span only 63..76 l for a man of 1.76 m
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Phenotype:
-    """What MakeHuman's macro targets depend on, for n bodies; each in 0..1 (weight may go beyond)."""
+    """What MakeHuman's macro targets depend on, for n bodies; each but age in 0..1 (weight may go beyond)."""
 
     gender: Float[np.ndarray, "n"]
     """0 male, 1 female."""
     age: Float[np.ndarray, "n"]
-    """0 young adult, 1 old."""
+    """0 young adult, 1 old; -1 a child of ten years, -2 a baby of one year."""
     muscle: Float[np.ndarray, "n"]
     weight: Float[np.ndarray, "n"]
     height: Float[np.ndarray, "n"]
@@ -55,7 +57,7 @@ class MacroTargets:
 
 
 def read_macro_targets(folder: DataFolder) -> MacroTargets:
-    """Reads every macro target of adults that the folder has."""
+    """Reads every macro target that the folder has."""
     found = {corner: name for corner, name in _macro_names() if folder.has_shape_target(name)}
     offsets = [folder.shape_target(name).astype(np.float32) for name in found.values()]
     return MacroTargets(corners=list(found), offsets=np.stack(offsets))
@@ -84,8 +86,8 @@ def _nearness(phenotype: Phenotype) -> dict[str, Float[np.ndarray, "n"]]:
     nearness: dict[str, np.ndarray] = dict(zip(_ORIGINS, phenotype.origins.T, strict=True))
     for axis, anchors in _ANCHORS.items():
         value = getattr(phenotype, axis)
-        last = len(anchors) - 1
-        position = (value if axis in _UNBOUNDED else np.clip(value, 0, 1)) * last
+        last, (low, high) = len(anchors) - 1, _SPANS.get(axis, (0.0, 1.0))
+        position = ((value if axis in _UNBOUNDED else np.clip(value, low, high)) - low) / (high - low) * last
         below = np.clip(np.floor(position), 0, last - 1)
         above = position - below
         for i, anchor in enumerate(anchors):
@@ -93,8 +95,13 @@ def _nearness(phenotype: Phenotype) -> dict[str, Float[np.ndarray, "n"]]:
     return nearness
 
 
-GENDERS = ("neutral", "male", "female")
+GENDERS = ("neutral", "male", "female", "child")
+"""A child stands beside the genders, as body files name it: a boy or girl of about two to thirteen years."""
 _MALE_BELOW = 0.5
+_AGES = (-1.75, -0.4)
+"""Of children, as `Phenotype` counts them."""
+_CHILD_SIZE = 0.7
+"""Of a child to an adult: local changes are as large in metres whoever they change."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,6 +116,9 @@ class Modifier:
     """Standard deviation of its coefficient; 1 is the full target, -1 the full opposite one."""
     fatness: float = 0.0
     """How much it follows fatness: MakeHuman's weight alone spans only 63..76 l for a man of 1.76 m."""
+    youth: float = 0.0
+    """How large it is for the youngest children. MakeHuman's heads of children are too small: at eight years 0.85 times
+    as large as an adult's, where their circumference is 0.94 times his (G. Nellhaus, Pediatrics 41, 1968)."""
 
 
 _MODIFIERS = (
@@ -137,9 +147,9 @@ _MODIFIERS = (
     Modifier(name="legs/*upperleg-fat", deviation=0.25, fatness=0.4),
     Modifier(name="legs/*lowerleg-fat", deviation=0.25, fatness=0.3),
     Modifier(name="legs/*lowerleg-muscle", deviation=0.2),
-    Modifier(name="head/head-scale-depth", deviation=0.2),
-    Modifier(name="head/head-scale-horiz", deviation=0.2),
-    Modifier(name="head/head-scale-vert", deviation=0.2),
+    Modifier(name="head/head-scale-depth", deviation=0.2, youth=1.6),
+    Modifier(name="head/head-scale-horiz", deviation=0.2, youth=0.9),
+    Modifier(name="head/head-scale-vert", deviation=0.2, youth=1.0),
     Modifier(name="head/head-fat", deviation=0.3, fatness=0.4),
     Modifier(name="chin/chin-width", deviation=0.3),
     Modifier(name="chin/chin-height", deviation=0.3),
@@ -174,21 +184,24 @@ def read_shape_targets(folder: DataFolder, mesh: BaseMesh) -> ShapeTargets:
 def sample_bodies(
     targets: ShapeTargets, gender: str, count: int, random: np.random.Generator
 ) -> Float[np.ndarray, "count N 3"]:
-    """Draws adult bodies: vertices of the base mesh in metres, A-pose.
+    """Draws bodies: vertices of the base mesh in metres, A-pose.
 
-    Heights are about 1.77 +- 0.07 m for men and 1.65 +- 0.065 m for women, the mean body mass index about 25.
+    Heights are about 1.77 +- 0.07 m for men, 1.65 +- 0.065 m for women, and 0.85 to 1.55 m for children; the mean body
+    mass index is about 25 for adults and 17 for children.
 
     Args:
         targets: what the bodies are made of.
-        gender: one of GENDERS; "neutral" draws men and women in turn.
+        gender: one of GENDERS; "neutral" draws men and women in turn, "child" boys and girls of all ages.
         count: how many.
         random: the source of randomness.
     """
-    phenotype, fatness = _draw_people(gender, count, random)
+    phenotype, fatness = (_draw_children if gender == "child" else _draw_people)(gender, count, random)
     bodies = targets.mesh.vertices + targets.macro.displace(phenotype)
+    size = _CHILD_SIZE if gender == "child" else 1.0
+    youth = np.clip((phenotype.age - _AGES[1]) / (_AGES[0] - _AGES[1]), 0, 1)
     for modifier, more, less in targets.modifiers:
         amount = random.normal(0, modifier.deviation, count) + modifier.fatness * fatness
-        amount = np.clip(amount, -1, 1.6)[:, None, None]
+        amount = (size * np.clip(amount, -1, 1.6) + modifier.youth * youth)[:, None, None]
         bodies += np.maximum(amount, 0) * more + np.maximum(-amount, 0) * less
     return bodies
 
@@ -213,6 +226,20 @@ def _draw_people(gender: str, count: int, random: np.random.Generator) -> tuple[
         origins=random.dirichlet([1, 1, 1], count),
     )
     return phenotype, fatness
+
+
+def _draw_children(
+    gender: str, count: int, random: np.random.Generator
+) -> tuple[Phenotype, Float[np.ndarray, "count"]]:
+    """The same of children."""
+    people, _ = _draw_people("neutral", count, random)
+    fatness = random.normal(0, 0.75, count) + 0.4 * (random.exponential(1, count) - 1)
+    fatness = np.clip(fatness, -1, 2.5)
+    height = random.normal(0.39, 0.04, count)
+    children = replace(
+        people, age=random.uniform(*_AGES, count), weight=0.5 + 0.35 * fatness, height=height, cup=np.zeros(count)
+    )
+    return children, fatness
 
 
 def _draw_sex(gender: str, count: int, random: np.random.Generator) -> Float[np.ndarray, "count"]:

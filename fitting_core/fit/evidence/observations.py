@@ -24,6 +24,8 @@ LONE_HIP = 0.5
 """Confidence that a hip needs where its knee is not seen."""
 UNSURE = 0.25
 """Metres of standard deviation from which the lifter has no say about a keypoint."""
+LIFTED_HEIGHT = 1.71
+"""Metres: of the bodies that the lifter has learned from, on average."""
 ENDS = 1.7
 """By how much more the lifter may be off about elbows, wrists, ankles and feet that are detected than it says: it was
 by two deviations on balancing people, who move unlike those that it learned from, and took the fit along."""
@@ -137,19 +139,20 @@ class Observations:
             shown=(confidence > 0).any(0),
         )
 
-    def lifted(self, camera: Camera, frame_rate: float) -> "Observations":
+    def lifted(self, camera: Camera, frame_rate: float, *, size: float = 1.0) -> "Observations":
         """The same with what the lifter says of body keypoints, as far as no person says it.
 
         Args:
             camera: of the clip.
             frame_rate: frames per second.
+            size: of the person to those of LIFTED_HEIGHT, as whom the lifter takes everybody.
         """
         lifted = lifted_keypoints(self.keypoints, camera, frame_rate)
         undetected = self.keypoints.confidence[:, kp.BODY] == 0
-        deviation = lifted.depth_deviation * np.where(_IS_END & ~undetected, ENDS, 1.0)
+        deviation = size * lifted.depth_deviation * np.where(_IS_END & ~undetected, ENDS, 1.0)
         deviation = np.where(deviation < UNSURE, deviation, np.inf)
         position, deviations = self.relative_position.clone(), self.relative_position_deviation.clone()
-        position[:, kp.BODY] = torch.as_tensor(lifted.points).to(position)
+        position[:, kp.BODY] = torch.as_tensor(size * lifted.points).to(position)
         deviations[:, kp.BODY, 2] = torch.as_tensor(deviation).to(position)
         deviations[:, kp.BODY, :2] = torch.as_tensor(np.where(undetected, deviation, np.inf)).to(position)[..., None]
         position[..., 2] = torch.where(self.told, self.relative_position[..., 2], position[..., 2])

@@ -54,6 +54,8 @@ FIXED = np.dtype(
         ("bent", _F, 3 * N_BODY),  # the sign with which elbows and knees bend, 0 elsewhere
         ("upright", np.bool_),
         ("pelvis", _F, 3),  # from which relative positions are measured
+        ("taller", _F, 10),  # weight x what each beta adds to the height, and weight x what all are to add
+        ("height", _F),
         ("columns_held", _I),
         ("weight", _F, MOST_COLUMNS),
     ]

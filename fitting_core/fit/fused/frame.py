@@ -15,7 +15,7 @@ from fitting_core.fit.fused.jit import helper
 from fitting_core.fit.fused.network import latent_gradient, turns_by_latent
 from fitting_core.fit.fused.products import half_products, products
 from fitting_core.fit.fused.scratch import LANES
-from fitting_core.fit.fused.terms import add_upright, column_cost, limit_cost, point_cost, pose_cost
+from fitting_core.fit.fused.terms import add_upright, column_cost, limit_cost, point_cost, pose_cost, taller_by
 
 
 @helper
@@ -263,3 +263,9 @@ def _take_free(c, frame, x, s):
         for b in range(a + 1):
             out[b] = line[f.index[b]]
         out[a] += weight
+    if f.free_betas:
+        first, missing = f.free - 10, taller_by(c, x)
+        for k in range(10):
+            s.free_gradient[first + k] += missing * f.taller[k]
+            for n in range(k + 1):
+                s.free_matrix[first + k, first + n] += f.taller[k] * f.taller[n]

@@ -16,7 +16,7 @@ from fitting_core.fit.fused.scratch import MOST_LAYERS, WIDEST
 from fitting_core.fit.terms.data import Data
 from fitting_core.fit.terms.limits import Limits
 from fitting_core.fit.terms.positions import HeldPosition, RelativePosition
-from fitting_core.fit.terms.priors import BENDING, Bending, Quadratic, Rest, Upright
+from fitting_core.fit.terms.priors import BENDING, Bending, Height, Quadratic, Rest, Upright
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import View
 from fitting_core.fit.variables.state import Columns, Free
@@ -236,6 +236,10 @@ def _bending(term: Bending) -> _Fields:
     return _Fields(fixed={"bending": term.weight, "bent": sign})
 
 
+def _height(term: Height) -> _Fields:
+    return _Fields(fixed={"taller": term.weight * term.by_betas, "height": term.weight * term.target})
+
+
 def _upright(term: Upright) -> _Fields:
     return _Fields(fixed={"upright": True}, held={"lean": term.lean, "turn": term.turn})
 
@@ -255,6 +259,7 @@ KNOWN: dict[type[Term], Callable[[Any], _Fields]] = {
     Rest: _rest,
     Bending: _bending,
     Upright: _upright,
+    Height: _height,
     RelativePosition: _relative_position,
     HeldPosition: _held_position,
 }

@@ -47,12 +47,23 @@ def point_cost(c, frame, x, scratch):
 
 
 @helper
+def taller_by(c, x):
+    """Weighted: how far the height is from what it is said to be; 0 where nothing is said."""
+    f, away = c.fixed, -c.fixed.height
+    for k in range(10):
+        away += f.taller[k] * x[f.betas - f.shift + k]
+    return away
+
+
+@helper
 def column_cost(c, frame, orient, x):
     """Of the quadratic terms, and of a root that leans or turns."""
     cost, f, held = 0.0, c.fixed, c.held[frame]
     for k in range(f.columns_held):
         away = f.weight[k] * (x[k] - held.target[k])
         cost += away * away
+    missing = taller_by(c, x)
+    cost += missing * missing
     if f.upright:
         cost += held.lean * held.lean * (orient[0, 1] * orient[0, 1] + orient[2, 1] * orient[2, 1])
         cost += held.turn * held.turn * orient[0, 2] * orient[0, 2]

@@ -11,6 +11,7 @@ from torch import Tensor
 from fitting_core import keypoints as kp
 from fitting_core.config.schema import ShapeSample
 from fitting_core.errors import InputError
+from fitting_core.fit.phases.outlines import outlined_shape
 from fitting_core.fit.phases.progress import Step, reported, stage_label
 from fitting_core.fit.result import FitResult
 from fitting_core.fit.solvers import Solver
@@ -94,24 +95,21 @@ class Sight:
         return Sight(stages=stages, state=state, usable=good.nonzero()[:, 0] if bool(good.any()) else stages.all_frames)
 
 
-def fit_shape(sight: Sight, solver: Solver) -> Generator[Step, None, tuple[State, Tensor]]:
-    """Minimises E_beta' + mean of E_o over the sample, beta' shared.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SampledShape:
+    """A shape, and the frames that it was found from."""
 
-    Args:
-        sight: the clip.
-        solver: minimises.
-
-    Returns:
-        The sampled frames' state (their betas are beta'), and which frames they are.
-    """
-    sampled, (frames,) = yield from fit_subject_shape([sight], solver, sight.stages.config.shape_sample)
-    return sampled, frames
+    state: State
+    """Of these frames, one clip after the other: their betas are the shape."""
+    frames: tuple[Int[Tensor, "n"], ...]
+    """Of each clip."""
+    notes: tuple[str, ...] = ()
+    """For the user."""
 
 
-def fit_subject_shape(
-    sights: Sequence[Sight], solver: Solver, sample: ShapeSample
-) -> Generator[Step, None, tuple[State, list[Tensor]]]:
-    """The same over frames of several clips of one person.
+def fit_shape(sights: Sequence[Sight], solver: Solver, sample: ShapeSample) -> Generator[Step, None, SampledShape]:
+    """Minimises E_beta' + mean of E_o over frames of a clip, or of several clips of one person, beta' shared; then with
+    silhouettes, where there are enough good ones.
 
     Frames are sampled as if the clips were one: a strategy that asks what is seen takes more of a clip that shows more.
 
@@ -119,9 +117,6 @@ def fit_subject_shape(
         sights: at least one, all of the same body and pose prior.
         solver: minimises.
         sample: how many frames, of all clips together, and in which stages.
-
-    Returns:
-        The sampled frames' state, one clip after the other (their betas are beta'), and which frames of each clip.
     """
     seen = [sight.stages.keypoints.confidence[sight.usable.cpu().numpy()][:, kp.BODY] for sight in sights]
     chosen = torch.as_tensor(sample_frames(np.concatenate(seen), sample), device=sights[0].usable.device)
@@ -138,7 +133,10 @@ def fit_subject_shape(
         share = (i / len(sample.stages), (i + 1) / len(sample.stages))
         solution = yield from reported(minimisation, stage_label(stage), share, solver.iterations)
         sampled = solution.state
-    return sampled, frames
+    outlined = outlined_shape([(sight.stages, own) for sight, own in used], sampled)
+    if outlined is not None:
+        return SampledShape(state=outlined.state, frames=tuple(frames), notes=(outlined.note(),))
+    return SampledShape(state=sampled, frames=tuple(frames))
 
 
 def _samples(used: Sequence[tuple[Sight, Tensor]], sampled: State, stage: int) -> Iterator[Sample]:

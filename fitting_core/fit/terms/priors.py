@@ -42,6 +42,25 @@ class Quadratic(Term):
         return self.weight.expand(len(e.frames), -1)
 
 
+@dataclass(frozen=True)
+class Height(Term):
+    """weight x (height of the shape in the rest pose - what a person says of it), beyond the paper."""
+
+    weight: float
+    """Per metre."""
+    target: float
+    """Metres above the mean shape's."""
+    by_betas: Float[Tensor, "10"]
+    """Metres that each beta adds."""
+    where: slice
+    """Of the betas in the state."""
+    name: str = "height"
+
+    def residual(self, e: Estimate) -> Tensor:
+        """One residual."""
+        return self.weight * (e.state.vector[:, self.where] @ self.by_betas - self.target)[:, None]
+
+
 BENDING = tuple(
     (3 * (JOINT[joint] - 1) + axis, sign)
     for joint, axis, sign in (

@@ -10,13 +10,13 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from fitting_core.body.joint_ranges import joint_ranges
-from fitting_core.body.model import JOINT, N_BETAS, POSE_JOINTS, BodyModel
+from fitting_core.body.model import JOINT, POSE_JOINTS, BodyModel
 from fitting_core.camera import CameraPath
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.terms.collision.term import CollidingBody, Collision
 from fitting_core.fit.terms.limits import Limits
 from fitting_core.fit.terms.locks import Locks
-from fitting_core.fit.terms.priors import Bending, Quadratic, Rest, Upright
+from fitting_core.fit.terms.priors import Bending, Height, Quadratic, Rest, Upright
 from fitting_core.fit.terms.temporal import Evenness, JointPositions
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.state import Parametrisation
@@ -24,6 +24,8 @@ from fitting_core.keypoints import LOCKABLE
 
 LOCK_WEIGHT = 6.0 / np.radians(2.0)
 """Per radian: what a person says, as of depths, and within two degrees."""
+HEIGHT_DEVIATION = 0.015
+"""Metres: what people say of their height, and how they stand."""
 DEPTH_WEIGHT = 100.0
 """Of the camera step: (1e2)^2 (tz - tz_0)^2."""
 
@@ -81,14 +83,23 @@ def _expression(setting: Setting, s: int) -> Term:
     return _quadratic(setting, "expression", columns.expression, setting.config.weights.expression[s])
 
 
-def _shape(setting: Setting, s: int) -> Term:
-    return _quadratic(setting, "shape", setting.parametrisation.columns.betas, setting.config.weights.shape[s])
+def _shape(setting: Setting, s: int) -> Quadratic:
+    p = setting.parametrisation
+    return _quadratic(setting, "shape", p.columns.betas, setting.config.weights.shape[s], p.betas)
 
 
 def _shared_shape(setting: Setting, s: int) -> Term:
     """E_beta'."""
-    weight = setting.xy.new_full((N_BETAS,), setting.config.weights.shape[s])
-    return Quadratic("shared_shape", setting.parametrisation.columns.betas, weight, once=True)
+    return replace(_shape(setting, s), name="shared_shape", once=True)
+
+
+def _height(setting: Setting, s: int) -> Term | None:
+    """Counts as a beta does, in its standard deviations."""
+    told, (mean, by_betas) = setting.config.height, setting.body.height
+    if told is None:
+        return None
+    weight = setting.config.weights.shape[s] / HEIGHT_DEVIATION
+    return Height(weight, told / 100 - mean, setting.xy.new_tensor(by_betas), setting.parametrisation.columns.betas)
 
 
 def _bending(setting: Setting, s: int) -> Term | None:
@@ -172,6 +183,7 @@ TERMS: dict[str, Entry] = {
     "expression": Entry(Quadratic, _expression),
     "shape": Entry(Quadratic, _shape),
     "shared_shape": Entry(Quadratic, _shared_shape),
+    "height": Entry(Height, _height),
     "bending": Entry(Bending, _bending),
     "upright": Entry(Upright, _upright),
     "limits": Entry(Limits, _limits),

@@ -47,7 +47,7 @@ class ImportedMotion:
     kind: str
     """"smplx" or "smplh": of the body that it belongs to."""
     gender: str
-    """"neutral", "male" or "female"."""
+    """"neutral", "male", "female" or "child"."""
     body_hash: str = ""
     """SHA-256 of the body's file, where the motion tells it."""
     params: BodyParams

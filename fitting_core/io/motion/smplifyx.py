@@ -50,7 +50,7 @@ class About(msgspec.Struct, frozen=True, kw_only=True):
 
     generator: str = ""
     axes: str = ""
-    gender: Literal["neutral", "male", "female"] | None = None
+    gender: Literal["neutral", "male", "female", "child"] | None = None
     body_kind: Literal["smplx", "smplh", "smpl"] = "smplx"
     body_hash: str = ""
     frame_rate: Annotated[float, msgspec.Meta(gt=0, le=2000)] | None = None

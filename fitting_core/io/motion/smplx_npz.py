@@ -51,7 +51,7 @@ _LAYOUTS: dict[int, tuple[str, dict[str, slice]]] = {
 }
 """By the width of `poses`: the body's kind, and the columns of each parameter."""
 _NAMES = {"smplx": "SMPL-X", "smplh": "SMPL-H"}
-_GENDERS = {"neutral": "neutral", "male": "male", "female": "female", "unknown": "neutral"}
+_GENDERS = {"neutral": "neutral", "male": "male", "female": "female", "child": "child", "unknown": "neutral"}
 _MAX_ANGLE, _MAX_LENGTH = 1e3, 1e6
 _KEYS = (
     "poses trans betas expressions gender surface_model_type mocap_frame_rate mocap_framerate axes camera_to_world "
@@ -220,7 +220,7 @@ def _first_frame(arrays: dict[str, np.ndarray]) -> int | None:
 def _gender(arrays: dict[str, np.ndarray]) -> str:
     word = _text(arrays, "gender", "neutral").strip().lower()
     if word not in _GENDERS:
-        raise _Wrong(f"'gender' is {word!r:.20}, expected neutral, male or female")
+        raise _Wrong(f"'gender' is {word!r:.20}, expected neutral, male, female or child")
     return _GENDERS[word]
 
 

@@ -32,7 +32,7 @@ EVERY_OPTION = """
     --body-model smplh --models m --gender male --start wham_output.pkl --start-person 2 --start-first-frame 5
     --preset paper --config c.toml --solver lbfgs --pose-prior vposer --temporal global --temporal-weight 300
     --temporal-space camera --window-size 9 --shape-sample 10 --shape-strategy confident --seed 3 --device cuda
-    --precision float32 --start-deviation 0.1 --set hip_weight=1
+    --precision float32 --height 182.5 --silhouettes false --start-deviation 0.1 --set hip_weight=1
 """.split()
 
 
@@ -123,7 +123,7 @@ REFUSED = {
     "person": (["--person", "4"], "person=4, but no frame of"),
     "frames": (["--first-frame", "90"], "Frames 90 to 5 were asked for (--first-frame, --last-frame)"),
     "scale": (["--keypoint-scale", "cm"], "--keypoint-scale is 'cm'; expected one of auto, pixels"),
-    "gender": (["--gender", "other"], "'other' is no gender, expected one of neutral, male, female"),
+    "gender": (["--gender", "other"], "'other' is no gender, expected one of neutral, male, female, child"),
     "body": (["--body-model", "scape"], "'scape' is no body model, expected one of smplx"),
     "no such body": (["--body-model", "smplh", "--models", "."], "Or leave out --body-model and --models: there is a"),
     "body file": (["--body-model", "nowhere/SMPLX_MALE.npz"], "SMPLX_MALE.npz: does not exist"),

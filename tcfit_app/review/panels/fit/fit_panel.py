@@ -50,10 +50,11 @@ class FitPanel:
         self._reach = NumberField(tab, reach, self._take_reach)
         self._progress = FitProgress(tab)  # below all buttons, which stay where they are when a fit begins
         with gui.add_folder("Start, person", expand_by_default=False):
+            self._inputs.add_height()
             self._inputs.add_given()
         with gui.add_folder("Shape, solver, prior"):
             self._inputs.add("shape_sample.size", "shape_sample.strategy", "shape_sample.seed", "solver", "pose_prior")
-            self._inputs.add("keypoint_noise")
+            self._inputs.add("keypoint_noise", "silhouettes")
         begins = not tab.session.fits.runs and not tab.session.project.footage.camera.calibrated
         with gui.add_folder("How it was filmed", expand_by_default=begins):
             self._inputs.add_camera()

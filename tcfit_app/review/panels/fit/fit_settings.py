@@ -39,10 +39,14 @@ LABELS = {
     "solver": "Solver",
     "pose_prior": "Pose prior",
     "keypoint_noise": "Keypoint noise",
+    "silhouettes": "Silhouettes",
+    "height": "Height (cm)",
 }
 """Settings with an input of their own, in short words."""
-CHOICE_WORDS = {"sliding_window": "sliding window"}
-"""Choices that read better otherwise."""
+_CHOICES: dict[str, Any] = {"sliding window": "sliding_window", "on": True, "off": False}
+"""Choices that read better otherwise, by the words for them."""
+CHOICE_WORDS = {str(choice): word for word, choice in _CHOICES.items()}
+"""The words by the choice as a text."""
 _HINTS = {
     "temporal.weight": "Weight of consistency over time: the higher, the smoother",
     "temporal.mode": "Of consistency over time: a sliding window as in the paper, or all frames at once",
@@ -54,6 +58,8 @@ _HINTS = {
     "solver": "lm: Levenberg-Marquardt. lbfgs: L-BFGS, as in the paper",
     "pose_prior": "What counts as a likely pose",
     "keypoint_noise": "By whose noise keypoints are weighed; auto: that of the detector that found them",
+    "silhouettes": "Whether the shape is found with what the person covers of the image as well (Shift+U shows it)",
+    "height": "Of the person, without shoes: the distance follows it",
 }
 _MOST = {"temporal.weight": 1e5, "shape_sample.seed": 999_999_999}
 """Bounds where the settings themselves have none: beyond, nothing gets better."""
@@ -113,12 +119,30 @@ class FitInputs:
         """Inputs of settings of LABELS."""
         for name in names:
             value, setting = value_of(self._tab.state.settings.config, name), settings()[name]
-            if isinstance(value, int | float):
+            if isinstance(value, int | float) and not isinstance(value, bool):
                 self._add_number(name, self._number(name), _HINTS[name], self._taker(name), self._reader(name))
             else:
                 self._add(
-                    name, self._choice(name, value, get_args(setting.type)), self._taker(name), self._reader(name)
+                    name,
+                    self._choice(name, value, get_args(setting.type) or (True, False)),
+                    self._taker(name),
+                    self._reader(name),
                 )
+
+    def add_height(self) -> None:
+        """The person's height, or nothing."""
+        known = RANGES["height"]
+        number = Number(label=LABELS["height"], low=known.low, high=known.high, of="leave it empty if it is not known")
+
+        def take(typed: str) -> None:
+            self._taker("height")(number.read(typed) if typed.strip() else None)
+
+        def read(now: FitSettings) -> str:
+            return "" if now.config.height is None else number.shown(now.config.height)
+
+        hint = f"{_HINTS['height']}. {number.range.capitalize()}."
+        handle = self._gui.add_text(number.label, read(self._tab.state.settings), hint=hint)
+        self._add("height", handle, take, read)
 
     def add_body(self) -> None:
         """Body model and gender."""
@@ -151,12 +175,12 @@ class FitInputs:
         Board(self._tab).show(row(button("Use these settings", "fit.source")))
         self._tab.buttons.on("fit.source", lambda _: self._take_source())
 
-    def _choice(self, name: str, value: str, options: tuple[str, ...]) -> Any:
+    def _choice(self, name: str, value: Any, options: tuple[Any, ...]) -> Any:
         label, hint = LABELS[name], _HINTS[name]
         if name == "pose_prior":
             return self._gui.add_dropdown(label, pose_priors(value), initial_value=value, hint=hint)
-        shown = tuple(CHOICE_WORDS.get(option, option) for option in options)
-        return self._gui.add_dropdown(label, shown, initial_value=CHOICE_WORDS.get(value, value), hint=hint)
+        shown = tuple(CHOICE_WORDS.get(str(option), str(option)) for option in options)
+        return self._gui.add_dropdown(label, shown, initial_value=CHOICE_WORDS.get(str(value), value), hint=hint)
 
     def _number(self, name: str) -> Number:
         """What a setting can be in this clip."""
@@ -203,10 +227,8 @@ class FitInputs:
         self._set(preset=name, config=PRESETS[name], problems=())
 
     def _taker(self, name: str) -> Callable[[Any], None]:
-        plain = {word: option for option, word in CHOICE_WORDS.items()}
-
         def take(value: Any) -> None:
-            value = plain.get(value, value)
+            value = _CHOICES.get(value, value)
             value = self._prior(value) if name == "pose_prior" else value
             self._set(config=changed(self._tab.state.settings.config, {name: value}, origin=ORIGIN))
 
@@ -215,7 +237,7 @@ class FitInputs:
     def _reader(self, name: str) -> Callable[[FitSettings], Any]:
         def read(now: FitSettings) -> Any:
             value = value_of(now.config, name)
-            return CHOICE_WORDS.get(value, value)
+            return CHOICE_WORDS.get(str(value), value)
 
         return read
 

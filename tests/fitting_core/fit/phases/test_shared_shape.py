@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.config.schema import FitConfig, ShapeSample, SolverSettings, Weights
-from fitting_core.fit.phases.shared_shape import STRATEGIES, Sight, fit_shape, fit_subject_shape, sample_frames
+from fitting_core.fit.phases.shared_shape import STRATEGIES, Sight, fit_shape, sample_frames
 from fitting_core.fit.solvers import make_solver
 from tests.samples.scenes import CAMERA, finished, hidden, keypoints_of, noisy, random_params, random_state, stages_of
 
@@ -66,10 +66,9 @@ def fitted_shape(body: BodyModel, config: FitConfig, usable: list[int] | None = 
     spread = random_state(stages.parametrisation, 6, 9).vector[:, betas]
     start = state.with_columns(betas, spread)
     frames = torch.arange(6) if usable is None else torch.tensor(usable)
-    sampled, chosen = finished(
-        fit_shape(Sight(stages=stages, state=start, usable=frames), make_solver("lm", config.settings))
-    )
-    return stages, truth, start, sampled, chosen
+    sight = Sight(stages=stages, state=start, usable=frames)
+    found = finished(fit_shape([sight], make_solver("lm", config.settings), config.shape_sample))
+    return stages, truth, start, found.state, found.frames[0]
 
 
 CONFIG = FitConfig(
@@ -115,7 +114,7 @@ def test_the_configured_stages_run_in_order(tiny_body: BodyModel, stages: tuple[
     )
     built = stages_of(tiny_body, hidden(keypoints_of(tiny_body, random_params(3)), kp.HANDS, kp.FACE), config)
     sight = Sight(stages=built, state=random_state(built.parametrisation, 3, 0), usable=torch.arange(3))
-    labels = [s.label for s in fit_shape(sight, make_solver("lm", config.settings))]
+    labels = [s.label for s in fit_shape([sight], make_solver("lm", config.settings), config.shape_sample)]
     assert list(dict.fromkeys(labels)) == [f"stage {s} of 5" for s in stages]
 
 
@@ -137,7 +136,7 @@ def test_a_shape_from_several_clips_is_nearer_than_from_any_of_them(tiny_body: B
     solver, betas = make_solver("lm", CONFIG.settings), stages.parametrisation.columns.betas
 
     def error(used: list[Sight]) -> float:
-        found, _ = finished(fit_subject_shape(used, solver, replace(CONFIG.shape_sample, size=4 * len(used))))
+        found = finished(fit_shape(used, solver, replace(CONFIG.shape_sample, size=4 * len(used)))).state
         assert torch.equal(found.vector[:, betas], found.vector[:1, betas].expand(len(found), -1))
         return float((found.vector[0, betas] - truth.betas[0]).norm())
 
@@ -154,9 +153,8 @@ def test_frames_are_shared_out_by_what_is_seen(tiny_body: BodyModel):
         Sight(stages=built, state=random_state(built.parametrisation, 6, 0), usable=torch.tensor([1, 2, 5]))
         for built in (stages_of(tiny_body, points, config) for points in (unsure, exact))
     ]
-    found, frames = finished(fit_subject_shape(sights, make_solver("lm", config.settings), config.shape_sample))
-    assert [own.tolist() for own in frames] == [[1], [1, 2, 5]] and len(found) == 4
-    found, frames = finished(
-        fit_subject_shape(sights, make_solver("lm", config.settings), replace(config.shape_sample, size=3))
-    )
-    assert [own.tolist() for own in frames] == [[], [1, 2, 5]]
+    solver = make_solver("lm", config.settings)
+    found = finished(fit_shape(sights, solver, config.shape_sample))
+    assert [own.tolist() for own in found.frames] == [[1], [1, 2, 5]] and len(found.state) == 4
+    found = finished(fit_shape(sights, solver, replace(config.shape_sample, size=3)))
+    assert [own.tolist() for own in found.frames] == [[], [1, 2, 5]]

@@ -1,0 +1,353 @@
+"""Phase 2, after its keypoints: a shape from what the person covers of the image (silhouettes) as well.
+
+Keypoints tell how long bones are, and hardly how stout somebody is. The border of a silhouette does, but for clothes,
+whose thickness is found with the shape: one number, held by a prior. Poses stay, and so does the height: a silhouette
+says nothing of size, and the prior alone made stout people shorter (by 5 cm and more). With the shape the sampled
+frames' translation moves, for which keypoints count as before.
+
+A vertex on the outline of the posed body is to lie as far within the border of the mask as clothes are thick, along the
+normal of the outline (point-to-line ICP; Y. Chen, G. Medioni, Image and Vision Computing 10, 1992), by the
+Geman-McClure function.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import cv2
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int
+
+from fitting_core import keypoints as kp
+from fitting_core.body.geometry import unit, vertex_normals
+from fitting_core.body.mesh import shared_mesh
+from fitting_core.body.model import JOINTS, N_BETAS, BodyModel
+from fitting_core.fit.solvers.problem import Sample, SharedShape
+from fitting_core.fit.stages import IMAGE_SCALE, N_STAGES, Stages
+from fitting_core.fit.terms.table import HEIGHT_DEVIATION
+from fitting_core.fit.variables.state import Free, State
+from fitting_core.lens import filmed
+
+CLOTHES, CLOTHES_DEVIATION = 0.010, 0.007
+"""Metres: how thick clothes are before anything is seen."""
+WEIGHT = 2.0
+"""Of a piece of outline of PIECE, as of a keypoint."""
+PIECE = 0.05
+"""Metres of outline that are off together."""
+FAR = 0.06
+"""Metres of rho, at which the Geman-McClure function stops to pull."""
+FEWEST, MOST = 3, 8
+"""Frames with a good silhouette that a shape needs, and of those sampled that count."""
+ROUNDS, STEPS = 2, 3
+"""How often the outline is looked for, and Gauss-Newton steps with each."""
+_ALIKE = 0.6
+"""Intersection over union of body and silhouette in a good frame: without, it is of somebody else, or in pieces."""
+_SEEN = [kp.INDEX[f"{side}_{part}"] for side in ("left", "right") for part in ("shoulder", "hip", "knee")]
+_BARE = ("head", "jaw", "eye", "wrist", "index", "middle", "pinky", "ring", "thumb", "ankle", "foot")
+"""Parts whose outline says nothing of the body: hair, shoes, and hands, which are too fine."""
+_FACING = 0.5
+"""Cosine between the normals of the outline and of the border of the mask from which one is the other's."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OutlinedShape:
+    """What was found."""
+
+    state: State
+    """Of the sampled frames, which share their betas."""
+    clothes: float
+    """Metres of thickness."""
+    frames: int
+    """In how many the outline counted."""
+
+    def note(self) -> str:
+        """For the user."""
+        return f"shape with the silhouettes of {self.frames} frames, clothes {100 * self.clothes:.1f} cm thick"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Sight:
+    """A frame with a silhouette, and its posed body, which is linear in the betas."""
+
+    stages: Stages
+    distance: Float[np.ndarray, "h w"]
+    """Pixels of the image from the border of the mask, positive within."""
+    at_rest: Float[np.ndarray, "V 3"]
+    """Vertices of the mean shape without the translation, metres in camera axes."""
+    by_betas: Float[np.ndarray, "V 3 10"]
+
+    @property
+    def scale(self) -> Float[np.ndarray, "2"]:
+        """Pixels of the image in one of the mask."""
+        return np.array(self.stages.camera.size) / self.distance.shape[::-1]
+
+    def in_mask(self, xy: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
+        """Pixels of the image as places in the mask."""
+        lens = self.stages.camera.lens
+        return ((xy if lens is None else filmed(lens, xy)) + 0.5) / self.scale - 0.5
+
+    def sampled(self, values: np.ndarray, xy: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n"]:
+        """Of the mask's pixels between them, at pixels of the image; 0 outside it."""
+        x, y = self.in_mask(xy).astype(np.float32).T[:, None]
+        return cv2.remap(values.astype(np.float32), x, y, cv2.INTER_LINEAR)[0].astype(float)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Outline:
+    """Vertices of a frame on the outline of the body."""
+
+    sight: _Sight
+    vertices: Int[np.ndarray, "n"]
+    normals: Float[np.ndarray, "n 2"]
+    """In the image, outward."""
+    length: Float[np.ndarray, "n"]
+    """Pixels of outline that each stands for."""
+
+    def rows(
+        self, betas: Float[np.ndarray, "10"], translation: Float[np.ndarray, "3"], clothes: float
+    ) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n 14"]]:
+        """Weighted residuals, and their derivatives by translation, betas and the thickness of clothes."""
+        sight, chosen = self.sight, self.vertices
+        camera = sight.stages.camera
+        by_betas = sight.by_betas[chosen]
+        points = sight.at_rest[chosen] + by_betas @ betas + translation
+        focal, depth = np.array(camera.focal), points[:, 2:]
+        xy = points[:, :2] / depth * focal + camera.center
+        metre = focal.mean() / depth[:, 0]
+        within = sight.sampled(sight.distance, xy)
+        residual = within - clothes * metre
+        step = sight.scale.mean()
+        slope = [sight.sampled(sight.distance, xy + step * axis) - within for axis in np.eye(2)]
+        facing = (unit(np.stack(slope, 1) + 1e-9) * -self.normals).sum(1) > _FACING
+        outward = np.concatenate(
+            [self.normals * focal / depth, -(self.normals * focal * points[:, :2]).sum(1, keepdims=True) / depth**2], 1
+        )
+        rho2 = (FAR * metre) ** 2
+        weight = WEIGHT * np.sqrt(self.length / (PIECE * metre)) * rho2 / (residual**2 + rho2)
+        weight *= facing * IMAGE_SCALE / camera.size[1]
+        by_shape = np.einsum("nd,ndk->nk", outward, by_betas)
+        rows = np.concatenate([-outward, -by_shape, -metre[:, None]], 1)
+        return weight * residual, weight[:, None] * rows
+
+
+def outlined_shape(used: Sequence[tuple[Stages, torch.Tensor]], sampled: State) -> OutlinedShape | None:
+    """The shape of the sampled frames, found again with their silhouettes; None where fewer than FEWEST are good.
+
+    Args:
+        used: Each clip with the frames sampled from it.
+        sampled: Their state, one clip after the other, with shared betas.
+    """
+    sights = _sights(used, sampled)
+    columns = used[0][0].parametrisation.columns
+    clothes, outlines = CLOTHES, {}
+    height = _HeldHeight.of(used[0][0], sampled)
+    for _ in range(ROUNDS):
+        outlines = {row: found for row, sight in sights.items() if (found := _outline(sight, sampled, row))}
+        if len(outlines) < FEWEST:
+            return None
+        for _ in range(STEPS):
+            problem = SharedShape(*_samples(used, sampled))
+            _, gradient, matrix, held, holding = (
+                a[0].double().cpu().numpy() for a in problem.normal(sampled, torch.zeros(1, dtype=torch.long))
+            )
+            # The root's orientation, the first three columns, stays as the rest of the pose does.
+            moves, betas, more = _solved(
+                (gradient[:, 3:], matrix[:, 3:, 3:], held + height.pull(sampled), holding + height.matrix),
+                {row: _rows(outline, sampled, row, clothes) for row, outline in outlines.items()},
+                clothes,
+                used[0][0].config.weights.shape[N_STAGES - 1],
+            )
+            vector = sampled.vector.clone()
+            vector[:, columns.translation] += torch.as_tensor(moves).to(vector)
+            vector[:, columns.betas] += torch.as_tensor(betas).to(vector)
+            sampled, clothes = replace(sampled, vector=vector), clothes + more
+    return OutlinedShape(state=sampled, clothes=clothes, frames=len(outlines))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _HeldHeight:
+    """Holds the height that keypoints have told."""
+
+    by_betas: Float[np.ndarray, "10"]
+    """Weighted: how a beta changes it."""
+    before: Float[np.ndarray, "10"]
+    columns: slice
+
+    @staticmethod
+    def of(stages: Stages, sampled: State) -> "_HeldHeight":
+        columns, weight = stages.parametrisation.columns.betas, stages.config.weights.shape[N_STAGES - 1]
+        by_betas = weight / HEIGHT_DEVIATION * stages.body.height[1]
+        return _HeldHeight(by_betas=by_betas, before=_betas(sampled, columns), columns=columns)
+
+    @property
+    def matrix(self) -> Float[np.ndarray, "10 10"]:
+        return np.outer(self.by_betas, self.by_betas)
+
+    def pull(self, sampled: State) -> Float[np.ndarray, "10"]:
+        return self.matrix @ (_betas(sampled, self.columns) - self.before)
+
+
+def _betas(sampled: State, columns: slice) -> Float[np.ndarray, "10"]:
+    return sampled.vector[0, columns].double().cpu().numpy()
+
+
+def _samples(used: Sequence[tuple[Stages, torch.Tensor]], sampled: State) -> list[Sample]:
+    free, first, samples = Free(body=False, hands=False, face=False), 0, []
+    for stages, own in used:
+        rows = sampled[first : (first := first + len(own))]
+        whole = stages.parametrisation.neutral(len(stages)).put(own, rows)
+        samples.append(Sample(stages.objective(N_STAGES, whole, free), own))
+    return samples
+
+
+def _rows(outline: _Outline, sampled: State, row: int, clothes: float) -> tuple[np.ndarray, np.ndarray]:
+    columns = outline.sight.stages.parametrisation.columns
+    vector = sampled.vector[row].double().cpu().numpy()
+    return outline.rows(vector[columns.betas], vector[columns.translation], clothes)
+
+
+def _solved(
+    keypoints: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+    outlines: dict[int, tuple[np.ndarray, np.ndarray]],
+    clothes: float,
+    prior: float,
+) -> tuple[Float[np.ndarray, "B 3"], Float[np.ndarray, "10"], float]:
+    """A Gauss-Newton step of translations, betas and clothes, which get no thinner than none.
+
+    Args:
+        keypoints: What `SharedShape.normal` says of translations and betas.
+        outlines: Residuals and rows by sampled frame.
+        clothes: Where they stand, metres.
+        prior: Weight of a standard deviation.
+    """
+    of_frames, blocks, held, holding = keypoints
+    count, own = len(of_frames), 3
+    gradient, matrix = np.zeros((count, own + N_BETAS + 1)), np.zeros((count, own + N_BETAS + 1, own + N_BETAS + 1))
+    gradient[:, :-1], matrix[:, :-1, :-1] = of_frames, blocks
+    for row, (residual, rows) in outlines.items():
+        gradient[row] += rows.T @ residual / len(outlines)
+        matrix[row] += rows.T @ rows / len(outlines)
+    right, schur = gradient[:, own:].sum(0), matrix[:, own:, own:].sum(0)
+    right[:-1] += held
+    schur[:-1, :-1] += holding
+    precision = (prior / CLOTHES_DEVIATION) ** 2
+    right[-1] += precision * (clothes - CLOTHES)
+    schur[-1, -1] += precision
+    eliminated = np.linalg.solve(
+        matrix[:, :own, :own], np.concatenate([matrix[:, :own, own:], gradient[:, :own, None]], 2)
+    )
+    schur -= np.einsum("fab,fac->bc", matrix[:, :own, own:], eliminated[..., :-1])
+    right -= np.einsum("fab,fa->b", matrix[:, :own, own:], eliminated[..., -1])
+    shared = -np.linalg.solve(schur, right)
+    if shared[-1] < -clothes:
+        shared[-1] = -clothes
+        shared[:-1] = -np.linalg.solve(schur[:-1, :-1], right[:-1] - clothes * schur[:-1, -1])
+    return -eliminated[..., -1] - eliminated[..., :-1] @ shared, shared[:-1], float(shared[-1])
+
+
+def _sights(used: Sequence[tuple[Stages, torch.Tensor]], sampled: State) -> dict[int, _Sight]:
+    """Sampled frames that have a silhouette and show the limbs, by their row."""
+    whose = [(stages, frame) for stages, own in used for frame in own.tolist()]
+    masks = [None if stages.silhouettes is None else stages.silhouettes.mask(frame) for stages, frame in whose]
+    good = [
+        row
+        for row, (stages, frame) in enumerate(whose)
+        if masks[row] is not None and bool(stages.observations.seen[frame, _SEEN].all())
+    ]
+    spread = np.unique(np.linspace(0, len(good) - 1, min(MOST, len(good))).round().astype(int))
+    return {row: _sight(whose[row][0], masks[row], sampled[row : row + 1]) for row in np.array(good, int)[spread]}
+
+
+def _sight(stages: Stages, mask: Bool[np.ndarray, "h w"], state: State) -> _Sight:
+    shapes = torch.cat([torch.zeros(1, N_BETAS), torch.eye(N_BETAS)]).double()
+    posed = stages.parametrisation.to_params(state)[[0] * len(shapes)]
+    posed = replace(posed, betas=shapes, camera_translation=torch.zeros(len(shapes), 3).double())
+    vertices = shared_mesh(stages.body)(posed).double().numpy()
+    return _Sight(
+        stages=stages,
+        distance=_distance(mask) * np.mean(stages.camera.size) / np.mean(mask.shape),
+        at_rest=vertices[0],
+        by_betas=np.moveaxis(vertices[1:] - vertices[0], 0, -1),
+    )
+
+
+def _distance(mask: Bool[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:
+    """Pixels from the border, which lies half a pixel from the middle of the last one within."""
+    inside, outside = (cv2.distanceTransform(m.astype(np.uint8), cv2.DIST_L2, 5) for m in (mask, ~mask))
+    return np.where(mask, inside - 0.5, 0.5 - outside).astype(np.float64)
+
+
+def _outline(sight: _Sight, sampled: State, row: int) -> _Outline | None:
+    """The outline of the body where it stands; None where it is not the silhouette's."""
+    columns, camera = sight.stages.parametrisation.columns, sight.stages.camera
+    vector = sampled.vector[row].double().cpu().numpy()
+    vertices = sight.at_rest + sight.by_betas @ vector[columns.betas] + vector[columns.translation]
+    if vertices[:, 2].min() < 0.1:
+        return None
+    topology = _topology(sight.stages.body)
+    xy = vertices[:, :2] / vertices[:, 2:] * camera.focal + camera.center
+    a, b, c = np.moveaxis(xy[topology.faces], 1, 0)
+    front = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0] < 0
+    covered = _covered(sight.in_mask(xy), topology, front, sight.distance.shape)
+    mask = sight.distance > 0
+    if (covered & mask).sum() < _ALIKE * (covered | mask).sum():
+        return None
+    edges = topology.edges[front[topology.beside].sum(1) == 1]
+    length = np.linalg.norm(np.diff(xy[edges], axis=1)[:, 0], axis=1)
+    share = np.bincount(edges.ravel(), np.repeat(length / 2, 2), minlength=len(xy))
+    chosen = np.flatnonzero((share > 0) & topology.told)
+    # The plane that touches the body there goes through the camera: its line in the image has the plane's x and y.
+    normals = unit(vertex_normals(vertices, topology.faces)[chosen, :2] + 1e-12)
+    beyond = xy[chosen] + 1.5 * sight.scale * normals
+    inside = (beyond > 0).all(1) & (beyond < np.array(camera.size) - 1).all(1)
+    outer = inside & (sight.sampled(covered, beyond) < 0.5)
+    return _Outline(sight=sight, vertices=chosen[outer], normals=normals[outer], length=share[chosen[outer]])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Topology:
+    """What a body's outline is looked for with."""
+
+    faces: Int[np.ndarray, "F 3"]
+    edges: Int[np.ndarray, "E 2"]
+    beside: Int[np.ndarray, "E 2"]
+    """The two faces of each edge."""
+    parts: tuple[Int[np.ndarray, "n"], ...]
+    """Faces by the joint that carries them most."""
+    told: Bool[np.ndarray, "V"]
+    """Vertices whose outline tells of the body."""
+
+
+@lru_cache(maxsize=2)
+def _topology(body: BodyModel) -> _Topology:
+    faces = body.faces.astype(np.int64)
+    sides = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    edges, which, count = np.unique(sides, axis=0, return_inverse=True, return_counts=True)
+    order = np.argsort(which.ravel(), kind="stable")
+    first, twice = np.searchsorted(which.ravel()[order], np.arange(len(edges))), count == 2
+    face = order % len(faces)
+    beside = np.stack([face[first[twice]], face[first[twice] + 1]], 1)
+    carried = body.skinning_weights.argmax(1)
+    bare = np.array([any(part in name for part in _BARE) for name in JOINTS])
+    of_face = carried[faces[:, 0]]
+    return _Topology(
+        faces=faces,
+        edges=edges[twice],
+        beside=beside,
+        parts=tuple(np.flatnonzero(of_face == joint) for joint in np.unique(of_face)),
+        told=~bare[carried],
+    )
+
+
+def _covered(
+    xy: Float[np.ndarray, "V 2"], topology: _Topology, front: Bool[np.ndarray, "F"], shape: tuple[int, int]
+) -> Bool[np.ndarray, "h w"]:
+    """What the body covers of a mask. Part by part, for `fillPoly` leaves out what it covers twice at once."""
+    covered = np.zeros(shape, np.uint8)
+    corners = np.round(np.clip(xy, -1000, 5000) * 16).astype(np.int32)
+    for part in topology.parts:
+        seen = np.zeros(shape, np.uint8)
+        cv2.fillPoly(seen, list(corners[topology.faces[part[front[part]]]]), 1, shift=4)
+        covered |= seen
+    return covered.astype(bool)

@@ -1,0 +1,68 @@
+"""Height and age: what is said of a person's size decides how far away the fit is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from fitting_core.body.files.reading import load_body
+from fitting_core.body.files.registry import FREE_FOLDER, find_body
+from fitting_core.body.model import BodyModel
+from fitting_core.clip import Clip
+from fitting_core.config.schema import FitConfig, Weights
+from fitting_core.fit.fitting import fit_clip
+from fitting_core.fit.plausibility import small_adult
+from tests.samples.scenes import CAMERA, keypoints_of, random_params
+
+CONFIG = FitConfig(
+    pose_prior="axis_angle", weights=replace(Weights(), collision=(0.0,) * 5), hip_weight=1.0, last_phase=2
+)
+
+
+@pytest.fixture(scope="module")
+def child() -> BodyModel:
+    return load_body(find_body(gender="child", search=FREE_FOLDER))
+
+
+def heads(body: BodyModel, metres: float) -> float:
+    """How many heads, from the chin to the crown, a body of this height has."""
+    up = body.with_shape(body.betas_of_height(metres)).template[:, 1]
+    chin = up[body.contour_vertices[0, 8]] @ body.contour_weights[0, 8]
+    return metres / float(up.max() - chin)
+
+
+def distance_share(shown: BodyModel, fitted: BodyModel, metres: float, height: float | None) -> float:
+    """Distance of a fit to the true one, of somebody of a height in metres who stands before the camera."""
+    params = random_params(3, size=0.1)
+    tall = torch.as_tensor(shown.betas_of_height(metres)).expand(3, 10)
+    place = torch.tensor([0.0, 0.2 - 0.25 * metres, 2.3 * metres], dtype=torch.float64).expand(3, 3)
+    params = replace(params, betas=tall, camera_translation=place)
+    clip = Clip(keypoints=keypoints_of(shown, params), camera=CAMERA, frame_rate=25.0, name="one")
+    fit = fit_clip(clip, fitted, replace(CONFIG, height=height))
+    return float((fit.last.params.camera_translation[:, 2] / params.camera_translation[:, 2]).mean())
+
+
+def test_a_tall_person_is_at_the_right_distance(free_body: BodyModel):
+    assert distance_share(free_body, free_body, 1.95, 195.0) == pytest.approx(1, abs=0.03)
+    assert distance_share(free_body, free_body, 1.95, None) < 0.95
+
+
+def test_a_child_is_at_the_right_distance(free_body: BodyModel, child: BodyModel):
+    assert distance_share(child, child, 1.30, 130.0) == pytest.approx(1, abs=0.03)
+    assert distance_share(child, free_body, 1.30, None) > 1.1
+
+
+@pytest.mark.parametrize("metres, expected", [(0.95, 5.0), (1.15, 5.75), (1.3, 6.3)])
+def test_children_have_large_heads_and_likely_shapes(
+    free_body: BodyModel, child: BodyModel, metres: float, expected: float
+):
+    """As children of 3, 6 and 8 years."""
+    assert heads(child, metres) == pytest.approx(expected, abs=0.2)
+    assert np.linalg.norm(child.betas_of_height(metres)) < 1.5 < np.linalg.norm(free_body.betas_of_height(metres))
+
+
+def test_an_adult_of_a_childs_height_is_told(free_body: BodyModel, child: BodyModel):
+    (told,) = small_adult(free_body, 130.0)
+    assert "gender child" in told
+    assert small_adult(child, 130.0) == small_adult(free_body, 170.0) == small_adult(free_body, None) == ()
