@@ -18,7 +18,7 @@ from benchmarks.report import Common, Row, progress, report, start
 from fitting_core.body import rotations
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.params import BodyParams
-from fitting_core.build_assets.motion_capture.collections import captured, split
+from fitting_core.build_assets.motion_capture.collections import captured_motion, split
 from fitting_core.build_assets.pose_prior.dataset import balanced, matrices, pool
 from fitting_core.build_assets.pose_prior.skeleton import Contact, Skeleton
 from fitting_core.priors.pose import make_prior
@@ -80,9 +80,9 @@ def main(options: PosePriorBenchmark) -> None:
     body = options.common.load_body()
     skeleton, mesh, rng = Skeleton(body), Mesh(body), np.random.default_rng(options.seed)
     prior = make_prior(options.prior, dtype=torch.float64, device="cpu")
-    clips, held = split(captured(options.data))
+    clips, held = split(captured_motion(options.data))
     progress("poses to find components on")
-    poses = balanced(clips, skeleton, rng)
+    captured = balanced(clips, skeleton, rng)
     contact = Contact(skeleton)
     drawn = matrices(captured.body_pose[rng.choice(len(captured.weight), options.pool, p=captured.weight)]).double()
     mixed = matrices(pool(captured, contact, options.pool, rng)).double()

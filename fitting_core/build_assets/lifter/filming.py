@@ -247,7 +247,9 @@ class Studio:
             torch.tensor([getattr(e, name) for e in each])[:, None, None, None]
             for name in ("spread", "quick", "turned_away")
         )
-        lasting, slow = (torch.stack([getattr(e, name) for e in each])[:, None, :, None] for name in ("lasting", "slow"))
+        lasting, slow = (
+            torch.stack([getattr(e, name) for e in each])[:, None, :, None] for name in ("lasting", "slow")
+        )
         quality = torch.exp(spread * self._normal(count, 1, 1, 1))
         lasts = lasting * self._normal(count, 1, POINTS, 2)
         wanders = slow * self._wander(count, 2 * POINTS, 0.1).view(count, FRAMES, POINTS, 2)

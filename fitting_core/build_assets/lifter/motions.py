@@ -14,7 +14,7 @@ from torch import Tensor
 from fitting_core.body import rotations
 from fitting_core.body.model import JOINT, other_side
 from fitting_core.build_assets.lifter.figure import N_JOINTS, Figure
-from fitting_core.build_assets.motion_capture.collections import captured, split
+from fitting_core.build_assets.motion_capture.collections import captured_motion, split
 from fitting_core.build_assets.motion_capture.retarget import MotionClip
 from fitting_core.build_assets.pose_prior.synthesis import SYNTHESIS, group_rows
 from fitting_core.lifting.network import FRAMES, RATE
@@ -67,7 +67,7 @@ def training_clips(folder: Path) -> tuple[list[MotionClip], list[MotionClip]]:
     Raises:
         InputError: There is none, or a file is broken.
     """
-    clips, held = split(captured(folder))
+    clips, held = split(captured_motion(folder))
     kept_apart = {window.clip for window in shipped_windows().values() if window.half == "untouched"}
     held += [clip for clip in clips if clip.name in kept_apart]
     return [clip for clip in clips if clip.name not in kept_apart], held

@@ -13,7 +13,7 @@ _OTHERS = ("cmu_dance", "ui_prmd")
 """Sources of other people than CMU's clips are of."""
 
 
-def captured(folder: Path) -> list[MotionClip]:
+def captured_motion(folder: Path) -> list[MotionClip]:
     """Everything that a folder holds, with standing people's knees straight.
 
     Raises:

@@ -75,7 +75,9 @@ def read_ui_prmd(folder: Path) -> Iterator[SourceMotion]:
     people: dict[str, dict[str, np.ndarray]] = defaultdict(dict)
     for name, values in sorted(arrays.items()):
         if values.ndim != 3 or values.shape[1:] != (len(_MARKERS), 3) or not np.isfinite(values).all():
-            raise InputError(f"{folder / _FILE}: {name} is {values.shape}, expected (T, {len(_MARKERS)}, 3) finite numbers.")
+            raise InputError(
+                f"{folder / _FILE}: {name} is {values.shape}, expected (T, {len(_MARKERS)}, 3) finite numbers."
+            )
         if len(values) < _SHORTEST or (values == 0).all(2).any():  # a marker that was lost is at zero
             continue
         people[name.split("_")[0]][name] = values[..., [1, 2, 0]] / 1000.0  # x to the left, y up, z ahead

@@ -17,7 +17,7 @@ from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import FREE_FOLDER, find_body
-from fitting_core.build_assets.motion_capture.collections import captured, split
+from fitting_core.build_assets.motion_capture.collections import captured_motion, split
 from fitting_core.build_assets.pose_prior.autoencoder import NetworkSize, PoseAutoencoder
 from fitting_core.build_assets.pose_prior.dataset import balanced, matrices, pool
 from fitting_core.build_assets.pose_prior.loss import Precision
@@ -56,14 +56,14 @@ def main(options: Options) -> None:
     device = options.device or ("cuda" if torch.cuda.is_available() else "cpu")
     body = load_body(find_body(search=FREE_FOLDER))
     skeleton = Skeleton(body)
-    clips, held = split(captured(options.data))
+    clips, held = split(captured_motion(options.data))
     rng = np.random.default_rng(options.schedule.seed)
     print(
         f"{sum(len(c.body_pose) for c in clips)} captured poses; drawing {options.poses} from them and from synthesis"
     )
-    poses = balanced(clips, skeleton, rng)
+    captured = balanced(clips, skeleton, rng)
     training = Training(
-        pool(poses, Contact(skeleton), options.poses, rng),
+        pool(captured, Contact(skeleton), options.poses, rng),
         body,
         size=options.size,
         precision=options.precision,
