@@ -40,7 +40,7 @@ def standing_straight(clips: Sequence[MotionClip]) -> list[MotionClip]:
     own = {subject: np.concatenate(values) for subject, values in reaches.items()}
     everybody = np.concatenate([*own.values(), np.ones(1)])
     enough = {subject: values if len(values) >= _FEWEST else everybody for subject, values in own.items()}
-    straight = _reach(np.radians(_STANDING_KNEE))
+    straight = float(np.cos(np.radians(_STANDING_KNEE) / 2))
     factors = {
         subject: float(np.clip(straight / np.percentile(values, _STRAIGHTER), 1, _LONGEST))
         for subject, values in enough.items()
@@ -54,9 +54,9 @@ def _knees(clip: MotionClip) -> Float[np.ndarray, "T 2"]:
     return joints[:, [JOINT[f"{side}_knee"] - 1 for side in ("left", "right")], 0]
 
 
-def _reach(bent: Float[np.ndarray, "*n"] | float) -> Float[np.ndarray, "*n"]:
+def _reach(bent: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
     """From hip to ankle, as a part of the leg's length; thigh and shank are taken to be alike."""
-    return np.cos(np.asarray(bent) / 2)
+    return np.cos(bent / 2)
 
 
 def _stands(clip: MotionClip) -> Bool[np.ndarray, "T 2"]:

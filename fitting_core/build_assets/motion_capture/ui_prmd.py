@@ -43,6 +43,8 @@ _UPRIGHT = ("root", "chest", "neck", "left_ankle", "right_ankle")
 """What has no rotation in the standing pose; feet keep the way that they point."""
 _KNEE, _ANKLE, _SHOULDER, _ELBOW = 0.052, 0.042, 0.05, 0.04
 """Metres from a marker to the middle of its joint."""
+_ROUNDS = 3
+"""Centres lie along the hinge, and the hinge follows from the centres."""
 _BENT = (0.2, 0.5)
 """Sines of a limb's angle between which its own plane takes over from the trunk's as that of its hinge."""
 _SHORTEST = 20
@@ -151,31 +153,34 @@ def _posed(markers: Float[np.ndarray, "T 39 3"]) -> _Posed:
 
 
 def _leg(hip: np.ndarray, at: dict[str, np.ndarray], pelvis: np.ndarray, sign: float) -> _Posed:
+    def centres(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return at["KNE"] - sign * _KNEE * axis, at["ANK"] - sign * _ANKLE * axis
+
     axis = pelvis[..., 0]
-    for _ in range(3):  # centres lie along the hinge, and the hinge follows from the centres
-        knee, ankle = at["KNE"] - sign * _KNEE * axis, at["ANK"] - sign * _ANKLE * axis
-        thigh, shank = unit(knee - hip), unit(ankle - knee)
-        axis = _hinge(thigh, shank, pelvis[..., 0])
-    shin = _axes(y=-shank, x=axis)
-    turns = {"hip": _axes(y=-thigh, x=axis), "knee": shin, "ankle": _axes(z=at["TOE"] - at["HEE"], x=shin[..., 0])}
+    for _ in range(_ROUNDS):
+        knee, ankle = centres(axis)
+        axis = _hinge(knee - hip, ankle - knee, pelvis[..., 0])
+    knee, ankle = centres(axis)
+    shin = _axes(y=knee - ankle, x=axis)
+    turns = {"hip": _axes(y=hip - knee, x=axis), "knee": shin, "ankle": _axes(z=at["TOE"] - at["HEE"], x=shin[..., 0])}
     return _Posed(turns, {"hip": hip, "knee": knee, "ankle": ankle})
 
 
 def _arm(at: dict[str, np.ndarray], chest: np.ndarray, sign: float) -> _Posed:
     shoulder, wrist = at["SHO"] - _SHOULDER * chest[..., 1], (at["WRA"] + at["WRB"]) / 2
-    elbow = at["ELB"]
-    for _ in range(3):
-        upper, lower = unit(elbow - shoulder), unit(wrist - elbow)
-        axis = _hinge(upper, lower, -chest[..., 0])
+    axis, elbow = -chest[..., 0], at["ELB"]
+    for _ in range(_ROUNDS):
+        axis = _hinge(elbow - shoulder, wrist - elbow, -chest[..., 0])
         elbow = at["ELB"] + sign * _ELBOW * axis
-    forearm = _axes(y=-lower, x=-axis)
-    turns = {"shoulder": _axes(y=-upper, x=-axis), "elbow": forearm, "wrist": forearm}
+    forearm = _axes(y=elbow - wrist, x=-axis)
+    turns = {"shoulder": _axes(y=shoulder - elbow, x=-axis), "elbow": forearm, "wrist": forearm}
     return _Posed(turns, {"shoulder": shoulder, "elbow": elbow, "wrist": wrist})
 
 
 def _hinge(upper: np.ndarray, lower: np.ndarray, usual: np.ndarray) -> Float[np.ndarray, "T 3"]:
     """The axis that a limb bends about: across its two bones, or the trunk's where it is nearly straight."""
-    across = np.cross(upper, lower)
+    upper = unit(upper)
+    across = np.cross(upper, unit(lower))
     bent = np.linalg.norm(across, axis=-1, keepdims=True)
     own = across / np.maximum(bent, 1e-9)
     usual = unit(usual - (usual * upper).sum(-1, keepdims=True) * upper)
