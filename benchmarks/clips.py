@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -12,6 +13,7 @@ from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.io.clip_reader import read_clip
 
+Focal = Literal["true", "auto", "diagonal"]
 ENVIRONMENT = "TCFIT_SHARED_DATA"
 """Names the folder of the development data where it is not beside the repository."""
 
@@ -44,46 +46,48 @@ def data_folder() -> Path:
     return folder
 
 
-def _balancing(name: str, default_focal: bool) -> Sample:
+def _balancing(name: str, focal: Focal, detected: bool) -> Sample:
     """A man balancing on a treadmill, filmed by a calibrated camera; no hands, no face."""
     folder = data_folder() / "balancing"
     with np.load(folder / name / "camera.npz", allow_pickle=False) as camera:
         intrinsics, rotation, shift = camera["K"], camera["R"], camera["t"].reshape(3)
     with np.load(folder / "reference_3d.npz", allow_pickle=False) as reference:
         truth = reference["points"] @ rotation.T + shift
-    video, keypoints = folder / name / "video.mp4", folder / name / "keypoints"
-    if default_focal:
-        return Sample(clip=read_clip(video, keypoints, focal_length="diagonal"), truth=truth)
-    focal = float(intrinsics[0, 0] + intrinsics[1, 1]) / 2
+    video, keypoints = folder / name / "video.mp4", None if detected else folder / name / "keypoints"
+    if focal != "true":
+        return Sample(clip=read_clip(video, keypoints, focal_length=focal), truth=truth)
+    length = float(intrinsics[0, 0] + intrinsics[1, 1]) / 2
     center = (float(intrinsics[0, 2]), float(intrinsics[1, 2]))
-    return Sample(clip=read_clip(video, keypoints, focal_length=focal, center=center), truth=truth)
+    return Sample(clip=read_clip(video, keypoints, focal_length=length, center=center), truth=truth)
 
 
-def _signs(name: str, default_focal: bool) -> Sample:
+def _signs(name: str, focal: Focal, detected: bool) -> Sample:
     """A signer's upper body with hands and face; the camera is not known, so its focal length is always the default."""
     folder = data_folder() / "signs" / name
-    return Sample(clip=read_clip(folder / "video.mp4", folder / "keypoints", focal_length="diagonal"))
+    keypoints = None if detected else folder / "keypoints"
+    return Sample(clip=read_clip(folder / "video.mp4", keypoints, focal_length="diagonal"))
 
 
-CLIPS: dict[str, Callable[[str, bool], Sample]] = {
+CLIPS: dict[str, Callable[[str, Focal, bool], Sample]] = {
     "cam03": _balancing,
     "cam04": _balancing,
     "gebaerden": _signs,
     "psychologie": _signs,
 }
-"""By name: how to read the clip, given that name and whether to take the default focal length."""
+"""By name: how to read the clip, given that name, which focal length, and whether to detect its keypoints."""
 
 
-def read(name: str, *, default_focal: bool = False) -> Sample:
+def read(name: str, *, focal: Focal = "true", detected: bool = False) -> Sample:
     """A clip by its name in CLIPS.
 
     Args:
         name: one of CLIPS.
-        default_focal: take the image diagonal and the image's centre, even where the calibration is known.
+        focal: the calibrated one where it is known, or what a user gets who knows none, in the image's centre.
+        detected: keypoints of tcfit's own detector in place of OpenPose's.
 
     Raises:
         InputError: there is no such clip, or the development data is not there.
     """
     if name not in CLIPS:
         raise InputError(f"There is no clip {name}; expected one of {', '.join(CLIPS)}.")
-    return CLIPS[name](name, default_focal)
+    return CLIPS[name](name, focal, detected)

@@ -96,7 +96,7 @@ def run(options: RealClips) -> None:
     quality: list[Row] = []
     shapes: list[Row] = []
     for name in options.clips:
-        sample = read(name, default_focal=options.default_focal)
+        sample = read(name, focal="diagonal" if options.default_focal else "true")
         for preset, config in configs(options).items():
             progress(f"{name}, {preset}: {len(sample)} frames")
             result = fit_clip(sample.clip, body, config)

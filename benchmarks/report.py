@@ -71,9 +71,17 @@ def markdown(rows: Sequence[Row]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
-def report(options: Any, tables: Mapping[str, Sequence[Row]]) -> None:
-    """Prints the tables under their titles, and writes them as JSON if `options.common.json` asks for it."""
-    for title, rows in tables.items():
+def report(
+    options: Any, tables: Mapping[str, Sequence[Row]], *, shown: Mapping[str, Sequence[Row]] | None = None
+) -> None:
+    """Prints the tables under their titles, and writes them as JSON if `options.common.json` asks for it.
+
+    Args:
+        options: Of the benchmark.
+        tables: Rows by title.
+        shown: What is printed in their place.
+    """
+    for title, rows in (shown or tables).items():
         print(f"\n### {title}\n\n{markdown(rows)}", flush=True)
     if options.common.json is not None:
         content = {"options": asdict(options), "machine": machine(), "tables": {t: list(r) for t, r in tables.items()}}

@@ -7,9 +7,11 @@ from typing import Literal, TypeVar
 import numpy as np
 from jaxtyping import Float
 
+from fitting_core import keypoints as kp
 from fitting_core import metrics
 from fitting_core.body.model import BodyModel
 from fitting_core.measure.curves import CURVES
+from fitting_core.measure.limbs import LIMB_FIGURES, Limbs, limb_figures, pa_mpjpe
 from fitting_core.measure.mesh.errors import MeshErrors, PosedBody, mesh_errors
 from fitting_core.measure.pairing import BODY_JOINTS, Estimate, Pair
 from fitting_core.measure.references.reference import Reference
@@ -56,7 +58,20 @@ def _bones(pair: Pair) -> float:
     return 100 * metrics.bone_length_variation(pair.estimate.joints, [(int(parents[j]), j) for j in BODY_JOINTS[1:]])
 
 
+def _of_limbs(figure: Callable[[Limbs, Limbs], float | None]) -> Callable[[Pair], float | None]:
+    def value(pair: Pair) -> float | None:
+        if pair.reference is None:
+            return None
+        return figure(pair.estimate.keypoints[0][:, kp.LIMBS], pair.matched(pair.reference.points[:, kp.LIMBS]))
+
+    return value
+
+
 FIGURES: dict[str, FigureKind] = {
+    **{
+        name: FigureKind(title=figure.title, unit=figure.unit, value=_of_limbs(figure.value))
+        for name, figure in LIMB_FIGURES.items()
+    },
     "jitter": FigureKind(title="Jitter", unit="mm/frame²", value=_of_fit(lambda j, rate: metrics.jitter(j))),
     "jitter_truth": FigureKind(
         title="Jitter of the truth", unit="mm/frame²", value=_of_truth(lambda j, rate: metrics.jitter(j)), better=""
@@ -172,6 +187,31 @@ def compare(
         curves={name: [_plain(v) for v in values] for name, values in curves.items()},
         figures=statistics | {name: kind.value(pair) for name, kind in figures().items()},
         compared_frames=None if reference is None else int(np.isfinite(curves.get("pa_mpjpe", np.empty(0))).sum()),
+    )
+
+
+def compare_other(name: str, estimate: Estimate, reference: Reference) -> Comparison:
+    """What another system made of the clip, whose points are in the reference, in the frames of a fit.
+
+    Args:
+        name: Of the system, in `Reference.others`.
+        estimate: The fit: its frames count.
+        reference: With the system's points.
+
+    Raises:
+        InputError: The reference has no moment in common with the fit.
+    """
+    frames = reference.frames_of(len(estimate.params), estimate.first_frame, estimate.frame_rate)
+    found, true = (
+        np.where(frames[:, None, None] >= 0, points[frames][:, kp.LIMBS], np.nan)
+        for points in (reference.others[name], reference.points)
+    )
+    errors = pa_mpjpe(found, true)
+    return Comparison(
+        first_frame=estimate.first_frame,
+        curves={"pa_mpjpe": [_plain(value) for value in errors]},
+        figures={"pa_mpjpe_mean": statistic_of(errors, "mean")} | limb_figures(found, true),
+        compared_frames=int(np.isfinite(errors).sum()),
     )
 
 

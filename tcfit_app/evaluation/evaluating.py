@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from fitting_core.measure.comparison import compare
+from fitting_core.measure.comparison import compare, compare_other
 from fitting_core.measure.records import Evaluation, Record
 from fitting_core.measure.references.bodies import body_of
 from fitting_core.measure.references.reference import Reference
@@ -67,11 +67,26 @@ def evaluated(
                     comparison=found,
                 )
             )
+    others = [] if reference is None else [_of_other(name, fit, reference) for name in reference.others]
     return Evaluation(
         title=f"Evaluation of {fit.name}",
-        records=tuple(records),
+        records=(*others, *records),
         settings=_settings(fit, reference),
         notes=(*notes_of(fit), *_coverage(fit, reference, records), *notes_about(given, fit.frame_rate)),
+    )
+
+
+def _of_other(name: str, fit: EvaluatedFit, reference: Reference) -> Record:
+    """Another system's points, which come with the reference, in the frames of the fit."""
+    estimate = fit.estimate(next(iter(fit.phases)))
+    return Record(
+        sequence=fit.name,
+        motion="",
+        method=name,
+        frames=len(estimate.params),
+        frame_rate=fit.frame_rate,
+        seconds=0.0,
+        comparison=compare_other(name, estimate, reference),
     )
 
 

@@ -14,6 +14,7 @@ from rich.table import Table
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.measure.comparison import figure_names, figure_titles
+from fitting_core.measure.limbs import LIMB_FIGURES
 from fitting_core.measure.records import Evaluation, Record, methods, motions, of, overall
 from fitting_core.measure.report.ablations import Ablation
 from fitting_core.measure.report.markup import number
@@ -28,6 +29,7 @@ _PRINTED = (
     "volume_error_mean",
     "pa_mpjpe_mean",
     "mpjpe_mean",
+    *LIMB_FIGURES,
     "joint_error_mean",
     "acceleration_error_mean",
     "jitter",

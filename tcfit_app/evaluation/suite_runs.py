@@ -39,7 +39,7 @@ from fitting_core.measure.references.reference import Reference
 from fitting_core.synthetic.suite import LEVELS, SEQUENCES, SuiteClip, make_sequence
 from fitting_core.synthetic.truth import Truth
 
-MEASURES = 1
+MEASURES = 2
 """Changes whenever figures are taken in another way: then stored fits are measured again."""
 Task = TypeVar("Task")
 Done = TypeVar("Done")

@@ -1,6 +1,7 @@
 """References of points alone, by the names that keypoints, markers and joints have: npz, TRC and C3D."""
 
 import re
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -36,6 +37,8 @@ _NEAR = {"shoulder": "SHO", "hip": "ASI", "knee": "KNE", "ankle": "ANK", "elbow"
 _GROWN = (0.25, 2.0)
 """Shares of these that the limbs of people and their measurement may have: infants' are a quarter, feet make 3.3."""
 _MISTAKEN = {"millimetres": 1000.0, "centimetres": 100.0, "inches": 39.37, "feet": 3.281}
+_UNEVEN = 0.05
+"""Of a frame's time, by which frames may be longer than others: files round their times."""
 _ALONG = 0.8
 """Cosine to an axis along which a trunk is."""
 FARTHEST = 300.0
@@ -108,6 +111,8 @@ def matched(
 def read_points(path: Path, arrays: dict[str, np.ndarray], camera: WorldCamera | None) -> Reference:
     """The npz form: `points` (T, n, 3) in metres, `names` (n), and `fps` and `first_frame` if they are known.
 
+    `time` (T), seconds of the video, says both. Further arrays of the shape of `points` are other systems' results.
+
     Raises:
         InputError: It does not hold these.
     """
@@ -116,13 +121,30 @@ def read_points(path: Path, arrays: dict[str, np.ndarray], camera: WorldCamera |
         raise InputError(
             f"{path}: has points of the shape {points.shape} and {len(names)} names; expected (frames, names, 3)."
         )
-    named = NamedPoints(
-        names=tuple(names),
-        places=points,
-        frame_rate=stated_rate(path, arrays, ("fps", "frame_rate")) or 0.0,
-        first_frame=stated_first_frame(path, arrays),
-    )
-    return reference_of_points(path, "3D points", named, camera)
+    rate, first = stated_rate(path, arrays, ("fps", "frame_rate")), stated_first_frame(path, arrays)
+    if "time" in arrays:
+        rate, first = _clock(path, np.asarray(arrays["time"], float), len(points))
+    named = NamedPoints(names=tuple(names), places=points, frame_rate=rate or 0.0, first_frame=first)
+    found = reference_of_points(path, "3D points", named, camera)
+    others = {name: array for name, array in arrays.items() if name != "points" and array.shape == points.shape}
+    placed = {name: matched(path, replace(named, places=array.astype(float)))[0] for name, array in others.items()}
+    return replace(found, others=placed)
+
+
+def _clock(path: Path, seconds: np.ndarray, count: int) -> tuple[float, int]:
+    """Frames per second, and the number of the first frame, of frames at these moments.
+
+    Raises:
+        InputError: They are not as many as the frames, or not evenly spaced.
+    """
+    steps = np.diff(seconds)
+    if seconds.shape != (count,) or count < 2 or not (steps > 0).all() or np.ptp(steps) > _UNEVEN * steps.mean():
+        raise InputError(
+            f"{path}: its time has the shape {seconds.shape} or is not evenly spaced; expected a second of the video "
+            f"for each of {count} frames, at one rate. Say fps and first_frame in its place."
+        )
+    rate = (count - 1) / (seconds[-1] - seconds[0])
+    return float(rate), round(seconds[0] * rate)
 
 
 def reference_of_points(

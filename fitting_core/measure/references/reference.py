@@ -57,6 +57,8 @@ class Reference:
     params: BodyParams | None = None
     body: BodyOf | None = None
     """There if `params` is."""
+    others: Mapping[str, Float[np.ndarray, "T 137 3"]] = field(default_factory=dict)
+    """What other systems made of the same clip, by their names, each in a space of its own: judged beside a fit."""
     notes: tuple[str, ...] = field(default=())
     """What a user should know about how it was read."""
 
@@ -64,6 +66,7 @@ class Reference:
         assert self.points.shape[1:] == (kp.COUNT, 3)
         assert self.joints is None or self.joints.shape == (len(self.points), N_JOINTS, 3)
         assert (self.params is None) == (self.body is None)
+        assert all(points.shape == self.points.shape for points in self.others.values())
         assert (self.markers is None) == (self.marker_places is None)
 
     def __len__(self) -> int:
@@ -153,7 +156,7 @@ def write_reference(path: Path, reference: Reference) -> None:
 
     Keys: format, name, kind, frame_rate (0: as the clip's), first_frame, first_frame_known, in_camera,
     notes, points, and where they are known joints, marker_names, marker_targets, marker_radius, marker_places,
-    the fields of `BodyParams`, body_kind, body_gender, body_hash.
+    the fields of `BodyParams`, body_kind, body_gender, body_hash, other_names, other_points (N, T, 137, 3).
     """
     arrays: dict[str, object] = {
         "format": FORMAT,
@@ -175,6 +178,8 @@ def write_reference(path: Path, reference: Reference) -> None:
     if reference.params is not None and reference.body is not None:
         arrays |= {f.name: getattr(reference.params, f.name).numpy() for f in fields(BodyParams)}
         arrays |= {f"body_{f.name}": getattr(reference.body, f.name) for f in fields(BodyOf)}
+    if reference.others:
+        arrays |= {"other_names": np.array([*reference.others]), "other_points": np.stack([*reference.others.values()])}
     write_npz(path, {name: np.asarray(value) for name, value in arrays.items()})
 
 
@@ -206,6 +211,9 @@ def read_stored(path: Path, arrays: dict[str, np.ndarray]) -> Reference:
         marker_places=None if markers is None else arrays["marker_places"],
         params=params,
         body=body,
+        others=dict(zip(arrays["other_names"].tolist(), arrays["other_points"], strict=True))
+        if "other_names" in arrays
+        else {},
         notes=tuple(arrays["notes"].tolist()),
     )
 

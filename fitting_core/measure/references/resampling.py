@@ -74,6 +74,7 @@ def at_frames_of(reference: Reference, frame_rate: float, *, start: float | None
         reference,
         points=interpolated(reference.points, moments),
         marker_places=places,
+        others={name: interpolated(points, moments) for name, points in reference.others.items()},
         frame_rate=frame_rate,
         first_frame=first,
         first_frame_known=known,

@@ -1,0 +1,88 @@
+"""The 12 limb joints beside the true ones: figures without a body or a camera, so that any system's can be taken."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.spatial.transform import Rotation
+
+from fitting_core import keypoints as kp
+from fitting_core import metrics
+
+Limbs = Float[np.ndarray, "T 12 3"]
+"""`keypoints.LIMBS`, metres, in a space of its own; NaN where a joint is not known."""
+HIPS = [kp.LIMBS.index(kp.INDEX[f"{side}_hip"]) for side in ("left", "right")]
+_BENT = {"knee": ("hip", "knee", "ankle"), "hip": ("shoulder", "hip", "knee"), "elbow": ("shoulder", "elbow", "wrist")}
+"""A joint, and the ends of what it bends."""
+
+
+def pa_mpjpe(estimate: Limbs, truth: Limbs) -> Float[np.ndarray, "T"]:
+    """Mean joint error after Procrustes alignment of each frame, millimetres; NaN where a joint is not known."""
+    both = _known(estimate, truth)
+    errors = np.full(len(both), np.nan)
+    if both.any():
+        errors[both] = metrics.pa_mpjpe(estimate[both], truth[both])
+    return errors
+
+
+def mpjpe_turned(estimate: Limbs, truth: Limbs) -> float | None:
+    """Mean joint error, the middle of the hips aligned, after the one rotation of the whole clip that is best.
+
+    For a truth in a laboratory whose place before the camera nobody knows. Millimetres; None where no frame is known.
+    """
+    both = _known(estimate, truth)
+    if not both.any():
+        return None
+    found, true = (metrics.rooted(points[both], HIPS).reshape(-1, 3) for points in (estimate, truth))
+    turn = Rotation.align_vectors(found, true)[0]
+    return 1e3 * float(np.linalg.norm(found - turn.apply(true), axis=1).mean())
+
+
+def flexion(points: Limbs, joint: str) -> Float[np.ndarray, "T 2"]:
+    """Degrees by which a joint of _BENT is bent from straight, left and right; the hip between trunk side and thigh."""
+    upper, middle, lower = (
+        points[:, [kp.LIMBS.index(kp.INDEX[f"{side}_{part}"]) for side in ("left", "right")]] for part in _BENT[joint]
+    )
+    a, b = middle - upper, lower - middle
+    return np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(-1)))
+
+
+def _flexion_error(joint: str) -> Callable[[Limbs, Limbs], float | None]:
+    def value(estimate: Limbs, truth: Limbs) -> float | None:
+        errors = flexion(estimate, joint) - flexion(truth, joint)
+        known = errors[np.isfinite(errors)]
+        return float(np.sqrt((known**2).mean())) if len(known) else None
+
+    return value
+
+
+def _known(*limbs: Limbs) -> Bool[np.ndarray, "T"]:
+    return np.logical_and.reduce([np.isfinite(points).all((1, 2)) for points in limbs])
+
+
+@dataclass(frozen=True, kw_only=True)
+class LimbFigure:
+    """One number for a clip."""
+
+    title: str
+    unit: str
+    value: Callable[[Limbs, Limbs], float | None]
+    """Of the estimated and the true joints."""
+
+
+LIMB_FIGURES: dict[str, LimbFigure] = {
+    "mpjpe_turned": LimbFigure(title="MPJPE after one rotation of the clip", unit="mm", value=mpjpe_turned),
+    **{
+        f"{joint}_flexion": LimbFigure(
+            title=f"{joint.capitalize()} flexion by joint centres, RMS error", unit="°", value=_flexion_error(joint)
+        )
+        for joint in _BENT
+    },
+}
+"""By name."""
+
+
+def limb_figures(estimate: Limbs, truth: Limbs) -> dict[str, float | None]:
+    """All of LIMB_FIGURES."""
+    return {name: figure.value(estimate, truth) for name, figure in LIMB_FIGURES.items()}
