@@ -16,7 +16,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from fitting_core.body.geometry import frame, unit
+from fitting_core.body.geometry import frame, shortest_rotation, unit
+from fitting_core.build_assets.motion_capture.plausible import RANGES
 from fitting_core.build_assets.motion_capture.rigs import SIDES
 from fitting_core.build_assets.motion_capture.skeleton import Skeleton, SourceMotion
 from fitting_core.errors import InputError
@@ -168,9 +169,13 @@ def _leg(hip: np.ndarray, at: dict[str, np.ndarray], pelvis: np.ndarray, sign: f
 
 def _arm(at: dict[str, np.ndarray], chest: np.ndarray, sign: float) -> _Posed:
     shoulder, wrist = at["SHO"] - _SHOULDER * chest[..., 1], (at["WRA"] + at["WRB"]) / 2
-    axis, elbow = -chest[..., 0], at["ELB"]
+    usual = np.array(RANGES["shoulder"].axis) * (sign, 1, 1)
+    hinge = shortest_rotation(np.array([0.0, -1.0, 0.0]), usual) @ (-1.0, 0.0, 0.0)  # -x of an arm that hangs
+    elbow = at["ELB"]
     for _ in range(_ROUNDS):
-        axis = _hinge(elbow - shoulder, wrist - elbow, -chest[..., 0])
+        bone = ((elbow - shoulder)[:, None] @ chest)[:, 0]
+        unturned = chest @ shortest_rotation(np.broadcast_to(usual, bone.shape), bone) @ hinge
+        axis = _hinge(elbow - shoulder, wrist - elbow, unturned)
         elbow = at["ELB"] + sign * _ELBOW * axis
     forearm = _axes(y=elbow - wrist, x=-axis)
     turns = {"shoulder": _axes(y=shoulder - elbow, x=-axis), "elbow": forearm, "wrist": forearm}
