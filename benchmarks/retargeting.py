@@ -24,10 +24,11 @@ from fitting_core.body.geometry import twist
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT
 from fitting_core.body.params import BodyParams
-from fitting_core.build_assets.motion_capture.mocap import SourceMotion, read_motions
+from fitting_core.build_assets.motion_capture.mocap import read_motions
 from fitting_core.build_assets.motion_capture.plausible import plausible
 from fitting_core.build_assets.motion_capture.retarget import retarget
 from fitting_core.build_assets.motion_capture.rigs import RIGS, SIDES, Rig
+from fitting_core.build_assets.motion_capture.skeleton import SourceMotion
 from fitting_core.errors import InputError
 from fitting_core.render.sheets import Cell, beside, body_picture, fitted_views, skeleton_picture, write_sheet
 

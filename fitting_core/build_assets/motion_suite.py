@@ -22,8 +22,8 @@ from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import FREE_FOLDER, find_body
 from fitting_core.body.model import JOINT
 from fitting_core.body.points.positions import joints_in_space
+from fitting_core.build_assets.motion_capture.collections import HELD_OUT
 from fitting_core.build_assets.motion_capture.retarget import MotionClip, load
-from fitting_core.build_assets.pose_prior.dataset import HELD_OUT
 from fitting_core.errors import InputError
 from fitting_core.synthetic.motion_suite.windows import FRAME_RATE, MotionWindow, acted, slip, speeds, write_windows
 

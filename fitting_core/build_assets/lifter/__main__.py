@@ -34,7 +34,7 @@ class Options:
     """What to train on, and how."""
 
     data: Positional[Path]
-    """Folder with the motion capture: `cmu`, `deepmimic` and, if it is there, `cmu_expmap`."""
+    """Folder with the motion capture: the folders of `mocap.READERS`, or some of them."""
     out: Path
     """Folder for the checkpoint, the learning curve (curve.jsonl) and the weights (tcfit_lifter.npz)."""
     minutes: float | None = None
@@ -81,7 +81,13 @@ def main(options: Options) -> None:
                 break
     judged = score(training.average, films)
     notes = f"{training.step} of {options.schedule.steps} steps, {options.schedule}; held out: {judged}"
-    write_lifter(options.out / "tcfit_lifter.npz", training.average, error_factor=judged.error_factor, notes=notes)
+    write_lifter(
+        options.out / "tcfit_lifter.npz",
+        training.average,
+        error_factor=judged.error_factor,
+        up_factor=judged.up_factor,
+        notes=notes,
+    )
     print(f"written to {options.out}")
 
 

@@ -14,9 +14,8 @@ from torch import Tensor
 from fitting_core.body import rotations
 from fitting_core.body.model import JOINT, other_side
 from fitting_core.build_assets.lifter.figure import N_JOINTS, Figure
-from fitting_core.build_assets.motion_capture.overlap import unlike
-from fitting_core.build_assets.motion_capture.retarget import MotionClip, load
-from fitting_core.build_assets.pose_prior.dataset import split
+from fitting_core.build_assets.motion_capture.collections import captured_motion, split
+from fitting_core.build_assets.motion_capture.retarget import MotionClip
 from fitting_core.build_assets.pose_prior.synthesis import SYNTHESIS, group_rows
 from fitting_core.lifting.network import FRAMES, RATE
 from fitting_core.synthetic.motion_suite.windows import shipped_windows
@@ -68,12 +67,10 @@ def training_clips(folder: Path) -> tuple[list[MotionClip], list[MotionClip]]:
     Raises:
         InputError: There is none, or a file is broken.
     """
-    clips, held = split(load(folder))
+    clips, held = split(captured_motion(folder))
     kept_apart = {window.clip for window in shipped_windows().values() if window.half == "untouched"}
     held += [clip for clip in clips if clip.name in kept_apart]
-    clips = [clip for clip in clips if clip.name not in kept_apart]
-    others = unlike(load(folder, ("cmu_expmap",)), held) if (folder / "cmu_expmap").is_dir() else []
-    return [*clips, *others], held
+    return [clip for clip in clips if clip.name not in kept_apart], held
 
 
 class Motion(NamedTuple):
@@ -216,7 +213,8 @@ class Windows:
         c, rng = self.corpus, self.rng
         at = np.searchsorted(c.likely, rng.random(count)).clip(0, len(c) - 1)
         if upright is not None and len(c.upright):
-            at = np.where(upright, rng.choice(c.upright, count), at)
+            weight = np.diff(c.likely, prepend=0.0)[c.upright]
+            at = np.where(upright, rng.choice(c.upright, count, p=weight / weight.sum()), at)
         if at_ease is not None and at_ease.any():
             at = np.where(at_ease, rng.choice(c.standing, count), at)
         step = c.fps[at] / RATE

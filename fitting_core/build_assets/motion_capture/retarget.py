@@ -30,9 +30,10 @@ from scipy.spatial.transform import Rotation
 
 from fitting_core.body.geometry import twist
 from fitting_core.body.model import JOINT, other_side
-from fitting_core.build_assets.motion_capture.mocap import SourceMotion, read_motions
+from fitting_core.build_assets.motion_capture.mocap import read_motions
 from fitting_core.build_assets.motion_capture.plausible import N_BODY_JOINTS, plausible
 from fitting_core.build_assets.motion_capture.rigs import BODY, RIGS, SIDES, Limb, Rig, axis_of_side
+from fitting_core.build_assets.motion_capture.skeleton import SourceMotion
 from fitting_core.errors import InputError
 
 SPINE = ("spine1", "spine2", "spine3")

@@ -56,6 +56,18 @@ BODY = {
 }
 """SMPL-X's limbs, by their names in Rig; directions are the free body's."""
 
+_HANGING = Rig(
+    name_of=lambda side, joint: f"{side}_{joint}",
+    pelvis="root",
+    chest="chest",
+    head="neck",
+    arm=Limb(upper="shoulder", lower="elbow", bone=(0.0, -1.0, 0.0), hinge=(-1.0, 0.0, 0.0)),
+    leg=Limb(upper="hip", lower="knee", bone=(0.0, -1.0, 0.0), hinge=(1.0, 0.0, 0.0)),
+    foot="ankle",
+    hand="wrist",
+)
+"""A figure that rests with hanging arms."""
+
 RIGS = {
     "cmu": Rig(
         name_of=lambda side, joint: side[0] + joint,
@@ -71,16 +83,8 @@ RIGS = {
         pronation=30.0,
         legs_too_long=True,
     ),
-    "deepmimic": Rig(
-        name_of=lambda side, joint: f"{side}_{joint}",
-        pelvis="root",
-        chest="chest",
-        head="neck",
-        arm=Limb(upper="shoulder", lower="elbow", bone=(0.0, -1.0, 0.0), hinge=(-1.0, 0.0, 0.0)),
-        leg=Limb(upper="hip", lower="knee", bone=(0.0, -1.0, 0.0), hinge=(1.0, 0.0, 0.0)),
-        foot="ankle",
-        hand="wrist",
-    ),
+    "deepmimic": _HANGING,
+    "ui_prmd": _HANGING,
     "cmu_expmap": Rig(
         name_of=lambda side, joint: side[0] + joint,
         pelvis="root",

@@ -15,8 +15,6 @@ from fitting_core.build_assets.motion_capture.retarget import MotionClip, mirror
 from fitting_core.build_assets.pose_prior.skeleton import Contact, Skeleton
 from fitting_core.build_assets.pose_prior.synthesis import SYNTHESIS, group_rows
 
-HELD_OUT = ("cmu05", "cmu13", "cmu14")
-"""Subjects of the CMU data that training never sees."""
 _CLUSTERS = 256
 _MOST_CLUSTERED = 5000
 _FLATTENED = 0.8
@@ -44,12 +42,6 @@ class Poses:
     body_pose: Float[np.ndarray, "N 63"]
     weight: Float[np.ndarray, "N"]
     """Probability of being drawn."""
-
-
-def split(clips: Sequence[MotionClip]) -> tuple[list[MotionClip], list[MotionClip]]:
-    """Clips to train on, and those of the subjects held out."""
-    held = [clip for clip in clips if clip.subject in HELD_OUT]
-    return [clip for clip in clips if clip.subject not in HELD_OUT], held
 
 
 def balanced(clips: Sequence[MotionClip], skeleton: Skeleton, rng: np.random.Generator) -> Poses:

@@ -13,7 +13,7 @@ from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.build_assets.lifter.__main__ import Options, main
 from fitting_core.build_assets.lifter.figure import Figure
-from fitting_core.build_assets.lifter.filming import Film, Studio
+from fitting_core.build_assets.lifter.filming import EMBEDDED, Film, Shots, Studio
 from fitting_core.build_assets.lifter.motions import Corpus, Windows, between
 from fitting_core.build_assets.lifter.training import Schedule, Training, losses, score
 from fitting_core.build_assets.motion_capture.mocap import read_motions
@@ -192,6 +192,15 @@ def test_who_speaks_faces_the_camera_and_is_cut_off(figure: Figure, corpus: Corp
     assert float(towards[cut].float().mean()) > float(towards[~cut].float().mean()) > 0.3
 
 
+def test_the_embedded_detector_reports_middles_and_no_small_toes(figure: Figure, corpus: Corpus):
+    rng = np.random.default_rng(2)
+    film = Studio(figure, Windows(corpus, rng), rng, errors=[EMBEDDED], shots=Shots(cut=0.0, guessed=0.0)).film(16)
+    shoulders, toes = ([kp.INDEX[f"{side}_{name}"] for side in ("left", "right")] for name in ("shoulder", "small_toe"))
+    there = (film.confidence[:, :, [*shoulders, kp.INDEX["neck"]]] > 0.6).all(2)  # of points that no failure moved
+    off = film.rays[:, :, kp.INDEX["neck"]] - film.rays[:, :, shoulders].mean(2)
+    assert float(off.norm(dim=-1)[there].median()) < 1e-6 and bool((film.confidence[:, :, toes] == 0).all())
+
+
 def test_training_learns_and_goes_on(figure: Figure, corpus: Corpus, tmp_path: Path):
     schedule = Schedule(steps=40, batch=8)
 
@@ -223,8 +232,8 @@ def test_the_command_writes_a_lifter(tmp_path: Path):
         data=tmp_path / "data", out=tmp_path / "out", save_every=2, size=SMALL, schedule=Schedule(steps=4, batch=4)
     )
     main(options)
-    network, factor = read_lifter(tmp_path / "out/tcfit_lifter.npz")
-    assert network.size == SMALL and factor > 0
+    network, about = read_lifter(tmp_path / "out/tcfit_lifter.npz")
+    assert network.size == SMALL and about.error_factor > 0 and about.up_factor > 0
     assert (tmp_path / "out/curve.jsonl").exists() and (tmp_path / "out/checkpoint.pt").exists()
 
 

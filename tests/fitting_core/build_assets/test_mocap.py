@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fitting_core.build_assets.motion_capture.mocap import SourceMotion, read_motions
+from fitting_core.build_assets.motion_capture.mocap import read_motions
+from fitting_core.build_assets.motion_capture.skeleton import SourceMotion
 from fitting_core.errors import InputError
 from tests.fitting_core.build_assets.captured import (
     CMU_JOINTS,

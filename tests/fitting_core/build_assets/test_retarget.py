@@ -12,10 +12,11 @@ from scipy.spatial.transform import Rotation
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.build_assets.motion_capture.mocap import SourceMotion, read_motions
+from fitting_core.build_assets.motion_capture.mocap import read_motions
 from fitting_core.build_assets.motion_capture.plausible import plausible
 from fitting_core.build_assets.motion_capture.retarget import collar_rotation, load, mirrored, retarget
 from fitting_core.build_assets.motion_capture.rigs import RIGS, SIDES
+from fitting_core.build_assets.motion_capture.skeleton import SourceMotion
 from fitting_core.errors import InputError
 from tests.fitting_core.build_assets.captured import (
     cmu_channels,
