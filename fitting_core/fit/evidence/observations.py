@@ -26,9 +26,9 @@ UNSURE = 0.25
 """Metres of standard deviation from which the lifter has no say about a keypoint."""
 LIFTED_HEIGHT = 1.71
 """Metres: of the bodies that the lifter has learned from, on average."""
-ENDS = 1.7
-"""By how much more the lifter may be off about elbows, wrists, ankles and feet that are detected than it says: it was
-by two deviations on balancing people, who move unlike those that it learned from, and took the fit along."""
+FEET = 1.7
+"""By how much more the lifter may be off about ankles and feet that are detected than it says: it was by two deviations
+on balancing people, who move unlike those that it learned from, and took knees along."""
 TOLD = 0.02
 """Metres of standard deviation of a depth that a person says: as near as a front view next to the picture shows it."""
 USABLE = 4
@@ -36,7 +36,7 @@ USABLE = 4
 
 _HIPS = [kp.INDEX["left_hip"], kp.INDEX["right_hip"]]
 _LEGS = [[kp.INDEX[f"{side}_hip"], kp.INDEX[f"{side}_knee"]] for side in ("left", "right")]
-_IS_END = np.array([n.endswith(("elbow", "wrist", "ankle", "toe", "heel")) for n in kp.BODY_25])
+_IS_FOOT = np.array([n.endswith(("ankle", "toe", "heel")) for n in kp.BODY_25])
 _OF_CLIP = {"of the whole clip": True}
 """Marks a field that the whole clip decides: its parts keep it as it is."""
 
@@ -149,7 +149,7 @@ class Observations:
         """
         lifted = lifted_keypoints(self.keypoints, camera, frame_rate)
         undetected = self.keypoints.confidence[:, kp.BODY] == 0
-        deviation = size * lifted.depth_deviation * np.where(_IS_END & ~undetected, ENDS, 1.0)
+        deviation = size * lifted.depth_deviation * np.where(_IS_FOOT & ~undetected, FEET, 1.0)
         deviation = np.where(deviation < UNSURE, deviation, np.inf)
         position, deviations = self.relative_position.clone(), self.relative_position_deviation.clone()
         position[:, kp.BODY] = torch.as_tensor(size * lifted.points).to(position)
