@@ -3,7 +3,7 @@
 The functions that a fit's terms call:
 
     lifted = lift(xy, confidence, camera, frame_rate, calibrated=camera.calibrated)
-    gravity = gravity_before_fit(lifted, camera)                              # fitting_core/ground/gravity.py
+    gravity = gravity_before_fit(lifted, confidence, camera)                  # fitting_core/ground/gravity.py
     contacts = contacts_before_fit(xy, confidence, lifted, gravity, camera, frame_rate)
     contacts.probability    # (T, 2), left and right; 0 where the foot is not in the image
     contacts.standing       # (T, 2), the same as yes or no, without flicker

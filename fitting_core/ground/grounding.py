@@ -97,7 +97,7 @@ def grounding_of(
         trunk: From pelvis to neck, still space; it has a say where there is no ground.
     """
     told = told_gravity(camera)
-    gravity = told or gravity_before_fit(lifted, camera)
+    gravity = told or gravity_before_fit(lifted, confidence, camera)
     contacts = contacts_of(xy, confidence, lifted, gravity, camera, frame_rate, feet)
     found = ground_under(feet, soles, contacts, gravity, frame_rate)
     if isinstance(found, str):

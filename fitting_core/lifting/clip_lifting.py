@@ -28,9 +28,6 @@ _KEPT = 2048
 """Windows whose result is remembered: an edit changes two or three of a clip, and the others are not lifted again."""
 _SMALLEST = 0.005
 """Metres, as in training."""
-_SIZES = (3 * POINTS, POINTS, 3, 2, 1)
-_PARTS = np.cumsum(_SIZES)[:-1]
-"""Of the values of a frame: points, their errors, up, contacts and the error of up."""
 _AHEAD = 0.1
 """Metres, or of a ray: what is not so far ahead of the middle's camera, that camera does not see."""
 
@@ -45,8 +42,6 @@ class LiftedClip:
     """Standard deviation of their z, metres."""
     up: Float[np.ndarray, "T 3"]
     """Against gravity; shorter than 1 where it is not sure."""
-    up_deviation: Float[np.ndarray, "T"]
-    """Standard deviation of its direction, degrees: root mean square of the angle to the truth."""
     contact: Float[np.ndarray, "T 2"]
     """Probability that the left and the right foot stand still on the ground."""
 
@@ -74,9 +69,9 @@ def lift(
         weights: The network's file.
 
     Raises:
-        InputError: The file is not a lifter network.
+        InputError: That file is none.
     """
-    about = read_lifter(weights)[1]
+    factor = read_lifter(weights)[1]
     rays = (xy[:, :POINTS] - np.array(camera.center)) / np.array(camera.focal)
     time, starts, given = windows_of(rays, confidence, frame_rate)
     moves = None if camera.path is None else _moves_in(camera.path, time, _places_in_clip(starts, len(time)), depth)
@@ -86,12 +81,10 @@ def lift(
     values = _interpolated(_together(parts, starts, len(time)), time, len(xy))
     if camera.path is not None:
         values = _turned(values, camera.path.to_still.swapaxes(1, 2))
-    points, error, up, contact, up_error = np.split(values, _PARTS, axis=1)
-    # Of a Laplace distribution the deviation is sqrt(2) times the mean distance, and of a direction whose errors are
-    # normal about both axes sqrt(4 / pi) times the mean angle.
-    deviation = np.sqrt(2) * about.error_factor * np.maximum(np.exp(error), _SMALLEST)
-    up_deviation = np.sqrt(4 / np.pi) * about.up_factor * np.degrees(np.exp(up_error[:, 0]))
-    return LiftedClip(points.reshape(-1, POINTS, 3), deviation, up, up_deviation, 1 / (1 + np.exp(-contact)))
+    points, error, up, contact = np.split(values, np.cumsum([3 * POINTS, POINTS, 3]), axis=1)
+    # Of a Laplace distribution the deviation is sqrt(2) times the mean distance.
+    deviation = np.sqrt(2) * factor * np.maximum(np.exp(error), _SMALLEST)
+    return LiftedClip(points.reshape(-1, POINTS, 3), deviation, up, 1 / (1 + np.exp(-contact)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,10 +130,10 @@ def _moves_in(
 
 def _turned(values: Float[np.ndarray, "*n v"], turns: Float[np.ndarray, "*n 3 3"]) -> Float[np.ndarray, "*n v"]:
     """What the network says, with points and up turned into other axes."""
-    points, error, up, *others = np.split(values, _PARTS, axis=-1)
+    points, error, up, contact = np.split(values, np.cumsum([3 * POINTS, POINTS, 3]), axis=-1)
     back = turns.swapaxes(-1, -2)
     around = (points.reshape(*points.shape[:-1], POINTS, 3) @ back).reshape(points.shape)
-    return np.concatenate([around, error, (up[..., None, :] @ back)[..., 0, :], *others], -1)
+    return np.concatenate([around, error, (up[..., None, :] @ back)[..., 0, :], contact], -1)
 
 
 def windows_of(
@@ -193,7 +186,7 @@ _lock = Lock()
 
 
 def _windows(weights: Path, given: np.ndarray, *, calibrated: bool) -> np.ndarray:
-    """(windows, FRAMES, sum of _SIZES) in camera axes, of rays and confidence as of `windows_of`."""
+    """(windows, FRAMES, 25 points x 3 + 25 + 3 + 2) in camera axes, of rays and confidence as of `windows_of`."""
     network, by = read_lifter(weights)[0], str(weights).encode() + bytes([calibrated])
     keys = [hashlib.sha1(window.tobytes() + by).digest() for window in given]
     with _lock:
@@ -223,7 +216,7 @@ def _one_way(network: Lifter, given: Float[Tensor, "B T 25 3"], calibrated: bool
     out = network(made.features)
     back = made.to_virtual[:, None]
     points, up = out.points @ back, (out.up[:, :, None] @ back)[:, :, 0]
-    return torch.cat([points.flatten(2), out.log_error, up, out.contact, out.log_up_error[..., None]], 2)
+    return torch.cat([points.flatten(2), out.log_error, up, out.contact], 2)
 
 
 def _seen_mirrored(given: Float[Tensor, "B T 25 3"]) -> Float[Tensor, "B T 25 3"]:
@@ -232,10 +225,10 @@ def _seen_mirrored(given: Float[Tensor, "B T 25 3"]) -> Float[Tensor, "B T 25 3"
 
 def _mirrored(values: Float[Tensor, "B T n"]) -> Float[Tensor, "B T n"]:
     """What is said of a mirrored person, of the person."""
-    points, error, up, contact, up_error = values.split(_SIZES, 2)
+    points, error, up, contact = values.split([3 * POINTS, POINTS, 3, 2], 2)
     flip = values.new_tensor([-1.0, 1.0, 1.0])
     back = points.unflatten(2, (POINTS, 3))[:, :, _OTHER_SIDE] * flip
-    return torch.cat([back.flatten(2), error[:, :, _OTHER_SIDE], up * flip, contact.flip(2), up_error], 2)
+    return torch.cat([back.flatten(2), error[:, :, _OTHER_SIDE], up * flip, contact.flip(2)], 2)
 
 
 def _together(parts: Float[np.ndarray, "W F n"], starts: np.ndarray, length: int) -> Float[np.ndarray, "S n"]:

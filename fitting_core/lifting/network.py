@@ -35,8 +35,6 @@ class Lifted(NamedTuple):
     """Against gravity; its length is 1 where the network is sure, and less where it is not."""
     contact: Float[Tensor, "B T 2"]
     """Logits: whether the left and the right foot stand still on the ground."""
-    log_up_error: Float[Tensor, "B T"]
-    """Logarithm of the expected angle between `up` and the truth, radians."""
 
 
 class Lifter(nn.Module):
@@ -54,18 +52,15 @@ class Lifter(nn.Module):
         self.points = nn.Linear(width, 3 * POINTS)
         self.error = nn.Linear(width, POINTS)
         self.others = nn.Linear(width, 5)
-        self.up_error = nn.Linear(width, 1)
-        for error in (self.error, self.up_error):
-            nn.init.zeros_(error.weight)
-            nn.init.constant_(error.bias, -2.5)
+        nn.init.zeros_(self.error.weight)
+        nn.init.constant_(self.error.bias, -2.5)
 
     def forward(self, features: Float[Tensor, "B T F"]) -> Lifted:
-        """As `Lifted` says; expected errors learn from what they are errors of, and never the other way round."""
+        """As `Lifted` says; the expected error learns from the points and never the other way round."""
         x = self.understood(features)
         points = self.points(x).float().unflatten(-1, (POINTS, 3))
         others = self.others(x).float()
-        error, up_error = self.error(x.detach()).float(), self.up_error(x.detach()).float()
-        return Lifted(points, error, others[..., :3], others[..., 3:], up_error[..., 0])
+        return Lifted(points, self.error(x.detach()).float(), others[..., :3], others[..., 3:])
 
     def understood(self, features: Float[Tensor, "B T F"]) -> Float[Tensor, "B T width"]:
         """What all that is told about a frame is read from."""

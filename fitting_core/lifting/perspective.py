@@ -22,7 +22,7 @@ _EXTENT, _CALIBRATED = 3 * POINTS, 3 * POINTS + 4
 _USUAL = -2.5
 """What stands in the place of the extent, which would tell the answer."""
 _HIDDEN = 96
-_OF_LIFTER = ("trunk.points", "trunk.error", "trunk.others", "trunk.up_error")
+_OF_LIFTER = ("trunk.points", "trunk.error", "trunk.others")
 """Parts of the lifter that are of no use here."""
 
 

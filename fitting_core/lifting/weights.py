@@ -8,7 +8,7 @@ from assets import LIFTER
 from fitting_core.lifting.network import FRAMES, RATE, Lifter
 from fitting_core.lifting.network_file import About, fill, read_network, write_network
 
-FORMAT = "tcfit lifter 2"
+FORMAT = "tcfit lifter 1"
 
 
 class AboutLifter(About, kw_only=True):
@@ -16,16 +16,14 @@ class AboutLifter(About, kw_only=True):
 
     error_factor: float
     """What the network's expected errors are to be multiplied by, from motion that it was not trained on."""
-    up_factor: float
-    """The same for the expected errors of what is up."""
 
     @property
     def possible(self) -> bool:
         """Whether there can be such a network."""
-        return super().possible and all(math.isfinite(f) and f > 0 for f in (self.error_factor, self.up_factor))
+        return super().possible and math.isfinite(self.error_factor) and self.error_factor > 0
 
 
-def write_lifter(path: Path, network: Lifter, *, error_factor: float, up_factor: float, notes: str) -> None:
+def write_lifter(path: Path, network: Lifter, *, error_factor: float, notes: str) -> None:
     """Write a network, whole or not at all, with half the digits that it was trained with."""
     size = network.size
     about = AboutLifter(
@@ -36,15 +34,14 @@ def write_lifter(path: Path, network: Lifter, *, error_factor: float, up_factor:
         frames=FRAMES,
         rate=RATE,
         error_factor=error_factor,
-        up_factor=up_factor,
         notes=notes,
     )
     write_network(path, network.state_dict(), about)
 
 
 @lru_cache(maxsize=2)
-def read_lifter(path: Path = LIFTER) -> tuple[Lifter, AboutLifter]:
-    """The network that `write_lifter` wrote, and what its file says of it.
+def read_lifter(path: Path = LIFTER) -> tuple[Lifter, float]:
+    """The network that `write_lifter` wrote, and its error factor.
 
     Raises:
         InputError: It is missing, damaged, or of another form.
@@ -52,4 +49,4 @@ def read_lifter(path: Path = LIFTER) -> tuple[Lifter, AboutLifter]:
     about, arrays = read_network(path, AboutLifter, FORMAT, "lifter")
     network = Lifter(about.size)
     fill(network, arrays, path)
-    return network, about
+    return network, about.error_factor

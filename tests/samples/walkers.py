@@ -57,7 +57,6 @@ class Walker:
             points=self.points - pelvis[:, None],
             depth_deviation=np.full((frames, 25), 0.03),
             up=np.tile(0.98 * self.up, (frames, 1)),
-            up_deviation=np.full(frames, 4.0),
             contact=np.full((frames, 2), contact),
         )
 

@@ -23,10 +23,10 @@ _AVERAGED = 0.999
 """Of the running mean of the weights, which is what is used in the end."""
 _UNSEEN = 0.12
 """Weight of keypoints that no frame of the window shows: what is likely of them is learned as well."""
-_WEIGHTS = {"points": 4.0, "speed": 4.0, "error": 0.05, "up": 1.0, "up_error": 0.05, "contact": 0.1}
+_WEIGHTS = {"points": 4.0, "speed": 4.0, "error": 0.05, "up": 1.0, "contact": 0.1}
 """Of the parts of the loss."""
-_SMALLEST, _SMALLEST_ANGLE = 0.005, 0.01
-"""Metres and radians: no expected error is smaller."""
+_SMALLEST = 0.005
+"""Metres: no expected error is smaller."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,7 +150,6 @@ def losses(network: Lifter, film: Film) -> dict[str, Tensor]:
     moved = (off[:, 1:] - off[:, :-1]).norm(dim=-1)
     aside, scale = off[..., 2].detach().abs(), found.log_error.exp().clamp_min(_SMALLEST)
     missed = (found.up - up[:, None]).square().sum(-1)
-    tilted, doubt = apart_by(found.up.detach(), up), found.log_up_error.exp().clamp_min(_SMALLEST_ANGLE)
     known = film.stands.isfinite()
     stands = torch.where(known, film.stands, 0.0)
     contact = torch.nn.functional.binary_cross_entropy_with_logits(found.contact, stands, reduction="none")
@@ -159,15 +158,8 @@ def losses(network: Lifter, film: Film) -> dict[str, Tensor]:
         "speed": (weight[:, 1:] * moved).sum() / weight[:, 1:].sum(),
         "error": (aside / scale + scale.log()).mean(),
         "up": missed.mean(),
-        "up_error": (tilted / doubt + doubt.log()).mean(),
         "contact": (contact * known).sum() / known.sum().clamp_min(1),
     }
-
-
-def apart_by(found: Float[Tensor, "B T 3"], up: Float[Tensor, "B 3"]) -> Float[Tensor, "B T"]:
-    """Radians between what is said to be up and what is."""
-    way = torch.nn.functional.normalize(found, dim=-1)
-    return torch.atan2(torch.linalg.cross(way, up[:, None].expand_as(way)).norm(dim=-1), (way * up[:, None]).sum(-1))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,8 +178,6 @@ class Score:
     """The same in five bins of equal size, from the smallest expected error on."""
     up: float
     """Mean angle from the true vertical, degrees."""
-    up_factor: float
-    """Mean of this angle over the expected one."""
     contact: float
     """Share of feet that are judged right."""
 
@@ -195,7 +185,7 @@ class Score:
 @torch.no_grad()
 def score(network: Lifter, films: list[Film]) -> Score:
     """Over some films."""
-    distances, depths, expected, right, tilted, doubts = [], [], [], [], [], []
+    distances, depths, expected, angles, right = [], [], [], [], []
     for film in films:
         film = Film(*(values[film.usable] for values in film))
         found, points, up = lifted(network, film)
@@ -204,8 +194,8 @@ def score(network: Lifter, films: list[Film]) -> Score:
         distances.append(off.norm(dim=-1)[there])
         depths.append(off[..., 2].abs()[there])
         expected.append(found.log_error.exp().clamp_min(_SMALLEST)[there])
-        tilted.append(apart_by(found.up.mean(1, keepdim=True), up)[:, 0].rad2deg())
-        doubts.append(found.log_up_error.exp().clamp_min(_SMALLEST_ANGLE).mean(1).rad2deg())
+        mean = torch.nn.functional.normalize(found.up.mean(1), dim=-1)
+        angles.append((mean * up).sum(-1).clamp(-1, 1).acos().rad2deg())
         known = film.stands.isfinite()
         right.append(((found.contact > 0) == (film.stands > 0.5))[known].float())
     depth, sure = torch.cat(depths).numpy(), torch.cat(expected).numpy()
@@ -217,7 +207,6 @@ def score(network: Lifter, films: list[Film]) -> Score:
         known_depth=1e3 * float(depth[order[: len(order) // 2]].mean()),
         error_factor=float(depth.mean() / sure.mean()),
         calibration=tuple(round(float(depth[b].mean() / sure[b].mean()), 2) for b in bins),
-        up=float(torch.cat(tilted).mean()),
-        up_factor=float(torch.cat(tilted).mean() / torch.cat(doubts).mean()),
+        up=float(torch.cat(angles).mean()),
         contact=float(torch.cat(right).mean()),
     )

@@ -171,7 +171,7 @@ def _arm(at: dict[str, np.ndarray], chest: np.ndarray, sign: float) -> _Posed:
     shoulder, wrist = at["SHO"] - _SHOULDER * chest[..., 1], (at["WRA"] + at["WRB"]) / 2
     usual = np.array(RANGES["shoulder"].axis) * (sign, 1, 1)
     hinge = shortest_rotation(np.array([0.0, -1.0, 0.0]), usual) @ (-1.0, 0.0, 0.0)  # -x of an arm that hangs
-    elbow = at["ELB"]
+    axis, elbow = chest @ hinge, at["ELB"]
     for _ in range(_ROUNDS):
         bone = ((elbow - shoulder)[:, None] @ chest)[:, 0]
         unturned = chest @ shortest_rotation(np.broadcast_to(usual, bone.shape), bone) @ hinge

@@ -12,7 +12,9 @@ from tests.samples.walkers import CAMERA, RATE, Walker, walker
 
 def contacts(made: Walker, *, contact: float = 0.5, rate: float = RATE) -> Contacts:
     lifted = made.lifted(contact=contact)
-    return contacts_before_fit(made.xy, made.confidence, lifted, gravity_before_fit(lifted, CAMERA), CAMERA, rate)
+    return contacts_before_fit(
+        made.xy, made.confidence, lifted, gravity_before_fit(lifted, made.confidence, CAMERA), CAMERA, rate
+    )
 
 
 @pytest.mark.parametrize("noise", [0.0, 1.5])
@@ -95,7 +97,7 @@ def test_between_the_thresholds_things_stay_as_they_are():
 def test_feet_behind_the_camera_give_numbers():
     made = walker()
     lifted = made.lifted()
-    gravity = gravity_before_fit(lifted, CAMERA)
+    gravity = gravity_before_fit(lifted, made.confidence, CAMERA)
     found = contacts_of(made.xy, made.confidence, lifted, gravity, CAMERA, RATE, made.feet - (0.0, 0.0, 50.0))
     assert np.isfinite(found.probability).all()
 

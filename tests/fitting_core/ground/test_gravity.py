@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from fitting_core import keypoints as kp
 from fitting_core.camera import Camera, World
 from fitting_core.ground.gravity import Gravity, angles, gravity_before_fit, robust_mean, told_gravity, with_trunk
 from tests.samples.walkers import CAMERA, TILT, walker
@@ -13,7 +14,7 @@ from tests.samples.walkers import CAMERA, TILT, walker
 
 def test_the_tilt_of_the_camera_is_found():
     made = walker()
-    gravity = gravity_before_fit(made.lifted(), CAMERA)
+    gravity = gravity_before_fit(made.lifted(), made.confidence, CAMERA)
     assert angles(gravity.up, made.up) < 1e-5 and np.linalg.norm(gravity.up) == pytest.approx(1)
     assert gravity.tilt == pytest.approx(TILT)
 
@@ -24,24 +25,33 @@ def test_some_frames_that_see_the_world_lie_down_do_not_matter():
     up = lifted.up.copy()
     up[::5] = Rotation.from_euler("z", 80, degrees=True).apply(up[::5])
     assert angles(up.mean(0), made.up) > 10
-    assert angles(gravity_before_fit(replace(lifted, up=up), CAMERA).up, made.up) < 3
+    assert angles(gravity_before_fit(replace(lifted, up=up), made.confidence, CAMERA).up, made.up) < 3
 
 
-def test_short_vectors_count_less():
+def test_short_vectors_count_less_and_make_unsure():
+    made = walker()
+    sure, unsure = made.lifted(), replace(made.lifted(), up=0.6 * made.lifted().up)
+    assert (
+        gravity_before_fit(unsure, made.confidence, CAMERA).deviation
+        > gravity_before_fit(sure, made.confidence, CAMERA).deviation
+    )
     one, other = np.array([0.0, -1.0, 0.0]), np.array([0.2, -0.9, 0.1])
     near = robust_mean(np.stack([one, other]), np.array([1.0, 0.1]))
     assert angles(near, one) < 3
 
 
-def test_a_clip_is_as_sure_as_its_usual_frame():
-    lifted = walker(5).lifted()
-    doubts = replace(lifted, up_deviation=np.array([4.0, 6.0, 5.0, 40.0, 3.0]))
-    assert gravity_before_fit(doubts, CAMERA).deviation == pytest.approx(5.0)
+def test_without_legs_less_is_known():
+    made = walker()
+    confidence = made.confidence.copy()
+    confidence[:, [kp.INDEX[f"{s}_{p}"] for s in ("left", "right") for p in ("knee", "ankle")]] = 0
+    whole, cut = (gravity_before_fit(made.lifted(), c, CAMERA).deviation for c in (made.confidence, confidence))
+    assert whole < 10 < cut + 1.5 and cut > whole + 2
 
 
 def test_up_is_a_unit_vector_even_of_a_lifter_that_knows_nothing():
-    gravity = gravity_before_fit(replace(walker(5).lifted(), up=np.zeros((5, 3))), CAMERA)
-    assert np.linalg.norm(gravity.up) == pytest.approx(1)
+    made = walker(5)
+    gravity = gravity_before_fit(replace(made.lifted(), up=np.zeros((5, 3))), made.confidence, CAMERA)
+    assert np.linalg.norm(gravity.up) == pytest.approx(1) and gravity.deviation > 25
 
 
 def test_tilt_says_down_and_up():

@@ -51,7 +51,7 @@ def test_a_camera_that_turns_is_lifted_as_one_that_stands_still():
     assert np.median(off) < 0.02 and np.percentile(off, 95) < 0.08
     blind = lift(seen_by(moving, made)[1], made.confidence, CAMERA, RATE, calibrated=True)
     assert np.median(np.linalg.norm(moving.turned_to_still(blind.points) - one.points, axis=-1)) > 2 * np.median(off)
-    ups = [gravity_before_fit(found, c).up for found, c in ((one, CAMERA), (other, moving))]
+    ups = [gravity_before_fit(found, made.confidence, c).up for found, c in ((one, CAMERA), (other, moving))]
     assert angles(ups[0], ups[1]) < 3
 
 
@@ -62,7 +62,7 @@ def test_feet_that_stand_are_found(metres: float):
     def found(camera: Camera, path: CameraPath | None) -> Contacts:
         seen = replace(camera, path=path)
         xy, lifted = seen_by(camera, made)[1], lifted_before(camera, made)
-        gravity = gravity_before_fit(lifted, seen)
+        gravity = gravity_before_fit(lifted, made.confidence, seen)
         return contacts_of(xy, made.confidence, lifted, gravity, seen, RATE, made.feet)
 
     moving = replace(CAMERA, path=path(108, metres=metres))

@@ -51,7 +51,6 @@ def knowing(body: BodyModel, *, unsure: dict[str, float] | None = None) -> Calla
             points=np.tile(fit.points[:, :25] - fit.root[:, None], (*frames, 1)),
             depth_deviation=np.tile(deviation, frames),
             up=np.tile((0.0, -1.0, 0.0), frames),
-            up_deviation=np.full(len(keypoints), 5.0),
             contact=np.ones((len(keypoints), 2)),
         )
 

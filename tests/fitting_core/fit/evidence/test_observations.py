@@ -124,7 +124,7 @@ def test_the_lifter_is_asked_where_it_counts(tiny_body: BodyModel, monkeypatch: 
         deviation[:, kp.INDEX["left_ankle"]] = 0.5
         points = np.zeros((len(xy), 25, 3))
         points[..., 2] = 0.3
-        return LiftedClip(points, deviation, np.zeros((len(xy), 3)), np.ones(len(xy)), np.zeros((len(xy), 2)))
+        return LiftedClip(points, deviation, np.zeros((len(xy), 3)), np.zeros((len(xy), 2)))
 
     monkeypatch.setattr("fitting_core.fit.evidence.observations.lift", lifted)
     detections = keypoints_of(tiny_body, random_params(3))

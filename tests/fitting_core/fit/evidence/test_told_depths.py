@@ -110,9 +110,7 @@ def test_a_person_overrides_the_lifter(clip: Clip, params: BodyParams, monkeypat
 
     def lifted(xy: np.ndarray, *_: object, **__: object) -> LiftedClip:
         points = np.full((len(xy), 25, 3), 0.3)
-        return LiftedClip(
-            points, np.full((len(xy), 25), 0.1), np.zeros((len(xy), 3)), np.ones(len(xy)), np.zeros((len(xy), 2))
-        )
+        return LiftedClip(points, np.full((len(xy), 25), 0.1), np.zeros((len(xy), 3)), np.zeros((len(xy), 2)))
 
     monkeypatch.setattr("fitting_core.fit.evidence.observations.lift", lifted)
     said, config = told(clip, [FRAME], [WRIST], np.array(-0.5)), config_of("tcfit")
