@@ -81,13 +81,7 @@ def main(options: Options) -> None:
                 break
     judged = score(training.average, films)
     notes = f"{training.step} of {options.schedule.steps} steps, {options.schedule}; held out: {judged}"
-    write_lifter(
-        options.out / "tcfit_lifter.npz",
-        training.average,
-        error_factor=judged.error_factor,
-        up_factor=judged.up_factor,
-        notes=notes,
-    )
+    write_lifter(options.out / "tcfit_lifter.npz", training.average, error_factor=judged.error_factor, notes=notes)
     print(f"written to {options.out}")
 
 
