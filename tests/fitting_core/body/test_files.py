@@ -343,7 +343,7 @@ MALFORMED: dict[str, tuple[Callable[[], dict[str, Any]], str]] = {
     "other tree": (_with("kintree_table", lambda a: a[:, ::-1]), "another joint tree"),
     "gender": (
         lambda: body_arrays() | {"gender": np.array("robot")},
-        "gender 'robot', expected neutral, male or female",
+        "gender 'robot', expected neutral, male, female or child",
     ),
     "other mesh": (lambda: _without("keypoint_vertices"), "has 60 vertices, expected the 10475 of SMPL-X"),
     "keypoint outside": (_with("keypoint_vertices", _one(60)), "'keypoint_vertices' holds .* from -1 to 59"),
