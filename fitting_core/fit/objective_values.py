@@ -52,7 +52,7 @@ def evaluate_objective(
     frame_rate: float | None = None,
     detector: str = "",
 ) -> ObjectiveValues:
-    """Evaluates the objective without minimising anything.
+    """Evaluates the objective without minimising anything. Held feet do not count: where, a fit finds out.
 
     >>> result = fit_clip(clip, body, PRESETS["tcfit"])
     >>> values = evaluate_objective(

@@ -148,13 +148,14 @@ def test_collision_is_the_intrusion_penalty():
 
 
 def test_it_is_what_a_fit_reports():
-    """At 60 frames per second, where the preset's weight of E_T is for 25."""
+    """All terms but held feet, whose places come from a fit. At 60 frames per second, where the weight of E_T is
+    for 25."""
     params = motion(FRAMES)
     clip = replace(clip_of(params, noise=2.0), frame_rate=60.0)
     reported = evaluated(clip, shipped_body(), PRESETS["tcfit"], params).objective
     values = evaluate_objective(shipped_body(), params, clip.camera, clip.keypoints, "tcfit", frame_rate=60.0)
     assert {name: cost / FRAMES for name, cost in values.terms.items()} == pytest.approx(
-        {name: cost for name, cost in reported.items() if name != "total"}
+        {name: cost for name, cost in reported.items() if name not in ("total", "held_position")}
     )
 
 

@@ -138,7 +138,7 @@ RESULTS |= {
     "npz huge": motion(r"'trans' holds 1e\+30", trans=np.full((4, 3), 1e30)),
     "npz text": motion("'poses' holds <U1 values", poses=np.full((4, 165), "a")),
     "npz three betas": motion(r"'betas' has the shape \(3,\), expected 10 or more", betas=np.zeros(3)),
-    "npz gender": motion("'gender' is 'robot', expected neutral, male or female", gender="robot"),
+    "npz gender": motion("'gender' is 'robot', expected neutral, male, female or child", gender="robot"),
     "npz frame rate": motion("'mocap_frame_rate' is -30, expected", mocap_frame_rate=-30.0),
     "npz mirrored world": motion("'camera_to_world' is no rotation", camera_to_world=-np.eye(3)),
     "npz is a body model": Case(

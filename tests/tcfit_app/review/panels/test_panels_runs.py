@@ -387,6 +387,7 @@ _MADE = (
     "trc-markers",
     "c3d",
     "contacts",
+    "joints",
     "smplifyx",
     "fit",
     "mixamo",
@@ -441,6 +442,7 @@ def test_files_are_downloaded(panel_of: Opener):
     assert got["trc"].startswith(b"PathFileType") and got["trc-markers"].startswith(b"PathFileType")
     assert got["c3d"][1:2] == b"\x50" and got["contacts"].startswith(b"side,first_frame")
     assert got["angles"].startswith(b"# Joint angles") and b"nRows=" + str(FRAMES).encode() in got["mot"]
+    assert sum(not line.startswith(b"#") for line in got["joints"].splitlines()) == FRAMES + 1
     assert got["glb"].startswith(b"glTF") and json.loads(got["coco"])["images"]
     for name, suffix, count in (("bvh", ".bvh", 1), ("ply", ".ply", FRAMES), ("smplifyx", ".pkl", FRAMES)):
         with ZipFile(io.BytesIO(got[name])) as archive:
