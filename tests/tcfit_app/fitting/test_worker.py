@@ -199,7 +199,7 @@ def test_a_whole_fit_reports_keeps_and_returns_what_the_core_gives(
 
 
 def test_progress_tells_share_times_and_terms(worker: Worker, reader: Reader, clip: Clip, tiny_body: BodyModel):
-    worker.submit(FitEverything(clip=clip, body=tiny_body, config=QUICK))
+    worker.submit(FitEverything(clip=clip, body=tiny_body, config=CONVERGED))
     until(lambda: reader.of(JobEnded))
     progress = reader.progress
     assert progress and {p.title for p in progress} == {"Fit test clip"}
