@@ -18,7 +18,8 @@ from benchmarks.report import Common, Row, progress, report, start
 from fitting_core.body import rotations
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.params import BodyParams
-from fitting_core.build_assets.motion_capture.collections import captured_motion, split
+from fitting_core.build_assets.motion_capture.collections import split
+from fitting_core.build_assets.motion_capture.retarget import load
 from fitting_core.build_assets.pose_prior.dataset import balanced, matrices, pool
 from fitting_core.build_assets.pose_prior.skeleton import Contact, Skeleton
 from fitting_core.priors.pose import make_prior
@@ -80,7 +81,7 @@ def main(options: PosePriorBenchmark) -> None:
     body = options.common.load_body()
     skeleton, mesh, rng = Skeleton(body), Mesh(body), np.random.default_rng(options.seed)
     prior = make_prior(options.prior, dtype=torch.float64, device="cpu")
-    clips, held = split(captured_motion(options.data))
+    clips, held = split(load(options.data))
     progress("poses to find components on")
     captured = balanced(clips, skeleton, rng)
     contact = Contact(skeleton)

@@ -22,7 +22,8 @@ from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
-from fitting_core.build_assets.motion_capture.collections import captured_motion, split
+from fitting_core.build_assets.motion_capture.collections import split
+from fitting_core.build_assets.motion_capture.retarget import load
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
@@ -112,7 +113,7 @@ def authored(body: BodyModel, spread: float, seed: int) -> Posed:
 
 def captured(body: BodyModel, folder: Path, count: int, spread: float, seed: int) -> Posed:
     """Held-out poses of motion capture, drawn at random, seen from the four views in turn."""
-    _, held = split(captured_motion(folder))
+    _, held = split(load(folder))
     poses = np.concatenate([clip.body_pose for clip in held])
     names = [f"{clip.name} #{i}" for clip in held for i in range(len(clip.body_pose))]
     chosen = np.sort(np.random.default_rng(seed).choice(len(poses), count, replace=False))

@@ -17,7 +17,8 @@ from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import FREE_FOLDER, find_body
-from fitting_core.build_assets.motion_capture.collections import captured_motion, split
+from fitting_core.build_assets.motion_capture.collections import split
+from fitting_core.build_assets.motion_capture.retarget import load
 from fitting_core.build_assets.pose_prior.autoencoder import NetworkSize, PoseAutoencoder
 from fitting_core.build_assets.pose_prior.dataset import balanced, matrices, pool
 from fitting_core.build_assets.pose_prior.loss import Precision
@@ -36,7 +37,7 @@ class Options:
     """What to train on, and how."""
 
     data: Positional[Path]
-    """Folder with the motion capture: the folders of `mocap.READERS`, or some of them."""
+    """Folder with the motion capture: `cmu` (BVH channels) and `deepmimic`."""
     out: Path = SHIPPED
     """The prior's file."""
     poses: int = 300_000
@@ -56,7 +57,7 @@ def main(options: Options) -> None:
     device = options.device or ("cuda" if torch.cuda.is_available() else "cpu")
     body = load_body(find_body(search=FREE_FOLDER))
     skeleton = Skeleton(body)
-    clips, held = split(captured_motion(options.data))
+    clips, held = split(load(options.data))
     rng = np.random.default_rng(options.schedule.seed)
     print(
         f"{sum(len(c.body_pose) for c in clips)} captured poses; drawing {options.poses} from them and from synthesis"
