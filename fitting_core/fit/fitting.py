@@ -359,6 +359,8 @@ class _Fit:
 
 def _holding_feet(stages: Stages, clip: Clip, params: BodyParams) -> Stages | None:
     """The stages with feet held where they stand in these parameters; None where nothing is to be held."""
+    if not any(stages.config.weights.held_position):
+        return None
     grounding = grounding_of_params(clip, stages.body, params, unswap=stages.config.unswap_sides)
     return holding_feet(stages, clip, params, grounding)
 
