@@ -5,6 +5,7 @@ As a program it fetches from them: python -m tests.fitting_core.detect.mediapipe
 
 import hashlib
 import io
+import signal
 import sys
 import tarfile
 import zipfile
@@ -119,4 +120,6 @@ def main(source: str, place: str, behaviour: str) -> None:
 
 
 if __name__ == "__main__":
+    # A shell that runs the tests in the background has it ignored, and all that it starts ignores it too.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     main(*sys.argv[1:])
