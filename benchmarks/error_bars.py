@@ -29,8 +29,8 @@ from fitting_core.fit.stages import Stages
 from fitting_core.fit.uncertainty import measured
 from fitting_core.fit.uncertainty.calibration import part_of
 from fitting_core.fit.uncertainty.deviations import deviations
-from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.measure.angles.joint_angles import joint_angles
+from fitting_core.motion import Motion
 from fitting_core.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
 
 PELVIS = JOINT["pelvis"]

@@ -21,9 +21,9 @@ from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.segment_axes import BONES, rest_axes
 from fitting_core.camera import Camera
-from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.measure.angles.joint_angles import joint_angles
 from fitting_core.measure.angles.segments import Segments
+from fitting_core.motion import Motion
 from fitting_core.render.renderer import Renderer, Surface
 from fitting_core.render.sheets import Cell, View, beside, sheet
 

@@ -14,9 +14,9 @@ from tyro.conf import OmitArgPrefixes, arg
 
 from benchmarks.report import Common, Row, progress, report, start
 from fitting_core.body.model import JOINT
-from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.io.result_files import read_fit
 from fitting_core.measure.angles.joint_angles import joint_angles
+from fitting_core.motion import Motion
 from fitting_core.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
 from tcfit_app.evaluation.suite_runs import fitted_body
 

@@ -33,9 +33,9 @@ from fitting_core.config.schema import PRESETS
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.fused import ready
 from fitting_core.ground.path_scale import estimate_path_scale
-from fitting_core.io.motion.fitted_motion import OWN_WORLD, Motion
 from fitting_core.lens import filmed, straightened_keypoints
 from fitting_core.metrics import jitter, mpjpe, pa_mpjpe
+from fitting_core.motion import OWN_WORLD, Motion
 from fitting_core.render.renderer import DEFAULT_COLOR, Renderer, Surface
 from fitting_core.render.sheets import View
 from fitting_core.synthetic.motion_suite.clips import motion_sequences

@@ -22,10 +22,10 @@ from benchmarks.report import Common, Row, progress, report, start
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
-from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.measure.angles.angle_files import write_mot
 from fitting_core.measure.angles.opensim import ARM_FRAMES, world_of
 from fitting_core.measure.angles.segments import MIRROR_SIDES, Segments
+from fitting_core.motion import Motion
 from fitting_core.synthetic.motion_suite.windows import FRAME_RATE, MotionWindow, acted, shipped_windows
 
 _EVERY = 5

@@ -17,20 +17,20 @@ import tyro
 from jaxtyping import Float, UInt8
 from tyro.conf import Positional
 
+from fitting_core.animation.retargeting.retarget import Posed, RigMotion, turned
+from fitting_core.animation.retargeting.target import Target
+from fitting_core.animation.retargeting.touch import SIDES, gaps, touches
+from fitting_core.animation.rigs.animated import on_standard, surface_deviation, surface_on
+from fitting_core.animation.rigs.known_rigs import MIXAMO, UNREAL, VRM
+from fitting_core.animation.rigs.own_rig import on_own
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import find_body
 from fitting_core.body.model import JOINT
-from fitting_core.io.motion.fitted_motion import Motion
-from fitting_core.io.motion.rigs.known.animated import on_standard, surface_deviation, surface_on
-from fitting_core.io.motion.rigs.known.known_rigs import MIXAMO, UNREAL, VRM
-from fitting_core.io.motion.rigs.mapping import read_mapping
-from fitting_core.io.motion.rigs.own_motion import on_own
-from fitting_core.io.motion.rigs.retargeting.retarget import Posed, RigMotion, turned
-from fitting_core.io.motion.rigs.retargeting.target import Target
-from fitting_core.io.motion.rigs.retargeting.touch import SIDES, gaps, touches
+from fitting_core.io.motion.rigs.mapping_file import read_mapping, read_skeleton
 from fitting_core.io.motion.rigs.rig_bvh import write_rig_bvh
 from fitting_core.io.motion_files import stored_motion
 from fitting_core.io.result_files import read_fit
+from fitting_core.motion import Motion
 from fitting_core.render.renderer import Renderer, Surface
 from fitting_core.render.sheets import View, beside
 
@@ -110,7 +110,8 @@ def _own(motion: Motion) -> RigMotion:
         )
         write_rig_bvh(Path(folder) / "other.bvh", still, 30.0, unit=100.0)
         (Path(folder) / "rig.toml").write_text('skeleton = "other.bvh"\n')
-        return on_own(motion, read_mapping(Path(folder) / "rig.toml"))
+        mapping = read_mapping(Path(folder) / "rig.toml")
+        return on_own(motion, read_skeleton(mapping.skeleton), mapping.joints)
 
 
 def vars_of(target: Target) -> dict:

@@ -59,7 +59,6 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not follow the tabl
     from fitting_core.io.clip_reader import read_clip as read_clip
     from fitting_core.io.clip_reader import read_keypoints as read_keypoints
     from fitting_core.io.known_shape import read_known_shape as read_known_shape
-    from fitting_core.io.motion.fitted_motion import Motion as Motion
     from fitting_core.io.motion.mesh_sequence import write_obj_sequence as write_obj_sequence
     from fitting_core.io.motion.mesh_sequence import write_ply_sequence as write_ply_sequence
     from fitting_core.io.motion_files import motion_of as motion_of
@@ -75,6 +74,7 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not follow the tabl
     from fitting_core.measure.comparison import figure_titles as figure_titles
     from fitting_core.measure.fit_figures import evaluate_fit as evaluate_fit
     from fitting_core.measure.references.files import read_reference as read_reference
+    from fitting_core.motion import Motion as Motion
     from fitting_core.render.motion_views import Look as Look
     from fitting_core.render.motion_views import picture_of as picture_of
     from fitting_core.render.overlay import write_overlay as write_overlay
@@ -104,7 +104,7 @@ _HOMES = {
     "io": ("read_motion",),
     "io.clip_reader": ("read_clip", "read_keypoints"),
     "io.known_shape": ("read_known_shape",),
-    "io.motion.fitted_motion": ("Motion",),
+    "motion": ("Motion",),
     "io.motion.mesh_sequence": ("write_obj_sequence", "write_ply_sequence"),
     "io.motion_files": ("motion_of", "stored_motion", "write_motion"),
     "io.people_reader": ("read_people",),

@@ -11,10 +11,10 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not follow the tabl
     from fitting_core.io.added_readers import KeypointReader as KeypointReader
     from fitting_core.io.added_readers import MotionReader as MotionReader
     from fitting_core.io.keypoints.detections import Detections as Detections
-    from fitting_core.io.motion.fitted_motion import Motion as Motion
     from fitting_core.io.motion.imported_motion import ImportedMotion as ImportedMotion
     from fitting_core.measure.comparison import FigureKind as FigureKind
     from fitting_core.measure.pairing import Pair as Pair
+    from fitting_core.motion import Motion as Motion
     from tcfit_app.analysis.findings import Finding as Finding
     from tcfit_app.analysis.posed_fit import PosedFit as PosedFit
     from tcfit_app.analysis.run_metrics import MeasuredRun as MeasuredRun
@@ -27,7 +27,7 @@ HOMES = {
     "KeypointReader": "fitting_core.io.added_readers",
     "MotionReader": "fitting_core.io.added_readers",
     "Detections": "fitting_core.io.keypoints.detections",
-    "Motion": "fitting_core.io.motion.fitted_motion",
+    "Motion": "fitting_core.motion",
     "ImportedMotion": "fitting_core.io.motion.imported_motion",
     "FigureKind": "fitting_core.measure.comparison",
     "Pair": "fitting_core.measure.pairing",

@@ -21,6 +21,8 @@ FLOORS = {
         camera lens wholebody config files body
         clip metrics priors video lifting ground
         fit detect
+        motion
+        animation
         io
         render synthetic
         measure build_assets

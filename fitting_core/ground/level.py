@@ -15,7 +15,7 @@ SURE = 10.0
 _STEEP = 0.95
 """Cosine to gravity from which the camera looks so steeply that the image's upper edge says what is ahead."""
 _FROM_Z_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
-"""From a world with z up to the axes of a level camera, as AXES of fitted_motion.py turn them back."""
+"""From a world with z up to the axes of a level camera, as AXES of motion.py turn them back."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

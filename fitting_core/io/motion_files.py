@@ -11,8 +11,8 @@ from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.fit.result import FitResult
 from fitting_core.ground.level import level_of
-from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.io.result_files import StoredFit
+from fitting_core.motion import Motion
 
 
 @dataclass(frozen=True, kw_only=True)

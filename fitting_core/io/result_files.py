@@ -56,8 +56,8 @@ from fitting_core.ground.arrays import grounding_arrays, grounding_from
 from fitting_core.ground.grounding import Grounding
 from fitting_core.io.camera_arrays import camera_arrays, camera_from
 from fitting_core.io.motion.animation_npz import pose_arrays
-from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.io.summary import summary
+from fitting_core.motion import Motion
 
 FIT_NAME, SUMMARY_NAME, OVERLAY_NAME = "fit.npz", "summary.json", "overlay.mp4"
 FORMAT = "tcfit fit 1"

@@ -31,9 +31,9 @@ from fitting_core.fit.evidence.given_start import (
 from fitting_core.fit.evidence.observations import seen_confidence
 from fitting_core.fit.evidence.sides import SEEN
 from fitting_core.io import read_motion
-from fitting_core.io.motion.fitted_motion import rest_joints
 from fitting_core.io.motion.imported_motion import CoveredFrames, ImportedMotion, cover, from_still
 from fitting_core.metrics import heights_in_image
+from fitting_core.motion import rest_joints
 from fitting_core.video.frames import image_files
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from fitting_core.errors import InputError
-from fitting_core.io.motion.fitted_motion import Motion
+from fitting_core.motion import Motion
 from fitting_core.render.overlay import draw_caption
 from fitting_core.render.renderer import DEFAULT_COLOR, Renderer, scaled_camera
 from fitting_core.render.sheets import View, beside

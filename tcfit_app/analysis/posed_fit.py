@@ -16,10 +16,10 @@ from fitting_core.clip import Clip
 from fitting_core.fit.error_bars import ErrorBars
 from fitting_core.fit.evidence.sides import PAIRED, unswapped
 from fitting_core.fit.result import FitResult, PhaseResult
-from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.io.summary import counted_keypoints
 from fitting_core.measure.mesh.volume import Enclosed
 from fitting_core.metrics import reprojection_errors
+from fitting_core.motion import Motion
 from tcfit_app.analysis.meshes import Meshes
 
 _NEAR = 0.01

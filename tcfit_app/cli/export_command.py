@@ -10,16 +10,16 @@ import msgspec
 import torch
 from tqdm import tqdm
 
+from fitting_core.animation.keys import check_bound
 from fitting_core.body.markers.files import read_marker_set
 from fitting_core.body.markers.marker_set import STANDARD
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
-from fitting_core.io.motion.fitted_motion import Progress
-from fitting_core.io.motion.keys import check_bound
-from fitting_core.io.motion.rigs.mapping import read_mapping
+from fitting_core.io.motion.rigs.mapping_file import read_mapping
 from fitting_core.io.motion_files import stored_motion
 from fitting_core.io.people_file import refuse_several
 from fitting_core.io.result_files import FIT_NAME, SUMMARY_NAME, read_fit
+from fitting_core.motion import Progress
 from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.cli.json_lines import Note, Step, StepDone, emit, emit_wrote, told
 from tcfit_app.exports.exporting import file_name, write_export

@@ -12,7 +12,7 @@ import torch
 
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
-from fitting_core.io.motion.fitted_motion import Motion
+from fitting_core.motion import Motion
 from fitting_core.render.motion_views import ANGLES, Image, Look, Shown, camera_picture, outside_pictures
 from fitting_core.render.overlay import PANEL_COLORS
 from fitting_core.render.sheets import Cell, beside, write_sheet

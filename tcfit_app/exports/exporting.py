@@ -7,7 +7,7 @@ from pathlib import Path
 
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import drafting, put_folder, replacing, scratch_folder
-from fitting_core.io.motion.fitted_motion import Progress
+from fitting_core.motion import Progress
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.exports.table import Export
 from tcfit_app.project.storage import names

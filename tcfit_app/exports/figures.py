@@ -9,9 +9,9 @@ import msgspec
 import numpy as np
 
 from fitting_core.clip import Clip
-from fitting_core.io.motion.fitted_motion import Progress
 from fitting_core.io.summary import summary
 from fitting_core.measure.report.page import report_page
+from fitting_core.motion import Progress
 from tcfit_app.analysis.curves import CURVES
 from tcfit_app.evaluation.evaluated_fits import of_run
 from tcfit_app.evaluation.evaluating import drawable, evaluated

@@ -5,9 +5,9 @@ from pathlib import Path
 from fitting_core.io.keypoints.coco_wholebody import write_coco_wholebody
 from fitting_core.io.keypoints.openpose import write_openpose
 from fitting_core.io.keypoints.pose_file import write_pose
-from fitting_core.io.motion.fitted_motion import Progress
 from fitting_core.io.motion.mesh_sequence import file_stem
 from fitting_core.lens import filmed_keypoints
+from fitting_core.motion import Progress
 from tcfit_app.exports.figures import as_json, clip_stated
 from tcfit_app.exports.source import ExportSource
 

@@ -7,12 +7,12 @@ import numpy as np
 from fitting_core.body.markers.marker_set import marker_places
 from fitting_core.body.model import JOINTS
 from fitting_core.errors import InputError
-from fitting_core.io.motion.fitted_motion import OWN_WORLD, Motion, Progress
 from fitting_core.io.points.contact_table import events_of, write_contacts
 from fitting_core.io.points.joint_table import write_joints_csv
 from fitting_core.io.points.named_points import NamedPoints
 from fitting_core.io.points.trc import write_trc
 from fitting_core.measure.angles.angle_files import write_angles_csv, write_mot
+from fitting_core.motion import OWN_WORLD, Motion, Progress
 from tcfit_app.exports.source import ExportSource
 
 _SCREENS = {"camera": ("+X", "-Y"), "y-up": ("+X", "+Y"), "z-up": ("+X", "+Z")}

@@ -9,11 +9,11 @@ import numpy as np
 from fitting_core.ground.level import best_grounding, level_of
 from fitting_core.io.motion.animation_npz import write_animation_npz
 from fitting_core.io.motion.bvh import write_bvh
-from fitting_core.io.motion.fitted_motion import Progress, stated_by_frame
 from fitting_core.io.motion.mesh_sequence import FACTS_NAME, file_stem, write_obj_sequence, write_ply_sequence
 from fitting_core.io.motion.smplifyx import write_smplifyx
 from fitting_core.io.motion_files import MOTION_FILES
 from fitting_core.io.result_files import fit_arrays
+from fitting_core.motion import Progress, stated_by_frame
 from tcfit_app.exports.figures import as_json
 from tcfit_app.exports.source import ExportSource
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from fitting_core.io.motion.fitted_motion import Progress
+from fitting_core.motion import Progress
 from tcfit_app.exports.source import ExportSource
 
 Write = Callable[[ExportSource, Path, Progress], None]
@@ -26,8 +26,9 @@ def on_bvh(rig: str) -> Write:
     """What writes the skeleton of a rig, by its name in `known_rigs`."""
 
     def write(source: ExportSource, path: Path, progress: Progress) -> None:
-        from fitting_core.io.motion.rigs import rig_bvh
         from fitting_core.io.motion.rigs.known import animated, known_rigs
+
+        from fitting_core.io.motion.rigs import rig_bvh
 
         motion = source.motion("y-up")
         moving = animated.on_standard(motion, getattr(known_rigs, rig))
@@ -38,14 +39,14 @@ def on_bvh(rig: str) -> Write:
 
 def write_avatar(source: ExportSource, path: Path, progress: Progress) -> None:
     """The person as VRM."""
-    from fitting_core.io.motion.rigs.known.vrm import write_vrm
+    from fitting_core.io.motion.rigs.vrm import write_vrm
 
     write_vrm(path, source.motion("y-up"), progress)
 
 
 def write_avatar_motion(source: ExportSource, path: Path, progress: Progress) -> None:
     """The motion as VRM animation."""
-    from fitting_core.io.motion.rigs.known.vrm import write_vrm_animation
+    from fitting_core.io.motion.rigs.vrm import write_vrm_animation
 
     write_vrm_animation(path, source.motion("y-up"), progress)
 

@@ -15,7 +15,7 @@ from fitting_core.errors import InputError
 from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.ground.grounding import Grounding
 from fitting_core.ground.level import level_of
-from fitting_core.io.motion.fitted_motion import Motion
+from fitting_core.motion import Motion
 from fitting_core.priors.latent import LatentPrior
 from fitting_core.priors.pose import make_prior
 from fitting_core.video.frames import image_files

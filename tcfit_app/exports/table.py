@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from fitting_core.errors import InputError
-from fitting_core.io.motion.fitted_motion import Progress
+from fitting_core.motion import Progress
 from fitting_core.plugins import Plugin, added
 from tcfit_app.exports.blender.running import missing, write_fbx
 from tcfit_app.exports.elan import write_elan

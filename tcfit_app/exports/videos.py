@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from fitting_core.io.motion.fitted_motion import Progress
+from fitting_core.motion import Progress
 from tcfit_app.exports.overlay_video import write_side_by_side
 from tcfit_app.exports.source import ExportedFit, ExportSource
 

@@ -26,7 +26,7 @@ import msgspec
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import drafting, put_folder, replacing, scratch_folder
 from fitting_core.files.regular import regular_file
-from fitting_core.io.motion.fitted_motion import Progress
+from fitting_core.motion import Progress
 from fitting_core.video.fingerprint import fingerprint_of_images, visible_files
 from tcfit_app.project.project import Project, check_free
 from tcfit_app.project.storage import database, media, runs

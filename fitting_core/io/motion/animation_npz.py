@@ -24,7 +24,7 @@ from jaxtyping import Float
 from fitting_core.body.model import N_BETAS, POSE_COLUMNS
 from fitting_core.files.npz import write_npz
 from fitting_core.io.camera_arrays import camera_arrays
-from fitting_core.io.motion.fitted_motion import Motion, stated
+from fitting_core.motion import Motion, stated
 
 _BETAS = 16
 POSE_KEYS: dict[str, slice] = {

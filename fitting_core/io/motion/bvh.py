@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from fitting_core.body.model import JOINTS, N_JOINTS
 from fitting_core.files.atomic import replacing
-from fitting_core.io.motion.fitted_motion import Motion, Progress
+from fitting_core.motion import Motion, Progress
 
 _ORDER = "ZXY"
 _CHANNELS = "Zrotation Xrotation Yrotation"

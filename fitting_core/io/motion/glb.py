@@ -18,14 +18,14 @@ import pygltflib as gltf
 from jaxtyping import Float, Int
 from scipy.spatial.transform import Rotation
 
+from fitting_core.animation.keys import Keys
+from fitting_core.animation.rig import Deviation, Rig, deviation, rig_of
+from fitting_core.animation.rig_keys import with_fewer_keys
 from fitting_core.body.geometry import vertex_normals
 from fitting_core.body.model import JOINTS, N_JOINTS
 from fitting_core.files.atomic import replacing
-from fitting_core.io.motion.fitted_motion import Motion, Progress, stated
 from fitting_core.io.motion.gltf_buffer import Buffer
-from fitting_core.io.motion.keys import Keys
-from fitting_core.io.motion.rig import Deviation, Rig, deviation, rig_of
-from fitting_core.io.motion.rig_keys import with_fewer_keys
+from fitting_core.motion import Motion, Progress, stated
 
 _AXES = "y-up"
 _ROOT, _MESH, _CAMERA, _FIRST_JOINT = range(4)

@@ -15,8 +15,8 @@ from fitting_core.body.model import N_EXPRESSION, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera, FocalFrom
 from fitting_core.errors import InputError
-from fitting_core.io.motion.fitted_motion import rest_joints
 from fitting_core.io.motion.seen_points import SeenPoints
+from fitting_core.motion import rest_joints
 from fitting_core.video.frame_names import among_images, frames_for_one
 
 _NEAREST = 0.5

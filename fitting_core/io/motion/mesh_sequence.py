@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 from jaxtyping import Float
 
-from fitting_core.io.motion.fitted_motion import Motion, Progress, stated_by_frame
+from fitting_core.motion import Motion, Progress, stated_by_frame
 
 FACTS_NAME = "motion.json"
 

@@ -31,9 +31,9 @@ from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera, FocalFrom
 from fitting_core.errors import InputError, some_of
 from fitting_core.files.atomic import replacing
-from fitting_core.io.motion.fitted_motion import AXES
 from fitting_core.io.motion.imported_motion import ImportedMotion, body_params
 from fitting_core.io.motion.smplifyx_pickle import CAMERA, LATENT, WIDTHS, ResultFrame, pickled, read_result
+from fitting_core.motion import AXES
 from fitting_core.video.frame_names import frame_numbers, natural_key
 
 FOCAL = 5000.0

@@ -28,8 +28,8 @@ from fitting_core.camera import Camera, FocalFrom, are_rotations, focal_from_wor
 from fitting_core.errors import InputError, some_of
 from fitting_core.files.npz import read_npz
 from fitting_core.io.motion.animation_npz import POSE_KEYS
-from fitting_core.io.motion.fitted_motion import AXES
 from fitting_core.io.motion.imported_motion import ImportedMotion, body_params
+from fitting_core.motion import AXES
 
 _ADVICE = "Expected an npz of AMASS, of the SMPL-X Blender add-on or of tcfit, with 'poses' and 'trans'"
 _GIVEN = ("root_orient", "pose_body")

@@ -9,8 +9,8 @@ from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.frame_runs import runs_where
 from fitting_core.ground.contacts import SIDES, Contacts
-from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.io.points.c3d_file import Event
+from fitting_core.motion import Motion
 
 Begin = Literal["foot strike", "first frame", "comes into view"]
 End = Literal["foot off", "last frame", "leaves the view"]

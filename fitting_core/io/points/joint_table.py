@@ -9,7 +9,7 @@ from fitting_core.body.model import JOINTS
 from fitting_core.files.atomic import replacing
 from fitting_core.fit import error_bars
 from fitting_core.fit.error_bars import DIRECTIONS, WIDER, ErrorBars
-from fitting_core.io.motion.fitted_motion import Motion
+from fitting_core.motion import Motion
 
 _DECIMALS = 5
 

@@ -8,10 +8,10 @@ import numpy as np
 from fitting_core.files.atomic import replacing
 from fitting_core.fit.error_bars import ANGLES as BARRED
 from fitting_core.fit.error_bars import WIDER, ErrorBars
-from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.measure.angles.cardan import SINGULAR
 from fitting_core.measure.angles.joint_angles import ANGLES, JOINTS, UNSEEN, joint_angles
 from fitting_core.measure.angles.opensim import LOCKED, opensim_coordinates
+from fitting_core.motion import Motion
 
 _DECIMALS = 4
 

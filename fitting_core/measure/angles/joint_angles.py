@@ -6,9 +6,9 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core.body.segment_axes import BONES
-from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.measure.angles.cardan import angles_of, continuous, singular
 from fitting_core.measure.angles.segments import Segments
+from fitting_core.motion import Motion
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,9 +14,9 @@ from jaxtyping import Float
 
 from fitting_core.body.geometry import axis_angle
 from fitting_core.body.model import JOINT
-from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.measure.angles.cardan import angles_of, continuous, held, nearest_turn, unit_axis
 from fitting_core.measure.angles.segments import Segments
+from fitting_core.motion import Motion
 
 _Axis = tuple[float, float, float]
 _ANKLE: _Axis = (-0.10501355, -0.17402245, 0.97912632)

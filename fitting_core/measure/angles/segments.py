@@ -13,7 +13,7 @@ from fitting_core.body import rotations
 from fitting_core.body.kinematics import Tree, pose_joints
 from fitting_core.body.model import JOINT
 from fitting_core.body.segment_axes import BONES, rest_axes
-from fitting_core.io.motion.fitted_motion import Motion
+from fitting_core.motion import Motion
 
 MIRROR_SIDES = np.diag([1.0, 1.0, -1.0])
 """Turns a rotation between two anatomical frames into that of the other side of the body, M R M."""

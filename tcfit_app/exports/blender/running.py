@@ -11,8 +11,8 @@ from pathlib import Path
 
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import scratch_folder
-from fitting_core.io.motion.fitted_motion import Progress
 from fitting_core.io.motion_files import MOTION_FILES
+from fitting_core.motion import Progress
 from tcfit_app.exports.source import ExportSource
 
 _SCRIPT = Path(__file__).with_name("glb_to_fbx.py")

@@ -3,17 +3,11 @@
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from fitting_core.animation.rigs.mapping import Joints, guess_joints
+from fitting_core.animation.rigs.skeleton import Skeleton
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing, scratch_folder
-from fitting_core.io.motion.rigs.mapping import (
-    Joints,
-    RigMapping,
-    guess_joints,
-    read_mapping,
-    read_skeleton,
-    write_mapping,
-)
-from fitting_core.io.motion.rigs.skeleton import Skeleton
+from fitting_core.io.motion.rigs.mapping_file import RigMapping, read_mapping, read_skeleton, write_mapping
 from tcfit_app.project.storage.names import name_of_file, portable
 
 FOLDER, MAPPING = "rig", "mapping.toml"

@@ -7,7 +7,7 @@ from typing import ClassVar, Literal, get_args
 import viser
 
 from fitting_core.errors import InputError
-from fitting_core.io.motion.fitted_motion import AXES, OWN_WORLD, Progress
+from fitting_core.motion import AXES, OWN_WORLD, Progress
 from tcfit_app.exports.exporting import content_of, file_name
 from tcfit_app.exports.motions import write_everybody
 from tcfit_app.exports.source import ExportedFit, ExportSource

@@ -6,9 +6,9 @@ from typing import Any
 
 import viser
 
+from fitting_core.animation.rigs.mapping import check_joints
+from fitting_core.animation.rigs.parts import CHAINS, NEEDED, PARTS, meant
 from fitting_core.errors import InputError
-from fitting_core.io.motion.rigs.mapping import check_joints
-from fitting_core.io.motion.rigs.parts import CHAINS, NEEDED, PARTS, meant
 from tcfit_app.exports.table import exports
 from tcfit_app.fitting.reports import Notice
 from tcfit_app.project.storage.rig import KeptRig

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
+from fitting_core.animation.rigs.mapping import Joints
 from fitting_core.errors import InputError
-from fitting_core.io.motion.rigs.mapping import Joints
 from tcfit_app.project.storage.rig import KeptRig, keep_joints, keep_rig, kept_rig
 from tcfit_app.review.session.tasks import Task
 

@@ -14,7 +14,7 @@ from fitting_core.ground.gravity import Gravity
 from fitting_core.ground.grounding import Grounding
 from fitting_core.ground.level import best_grounding, level_of, upright
 from fitting_core.ground.plane import Ground
-from fitting_core.io.motion.fitted_motion import AXES
+from fitting_core.motion import AXES
 
 LEVEL = np.array([0.0, -1.0, 0.0])
 

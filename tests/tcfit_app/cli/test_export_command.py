@@ -25,10 +25,10 @@ from fitting_core.camera import World, path_of
 from fitting_core.config.schema import FitConfig
 from fitting_core.io.clip_reader import read_clip
 from fitting_core.io.keypoints.openpose import write_openpose
-from fitting_core.io.motion.fitted_motion import AXES, rest_joints
 from fitting_core.io.result_files import read_fit, write_result
 from fitting_core.keypoints import INDEX
 from fitting_core.measure.references.bodies import reference_of
+from fitting_core.motion import AXES, rest_joints
 from fitting_core.priors.pose import make_prior
 from tcfit_app.cli.main import main
 from tcfit_app.exports.exporting import _replacing_folder, file_name, write_export

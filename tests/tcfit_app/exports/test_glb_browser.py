@@ -10,8 +10,8 @@ import pytest
 
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
-from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.io.motion.glb import write_glb
+from fitting_core.motion import Motion
 from tcfit_app.review.panels import PANELS
 from tests.drivers.review_page import reviewing
 from tests.drivers.three_page import ThreePage

@@ -18,8 +18,8 @@ from fitting_core.errors import InputError
 from fitting_core.fit.error_bars import ANGLES
 from fitting_core.ground.contacts import Contacts
 from fitting_core.ground.level import level_of
-from fitting_core.io.motion.fitted_motion import AXES, OWN_WORLD, Motion
 from fitting_core.measure.references.files import read_reference
+from fitting_core.motion import AXES, OWN_WORLD, Motion
 from tcfit_app.exports.exporting import content_of
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.exports.table import EXPORTS

@@ -17,10 +17,10 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.errors import InputError
 from fitting_core.io.motion.animation_npz import write_animation_npz
-from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.io.motion.imported_motion import ImportedMotion
 from fitting_core.io.motion.smplifyx import write_smplifyx
 from fitting_core.keypoints import Keypoints
+from fitting_core.motion import Motion
 from fitting_core.priors.files.network import write_network
 from tcfit_app.analysis.curves import curve
 from tcfit_app.analysis.meshes import Meshes

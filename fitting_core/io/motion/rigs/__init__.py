@@ -1,1 +1,1 @@
-"""Motions on the rigs of animators: Mixamo's, Unreal's mannequin, VRM, and the user's own by a mapping file."""
+"""Files of animators' rigs: read as skeletons and mappings, written with the motion of a fit on them."""

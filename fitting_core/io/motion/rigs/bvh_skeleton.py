@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from fitting_core.animation.rigs.skeleton import Skeleton
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
-from fitting_core.io.motion.rigs.skeleton import Skeleton
 
 _MOST = 64 * 2**20
 """Bytes of a BVH that is read for its skeleton."""

@@ -6,9 +6,9 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
+from fitting_core.animation.rigs.skeleton import Skeleton
 from fitting_core.errors import InputError
 from fitting_core.io.motion.rigs.gltf_file import WRONG, GltfFile, said_of
-from fitting_core.io.motion.rigs.skeleton import Skeleton
 
 _NODES = 4096
 

@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from fitting_core.animation.retargeting.retarget import RigMotion
+from fitting_core.animation.rigs.own_rig import on_own
+from fitting_core.animation.rigs.skeleton import Skeleton
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
-from fitting_core.io.motion.fitted_motion import Motion, Progress, stated
 from fitting_core.io.motion.rigs.gltf_file import GltfFile, read_gltf
 from fitting_core.io.motion.rigs.gltf_skeleton import gltf_skeleton
-from fitting_core.io.motion.rigs.mapping import read_mapping, read_skeleton
-from fitting_core.io.motion.rigs.own_motion import on_own
-from fitting_core.io.motion.rigs.retargeting.retarget import RigMotion
+from fitting_core.io.motion.rigs.mapping_file import read_mapping, read_skeleton
 from fitting_core.io.motion.rigs.rig_bvh import write_rig_bvh
-from fitting_core.io.motion.rigs.skeleton import Skeleton
+from fitting_core.motion import Motion, Progress, stated
 
 _FLOAT = 5126
 
@@ -36,7 +36,7 @@ def write_own_glb(path: Path, motion: Motion, mapping_path: Path, progress: Prog
         )
     file = read_gltf(mapping.skeleton)
     skeleton, nodes = gltf_skeleton(file)
-    moving = on_own(motion, mapping, skeleton)
+    moving = on_own(motion, skeleton, mapping.joints)
     animated = _animated(file, moving, nodes, skeleton.world, motion)
     with replacing(path) as draft:
         draft.write_bytes(animated.written())
@@ -53,7 +53,7 @@ def write_own_bvh(path: Path, motion: Motion, mapping_path: Path, progress: Prog
     """
     mapping = read_mapping(mapping_path)
     skeleton = read_skeleton(mapping.skeleton)
-    moving = on_own(motion, mapping, skeleton)
+    moving = on_own(motion, skeleton, mapping.joints)
     kept = None if mapping.skeleton.suffix.lower() == ".bvh" else _jointed(skeleton, moving)
     write_rig_bvh(path, moving, motion.frame_rate, kept=kept, progress=progress)
 

@@ -13,10 +13,10 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
+from fitting_core.animation.retargeting.retarget import RigMotion
 from fitting_core.files.atomic import replacing
 from fitting_core.io.motion.bvh import continuous_euler
-from fitting_core.io.motion.fitted_motion import Progress
-from fitting_core.io.motion.rigs.retargeting.retarget import RigMotion
+from fitting_core.motion import Progress
 
 _TURNS = "Zrotation Xrotation Yrotation"
 _PLACES = "Xposition Yposition Zposition"

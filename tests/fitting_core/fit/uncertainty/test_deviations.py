@@ -18,9 +18,9 @@ from fitting_core.fit.uncertainty.calibration import calibrated, part_of
 from fitting_core.fit.uncertainty.deviations import deviations
 from fitting_core.fit.uncertainty.measured import OF_ANGLES, OF_JOINTS
 from fitting_core.fit.variables.state import State
-from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.keypoints import INDEX
 from fitting_core.measure.angles.joint_angles import flexion
+from fitting_core.motion import Motion
 from tests.fitting_core.fit.solvers.test_banded import dense
 from tests.samples.posed_clips import CAMERA, clip_of, motion, shipped_body
 

@@ -7,7 +7,7 @@ import torch
 
 from fitting_core.body.model import BodyModel
 from fitting_core.camera import Camera
-from fitting_core.io.motion.fitted_motion import Motion
+from fitting_core.motion import Motion
 from tests.samples import posed_clips
 
 CAMERA = Camera(focal=(900.0, 910.0), center=(310.0, 250.0), size=(640, 480), source="as given")

@@ -8,13 +8,13 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
+from fitting_core.animation.morphs import corrective_morphs
+from fitting_core.animation.rig import four_weights, same_hemisphere
 from fitting_core.body.model import JOINTS, BodyModel
 from fitting_core.ground.level import Level
 from fitting_core.ground.level import upright as make_upright
-from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.io.motion.glb import write_glb
-from fitting_core.io.motion.morphs import corrective_morphs
-from fitting_core.io.motion.rig import four_weights, same_hemisphere
+from fitting_core.motion import Motion
 from tests.fitting_core.io.motion.gltf_player import Player
 from tests.fitting_core.io.motion.motions import meshes, swinging
 

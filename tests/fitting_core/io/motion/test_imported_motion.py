@@ -24,11 +24,11 @@ from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.ground.level import Level, upright
 from fitting_core.io import read_motion
 from fitting_core.io.motion.animation_npz import write_animation_npz
-from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.io.motion.imported_motion import cover
 from fitting_core.io.motion.smplifyx import FOCAL, RESULTS, read_smplifyx, write_smplifyx
 from fitting_core.io.result_files import fit_arrays, read_fit
 from fitting_core.keypoints import Keypoints
+from fitting_core.motion import Motion
 from fitting_core.priors.latent import LatentPrior
 from tests.fitting_core.priors.networks import random_latents, random_network
 

@@ -21,10 +21,10 @@ from fitting_core.body.points.positions import joints_in_space
 from fitting_core.camera import Camera, project
 from fitting_core.errors import InputError
 from fitting_core.io import read_motion
-from fitting_core.io.motion.fitted_motion import rest_joints
 from fitting_core.io.motion.imported_motion import ImportedMotion
 from fitting_core.io.motion.learned import per_image
 from fitting_core.io.motion.learned.systems import SYSTEMS, people_in
+from fitting_core.motion import rest_joints
 from tests.fitting_core.io.motion.learned_files import (
     DIAGONAL,
     FRAMES,

@@ -14,8 +14,8 @@ from fitting_core.body.model import JOINTS, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.io.motion.animation_npz import write_animation_npz
 from fitting_core.io.motion.bvh import continuous_euler, write_bvh
-from fitting_core.io.motion.fitted_motion import AXES, Motion
 from fitting_core.io.motion.mesh_sequence import file_stem, write_obj_sequence, write_ply_sequence
+from fitting_core.motion import AXES, Motion
 from tests.fitting_core.io.motion.motions import meshes, swinging
 
 

@@ -11,8 +11,8 @@ from fitting_core.body.model import BodyModel
 from fitting_core.camera import path_of
 from fitting_core.ground.level import Level
 from fitting_core.ground.level import upright as make_upright
-from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.io.motion.glb import write_glb, write_people_glb
+from fitting_core.motion import Motion
 from tests.fitting_core.io.motion.gltf_player import Player
 from tests.fitting_core.io.motion.motions import meshes, swinging
 

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.io.motion.fitted_motion import Motion
+from fitting_core.motion import Motion
 from tests.fitting_core.io.motion.motions import CAMERA
 
 BONES = {

@@ -11,10 +11,10 @@ from fitting_core.body.geometry import MIRROR, MIRROR_ROTATION
 from fitting_core.body.model import JOINT, JOINTS, BodyModel, other_side
 from fitting_core.body.params import BodyParams
 from fitting_core.ground.level import Level, upright
-from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.measure.angles.cardan import angles_of, continuous, held
 from fitting_core.measure.angles.joint_angles import ANGLES, joint_angles
 from fitting_core.measure.angles.segments import Segments
+from fitting_core.motion import Motion
 from tests.fitting_core.io.motion.motions import CAMERA, swinging
 from tests.fitting_core.measure.angles.anatomy import PARENTS, bone, frames, mirrored, posed, turned
 

@@ -11,7 +11,7 @@ import pytest
 import viser
 
 from fitting_core.body.model import BodyModel
-from fitting_core.io.motion.rigs.mapping import read_mapping
+from fitting_core.io.motion.rigs.mapping_file import read_mapping
 from tcfit_app.project.storage.rig import keep_rig, kept_rig
 from tcfit_app.review.page import Page
 from tcfit_app.review.panels.export_panel import ExportPanel

@@ -22,7 +22,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.camera import World
 from fitting_core.errors import InputError
 from fitting_core.io import read_detections
-from fitting_core.io.motion.fitted_motion import OWN_WORLD, Progress
+from fitting_core.motion import OWN_WORLD, Progress
 from tcfit_app.analysis.curves import peaks
 from tcfit_app.analysis.run_metrics import Metric
 from tcfit_app.exports.source import ExportSource

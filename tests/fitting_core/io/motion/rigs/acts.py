@@ -6,11 +6,11 @@ import numpy as np
 import torch
 from scipy.optimize import brentq
 
+from fitting_core.animation.retargeting.touch import touches
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.ground.contacts import Contacts
-from fitting_core.io.motion.fitted_motion import Motion
-from fitting_core.io.motion.rigs.retargeting.touch import touches
+from fitting_core.motion import Motion
 from tests.fitting_core.io.motion.motions import CAMERA
 
 

@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fitting_core.animation.rigs.guessing import guessed
+from fitting_core.animation.rigs.mapping import guess_joints
+from fitting_core.animation.rigs.parts import CHAINS, NEEDED, PARTS
 from fitting_core.body.model import JOINTS
 from fitting_core.errors import InputError
-from fitting_core.io.motion.rigs.guessing import guessed
-from fitting_core.io.motion.rigs.mapping import RigMapping, guess_joints, read_mapping, read_skeleton, write_mapping
-from fitting_core.io.motion.rigs.parts import CHAINS, NEEDED, PARTS
+from fitting_core.io.motion.rigs.mapping_file import RigMapping, read_mapping, read_skeleton, write_mapping
 from tests.fitting_core.io.motion.rigs.rig_files import PERSON, bvh_text, glb_bytes, gltf_document, with_mapping
 
 FINGERS = ("Thumb", "Index", "Middle", "Ring", "Pinky")

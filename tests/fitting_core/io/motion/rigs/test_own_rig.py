@@ -10,20 +10,24 @@ import pygltflib
 import pytest
 from scipy.spatial.transform import Rotation
 
+from fitting_core.animation.retargeting.retarget import Posed, RigMotion, turned
+from fitting_core.animation.retargeting.touch import SIDES, gaps, touches
+from fitting_core.animation.rigs.known_rigs import MIXAMO
+from fitting_core.animation.rigs.own_rig import on_own
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.errors import InputError
-from fitting_core.io.motion.fitted_motion import Motion
-from fitting_core.io.motion.rigs.known.known_rigs import MIXAMO
-from fitting_core.io.motion.rigs.known.rig_glb import write_standard_glb
-from fitting_core.io.motion.rigs.mapping import read_mapping
+from fitting_core.io.motion.rigs.mapping_file import RigMapping, read_mapping, read_skeleton
 from fitting_core.io.motion.rigs.own_files import write_own_bvh, write_own_glb
-from fitting_core.io.motion.rigs.own_motion import on_own
-from fitting_core.io.motion.rigs.retargeting.retarget import Posed, RigMotion, turned
-from fitting_core.io.motion.rigs.retargeting.touch import SIDES, gaps, touches
+from fitting_core.io.motion.rigs.rig_glb import write_standard_glb
+from fitting_core.motion import Motion
 from tests.fitting_core.io.motion.motions import swinging
 from tests.fitting_core.io.motion.rigs.acts import touching_hands, weight_shifting
 from tests.fitting_core.io.motion.rigs.readers import Bvh, glb_joints
 from tests.fitting_core.io.motion.rigs.rig_files import PERSON, bvh_text, glb_bytes, gltf_document, with_mapping
+
+
+def moved_by(motion: Motion, mapping: RigMapping) -> RigMotion:
+    return on_own(motion, read_skeleton(mapping.skeleton), mapping.joints)
 
 
 @pytest.fixture(scope="module")
@@ -70,13 +74,13 @@ def turned_bones(*names: str, by: float) -> list:
 def test_a_rig_that_does_not_stand_at_rest_is_refused(upright: Motion, tmp_path: Path, bones: list, says: str):
     """As files of motion capture that have every bone along one axis, and all of the pose in their motion."""
     with pytest.raises(InputError, match=says + ".*T pose, an A pose"):
-        on_own(upright, read_mapping(with_mapping(tmp_path, "hero.bvh", bvh_text(bones))))
+        moved_by(upright, read_mapping(with_mapping(tmp_path, "hero.bvh", bvh_text(bones))))
 
 
 @pytest.mark.parametrize("by", [-40, -85, 60])
 def test_arms_may_be_in_any_pose_of_a_body_that_stands(upright: Motion, tmp_path: Path, by: float):
     bones = turned_bones("LeftArm", "LeftForeArm", by=by)
-    on_own(upright, read_mapping(with_mapping(tmp_path, "hero.bvh", bvh_text(bones))))
+    moved_by(upright, read_mapping(with_mapping(tmp_path, "hero.bvh", bvh_text(bones))))
 
 
 # --- joints ---
@@ -90,7 +94,7 @@ def test_a_rig_of_the_person_s_own_lengths_is_where_the_fit_is(upright: Motion, 
     write_own_glb(tmp_path / "out.glb", upright, tmp_path / "rig.toml")
     found = glb_joints(tmp_path / "out.glb", frame / upright.frame_rate)
     posed = Posed.of(upright).places[frame]
-    moving = on_own(upright, read_mapping(tmp_path / "rig.toml"))
+    moving = moved_by(upright, read_mapping(tmp_path / "rig.toml"))
     assert moving.target.scale == pytest.approx(1, abs=1e-6)
     sunk = found["mixamorig:Hips"][:3, 3] - posed[0]  # without a known floor, the lowest sole is put onto 0
     for name, joint in (("LeftArm", "left_shoulder"), ("RightHand", "right_wrist"), ("LeftLeg", "left_knee"),
@@ -101,7 +105,7 @@ def test_a_rig_of_the_person_s_own_lengths_is_where_the_fit_is(upright: Motion, 
 
 def test_files_hold_what_was_put_on_the_rig(swaying: Motion, tmp_path: Path):
     table = with_mapping(tmp_path, "hero.glb", glb_bytes(gltf_document()))
-    moving = on_own(swaying, read_mapping(table))
+    moving = moved_by(swaying, read_mapping(table))
     write_own_glb(tmp_path / "out.glb", swaying, table)
     write_own_bvh(tmp_path / "out.bvh", swaying, table)
     bvh = Bvh.of(tmp_path / "out.bvh")
@@ -139,7 +143,7 @@ def test_a_bvh_keeps_its_unit_and_a_z_up_rig_its_axes(swaying: Motion, tmp_path:
 
 def test_bones_keep_the_rig_s_lengths_and_take_the_fit_s_directions(swaying: Motion, tmp_path: Path):
     mapping = read_mapping(with_mapping(tmp_path, "hero.bvh", bvh_text()))
-    moving, posed = on_own(swaying, mapping), Posed.of(swaying)
+    moving, posed = moved_by(swaying, mapping), Posed.of(swaying)
     for side, names in (("left", ("LeftArm", "LeftForeArm", "LeftHand")), ("right", ("RightUpLeg", "RightLeg"))):
         k = [moving.target.names.index(name) for name in names]
         joints = ("shoulder", "elbow", "wrist") if side == "left" else ("hip", "knee")
@@ -160,7 +164,7 @@ def test_a_longer_trunk_carries_the_chest_and_the_head_as_the_fit_does(upright: 
     assert len(long.joints["spine"]) == 5 and long.joints["neck"] == ("Neck", "Neck1")
     turns = {}
     for name, mapping, last in (("short", short, "Spine1"), ("long", long, "Spine4")):
-        moving = on_own(upright, mapping)
+        moving = moved_by(upright, mapping)
         turns[name] = moving.moved[:, [moving.target.names.index(n) for n in (last, "Head", "Spine")]]
     assert np.allclose(turns["short"][:, :2], turns["long"][:, :2], atol=1e-9)
     angles = [Rotation.from_matrix(turns[n][:, 2].swapaxes(1, 2) @ turns[n][:, 0]).magnitude() for n in turns]
@@ -181,7 +185,7 @@ def test_standing_feet_slide_in_proportion_and_stay_on_the_floor(swaying: Motion
         return (x, 1.5 * y, z) if shape == "long legs" and name.endswith(("Leg", "Foot")) else offset
 
     bones = [(name, above, changed(name, offset)) for name, above, offset in PERSON]
-    moving = on_own(swaying, read_mapping(with_mapping(tmp_path, "hero.bvh", bvh_text(bones))))
+    moving = moved_by(swaying, read_mapping(with_mapping(tmp_path, "hero.bvh", bvh_text(bones))))
     target, posed = moving.target, Posed.of(swaying)
     assert swaying.contacts is not None
     for f, side in enumerate(SIDES):
@@ -200,7 +204,7 @@ def test_standing_feet_slide_in_proportion_and_stay_on_the_floor(swaying: Motion
 
 def test_without_the_feet_s_goals_they_would_slide(swaying: Motion, tmp_path: Path):
     mapping = read_mapping(with_mapping(tmp_path, "hero.bvh", bvh_text()))
-    alone = turned(Posed.of(swaying), on_own(swaying, mapping).target)
+    alone = turned(Posed.of(swaying), moved_by(swaying, mapping).target)
     k = alone.target.of_joint["left_foot"]
     fit = Posed.of(swaying).places[:, JOINT["left_foot"]]
     assert np.ptp(alone.places[:, k, 2]) / alone.target.scale > np.ptp(fit[:, 2]) + 0.01
@@ -224,7 +228,7 @@ def apart(moving: RigMotion, motion: Motion, side: str) -> np.ndarray:
 @pytest.mark.parametrize("side", SIDES)
 def test_hands_that_touch_in_the_fit_touch_on_the_rig(clasped: Motion, tmp_path: Path, side: str):
     mapping = read_mapping(with_mapping(tmp_path, "hero.bvh", bvh_text()))
-    moving, touch = on_own(clasped, mapping), touches(clasped)[side]
+    moving, touch = moved_by(clasped, mapping), touches(clasped)[side]
     together = touch.share == 1.0
     assert 9 <= together.sum() <= 12 and touch.distance[together].max() < 0.01
     before = apart(turned(Posed.of(clasped), moving.target), clasped, side)[together]
@@ -234,7 +238,7 @@ def test_hands_that_touch_in_the_fit_touch_on_the_rig(clasped: Motion, tmp_path:
 
 def test_hands_that_do_not_touch_are_left_alone(clasped: Motion, tmp_path: Path):
     mapping = read_mapping(with_mapping(tmp_path, "hero.bvh", bvh_text()))
-    moving = on_own(clasped, mapping)
+    moving = moved_by(clasped, mapping)
     plain = turned(Posed.of(clasped), moving.target)
     far = [0, 1, 2, 27, 28, 29]
     arms = [moving.target.of_joint[f"{side}_{j}"] for side in SIDES for j in ("shoulder", "elbow", "wrist")]
@@ -244,7 +248,7 @@ def test_hands_that_do_not_touch_are_left_alone(clasped: Motion, tmp_path: Path)
 def test_it_comes_and_goes_evenly(clasped: Motion, tmp_path: Path):
     """No wrist jumps: its second differences stay near those of the arms that nothing was done to."""
     mapping = read_mapping(with_mapping(tmp_path, "hero.bvh", bvh_text()))
-    moving = on_own(clasped, mapping)
+    moving = moved_by(clasped, mapping)
     k = moving.target.of_joint["left_wrist"]
     plain = turned(Posed.of(clasped), moving.target).places[:, k]
     moved = moving.places[:, k] - plain
@@ -263,7 +267,7 @@ def test_a_bvh_has_no_surface(upright: Motion, tmp_path: Path):
 def test_a_rig_that_lies_is_refused(upright: Motion, tmp_path: Path):
     flat = [(name, above, (0.0, 0.0, 0.0)) for name, above, _ in PERSON]
     with pytest.raises(InputError, match="rest pose must be standing"):
-        on_own(upright, read_mapping(with_mapping(tmp_path, "hero.bvh", bvh_text(flat))))
+        moved_by(upright, read_mapping(with_mapping(tmp_path, "hero.bvh", bvh_text(flat))))
 
 
 @pytest.mark.parametrize("bone", ["LeftLeg", "RightHand"])
@@ -284,7 +288,7 @@ def test_fingers_in_one_place_do_not_turn_the_hand(
     found = []
     for name, bones in (("bare", bare), ("odd", odd)):
         mapping = read_mapping(with_mapping(tmp_path, f"{name}.bvh", bvh_text(bones)))
-        moving = on_own(upright, mapping)
+        moving = moved_by(upright, mapping)
         found.append(moving.moved[:, moving.target.of_joint["left_wrist"]])
     assert found[0] == pytest.approx(found[1], abs=1e-9)
     assert not recwarn.list
@@ -344,6 +348,6 @@ def test_one_shape_and_a_rest_pose_of_its_own(free_body: BodyModel, tmp_path: Pa
     for folder, rig in (("t", PERSON), ("a", bones)):
         (tmp_path / folder).mkdir()
         mapping = read_mapping(with_mapping(tmp_path / folder, "hero.bvh", bvh_text(rig)))
-        moving = on_own(far, mapping)
+        moving = moved_by(far, mapping)
         found.append(moving.places[0] - moving.root[0])
     assert np.allclose(found[0], found[1], atol=0.3), "centimetres"

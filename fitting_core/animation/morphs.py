@@ -17,7 +17,7 @@ from jaxtyping import Float
 from scipy.sparse import csr_matrix
 
 from fitting_core.body import rotations
-from fitting_core.io.motion.fitted_motion import CHUNK, Motion
+from fitting_core.motion import CHUNK, Motion
 
 MOST = 64
 """Correctives in a file, at most: each takes 160 kB."""

@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Int
 
+from fitting_core.animation.morphs import Morphs, corrective_morphs, expression_morphs, joined
+from fitting_core.animation.retargeting.retarget import Posed, RigMotion, turned
+from fitting_core.animation.rig import Deviation, four_weights
+from fitting_core.animation.rigs.standard import Standard, bent, standard_target
 from fitting_core.body.model import JOINTS
-from fitting_core.io.motion.fitted_motion import CHUNK, Motion, Progress
-from fitting_core.io.motion.morphs import Morphs, corrective_morphs, expression_morphs, joined
-from fitting_core.io.motion.rig import Deviation, four_weights
-from fitting_core.io.motion.rigs.known.standard import Standard, bent, standard_target
-from fitting_core.io.motion.rigs.retargeting.retarget import Posed, RigMotion, turned
+from fitting_core.motion import CHUNK, Motion, Progress
 
 _LOOKED_AT = 64
 """Frames, evenly over the motion, in which the surface is compared with the fit's."""

@@ -13,11 +13,11 @@ import torch
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
+from fitting_core.animation.retargeting.target import Source, Target
+from fitting_core.animation.rig import same_hemisphere
 from fitting_core.body.kinematics import Tree, pose_joints
 from fitting_core.body.model import JOINT
-from fitting_core.io.motion.fitted_motion import Motion
-from fitting_core.io.motion.rig import same_hemisphere
-from fitting_core.io.motion.rigs.retargeting.target import Source, Target
+from fitting_core.motion import Motion
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -8,11 +8,11 @@ import torch
 from jaxtyping import Float, Int
 from scipy.spatial.transform import Rotation
 
+from fitting_core.animation.keys import Keys
+from fitting_core.animation.morphs import Morphs, corrective_morphs, expression_morphs, joined
 from fitting_core.body.kinematics import Tree, pose_joints
 from fitting_core.body.model import N_JOINTS
-from fitting_core.io.motion.fitted_motion import CHUNK, Motion, Progress
-from fitting_core.io.motion.keys import Keys
-from fitting_core.io.motion.morphs import Morphs, corrective_morphs, expression_morphs, joined
+from fitting_core.motion import CHUNK, Motion, Progress
 
 WEIGHTS = 4
 """Joints that a vertex follows at most: what programs for real-time graphics take."""

@@ -11,7 +11,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.camera import World
 from fitting_core.errors import InputError
 from fitting_core.ground.level import Level, level_of, upright
-from fitting_core.io.motion.fitted_motion import AXES, OWN_WORLD, stated, stated_by_frame
+from fitting_core.motion import AXES, OWN_WORLD, stated, stated_by_frame
 from tests.fitting_core.io.motion.motions import meshes, swinging
 
 

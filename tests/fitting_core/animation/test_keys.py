@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
+from fitting_core.animation import keys as thinning
+from fitting_core.animation.keys import Animation, Keys, fewer_keys
+from fitting_core.animation.rig_keys import feet_held
 from fitting_core.body.model import JOINT, JOINTS, BodyModel
 from fitting_core.errors import InputError
 from fitting_core.ground.contacts import Contacts
-from fitting_core.io.motion import keys as thinning
-from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.io.motion.glb import write_glb
-from fitting_core.io.motion.keys import Animation, Keys, fewer_keys
-from fitting_core.io.motion.rig_keys import feet_held
+from fitting_core.motion import Motion
 from tests.fitting_core.io.motion.gltf_player import Player
 from tests.fitting_core.io.motion.motions import swinging
 

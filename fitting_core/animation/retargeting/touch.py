@@ -12,10 +12,10 @@ from jaxtyping import Float, Int
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial import KDTree
 
+from fitting_core.animation.retargeting.limbs import limb_of, reached
+from fitting_core.animation.retargeting.retarget import Posed, RigMotion
 from fitting_core.body.model import JOINT, JOINTS
-from fitting_core.io.motion.fitted_motion import CHUNK, Motion
-from fitting_core.io.motion.rigs.retargeting.limbs import limb_of, reached
-from fitting_core.io.motion.rigs.retargeting.retarget import Posed, RigMotion
+from fitting_core.motion import CHUNK, Motion
 
 SIDES = ("left", "right")
 _NEAR, _FAR = 0.015, 0.06

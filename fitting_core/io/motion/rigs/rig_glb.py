@@ -11,14 +11,14 @@ import numpy as np
 import pygltflib as gltf
 from scipy.spatial.transform import Rotation
 
+from fitting_core.animation.retargeting.retarget import RigMotion
+from fitting_core.animation.rig import Deviation
+from fitting_core.animation.rigs.animated import Surface, on_standard, surface_deviation, surface_on
+from fitting_core.animation.rigs.standard import Standard
 from fitting_core.body.geometry import vertex_normals
 from fitting_core.files.atomic import replacing
-from fitting_core.io.motion.fitted_motion import Motion, Progress, stated
 from fitting_core.io.motion.gltf_buffer import Buffer
-from fitting_core.io.motion.rig import Deviation
-from fitting_core.io.motion.rigs.known.animated import Surface, on_standard, surface_deviation, surface_on
-from fitting_core.io.motion.rigs.known.standard import Standard
-from fitting_core.io.motion.rigs.retargeting.retarget import RigMotion
+from fitting_core.motion import Motion, Progress, stated
 
 ARMATURE, MESH, FIRST_JOINT = range(3)
 """Nodes: the rig as a whole, what is skinned, and the joints one after the other."""

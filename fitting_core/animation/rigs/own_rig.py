@@ -1,4 +1,5 @@
-"""The user's own rig as a target: its rest pose against SMPL-X's, and how large it is."""
+"""A motion on the user's own rig: the rig as a target, by its rest pose and size; then feet onto the floor, hands to
+where they touch."""
 
 from collections.abc import Sequence
 
@@ -6,13 +7,17 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
+from fitting_core.animation.retargeting.feet import grounded
+from fitting_core.animation.retargeting.rest_pose import ALONG, FINGERS, rest_turns
+from fitting_core.animation.retargeting.retarget import Posed, RigMotion, turned
+from fitting_core.animation.retargeting.target import Source, Target
+from fitting_core.animation.retargeting.touch import touches, touching
+from fitting_core.animation.rigs.mapping import Joints
+from fitting_core.animation.rigs.parts import CHAINS, NEEDED, meant
+from fitting_core.animation.rigs.skeleton import Skeleton
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.errors import InputError
-from fitting_core.io.motion.rigs.mapping import Joints
-from fitting_core.io.motion.rigs.parts import CHAINS, NEEDED, meant
-from fitting_core.io.motion.rigs.retargeting.rest_pose import ALONG, FINGERS, rest_turns
-from fitting_core.io.motion.rigs.retargeting.target import Source, Target
-from fitting_core.io.motion.rigs.skeleton import Skeleton
+from fitting_core.motion import Motion
 
 _SIDES = ("left", "right")
 _SHORT = 1e-6
@@ -24,6 +29,23 @@ _ASTRIDE, _INWARD = 45.0, 120.0
 hang are at 90."""
 _LOW = 0.12
 """Share of a leg up to which the lowest joint is above what the rig stands on; else it stands on that joint."""
+
+
+def on_own(motion: Motion, skeleton: Skeleton, joints: Joints) -> RigMotion:
+    """A motion on a rig with its own lengths, in its own world and unit.
+
+    Args:
+        motion: In any axes.
+        skeleton: The rig.
+        joints: What stands for what; checked.
+
+    Raises:
+        InputError: The rest pose is none that a body can have.
+    """
+    upright = motion.in_axes("y-up").one_shape
+    posed, body = Posed.of(upright), upright.shaped_body
+    moving = grounded(turned(posed, own_target(skeleton, joints, body)), posed, upright)
+    return touching(moving, posed, touches(upright), body.parents, upright.frame_rate)
 
 
 def own_target(skeleton: Skeleton, joints: Joints, body: BodyModel) -> Target:

@@ -7,7 +7,7 @@ is plain enough: a side, a part and a number in any order and spelling.
 import re
 from collections.abc import Iterable
 
-from fitting_core.io.motion.rigs.parts import CHAINS, PARTS
+from fitting_core.animation.rigs.parts import CHAINS, PARTS
 
 _VENDORS = re.compile(r"^(.*[:|])?(mixamorig\d*|valvebiped|bip0*\d*|cc_base|j_bip|j_adj|def|base)?[ _.:-]*(?=\S)", re.I)
 _WORDS = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")

@@ -22,7 +22,7 @@ from scipy.spatial.transform import Rotation
 from fitting_core.body.kinematics import Tree, pose_joints
 from fitting_core.errors import InputError
 from fitting_core.frame_runs import runs_where
-from fitting_core.io.motion.fitted_motion import Progress
+from fitting_core.motion import Progress
 
 MOST = 0.1
 """Metres: a larger bound leaves nothing of a motion."""

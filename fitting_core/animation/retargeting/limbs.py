@@ -6,10 +6,10 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
+from fitting_core.animation.retargeting.rest_pose import shortest
+from fitting_core.animation.retargeting.retarget import RigMotion
+from fitting_core.animation.retargeting.target import Target
 from fitting_core.body.model import JOINT
-from fitting_core.io.motion.rigs.retargeting.rest_pose import shortest
-from fitting_core.io.motion.rigs.retargeting.retarget import RigMotion
-from fitting_core.io.motion.rigs.retargeting.target import Target
 
 _LONGEST = 0.9995
 """Share of its length that a limb is stretched to at most, if it was not longer before: a straight one would not say

@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator
 
-from fitting_core.io.motion.rigs.known.standard import AHEAD, DOWN, LEFT, RIGHT, UP, Bone, Standard, Vector
-from fitting_core.io.motion.rigs.retargeting.rest_pose import FINGERS
-from fitting_core.io.motion.rigs.retargeting.target import Source
+from fitting_core.animation.retargeting.rest_pose import FINGERS
+from fitting_core.animation.retargeting.target import Source
+from fitting_core.animation.rigs.standard import AHEAD, DOWN, LEFT, RIGHT, UP, Bone, Standard, Vector
 
 _STRAIGHT: dict[str, Vector] = {
     f"left_{joint}": LEFT

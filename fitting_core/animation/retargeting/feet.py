@@ -9,11 +9,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
+from fitting_core.animation.retargeting.limbs import limb_of, reached
+from fitting_core.animation.retargeting.retarget import Posed, RigMotion
+from fitting_core.animation.retargeting.target import Target
 from fitting_core.body.model import JOINT
-from fitting_core.io.motion.fitted_motion import Motion
-from fitting_core.io.motion.rigs.retargeting.limbs import limb_of, reached
-from fitting_core.io.motion.rigs.retargeting.retarget import Posed, RigMotion
-from fitting_core.io.motion.rigs.retargeting.target import Target
+from fitting_core.motion import Motion
 
 SIDES = ("left", "right")
 _SPREAD = 0.15

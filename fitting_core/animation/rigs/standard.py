@@ -20,9 +20,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from fitting_core.animation.retargeting.rest_pose import frame, rest_turns
+from fitting_core.animation.retargeting.target import Source, Target
 from fitting_core.body.model import JOINT, BodyModel
-from fitting_core.io.motion.rigs.retargeting.rest_pose import frame, rest_turns
-from fitting_core.io.motion.rigs.retargeting.target import Source, Target
 
 Vector = tuple[float, float, float]
 LEFT, UP, AHEAD = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)

@@ -12,11 +12,12 @@ What the table leaves out is guessed by the joints' names, and "" says that the 
 the rig itself, given in the place of this file, everything is guessed.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 
+from fitting_core.animation.rigs.mapping import Joints, check_joints, guess_joints
+from fitting_core.animation.rigs.parts import CHAINS, PARTS, meant
+from fitting_core.animation.rigs.skeleton import Skeleton
 from fitting_core.errors import InputError, some_of
 from fitting_core.files.atomic import replacing
 from fitting_core.files.regular import regular_file
@@ -24,17 +25,9 @@ from fitting_core.files.toml_text import parsed_toml
 from fitting_core.io.motion.rigs.bvh_skeleton import read_bvh_skeleton
 from fitting_core.io.motion.rigs.gltf_file import read_gltf
 from fitting_core.io.motion.rigs.gltf_skeleton import gltf_skeleton
-from fitting_core.io.motion.rigs.guessing import guessed
-from fitting_core.io.motion.rigs.parts import CHAINS, NEEDED, PARTS, below, meant
-from fitting_core.io.motion.rigs.skeleton import Skeleton
 
-Joints = Mapping[str, tuple[str, ...]]
-"""By part, one of PARTS: the rig's joints that stand for it, several for the chains. Parts that the rig lacks are
-missing."""
 _MOST = 2**20
 """Bytes of a mapping file."""
-_NAMED = 30
-"""Joints of a rig that a message names."""
 _GLTF = (".glb", ".gltf", ".vrm")
 _TO_CONVERT = (".fbx", ".blend", ".dae", ".usd")
 """Rigs that are not read."""
@@ -66,62 +59,6 @@ def read_skeleton(path: Path, *, whole: bool = False) -> Skeleton:
         return gltf_skeleton(read_gltf(path, with_data=whole))[0]
     hint = " Convert it to GLB, for example with Blender." if ending in _TO_CONVERT else ""
     raise InputError(f"{path}: {ending or 'no ending'} is not read as a rig; expected .glb, .gltf, .vrm or .bvh.{hint}")
-
-
-def guess_joints(skeleton: Skeleton) -> dict[str, tuple[str, ...]]:
-    """The mapping as the file states it, or as far as it can be guessed by names; see `guessing`."""
-    if not skeleton.stated:
-        return guessed(skeleton.offered)
-    parts = guessed(skeleton.stated)
-    return {part: tuple(skeleton.stated[bone] for bone in bones) for part, bones in parts.items()}
-
-
-def check_joints(joints: Joints, skeleton: Skeleton) -> None:
-    """Check that a mapping can be used.
-
-    Raises:
-        InputError: A part or a joint is not known, a joint stands for two parts, a part that is needed is missing, or
-            joints do not hang on each other as a body's do.
-    """
-    source = skeleton.source
-    used: dict[str, str] = {}
-    for part, names in joints.items():
-        if part not in PARTS:
-            raise InputError(f"{source}: {part!r} is no part of a body; expected some of {', '.join(PARTS)}.")
-        if not names or (len(names) > 1 and part not in CHAINS):
-            raise InputError(
-                f"{source}: {part} has {len(names)} joints, expected one; only spine and neck have several."
-            )
-        for name in names:
-            if name not in skeleton.names:
-                raise InputError(
-                    f"{source}: has no joint {name!r} for {part}; it has {some_of(skeleton.offered, most=_NAMED)}."
-                )
-            if skeleton.names.count(name) > 1:
-                raise InputError(
-                    f"{source}: has several joints {name!r}, one of which is wished for {part}. Rename them."
-                )
-            if name in used:
-                raise InputError(f"{source}: the joint {name!r} stands for {used[name]} and for {part}; expected one.")
-            used[name] = part
-    if missing := [f"{part} ({meant(part)})" for part in NEEDED if part not in joints]:
-        raise InputError(
-            f"{source}: no joint stands for {', '.join(missing)}; choose from {some_of(skeleton.offered, most=_NAMED)}."
-        )
-    _check_tree(joints, skeleton)
-
-
-def _check_tree(joints: Joints, skeleton: Skeleton) -> None:
-    for part, names in joints.items():
-        above = below(part) or ("pelvis" if part != "pelvis" else None)
-        chain = [*(joints.get(above, ()) if above else ())[-1:], *names]
-        for upper, lower in pairwise(chain):
-            if not skeleton.is_below(skeleton.index(lower), skeleton.index(upper)):
-                of = f" ({meant(above)})" if above and upper in joints[above] else ""
-                raise InputError(
-                    f"{skeleton.source}: {lower!r} ({meant(part)}) does not hang on {upper!r}{of} in the rig; choose "
-                    "joints that do, or let it hang there in the program that made the rig."
-                )
 
 
 def read_mapping(path: Path, *, checked: bool = True) -> RigMapping:
