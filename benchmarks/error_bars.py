@@ -22,7 +22,6 @@ from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS
-from fitting_core.fit.error_bars import ANGLES, DIRECTIONS, JOINTS, WIDER, ErrorBars
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.grounded import holding_feet
 from fitting_core.fit.stages import Stages
@@ -31,6 +30,7 @@ from fitting_core.fit.uncertainty.calibration import part_of
 from fitting_core.fit.uncertainty.deviations import deviations
 from fitting_core.measure.angles.joint_angles import joint_angles
 from fitting_core.motion import Motion
+from fitting_core.results.error_bars import ANGLES, DIRECTIONS, JOINTS, WIDER, ErrorBars
 from fitting_core.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
 
 PELVIS = JOINT["pelvis"]

@@ -17,7 +17,7 @@ from tyro.conf import OmitArgPrefixes, arg
 
 from benchmarks.report import Common, Row, progress, report, start
 from fitting_core.body.model import JOINT
-from fitting_core.fit.evidence.observations import lifted_keypoints, seen_confidence
+from fitting_core.fit.evidence.observations import lifted_keypoints
 from fitting_core.fit.grounded import grounding_of_params
 from fitting_core.frame_runs import runs_where
 from fitting_core.ground.feet import sole_heights, stance_of
@@ -25,6 +25,7 @@ from fitting_core.ground.gravity import angles, robust_mean
 from fitting_core.ground.grounding import Grounding, grounding_before_fit
 from fitting_core.ground.placing import places
 from fitting_core.ground.plane import lowest
+from fitting_core.image_border import seen_confidence
 from fitting_core.io.result_files import read_fit
 from fitting_core.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
 from tcfit_app.evaluation.suite_runs import fitted_body

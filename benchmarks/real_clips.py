@@ -11,7 +11,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.config.schema import PRESETS, FitConfig, Weights, without_collisions
 from fitting_core.errors import InputError
 from fitting_core.fit.fitting import fit_clip
-from fitting_core.fit.result import FitResult
+from fitting_core.results.fit_result import FitResult
 
 BASELINE = "smplifyx"
 """Only its phase 1 is SMPLify-X, which fits single images; the later phases would be ours."""

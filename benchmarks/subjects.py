@@ -16,13 +16,13 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.config.schema import PRESETS
 from fitting_core.fit.events import drained
-from fitting_core.fit.evidence.known_shape import KnownShape
 from fitting_core.fit.fitting import fit_clip, shape_events
 from fitting_core.fit.fused import ready
-from fitting_core.fit.result import FitResult
 from fitting_core.fit.subject_shape import subject_shape
 from fitting_core.measure.mesh.volume import Enclosed
 from fitting_core.metrics import mpjpe, pa_mpjpe
+from fitting_core.results.fit_result import FitResult
+from fitting_core.results.known_shape import KnownShape
 from fitting_core.synthetic.studio.world_camera import View
 from fitting_core.synthetic.suite import SUBJECTS, Subject, SuiteClip, SuiteSequence, make_sequence, subject_body
 

@@ -46,15 +46,12 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not follow the tabl
     from fitting_core.fit.events import Iteration as Iteration
     from fitting_core.fit.events import PhaseFinished as PhaseFinished
     from fitting_core.fit.events import PhaseStarted as PhaseStarted
-    from fitting_core.fit.evidence.known_shape import KnownShape as KnownShape
     from fitting_core.fit.fitting import fit_clip as fit_clip
     from fitting_core.fit.fitting import fit_events as fit_events
     from fitting_core.fit.fitting import rerun_events as rerun_events
     from fitting_core.fit.objective_values import ObjectiveValues as ObjectiveValues
     from fitting_core.fit.objective_values import evaluate_objective as evaluate_objective
     from fitting_core.fit.refitting import refit as refit
-    from fitting_core.fit.result import FitResult as FitResult
-    from fitting_core.fit.result import PhaseResult as PhaseResult
     from fitting_core.io import read_motion as read_motion
     from fitting_core.io.clip_reader import read_clip as read_clip
     from fitting_core.io.clip_reader import read_keypoints as read_keypoints
@@ -78,6 +75,9 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not follow the tabl
     from fitting_core.render.motion_views import Look as Look
     from fitting_core.render.motion_views import picture_of as picture_of
     from fitting_core.render.overlay import write_overlay as write_overlay
+    from fitting_core.results.fit_result import FitResult as FitResult
+    from fitting_core.results.fit_result import PhaseResult as PhaseResult
+    from fitting_core.results.known_shape import KnownShape as KnownShape
     from fitting_core.synthetic.demo_clip import cached_demo as cached_demo
     from fitting_core.synthetic.demo_clip import make_demo as make_demo
 
@@ -97,10 +97,10 @@ _HOMES = {
     "errors": ("InputError",),
     "fit.events": ("Finished", "FitEvent", "Iteration", "PhaseFinished", "PhaseStarted", "FramesFitted"),
     "fit.fitting": ("fit_clip", "fit_events", "rerun_events"),
-    "fit.evidence.known_shape": ("KnownShape",),
+    "results.known_shape": ("KnownShape",),
     "fit.objective_values": ("ObjectiveValues", "evaluate_objective"),
     "fit.refitting": ("refit",),
-    "fit.result": ("FitResult", "PhaseResult"),
+    "results.fit_result": ("FitResult", "PhaseResult"),
     "io": ("read_motion",),
     "io.clip_reader": ("read_clip", "read_keypoints"),
     "io.known_shape": ("read_known_shape",),

@@ -37,6 +37,8 @@ HANDS = slice(25, 67)
 FACE = slice(67, 137)
 CONTOUR = slice(67, 84)
 COUNT = 137
+SEEN = 0.2
+"""Confidence above which a keypoint counts as seen, where a yes or no is needed."""
 GROUPS = {"body": BODY, "left_hand": LEFT_HAND, "right_hand": RIGHT_HAND, "face": FACE}
 
 PartOfPerson = Literal["person", "left_hand", "right_hand", "face"]

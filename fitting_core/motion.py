@@ -15,9 +15,9 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams, full_pose
 from fitting_core.camera import Camera, CameraPath, World
 from fitting_core.errors import InputError
-from fitting_core.fit.error_bars import ErrorBars
 from fitting_core.ground.contacts import Contacts
 from fitting_core.ground.level import Level
+from fitting_core.results.error_bars import ErrorBars
 
 Progress = Callable[[float], None]
 """Takes the share that is done, 0 to 1; what it raises ends the writing."""

@@ -19,11 +19,11 @@ FLOORS = {
     "fitting_core": """
         errors frame_runs keypoint_noise keypoints plugins silhouettes
         camera lens wholebody config files body
-        clip metrics priors video lifting ground
-        fit detect
+        clip image_border metrics priors video lifting ground
+        results
         motion
         animation
-        io
+        io fit detect
         render synthetic
         measure build_assets
     """,

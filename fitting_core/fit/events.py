@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from fitting_core.body.params import BodyParams
-from fitting_core.fit.result import FitResult, PhaseResult
+from fitting_core.results.fit_result import FitResult, PhaseResult
 
 
 @dataclass(frozen=True, kw_only=True)

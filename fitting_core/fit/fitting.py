@@ -15,7 +15,6 @@ from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
-from fitting_core.fit.error_bars import ErrorBars
 from fitting_core.fit.events import (
     Finished,
     FitEvent,
@@ -26,9 +25,6 @@ from fitting_core.fit.events import (
     drained,
     mapped,
 )
-from fitting_core.fit.evidence.given_start import GivenStart
-from fitting_core.fit.evidence.known_shape import KnownShape
-from fitting_core.fit.evidence.sides import SEEN
 from fitting_core.fit.fused.ready import say_if_slow
 from fitting_core.fit.grounded import grounded, grounding_of_params, holding_feet
 from fitting_core.fit.phase_figures import phase_result
@@ -38,12 +34,16 @@ from fitting_core.fit.phases.limb_flips import mirrored_as_told
 from fitting_core.fit.phases.progress import Step, TermSampling
 from fitting_core.fit.phases.shared_shape import Sight, fit_shape
 from fitting_core.fit.plausibility import doubts, small_adult
-from fitting_core.fit.provenance import Provenance, Start
-from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.uncertainty.calibration import error_bars
 from fitting_core.fit.variables.state import State
+from fitting_core.keypoints import SEEN
+from fitting_core.results.error_bars import ErrorBars
+from fitting_core.results.fit_result import FitResult, PhaseResult
+from fitting_core.results.given_start import GivenStart
+from fitting_core.results.known_shape import KnownShape
+from fitting_core.results.provenance import Provenance, Start
 from fitting_core.video.frame_names import spans
 
 P = ParamSpec("P")

@@ -8,13 +8,14 @@ from jaxtyping import Float
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
-from fitting_core.fit.evidence.observations import lifted_keypoints, seen_confidence
+from fitting_core.fit.evidence.observations import lifted_keypoints
 from fitting_core.fit.evidence.sides import unswapped
 from fitting_core.fit.evidence.stances import stances
-from fitting_core.fit.result import FitResult
 from fitting_core.fit.stages import Stages
 from fitting_core.ground.feet import has_feet, sole_heights, stance_of
 from fitting_core.ground.grounding import Grounding, grounding_of
+from fitting_core.image_border import seen_confidence
+from fitting_core.results.fit_result import FitResult
 
 
 def grounded(fit: FitResult, clip: Clip, body: BodyModel) -> FitResult:

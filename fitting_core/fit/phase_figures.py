@@ -12,15 +12,15 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
-from fitting_core.fit.error_bars import ErrorBars
-from fitting_core.fit.evidence.given_start import GivenStart
 from fitting_core.fit.grounded import grounding_of_params, holding_feet
-from fitting_core.fit.provenance import Provenance
-from fitting_core.fit.result import PhaseResult
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.uncertainty.calibration import error_bars
 from fitting_core.fit.variables.state import State
 from fitting_core.ground.grounding import Grounding
+from fitting_core.results.error_bars import ErrorBars
+from fitting_core.results.fit_result import PhaseResult
+from fitting_core.results.given_start import GivenStart
+from fitting_core.results.provenance import Provenance
 
 _AROUND = 20
 """Frames to either side of those whose error bars are taken anew."""

@@ -5,8 +5,7 @@ import numpy as np
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
-from fitting_core.fit.evidence.sides import SEEN
-from fitting_core.keypoints import BODY
+from fitting_core.keypoints import BODY, SEEN
 
 _FAR, _NEAR = 60.0, 0.25
 """Metres from the camera between which people are filmed so that keypoints can be found."""

@@ -12,8 +12,8 @@ from fitting_core.fit.events import FitEvent, FramesFitted, Iteration, drained, 
 from fitting_core.fit.fitting import Refit, rerun_events
 from fitting_core.fit.grounded import grounding_of_params
 from fitting_core.fit.phase_figures import patched
-from fitting_core.fit.provenance import Provenance
-from fitting_core.fit.result import FitResult, PhaseResult
+from fitting_core.results.fit_result import FitResult, PhaseResult
+from fitting_core.results.provenance import Provenance
 
 
 def refit(clip: Clip, body: BodyModel, fit: FitResult, *windows: range, config: FitConfig | None = None) -> FitResult:

@@ -16,7 +16,7 @@ from fitting_core.body.points.pairs import Point, keypoint_points
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
-from fitting_core.fit.evidence.given_start import GivenStart
+from fitting_core.fit.evidence.given_start import beside
 from fitting_core.fit.evidence.observations import LIFTED_HEIGHT, Observations
 from fitting_core.fit.evidence.stances import Stances
 from fitting_core.fit.objective import FrameObjective
@@ -28,6 +28,7 @@ from fitting_core.fit.variables.estimate import View
 from fitting_core.fit.variables.state import Free, Parametrisation, State
 from fitting_core.keypoints import Keypoints
 from fitting_core.priors.pose import make_prior
+from fitting_core.results.given_start import GivenStart
 from fitting_core.silhouettes import Silhouettes
 
 
@@ -180,7 +181,7 @@ class Stages:
         if any(config.weights.relative_position):
             observations = observations.lifted(camera, frame_rate, size=fitted.size)
         if start is not None and config.start_deviation is not None:
-            start = start.beside(keypoints, camera)
+            start = beside(start, keypoints, camera)
             observations = observations.near(start.points, start.deviation(config.start_deviation))
         return Stages(
             observations=observations,

@@ -12,8 +12,8 @@ from fitting_core.config.schema import FitConfig
 from fitting_core.fit.events import drained
 from fitting_core.fit.fitting import clip_stages
 from fitting_core.fit.phases.shared_shape import Sight, fit_shape
-from fitting_core.fit.result import FitResult
 from fitting_core.fit.solvers import make_solver
+from fitting_core.results.fit_result import FitResult
 
 
 @dataclass(frozen=True, kw_only=True)

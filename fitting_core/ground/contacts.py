@@ -26,8 +26,9 @@ from fitting_core import keypoints as kp
 from fitting_core.camera import Camera
 from fitting_core.frame_runs import runs_where
 from fitting_core.ground.gravity import Gravity
-from fitting_core.ground.placing import SEEN, places, rays_of
+from fitting_core.ground.placing import places, rays_of
 from fitting_core.ground.staying import going_on
+from fitting_core.keypoints import SEEN
 from fitting_core.lifting.clip_lifting import LiftedClip, lift
 from fitting_core.video.frame_names import spans
 

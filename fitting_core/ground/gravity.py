@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from fitting_core import keypoints as kp
 from fitting_core.camera import Camera
-from fitting_core.ground.placing import SEEN
+from fitting_core.keypoints import SEEN
 from fitting_core.lifting.clip_lifting import LiftedClip
 
 _LEGS = [kp.INDEX[f"{side}_{part}"] for side in ("left", "right") for part in ("knee", "ankle")]

@@ -6,7 +6,8 @@ from jaxtyping import Bool, Float
 from fitting_core import keypoints as kp
 from fitting_core.camera import Camera, PathScale
 from fitting_core.ground.contacts import FOOT_POINTS
-from fitting_core.ground.placing import SEEN, places
+from fitting_core.ground.placing import places
+from fitting_core.keypoints import SEEN
 from fitting_core.lifting.clip_lifting import LiftedClip, lift
 
 _TRUNK = [kp.INDEX["mid_hip"], kp.INDEX["neck"]]

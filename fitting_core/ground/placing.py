@@ -7,8 +7,6 @@ from scipy.ndimage import gaussian_filter1d, median_filter
 from fitting_core.camera import Camera
 from fitting_core.lifting.clip_lifting import LiftedClip
 
-SEEN = 0.2
-"""Confidence above which a keypoint counts."""
 _MEDIAN, _SMOOTH = 0.17, 0.07
 """Seconds: of the running median over the places, and of the Gaussian after it."""
 _LEAST_DEVIATION = 0.02

@@ -9,10 +9,10 @@ from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
-from fitting_core.fit.result import FitResult
 from fitting_core.ground.level import level_of
 from fitting_core.io.result_files import StoredFit
 from fitting_core.motion import Motion
+from fitting_core.results.fit_result import FitResult
 
 
 @dataclass(frozen=True, kw_only=True)

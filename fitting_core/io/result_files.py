@@ -49,15 +49,15 @@ from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.files.npz import read_npz, write_npz
-from fitting_core.fit.error_bars import ErrorBars, error_bar_arrays, error_bars_from
-from fitting_core.fit.provenance import STARTS, STOPS, Provenance
-from fitting_core.fit.result import FitResult
 from fitting_core.ground.arrays import grounding_arrays, grounding_from
 from fitting_core.ground.grounding import Grounding
 from fitting_core.io.camera_arrays import camera_arrays, camera_from
 from fitting_core.io.motion.animation_npz import pose_arrays
 from fitting_core.io.summary import summary
 from fitting_core.motion import Motion
+from fitting_core.results.error_bars import ErrorBars, error_bar_arrays, error_bars_from
+from fitting_core.results.fit_result import FitResult
+from fitting_core.results.provenance import STARTS, STOPS, Provenance
 
 FIT_NAME, SUMMARY_NAME, OVERLAY_NAME = "fit.npz", "summary.json", "overlay.mp4"
 FORMAT = "tcfit fit 1"

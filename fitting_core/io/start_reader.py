@@ -20,20 +20,20 @@ from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.fit.evidence.given_start import (
     FOLLOWS,
-    GivenStart,
     Placed,
-    StartRecord,
     from_pelvis,
     given_start,
     placed,
+    steadied,
     with_whole_hands,
 )
-from fitting_core.fit.evidence.observations import seen_confidence
-from fitting_core.fit.evidence.sides import SEEN
+from fitting_core.image_border import seen_confidence
 from fitting_core.io import read_motion
 from fitting_core.io.motion.imported_motion import CoveredFrames, ImportedMotion, cover, from_still
+from fitting_core.keypoints import SEEN
 from fitting_core.metrics import heights_in_image
 from fitting_core.motion import rest_joints
+from fitting_core.results.given_start import GivenStart, StartRecord
 from fitting_core.video.frames import image_files
 
 if TYPE_CHECKING:
@@ -230,7 +230,7 @@ class _Candidate:
         if not found.there.any():
             far = placed(found.points, clip.keypoints, clip.camera).median_off[self.covered.there]
             raise InputError(_follows_nobody(motion, far, person))
-        return found.steady(clip.frame_rate)
+        return steadied(found, clip.frame_rate)
 
     def _own_points(self, body: BodyModel, find_body: FindBody) -> Float[np.ndarray, "T 25 3"] | None:
         """Keypoints from the pelvis on the motion's own body; None where that is the fitted one, or is not here."""

@@ -17,10 +17,10 @@ from fitting_core.camera import Camera, project
 from fitting_core.clip import Clip
 from fitting_core.config.toml import as_plain
 from fitting_core.files.regular import legible
-from fitting_core.fit.evidence.observations import cut_off
-from fitting_core.fit.result import FitResult
 from fitting_core.ground.grounding import Grounding
+from fitting_core.image_border import cut_off
 from fitting_core.metrics import jitter, reprojection_errors
+from fitting_core.results.fit_result import FitResult
 
 CONFIDENT = 0.3
 """Keypoints with more confidence count in the reprojection error."""
@@ -33,7 +33,7 @@ def summary(fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool, comm
     """The content of summary.json; numbers that are not finite become null in JSON.
 
     The reprojection error is over keypoints with a confidence above CONFIDENT that the body has, in all groups. Left
-    out, whatever the configuration, are detections of parts that the image cuts off (observations.cut_off): where such
+    out, whatever the configuration, are detections of parts that the image cuts off (image_border.cut_off): where such
     a part really lies is not known. So fits of one clip are always measured on the same keypoints.
     """
     measured = [p for p in fit.phases if p.phase in _MEASURED]

@@ -5,12 +5,12 @@ from pathlib import Path
 from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
-from fitting_core.fit.result import FitResult
 from fitting_core.measure.comparison import Comparison, compare
 from fitting_core.measure.pairing import Estimate
 from fitting_core.measure.references.bodies import body_of
 from fitting_core.measure.references.files import read_reference
 from fitting_core.measure.references.reference import Reference
+from fitting_core.results.fit_result import FitResult
 
 
 def evaluate_fit(

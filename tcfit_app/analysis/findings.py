@@ -14,9 +14,11 @@ from scipy.ndimage import median_filter
 
 from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT, JOINTS
-from fitting_core.fit.evidence.observations import lifted_keypoints, seen_confidence
-from fitting_core.fit.evidence.sides import PAIRED, SEEN, unswapped
+from fitting_core.fit.evidence.observations import lifted_keypoints
+from fitting_core.fit.evidence.sides import PAIRED, unswapped
 from fitting_core.frame_runs import runs_where
+from fitting_core.image_border import seen_confidence
+from fitting_core.keypoints import SEEN
 from fitting_core.plugins import Plugin, added
 from tcfit_app.analysis.body_regions import KEYPOINT_OF_JOINT, LIMB_OF, REGION_OF, REGIONS, spoken, spoken_bone
 from tcfit_app.analysis.posed_fit import GROUPS, PosedFit

@@ -13,13 +13,13 @@ from fitting_core.body.model import JOINT
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import project
 from fitting_core.clip import Clip
-from fitting_core.fit.error_bars import ErrorBars
 from fitting_core.fit.evidence.sides import PAIRED, unswapped
-from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.io.summary import counted_keypoints
 from fitting_core.measure.mesh.volume import Enclosed
 from fitting_core.metrics import reprojection_errors
 from fitting_core.motion import Motion
+from fitting_core.results.error_bars import ErrorBars
+from fitting_core.results.fit_result import FitResult, PhaseResult
 from tcfit_app.analysis.meshes import Meshes
 
 _NEAR = 0.01

@@ -9,13 +9,13 @@ from jaxtyping import Float
 
 from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
-from fitting_core.fit.result import PhaseResult
 from fitting_core.measure import comparison
 from fitting_core.measure.comparison import FigureKind, number_of
 from fitting_core.measure.pairing import Estimate
 from fitting_core.measure.references.reference import Reference
 from fitting_core.metrics import jitter, torso_lean
 from fitting_core.plugins import added
+from fitting_core.results.fit_result import PhaseResult
 from tcfit_app.analysis.posed_fit import GROUPS, PosedFit
 
 

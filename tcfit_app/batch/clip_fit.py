@@ -31,12 +31,12 @@ from fitting_core.files.atomic import replacing, sync
 from fitting_core.fit.events import FitEvent, drained, mapped
 from fitting_core.fit.fitting import fit_events, shape_events
 from fitting_core.fit.plausibility import doubts
-from fitting_core.fit.result import FitResult
 from fitting_core.fit.subject_shape import subject_shape
 from fitting_core.io.clip_reader import read_clip
 from fitting_core.io.known_shape import read_known_shape
 from fitting_core.io.result_files import OVERLAY_NAME, write_result
 from fitting_core.io.summary import summary
+from fitting_core.results.fit_result import FitResult
 from tcfit_app.batch.fingerprint import (
     FIRST_NAME,
     SHAPE_NAME,

@@ -11,8 +11,8 @@ from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
-from fitting_core.fit.result import FitResult
 from fitting_core.render.overlay import draw_keypoints
+from fitting_core.results.fit_result import FitResult
 from fitting_core.video.frames import FrameSource
 from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.analysis.posed_fit import PosedFit

@@ -20,13 +20,13 @@ from fitting_core.fit.events import PhaseFinished, PhaseStarted, drained
 from fitting_core.fit.fitting import fit_clip, fit_events, shape_events
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.phases.initialize import guess_depth, starting_state
-from fitting_core.fit.result import FitResult
 from fitting_core.fit.solvers import Solver, make_solver
 from fitting_core.fit.solvers.problem import IndependentFrames
 from fitting_core.fit.solvers.solution import Solution
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.variables.state import State
 from fitting_core.io.summary import CONFIDENT
+from fitting_core.results.fit_result import FitResult
 from fitting_core.synthetic.excerpts import picked
 from tcfit_app.bench.figures import Figure
 from tcfit_app.bench.machine import peak_memory

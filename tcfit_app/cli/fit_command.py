@@ -16,11 +16,11 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FitEvent, Iteration, PhaseFinished, PhaseStarted
-from fitting_core.fit.evidence.given_start import GivenStart
-from fitting_core.fit.evidence.known_shape import KnownShape
 from fitting_core.fit.fitting import fit_events
-from fitting_core.fit.result import FitResult
 from fitting_core.io.result_files import FIT_NAME, OVERLAY_NAME, SUMMARY_NAME, write_result
+from fitting_core.results.fit_result import FitResult
+from fitting_core.results.given_start import GivenStart
+from fitting_core.results.known_shape import KnownShape
 from tcfit_app.cli.detection_shown import DetectionShown
 from tcfit_app.cli.json_lines import Note, Progress, Step, StepDone, emit, emit_figures, emit_wrote, told
 from tcfit_app.exports.overlay_video import write_comparison

@@ -12,12 +12,12 @@ from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.files.npz import npz_names
-from fitting_core.fit.result import FitResult
 from fitting_core.io import read_motion
 from fitting_core.io.result_files import FIT_NAME, read_fit
 from fitting_core.measure.pairing import Estimate
 from fitting_core.measure.references.bodies import body_of
 from fitting_core.measure.references.reference import BodyOf, Reference
+from fitting_core.results.fit_result import FitResult
 from fitting_core.video.frame_names import spans
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.imports.results import ImportChoices, posed_body, vposer_decoder

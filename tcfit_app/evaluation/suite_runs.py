@@ -28,7 +28,6 @@ from fitting_core.fit.events import FitEvent, PhaseStarted, drained, mapped
 from fitting_core.fit.fitting import fit_clip, shape_events
 from fitting_core.fit.fused import ready
 from fitting_core.fit.phase_figures import evaluated
-from fitting_core.fit.result import FitResult
 from fitting_core.io.result_files import SUMMARY_NAME, read_fit, write_result
 from fitting_core.io.summary import versions
 from fitting_core.measure.comparison import Comparison, compare
@@ -36,6 +35,7 @@ from fitting_core.measure.pairing import Estimate
 from fitting_core.measure.records import BASELINE, PHASE_1, Record
 from fitting_core.measure.references.bodies import reference_of
 from fitting_core.measure.references.reference import Reference
+from fitting_core.results.fit_result import FitResult
 from fitting_core.synthetic.suite import LEVELS, SEQUENCES, SuiteClip, make_sequence
 from fitting_core.synthetic.truth import Truth
 

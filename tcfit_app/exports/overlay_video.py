@@ -13,8 +13,8 @@ from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
-from fitting_core.fit.result import FitResult
 from fitting_core.render.overlay import PANEL_COLORS, Panel, write_overlay
+from fitting_core.results.fit_result import FitResult
 from fitting_core.video.frames import FrameSource
 
 _CHUNK = 16

@@ -12,12 +12,12 @@ from fitting_core.body.markers.marker_set import STANDARD, MarkerSet
 from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
-from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.ground.grounding import Grounding
 from fitting_core.ground.level import level_of
 from fitting_core.motion import Motion
 from fitting_core.priors.latent import LatentPrior
 from fitting_core.priors.pose import make_prior
+from fitting_core.results.fit_result import FitResult, PhaseResult
 from fitting_core.video.frames import image_files
 from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.analysis.posed_fit import PosedFit

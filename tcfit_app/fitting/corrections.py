@@ -17,9 +17,9 @@ from fitting_core.errors import InputError
 from fitting_core.fit.fitting import Refit
 from fitting_core.fit.grounded import grounding_of_params
 from fitting_core.fit.phase_figures import patched
-from fitting_core.fit.provenance import Provenance
 from fitting_core.fit.refitting import with_phases
-from fitting_core.fit.result import FitResult
+from fitting_core.results.fit_result import FitResult
+from fitting_core.results.provenance import Provenance
 from tcfit_app.fitting.jobs import CorrectionJob
 from tcfit_app.fitting.live import Correction, Target
 from tcfit_app.project.project import Project

@@ -9,7 +9,7 @@ from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
-from fitting_core.fit.evidence.given_start import GivenStart
+from fitting_core.results.given_start import GivenStart
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.fitting.fits import Fits, Shown
 from tcfit_app.fitting.jobs import CorrectionJob, RerunFrames, around

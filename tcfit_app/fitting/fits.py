@@ -16,7 +16,7 @@ from fitting_core.config.schema import fits_as_smplifyx
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FramesFitted, PhaseFinished
 from fitting_core.fit.fitting import Refit
-from fitting_core.fit.result import FitResult, PhaseResult
+from fitting_core.results.fit_result import FitResult, PhaseResult
 from tcfit_app.fitting.corrections import Corrections
 from tcfit_app.fitting.jobs import CorrectionJob, Job, RunJob
 from tcfit_app.fitting.live import Correction, Target

@@ -10,12 +10,12 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FitEvent, FramesFitted, Iteration, PhaseFinished
-from fitting_core.fit.evidence.given_start import GivenStart
-from fitting_core.fit.evidence.known_shape import KnownShape
 from fitting_core.fit.fitting import fit_events, shape_events
 from fitting_core.fit.refitting import refit_events
-from fitting_core.fit.result import FitResult
 from fitting_core.keypoints import Keypoints
+from fitting_core.results.fit_result import FitResult
+from fitting_core.results.given_start import GivenStart
+from fitting_core.results.known_shape import KnownShape
 from tcfit_app.project.frame_words import in_words
 
 TYPICAL_SHARES = {1: 0.75, 2: 0.1, 3: 0.15}

@@ -29,8 +29,6 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig, without_collisions
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FitEvent
-from fitting_core.fit.evidence.given_start import GivenStart
-from fitting_core.fit.evidence.observations import cut_off
 from fitting_core.fit.evidence.sides import other_side
 from fitting_core.fit.fitting import Refit, rerun_events
 from fitting_core.fit.objective import FrameObjective
@@ -39,7 +37,9 @@ from fitting_core.fit.solvers.sequence import Sequence
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.terms.data import Data
 from fitting_core.fit.variables.state import State
+from fitting_core.image_border import cut_off
 from fitting_core.keypoints import Keypoints
+from fitting_core.results.given_start import GivenStart
 
 REACH = 3
 """Frames on each side of the dragged one that follow: a window of seven."""

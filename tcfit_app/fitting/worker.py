@@ -17,7 +17,7 @@ import torch
 from fitting_core.errors import InputError
 from fitting_core.fit.events import Finished, FitEvent, FramesFitted, Iteration, PhaseFinished
 from fitting_core.fit.fitting import Refit
-from fitting_core.fit.result import FitResult
+from fitting_core.results.fit_result import FitResult
 from tcfit_app.fitting.job_progress import JobClock
 from tcfit_app.fitting.jobs import Job
 from tcfit_app.fitting.live import Correction, LiveCorrection, Target

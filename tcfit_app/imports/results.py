@@ -15,12 +15,12 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import scratch_folder
-from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.io import read_motion
 from fitting_core.io.motion.imported_motion import ImportedMotion, cover, from_still
 from fitting_core.io.result_files import FIT_NAME
 from fitting_core.priors.files.registry import read_prior, registered_vposer, user_file
 from fitting_core.priors.latent import LatentPrior
+from fitting_core.results.fit_result import FitResult, PhaseResult
 from fitting_core.video.frame_names import spans
 from fitting_core.video.frames import image_files
 from tcfit_app.fitting.bodies import Bodies, record_of

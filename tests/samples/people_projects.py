@@ -14,9 +14,9 @@ from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.camera import Camera, project
 from fitting_core.clip import Clip
-from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.io.people_file import People, Person, write_people
 from fitting_core.keypoints import BODY, COUNT, Keypoints
+from fitting_core.results.fit_result import FitResult, PhaseResult
 from tcfit_app.fitting.bodies import record_of
 from tcfit_app.project.people import OpenPeople, opened_people
 from tcfit_app.project.project import Project

@@ -10,15 +10,15 @@ from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS
-from fitting_core.fit.error_bars import ErrorBars, error_bar_arrays
-from fitting_core.fit.provenance import Provenance
-from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.ground.arrays import grounding_arrays
 from fitting_core.ground.contacts import Contacts
 from fitting_core.ground.gravity import Gravity
 from fitting_core.ground.grounding import Grounding
 from fitting_core.ground.plane import Ground
 from fitting_core.keypoints import COUNT, GROUPS, PARTS, Keypoints
+from fitting_core.results.error_bars import ErrorBars, error_bar_arrays
+from fitting_core.results.fit_result import FitResult, PhaseResult
+from fitting_core.results.provenance import Provenance
 from tcfit_app.project.edits.edit_log import EditHistory, LogEntry
 from tcfit_app.project.edits.kinds import (
     MAX_DEPTH,

@@ -14,8 +14,8 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig, ShapeSample, SolverSettings, Temporal, Weights
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FitEvent, Iteration
-from fitting_core.fit.result import FitResult
 from fitting_core.measure.references.reference import Reference
+from fitting_core.results.fit_result import FitResult
 from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.fitting.reports import Notice
 from tcfit_app.project.project import Project

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from fitting_core.body.model import BodyModel
-from fitting_core.fit.result import FitResult, PhaseResult
+from fitting_core.results.fit_result import FitResult, PhaseResult
 from tcfit_app.fitting.bodies import record_of
 from tcfit_app.project.project import Project
 from tests.samples.project_samples import CONFIG, sample_clip

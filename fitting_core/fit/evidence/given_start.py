@@ -12,11 +12,12 @@ from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams, hand_basis
 from fitting_core.body.points.positions import body_keypoints_in_space, joints_in_space
 from fitting_core.camera import Camera
-from fitting_core.fit.evidence.observations import USABLE, seen_confidence
-from fitting_core.fit.evidence.sides import SEEN
+from fitting_core.fit.evidence.observations import USABLE
 from fitting_core.fit.variables.state import Parametrisation, State
 from fitting_core.frame_runs import runs_where
-from fitting_core.keypoints import Keypoints
+from fitting_core.image_border import seen_confidence
+from fitting_core.keypoints import SEEN, Keypoints
+from fitting_core.results.given_start import GivenStart, StartRecord
 
 FOLLOWS = 0.15
 """Metres: where half of the seen keypoints of a frame are farther off, it shows somebody else, or another time."""
@@ -33,118 +34,51 @@ _NEAREST = 0.2
 """Metres from the camera to the pelvis of a body that is before it."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class StartRecord:
-    """What is remembered of a start with the fit."""
+def beside(start: GivenStart, keypoints: Keypoints, camera: Camera) -> GivenStart:
+    """A start beside keypoints as they stand now: where a person has placed some, what is off is off by that.
 
-    source: str
-    """Name of the file or folder."""
-    format: str
-    """What it was read as, in words."""
-    person: int | None
-    """Of several people in it, the number of the one that was taken."""
-    frames: int
-    """Of the clip, in which the fit begins with it."""
-    clip_frames: int
-    focal: tuple[float, float]
-    """Of its camera, in pixels of the clip's images."""
-    focal_source: str
-    off: float
-    """Median distance between its keypoints and the detected ones in these frames, metres across the line of sight."""
-    notes: tuple[str, ...] = ()
-    """How it was read, for the user."""
+    A start that is held must give way to a hand. All other frames stay as they were measured when the fit began.
 
-    def sentence(self) -> str:
-        """For the user."""
-        who = "" if self.person is None else f", person {self.person}"
-        return (
-            f"Phase 1 begins with {self.source}, read as {self.format}{who}, in {self.frames} of {self.clip_frames} "
-            f"frames; its focal length is {self.focal[0]:.0f} px ({self.focal_source}), and its keypoints are "
-            f"{100 * self.off:.1f} cm off the detected ones (median)."
-        )
+    Args:
+        start: as it was measured when the fit began.
+        keypoints: the clip's.
+        camera: which the fit sees them with.
+    """
+    edited = np.flatnonzero(keypoints.placed[:, kp.BODY].any(1) & start.there)
+    if not len(edited):
+        return start
+    found = placed(start.points[edited], keypoints[edited], camera).off
+    off = start.off.copy()
+    off[edited] = np.where(np.isfinite(found), found, off[edited])
+    return replace(start, off=off)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class GivenStart:
-    """T frames of a motion; `start[frames]` is the same for some consecutive ones."""
+def state_of(start: GivenStart, parametrisation: Parametrisation) -> State:
+    """A start's poses in a solver's numbers, as near as its pose prior and its hand space come to them."""
+    basis = parametrisation.hand_basis.to(start.params.left_hand_pose)
+    left, right = start.params.left_hand_pose @ basis[0], start.params.right_hand_pose @ basis[1]
+    return parametrisation.from_params(replace(start.params, left_hand_pose=left, right_hand_pose=right))
 
-    params: BodyParams
-    """Of the fitted body, in camera space; hands are axis-angle over the mean, 45 numbers each."""
-    there: Bool[np.ndarray, "T"]
-    """Frames in which a fit may begin with it."""
-    points: Float[np.ndarray, "T 25 3"]
-    """Where it has the keypoints of BODY_25 relative to the pelvis joint, metres in camera axes; NaN: it has not."""
-    off: Float[np.ndarray, "T 25"]
-    """How far these are from the detected ones across the line of sight, metres; where nothing is detected, the mean of
-    the others."""
-    about: StartRecord
 
-    def __len__(self) -> int:
-        return len(self.there)
+def steadied(start: GivenStart, frame_rate: float) -> GivenStart:
+    """The same start, whose points do not tremble from frame to frame.
 
-    def __getitem__(self, frames: slice) -> "GivenStart":
-        return replace(
-            self, params=self.params[frames], there=self.there[frames], points=self.points[frames], off=self.off[frames]
-        )
+    By parabolas (Savitzky and Golay, 1964), as far as a point is there in all frames of one.
 
-    def beside(self, keypoints: Keypoints, camera: Camera) -> "GivenStart":
-        """The same beside keypoints as they stand now: where a person has placed some, what is off is off by that.
-
-        A start that is held must give way to a hand. All other frames stay as they were measured when the fit began.
-
-        Args:
-            keypoints: the clip's.
-            camera: which the fit sees them with.
-        """
-        edited = np.flatnonzero(keypoints.placed[:, kp.BODY].any(1) & self.there)
-        if not len(edited):
-            return self
-        found = placed(self.points[edited], keypoints[edited], camera).off
-        off = self.off.copy()
-        off[edited] = np.where(np.isfinite(found), found, off[edited])
-        return replace(self, off=off)
-
-    @property
-    def tells_hands(self) -> bool:
-        """Whether it has hands at all: most systems leave them as the body's mean."""
-        return bool(self.params.left_hand_pose.any() or self.params.right_hand_pose.any())
-
-    def state(self, parametrisation: Parametrisation) -> State:
-        """The poses in a solver's numbers, as near as its pose prior and its hand space come to them."""
-        basis = parametrisation.hand_basis.to(self.params.left_hand_pose)
-        left, right = self.params.left_hand_pose @ basis[0], self.params.right_hand_pose @ basis[1]
-        return parametrisation.from_params(replace(self.params, left_hand_pose=left, right_hand_pose=right))
-
-    def steady(self, frame_rate: float) -> "GivenStart":
-        """The same, whose points do not tremble from frame to frame.
-
-        By parabolas (Savitzky and Golay, 1964), as far as a point is there in all frames of one.
-
-        Args:
-            frame_rate: frames per second.
-        """
-        window, steady = 2 * round(_STEADY * frame_rate / 2) + 1, self.points.copy()
-        if window <= _PARABOLA + 1:  # which goes through all of them
-            return self
-        known = self.there[:, None] & np.isfinite(self.points).all(-1)
-        for point in range(known.shape[1]):
-            for run in runs_where(known[:, point]):
-                if len(run) >= window:
-                    own = slice(run.start, run.stop), point
-                    steady[own] = savgol_filter(self.points[own], window, _PARABOLA, axis=0)
-        return replace(self, points=steady)
-
-    def deviation(self, deviation: float) -> Float[np.ndarray, "T 25"]:
-        """How far its points may be off, metres; infinite where it has none.
-
-        What is off by so much across the line of sight is off by as much along it; half of that variance counts as the
-        detector's.
-
-        Args:
-            deviation: standard deviation of points that lie where the detected ones are, metres.
-        """
-        known = self.there[:, None] & np.isfinite(self.points).all(-1)
-        return np.where(known, np.sqrt(deviation**2 + self.off**2 / 2), np.inf)
+    Args:
+        start: as it was placed.
+        frame_rate: frames per second.
+    """
+    window, points = 2 * round(_STEADY * frame_rate / 2) + 1, start.points.copy()
+    if window <= _PARABOLA + 1:  # which goes through all of them
+        return start
+    known = start.there[:, None] & np.isfinite(start.points).all(-1)
+    for point in range(known.shape[1]):
+        for run in runs_where(known[:, point]):
+            if len(run) >= window:
+                own = slice(run.start, run.stop), point
+                points[own] = savgol_filter(start.points[own], window, _PARABOLA, axis=0)
+    return replace(start, points=points)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

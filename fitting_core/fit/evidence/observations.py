@@ -1,4 +1,4 @@
-"""Which detections count, and how much: what an image's border makes up, and what is seen at all."""
+"""What a fit takes from the detections of a clip: which count and how much, and what else says where the body is."""
 
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Self
@@ -11,17 +11,13 @@ from torch import Tensor
 from fitting_core import keypoints as kp
 from fitting_core.camera import Camera
 from fitting_core.config.schema import FitConfig
-from fitting_core.fit.evidence.sides import PAIRED, SEEN, unswapped
+from fitting_core.fit.evidence.sides import PAIRED, unswapped
 from fitting_core.fit.evidence.stances import Stances
+from fitting_core.image_border import cut_off, seen_confidence
 from fitting_core.keypoint_noise import keypoint_weights
-from fitting_core.keypoints import Keypoints
-from fitting_core.lens import filmed
+from fitting_core.keypoints import SEEN, Keypoints
 from fitting_core.lifting.clip_lifting import LiftedClip, lift
 
-BORDER = 0.015
-"""Share of the image height: a detection nearer to the border is one of a part that lies beyond it."""
-LONE_HIP = 0.5
-"""Confidence that a hip needs where its knee is not seen."""
 UNSURE = 0.25
 """Metres of standard deviation from which the lifter has no say about a keypoint."""
 LIFTED_HEIGHT = 1.71
@@ -227,48 +223,9 @@ def lifted_keypoints(keypoints: Keypoints, camera: Camera, frame_rate: float) ->
     return lift(keypoints.xy, confidence, camera, frame_rate, calibrated=camera.calibrated)
 
 
-def seen_confidence(keypoints: Keypoints, camera: Camera) -> Float[np.ndarray, "T 137"]:
-    """Confidences, and 0 of what the image cuts off: detectors put it onto the border.
-
-    Args:
-        keypoints: the detections.
-        camera: of the clip.
-    """
-    return np.where((cut_off(keypoints, camera) != 0).any(-1), 0.0, keypoints.confidence)
-
-
 def as_tensor(a: np.ndarray, *, dtype: torch.dtype, device: torch.device) -> Tensor:
     """The array in a fit's type and on its device."""
     a = np.asarray(a)
     # torch warns of arrays that cannot be written, as those of a project are.
     a = a if a.flags.writeable else a.copy()
     return torch.as_tensor(a, dtype=dtype, device=device)
-
-
-def cut_off(keypoints: Keypoints, camera: Camera) -> Int[np.ndarray, "T 137 2"]:
-    """Along which axes a detection says no more than that the part lies at least so far out: -1, 0 or 1 for x and y.
-
-    OpenPose puts parts that the image cuts off onto its border, and the hips of half-body footage near its bottom, at
-    confidences of 0.2 to 0.5 (seen on sign-language clips: wrists in the lap at 3 px from the border, hips 40 px too
-    high). Taken at their word they pull the body together; left out, the unseen forearm swings at the camera.
-
-    Args:
-        keypoints: the detections.
-        camera: of the clip. The border is that of its image as it was filmed.
-
-    Returns:
-        1: the part lies there or at a larger coordinate; -1: there or at a smaller one; 0: just there.
-    """
-    last = np.array(camera.size) - 1
-    margin = BORDER * camera.size[1]
-    xy = keypoints.xy if camera.lens is None else filmed(camera.lens, keypoints.xy)
-    side = (xy > last - margin).astype(np.int8) - (xy < margin).astype(np.int8)
-    seen = (keypoints.confidence > SEEN) & (side == 0).all(-1)
-    hips = [kp.INDEX["left_hip"], kp.INDEX["right_hip"]]
-    knees = [kp.INDEX["left_knee"], kp.INDEX["right_knee"]]
-    alone = ~seen[:, knees] & (keypoints.confidence[:, hips] < LONE_HIP)
-    side[:, hips, 1] = np.where(alone, 1, side[:, hips, 1])
-    no_leg = alone.all(1)
-    side[no_leg, kp.INDEX["mid_hip"], 1] = 1
-    side[(keypoints.confidence == 0) | keypoints.placed] = 0
-    return side

@@ -11,10 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from fitting_core.keypoints import INDEX, LEFT_HAND, RIGHT_HAND, Keypoints
-
-SEEN = 0.2
-"""Confidence from which a keypoint counts as seen, where a yes or no is needed."""
+from fitting_core.keypoints import INDEX, LEFT_HAND, RIGHT_HAND, SEEN, Keypoints
 
 _HAND = [LEFT_HAND.start + i for i in range(21)], [RIGHT_HAND.start + i for i in range(21)]
 PAIRED = {

@@ -8,12 +8,12 @@ import torch
 from fitting_core.body.params import BodyParams
 from fitting_core.fit.phases.frame_fits import stopped_of
 from fitting_core.fit.phases.progress import Step, reported, stage_label
-from fitting_core.fit.provenance import Stopped
 from fitting_core.fit.solvers import Solver
 from fitting_core.fit.solvers.sequence import Sequence
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.terms.table import REACH
 from fitting_core.fit.variables.state import State
+from fitting_core.results.provenance import Stopped
 
 COUPLED = 2 * REACH
 """Frames on each side that terms over time couple to a window."""

@@ -9,16 +9,17 @@ from torch import Tensor
 
 from fitting_core.body.params import BodyParams
 from fitting_core.fit.events import mapped
+from fitting_core.fit.evidence.given_start import state_of
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.phases.frame_fits import FrameFits
 from fitting_core.fit.phases.initialize import guess_depth, seen_from_side, starting_state, thighs_foreshortened, turned
 from fitting_core.fit.phases.limb_flips import LimbFlips
 from fitting_core.fit.phases.progress import Step, mirrored_label, reported, stage_label
-from fitting_core.fit.provenance import TURNED, Start
 from fitting_core.fit.solvers import Solver, make_solver
 from fitting_core.fit.solvers.problem import IndependentFrames
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.variables.state import State
+from fitting_core.results.provenance import TURNED, Start
 from fitting_core.video.frame_names import spans
 
 YAWS = {"four": (0.0, 90.0, 180.0, 270.0), "side_view": (0.0,)}
@@ -156,7 +157,7 @@ class _Frames:
         """The last stage, from the given start: earlier ones would draw it to the neutral pose."""
         stages, start = self.stages, self.stages.start
         assert start is not None, "frames with a given start have one"
-        free, state = stages.free(N_STAGES, betas=True), start.state(stages.parametrisation)
+        free, state = stages.free(N_STAGES, betas=True), state_of(start, stages.parametrisation)
         if free.hands and stages.config.curled_hands and not start.tells_hands:
             state = stages.parametrisation.with_half_fists(state)
         begun = fits.restarted(self.frames, state[self.frames], Start.GIVEN)

@@ -15,10 +15,10 @@ from torch import Tensor
 from fitting_core import keypoints as kp
 from fitting_core.body import rotations
 from fitting_core.body.model import JOINT
-from fitting_core.fit.provenance import Start
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.terms.temporal import JointPositions
 from fitting_core.fit.variables.state import State
+from fitting_core.results.provenance import Start
 
 _STRAIGHT = 0.1
 """Sine of the bend under which a limb's own hinge stays where it is: two bones in a line do not tell."""

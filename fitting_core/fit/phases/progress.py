@@ -8,9 +8,9 @@ import torch
 
 from fitting_core.body.params import BodyParams
 from fitting_core.fit.events import mapped
-from fitting_core.fit.provenance import STARTS, Start
 from fitting_core.fit.solvers.solution import Progress, Solution
 from fitting_core.fit.stages import N_STAGES
+from fitting_core.results.provenance import STARTS, Start
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,11 @@ from fitting_core.config.schema import ShapeSample
 from fitting_core.errors import InputError
 from fitting_core.fit.phases.outlines import outlined_shape
 from fitting_core.fit.phases.progress import Step, reported, stage_label
-from fitting_core.fit.result import FitResult
 from fitting_core.fit.solvers import Solver
 from fitting_core.fit.solvers.problem import Sample, SharedShape
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.variables.state import State
+from fitting_core.results.fit_result import FitResult
 
 
 def _random(confidence: np.ndarray, sample: ShapeSample, count: int) -> np.ndarray:

@@ -8,10 +8,10 @@ import torch
 from torch import Tensor
 
 from fitting_core.config.schema import SolverSettings
-from fitting_core.fit.provenance import Ending
 from fitting_core.fit.solvers.problem import Problem
 from fitting_core.fit.solvers.solution import Progress, Solution
 from fitting_core.fit.variables.state import State
+from fitting_core.results.provenance import Ending
 
 if TYPE_CHECKING:
     from fitting_core.fit.fused.frames import Descents

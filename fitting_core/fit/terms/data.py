@@ -27,7 +27,7 @@ class Data(Term):
     weight: Float[Tensor, "T N"]
     """Confidence x joint weight x 1000 / image height."""
     side: Float[Tensor, "T N 2"]
-    """1 (-1): the point lies there or at a larger (smaller) coordinate, see observations.cut_off; 0: just there."""
+    """1 (-1): the point lies there or at a larger (smaller) coordinate, see image_border.cut_off; 0: just there."""
     rho: Float[Tensor, "N 1"]
     """Pixels at which the Geman-McClure function stops to pull."""
     name: str = "data"

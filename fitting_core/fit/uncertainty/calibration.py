@@ -9,11 +9,11 @@ shape, and where joints lie in a person.
 
 import numpy as np
 
-from fitting_core.fit.error_bars import ANGLES, JOINTS, ErrorBars
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.uncertainty.deviations import deviations
 from fitting_core.fit.uncertainty.measured import OF_ANGLES, OF_JOINTS
 from fitting_core.fit.variables.state import State
+from fitting_core.results.error_bars import ANGLES, JOINTS, ErrorBars
 
 _EXACT = ((1.0, 0.0), (1.0, 0.0))
 """Of the pelvis, from which all others are told."""

@@ -16,7 +16,6 @@ from torch import Tensor
 from fitting_core.body import rotations
 from fitting_core.body.model import JOINT, POSE_COLUMNS
 from fitting_core.body.segment_axes import rest_axes
-from fitting_core.fit.error_bars import ANGLES, JOINTS, ErrorBars
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.phases.consistency import overlapping_parts
 from fitting_core.fit.solvers.banded import diagonal_of_inverse
@@ -25,6 +24,7 @@ from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.terms.temporal import JointPositions
 from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.state import State
+from fitting_core.results.error_bars import ANGLES, JOINTS, ErrorBars
 
 _PART, _SEAM = 200, 20
 """Frames whose normal equations stand in memory together, and those that two neighbours share: the deviations

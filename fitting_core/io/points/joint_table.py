@@ -7,9 +7,9 @@ import numpy as np
 
 from fitting_core.body.model import JOINTS
 from fitting_core.files.atomic import replacing
-from fitting_core.fit import error_bars
-from fitting_core.fit.error_bars import DIRECTIONS, WIDER, ErrorBars
 from fitting_core.motion import Motion
+from fitting_core.results import error_bars
+from fitting_core.results.error_bars import DIRECTIONS, WIDER, ErrorBars
 
 _DECIMALS = 5
 

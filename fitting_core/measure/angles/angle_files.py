@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from fitting_core.files.atomic import replacing
-from fitting_core.fit.error_bars import ANGLES as BARRED
-from fitting_core.fit.error_bars import WIDER, ErrorBars
 from fitting_core.measure.angles.cardan import SINGULAR
 from fitting_core.measure.angles.joint_angles import ANGLES, JOINTS, UNSEEN, joint_angles
 from fitting_core.measure.angles.opensim import LOCKED, opensim_coordinates
 from fitting_core.motion import Motion
+from fitting_core.results.error_bars import ANGLES as BARRED
+from fitting_core.results.error_bars import WIDER, ErrorBars
 
 _DECIMALS = 4
 

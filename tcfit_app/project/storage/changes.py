@@ -20,11 +20,11 @@ import numpy as np
 
 from fitting_core.errors import InputError
 from fitting_core.files.npz import read_npz, write_npz
-from fitting_core.fit.error_bars import ErrorBars
-from fitting_core.fit.provenance import Provenance
-from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.ground.arrays import grounding_arrays, grounding_from
 from fitting_core.ground.grounding import Grounding
+from fitting_core.results.error_bars import ErrorBars
+from fitting_core.results.fit_result import FitResult, PhaseResult
+from fitting_core.results.provenance import Provenance
 from tcfit_app.project.storage.accessing import accessing
 from tcfit_app.project.storage.run_files import PhaseRecord, phase_arrays, phase_from
 

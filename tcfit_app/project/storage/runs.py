@@ -17,7 +17,7 @@ from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.config.toml import as_plain
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import sweep, sync
-from fitting_core.fit.result import FitResult
+from fitting_core.results.fit_result import FitResult
 from tcfit_app.project.storage.accessing import accessing
 from tcfit_app.project.storage.changes import Changes, file_name
 from tcfit_app.project.storage.columns import UNKNOWN_TIME, Columns, Count, json_of, line, of, or_none, text, time

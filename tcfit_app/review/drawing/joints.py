@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from fitting_core.fit.error_bars import JOINTS
 from fitting_core.keypoints import BODY, NAMES
+from fitting_core.results.error_bars import JOINTS
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.review.browser.page_states import Bodies, FitBody, points_in_space
 from tcfit_app.review.scene.layers import BodyLayer, css

@@ -5,8 +5,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from fitting_core.fit.provenance import Provenance
 from fitting_core.io.people_file import Span
+from fitting_core.results.provenance import Provenance
 from tcfit_app.analysis.body_regions import full_name
 from tcfit_app.analysis.curves import peaks
 from tcfit_app.analysis.suspicion import Suspect

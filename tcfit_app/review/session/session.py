@@ -12,8 +12,8 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FramesFitted, PhaseStarted
-from fitting_core.fit.result import FitResult
 from fitting_core.io.cameras.reading import CameraFile, read_camera
+from fitting_core.results.fit_result import FitResult
 from tcfit_app.fitting.bodies import Bodies, record_of
 from tcfit_app.fitting.edit_follower import EditFollower
 from tcfit_app.fitting.fits import Fits, Shown

@@ -3,7 +3,7 @@
 from collections.abc import Hashable
 
 from fitting_core.errors import InputError
-from fitting_core.fit.result import FitResult
+from fitting_core.results.fit_result import FitResult
 from tcfit_app.fitting.fits import FitChoice, Fits, Shown
 from tcfit_app.project.storage.run_record import Run
 from tcfit_app.review.session.tasks import Tasks

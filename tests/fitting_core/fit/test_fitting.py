@@ -25,9 +25,9 @@ from fitting_core.fit.fitting import fit_clip, fit_events, rerun_events
 from fitting_core.fit.grounded import grounding_of_params
 from fitting_core.fit.phase_figures import evaluated, patched
 from fitting_core.fit.phases import progress
-from fitting_core.fit.provenance import Start, Stopped
-from fitting_core.fit.result import FitResult
 from fitting_core.keypoints import Keypoints
+from fitting_core.results.fit_result import FitResult
+from fitting_core.results.provenance import Start, Stopped
 from tests.samples.scenes import arms_in_motion, clip_of, finished, hidden, keypoints_of, noisy
 
 NO_COLLISION = replace(Weights(), collision=(0.0,) * 5)

@@ -15,8 +15,8 @@ from fitting_core.camera import Camera, project
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.grounded import grounded, grounding_of_params
-from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.keypoints import Keypoints
+from fitting_core.results.fit_result import FitResult, PhaseResult
 
 FRAMES = 30
 CAMERA = Camera(focal=(900.0, 900.0), center=(320.0, 240.0), size=(640, 480), source="given")

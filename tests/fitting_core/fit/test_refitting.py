@@ -10,13 +10,13 @@ from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS, SolverSettings
 from fitting_core.errors import InputError
-from fitting_core.fit.error_bars import DIRECTIONS
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.refitting import refit
-from fitting_core.fit.result import FitResult
 from fitting_core.io.motion_files import motion_of, write_motion
 from fitting_core.keypoints import INDEX
 from fitting_core.measure.fit_figures import evaluate_fit
+from fitting_core.results.error_bars import DIRECTIONS
+from fitting_core.results.fit_result import FitResult
 from tests.samples.posed_clips import clip_of, motion, shipped_body
 
 QUICK = replace(PRESETS["tcfit"], relay_rounds=0, limb_flips=False, settings=SolverSettings(iterations=3))

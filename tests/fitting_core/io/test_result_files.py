@@ -20,11 +20,11 @@ from fitting_core.camera import Camera, project
 from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS
 from fitting_core.errors import InputError
-from fitting_core.fit.provenance import Provenance
-from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.io import result_files
 from fitting_core.io.result_files import fit_arrays, is_result, read_fit, write_result
 from fitting_core.keypoints import Keypoints
+from fitting_core.results.fit_result import FitResult, PhaseResult
+from fitting_core.results.provenance import Provenance
 from tests.samples.body_files import VERTICES, body_arrays, write_npz
 from tests.samples.project_samples import sample_error_bars
 from tests.samples.walkers import HEIGHT, TILT, grounding_of_a_walk

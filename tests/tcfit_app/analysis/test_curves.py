@@ -11,9 +11,9 @@ from fitting_core import keypoints as kp
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.fit.error_bars import ANGLES
 from fitting_core.measure.angles.joint_angles import joint_angles
 from fitting_core.metrics import jitter
+from fitting_core.results.error_bars import ANGLES
 from tcfit_app.analysis.curves import CURVES, curve
 from tcfit_app.analysis.posed_fit import PosedFit
 from tests.samples import scenes

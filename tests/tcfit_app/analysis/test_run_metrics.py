@@ -12,8 +12,8 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.config.schema import PRESETS
 from fitting_core.errors import InputError
-from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.io.summary import summary
+from fitting_core.results.fit_result import FitResult, PhaseResult
 from tcfit_app.analysis.curves import between_runs, vertex_distances
 from tcfit_app.analysis.posed_fit import PosedFit
 from tcfit_app.analysis.run_metrics import METRICS, Comparison, MeasuredRun, Metric, compare, run_metrics

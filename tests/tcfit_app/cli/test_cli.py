@@ -14,9 +14,9 @@ import pytest
 from fitting_core.config.schema import PRESETS
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FitEvent, PhaseFinished, PhaseStarted
-from fitting_core.fit.provenance import Start
-from fitting_core.fit.result import FitResult
 from fitting_core.io.result_files import read_fit
+from fitting_core.results.fit_result import FitResult
+from fitting_core.results.provenance import Start
 from tcfit_app.cli import fit_command
 from tcfit_app.cli.main import main, parse
 from tcfit_app.options import preparing

@@ -11,7 +11,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.camera import FocalFrom
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
-from fitting_core.fit.result import FitResult, PhaseResult
+from fitting_core.results.fit_result import FitResult, PhaseResult
 from fitting_core.synthetic.motion_suite import clips
 from fitting_core.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
 from tcfit_app.cli import evaluate_motion

@@ -10,7 +10,7 @@ from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.events import FitEvent, Iteration, PhaseFinished, PhaseStarted
-from fitting_core.fit.result import FitResult, PhaseResult
+from fitting_core.results.fit_result import FitResult, PhaseResult
 from tcfit_app.cli.fit_command import ProgressBars
 
 

@@ -15,11 +15,11 @@ from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, JOINTS, BodyModel
 from fitting_core.camera import World, path_of
 from fitting_core.errors import InputError
-from fitting_core.fit.error_bars import ANGLES
 from fitting_core.ground.contacts import Contacts
 from fitting_core.ground.level import level_of
 from fitting_core.measure.references.files import read_reference
 from fitting_core.motion import AXES, OWN_WORLD, Motion
+from fitting_core.results.error_bars import ANGLES
 from tcfit_app.exports.exporting import content_of
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.exports.table import EXPORTS

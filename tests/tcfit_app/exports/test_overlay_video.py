@@ -15,8 +15,8 @@ from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
-from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.keypoints import COUNT, Keypoints
+from fitting_core.results.fit_result import FitResult, PhaseResult
 from tcfit_app.exports import overlay_video
 from tcfit_app.exports.overlay_video import write_comparison
 

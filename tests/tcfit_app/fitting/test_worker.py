@@ -22,7 +22,7 @@ from fitting_core.config.schema import SolverSettings, Temporal
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FitEvent, FramesFitted, Iteration, PhaseFinished, PhaseStarted
 from fitting_core.fit.fitting import Refit, fit_clip, rerun_events
-from fitting_core.fit.result import FitResult
+from fitting_core.results.fit_result import FitResult
 from tcfit_app.fitting import worker as worker_module
 from tcfit_app.fitting.jobs import FitEverything, FitShape, Job, RerunFrames
 from tcfit_app.fitting.live import Correction, LiveCorrection

@@ -12,7 +12,7 @@ import torch
 from fitting_core.body import rotations
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
-from fitting_core.fit.result import FitResult, PhaseResult
+from fitting_core.results.fit_result import FitResult, PhaseResult
 from tcfit_app.fitting.bodies import record_of
 from tcfit_app.imports.given import Known, read_given, read_shape
 from tcfit_app.project.project import Project

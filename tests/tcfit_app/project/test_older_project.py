@@ -10,8 +10,8 @@ import pytest
 import viser
 
 from fitting_core.config.schema import SolverSettings
-from fitting_core.fit.result import FitResult
 from fitting_core.keypoints import INDEX
+from fitting_core.results.fit_result import FitResult
 from tcfit_app.cli.main import main
 from tcfit_app.exports.table import EXPORTS
 from tcfit_app.fitting.fits import FitChoice

@@ -12,7 +12,7 @@ import torch
 
 from fitting_core.config.schema import PRESETS
 from fitting_core.errors import InputError
-from fitting_core.fit.evidence.given_start import GivenStart, StartRecord
+from fitting_core.results.given_start import GivenStart, StartRecord
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_files import read_run, write_run
 from tcfit_app.project.storage.run_record import Run

@@ -17,12 +17,12 @@ from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FramesFitted, PhaseFinished
-from fitting_core.fit.evidence.given_start import GivenStart
 from fitting_core.fit.grounded import grounded
 from fitting_core.fit.phase_figures import evaluated
 from fitting_core.fit.phases import independent
-from fitting_core.fit.result import FitResult
 from fitting_core.fit.stages import Stages
+from fitting_core.results.fit_result import FitResult
+from fitting_core.results.given_start import GivenStart
 from tcfit_app.fitting import edit_follower, live, worker
 from tcfit_app.fitting import fits as fits_module
 from tcfit_app.fitting.fits import FitChoice, Shown

@@ -8,7 +8,7 @@ import pytest
 
 from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
-from fitting_core.fit.result import FitResult
+from fitting_core.results.fit_result import FitResult
 from tcfit_app.fitting import edit_follower
 from tcfit_app.project.edits.kinds import MarkBad, MoveKeypoint, Nudge, SetDepth
 from tcfit_app.project.project import Project

@@ -6,7 +6,7 @@ from datetime import datetime
 from fitting_core.camera import Camera
 from fitting_core.config.settings import value_of
 from fitting_core.errors import InputError
-from fitting_core.fit.result import FitResult, PhaseResult
+from fitting_core.results.fit_result import FitResult, PhaseResult
 from tcfit_app.fitting.fits import own_phases, phase_title
 from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.project.frame_words import in_words

@@ -12,15 +12,16 @@ from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.config.schema import FitConfig, SolverSettings, Weights
 from fitting_core.fit.events import drained
-from fitting_core.fit.evidence.given_start import FOLLOWS, GivenStart, StartRecord, from_pelvis, given_start, placed
-from fitting_core.fit.evidence.known_shape import KnownShape
+from fitting_core.fit.evidence.given_start import FOLLOWS, beside, from_pelvis, given_start, placed, state_of, steadied
 from fitting_core.fit.fitting import fit_clip, rerun_events, shape_events
 from fitting_core.fit.phase_figures import evaluated, patched
-from fitting_core.fit.provenance import Start
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.subject_shape import subject_shape
 from fitting_core.keypoints import Keypoints
 from fitting_core.metrics import point_error
+from fitting_core.results.given_start import GivenStart, StartRecord
+from fitting_core.results.known_shape import KnownShape
+from fitting_core.results.provenance import Start
 from tests.samples.scenes import CAMERA, arms_in_motion, clip_of, hidden, keypoints_of
 
 QUICK = FitConfig(
@@ -123,7 +124,7 @@ def test_hands_of_any_number_of_components_become_those_of_the_fit(free_body: Bo
     truth = replace(truth, left_hand_pose=truth.left_hand_pose + 0.3)
     start = start_of(free_body, truth, body_seen(free_body, truth))
     stages = Stages.of(body_seen(free_body, truth), CAMERA, free_body, QUICK, start=start)
-    found = stages.parametrisation.to_params(start.state(stages.parametrisation))
+    found = stages.parametrisation.to_params(state_of(start, stages.parametrisation))
     assert start.tells_hands and torch.allclose(found.left_hand_pose, truth.left_hand_pose, atol=1e-6)
     still = replace(truth, left_hand_pose=0 * truth.left_hand_pose, right_hand_pose=0 * truth.right_hand_pose)
     assert not start_of(free_body, still, body_seen(free_body, truth)).tells_hands
@@ -139,10 +140,10 @@ def test_what_trembles_is_not_held(free_body: BodyModel, rate: float, left: floa
     even = np.broadcast_to(0.3 + 0.8 * seconds - 1.5 * seconds**2, start.points.shape)
     there = np.arange(frames) != 40
     points = np.where(np.isfinite(start.points), even, np.nan)
-    steady = replace(start, points=points, there=there).steady(rate).points
+    steady = steadied(replace(start, points=points, there=there), rate).points
     assert np.allclose(steady, points, equal_nan=True)
     noise = np.random.default_rng(3).normal(0.0, 0.01, points.shape)
-    trembling = replace(start, points=points + noise, there=there).steady(rate).points
+    trembling = steadied(replace(start, points=points + noise, there=there), rate).points
     assert np.array_equal(trembling[40], (points + noise)[40], equal_nan=True)
     second = [np.nanstd(np.diff(some[41:] - points[41:], 2, axis=0)) for some in (trembling, points + noise)]
     assert second[0] <= 1.1 * left * second[1]
@@ -168,7 +169,7 @@ def test_held_points_count_where_no_stage_asks_the_lifter(free_body: BodyModel):
     stages = held(free_body, 0.1)
     assert not any(stages.config.weights.relative_position)
     assert stages.start is not None
-    near = stages.start.state(stages.parametrisation)
+    near = state_of(stages.start, stages.parametrisation)
     away = replace(near, vector=stages.parametrisation.neutral(2).vector)
     costs = []
     for state in (near, away):
@@ -272,7 +273,7 @@ def test_a_start_gives_way_where_a_person_has_put_a_keypoint_elsewhere(free_body
     truth = arms_in_motion(3)
     keypoints = body_seen(free_body, truth)
     start = start_of(free_body, truth, keypoints)
-    assert start.beside(keypoints, CAMERA) is start
+    assert beside(start, keypoints, CAMERA) is start
     depth = joints_in_space(free_body, truth)[1, JOINT["left_elbow"], 2]
     xy, by_hand = keypoints.xy.copy(), keypoints.placed.copy()
     xy[1, ELBOW, 0] += 0.3 / depth * CAMERA.focal[0]

@@ -10,8 +10,9 @@ from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.camera import Camera, Lens
 from fitting_core.config.schema import PRESETS, FitConfig
-from fitting_core.fit.evidence.observations import _OF_CLIP, Observations, cut_off
+from fitting_core.fit.evidence.observations import _OF_CLIP, Observations
 from fitting_core.fit.variables.state import Free
+from fitting_core.image_border import cut_off
 from fitting_core.keypoints import Keypoints
 from fitting_core.lens import straightened
 from fitting_core.lifting.clip_lifting import LiftedClip

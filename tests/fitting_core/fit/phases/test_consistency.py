@@ -12,12 +12,12 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.points.body_points import BodyPoints, Posed
 from fitting_core.config.schema import FitConfig, SolverSettings, Temporal, Weights
 from fitting_core.fit.phases.consistency import Consistency, coupled
-from fitting_core.fit.provenance import Stopped
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.solvers.sequence import Coupling
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.terms.table import REACH
 from fitting_core.fit.variables.state import State
+from fitting_core.results.provenance import Stopped
 from tests.samples.scenes import CAMERA, finished, hidden, keypoints_of, listed, random_params, random_state, stages_of
 
 FRAMES = 6

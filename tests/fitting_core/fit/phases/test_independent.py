@@ -20,11 +20,11 @@ from fitting_core.fit.phases import independent
 from fitting_core.fit.phases.frame_fits import FrameFits, filled
 from fitting_core.fit.phases.independent import _Frames, _key_frames, _with_fresh_neighbour, fit_frames
 from fitting_core.fit.phases.initialize import guess_depth, turned
-from fitting_core.fit.provenance import Start, Stopped
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.variables.state import State
 from fitting_core.keypoints import Keypoints
+from fitting_core.results.provenance import Start, Stopped
 from fitting_core.video.frame_names import spans
 from tests.samples.scenes import FACING, arms_in_motion, finished, hidden, keypoints_of, listed, noisy, stages_of
 

@@ -14,11 +14,11 @@ from fitting_core.fit.phases.frame_fits import FrameFits
 from fitting_core.fit.phases.independent import _Frames
 from fitting_core.fit.phases.limb_flips import FLIPS, LIMBS, LimbFlips
 from fitting_core.fit.phases.progress import mirrored_label
-from fitting_core.fit.provenance import Start
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.variables.state import State
 from fitting_core.keypoints import Keypoints
+from fitting_core.results.provenance import Start
 from tests.samples.scenes import arms_in_motion, finished, hidden, keypoints_of, stages_of
 
 CONFIG = FitConfig(

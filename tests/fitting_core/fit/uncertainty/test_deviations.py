@@ -9,7 +9,6 @@ import torch
 from fitting_core.body.model import JOINT
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.config.schema import PRESETS, SolverSettings
-from fitting_core.fit.error_bars import ANGLES, DIRECTIONS, JOINTS
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.solvers.sequence import Sequence
 from fitting_core.fit.stages import N_STAGES, Stages
@@ -21,6 +20,7 @@ from fitting_core.fit.variables.state import State
 from fitting_core.keypoints import INDEX
 from fitting_core.measure.angles.joint_angles import flexion
 from fitting_core.motion import Motion
+from fitting_core.results.error_bars import ANGLES, DIRECTIONS, JOINTS
 from tests.fitting_core.fit.solvers.test_banded import dense
 from tests.samples.posed_clips import CAMERA, clip_of, motion, shipped_body
 

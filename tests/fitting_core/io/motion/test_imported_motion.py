@@ -20,7 +20,6 @@ from fitting_core.camera import Camera, FocalFrom
 from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS
 from fitting_core.errors import InputError
-from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.ground.level import Level, upright
 from fitting_core.io import read_motion
 from fitting_core.io.motion.animation_npz import write_animation_npz
@@ -30,6 +29,7 @@ from fitting_core.io.result_files import fit_arrays, read_fit
 from fitting_core.keypoints import Keypoints
 from fitting_core.motion import Motion
 from fitting_core.priors.latent import LatentPrior
+from fitting_core.results.fit_result import FitResult, PhaseResult
 from tests.fitting_core.priors.networks import random_latents, random_network
 
 CAMERA = Camera(

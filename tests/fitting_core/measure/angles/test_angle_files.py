@@ -10,12 +10,12 @@ from scipy.spatial.transform import Rotation
 
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.camera import World
-from fitting_core.fit.error_bars import ANGLES as BARRED
 from fitting_core.ground.level import level_of
 from fitting_core.measure.angles.angle_files import write_angles_csv, write_mot
 from fitting_core.measure.angles.joint_angles import ANGLES, joint_angles
 from fitting_core.measure.angles.opensim import nearest_turns
 from fitting_core.measure.angles.segments import Segments
+from fitting_core.results.error_bars import ANGLES as BARRED
 from tests.fitting_core.io.motion.motions import swinging
 from tests.fitting_core.measure.angles.anatomy import mirrored, posed, turned
 

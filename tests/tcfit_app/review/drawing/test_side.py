@@ -10,8 +10,8 @@ import pytest
 import viser
 
 from fitting_core.body.model import BodyModel
-from fitting_core.fit.error_bars import JOINTS
 from fitting_core.keypoints import INDEX
+from fitting_core.results.error_bars import JOINTS
 from tcfit_app.project.project import Project
 from tcfit_app.review.browser.page_events import Hello, Key, Widen
 from tcfit_app.review.browser.page_states import Bodies, Layout, Side

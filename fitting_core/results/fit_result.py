@@ -8,10 +8,10 @@ from jaxtyping import Bool, Float
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.config.schema import FitConfig
-from fitting_core.fit.error_bars import ErrorBars
-from fitting_core.fit.evidence.given_start import GivenStart
-from fitting_core.fit.provenance import Provenance
 from fitting_core.ground.grounding import Grounding
+from fitting_core.results.error_bars import ErrorBars
+from fitting_core.results.given_start import GivenStart
+from fitting_core.results.provenance import Provenance
 
 
 @dataclass(frozen=True, kw_only=True)

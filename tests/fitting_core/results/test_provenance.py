@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fitting_core.fit.phases.limb_flips import LIMBS
-from fitting_core.fit.provenance import STARTS, STOPS, Provenance, Start, Stopped
+from fitting_core.results.provenance import STARTS, STOPS, Provenance, Start, Stopped
 
 
 def test_numbers_that_files_hold_keep_their_meaning():
