@@ -16,9 +16,9 @@ from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.camera import focal_from_35mm
 from fitting_core.clip import Clip
+from fitting_core.clips.reading import read_clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.fitting import fit_clip
-from fitting_core.io.clip_reader import read_clip
 from fitting_core.lifting.focal_length import estimate_focal
 from fitting_core.measure.depth_figures import DepthRecord, figures, measured
 from fitting_core.measure.limbs import HIPS, Limbs, limb_figures, pa_mpjpe

@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core.clip import Clip
+from fitting_core.clips.reading import read_clip
 from fitting_core.errors import InputError
-from fitting_core.io.clip_reader import read_clip
 
 Focal = Literal["true", "auto", "diagonal"]
 ENVIRONMENT = "TCFIT_SHARED_DATA"

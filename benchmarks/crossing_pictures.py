@@ -18,8 +18,8 @@ from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.camera import Camera
 from fitting_core.detect.detecting import Detected, Detection
 from fitting_core.detect.detectors import DEFAULT, find_detector
+from fitting_core.detect.found import found_detections
 from fitting_core.detect.stored import StoredDetection
-from fitting_core.io.keypoints.found import found_detections
 from fitting_core.keypoints import BODY
 from fitting_core.synthetic.company.filmed import CAMERA, Acting, Company, rehearsed
 from fitting_core.synthetic.company.scenes import SCENES

@@ -20,9 +20,9 @@ from benchmarks.clips import data_folder
 from benchmarks.report import Common, Row, report, start
 from fitting_core import keypoints as kp
 from fitting_core.io import read_detections
-from fitting_core.io.keypoints.person import choose_person
 from fitting_core.keypoint_noise import OPENPOSE, part
 from fitting_core.keypoints import Keypoints
+from fitting_core.people.person import choose_person
 
 CONFIDENT = 0.3
 """Detections above it count."""

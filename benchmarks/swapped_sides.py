@@ -25,8 +25,8 @@ from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.build_assets.motion_capture.retarget import MotionClip, load
 from fitting_core.camera import Camera
+from fitting_core.clips.reading import read_clip
 from fitting_core.fit.evidence.sides import PAIRED, unswapped
-from fitting_core.io.clip_reader import read_clip
 from fitting_core.keypoints import INDEX, Keypoints
 from fitting_core.synthetic.acting.script import Build, Failure, failures
 from fitting_core.synthetic.demo_clip import cached_demo

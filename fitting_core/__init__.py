@@ -29,6 +29,9 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not follow the tabl
     from fitting_core.body.points.positions import keypoints_in_space as keypoints_in_space
     from fitting_core.camera import Camera as Camera
     from fitting_core.clip import Clip as Clip
+    from fitting_core.clips.people import read_people as read_people
+    from fitting_core.clips.reading import read_clip as read_clip
+    from fitting_core.clips.reading import read_keypoints as read_keypoints
     from fitting_core.config.schema import PRESETS as PRESETS
     from fitting_core.config.schema import FitConfig as FitConfig
     from fitting_core.config.schema import ShapeSample as ShapeSample
@@ -53,19 +56,15 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not follow the tabl
     from fitting_core.fit.objective_values import evaluate_objective as evaluate_objective
     from fitting_core.fit.refitting import refit as refit
     from fitting_core.io import read_motion as read_motion
-    from fitting_core.io.clip_reader import read_clip as read_clip
-    from fitting_core.io.clip_reader import read_keypoints as read_keypoints
     from fitting_core.io.known_shape import read_known_shape as read_known_shape
     from fitting_core.io.motion.mesh_sequence import write_obj_sequence as write_obj_sequence
     from fitting_core.io.motion.mesh_sequence import write_ply_sequence as write_ply_sequence
     from fitting_core.io.motion_files import motion_of as motion_of
     from fitting_core.io.motion_files import stored_motion as stored_motion
     from fitting_core.io.motion_files import write_motion as write_motion
-    from fitting_core.io.people_reader import read_people as read_people
     from fitting_core.io.result_files import StoredFit as StoredFit
     from fitting_core.io.result_files import read_fit as read_fit
     from fitting_core.io.result_files import write_result as write_result
-    from fitting_core.io.start_reader import read_start as read_start
     from fitting_core.keypoints import Keypoints as Keypoints
     from fitting_core.measure.comparison import Comparison as Comparison
     from fitting_core.measure.comparison import figure_titles as figure_titles
@@ -78,6 +77,7 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not follow the tabl
     from fitting_core.results.fit_result import FitResult as FitResult
     from fitting_core.results.fit_result import PhaseResult as PhaseResult
     from fitting_core.results.known_shape import KnownShape as KnownShape
+    from fitting_core.starts.reading import read_start as read_start
     from fitting_core.synthetic.demo_clip import cached_demo as cached_demo
     from fitting_core.synthetic.demo_clip import make_demo as make_demo
 
@@ -102,14 +102,14 @@ _HOMES = {
     "fit.refitting": ("refit",),
     "results.fit_result": ("FitResult", "PhaseResult"),
     "io": ("read_motion",),
-    "io.clip_reader": ("read_clip", "read_keypoints"),
+    "clips.reading": ("read_clip", "read_keypoints"),
     "io.known_shape": ("read_known_shape",),
     "motion": ("Motion",),
     "io.motion.mesh_sequence": ("write_obj_sequence", "write_ply_sequence"),
     "io.motion_files": ("motion_of", "stored_motion", "write_motion"),
-    "io.people_reader": ("read_people",),
+    "clips.people": ("read_people",),
     "io.result_files": ("StoredFit", "read_fit", "write_result"),
-    "io.start_reader": ("read_start",),
+    "starts.reading": ("read_start",),
     "keypoints": ("Keypoints",),
     "measure.comparison": ("Comparison", "figure_titles"),
     "measure.fit_figures": ("evaluate_fit",),

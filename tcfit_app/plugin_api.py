@@ -7,10 +7,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # for editors and type checkers, which do not follow the table below; a test compares the two
+    from fitting_core.detections import Detections as Detections
     from fitting_core.errors import InputError as InputError
     from fitting_core.io.added_readers import KeypointReader as KeypointReader
     from fitting_core.io.added_readers import MotionReader as MotionReader
-    from fitting_core.io.keypoints.detections import Detections as Detections
     from fitting_core.io.motion.imported_motion import ImportedMotion as ImportedMotion
     from fitting_core.measure.comparison import FigureKind as FigureKind
     from fitting_core.measure.pairing import Pair as Pair
@@ -26,7 +26,7 @@ HOMES = {
     "InputError": "fitting_core.errors",
     "KeypointReader": "fitting_core.io.added_readers",
     "MotionReader": "fitting_core.io.added_readers",
-    "Detections": "fitting_core.io.keypoints.detections",
+    "Detections": "fitting_core.detections",
     "Motion": "fitting_core.motion",
     "ImportedMotion": "fitting_core.io.motion.imported_motion",
     "FigureKind": "fitting_core.measure.comparison",

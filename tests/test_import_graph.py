@@ -19,11 +19,13 @@ FLOORS = {
     "fitting_core": """
         errors frame_runs keypoint_noise keypoints plugins silhouettes
         camera lens wholebody config files body
-        clip image_border metrics priors video lifting ground
-        results
+        clip detections image_border metrics priors video lifting ground
+        frame_alignment results people
         motion
         animation
-        io fit detect
+        io
+        fit detect
+        starts clips
         render synthetic
         measure build_assets
     """,
@@ -167,7 +169,19 @@ def test_what_made_the_assets_is_used_by_nothing_else():
 
 def test_a_fit_loads_only_what_it_needs():
     used = {module.split(".")[1] for module in reached(graph(), "fitting_core.fit.fitting")}
-    assert not used & {"io", "detect", "render", "synthetic", "measure", "build_assets"}
+    assert not used & {"io", "people", "animation", "detect", "clips", "starts", "render", "synthetic", "measure"}
+
+
+def test_reading_and_writing_estimates_nothing():
+    """Whoever reads a file waits for no network and no solver: what is made of it is a step of its caller."""
+    used = {
+        name.split(".")[1]
+        for module, others in graph().items()
+        if inside(module, "fitting_core.io")
+        for name in others
+        if inside(name, "fitting_core")
+    }
+    assert not used & {"fit", "detect", "priors", "lifting", "starts", "clips"}
 
 
 def loaded_by(module: str) -> set[str]:

@@ -97,7 +97,7 @@ def fit_events(
         clip: keypoints and camera.
         body: the body model.
         config: everything else; see `config.PRESETS`.
-        start: what another system found in this clip, with which phase 1 begins (`io.start_reader.read_start`); frames
+        start: what another system found in this clip, with which phase 1 begins (`starts.reading.read_start`); frames
             that it lacks are fitted as without it.
         shape: one that is known, which phase 2 takes instead of looking for it.
 

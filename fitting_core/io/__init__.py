@@ -6,11 +6,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fitting_core.detections import Detections
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
 from fitting_core.io.added_readers import read_added_keypoints, read_added_motion
 from fitting_core.io.keypoints.coco_wholebody import folder_holds_coco, holds_coco
-from fitting_core.io.keypoints.detections import Detections
 from fitting_core.io.keypoints.json_points import first_bytes, is_json
 from fitting_core.io.keypoints.openpose import holds_people
 from fitting_core.io.keypoints.pose_binary import starts_as_pose

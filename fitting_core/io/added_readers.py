@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
+from fitting_core.detections import Detections
 from fitting_core.errors import InputError
-from fitting_core.io.keypoints.detections import Detections
 from fitting_core.plugins import Plugin, added
 
 if TYPE_CHECKING:  # keypoints are read without torch

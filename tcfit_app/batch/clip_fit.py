@@ -23,6 +23,7 @@ import torch
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
+from fitting_core.clips.reading import read_clip
 from fitting_core.detect.detecting import DetectionProgress
 from fitting_core.detect.detectors import Running, find_detector
 from fitting_core.detect.part import Detector
@@ -32,7 +33,6 @@ from fitting_core.fit.events import FitEvent, drained, mapped
 from fitting_core.fit.fitting import fit_events, shape_events
 from fitting_core.fit.plausibility import doubts
 from fitting_core.fit.subject_shape import subject_shape
-from fitting_core.io.clip_reader import read_clip
 from fitting_core.io.known_shape import read_known_shape
 from fitting_core.io.result_files import OVERLAY_NAME, write_result
 from fitting_core.io.summary import summary

@@ -11,9 +11,9 @@ from rich.console import Console
 from tqdm import tqdm
 
 from fitting_core.clip import Clip
+from fitting_core.clips.reading import read_clip
 from fitting_core.config.toml import as_plain
 from fitting_core.errors import InputError
-from fitting_core.io.clip_reader import read_clip
 from fitting_core.io.summary import versions
 from tcfit_app.bench.figures import (
     FORMAT,

@@ -10,8 +10,8 @@ from fitting_core.body.model import JOINT
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.clip import Clip
+from fitting_core.clips.reading import read_clip
 from fitting_core.errors import InputError
-from fitting_core.io.clip_reader import read_clip
 from fitting_core.measure.references.files import read_reference
 from fitting_core.metrics import jitter, mpjpe, pa_mpjpe
 from fitting_core.synthetic.demo_clip import DemoClip, cached_demo

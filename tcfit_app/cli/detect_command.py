@@ -9,9 +9,9 @@ from tqdm import tqdm
 from fitting_core.detect.detecting import Detected, Detection, DetectionProgress
 from fitting_core.detect.detectors import DETECTORS, Known, Running, find_detector
 from fitting_core.detect.download import Downloaded, DownloadProgress, announced, download
+from fitting_core.detect.found import found_by
 from fitting_core.detect.known_models import KNOWN_MODELS, KnownModel, is_here, model_path
 from fitting_core.errors import InputError
-from fitting_core.io.keypoints.found import found_by
 from fitting_core.io.keypoints.openpose import SUFFIX, write_everybody
 from fitting_core.video.frame_names import split_number
 from fitting_core.video.frames import FrameSource

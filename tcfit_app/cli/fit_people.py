@@ -7,12 +7,12 @@ from functools import partial
 from pathlib import Path
 
 from fitting_core.body.model import BodyModel
+from fitting_core.clips.people import PersonInClip, people_of
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import sweep
 from fitting_core.ground.level import best_grounding, level_of
 from fitting_core.io.motion_files import motion_of
 from fitting_core.io.people_file import PEOPLE_NAME, holds_people, read_people, write_people
-from fitting_core.io.people_reader import PersonInClip, people_of
 from fitting_core.io.result_files import FIT_NAME, OVERLAY_NAME, SUMMARY_NAME, is_result
 from fitting_core.results.given_start import GivenStart
 from tcfit_app.cli.detection_shown import DetectionShown

@@ -8,12 +8,12 @@ import msgspec
 import torch
 
 from fitting_core.body.points.positions import joints_in_space
+from fitting_core.clips.camera_rule import estimated
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.fused import ready
-from fitting_core.io.camera_rule import estimated
 from fitting_core.io.result_files import read_fit, write_result
 from fitting_core.measure.depth_figures import DepthRecord, measured
 from fitting_core.measure.records import PHASE_1

@@ -15,7 +15,8 @@ def on_glb(rig: str) -> Write:
     """What writes the person on a rig, by its name in `known_rigs`."""
 
     def write(source: ExportSource, path: Path, progress: Progress) -> None:
-        from fitting_core.io.motion.rigs.known import known_rigs, rig_glb
+        from fitting_core.animation.rigs import known_rigs
+        from fitting_core.io.motion.rigs import rig_glb
 
         rig_glb.write_standard_glb(path, source.motion("y-up"), getattr(known_rigs, rig), progress)
 
@@ -26,8 +27,7 @@ def on_bvh(rig: str) -> Write:
     """What writes the skeleton of a rig, by its name in `known_rigs`."""
 
     def write(source: ExportSource, path: Path, progress: Progress) -> None:
-        from fitting_core.io.motion.rigs.known import animated, known_rigs
-
+        from fitting_core.animation.rigs import animated, known_rigs
         from fitting_core.io.motion.rigs import rig_bvh
 
         motion = source.motion("y-up")

@@ -10,10 +10,10 @@ from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.io.known_shape import read_known_shape
-from fitting_core.io.start_reader import start_from_fit
 from fitting_core.results.fit_result import FitResult
 from fitting_core.results.given_start import GivenStart
 from fitting_core.results.known_shape import KnownShape
+from fitting_core.starts.reading import start_from_fit
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.imports.starts import start_of
 from tcfit_app.options.fit import StartOptions

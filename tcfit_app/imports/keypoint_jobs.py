@@ -73,7 +73,7 @@ class ImportFiles:
 
     def run(self, clip: Clip, report: Report) -> FoundKeypoints:
         """See `KeypointJob.run`."""
-        from fitting_core.io.clip_reader import read_keypoints
+        from fitting_core.clips.reading import read_keypoints
 
         report(f"Reading {self.path.name}", None)
         keypoints, notes, detector = read_keypoints(self.path, clip)
@@ -141,10 +141,10 @@ class Detect:
 
     def _chosen(self, found: "Detected", clip: Clip) -> FoundKeypoints:
         """Of whoever is meant."""
-        from fitting_core.io.camera_rule import estimated
-        from fitting_core.io.keypoints.found import found_detections, silhouettes_of, with_somebody
-        from fitting_core.io.keypoints.person import choose_person
+        from fitting_core.clips.camera_rule import estimated
+        from fitting_core.detect.found import found_detections, silhouettes_of, with_somebody
         from fitting_core.lens import straightened_keypoints
+        from fitting_core.people.person import choose_person
 
         assert clip.source is not None
         detections = found_detections(with_somebody(found, clip.source), clip.source)

@@ -21,6 +21,7 @@ from fitting_core.io.result_files import FIT_NAME
 from fitting_core.priors.files.registry import read_prior, registered_vposer, user_file
 from fitting_core.priors.latent import LatentPrior
 from fitting_core.results.fit_result import FitResult, PhaseResult
+from fitting_core.starts.posing import posed_on
 from fitting_core.video.frame_names import spans
 from fitting_core.video.frames import image_files
 from tcfit_app.fitting.bodies import Bodies, record_of
@@ -190,7 +191,7 @@ def posed_body(motion: ImportedMotion, bodies: Bodies, choices: ImportChoices) -
         if kind == "smplx":
             raise
         raise InputError(f"{error} Or pose an SMPL-X body, without the shape: --body-model smplx.") from error
-    return body, motion.for_body(body)
+    return body, posed_on(motion, body)
 
 
 _STARTS: dict[bytes, str] = {

@@ -7,11 +7,11 @@ from typing import Any
 
 from fitting_core.camera import FocalFrom, World
 from fitting_core.clip import Clip
+from fitting_core.clips.footage import locate
+from fitting_core.clips.people import PersonInClip, read_people
+from fitting_core.clips.reading import read_clip, read_footage
+from fitting_core.detect.found import Tell
 from fitting_core.errors import InputError
-from fitting_core.io.clip_reader import read_clip, read_footage
-from fitting_core.io.footage import locate
-from fitting_core.io.keypoints.found import Tell
-from fitting_core.io.people_reader import PersonInClip, read_people
 from tcfit_app.options.fit import (
     NO_KEYPOINTS,
     CameraOptions,

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import msgspec
 
+from fitting_core.clips.people import PersonInClip, people_of
 from fitting_core.files.atomic import drafting, put_folder
 from fitting_core.io.people_file import write_people
-from fitting_core.io.people_reader import PersonInClip, people_of
 from tcfit_app.project.project import check_free
 from tcfit_app.project.storage import media
 from tcfit_app.project.storage.accessing import accessing

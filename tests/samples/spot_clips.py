@@ -5,7 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from fitting_core.io.clip_reader import read_footage
+from fitting_core.clips.reading import read_footage
 from fitting_core.io.keypoints.openpose import write_openpose
 from fitting_core.keypoints import COUNT, Keypoints
 from tcfit_app.project.project import Project

@@ -16,10 +16,10 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.camera import Camera, project
+from fitting_core.clips.reading import read_clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.events import Finished, FitEvent, PhaseFinished
 from fitting_core.fit.fitting import fit_events
-from fitting_core.io.clip_reader import read_clip
 from fitting_core.io.keypoints.openpose import write_openpose
 from fitting_core.keypoints import BODY, COUNT, Keypoints
 from fitting_core.synthetic.demo_clip import make_demo

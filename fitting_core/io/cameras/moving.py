@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial.transform import Rotation, Slerp
 
-from fitting_core.io.keypoints.alignment import IN_ORDER, Timeline, counted
+from fitting_core.frame_alignment import IN_ORDER, Timeline, counted
 from fitting_core.video.frame_names import frame_numbers, image_numbers, spans
 
 _LONGEST_GAP = 0.5

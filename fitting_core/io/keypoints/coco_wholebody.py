@@ -12,10 +12,10 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core import wholebody as layout
+from fitting_core.detections import Detections, numbering
 from fitting_core.errors import InputError, some_of
 from fitting_core.files.atomic import replacing
 from fitting_core.io.keypoints.coco_forms import FORMS, CocoContent
-from fitting_core.io.keypoints.detections import Detections, numbering, told_detector
 from fitting_core.io.keypoints.json_points import (
     checked_points,
     first_bytes,
@@ -24,6 +24,7 @@ from fitting_core.io.keypoints.json_points import (
     numbers,
     read_json,
     stray_confidences,
+    told_detector,
 )
 from fitting_core.keypoint_noise import COCO_WHOLEBODY
 from fitting_core.keypoints import Keypoints

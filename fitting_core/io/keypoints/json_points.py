@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
+from fitting_core.keypoint_noise import DETECTORS
 from fitting_core.video.frame_names import natural_key
 
 # OpenPose interpolates its heat maps bicubically, which overshoots: real files hold face confidences up to 1.006.
@@ -137,3 +138,14 @@ def stray_confidences(path: Path, confidences: Float[np.ndarray, "n"]) -> tuple[
         return ()
     found = f"{stray.min():.4g}" if len(stray) == 1 else f"{len(stray)} from {stray.min():.4g} to {stray.max():.4g}"
     return (f"{path.name} has confidences outside 0 to 1 ({found}); they count as 0 or 1.",)
+
+
+def told_detector(path: Path, told: Any) -> tuple[str, tuple[str, ...]]:
+    """The detector's name in `keypoint_noise.DETECTORS` that a file tells, and a note where nothing is known of it."""
+    name = told.strip().lower() if isinstance(told, str) else ""
+    if name in DETECTORS:
+        return name, ()
+    return "", (
+        f"{path.name} says that its keypoints are of the detector {short(told)}; known are {', '.join(DETECTORS)}. "
+        "They are weighed as if they were OpenPose's.",
+    )

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from fitting_core.detections import PIXELS, SHARES, UNIT, Detections, guess_scale, numbering
 from fitting_core.errors import InputError, some_of
 from fitting_core.files.atomic import replacing
-from fitting_core.io.keypoints.detections import PIXELS, SHARES, UNIT, Detections, guess_scale, numbering, told_detector
 from fitting_core.io.keypoints.json_points import (
     checked_points,
     first_bytes,
@@ -23,6 +23,7 @@ from fitting_core.io.keypoints.json_points import (
     read_json,
     short,
     stray_confidences,
+    told_detector,
 )
 from fitting_core.keypoint_noise import OPENPOSE
 from fitting_core.keypoints import BODY, BODY_25, COUNT, FACE, INDEX, LEFT_HAND, NAMES, RIGHT_HAND, Keypoints

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from fitting_core.detections import Detections
 from fitting_core.errors import InputError
-from fitting_core.io.keypoints.detections import Detections
 from fitting_core.io.keypoints.json_points import MIN_CONFIDENCE, checked_points, stray_confidences
 from fitting_core.io.keypoints.pose_binary import Component, PoseFile, read_pose_file, write_pose_file
 from fitting_core.keypoint_noise import COCO_WHOLEBODY, MEDIAPIPE, OPENPOSE

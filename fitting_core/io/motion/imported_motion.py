@@ -15,7 +15,6 @@ from fitting_core.body.model import N_EXPRESSION, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera, FocalFrom
 from fitting_core.errors import InputError
-from fitting_core.io.motion.seen_points import SeenPoints
 from fitting_core.motion import rest_joints
 from fitting_core.video.frame_names import among_images, frames_for_one
 
@@ -25,6 +24,16 @@ _SAME_SHAPE = 0.01
 """Share by which the sides' ratio of two images that show the same may differ."""
 _IN_VIEW = 1.2
 """Where a body's place is not known: metres from the pelvis up and down that are to be in the picture."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SeenPoints:
+    """Points of T frames in camera space, metres: keypoints of any body, or the vertices of a mesh."""
+
+    keypoints: Float[np.ndarray, "T 137 3"] | None = None
+    """NaN where there are none; the same in all frames."""
+    vertices: Float[np.ndarray, "T V 3"] | None = None
+    """Of SMPL-X's mesh."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,7 +66,7 @@ class ImportedMotion:
     from_corner: bool = False
     """Whether `camera_translation` is for a camera whose principal point is the image's corner."""
     points: SeenPoints | None = None
-    """What the file tells instead of a pose; then `params` are zero until `for_body` has posed a body through them."""
+    """What the file tells instead of a pose; `params` are zero until `starts.posing` has posed a body."""
     whole_hands: bool
     """Whether hands are the axis-angle of 15 joints with the mean pose in it; else they are over that mean."""
     turn: Float[Tensor, "T 3 3"]
@@ -136,18 +145,8 @@ class ImportedMotion:
         """Without those of its numbers that mean nothing to this body, and with a note that says so.
 
         Betas, expressions and hand components are numbers of one body model; joint angles are not.
-
-        Raises:
-            InputError: It has a mesh and no pose, and this body has another mesh.
         """
-        if self.points is not None:
-            try:
-                params, note = self.points.posed(body)
-            except InputError as error:
-                raise InputError(f"{self.source}: {error}.") from error
-            notes = (*self.notes, note)
-            own = {"kind": body.kind, "gender": body.gender, "body_hash": body.hash}
-            return replace(self, params=params, points=None, whole_hands=False, notes=notes, **own)
+        assert self.points is None
         free = body.source is not None and FREE_FOLDER in body.source.parents
         if body.hash == self.body_hash or (not free and body.kind == self.kind and not self.body_hash):
             return self

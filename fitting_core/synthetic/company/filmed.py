@@ -11,7 +11,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.camera import Camera
-from fitting_core.io.keypoints.detections import Detections
+from fitting_core.detections import Detections
 from fitting_core.keypoints import BODY, COUNT, INDEX
 from fitting_core.synthetic.company.scenes import SCENES, SECONDS, Way
 from fitting_core.synthetic.motion_suite.measured_detector import detected

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from fitting_core.io.keypoints.people.everybody import FoundPerson, find_everybody
+from fitting_core.people.everybody import FoundPerson, find_everybody
 from fitting_core.synthetic.company.filmed import Company
 
 

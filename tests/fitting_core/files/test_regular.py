@@ -10,13 +10,13 @@ import pytest
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import find_body, register
 from fitting_core.build_assets.free_body.hand.recordings import read_recording
+from fitting_core.clips.reading import read_footage
 from fitting_core.config.toml import read_config
 from fitting_core.detect.onnx_model import OnnxModel, consumers
 from fitting_core.errors import InputError
 from fitting_core.files.npz import npz_names, read_npz
 from fitting_core.files.regular import regular_file
 from fitting_core.io import read_detections, read_motion
-from fitting_core.io.clip_reader import read_footage
 from fitting_core.io.keypoints.coco_wholebody import read_coco_wholebody
 from fitting_core.io.keypoints.openpose import read_openpose
 from fitting_core.io.keypoints.pose_file import read_pose

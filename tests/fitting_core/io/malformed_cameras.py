@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from fitting_core.frame_alignment import Timeline
 from fitting_core.io.cameras.moving import ClipFrames
 from fitting_core.io.cameras.reading import CameraFile, read_camera
-from fitting_core.io.keypoints.alignment import Timeline
 from tests.fitting_core.io.cameras import camera_files as files
 from tests.fitting_core.io.cameras.camera_files import DISTORTION, ROTATION, SIZE, TURNS, WAY, K
 from tests.fitting_core.io.malformed import Bomb, Case, content, directory

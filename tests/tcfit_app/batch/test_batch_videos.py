@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from fitting_core.body.model import BodyModel
+from fitting_core.clips.reading import read_clip
 from fitting_core.detect.detectors import DETECTORS
-from fitting_core.io.clip_reader import read_clip
 from fitting_core.io.result_files import read_fit
 from tcfit_app.batch import clip_fit, fingerprint
 from tcfit_app.cli.ending import INPUT_ERROR

@@ -12,12 +12,12 @@ import cv2
 import numpy as np
 import pytest
 
+from fitting_core.clips.people import read_people
+from fitting_core.clips.reading import read_clip
 from fitting_core.detect import known_models
 from fitting_core.detect.detectors import DETECTORS
 from fitting_core.detect.known_models import KNOWN_MODELS
 from fitting_core.detect.topdown.detector import PART
-from fitting_core.io.clip_reader import read_clip
-from fitting_core.io.people_reader import read_people
 from fitting_core.keypoints import INDEX
 from fitting_core.video.frames import FrameSource
 from tcfit_app.cli.main import main

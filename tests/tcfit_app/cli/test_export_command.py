@@ -22,8 +22,8 @@ from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.camera import World, path_of
+from fitting_core.clips.reading import read_clip
 from fitting_core.config.schema import FitConfig
-from fitting_core.io.clip_reader import read_clip
 from fitting_core.io.keypoints.openpose import write_openpose
 from fitting_core.io.result_files import read_fit, write_result
 from fitting_core.keypoints import INDEX

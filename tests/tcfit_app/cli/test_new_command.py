@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from fitting_core.io.clip_reader import read_clip
+from fitting_core.clips.reading import read_clip
 from tcfit_app.cli.main import main
 from tcfit_app.cli.new_command import check_same_clip
 from tcfit_app.project.project import Project

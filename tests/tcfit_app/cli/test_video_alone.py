@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
+from fitting_core.clips.reading import read_clip
 from fitting_core.detect.detectors import DETECTORS
-from fitting_core.io.clip_reader import read_clip
 from fitting_core.io.result_files import read_fit
 from tcfit_app.cli import fit_command
 from tcfit_app.cli.main import main, parse

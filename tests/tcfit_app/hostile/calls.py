@@ -20,7 +20,7 @@ _GOES_ON = ("http://127.0.0.1:", "Making the demo clip")
 LIMIT = 20.0
 """Seconds after which a call hangs."""
 _LOADED = (
-    "torch", "cv2", "fitting_core.fit.fitting", "fitting_core.io.clip_reader", "fitting_core.measure.report.page",
+    "torch", "cv2", "fitting_core.fit.fitting", "fitting_core.clips.reading", "fitting_core.measure.report.page",
     "tcfit_app.cli.fit_command", "tcfit_app.cli.export_command", "tcfit_app.cli.import_command",
     "tcfit_app.cli.evaluate_command", "tcfit_app.cli.batch_command", "tcfit_app.cli.new_command",
     "tcfit_app.cli.review_command", "tcfit_app.cli.detect_command", "tcfit_app.cli.models_command",

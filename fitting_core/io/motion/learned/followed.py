@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from fitting_core.video.tracks import Track, follow
+from fitting_core.people.tracks import Track, follow
 
 _FARTHEST, _LONGEST = 0.35, 30
 """Of a body's length in the image, how far one may be from where the person should be; and frames unseen."""

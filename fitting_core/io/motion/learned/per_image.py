@@ -33,6 +33,7 @@ from fitting_core.body.model import N_BETAS, POSE_COLUMNS
 from fitting_core.errors import InputError
 from fitting_core.files.npz import npz_names, read_npz
 from fitting_core.files.regular import refusal, regular_file
+from fitting_core.io.motion.imported_motion import SeenPoints
 from fitting_core.io.motion.learned.followed import followed
 from fitting_core.io.motion.learned.tracks import (
     Focal,
@@ -45,7 +46,6 @@ from fitting_core.io.motion.learned.tracks import (
     rows,
     shape_numbers,
 )
-from fitting_core.io.motion.seen_points import SeenPoints
 from fitting_core.video.frame_names import image_numbers, natural_key
 
 _VERTICES = KINDS["smplx"].vertices

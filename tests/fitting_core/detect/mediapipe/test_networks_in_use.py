@@ -7,14 +7,14 @@ import cv2
 import numpy as np
 import pytest
 
+from fitting_core.clips.reading import read_clip
 from fitting_core.detect.detecting import Detected, Detection, FramesDetected
 from fitting_core.detect.detectors import find_detector
+from fitting_core.detect.found import found_detections, silhouettes_of
 from fitting_core.detect.mediapipe import networks
 from fitting_core.detect.mediapipe.detector import Effort, MediaPipe
 from fitting_core.detect.second_look import look_again
 from fitting_core.detect.stored import StoredDetection
-from fitting_core.io.clip_reader import read_clip
-from fitting_core.io.keypoints.found import found_detections, silhouettes_of
 from fitting_core.keypoints import BODY, FACE, INDEX, LEFT_HAND, RIGHT_HAND, Keypoints
 from fitting_core.synthetic.demo_clip import DemoClip, make_demo
 from fitting_core.video.frames import FrameSource

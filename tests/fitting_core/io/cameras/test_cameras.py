@@ -9,9 +9,9 @@ import pytest
 
 from fitting_core.camera import Camera, World
 from fitting_core.errors import InputError
+from fitting_core.frame_alignment import Timeline
 from fitting_core.io.cameras.moving import ClipFrames
 from fitting_core.io.cameras.reading import CameraFile, camera_files, read_camera
-from fitting_core.io.keypoints.alignment import Timeline
 from fitting_core.lens import Straightener, filmed
 from tests.fitting_core.io.cameras import camera_files as files
 from tests.fitting_core.io.cameras.camera_files import DISTORTION, ROTATION, SIZE, TRANSLATION, K

@@ -9,12 +9,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fitting_core.camera import Camera, is_possible, path_of
+from fitting_core.clips.reading import read_clip
 from fitting_core.errors import InputError
+from fitting_core.frame_alignment import Timeline
 from fitting_core.io.camera_arrays import camera_arrays, camera_from
 from fitting_core.io.cameras.moving import ClipFrames
 from fitting_core.io.cameras.reading import CameraFile, read_camera
-from fitting_core.io.clip_reader import read_clip
-from fitting_core.io.keypoints.alignment import Timeline
 from fitting_core.io.keypoints.openpose import write_openpose
 from fitting_core.keypoints import Keypoints
 from tcfit_app.project.project import Project

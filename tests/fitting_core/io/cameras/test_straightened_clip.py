@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from fitting_core.camera import Camera, Lens, World, is_possible
+from fitting_core.clips.reading import read_clip, read_footage, read_keypoints
 from fitting_core.errors import InputError
 from fitting_core.io.camera_arrays import camera_arrays, camera_from
-from fitting_core.io.clip_reader import read_clip, read_footage, read_keypoints
 from fitting_core.io.keypoints.openpose import write_openpose
 from fitting_core.keypoints import COUNT, Keypoints
 from fitting_core.lens import filmed_keypoints, straightened

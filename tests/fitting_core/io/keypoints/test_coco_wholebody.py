@@ -9,8 +9,8 @@ import numpy as np
 from hypothesis import given
 
 from fitting_core import wholebody as layout
+from fitting_core.clips.reading import read_clip
 from fitting_core.io import read_detections
-from fitting_core.io.clip_reader import read_clip
 from fitting_core.io.keypoints.coco_wholebody import write_coco_wholebody
 from fitting_core.keypoints import FACE, INDEX, LEFT_HAND, NAMES, RIGHT_HAND, Keypoints
 from tests.fitting_core.io.keypoints.keypoint_samples import SIZE, as_points, by_frame, keypoints

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from fitting_core.clip import Clip
+from fitting_core.clips.people import read_people
+from fitting_core.clips.reading import read_clip, read_keypoints
 from fitting_core.errors import InputError
 from fitting_core.io import read_detections
-from fitting_core.io.clip_reader import read_clip, read_keypoints
 from fitting_core.io.keypoints.coco_wholebody import write_coco_wholebody
 from fitting_core.io.keypoints.openpose import write_openpose
 from fitting_core.io.keypoints.pose_file import write_pose
-from fitting_core.io.people_reader import read_people
 from fitting_core.keypoint_noise import DETECTORS
 from fitting_core.keypoints import COUNT, Keypoints
 from tests.fitting_core.io.keypoints.test_pose_file import holistic

@@ -9,10 +9,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from fitting_core.detections import guess_scale, to_pixels
 from fitting_core.errors import InputError
+from fitting_core.frame_alignment import timeline_of_keypoints
 from fitting_core.io import read_detections
-from fitting_core.io.keypoints.alignment import timeline_of_keypoints
-from fitting_core.io.keypoints.detections import guess_scale, to_pixels
 from fitting_core.io.keypoints.openpose import read_openpose, write_openpose
 from fitting_core.keypoints import BODY, BODY_25, FACE, INDEX, LEFT_HAND, RIGHT_HAND, Keypoints
 

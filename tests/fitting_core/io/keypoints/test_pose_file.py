@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 
+from fitting_core.clips.reading import read_clip
 from fitting_core.io import read_detections
-from fitting_core.io.clip_reader import read_clip
 from fitting_core.io.keypoints.pose_binary import Component, PoseFile, read_pose_file, write_pose_file
 from fitting_core.io.keypoints.pose_file import COMPONENTS, write_pose
 from fitting_core.keypoints import CONTOUR, COUNT, FACE, INDEX, LEFT_HAND, NAMES, RIGHT_HAND, Keypoints

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fitting_core.clips.reading import read_clip
 from fitting_core.errors import InputError
 from fitting_core.io import read_detections
-from fitting_core.io.clip_reader import read_clip
 from fitting_core.io.keypoints.pose_binary import PoseFile, write_pose_file
 from fitting_core.io.keypoints.pose_file import openpose_components
 from fitting_core.keypoints import COUNT, INDEX

@@ -20,6 +20,7 @@ from fitting_core.errors import InputError
 from fitting_core.io import read_motion
 from fitting_core.io.motion.learned.followed import followed
 from fitting_core.io.motion.learned.per_image import _SAM_NAMES
+from fitting_core.starts.posing import posed_on
 from tests.fitting_core.io.motion.learned_files import joblib_bytes, torch_bytes, truth, written
 from tests.fitting_core.io.motion.per_image_files import CAMERA, SAM_PLACES, multi_hmr, sam_people, smplerx
 from tests.samples.scenes import arms_in_motion
@@ -91,11 +92,11 @@ def test_multi_hmr(tmp_path: Path, tiny_body: BodyModel):
     found = read_motion(multi_hmr(tmp_path / "out", body, [params, away]), person=1)
     assert found.format == "Multi-HMR result" and found.stems == ("image3", "image4") and found.numbers == (3, 4)
     assert found.camera_for(CAMERA).focal[0] == pytest.approx(640 / 2 * 3**0.5)
-    posed = found.for_body(body)
+    posed = posed_on(found, body)
     error = joints_in_space(body, posed.on(body, CAMERA)) - joints_in_space(body, away)
     assert np.abs(error).max() < 1e-3 and "no poses" in posed.notes[-1]
     with pytest.raises(InputError, match="has meshes of 10475 vertices and no poses, and the smplx body here has 440"):
-        found.for_body(tiny_body)
+        posed_on(found, tiny_body)
 
 
 def test_what_multi_hmrs_model_returns(tmp_path: Path, tiny_body: BodyModel):
@@ -158,7 +159,7 @@ def test_sam_3d_body_is_followed(tmp_path: Path, free_body: BodyModel):
     np.savez(tmp_path / "a.npz", allow_pickle=False, **{key: np.stack([one[key] for one in people]) for key in keys})
     found = read_motion(tmp_path / "a.npz")
     assert found.camera_for(CAMERA).focal[0] == 800
-    posed = found.for_body(free_body)
+    posed = posed_on(found, free_body)
     placed = posed.on(free_body, CAMERA)
     off = body_keypoints_in_space(free_body, placed) - body_keypoints_in_space(free_body, params)
     off[:, kp.INDEX["mid_hip"]] = 0  # which it does not tell

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fitting_core.io.keypoints.people.following import Followed
+from fitting_core.people.following import Followed
 
 _ENDS_SECONDS = 2.0
 """At either end of an absence, from which the size is taken: at the image's edge alone it would be half a person's."""

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fitting_core import InputError, read_people
-from fitting_core.io.people_reader import people_of
+from fitting_core.clips.people import people_of
 from tests.fitting_core.io.cameras.camera_files import moving_npz
 
 Figure = Callable[..., np.ndarray]
@@ -51,7 +51,7 @@ def test_the_estimated_camera_is_one_for_all(keypoints: Path, monkeypatch: pytes
         asked.append(points)
         return camera
 
-    monkeypatch.setattr("fitting_core.io.clip_reader.estimated", noted)
+    monkeypatch.setattr("fitting_core.clips.reading.estimated", noted)
     one, other = read_people(None, keypoints, image_size=SIZE, frame_rate=25, focal_length="auto")
     assert one.clip.camera == other.clip.camera and len(asked) == 1
     assert asked[0].xy[15, 0, 0] == 300

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from fitting_core.clip import Clip
+from fitting_core.clips.reading import read_clip, read_keypoints
 from fitting_core.errors import InputError
-from fitting_core.io.clip_reader import read_clip, read_keypoints
 from fitting_core.video.frames import FrameSource
 
 SIZE = (320, 240)
@@ -408,7 +408,7 @@ def test_broken_parts_are_named(tmp_path, video, walk, broken):
 
 
 def test_reading_a_clip_does_not_load_torch():
-    code = "import fitting_core.io.clip_reader, sys; sys.exit('torch' in sys.modules)"
+    code = "import fitting_core.clips.reading, sys; sys.exit('torch' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True, cwd=Path(__file__).parents[3])
 
 

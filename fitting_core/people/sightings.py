@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core.keypoints import BODY
-from fitting_core.video.tracks import Track
+from fitting_core.people.tracks import Track
 
 _COMMON_POINTS = 3
 """With fewer keypoints in common, centres are compared instead."""

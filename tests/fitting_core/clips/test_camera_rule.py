@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from fitting_core.camera import DEFAULT_FOCAL, Camera, FocalFrom, focal_from_35mm
-from fitting_core.io.camera_rule import estimated, told_by_files
-from fitting_core.io.clip_reader import read_footage
+from fitting_core.clips.camera_rule import estimated, told_by_files
+from fitting_core.clips.reading import read_footage
 from fitting_core.keypoints import COUNT, Keypoints
 from tests.fitting_core.video.test_exif import jpeg, tiff
 

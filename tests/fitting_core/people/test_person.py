@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fitting_core.detections import Detections
 from fitting_core.errors import InputError
 from fitting_core.io import read_detections
-from fitting_core.io.keypoints.detections import Detections
-from fitting_core.io.keypoints.person import choose_person
+from fitting_core.people.person import choose_person
 from fitting_core.synthetic.company.filmed import film
 from fitting_core.video.frame_names import spans
 

@@ -8,21 +8,21 @@ import numpy as np
 
 from fitting_core.camera import Camera, FocalRule, Up
 from fitting_core.clip import Clip
+from fitting_core.clips.camera import CameraGiven
+from fitting_core.clips.camera_rule import estimated, scale_by, told_by_files
+from fitting_core.clips.footage import Footage, guessed_size, locate
 from fitting_core.detect.detecting import Detected
 from fitting_core.detect.detectors import DEFAULT
+from fitting_core.detect.found import Tell, find_keypoints, found_by, found_detections, silhouettes_of
 from fitting_core.detect.part import Detector
+from fitting_core.detections import Detections, to_pixels
 from fitting_core.errors import InputError
+from fitting_core.frame_alignment import Timeline, align, chosen, timeline_of_keypoints
 from fitting_core.io import read_detections
-from fitting_core.io.camera_options import CameraGiven
-from fitting_core.io.camera_rule import estimated, scale_by, told_by_files
 from fitting_core.io.cameras.moving import ClipFrames
-from fitting_core.io.footage import Footage, guessed_size, locate
-from fitting_core.io.keypoints.alignment import Timeline, align, chosen, timeline_of_keypoints
-from fitting_core.io.keypoints.detections import Detections, to_pixels
-from fitting_core.io.keypoints.found import Tell, find_keypoints, found_by, found_detections, silhouettes_of
-from fitting_core.io.keypoints.person import choose_person
 from fitting_core.keypoints import COUNT, Keypoints
 from fitting_core.lens import straightened_keypoints
+from fitting_core.people.person import choose_person
 
 
 @dataclass(frozen=True, kw_only=True)

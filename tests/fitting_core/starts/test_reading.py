@@ -20,10 +20,10 @@ from fitting_core.errors import InputError
 from fitting_core.fit.evidence.given_start import from_pelvis
 from fitting_core.io.motion.animation_npz import write_animation_npz
 from fitting_core.io.motion.smplifyx import write_smplifyx
-from fitting_core.io.start_reader import read_start
 from fitting_core.keypoints import Keypoints
 from fitting_core.motion import Motion
 from fitting_core.results.given_start import GivenStart
+from fitting_core.starts.reading import read_start
 from tests.fitting_core.io.motion.learned_files import (
     DIAGONAL,
     PHALP_CAMERA,

@@ -8,14 +8,14 @@ import numpy as np
 
 from fitting_core.camera import FocalRule, Up
 from fitting_core.clip import Clip
+from fitting_core.clips.reading import CameraGiven, Shot, check_inside, read_shot
 from fitting_core.detect.detectors import DEFAULT
+from fitting_core.detect.found import Tell
 from fitting_core.detect.part import Detector
 from fitting_core.files.regular import legible
-from fitting_core.io.clip_reader import CameraGiven, Shot, check_inside, read_shot
-from fitting_core.io.keypoints.found import Tell
-from fitting_core.io.keypoints.people.everybody import FoundPerson, find_everybody
 from fitting_core.io.people_file import LONGEST_NAME, MOST_PEOPLE, People, Person
 from fitting_core.keypoints import Keypoints
+from fitting_core.people.everybody import FoundPerson, find_everybody
 from fitting_core.video.frame_names import spans
 
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from fitting_core import DetectionProgress, InputError, read_clip, read_people
+from fitting_core.clips.reading import read_footage
 from fitting_core.detect.detectors import DETECTORS
 from fitting_core.detect.mediapipe import networks
-from fitting_core.io.clip_reader import read_footage
 from fitting_core.lens import straightened_keypoints
 from fitting_core.video.frames import FrameSource
 from tests.fitting_core.io.cameras.camera_files import own

@@ -7,8 +7,8 @@ from pathlib import Path
 from fitting_core.detect.detecting import Detected, Detection, DetectionProgress
 from fitting_core.detect.detectors import find_detector
 from fitting_core.detect.part import Detector
+from fitting_core.detections import Detections
 from fitting_core.errors import InputError
-from fitting_core.io.keypoints.detections import Detections
 from fitting_core.silhouettes import Silhouettes
 from fitting_core.video.frames import FrameSource
 

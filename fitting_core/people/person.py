@@ -7,14 +7,14 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
+from fitting_core.detections import Detections
 from fitting_core.errors import InputError
 from fitting_core.frame_runs import runs
-from fitting_core.io.keypoints.detections import Detections
-from fitting_core.io.keypoints.people.everybody import find_everybody
-from fitting_core.io.keypoints.people.sightings import Sighting, distances, offset, sightings
 from fitting_core.keypoints import COUNT, Keypoints
+from fitting_core.people.everybody import find_everybody
+from fitting_core.people.sightings import Sighting, distances, offset, sightings
+from fitting_core.people.tracks import Track, follow
 from fitting_core.video.frame_names import spans
-from fitting_core.video.tracks import Track, follow
 
 # Distances are in units of a person's size.
 _REACH = 1.0

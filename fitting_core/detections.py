@@ -3,14 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from fitting_core.errors import InputError
-from fitting_core.io.keypoints.json_points import short
-from fitting_core.keypoint_noise import DETECTORS
 from fitting_core.video.frame_names import frame_numbers, split_number
 
 PIXELS, UNIT, SIGNED, SHARES = "pixels", "0..1", "-1..1", "shares"
@@ -84,17 +81,6 @@ def numbering(stems: Sequence[str]) -> tuple[str, ...]:
     if numbers is None or all(split_number(stem)[1] == number for stem, number in zip(stems, numbers, strict=True)):
         return ()
     return (f"The frames' numbers are those in which the names differ: {numbers[0]} of {stems[0]}.",)
-
-
-def told_detector(path: Path, told: Any) -> tuple[str, tuple[str, ...]]:
-    """The detector's name in `keypoint_noise.DETECTORS` that a file tells, and a note where nothing is known of it."""
-    name = told.strip().lower() if isinstance(told, str) else ""
-    if name in DETECTORS:
-        return name, ()
-    return "", (
-        f"{path.name} says that its keypoints are of the detector {short(told)}; known are {', '.join(DETECTORS)}. "
-        "They are weighed as if they were OpenPose's.",
-    )
 
 
 def guess_scale(points: Float[np.ndarray, "N 2"]) -> str:

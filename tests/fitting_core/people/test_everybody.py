@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fitting_core.detections import Detections
 from fitting_core.errors import InputError
 from fitting_core.io import read_detections
-from fitting_core.io.keypoints.detections import Detections
-from fitting_core.io.keypoints.people.everybody import Everybody, find_everybody
+from fitting_core.people.everybody import Everybody, find_everybody
 
 Figure = Callable[..., np.ndarray]
 RATE = 25.0

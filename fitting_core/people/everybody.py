@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fitting_core.detections import Detections
 from fitting_core.errors import InputError
-from fitting_core.io.keypoints.detections import Detections
-from fitting_core.io.keypoints.people.following import Followed, apart, follow_all
-from fitting_core.io.keypoints.people.returning import Person, joined
-from fitting_core.io.keypoints.people.sightings import Sighting, sightings
 from fitting_core.keypoints import COUNT, Keypoints
+from fitting_core.people.following import Followed, apart, follow_all
+from fitting_core.people.returning import Person, joined
+from fitting_core.people.sightings import Sighting, sightings
 from fitting_core.video.frame_names import runs, spans
 
 _MOST = 100

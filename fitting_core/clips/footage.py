@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from fitting_core.detections import Detections
 from fitting_core.errors import InputError
-from fitting_core.io.keypoints.alignment import Timeline
-from fitting_core.io.keypoints.detections import Detections
+from fitting_core.frame_alignment import Timeline
 from fitting_core.video.frames import FrameSource
 
 DEFAULT_FRAME_RATE = 30.0

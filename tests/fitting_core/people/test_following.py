@@ -7,10 +7,10 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fitting_core.io.keypoints.people import following
-from fitting_core.io.keypoints.people.following import MOST_FOLLOWED, follow_all, optimal
-from fitting_core.io.keypoints.people.sightings import Sighting
 from fitting_core.keypoints import COUNT
+from fitting_core.people import following
+from fitting_core.people.following import MOST_FOLLOWED, follow_all, optimal
+from fitting_core.people.sightings import Sighting
 
 
 def total(prices: np.ndarray, place: tuple[int | None, ...]) -> float:

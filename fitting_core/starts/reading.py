@@ -34,6 +34,7 @@ from fitting_core.keypoints import SEEN
 from fitting_core.metrics import heights_in_image
 from fitting_core.motion import rest_joints
 from fitting_core.results.given_start import GivenStart, StartRecord
+from fitting_core.starts.posing import posed_on
 from fitting_core.video.frames import image_files
 
 if TYPE_CHECKING:
@@ -156,7 +157,7 @@ def _posed(motion: ImportedMotion, body: BodyModel, find_body: FindBody) -> Impo
     if motion.points is None:
         return motion
     meshes = motion.points.vertices is not None and motion.points.vertices.shape[1] != len(body.template)
-    return motion.for_body((find_body(motion.kind, motion.gender) if meshes else None) or body)
+    return posed_on(motion, (find_body(motion.kind, motion.gender) if meshes else None) or body)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.optimize import linear_sum_assignment
 
-from fitting_core.io.keypoints.people.sightings import Sighting
+from fitting_core.people.sightings import Sighting
 
 OUT_OF_SIGHT = 1.0
 """Seconds after which nobody is followed any more, and who comes is somebody new or returns (returning.py)."""

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from fitting_core.detections import Detections
 from fitting_core.errors import InputError
-from fitting_core.io.keypoints.detections import Detections
 from fitting_core.keypoints import COUNT
 from fitting_core.video.frame_names import among_images
 
