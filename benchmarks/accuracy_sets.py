@@ -16,6 +16,7 @@ from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.camera import focal_from_35mm
 from fitting_core.clip import Clip
+from fitting_core.clips.options import CameraOptions, ClipOptions
 from fitting_core.clips.reading import read_clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.fitting import fit_clip
@@ -98,7 +99,7 @@ def phone(setting: Setting, name: str) -> Rows:
     reference, last = _opencap(name), _PHONES[name] - 1 if setting.quick else None
     rows: Rows = {}
     for focal, millimetres in (("26 mm", PHONE_MM), ("auto", None)):
-        clip = read_clip(video, last_frame=last, focal_length_35mm=millimetres)
+        clip = read_clip(video, clip=ClipOptions(last_frame=last), camera=CameraOptions(focal_length_35mm=millimetres))
         params, seconds = setting.fitted(clip)
         found = setting.limbs(params)
         true, others = _in_time(found, clip, reference)

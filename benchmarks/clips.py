@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core.clip import Clip
+from fitting_core.clips.options import CameraOptions
 from fitting_core.clips.reading import read_clip
 from fitting_core.errors import InputError
 
@@ -55,17 +56,18 @@ def _balancing(name: str, focal: Focal, detected: bool) -> Sample:
         truth = reference["points"] @ rotation.T + shift
     video, keypoints = folder / name / "video.mp4", None if detected else folder / name / "keypoints"
     if focal != "true":
-        return Sample(clip=read_clip(video, keypoints, focal_length=focal), truth=truth)
+        return Sample(clip=read_clip(video, keypoints, camera=CameraOptions(focal_length=focal)), truth=truth)
     length = float(intrinsics[0, 0] + intrinsics[1, 1]) / 2
     center = (float(intrinsics[0, 2]), float(intrinsics[1, 2]))
-    return Sample(clip=read_clip(video, keypoints, focal_length=length, center=center), truth=truth)
+    camera = CameraOptions(focal_length=length, center=center)
+    return Sample(clip=read_clip(video, keypoints, camera=camera), truth=truth)
 
 
 def _signs(name: str, focal: Focal, detected: bool) -> Sample:
     """A signer's upper body with hands and face; the camera is not known, so its focal length is always the default."""
     folder = data_folder() / "signs" / name
     keypoints = None if detected else folder / "keypoints"
-    return Sample(clip=read_clip(folder / "video.mp4", keypoints, focal_length="diagonal"))
+    return Sample(clip=read_clip(folder / "video.mp4", keypoints, camera=CameraOptions(focal_length="diagonal")))
 
 
 CLIPS: dict[str, Callable[[str, Focal, bool], Sample]] = {

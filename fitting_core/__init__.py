@@ -29,6 +29,8 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not follow the tabl
     from fitting_core.body.points.positions import keypoints_in_space as keypoints_in_space
     from fitting_core.camera import Camera as Camera
     from fitting_core.clip import Clip as Clip
+    from fitting_core.clips.options import CameraOptions as CameraOptions
+    from fitting_core.clips.options import ClipOptions as ClipOptions
     from fitting_core.clips.people import read_people as read_people
     from fitting_core.clips.reading import read_clip as read_clip
     from fitting_core.clips.reading import read_keypoints as read_keypoints
@@ -102,6 +104,7 @@ _HOMES = {
     "fit.refitting": ("refit",),
     "results.fit_result": ("FitResult", "PhaseResult"),
     "io": ("read_motion",),
+    "clips.options": ("CameraOptions", "ClipOptions"),
     "clips.reading": ("read_clip", "read_keypoints"),
     "io.known_shape": ("read_known_shape",),
     "motion": ("Motion",),

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import get_args
 
 from fitting_core.camera import (
@@ -13,11 +12,11 @@ from fitting_core.camera import (
     FocalFrom,
     FocalRule,
     PathScale,
-    Up,
     default_focal,
     focal_from_35mm,
     focal_from_fov,
 )
+from fitting_core.clips.options import CameraOptions
 from fitting_core.errors import InputError
 from fitting_core.io.cameras.moving import ClipFrames
 from fitting_core.io.cameras.reading import CameraFile, read_camera
@@ -39,7 +38,7 @@ _MAX_CENTER = 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class CameraGiven:
-    """What a user says of the camera, checked; `read_clip` has the words."""
+    """What a user says of the camera, checked."""
 
     file: CameraFile | None
     focal: tuple[str, float] | None
@@ -48,23 +47,11 @@ class CameraGiven:
     """The focal length is told by photographs, or estimated."""
 
     @classmethod
-    def of(
-        cls,
-        *,
-        focal_length: float | FocalRule | None,
-        fov: float | None,
-        focal_length_35mm: float | None,
-        center: tuple[float, float] | None,
-        camera: Path | None,
-        camera_name: str | None,
-        camera_unit: float | None,
-        camera_up: Up | None,
-    ) -> "CameraGiven":
+    def of(cls, options: CameraOptions) -> "CameraGiven":
         """Raises InputError where these contradict each other."""
-        focal = _focal_option({"focal_length": focal_length, "fov": fov, "focal_length_35mm": focal_length_35mm})
-        file = _camera_file(camera, camera_name, camera_unit, camera_up, focal_length or focal or center)
-        rule = focal_length or DEFAULT_RULE
-        return cls(file=file, focal=focal, center=center, automatic=not (file or focal) and rule == "auto")
+        focal, file = _focal_option(options), _camera_file(options)
+        rule = options.focal_length or DEFAULT_RULE
+        return cls(file=file, focal=focal, center=options.center, automatic=not (file or focal) and rule == "auto")
 
     def camera(
         self,
@@ -78,14 +65,14 @@ class CameraGiven:
         return read_camera(self.file, size, frames, scale_of=scale_of)
 
 
-def _focal_option(options: dict[str, float | FocalRule | None]) -> tuple[str, float] | None:
+def _focal_option(options: CameraOptions) -> tuple[str, float] | None:
     """The one way of _FOCAL_OPTIONS that is given, and its value; None for none, or for a rule.
 
     Raises:
         InputError: More than one is given, or something that is no focal length.
     """
     rules = get_args(FocalRule)
-    given = {name: value for name, value in options.items() if value is not None}
+    given = {name: value for name in _FOCAL_OPTIONS if (value := getattr(options, name)) is not None}
     if len(given) > 1:
         listed = " and ".join(f"`{n}` {v if isinstance(v, str) else format(v, 'g')}" for n, v in given.items())
         raise InputError(f"The focal length is given {len(given)} times: {listed}. Give one of them only.")
@@ -102,31 +89,23 @@ def _focal_option(options: dict[str, float | FocalRule | None]) -> tuple[str, fl
     return name, value
 
 
-def _camera_file(
-    path: Path | None, name: str | None, unit: float | None, up: Up | None, others: object
-) -> CameraFile | None:
+def _camera_file(options: CameraOptions) -> CameraFile | None:
     """The calibration that a user gave.
-
-    Args:
-        path: The file.
-        name: Of a camera in it.
-        unit: Of its world.
-        up: Of its world.
-        others: Whatever else was said of the camera.
 
     Raises:
         InputError: The camera is given twice, or something of a file that is not given.
     """
+    path = options.camera
     if path is None:
-        told = {"camera_name": name, "camera_unit": unit, "camera_up": up}
-        if given := [option for option, value in told.items() if value is not None]:
-            raise InputError(f"`{given[0]}` is given without a camera file. Give the file, or leave it out.")
+        told = (name for name in ("camera_name", "camera_unit", "camera_up") if getattr(options, name) is not None)
+        if name := next(told, None):
+            raise InputError(f"`{name}` is given without a camera file. Give the file, or leave it out.")
         return None
-    if others:
+    if options.focal_length or options.fov or options.focal_length_35mm or options.center:
         raise InputError(
             f"The camera is given twice: by {path}, and by a focal length or a principal point. Give one of them only."
         )
-    return CameraFile(path=path, name=name, unit=unit, up=up)
+    return CameraFile(path=path, name=options.camera_name, unit=options.camera_unit, up=options.camera_up)
 
 
 def _camera_of(size: tuple[int, int], center: tuple[float, float] | None, focal: tuple[str, float] | None) -> Camera:

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from fitting_core.camera import FocalRule, Up
 from fitting_core.clip import Clip
-from fitting_core.clips.reading import CameraGiven, Shot, check_inside, read_shot
-from fitting_core.detect.detectors import DEFAULT
+from fitting_core.clips.options import CameraOptions, ClipOptions
+from fitting_core.clips.reading import Shot, check_inside, read_shot
 from fitting_core.detect.found import Tell
 from fitting_core.detect.part import Detector
+from fitting_core.errors import InputError
 from fitting_core.files.regular import legible
 from fitting_core.io.people_file import LONGEST_NAME, MOST_PEOPLE, People, Person
 from fitting_core.keypoints import Keypoints
@@ -35,21 +35,10 @@ def read_people(
     video: Path | None,
     keypoints: Path | None = None,
     *,
-    detector: str | Detector = DEFAULT,
+    clip: ClipOptions = ClipOptions(),
+    camera: CameraOptions = CameraOptions(),
+    detector: Detector | None = None,
     tell: Tell | None = None,
-    focal_length: float | FocalRule | None = None,
-    fov: float | None = None,
-    focal_length_35mm: float | None = None,
-    center: tuple[float, float] | None = None,
-    camera: Path | None = None,
-    camera_name: str | None = None,
-    camera_unit: float | None = None,
-    camera_up: Up | None = None,
-    keypoint_scale: str = "auto",
-    frame_rate: float | None = None,
-    image_size: tuple[int, int] | None = None,
-    first_frame: int | None = None,
-    last_frame: int | None = None,
 ) -> list[PersonInClip]:
     """Read everybody's keypoints in a clip, with one camera and one frame rate.
 
@@ -57,30 +46,11 @@ def read_people(
     first in which its person is found to the last. Where two people may have been exchanged, its notes say so. A focal
     length that is estimated is that of whoever is largest and surest, for all.
 
-    Args and errors as of `read_clip`, without the choice of a person.
+    Args and errors as of `read_clip`; a choice of one person is refused.
     """
-    given = CameraGiven.of(
-        focal_length=focal_length,
-        fov=fov,
-        focal_length_35mm=focal_length_35mm,
-        center=center,
-        camera=camera,
-        camera_name=camera_name,
-        camera_unit=camera_unit,
-        camera_up=camera_up,
-    )
-    shot = read_shot(
-        video,
-        keypoints,
-        given,
-        detector=detector,
-        tell=tell,
-        keypoint_scale=keypoint_scale,
-        frame_rate=frame_rate,
-        image_size=image_size,
-        first_frame=first_frame,
-        last_frame=last_frame,
-    )
+    if clip.person is not None:
+        raise InputError(f"`person` is {clip.person}; expected none where everybody is read.")
+    shot = read_shot(video, keypoints, clip, camera, detector=detector, tell=tell)
     found = find_everybody(shot.detections, frame_rate=shot.frame_rate, first_frame=shot.first_frame, most=MOST_PEOPLE)
     of_places = check_inside(_together(found.people), shot.size)
     seen, of_camera = shot.camera(max(found.people, key=lambda one: one.prominence).keypoints)
@@ -88,7 +58,7 @@ def read_people(
     for number, one in enumerate(found.people, 1):
         about = _about(one, number, shot)
         notes = (_note(about, one, len(found.people)), *([found.note] if found.note else []))
-        clip = shot.clip(
+        whole = shot.clip(
             one.keypoints,
             seen,
             entries=one.entries,
@@ -96,7 +66,7 @@ def read_people(
             of_places=of_places,
             of_camera=of_camera,
         )
-        people.append(PersonInClip(about=about, clip=_part(clip, one.frames, about), name=shot.name))
+        people.append(PersonInClip(about=about, clip=_part(whole, one.frames, about), name=shot.name))
     return people
 
 

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from fitting_core.camera import Camera, FocalRule, Up
+from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.clips.camera import CameraGiven
 from fitting_core.clips.camera_rule import estimated, scale_by, told_by_files
 from fitting_core.clips.footage import Footage, guessed_size, locate
+from fitting_core.clips.options import CameraOptions, ClipOptions
 from fitting_core.detect.detecting import Detected
-from fitting_core.detect.detectors import DEFAULT
 from fitting_core.detect.found import Tell, find_keypoints, found_by, found_detections, silhouettes_of
 from fitting_core.detect.part import Detector
 from fitting_core.detections import Detections, to_pixels
@@ -100,37 +100,25 @@ class Shot:
 def read_shot(
     video: Path | None,
     keypoints: Path | None,
-    given: CameraGiven,
+    clip: ClipOptions,
+    camera: CameraOptions,
     *,
-    detector: str | Detector,
+    detector: Detector | None,
     tell: Tell | None,
-    keypoint_scale: str,
-    frame_rate: float | None,
-    image_size: tuple[int, int] | None,
-    first_frame: int | None,
-    last_frame: int | None,
 ) -> Shot:
     """Everything of a clip but who is meant; arguments and errors as of `read_clip`."""
+    given = CameraGiven.of(camera)
     images, keypoint_path = locate(video, keypoints)
     if keypoint_path is None:
         assert video is not None and images is not None
-        empty = _empty_shot(
-            images,
-            given,
-            name=_name(video),
-            frame_rate=frame_rate,
-            image_size=image_size,
-            first_frame=first_frame,
-            last_frame=last_frame,
-        )
-        return _searched(empty, images, detector, tell)
+        return _searched(_empty_shot(video, images, clip, given), images, detector or clip.detector, tell)
     detections = read_detections(keypoint_path)
     footage = Footage.of(images)
-    size = footage.known_size(image_size) or detections.size
-    detections, size, size_notes = _in_pixels(_with_contradictions(detections, footage), size, keypoint_scale)
+    size = footage.known_size(clip.image_size) or detections.size
+    detections, size, size_notes = _in_pixels(_with_contradictions(detections, footage), size, clip.keypoint_scale)
     timeline = footage.timeline or timeline_of_keypoints(detections)
-    part = chosen(timeline, first_frame, last_frame)
-    rate, rate_notes = footage.known_rate(frame_rate, detections.frame_rate)
+    part = chosen(timeline, clip.first_frame, clip.last_frame)
+    rate, rate_notes = footage.known_rate(clip.frame_rate, detections.frame_rate)
     aligned, notes = align(detections, timeline)
     return Shot(
         detections=aligned[part],
@@ -145,22 +133,13 @@ def read_shot(
     )
 
 
-def _empty_shot(
-    images: Path,
-    given: CameraGiven,
-    *,
-    name: str,
-    frame_rate: float | None,
-    image_size: tuple[int, int] | None,
-    first_frame: int | None,
-    last_frame: int | None,
-) -> Shot:
-    """A clip whose keypoints are yet to come, with nobody in any frame; arguments and errors as of `read_clip`."""
+def _empty_shot(video: Path, images: Path, clip: ClipOptions, given: CameraGiven) -> Shot:
+    """A clip whose keypoints are yet to come, with nobody in any frame."""
     footage = Footage.of(images)
-    size = footage.known_size(image_size)
+    size = footage.known_size(clip.image_size)
     assert size is not None and footage.timeline is not None
-    part = chosen(footage.timeline, first_frame, last_frame)
-    rate, rate_notes = footage.known_rate(frame_rate, None)
+    part = chosen(footage.timeline, clip.first_frame, clip.last_frame)
+    rate, rate_notes = footage.known_rate(clip.frame_rate, None)
     frames = ClipFrames(timeline=footage.timeline, part=part, frame_rate=rate)
     nobody = (np.zeros((0, COUNT, 3)),) * len(frames.numbers)
     return Shot(
@@ -168,7 +147,7 @@ def _empty_shot(
         size=size,
         frames=frames,
         images=images,
-        name=name,
+        name=_name(video),
         given=given,
         notes=footage.notes,
         later_notes=(),
@@ -189,22 +168,10 @@ def read_clip(
     video: Path | None,
     keypoints: Path | None = None,
     *,
-    detector: str | Detector = DEFAULT,
+    clip: ClipOptions = ClipOptions(),
+    camera: CameraOptions = CameraOptions(),
+    detector: Detector | None = None,
     tell: Tell | None = None,
-    focal_length: float | FocalRule | None = None,
-    fov: float | None = None,
-    focal_length_35mm: float | None = None,
-    center: tuple[float, float] | None = None,
-    camera: Path | None = None,
-    camera_name: str | None = None,
-    camera_unit: float | None = None,
-    camera_up: Up | None = None,
-    person: int | None = None,
-    keypoint_scale: str = "auto",
-    frame_rate: float | None = None,
-    image_size: tuple[int, int] | None = None,
-    first_frame: int | None = None,
-    last_frame: int | None = None,
 ) -> Clip:
     """Read one person's keypoints, the camera and the frame rate of a clip.
 
@@ -218,56 +185,22 @@ def read_clip(
         video: A video file, a folder of images, or a folder in SMPLify-X layout (``images`` and ``keypoints`` inside).
             None to go without: overlays and comparisons with the video are then not possible.
         keypoints: Any format of fitting_core.io.READERS. None for a folder in SMPLify-X layout, or to have them found.
-        detector: What finds them: a name in DETECTORS, the path of an ONNX model of the RTMPose family, or what
-            `find_detector` opened.
-        tell: Is told how far finding them is, in this thread; what it raises ends it.
-        focal_length: Pixels; "auto" for what the files tell, or else an estimate from the clip; or "diagonal", the
-            image's.
-        fov: Horizontal field of view in degrees.
-        focal_length_35mm: Millimetres on 35 mm film, as phones and cameras state it. At most one of these three; the
-            default is "auto", as that of the commands.
-        center: Principal point in pixels; the image's centre by default.
-        camera: A calibration file, in place of the four before: any form of fitting_core.io.cameras.reading. Where it
-            knows the lens's distortion, the clip is that of straightened pictures.
-        camera_name: Which of its cameras, if it has several.
-        camera_unit: Metres that one unit of its world is long. If nobody says it, it is estimated from the keypoints
-            for a camera that moves, and else 1.
-        camera_up: The axis of its world that points against gravity, where it is not as the file has it.
-        person: Whoever has this place, from 0, in the first frame whose list of people has it; by default, the most
-            prominent person is followed.
-        keypoint_scale: "auto", "pixels", "0..1" or "-1..1".
-        frame_rate: Frames per second; by default the video's.
-        image_size: Width and height in pixels, where there is no video; by default guessed from the keypoints.
-        first_frame: Number of the first frame to use, counted from 0 (as the files are numbered, if there is no video).
-        last_frame: Number of the last frame to use.
+        clip: Which frames and who, how the files are read, and what finds keypoints where none are given. By default
+            all frames, and the most prominent person, who is followed.
+        camera: Focal length or calibration. By default the focal length is what the files tell, or else an estimate
+            from the clip, as that of the commands. Where a calibration knows the lens's distortion, the clip is that of
+            straightened pictures; the unit of one that moves is estimated from the keypoints if nobody says it.
+        detector: One that is open, of `find_detector`, in place of the one that `clip` names.
+        tell: Is told how far finding keypoints is, in this thread; what it raises ends it.
 
     Raises:
         InputError: A file is missing or broken, options contradict each other, nothing was detected, or the detector is
             not on this computer.
     """
-    given = CameraGiven.of(
-        focal_length=focal_length,
-        fov=fov,
-        focal_length_35mm=focal_length_35mm,
-        center=center,
-        camera=camera,
-        camera_name=camera_name,
-        camera_unit=camera_unit,
-        camera_up=camera_up,
+    shot = read_shot(video, keypoints, clip, camera, detector=detector, tell=tell)
+    choice = choose_person(
+        shot.detections, person=clip.person, first_frame=shot.first_frame, frame_rate=shot.frame_rate
     )
-    shot = read_shot(
-        video,
-        keypoints,
-        given,
-        detector=detector,
-        tell=tell,
-        keypoint_scale=keypoint_scale,
-        frame_rate=frame_rate,
-        image_size=image_size,
-        first_frame=first_frame,
-        last_frame=last_frame,
-    )
-    choice = choose_person(shot.detections, person=person, first_frame=shot.first_frame, frame_rate=shot.frame_rate)
     of_places = check_inside(choice.keypoints, shot.size)
     seen, of_camera = shot.camera(choice.keypoints)
     of_person = (choice.note,) if choice.note else ()
@@ -281,46 +214,14 @@ def read_clip(
     )
 
 
-def read_footage(
-    video: Path,
-    *,
-    focal_length: float | FocalRule | None = None,
-    fov: float | None = None,
-    focal_length_35mm: float | None = None,
-    center: tuple[float, float] | None = None,
-    camera: Path | None = None,
-    camera_name: str | None = None,
-    camera_unit: float | None = None,
-    camera_up: Up | None = None,
-    frame_rate: float | None = None,
-    image_size: tuple[int, int] | None = None,
-    first_frame: int | None = None,
-    last_frame: int | None = None,
-) -> Clip:
+def read_footage(video: Path, *, clip: ClipOptions = ClipOptions(), camera: CameraOptions = CameraOptions()) -> Clip:
     """Read a clip whose keypoints are yet to come: nothing is detected in any frame.
 
-    Args and errors as of `read_clip`.
+    Args and errors as of `read_clip`; what `clip` says of detector, person and the scale of keypoints does not count.
     """
-    given = CameraGiven.of(
-        focal_length=focal_length,
-        fov=fov,
-        focal_length_35mm=focal_length_35mm,
-        center=center,
-        camera=camera,
-        camera_name=camera_name,
-        camera_unit=camera_unit,
-        camera_up=camera_up,
-    )
+    given = CameraGiven.of(camera)
     images = video / "images" if (video / "images").is_dir() else video
-    shot = _empty_shot(
-        images,
-        given,
-        name=_name(video),
-        frame_rate=frame_rate,
-        image_size=image_size,
-        first_frame=first_frame,
-        last_frame=last_frame,
-    )
+    shot = _empty_shot(video, images, clip, given)
     seen, of_camera = given.camera(shot.size, shot.frames)
     if given.automatic:
         seen = told_by_files(seen, images) or seen

@@ -194,10 +194,9 @@ class Work:
 
 
 def _clip_of(task: ClipTask, report: Report) -> Clip:
-    options = dataclasses.asdict(task.fit.camera) | dataclasses.asdict(task.fit.clip)
-    if (name := detector_of(task)) is not None:
-        options["detector"] = _detector(name)
-    return read_clip(task.fit.video, task.fit.keypoints, tell=report, **options)
+    fit, name = task.fit, detector_of(task)
+    detector = None if name is None else _detector(name)
+    return read_clip(fit.video, fit.keypoints, clip=fit.clip, camera=fit.camera, detector=detector, tell=report)
 
 
 @lru_cache(maxsize=1)  # Most clips of a list have the same, which takes a second to open.

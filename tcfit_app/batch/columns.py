@@ -11,10 +11,11 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 import msgspec
 
 from fitting_core.camera import FocalRule, Up
+from fitting_core.clips.options import CameraOptions, ClipOptions
 from fitting_core.config.schema import PRESETS
 from fitting_core.config.settings import Range, nearest, settings
 from fitting_core.files.regular import at_home
-from tcfit_app.options.fit import SHORTCUTS, BodyOptions, CameraOptions, ClipOptions, StartOptions
+from tcfit_app.options.fit import SHORTCUTS, BodyOptions, StartOptions
 
 Group = Literal["files", "subject", "clip", "camera", "body", "start", "preset", "setting"]
 """Which part of a clip's options a column belongs to."""

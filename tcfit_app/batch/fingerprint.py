@@ -11,6 +11,7 @@ from pathlib import Path
 import msgspec
 
 from fitting_core.clips.footage import locate
+from fitting_core.clips.options import CameraOptions, ClipOptions
 from fitting_core.config.schema import POSE_PRIORS, FitConfig
 from fitting_core.config.toml import as_plain
 from fitting_core.detect.detectors import find_detector
@@ -19,7 +20,7 @@ from fitting_core.files.regular import at_home, regular_file
 from fitting_core.io.cameras.reading import camera_files
 from fitting_core.io.known_shape import read_known_shape
 from tcfit_app.batch.manifest import ClipTask, Form
-from tcfit_app.options.fit import CameraOptions, ClipOptions, StartOptions
+from tcfit_app.options.fit import StartOptions
 from tcfit_app.options.preparing import body_file
 
 FIRST_NAME, SHAPE_NAME = "first.npz", "shape.json"

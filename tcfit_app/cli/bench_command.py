@@ -84,9 +84,8 @@ def _clip(options: BenchOptions) -> Clip:
     if options.video is None and options.keypoints is None:
         clip = read_demo(demo_clip())
     else:
-        details = dataclasses.asdict(options.camera) | dataclasses.asdict(options.clip)
         with DetectionShown() as tell:
-            clip = read_clip(options.video, options.keypoints, tell=tell, **details)
+            clip = read_clip(options.video, options.keypoints, clip=options.clip, camera=options.camera, tell=tell)
     return replace(clip, source=None)
 
 

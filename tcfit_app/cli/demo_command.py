@@ -10,6 +10,7 @@ from fitting_core.body.model import JOINT
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.clip import Clip
+from fitting_core.clips.options import CameraOptions
 from fitting_core.clips.reading import read_clip
 from fitting_core.errors import InputError
 from fitting_core.measure.references.files import read_reference
@@ -17,7 +18,7 @@ from fitting_core.metrics import jitter, mpjpe, pa_mpjpe
 from fitting_core.synthetic.demo_clip import DemoClip, cached_demo
 from fitting_core.synthetic.truth import Truth, read_truth
 from tcfit_app.cli.fit_command import Outcome, run_fit
-from tcfit_app.options.fit import CameraOptions, DemoOptions, FitOptions, fit_config
+from tcfit_app.options.fit import DemoOptions, FitOptions, fit_config
 from tcfit_app.options.preparing import check_out, prepare_solver
 from tcfit_app.project.project import Project, check_free
 from tcfit_app.project.storage.database import is_project
@@ -95,8 +96,8 @@ def demo_clip() -> DemoClip:
 
 def read_demo(demo: DemoClip) -> Clip:
     """What is fitted of the demo clip: its simulated keypoints, with its true camera."""
-    camera = demo.camera
-    clip = read_clip(demo.video, demo.keypoints, focal_length=camera.focal[0], center=camera.center)
+    camera = CameraOptions(focal_length=demo.camera.focal[0], center=demo.camera.center)
+    clip = read_clip(demo.video, demo.keypoints, camera=camera)
     return dataclasses.replace(clip, name="demo")
 
 

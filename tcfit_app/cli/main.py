@@ -22,7 +22,15 @@ from tcfit_app.options.bench import BenchOptions
 from tcfit_app.options.detect import DetectOptions
 from tcfit_app.options.evaluate import EvaluateOptions
 from tcfit_app.options.export import LIST, ExportOptions
-from tcfit_app.options.fit import DemoOptions, FitOptions, MethodOptions, NewOptions, ReviewOptions, fit_config
+from tcfit_app.options.fit import (
+    DemoOptions,
+    FitOptions,
+    MethodOptions,
+    NewOptions,
+    ReviewOptions,
+    fit_config,
+    registry_of_hints,
+)
 from tcfit_app.options.import_ import ImportOptions
 from tcfit_app.options.paths import check_paths
 from tcfit_app.options.render import RenderOptions
@@ -196,13 +204,14 @@ def parse(arguments: Sequence[str]) -> Any:
         SystemExit: It asks for help, or is wrong; either has been printed.
     """
     options: Any = Union[tuple(Annotated[kind, subcommand(name)] for name, (kind, _) in COMMANDS.items())]  # noqa: UP007
-    return tyro.cli(
-        options,
-        args=arguments,
-        prog="tcfit",
-        description="Fit SMPL-X bodies to monocular video, consistently over time.",
-        config=(OmitArgPrefixes, OmitSubcommandPrefixes),
-    )
+    with registry_of_hints():
+        return tyro.cli(
+            options,
+            args=arguments,
+            prog="tcfit",
+            description="Fit SMPL-X bodies to monocular video, consistently over time.",
+            config=(OmitArgPrefixes, OmitSubcommandPrefixes),
+        )
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -15,11 +15,12 @@ from urllib.parse import urlsplit
 
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.model import BodyModel
+from fitting_core.clips.options import ClipOptions
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
 from fitting_core.io.people_file import holds_people, read_people
-from tcfit_app.options.fit import NO_KEYPOINTS, ClipOptions, ReferenceOptions, ReviewOptions, ServerOptions
+from tcfit_app.options.fit import NO_KEYPOINTS, ReferenceOptions, ReviewOptions, ServerOptions
 from tcfit_app.project.storage.database import NAME, Database, is_project
 from tcfit_app.project.storage.lock import ProjectLocked
 from tcfit_app.project.storage.run_record import newest_body

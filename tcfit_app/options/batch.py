@@ -6,7 +6,8 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from tcfit_app.options.fit import BodyOptions, CameraOptions, ClipOptions, MethodOptions, shown
+from fitting_core.clips.options import CameraOptions, ClipOptions
+from tcfit_app.options.fit import BodyOptions, MethodOptions, shown
 
 
 @dataclass(frozen=True, kw_only=True)

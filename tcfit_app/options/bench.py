@@ -6,7 +6,8 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, UseAppendAction
 
-from tcfit_app.options.fit import BodyOptions, CameraOptions, ClipOptions, MethodOptions, shown
+from fitting_core.clips.options import CameraOptions, ClipOptions
+from tcfit_app.options.fit import BodyOptions, MethodOptions, shown
 
 Part = Literal["fit", "solver", "window", "live"]
 Clock = Literal["wall", "cpu"]

@@ -2,25 +2,17 @@
 
 import dataclasses
 import re
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from fitting_core.camera import FocalFrom, World
 from fitting_core.clip import Clip
 from fitting_core.clips.footage import locate
+from fitting_core.clips.options import CameraOptions, ClipOptions
 from fitting_core.clips.people import PersonInClip, read_people
 from fitting_core.clips.reading import read_clip, read_footage
 from fitting_core.detect.found import Tell
 from fitting_core.errors import InputError
-from tcfit_app.options.fit import (
-    NO_KEYPOINTS,
-    CameraOptions,
-    ClipOptions,
-    FitOptions,
-    NewOptions,
-    ReviewOptions,
-    camera_for,
-)
+from tcfit_app.options.fit import HINTS, NO_KEYPOINTS, FitOptions, NewOptions, ReviewOptions, camera_for
 
 
 def clip_of(options: FitOptions | NewOptions | ReviewOptions, tell: Tell | None = None) -> Clip:
@@ -36,12 +28,11 @@ def clip_of(options: FitOptions | NewOptions | ReviewOptions, tell: Tell | None 
     Raises:
         InputError: Files or options cannot be used.
     """
-    details, translated = _details(options)
     try:
-        clip = _read(options, details, tell)
+        clip = _read(options, tell)
     except InputError as error:
-        raise InputError(translated(str(error))) from error
-    return dataclasses.replace(clip, notes=tuple(map(translated, clip.notes)))
+        raise InputError(_translated(str(error))) from error
+    return dataclasses.replace(clip, notes=tuple(map(_translated, clip.notes)))
 
 
 def everybody_of(options: FitOptions | NewOptions, tell: Tell | None = None) -> list[PersonInClip]:
@@ -57,32 +48,30 @@ def everybody_of(options: FitOptions | NewOptions, tell: Tell | None = None) -> 
             f"--people {options.people} and --keypoints {NO_KEYPOINTS}: without keypoints nobody is known. Leave one "
             "of them out."
         )
-    details, translated = _details(options)
-    del details["person"]
     try:
-        people = read_people(options.video, options.keypoints, tell=tell, **details)
+        people = read_people(options.video, options.keypoints, clip=options.clip, camera=_camera(options), tell=tell)
     except InputError as error:
-        raise InputError(translated(str(error))) from error
+        raise InputError(_translated(str(error))) from error
     return [
-        dataclasses.replace(one, clip=dataclasses.replace(one.clip, notes=tuple(map(translated, one.clip.notes))))
+        dataclasses.replace(one, clip=dataclasses.replace(one.clip, notes=tuple(map(_translated, one.clip.notes))))
         for one in people
     ]
 
 
-def _details(options: FitOptions | NewOptions | ReviewOptions) -> tuple[dict[str, Any], Callable[[str], str]]:
-    """What the library is asked for, and what turns its words for them into the command line's."""
-    camera = camera_for(options.camera, options.method if isinstance(options, FitOptions) else None)
-    details = dataclasses.asdict(camera) | dataclasses.asdict(options.clip)
-    # Only in the library's own words: paths and keys of files may have the same names.
-    names = re.compile(f"`({'|'.join(details)})`")
-
-    def translated(text: str) -> str:
-        return names.sub(lambda name: "--" + name[1].replace("_", "-"), text)
-
-    return details, translated
+def _camera(options: FitOptions | NewOptions | ReviewOptions) -> CameraOptions:
+    return camera_for(options.camera, options.method if isinstance(options, FitOptions) else None)
 
 
-def _read(options: FitOptions | NewOptions | ReviewOptions, details: dict[str, Any], tell: Tell | None) -> Clip:
+_NAMES = re.compile(f"`({'|'.join(f.name for kind in HINTS for f in dataclasses.fields(kind))})`")
+"""The library's options in its own words: paths and keys of files may have the same names."""
+
+
+def _translated(text: str) -> str:
+    """The library's words in the command line's."""
+    return _NAMES.sub(lambda name: "--" + name[1].replace("_", "-"), text)
+
+
+def _read(options: FitOptions | NewOptions | ReviewOptions, tell: Tell | None) -> Clip:
     video, keypoints = options.video, options.keypoints
     alone = keypoints == NO_KEYPOINTS
     if alone and isinstance(options, FitOptions):
@@ -93,18 +82,17 @@ def _read(options: FitOptions | NewOptions | ReviewOptions, details: dict[str, A
     if isinstance(options, ReviewOptions) and video is not None and keypoints is None and video.exists():
         alone = locate(video, None)[1] is None
     if not alone:
-        return read_clip(video, keypoints, tell=tell, **details)
+        return read_clip(video, keypoints, clip=options.clip, camera=_camera(options), tell=tell)
     if video is None:
         raise InputError(f"--keypoints {NO_KEYPOINTS}, and no video: give one of which a project is to be made.")
-    unused = {name: details.pop(name) for name in ("detector", "person", "keypoint_scale")}
-    if isinstance(options, ReviewOptions):  # its panel Start takes these
-        del unused["detector"], unused["person"]
+    # The review's panel Start takes detector and person.
+    unused = ("keypoint_scale",) if isinstance(options, ReviewOptions) else ("detector", "person", "keypoint_scale")
     plain = ClipOptions()
-    for name, value in unused.items():
-        if value != getattr(plain, name):
+    for name in unused:
+        if getattr(options.clip, name) != getattr(plain, name):
             named = f"--{name.replace('_', '-')}"
             raise InputError(f"{named} is of no use without keypoints: {video} has none yet. Leave it out.")
-    return read_footage(video, **details)
+    return read_footage(video, clip=options.clip, camera=_camera(options))
 
 
 def clip_options(options: NewOptions | ReviewOptions) -> list[str]:

@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from tyro.conf import Positional, UseAppendAction, arg
+from tyro.constructors import ConstructorRegistry, StructConstructorSpec, StructTypeInfo
 
-from fitting_core.camera import FocalRule, Up
+from fitting_core.clips.options import CameraOptions, ClipOptions
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.config.settings import changed, check, settings, unknown
 from fitting_core.config.toml import preset, read_named
@@ -54,8 +55,6 @@ SHORTCUTS = {
 }
 """Options for the settings that are changed most, by the name of the option."""
 _OF_PRESET = "(default: the preset's)"
-_AS_PUBLISHED = ("paper", "smplifyx")
-"""Presets whose figures are compared with those of others: the focal length is not estimated unless asked for."""
 
 
 def _shortcut(option: str, text: str = "") -> Any:
@@ -64,57 +63,53 @@ def _shortcut(option: str, text: str = "") -> Any:
     return arg(metavar=setting.metavar, help=text or setting.doc, help_behavior_hint=_OF_PRESET)
 
 
-@dataclass(frozen=True, kw_only=True)
-class ClipOptions:
-    """Which part of the clip, and how its files are read."""
-
-    detector: Annotated[
-        str,
-        arg(
+HINTS: dict[type, dict[str, Any]] = {
+    ClipOptions: {
+        "detector": arg(
             metavar="NAME",
             help=f"What finds keypoints in the video where none are given: {DETECTOR_NAMES}",
             help_behavior_hint=f"(default: {DEFAULT})",
         ),
-    ] = DEFAULT
-    person: Annotated[int | None, shown("N", "follow the most prominent")] = None
-    """Whoever has this place, from 0, in the first frame whose list of people has it; followed from there."""
-    first_frame: Annotated[int | None, shown("N", "the first")] = None
-    """Number of the first frame to fit, from 0."""
-    last_frame: Annotated[int | None, shown("N", "the last")] = None
-    """Number of the last frame to fit."""
-    frame_rate: Annotated[float | None, shown("FPS", "the video's, or 30")] = None
-    """Frames per second."""
-    keypoint_scale: Annotated[str, arg(metavar="{auto,pixels,0..1,-1..1}")] = "auto"
-    """What keypoint coordinates are relative to, as OpenPose's --keypoint_scale."""
-    image_size: Annotated[tuple[int, int] | None, shown("W H", "the video's, or guessed from the keypoints")] = None
-    """Image size in pixels, where there is no video."""
+        "person": shown("N", "follow the most prominent"),
+        "first_frame": shown("N", "the first"),
+        "last_frame": shown("N", "the last"),
+        "frame_rate": shown("FPS", "the video's, or 30"),
+        "keypoint_scale": arg(metavar="{auto,pixels,0..1,-1..1}"),
+        "image_size": shown("W H", "the video's, or guessed from the keypoints"),
+    },
+    CameraOptions: {
+        "focal_length": shown("PX|auto|diagonal", "auto; with the presets paper and smplifyx diagonal"),
+        "fov": shown("DEGREES", "not given"),
+        "focal_length_35mm": shown("MM", "not given"),
+        "center": shown("X Y", "the image's centre"),
+        "camera": shown("FILE", "none"),
+        "camera_name": shown("NAME", "the only one"),
+        "camera_unit": shown("METRES", "1, estimated if it moves"),
+        "camera_up": shown("{x,y,z,-x,-y,-z}", "as the file has it; z for TOML"),
+    },
+}
+"""How the library's options show in the help, by their names; their texts are those of the library."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class CameraOptions:
-    """The camera. Give at most one of the first three, or a camera file."""
+def registry_of_hints() -> ConstructorRegistry:
+    """What shows the library's options with their hints while a command line is read."""
+    registry, asked = ConstructorRegistry(), set[type]()
 
-    focal_length: Annotated[
-        float | FocalRule | None,
-        shown("PX|auto|diagonal", "auto; with the presets paper and smplifyx diagonal"),
-    ] = None
-    """Focal length in pixels. auto: what photographs or a phone's video tell, or else an estimate from how the person
-    moves and looks; diagonal: as long as the image's diagonal, a 43 mm equivalent."""
-    fov: Annotated[float | None, shown("DEGREES", "not given")] = None
-    """Horizontal field of view in degrees."""
-    focal_length_35mm: Annotated[float | None, shown("MM", "not given")] = None
-    """Focal length in millimetres on 35 mm film, as phones and cameras state it."""
-    center: Annotated[tuple[float, float] | None, shown("X Y", "the image's centre")] = None
-    """Principal point in pixels."""
-    camera: Annotated[Path | None, shown("FILE", "none")] = None
-    """A calibration, with the lens's distortion, the camera's place and its path: npz, TOML of Pose2Sim or caliscope,
-    OpenCV's YAML, XML or JSON, a transforms.json, or COLMAP's cameras.txt."""
-    camera_name: Annotated[str | None, shown("NAME", "the only one")] = None
-    """Which camera of that file."""
-    camera_unit: Annotated[float | None, shown("METRES", "1, estimated if it moves")] = None
-    """Length of one unit of that file's world: 0.001 where it is in millimetres."""
-    camera_up: Annotated[Up | None, shown("{x,y,z,-x,-y,-z}", "as the file has it; z for TOML")] = None
-    """The axis of that file's world that points up."""
+    @registry.struct_rule
+    def rule(info: StructTypeInfo) -> StructConstructorSpec | None:
+        kind = info.type if isinstance(info.type, type) else type(None)
+        if kind not in HINTS or kind in asked:
+            return None
+        asked.add(kind)  # the next rule is asked, which reads any dataclass
+        try:
+            spec = ConstructorRegistry.get_struct_spec(info)
+        finally:
+            asked.remove(kind)
+        assert isinstance(spec, StructConstructorSpec)
+        fields = (replace(f, type=Annotated[f.type, HINTS[kind][f.name]]) for f in spec.fields)
+        return replace(spec, fields=tuple(fields))
+
+    return registry
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -328,10 +323,7 @@ def camera_for(camera: CameraOptions, method: MethodOptions | None = None) -> Ca
     Raises:
         InputError: The method's configuration cannot be read.
     """
-    given = (camera.focal_length, camera.fov, camera.focal_length_35mm, camera.camera)
-    if any(value is not None for value in given) or method is None or _of_preset(method)[0] not in _AS_PUBLISHED:
-        return camera
-    return replace(camera, focal_length="diagonal")
+    return camera if method is None else camera.for_preset(_of_preset(method)[0])
 
 
 def _of_preset(options: MethodOptions) -> tuple[str, FitConfig]:

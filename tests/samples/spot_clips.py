@@ -5,6 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from fitting_core.clips.options import ClipOptions
 from fitting_core.clips.reading import read_footage
 from fitting_core.io.keypoints.openpose import write_openpose
 from fitting_core.keypoints import COUNT, Keypoints
@@ -41,7 +42,7 @@ def spot_model(path: Path) -> Path:
 
 def empty_project(folder: Path, video: Path) -> Path:
     """A project of the video without keypoints."""
-    Project.create(folder, read_footage(video, frame_rate=25)).close()
+    Project.create(folder, read_footage(video, clip=ClipOptions(frame_rate=25))).close()
     return folder
 
 

@@ -16,6 +16,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.camera import Camera, project
+from fitting_core.clips.options import CameraOptions
 from fitting_core.clips.reading import read_clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.events import Finished, FitEvent, PhaseFinished
@@ -130,8 +131,8 @@ def demo_project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A project of the demo clip without a fit; not to be changed."""
     folder = tmp_path_factory.mktemp("demo")
     demo = make_demo(folder / "clip", progress=False, frame_rate=DEMO_RATE)
-    given = {"focal_length": demo.camera.focal[0], "center": demo.camera.center}
-    clip = replace(read_clip(demo.video, demo.keypoints, **given), name="demo")
+    camera = CameraOptions(focal_length=demo.camera.focal[0], center=demo.camera.center)
+    clip = replace(read_clip(demo.video, demo.keypoints, camera=camera), name="demo")
     Project.create(folder / "demo.tcfit", clip, copy_media=True).close()
     return folder / "demo.tcfit"
 

@@ -10,6 +10,7 @@ import pytest
 
 from fitting_core.camera import DEFAULT_FOCAL, Camera, FocalFrom, focal_from_35mm
 from fitting_core.clips.camera_rule import estimated, told_by_files
+from fitting_core.clips.options import CameraOptions
 from fitting_core.clips.reading import read_footage
 from fitting_core.keypoints import COUNT, Keypoints
 from tests.fitting_core.video.test_exif import jpeg, tiff
@@ -34,11 +35,11 @@ def photograph(path: Path, millimetres: int | None) -> None:
 def test_photographs_tell_it(tmp_path: Path):
     for name in ("1.jpg", "2.jpg"):
         photograph(tmp_path / name, 28)
-    camera = read_footage(tmp_path, focal_length="auto").camera
+    camera = read_footage(tmp_path, camera=CameraOptions(focal_length="auto")).camera
     assert camera.focal[0] == pytest.approx(focal_from_35mm(28, (320, 240))) and camera.calibrated
     assert camera.source == "35 mm equivalent of 28 mm, as the images tell"
     assert read_footage(tmp_path).camera == camera, "the default, as of the commands"
-    assert read_footage(tmp_path, focal_length="diagonal").camera == CAMERA
+    assert read_footage(tmp_path, camera=CameraOptions(focal_length="diagonal")).camera == CAMERA
     single = told_by_files(CAMERA, tmp_path / "1.jpg")
     assert single is not None and single.focal == camera.focal
 
@@ -48,7 +49,7 @@ def test_photographs_that_disagree_or_are_silent_tell_nothing(tmp_path: Path, to
     for name, millimetres in zip(("1.jpg", "2.jpg"), told, strict=True):
         photograph(tmp_path / name, millimetres)
     assert told_by_files(CAMERA, tmp_path) is None
-    assert read_footage(tmp_path, focal_length="auto").camera == CAMERA
+    assert read_footage(tmp_path, camera=CameraOptions(focal_length="auto")).camera == CAMERA
 
 
 def movie(path: Path, told: str | None) -> Path:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from fitting_core import InputError, read_people
+from fitting_core.clips.options import CameraOptions, ClipOptions
 from fitting_core.clips.people import people_of
 from tests.fitting_core.io.cameras.camera_files import moving_npz
 
@@ -28,7 +29,9 @@ def keypoints(figure: Figure, write_people: Callable[..., Path]) -> Path:
 
 
 def test_each_has_the_frames_from_first_to_last(keypoints: Path):
-    one, other = read_people(None, keypoints, image_size=SIZE, frame_rate=25, focal_length=900)
+    one, other = read_people(
+        None, keypoints, clip=ClipOptions(image_size=SIZE, frame_rate=25), camera=CameraOptions(focal_length=900)
+    )
     assert (one.about.name, one.about.folder, one.about.frames) == ("person 1", "person-1", (3, 42))
     assert (other.about.name, other.about.folder, other.about.frames) == ("person 2", "person-2", (13, 42))
     assert other.clip.first_frame == 13 and len(other.clip) == 30 and other.clip.name == "walk person 2"
@@ -39,7 +42,9 @@ def test_each_has_the_frames_from_first_to_last(keypoints: Path):
 
 
 def test_a_part_of_the_clip(keypoints: Path):
-    people = read_people(None, keypoints, image_size=SIZE, frame_rate=25, first_frame=5, last_frame=24)
+    people = read_people(
+        None, keypoints, clip=ClipOptions(image_size=SIZE, frame_rate=25, first_frame=5, last_frame=24)
+    )
     assert [one.about.frames for one in people] == [(5, 24), (13, 24)]
 
 
@@ -52,7 +57,9 @@ def test_the_estimated_camera_is_one_for_all(keypoints: Path, monkeypatch: pytes
         return camera
 
     monkeypatch.setattr("fitting_core.clips.reading.estimated", noted)
-    one, other = read_people(None, keypoints, image_size=SIZE, frame_rate=25, focal_length="auto")
+    one, other = read_people(
+        None, keypoints, clip=ClipOptions(image_size=SIZE, frame_rate=25), camera=CameraOptions(focal_length="auto")
+    )
     assert one.clip.camera == other.clip.camera and len(asked) == 1
     assert asked[0].xy[15, 0, 0] == 300
 
@@ -62,7 +69,9 @@ def test_a_camera_that_moves_is_cut_as_the_person_is(keypoints: Path, tmp_path: 
     way = np.stack([np.linspace(0, 1, FRAMES), np.zeros(FRAMES), np.zeros(FRAMES)], 1)
     matrix = np.array([[900.0, 0, 640], [0, 900, 360], [0, 0, 1]])
     file = moving_npz(tmp_path / "c.npz", turns, way, K=matrix, size=np.array(SIZE))
-    one, other = read_people(None, keypoints, image_size=SIZE, frame_rate=25, camera=file)
+    one, other = read_people(
+        None, keypoints, clip=ClipOptions(image_size=SIZE, frame_rate=25), camera=CameraOptions(camera=file)
+    )
     assert one.clip.camera.path is not None and other.clip.camera.path is not None
     assert len(other.clip.camera.path) == 30
     assert np.allclose(other.clip.camera.path.places, one.clip.camera.path.places[10:])
@@ -73,7 +82,12 @@ def test_who_may_have_been_exchanged_is_noted(figure: Figure, write_people: Call
     for t in range(60):
         both = [figure(100 + 12 * t, 300), figure(820 - 12 * t, 300)]
         frames[f"cross_{t:04d}"] = both[:1] if 24 <= t < 36 else both
-    for one in read_people(None, write_people(frames, "cross"), image_size=SIZE, frame_rate=25, focal_length=900):
+    for one in read_people(
+        None,
+        write_people(frames, "cross"),
+        clip=ClipOptions(image_size=SIZE, frame_rate=25),
+        camera=CameraOptions(focal_length=900),
+    ):
         assert one.about.uncertain
         assert any("taken for somebody else" in note for note in one.clip.notes)
         first, last = one.about.frames
@@ -82,8 +96,8 @@ def test_who_may_have_been_exchanged_is_noted(figure: Figure, write_people: Call
 
 def test_errors_are_those_of_one_person(keypoints: Path, tmp_path: Path):
     with pytest.raises(InputError, match="Frames 90 to 42"):
-        read_people(None, keypoints, image_size=SIZE, first_frame=90)
+        read_people(None, keypoints, clip=ClipOptions(image_size=SIZE, first_frame=90))
     with pytest.raises(InputError, match="of the keypoints lie outside the image"):
-        read_people(None, keypoints, image_size=(100, 100))
+        read_people(None, keypoints, clip=ClipOptions(image_size=(100, 100)))
     with pytest.raises(InputError, match="Neither a video nor keypoints"):
         read_people(None)

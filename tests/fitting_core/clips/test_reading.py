@@ -15,9 +15,11 @@ import numpy as np
 import pytest
 
 from fitting_core.clip import Clip
+from fitting_core.clips.options import ClipOptions
 from fitting_core.clips.reading import read_clip, read_keypoints
 from fitting_core.errors import InputError
 from fitting_core.video.frames import FrameSource
+from tests.samples.clip_options import as_options
 
 SIZE = (320, 240)
 
@@ -165,7 +167,7 @@ def test_images_with_gaps_in_their_numbers(tmp_path, walk, name, images, files, 
 
 
 def test_without_video_the_files_numbers_are_the_frames(walk):
-    clip = read_clip(None, walk([20, 21, 24]), image_size=SIZE, frame_rate=50.0)
+    clip = read_clip(None, walk([20, 21, 24]), clip=ClipOptions(image_size=SIZE, frame_rate=50.0))
     assert neck_numbers(clip) == [20, 21, None, None, 24]
     assert (clip.source, clip.first_frame, clip.frame_rate) == (None, 20, 50.0)
     assert "3 keypoint files, the files' numbers span 5 frames" in alignment_note(clip)
@@ -187,7 +189,7 @@ def test_one_image_with_one_file(tmp_path, write_people, figure):
 
 
 def test_part_of_a_clip(video, walk):
-    clip = read_clip(video(10), walk([0, 1, 2, 5, 6]), first_frame=2, last_frame=6)
+    clip = read_clip(video(10), walk([0, 1, 2, 5, 6]), clip=ClipOptions(first_frame=2, last_frame=6))
     assert neck_numbers(clip) == [2, None, None, 5, 6]
     assert clip.first_frame == 2
     assert "Person: found in 3 of 5 frames, not in frames 3-4." in clip.notes
@@ -202,14 +204,14 @@ def test_keypoints_for_a_part_of_a_clip_without_video(walk):
     """The files that it was made from give the same again."""
     folder = walk([*range(50, 62), *range(64, 100)])
     for first, last in ((50, 53), (60, 66), (90, 99)):
-        clip = read_clip(None, folder, image_size=SIZE, first_frame=first, last_frame=last)
+        clip = read_clip(None, folder, clip=ClipOptions(image_size=SIZE, first_frame=first, last_frame=last))
         assert neck_numbers_read(folder, clip) == neck_numbers(clip)
 
 
 @pytest.mark.parametrize("numbers, expected", [([51, 53], [51, None, 53]), ([7, 9], [7, None, 9])])
 def test_other_keypoints_for_a_clip_without_video(walk, write_people, figure, numbers, expected):
     """They are matched by their numbers, or from the first file on where the clip has none of these."""
-    clip = read_clip(None, walk([50, 51, 52, 53]), image_size=SIZE, first_frame=51)
+    clip = read_clip(None, walk([50, 51, 52, 53]), clip=ClipOptions(image_size=SIZE, first_frame=51))
     other = write_people({f"other_{n}": [figure(100 + n, 120, height=100)] for n in numbers}, "other")
     assert neck_numbers_read(other, clip) == expected
 
@@ -217,13 +219,13 @@ def test_other_keypoints_for_a_clip_without_video(walk, write_people, figure, nu
 @pytest.mark.parametrize("first, last", [(-1, 3), (0, 6), (4, 3), (6, None), (None, 100)])
 def test_frames_that_are_not_in_the_clip(video, walk, first, last):
     with pytest.raises(InputError, match=r"were asked for \(`first_frame`, `last_frame`\); expected .* 0 to 5"):
-        read_clip(video(6), walk(range(6)), first_frame=first, last_frame=last)
+        read_clip(video(6), walk(range(6)), clip=ClipOptions(first_frame=first, last_frame=last))
 
 
 def test_a_person_is_chosen_or_asked_for(video, write_people, figure):
     people = [figure(60, 120, height=60), figure(200, 120, height=120)]
     folder = write_people({f"walk_{t}": people for t in range(3)})
-    chosen, asked = read_clip(video(3), folder), read_clip(video(3), folder, person=0)
+    chosen, asked = read_clip(video(3), folder), read_clip(video(3), folder, clip=ClipOptions(person=0))
     assert neck_numbers(chosen) == [100, 100, 100] and neck_numbers(asked) == [-40, -40, -40]
     assert any("largest and surest of 2 people" in note for note in chosen.notes)
     assert any("whoever is at place 0 of the list of frame 0, as asked" in note for note in asked.notes)
@@ -247,7 +249,7 @@ CAMERAS = {
 
 @pytest.mark.parametrize("options, focal, source", CAMERAS.values(), ids=CAMERAS)
 def test_camera(video, walk, options, focal, source):
-    camera = read_clip(video(1), walk([0]), center=(150.0, 130.0), **options).camera
+    camera = read_clip(video(1), walk([0]), **as_options({"center": (150.0, 130.0)} | options)).camera
     assert focal is None or camera.focal == pytest.approx((focal, focal))
     assert camera.center == (150.0, 130.0)
     assert camera.source.startswith(source)
@@ -281,11 +283,11 @@ WRONG_OPTIONS = {
 @pytest.mark.parametrize("options, message", WRONG_OPTIONS.values(), ids=WRONG_OPTIONS)
 def test_wrong_options(video, walk, options, message):
     with pytest.raises(InputError, match=message):
-        read_clip(video(1), walk([0]), **options)
+        read_clip(video(1), walk([0]), **as_options(options))
 
 
 def test_a_frame_rate_other_than_the_videos_is_noted(video, walk):
-    clip = read_clip(video(1), walk([0]), frame_rate=29.97)
+    clip = read_clip(video(1), walk([0]), clip=ClipOptions(frame_rate=29.97))
     assert clip.frame_rate == 29.97
     assert clip.notes == ("The frame rate is 29.97 as given; the video says 25.",)
 
@@ -352,7 +354,7 @@ def test_nothing_detected_in_the_whole_clip(video, write_people):
 
 def test_nothing_detected_in_the_part(video, walk):
     with pytest.raises(InputError, match="No keypoint is detected in any of the 2 frames"):
-        read_clip(video(6), walk(range(3)), first_frame=4)
+        read_clip(video(6), walk(range(3)), clip=ClipOptions(first_frame=4))
 
 
 def test_keypoints_of_several_clips(video, walk):
@@ -360,14 +362,14 @@ def test_keypoints_of_several_clips(video, walk):
     with pytest.raises(InputError, match=r"holds keypoint files of 2 clips \(run_\.\.\., walk_\.\.\.\)"):
         read_clip(video(4), walk([0, 1], "walk_"))
     with pytest.raises(InputError, match="holds keypoint files of 2 clips"):
-        read_clip(None, walk([0, 1], "walk_"), image_size=SIZE)
+        read_clip(None, walk([0, 1], "walk_"), clip=ClipOptions(image_size=SIZE))
 
 
 def test_stray_numbers_make_no_endless_clip(walk, write_people, figure):
     walk([0])
     folder = write_people({"walk_999999999999": [figure(100, 120)]})
     with pytest.raises(InputError, match=r"The 2 keypoint files .* are numbered from 0 to 999999999999: too few"):
-        read_clip(None, folder, image_size=SIZE)
+        read_clip(None, folder, clip=ClipOptions(image_size=SIZE))
 
 
 def test_keypoints_of_images_of_another_size(video, write_people, figure):

@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 
 from fitting_core import DetectionProgress, InputError, read_clip, read_people
+from fitting_core.clips.options import CameraOptions, ClipOptions
 from fitting_core.clips.reading import read_footage
 from fitting_core.detect.detectors import DETECTORS
 from fitting_core.detect.mediapipe import networks
 from fitting_core.lens import straightened_keypoints
 from fitting_core.video.frames import FrameSource
 from tests.fitting_core.io.cameras.camera_files import own
+from tests.samples.clip_options import as_options
 from tests.samples.fake_detector import FakeDetector, People, known
 
 SIZE = (320, 240)
@@ -71,7 +73,7 @@ def test_nothing_is_found_twice(video, walker: FakeDetector):
     path = video(10)
     first = read_clip(path)
     assert walker.asked == list(range(10))
-    for again in (read_clip(path, person=0), read_people(path)[0].clip):
+    for again in (read_clip(path, clip=ClipOptions(person=0)), read_people(path)[0].clip):
         assert np.array_equal(again.keypoints.xy, first.keypoints.xy)
     assert walker.asked == list(range(10))
 
@@ -90,7 +92,7 @@ def test_what_stops_it_is_not_lost(video, walker: FakeDetector):
 
 
 def test_a_part_of_the_clip_alone_is_looked_at(video, walker: FakeDetector):
-    clip = read_clip(video(10), first_frame=2, last_frame=7)
+    clip = read_clip(video(10), clip=ClipOptions(first_frame=2, last_frame=7))
     assert walker.asked == [2, 3, 4, 5, 6, 7]
     assert clip.first_frame == 2 and np.allclose(clip.keypoints.xy[:, 1, 0], 102 + np.arange(6), atol=0.1)
 
@@ -108,7 +110,7 @@ def test_options_are_checked_before_minutes_pass(video, walker: FakeDetector, tm
     ]
     for options in wrong:
         with pytest.raises(InputError):
-            read_clip(path, **options)
+            read_clip(path, **as_options(options))
     assert not walker.asked
 
 
@@ -133,7 +135,7 @@ def test_who_is_meant(video, fake: Fake, figure: Figure):
 
     fake(people)
     path = video(12)
-    clip, other = read_clip(path), read_clip(path, person=0)
+    clip, other = read_clip(path), read_clip(path, clip=ClipOptions(person=0))
     assert clip.keypoints.xy[0, 1, 0] == pytest.approx(100, abs=0.1)
     assert "Person: found in 11 of 12 frames, not in frames 5." in clip.notes[1]
     assert clip.silhouettes is not None and clip.silhouettes.known.tolist() == [t != 5 for t in range(12)]
@@ -171,7 +173,7 @@ def test_frames_are_looked_at_as_they_were_filmed(video, walker: FakeDetector, t
     path = video(6)
     matrix = np.array([[300.0, 0, 160], [0, 300, 120], [0, 0, 1]])
     file = own(tmp_path / "c.npz", K=matrix, size=SIZE, dist=(-0.2, 0.05, 0, 0))
-    filmed, clip = read_clip(path), read_clip(path, camera=file)
+    filmed, clip = read_clip(path), read_clip(path, camera=CameraOptions(camera=file))
     assert walker.asked == list(range(6)) and clip.camera.lens is not None
     straight = straightened_keypoints(filmed.keypoints, clip.camera.lens)[0]
     assert np.allclose(clip.keypoints.xy, straight.xy) and not np.allclose(clip.keypoints.xy, filmed.keypoints.xy)
@@ -187,16 +189,16 @@ def test_a_detector_by_name_by_itself_and_one_that_is_not_there(
     with pytest.raises(InputError, match="found nobody"):
         read_clip(path, detector=mine)
     with pytest.raises(InputError, match="detector 'odd' is not known; expected one of mediapipe"):
-        read_clip(path, detector="odd")
+        read_clip(path, clip=ClipOptions(detector="odd"))
     monkeypatch.undo()
     monkeypatch.setenv("TCFIT_DETECTORS", str(tmp_path))
     for name, get in (("mediapipe", "tcfit models add mediapipe"), ("dwpose-l", "tcfit detect --download dwpose-l")):
         with pytest.raises(InputError, match=get):
-            read_clip(path, detector=name)
+            read_clip(path, clip=ClipOptions(detector=name))
 
 
 def test_footage_has_no_keypoints(video, walker: FakeDetector):
-    clip = read_footage(video(4), first_frame=1)
+    clip = read_footage(video(4), clip=ClipOptions(first_frame=1))
     assert (len(clip), clip.first_frame, clip.notes, clip.found_by) == (3, 1, (), "")
     assert not clip.keypoints.confidence.any() and clip.silhouettes is None and not walker.asked
 
@@ -205,8 +207,8 @@ def test_footage_has_no_keypoints(video, walker: FakeDetector):
 def test_a_real_signer(shared_data: Path):
     """Beside OpenPose's keypoints: nose, neck, shoulders and elbows lie within a twentieth of the image's height."""
     folder = shared_data / "signs" / "gebaerden"
-    found = read_clip(folder / "video.mp4", detector="mediapipe-fast", first_frame=20, last_frame=44)
-    given = read_clip(folder / "video.mp4", folder / "keypoints", first_frame=20, last_frame=44)
+    found = read_clip(folder / "video.mp4", clip=ClipOptions(detector="mediapipe-fast", first_frame=20, last_frame=44))
+    given = read_clip(folder / "video.mp4", folder / "keypoints", clip=ClipOptions(first_frame=20, last_frame=44))
     upper = [0, 1, 2, 3, 5, 6]
     both = (found.keypoints.confidence[:, upper] > 0.3) & (given.keypoints.confidence[:, upper] > 0.3)
     apart = np.linalg.norm(found.keypoints.xy[:, upper] - given.keypoints.xy[:, upper], axis=2)[both]

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from fitting_core.clips.options import CameraOptions, ClipOptions
 from fitting_core.config.schema import PRESETS
 from fitting_core.config.settings import settings
 from fitting_core.errors import InputError
@@ -12,7 +13,7 @@ from tcfit_app.batch.columns import columns, find
 from tcfit_app.batch.manifest import ClipTask, Complaints, read_manifest
 from tcfit_app.cli.main import parse
 from tcfit_app.options.batch import BatchOptions
-from tcfit_app.options.fit import SHORTCUTS, BodyOptions, CameraOptions, ClipOptions, StartOptions
+from tcfit_app.options.fit import SHORTCUTS, BodyOptions, StartOptions
 
 
 def tasks_of(folder: Path, text: str, *options: str) -> tuple[ClipTask, ...]:

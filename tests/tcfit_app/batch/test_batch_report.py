@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from fitting_core.body.model import BodyModel
+from fitting_core.clips.options import CameraOptions, ClipOptions
 from fitting_core.config.schema import FitConfig
 from tcfit_app.batch import report
 from tcfit_app.batch.fingerprint import Fingerprint
@@ -23,7 +24,7 @@ from tcfit_app.batch.records import Figures, Record, picture_path
 from tcfit_app.batch.report import write_report
 from tcfit_app.cli.main import main
 from tcfit_app.fitting import child_processes
-from tcfit_app.options.fit import CameraOptions, ClipOptions, FitOptions
+from tcfit_app.options.fit import FitOptions
 from tcfit_app.project.project import Project
 from tests.drivers.processes import needs_fork
 from tests.samples.batch_clips import CHEAP, events, write_batch

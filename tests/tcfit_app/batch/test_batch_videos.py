@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from fitting_core.body.model import BodyModel
+from fitting_core.clips.options import ClipOptions
 from fitting_core.clips.reading import read_clip
 from fitting_core.detect.detectors import DETECTORS
 from fitting_core.io.result_files import read_fit
@@ -55,7 +56,7 @@ def folder(tmp_path: Path, free_body: BodyModel, monkeypatch: pytest.MonkeyPatch
 
 
 def put(monkeypatch: pytest.MonkeyPatch, folder: Path, version: str = "1", name: str = "mediapipe") -> None:
-    clip = read_clip(None, folder / "keypoints", image_size=CAMERA.size)
+    clip = read_clip(None, folder / "keypoints", clip=ClipOptions(image_size=CAMERA.size))
     monkeypatch.setitem(DETECTORS, name, known(FakeDetector(one_person(clip.keypoints), version=version)))
     forget()
 

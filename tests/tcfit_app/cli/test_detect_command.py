@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 import pytest
 
+from fitting_core.clips.options import ClipOptions
 from fitting_core.clips.people import read_people
 from fitting_core.clips.reading import read_clip
 from fitting_core.detect import known_models
@@ -66,7 +67,7 @@ def test_its_result_is_read_as_a_clip(video: Path, model: Path, tmp_path: Path, 
     # The video is stored lossily: its brightest pixel moves.
     assert np.abs(nose - [(place(t)[0], place(t)[1] - 20) for t in range(FRAMES)]).max() < 1.5
     assert clip.keypoints.confidence[:, INDEX["nose"]].min() > 0.7
-    found = read_clip(video, detector=str(model))
+    found = read_clip(video, clip=ClipOptions(detector=str(model)))
     assert np.array_equal(found.keypoints.xy, clip.keypoints.xy) and found.detector == clip.detector
 
 
@@ -78,8 +79,8 @@ def test_everybody_is_in_the_files(video: Path, tmp_path: Path, monkeypatch: pyt
     assert main(["detect", str(video), "--out", str(tmp_path / "kp"), "--last-frame", "19"]) == 0
     counts = [len(json.loads((tmp_path / "kp" / name).read_text())["people"]) for name in names(tmp_path / "kp")]
     assert counts == [1] * 5 + [2] * 15
-    files = read_people(video, tmp_path / "kp", last_frame=19)
-    found = read_people(video, last_frame=19)
+    files = read_people(video, tmp_path / "kp", clip=ClipOptions(last_frame=19))
+    found = read_people(video, clip=ClipOptions(last_frame=19))
     assert [one.about for one in files] == [one.about for one in found] and len(found) == 2
     assert np.array_equal(files[1].clip.keypoints.xy, found[1].clip.keypoints.xy)
 
@@ -89,7 +90,7 @@ def test_a_part_of_the_clip_lies_where_it_was_seen(video: Path, model: Path, tmp
     given = ["--first-frame", "20", "--last-frame", "29", "--out", str(out), "--threads", "1"]
     assert main(["detect", str(video), "--detector", str(model), *given]) == 0
     assert names(out)[0] == "walk_000000000020_keypoints.json" and len(names(out)) == 10
-    clip = read_clip(video, out, first_frame=20, last_frame=29)
+    clip = read_clip(video, out, clip=ClipOptions(first_frame=20, last_frame=29))
     assert abs(clip.keypoints.xy[3, INDEX["nose"], 0] - place(23)[0]) < 1.5
 
 

@@ -40,6 +40,7 @@ from tests.drivers.processes import INTERRUPTIBLE
 from tests.fitting_core.io.motion.gltf_player import Player
 from tests.fitting_core.io.motion.rigs.readers import Bvh
 from tests.fitting_core.io.motion.rigs.rig_files import glb_bytes, gltf_document, with_mapping
+from tests.samples.clip_options import as_options
 from tests.samples.project_samples import CONFIG, sample_clip, sample_grounding, sample_keypoints
 from tests.samples.waving import waving_fit, waving_project
 from tests.tcfit_app.conftest import FRAMES, FinishedRun, motion
@@ -318,13 +319,13 @@ def test_keypoints_of_a_part_of_numbered_images_come_back_in_their_places(tmp_pa
     stems = [path.stem for path in sorted(images.iterdir())]
     write_openpose(tmp_path / "keypoints", sample_keypoints(12), name="x", image_stems=stems)
     part = {"first_frame": 4, "last_frame": 9, "focal_length": 700.0, "frame_rate": 25.0}
-    clip = read_clip(images, tmp_path / "keypoints", **part)
+    clip = read_clip(images, tmp_path / "keypoints", **as_options(part))
     with Project.create(tmp_path / "walk.tcfit", replace(clip, name="walk")):
         pass
     names = exported(tmp_path / "walk.tcfit", tmp_path / "out", "--formats", "openpose", "coco")
     assert "walk-keypoints/img_0005_keypoints.json" in names
     for kind in ("walk-keypoints", "walk.coco-wholebody.json"):
-        again = read_clip(images, tmp_path / "out" / kind, **part).keypoints
+        again = read_clip(images, tmp_path / "out" / kind, **as_options(part)).keypoints
         seen = clip.keypoints.confidence[:, INDEX["nose"]] > 0
         assert seen.any() and np.abs(again.xy - clip.keypoints.xy)[seen, INDEX["nose"]].max() < 1e-6, kind
 

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
+from fitting_core.clips.options import CameraOptions, ClipOptions
 from fitting_core.clips.reading import read_clip
 from tcfit_app.cli.main import main
 from tcfit_app.cli.new_command import check_same_clip
@@ -22,7 +23,9 @@ def test_the_project_has_the_clip(
     said = capsys.readouterr()
     assert said.out == f"Made the project {tmp_path / 'a.tcfit'}: {FRAMES} frames of wave\n"
     assert "Focal length 800.0 px" in said.err and "Give --frame-rate." in said.err
-    clip = read_clip(None, keypoint_folder, image_size=(640, 480), focal_length=800)
+    clip = read_clip(
+        None, keypoint_folder, clip=ClipOptions(image_size=(640, 480)), camera=CameraOptions(focal_length=800)
+    )
     with Project.open(tmp_path / "a.tcfit") as project:
         assert same_keypoints(project.detections, clip.keypoints) and project.clip.camera == clip.camera
         assert project.clip.name == "wave" and len(project.clip) == FRAMES
@@ -63,14 +66,14 @@ def test_a_camera_file_stays_with_the_project(
     assert main(["new", *plain, "--camera", str(file), "--out", "lab.tcfit"]) == 0
     said = capsys.readouterr().err
     assert "camera file camera.npz" in said and "distortion is taken away" in said and "z is up" in said
-    straight = read_clip(None, keypoint_folder, image_size=size, camera=file)
-    filmed = read_clip(None, keypoint_folder, image_size=size)
+    straight = read_clip(None, keypoint_folder, clip=ClipOptions(image_size=size), camera=CameraOptions(camera=file))
+    filmed = read_clip(None, keypoint_folder, clip=ClipOptions(image_size=size))
     assert not same_keypoints(straight.keypoints, filmed.keypoints)
     with Project.open(tmp_path / "lab.tcfit") as project:
         assert same_keypoints(project.detections, straight.keypoints) and project.clip.camera == straight.camera
     assert main(["export", "lab.tcfit", "--formats", "openpose", "--out", "out"]) == 0
     (folder,) = (tmp_path / "out").iterdir()
-    again = read_clip(None, folder, image_size=size)
+    again = read_clip(None, folder, clip=ClipOptions(image_size=size))
     np.testing.assert_allclose(again.keypoints.xy, filmed.keypoints.xy, atol=1e-6)
     # The keypoints as they were filmed are those of the project.
     check_same_clip(tmp_path / "lab.tcfit", filmed, [])

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
+from fitting_core.clips.options import ClipOptions
 from fitting_core.clips.reading import read_clip
 from fitting_core.detect.detectors import DETECTORS
 from fitting_core.io.result_files import read_fit
@@ -35,7 +36,7 @@ def video(tmp_path: Path) -> Path:
 @pytest.fixture
 def fake(keypoint_folder: Path, monkeypatch: pytest.MonkeyPatch) -> FakeDetector:
     """It finds the keypoints of the clip that all other tests fit."""
-    clip = read_clip(None, keypoint_folder, image_size=(640, 480))
+    clip = read_clip(None, keypoint_folder, clip=ClipOptions(image_size=(640, 480)))
     detector = FakeDetector(one_person(clip.keypoints))
     monkeypatch.setitem(DETECTORS, "mediapipe", known(detector))
     return detector

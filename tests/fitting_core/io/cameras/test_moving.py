@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fitting_core.camera import Camera, is_possible, path_of
+from fitting_core.clips.options import CameraOptions, ClipOptions
 from fitting_core.clips.reading import read_clip
 from fitting_core.errors import InputError
 from fitting_core.frame_alignment import Timeline
@@ -20,6 +21,7 @@ from fitting_core.keypoints import Keypoints
 from tcfit_app.project.project import Project
 from tests.fitting_core.io.cameras import camera_files as files
 from tests.fitting_core.io.cameras.camera_files import SIZE, TURNS, WAY
+from tests.samples.clip_options import as_options
 from tests.samples.walkers import CAMERA, RATE, walker
 
 COUNT = len(TURNS)
@@ -138,7 +140,12 @@ def test_a_clip_has_the_path_of_its_frames(tmp_path: Path, first: int | None, la
     keypoints = Keypoints(xy=np.full((COUNT, 137, 2), 300.0), confidence=np.full((COUNT, 137), 0.9))
     write_openpose(tmp_path / "keypoints", keypoints, name="shot")
     path = files.transforms(tmp_path / "transforms.json", names=[f"{i:04}.png" for i in range(COUNT)])
-    made = read_clip(None, tmp_path / "keypoints", camera=path, image_size=SIZE, first_frame=first, last_frame=last)
+    made = read_clip(
+        None,
+        tmp_path / "keypoints",
+        clip=ClipOptions(image_size=SIZE, first_frame=first, last_frame=last),
+        camera=CameraOptions(camera=path),
+    )
     part = slice(first or 0, COUNT if last is None else last + 1)
     np.testing.assert_allclose(in_world(made.camera)[1], WAY[part], atol=1e-9)
     assert made.camera.path is not None and len(made.camera.path) == len(made)
@@ -164,12 +171,12 @@ def test_a_unit_that_nobody_says_is_estimated_with_the_keypoints(tmp_path: Path)
     table = {"fl_x": CAMERA.focal[0], "fl_y": CAMERA.focal[1], "w": 1280, "h": 720, "frames": frames}
     (tmp_path / "t.json").write_text(json.dumps(table))
     options = {"camera": tmp_path / "t.json", "image_size": CAMERA.size, "frame_rate": RATE}
-    clip = read_clip(None, tmp_path / "keypoints", **options)
+    clip = read_clip(None, tmp_path / "keypoints", **as_options(options))
     assert clip.camera.path is not None and clip.camera.world is not None
     reach = np.ptp(clip.camera.path.places[:, 0])
     assert reach == pytest.approx(np.ptp(aside), rel=0.25)
     assert any(f"by feet that stand, one unit is {unit * reach / np.ptp(aside):.3g} m" in note for note in clip.notes)
-    told = read_clip(None, tmp_path / "keypoints", **options, camera_unit=0.5)
+    told = read_clip(None, tmp_path / "keypoints", **as_options(options | {"camera_unit": 0.5}))
     assert told.camera.path is not None and np.ptp(told.camera.path.places[:, 0]) == pytest.approx(
         np.ptp(aside) * 0.5 / unit
     )

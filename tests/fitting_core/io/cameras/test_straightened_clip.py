@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from fitting_core.camera import Camera, Lens, World, is_possible
+from fitting_core.clips.options import CameraOptions
 from fitting_core.clips.reading import read_clip, read_footage, read_keypoints
 from fitting_core.errors import InputError
 from fitting_core.io.camera_arrays import camera_arrays, camera_from
@@ -17,6 +18,7 @@ from fitting_core.keypoints import COUNT, Keypoints
 from fitting_core.lens import filmed_keypoints, straightened
 from fitting_core.video.frames import FrameSource
 from tests.fitting_core.io.cameras import camera_files as files
+from tests.samples.clip_options import as_options
 
 SIZE = files.SIZE
 SPOT = 12
@@ -47,7 +49,7 @@ def shot(tmp_path: Path) -> tuple[Path, Path, Path]:
 
 def test_keypoints_and_frames_are_straightened_alike(shot: tuple[Path, Path, Path]):
     images, keypoints, camera = shot
-    clip, made = read_clip(images, keypoints, camera=camera), filmed_by_hand()
+    clip, made = read_clip(images, keypoints, camera=CameraOptions(camera=camera)), filmed_by_hand()
     lens = clip.camera.lens
     assert lens is not None
     expected, found = straightened(lens, made.xy)
@@ -63,17 +65,17 @@ def test_keypoints_and_frames_are_straightened_alike(shot: tuple[Path, Path, Pat
 
 def test_what_is_written_for_others_is_where_it_was_filmed(shot: tuple[Path, Path, Path]):
     images, keypoints, camera = shot
-    clip, made = read_clip(images, keypoints, camera=camera), filmed_by_hand()
+    clip, made = read_clip(images, keypoints, camera=CameraOptions(camera=camera)), filmed_by_hand()
     back = filmed_keypoints(clip.keypoints, clip.camera.lens)
     np.testing.assert_allclose(back.xy, made.xy, atol=1e-3)
-    again, _, _ = read_keypoints(keypoints, read_footage(images, camera=camera))
+    again, _, _ = read_keypoints(keypoints, read_footage(images, camera=CameraOptions(camera=camera)))
     np.testing.assert_array_equal(again.xy, clip.keypoints.xy)
 
 
 def test_keypoints_where_the_lens_says_nothing_do_not_count(shot: tuple[Path, Path, Path]):
     images, keypoints, camera = shot
     files.own(camera, dist=(-0.4, 0.0, 0.0, 0.0))
-    clip = read_clip(images, keypoints, camera=camera)
+    clip = read_clip(images, keypoints, camera=CameraOptions(camera=camera))
     lost = (filmed_by_hand().confidence > 0) & (clip.keypoints.confidence == 0)
     assert 0 < lost.sum() < 60 and any(f"{lost.sum()} keypoints lie where" in note for note in clip.notes)
 
@@ -93,11 +95,11 @@ def test_keypoints_where_the_lens_says_nothing_do_not_count(shot: tuple[Path, Pa
 def test_a_camera_is_given_once_and_whole(shot: tuple[Path, Path, Path], options: dict, says: str):
     images, keypoints, camera = shot
     with pytest.raises(InputError, match=says):
-        read_clip(images, keypoints, **{"camera": camera, **options})
+        read_clip(images, keypoints, **as_options({"camera": camera, **options}))
 
 
 def test_lens_and_place_are_stored(shot: tuple[Path, Path, Path]):
-    camera = read_footage(shot[0], camera=shot[2]).camera
+    camera = read_footage(shot[0], camera=CameraOptions(camera=shot[2])).camera
     assert camera.lens and camera.world
     assert camera_from(camera_arrays(camera)) == camera
     assert msgspec.json.decode(msgspec.json.encode(camera), type=Camera) == camera and is_possible(camera)

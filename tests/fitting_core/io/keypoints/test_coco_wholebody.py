@@ -9,6 +9,7 @@ import numpy as np
 from hypothesis import given
 
 from fitting_core import wholebody as layout
+from fitting_core.clips.options import ClipOptions
 from fitting_core.clips.reading import read_clip
 from fitting_core.io import read_detections
 from fitting_core.io.keypoints.coco_wholebody import write_coco_wholebody
@@ -86,7 +87,7 @@ def test_results_of_several_people_with_gaps(tmp_path: Path):
     found = read_detections(written(tmp_path, results))
     assert found.numbers == (7, 12) and [len(people) for people in found.frames] == [2, 1]
     assert np.allclose(found.frames[0], layout.from_wholebody(np.stack([a, b])))
-    clip = read_clip(None, tmp_path / "clip.json", person=1, image_size=(640, 480))
+    clip = read_clip(None, tmp_path / "clip.json", clip=ClipOptions(person=1, image_size=(640, 480)))
     assert len(clip) == 6 and clip.first_frame == 7 and not clip.keypoints.confidence[1:].any()
     assert any("clip.json has 2 frames" in note and "4 frames have no keypoints" in note for note in clip.notes)
 

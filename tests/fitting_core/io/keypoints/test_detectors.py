@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from fitting_core.clip import Clip
+from fitting_core.clips.options import ClipOptions
 from fitting_core.clips.people import read_people
 from fitting_core.clips.reading import read_clip, read_keypoints
 from fitting_core.errors import InputError
@@ -84,9 +85,9 @@ def test_files_of_two_detectors_are_no_clip(tmp_path: Path):
 
 def test_a_clip_and_its_people_know_it(tmp_path: Path):
     folder = openpose(tmp_path / "walk", "mediapipe")
-    clip = read_clip(None, folder, image_size=SIZE)
+    clip = read_clip(None, folder, clip=ClipOptions(image_size=SIZE))
     assert clip.detector == "mediapipe" and clip.corrected(0, {"nose": (1.0, 2.0)}).detector == "mediapipe"
-    assert [one.clip.detector for one in read_people(None, folder, image_size=SIZE)] == ["mediapipe"]
+    assert [one.clip.detector for one in read_people(None, folder, clip=ClipOptions(image_size=SIZE))] == ["mediapipe"]
     assert read_keypoints(folder, clip)[2] == "mediapipe"
 
 

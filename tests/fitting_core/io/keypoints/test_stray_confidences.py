@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fitting_core.clips.options import ClipOptions
 from fitting_core.clips.reading import read_clip
 from fitting_core.errors import InputError
 from fitting_core.io import read_detections
@@ -61,7 +62,7 @@ def test_a_hair_outside_counts_as_0_or_1_and_is_noted(written: Callable[..., Pat
     assert person[NOSE].tolist() == [0, 0, 0] and person[WRIST, 2] == 1 and person[WRIST, 0] > 0
     [note] = [note for note in detections.notes if "outside 0 to 1" in note]
     assert note == f"{path.name} has confidences outside 0 to 1 (2 from -2e-06 to 1.001); they count as 0 or 1."
-    assert note in read_clip(None, path, image_size=(640, 480)).notes
+    assert note in read_clip(None, path, clip=ClipOptions(image_size=(640, 480))).notes
 
 
 def test_the_edge_of_what_is_taken(written: Callable[..., Path]):
