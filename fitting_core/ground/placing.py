@@ -5,6 +5,7 @@ from jaxtyping import Float
 from scipy.ndimage import gaussian_filter1d, median_filter
 
 from fitting_core.camera import Camera
+from fitting_core.keypoints import SEEN
 from fitting_core.lifting.clip_lifting import LiftedClip
 
 _MEDIAN, _SMOOTH = 0.17, 0.07
