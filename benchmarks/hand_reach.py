@@ -11,10 +11,10 @@ from jaxtyping import Float
 
 from assets import BODIES
 from benchmarks.clips import data_folder
+from build_assets.free_body.hand.hand_space import hand_of, learn, read_recordings
+from build_assets.free_body.hand.recordings import joint_angles
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.hand_skeleton import HandSkeleton
-from fitting_core.build_assets.free_body.hand.hand_space import hand_of, learn, read_recordings
-from fitting_core.build_assets.free_body.hand.recordings import joint_angles
 from fitting_core.synthetic.acting.handshapes import HANDSHAPES
 from tests.samples.hand_spaces import Space, anatomical, named_shapes, nearest
 

@@ -7,11 +7,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from assets import BODIES
+from build_assets.free_body.face.expressions import EXPRESSIONS
+from build_assets.free_body.skin.skinning import JAW_OPENING, MAX_INFLUENCES, joint_mirror
+from build_assets.free_body.skin.surface_keypoints import SMPLX_VERTICES
 from fitting_core.body.files.forms import PARENTS
 from fitting_core.body.model import JOINT, JOINTS, SURFACE_KEYPOINTS
-from fitting_core.build_assets.free_body.face.expressions import EXPRESSIONS
-from fitting_core.build_assets.free_body.skin.skinning import JAW_OPENING, MAX_INFLUENCES, joint_mirror
-from fitting_core.build_assets.free_body.skin.surface_keypoints import SMPLX_VERTICES
 
 GENDERS = ("neutral", "male", "female")
 MIRROR = np.array([-1.0, 1.0, 1.0])

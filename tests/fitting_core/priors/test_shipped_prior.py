@@ -9,14 +9,14 @@ import pytest
 import torch
 
 from assets import FOLDER
+from build_assets.motion_capture.retarget import load
+from build_assets.pose_prior.dataset import matrices
+from build_assets.pose_prior.skeleton import Contact, Skeleton
 from fitting_core.body import rotations
 from fitting_core.body.joint_ranges import joint_ranges
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.build_assets.motion_capture.retarget import load
-from fitting_core.build_assets.pose_prior.dataset import matrices
-from fitting_core.build_assets.pose_prior.skeleton import Contact, Skeleton
 from fitting_core.config.schema import PRESETS
 from fitting_core.fit.terms.limits import AngleTable
 from fitting_core.priors.files.network import read_network
