@@ -31,7 +31,7 @@ FLOORS = {
         fitting
         analysis imports
         evaluation server
-        exports bench
+        exports
         review batch plugin_api
         cli
         __main__

@@ -5,7 +5,7 @@ import numpy as np
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.keypoints import COUNT, Keypoints
-from fitting_core.synthetic.excerpts import mirrored, picked, spread
+from tests.samples.excerpts import mirrored, picked, spread
 
 CAMERA = Camera(focal=(500.0, 500.0), center=(320.0, 240.0), size=(640, 480))
 
