@@ -15,12 +15,13 @@ import torch
 import tyro
 
 from fitting_core.body.files.reading import load_body
-from fitting_core.body.files.registry import FREE_FOLDER, find_body
+from fitting_core.body.files.registry import find_body
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.fit.fused.ready import cores
 from fitting_core.io.summary import versions
+from fitting_core.shipped import FREE_FOLDER
 
 Row = Mapping[str, str | float | None]
 """One line of a table, by column. None: there is nothing to tell."""

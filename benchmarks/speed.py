@@ -9,6 +9,7 @@ import itertools
 import time
 from collections import defaultdict
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from statistics import median
@@ -89,8 +90,8 @@ def run(options: Speed) -> None:
     for turn in range(options.repeats):
         for (frames, clip), (name, config) in itertools.product(clips.items(), ways(options)):
             progress(f"{turn + 1}/{options.repeats} {frames} frames, {name}")
-            with CONTEXT.Pool(1) as process:
-                values = process.apply(measured, (replace(clip, source=None), config, options.common))
+            with ProcessPoolExecutor(1, CONTEXT) as process:
+                values = process.submit(measured, replace(clip, source=None), config, options.common).result()
             for what, value in values.items():
                 found[frames, name][what].append(value)
     report(options, {f"{frames} frames, {name}": list(_rows(each)) for (frames, name), each in found.items()})

@@ -17,14 +17,14 @@ from scipy.ndimage import binary_opening
 from scipy.spatial.transform import Rotation, Slerp
 from tyro.conf import Positional, arg
 
-from assets import MOTION_SUITE
 from build_assets.motion_capture.collections import HELD_OUT
 from build_assets.motion_capture.retarget import MotionClip, load
 from fitting_core.body.files.reading import load_body
-from fitting_core.body.files.registry import FREE_FOLDER, find_body
+from fitting_core.body.files.registry import find_body
 from fitting_core.body.model import JOINT
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.errors import InputError
+from fitting_core.shipped import FREE_FOLDER, MOTION_SUITE
 from fitting_core.synthetic.motion_suite.windows import FRAME_RATE, MotionWindow, acted, slip, speeds, write_windows
 
 PLAN: dict[str, tuple[str, str]] = {

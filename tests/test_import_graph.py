@@ -17,7 +17,7 @@ MODULES = {
 }
 FLOORS = {
     "fitting_core": """
-        errors frame_runs keypoint_noise keypoints plugins silhouettes
+        errors frame_runs keypoint_noise keypoints plugins shipped silhouettes
         camera lens wholebody config files body
         clip metrics priors video lifting ground
         fit detect
@@ -138,8 +138,8 @@ def test_the_core_knows_no_viewer_and_no_app():
 
 
 def test_what_is_installed_uses_nothing_that_is_not():
-    beside = {path.name for path in ROOT.iterdir() if any(path.glob("*.py"))} - FLOORS.keys() - {"assets"}
-    assert {"benchmarks", "build_assets", "tests"} <= beside
+    beside = {path.name for path in ROOT.iterdir() if any(path.glob("*.py"))} - FLOORS.keys()
+    assert {"assets", "benchmarks", "build_assets", "tests"} <= beside
     installed = [module for module in MODULES if module.split(".")[0] in FLOORS]
     assert not [(m, name) for m in installed for name in imports_of(m) if name.split(".")[0] in beside]
 

@@ -14,10 +14,11 @@ from build_assets.lifter.filming import Studio
 from build_assets.lifter.motions import Corpus, Windows, training_clips
 from build_assets.perspective.training import SHOTS, Training, mean_error, shown
 from fitting_core.body.files.reading import load_body
-from fitting_core.body.files.registry import FREE_FOLDER, find_body
+from fitting_core.body.files.registry import find_body
 from fitting_core.errors import InputError
 from fitting_core.lifting.perspective import write_perspective
 from fitting_core.lifting.weights import read_lifter
+from fitting_core.shipped import FREE_FOLDER
 
 _JUDGED = 8
 """Films of 48 windows of held-out motion, by which progress is told."""

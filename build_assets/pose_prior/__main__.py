@@ -23,10 +23,10 @@ from build_assets.pose_prior.loss import Precision
 from build_assets.pose_prior.skeleton import Contact, Skeleton
 from build_assets.pose_prior.training import Progress, Schedule, Training
 from fitting_core.body.files.reading import load_body
-from fitting_core.body.files.registry import FREE_FOLDER, find_body
+from fitting_core.body.files.registry import find_body
 from fitting_core.errors import InputError
 from fitting_core.priors.files.network import Activation, Layer, PriorNetwork, write_network
-from fitting_core.priors.files.registry import SHIPPED
+from fitting_core.shipped import FREE_FOLDER, POSE_PRIOR
 
 _SAVE_EVERY = 1000
 _LICENCE = "Apache-2.0"
@@ -38,7 +38,7 @@ class Options:
 
     data: Positional[Path]
     """Folder with the motion capture: `cmu` (BVH channels) and `deepmimic`."""
-    out: Path = SHIPPED
+    out: Path = POSE_PRIOR
     """The prior's file."""
     poses: int = 300_000
     """Poses to draw and to synthesise before training."""

@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from assets import BODIES
 from build_assets.free_body.__main__ import main, write_body
 from build_assets.free_body.build import build_body, read_layout
 from build_assets.free_body.makehuman import REQUIRED, DataFolder
@@ -20,6 +19,7 @@ from fitting_core.body.geometry import axis_angle, frame, shortest_rotation
 from fitting_core.body.model import JOINTS
 from fitting_core.errors import InputError
 from fitting_core.measure.mesh.closest_point import SurfaceTree
+from fitting_core.shipped import FREE_FOLDER
 
 coordinate = st.floats(-1, 1, allow_nan=False).map(lambda value: round(value, 3))
 vector = st.tuples(coordinate, coordinate, coordinate).map(np.array)
@@ -170,7 +170,7 @@ def test_building_again_gives_the_shipped_body(tmp_path: Path) -> None:
     assert shares == sorted(shares) and shares[-1] == 1
     with (
         np.load(tmp_path / "male.npz", allow_pickle=False) as built,
-        np.load(BODIES / "SMPLX_MALE.npz", allow_pickle=False) as shipped,
+        np.load(FREE_FOLDER / "SMPLX_MALE.npz", allow_pickle=False) as shipped,
     ):
         assert set(built.files) == set(shipped.files)
         assert np.abs(landmarks(built) - landmarks(shipped)).max() < 2e-4

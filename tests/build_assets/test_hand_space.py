@@ -9,7 +9,6 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from assets import BODIES
 from build_assets.free_body.hand.hand_space import (
     _best_span,
     hand_of,
@@ -28,6 +27,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.errors import InputError
+from fitting_core.shipped import FREE_FOLDER
 from fitting_core.synthetic.acting.handshapes import HANDSHAPES
 from tests.samples.hand_spaces import named_shapes, nearest
 
@@ -39,7 +39,7 @@ RECORDINGS = (
 
 @pytest.fixture(scope="module")
 def body() -> BodyModel:
-    return load_body(BODIES / "SMPLX_NEUTRAL.npz")
+    return load_body(FREE_FOLDER / "SMPLX_NEUTRAL.npz")
 
 
 @pytest.fixture(scope="module")

@@ -22,7 +22,6 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from assets import BODIES, HAND_SPACE
 from build_assets.free_body.hand.recordings import Recording, aligned, joint_angles, read_recording
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.geometry import MIRROR_ROTATION
@@ -39,7 +38,10 @@ from fitting_core.body.hand_skeleton import (
 from fitting_core.body.model import N_HAND_COMPONENTS, BodyModel
 from fitting_core.errors import InputError
 from fitting_core.files.npz import read_npz, write_npz
+from fitting_core.shipped import FREE_FOLDER
 
+HAND_SPACE = FREE_FOLDER.parent / "hands" / "hand_space.npz"
+"""What hands do, learnt from recordings and postures; the bodies are built with it."""
 _LONG = ("index", "middle", "ring", "pinky")
 _BENDS = {
     "straight": (0.36, (0, 5, 3)),
@@ -273,7 +275,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("recordings", type=Path, help="folder of recorded hands, one npz file for each recording")
     parser.add_argument("--out", type=Path, default=HAND_SPACE, help="the file to write")
     options = parser.parse_args(arguments)
-    hand = hand_of(load_body(BODIES / "SMPLX_NEUTRAL.npz"))
+    hand = hand_of(load_body(FREE_FOLDER / "SMPLX_NEUTRAL.npz"))
     try:
         recordings = read_recordings(options.recordings)
     except InputError as error:
