@@ -12,13 +12,13 @@ from jaxtyping import Float, Int
 from scipy.spatial.transform import Rotation, Slerp
 from torch import Tensor
 
-from assets import LIFTER
 from fitting_core import keypoints as kp
 from fitting_core.body.model import other_side
 from fitting_core.camera import Camera, CameraPath
 from fitting_core.lifting.network import FRAMES, RATE, Lifter
 from fitting_core.lifting.rays import POINTS, SEEN, seen
 from fitting_core.lifting.weights import read_lifter
+from fitting_core.shipped import LIFTER
 
 _STRIDE = FRAMES // 2
 _MIDDLE = FRAMES // 2

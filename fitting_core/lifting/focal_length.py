@@ -10,12 +10,12 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float
 
-from assets import PERSPECTIVE
 from fitting_core import keypoints as kp
 from fitting_core.camera import Camera, default_focal, focal_from_35mm
 from fitting_core.lifting.clip_lifting import windows_of
 from fitting_core.lifting.perspective import LOG_EXTENTS, hidden_extent, read_perspective
 from fitting_core.lifting.rays import POINTS, SEEN
+from fitting_core.shipped import PERSPECTIVE
 
 _LENSES_MM = np.geomspace(14.0, 300.0, 80)
 """35 mm equivalents that are told apart."""

@@ -8,10 +8,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from assets import PERSPECTIVE
 from fitting_core.lifting.network import FRAMES, RATE, Lifter, LifterSize
 from fitting_core.lifting.network_file import About, fill, read_network, write_network
 from fitting_core.lifting.rays import POINTS, seen
+from fitting_core.shipped import PERSPECTIVE
 
 FORMAT = "tcfit perspective 1"
 LOG_EXTENTS = torch.linspace(np.log(0.012), np.log(0.6), 40)

@@ -4,9 +4,9 @@ import math
 from functools import lru_cache
 from pathlib import Path
 
-from assets import LIFTER
 from fitting_core.lifting.network import FRAMES, RATE, Lifter
 from fitting_core.lifting.network_file import About, fill, read_network, write_network
+from fitting_core.shipped import LIFTER
 
 FORMAT = "tcfit lifter 1"
 

@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float
 from tqdm import tqdm
 
 from fitting_core.body.files.reading import load_body
-from fitting_core.body.files.registry import FREE_FOLDER, find_body
+from fitting_core.body.files.registry import find_body
 from fitting_core.body.geometry import vertex_normals
 from fitting_core.body.mesh import shared_mesh
 from fitting_core.body.model import BodyModel
@@ -25,6 +25,7 @@ from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import drafting, put_folder
 from fitting_core.io.keypoints.openpose import write_openpose
+from fitting_core.shipped import FREE_FOLDER
 from fitting_core.synthetic.acting.performance import perform, standing_root
 from fitting_core.synthetic.motions import demo_script
 from fitting_core.synthetic.simulated_detector import detect, visible

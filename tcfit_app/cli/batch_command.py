@@ -11,6 +11,7 @@ from rich.console import Console
 from tqdm import tqdm
 
 from fitting_core.errors import InputError
+from fitting_core.fit.fused.ready import cores
 from fitting_core.io.known_shape import read_known_shape
 from tcfit_app.batch.clip_fit import tidy
 from tcfit_app.batch.fingerprint import SHAPE_NAME, detector_of, detector_version, missing_input
@@ -29,7 +30,6 @@ from tcfit_app.batch.records import (
 )
 from tcfit_app.batch.report import write_report
 from tcfit_app.batch.rounds import Course, Round, with_shape
-from tcfit_app.bench.machine import cores
 from tcfit_app.cli.json_lines import ClipEnded, Progress, emit, emit_wrote
 from tcfit_app.options.batch import BatchOptions
 from tcfit_app.options.preparing import body_file, check_out, compile_kernels, prepare_solver

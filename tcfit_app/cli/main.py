@@ -18,7 +18,6 @@ from fitting_core.io.people_file import holds_people
 from tcfit_app.cli.ending import ended, prepare_streams
 from tcfit_app.cli.json_lines import OPTION, SCHEMA, Started, emit, json_lines, version
 from tcfit_app.options.batch import BatchOptions
-from tcfit_app.options.bench import BenchOptions
 from tcfit_app.options.detect import DetectOptions
 from tcfit_app.options.evaluate import EvaluateOptions
 from tcfit_app.options.export import LIST, ExportOptions
@@ -137,12 +136,6 @@ def _batch(options: BatchOptions, command: str) -> int:
     return run_batch(options, command=command)
 
 
-def _bench(options: BenchOptions, command: str) -> None:
-    from tcfit_app.cli.bench_command import run_bench
-
-    run_bench(options)
-
-
 def _models(options: Models, command: str) -> None:
     from tcfit_app.cli.models_command import list_models, register_models
 
@@ -180,7 +173,6 @@ COMMANDS: dict[str, tuple[type, Callable[[Any, str], int | None]]] = {
     "render": (RenderOptions, _render),
     "evaluate": (EvaluateOptions, _evaluate),
     "batch": (BatchOptions, _batch),
-    "bench": (BenchOptions, _bench),
     "models": (Models, _models),
     "settings": (Settings, _settings),
     "doctor": (Doctor, _doctor),
@@ -224,7 +216,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _tells_events(given: list[str]) -> bool:
-    """Whether events are asked for; to tcfit bench the option names a file."""
+    """Whether events are asked for."""
     kind, _ = COMMANDS.get(given[0] if given else "", (None, None))
     return OPTION in given and getattr(kind, "json", None) is False
 

@@ -14,9 +14,8 @@ import msgspec
 import numpy as np
 import torch
 
-from assets import LIFTER
 from fitting_core.body.files.reading import load_body
-from fitting_core.body.files.registry import FREE_FOLDER, find_body
+from fitting_core.body.files.registry import find_body
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
@@ -36,6 +35,7 @@ from fitting_core.measure.pairing import Estimate
 from fitting_core.measure.records import BASELINE, PHASE_1, Record
 from fitting_core.measure.references.bodies import reference_of
 from fitting_core.measure.references.reference import Reference
+from fitting_core.shipped import FREE_FOLDER, LIFTER
 from fitting_core.synthetic.suite import LEVELS, SEQUENCES, SuiteClip, make_sequence
 from fitting_core.synthetic.truth import Truth
 

@@ -6,12 +6,13 @@ from pathlib import Path
 
 import torch
 
-from fitting_core.body.files.registry import FREE_FOLDER, find_body
+from fitting_core.body.files.registry import find_body
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError, some_of
 from fitting_core.files.regular import at_home
 from fitting_core.fit.fused import ready
 from fitting_core.io.result_files import is_result
+from fitting_core.shipped import FREE_FOLDER
 from tcfit_app.options.fit import BodyOptions
 
 MOST_THREADS = 256

@@ -20,11 +20,10 @@ from fitting_core.body.files.reading import gender_of_name, load_body
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import drafting, sync
 from fitting_core.files.regular import at_home, regular_file
+from fitting_core.shipped import FREE_FOLDER
 
 ENVIRONMENT = "TCFIT_BODY_MODELS"
 """Environment variable with folders of body models, separated as in PATH."""
-FREE_FOLDER = Path(__file__).resolve().parents[3] / "assets" / "bodies"
-"""The bodies that come with tcfit: SMPL-X's form, free to use."""
 GENDERS = ("neutral", "male", "female", "child")
 """A child is listed among them, for that is how bodies' files are told apart; only the free bodies have one."""
 

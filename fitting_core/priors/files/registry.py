@@ -10,9 +10,7 @@ from fitting_core.body.files.archives import open_members
 from fitting_core.errors import InputError
 from fitting_core.priors.files.network import PriorNetwork, read_network, write_network
 from fitting_core.priors.files.vposer import read_vposer, snapshots_among
-
-SHIPPED = Path(__file__).resolve().parents[3] / "assets" / "pose_prior" / "tcfit_pose_prior.npz"
-"""The pose prior that comes with tcfit."""
+from fitting_core.shipped import POSE_PRIOR
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +84,7 @@ def list_priors() -> list[PriorFile]:
     """The latent pose priors that have a name and are there, broken ones with their problem."""
     places: list[tuple[str, Path, Literal["free", "user"]]] = [
         ("vposer", user_file(), "user"),
-        ("tcfit", SHIPPED, "free"),
+        ("tcfit", POSE_PRIOR, "free"),
     ]
     return [_record(name, path, origin) for name, path, origin in places if path.exists()]
 

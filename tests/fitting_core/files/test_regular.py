@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
+from build_assets.free_body.hand.recordings import read_recording
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import find_body, register
-from fitting_core.build_assets.free_body.hand.recordings import read_recording
 from fitting_core.config.toml import read_config
 from fitting_core.detect.onnx_model import OnnxModel, consumers
 from fitting_core.errors import InputError

@@ -44,10 +44,7 @@ def _run(arguments: list[str]) -> subprocess.CompletedProcess[str]:
     "arguments",
     [
         [],
-        *(
-            [name]
-            for name in "fit new review demo detect import export evaluate batch bench models settings doctor".split()
-        ),
+        *([name] for name in "fit new review demo detect import export evaluate batch models settings doctor".split()),
         ["models", "add"],
     ],
 )

@@ -9,7 +9,6 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from fitting_core.body.files.reading import load_body
-from fitting_core.body.files.registry import FREE_FOLDER
 from fitting_core.body.markers.files import read_marker_set
 from fitting_core.body.markers.marker_set import STANDARD, MarkerSet, marker_places
 from fitting_core.body.markers.places import PLACES, standard_vertices
@@ -17,6 +16,7 @@ from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.errors import InputError
+from fitting_core.shipped import FREE_FOLDER
 from tests.samples.scenes import random_params
 
 GENDERS = ("NEUTRAL", "MALE", "FEMALE")
