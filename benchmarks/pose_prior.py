@@ -23,7 +23,8 @@ from fitting_core.body import rotations
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.params import BodyParams
 from fitting_core.priors.pose import make_prior
-from fitting_core.render.sheets import Cell, beside, pose_cells, write_sheet
+from fitting_core.render.sheets import Cell, beside, write_sheet
+from tests.samples.body_pictures import pose_cells
 
 Coder = Callable[[Float[Tensor, "N 21 3 3"]], Float[Tensor, "N 21 3 3"]]
 """Rotations through a bottleneck and back."""

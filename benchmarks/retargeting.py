@@ -30,8 +30,9 @@ from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT
 from fitting_core.body.params import BodyParams
 from fitting_core.errors import InputError
-from fitting_core.render.sheets import Cell, beside, body_picture, fitted_views, skeleton_picture, write_sheet
+from fitting_core.render.sheets import Cell, beside, write_sheet
 from fitting_core.shipped import FREE_FOLDER
+from tests.samples.body_pictures import body_picture, fitted_views, skeleton_picture
 
 VIEWS = (0.0, 70.0)
 """Degrees from which each pose is shown: in front, and from its left a little from the front."""

@@ -21,7 +21,7 @@ from fitting_core.errors import InputError
 from fitting_core.measure.curves import CURVES
 from fitting_core.measure.records import Record, baseline_of, methods, of, sequences
 from fitting_core.measure.report.plots import style_of
-from fitting_core.measure.report.sections import View, WorstFrame
+from fitting_core.measure.report.sections import BodyPicture, WorstFrame
 from fitting_core.render.renderer import Renderer
 from fitting_core.synthetic.studio.rasterize import rasterize
 
@@ -139,14 +139,14 @@ def placed_body(body: BodyModel, params: BodyParams, frame: int, color: tuple[fl
     return PlacedBody(vertices=vertices, faces=body.faces, pelvis=pelvis, color=color)
 
 
-def _rows(placed: dict[str, PlacedBody], camera: Camera) -> tuple[tuple[View, ...], ...]:
+def _rows(placed: dict[str, PlacedBody], camera: Camera) -> tuple[tuple[BodyPicture, ...], ...]:
     first = next(iter(placed.values()))
     front = camera_around(first, camera)
     aside = {name: from_the_side(body) for name, body in placed.items()}
     side = side_camera(next(iter(aside.values())))
     return (
-        tuple(View(title=name, picture=picture(body, front)) for name, body in placed.items()),
-        tuple(View(title=f"{name}, side", picture=picture(body, side)) for name, body in aside.items()),
+        tuple(BodyPicture(title=name, picture=picture(body, front)) for name, body in placed.items()),
+        tuple(BodyPicture(title=f"{name}, side", picture=picture(body, side)) for name, body in aside.items()),
     )
 
 
