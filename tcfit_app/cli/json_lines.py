@@ -169,11 +169,8 @@ def emit_wrote(*paths: Path, kind: str | None = None) -> None:
 
 
 @contextmanager
-def json_lines(command: str) -> Iterator[Callable[[int], int]]:
+def json_lines() -> Iterator[Callable[[int], int]]:
     """Events go to the standard output, and all that is printed to the standard error, until the block ends.
-
-    Args:
-        command: Its name.
 
     Yields:
         Takes the exit code at the end, tells it, and gives it back.

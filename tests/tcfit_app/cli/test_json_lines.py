@@ -103,7 +103,7 @@ def test_an_export_and_an_evaluation(tmp_path: Path, free_body: BodyModel, capsy
 def test_a_batch(capsys: pytest.CaptureFixture[str]):
     tasks: list[Any] = [SimpleNamespace(name="a"), SimpleNamespace(name="b")]
     record = partial(Record, fingerprint=Fingerprint(settings="", stamp="", content=""), finished=0.0, seconds=2.0)
-    with json_lines("batch"), closing(_Lines(2, 0, tasks, "clips")) as shown:
+    with json_lines(), closing(_Lines(2, 0, tasks, "clips")) as shown:
         shown.show(Underway(index=1, phase=1, share=0.25))
         shown.show(Ended(index=1, record=record(state="failed", reason="No keypoints.")))
         figures = Figures(frames=3, reprojection_px=1.0)
@@ -134,7 +134,7 @@ def test_what_cannot_be_done(given: list[str], capsys: pytest.CaptureFixture[str
 
 
 def test_progress_never_falls_and_comes_by_hundredths(capsys: pytest.CaptureFixture[str]):
-    with json_lines("fit") as end:
+    with json_lines() as end:
         for share in (0.0, 0.001, 0.5, 0.2, 0.505, 0.51, 1.0):
             emit(Progress(step="a", share=share, text=""))
         emit(Progress(step="b", share=0.1, text=""))
