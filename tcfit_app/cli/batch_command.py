@@ -2,9 +2,8 @@
 
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from contextlib import closing
-from functools import partial
 from pathlib import Path
 
 from rich.console import Console
@@ -58,7 +57,7 @@ def run_batch(options: BatchOptions, *, command: str = "") -> int:
     begin = time.monotonic()
     complaints = Complaints(options.manifest)
     tasks = read_manifest(options, complaints, command=command)
-    _check_bodies(tasks, complaints)
+    _check_each(_first_by(tasks, lambda task: task.fit.body), complaints, lambda task: body_file(task.fit.body))
     complaints.raise_any()  # Without a body nothing can be compared.
     folder = batch_folder(options.manifest)
     course = Course(tasks, folder, retry=options.retry and not options.report)
@@ -220,51 +219,33 @@ def _check(course: Course, complaints: Complaints, *, here: bool) -> None:
     for task in to_do:
         for column, path in missing_input(task):
             complaints.add(task.line, f"{path} does not exist.", column)
-        if task.fit.shape is not None:
-            _check_for(task, complaints, "shape", read_known_shape, task.fit.shape)
+    shaped = [task for task in to_do if task.fit.shape is not None]
+    _check_each(shaped, complaints, lambda task: read_known_shape(task.fit.shape), "shape")
     to_do += [task for task in course.waiting() if not done_record(with_shape(task, course.folder))]
-    for task in to_do:
-        may = task.fit.overwrite or task.form == "project"
-        _check_for(task, complaints, "out", partial(check_out, overwrite=may), task.out)
+    _check_each(
+        to_do,
+        complaints,
+        lambda task: check_out(task.out, overwrite=task.fit.overwrite or task.form == "project"),
+        "out",
+    )
     if here:
-        _check_devices(to_do, complaints)
-        _check_detectors(to_do, complaints)
+        devices = _first_by(to_do, lambda task: (task.config.device, task.config.precision))
+        _check_each(devices, complaints, lambda task: prepare_solver(task.config, 1))
+        detectors = _first_by([task for task in to_do if detector_of(task)], detector_of)
+        _check_each(detectors, complaints, lambda task: detector_version(detector_of(task) or ""), "detector")
 
 
-def _check_for(
-    task: ClipTask, complaints: Complaints, column: str, check: Callable[[Path], object], path: Path
+def _check_each(
+    tasks: Iterable[ClipTask], complaints: Complaints, check: Callable[[ClipTask], object], column: str = ""
 ) -> None:
-    try:
-        check(path)
-    except InputError as error:
-        complaints.add(task.line, str(error).removeprefix("--out "), column)
-
-
-def _check_bodies(tasks: Sequence[ClipTask], complaints: Complaints) -> None:
-    """Each body model once, in the first line that asks for it."""
-    first = {task.fit.body: task for task in reversed(tasks)}
-    for options, task in first.items():
+    """Complain of the tasks that a check refuses."""
+    for task in tasks:
         try:
-            body_file(options)
+            check(task)
         except InputError as error:
-            complaints.add(task.line, str(error))
+            complaints.add(task.line, str(error).removeprefix("--out "), column)
 
 
-def _check_devices(tasks: Sequence[ClipTask], complaints: Complaints) -> None:
-    first = {(task.config.device, task.config.precision): task for task in reversed(tasks)}
-    for task in first.values():
-        try:
-            prepare_solver(task.config, 1)
-        except InputError as error:
-            complaints.add(task.line, str(error))
-
-
-def _check_detectors(tasks: Sequence[ClipTask], complaints: Complaints) -> None:
-    """Each detector once, in the first line whose keypoints it is to find."""
-    first = {detector_of(task): task for task in reversed(tasks)}
-    for name, task in first.items():
-        try:
-            if name is not None:
-                detector_version(name)
-        except InputError as error:
-            complaints.add(task.line, str(error), "detector")
+def _first_by(tasks: Sequence[ClipTask], key: Callable[[ClipTask], Hashable]) -> Iterable[ClipTask]:
+    """Of tasks that have something in common the first: it is checked, and complained of, once."""
+    return {key(task): task for task in reversed(tasks)}.values()
