@@ -212,12 +212,9 @@ _SAMPLED = ("vertex_to_surface_mean", "vertex_to_surface_std", "per_vertex_mean"
 def reference_metrics(
     fit: PosedFit, reference: Reference, truth_body: Callable[[], BodyModel | None]
 ) -> tuple[Metric, ...]:
-    """Those of the figures that can be measured.
+    """The figures against the project's reference, those that can be measured, of a run over the whole clip.
 
-    Args:
-        fit: A run over the whole clip.
-        reference: The project's.
-        truth_body: Reads the body of the reference, which takes a second.
+    `truth_body` reads the reference's body, which takes a second.
     """
     every = max(1, -(-len(fit) // SURFACES))
     estimate = Estimate(

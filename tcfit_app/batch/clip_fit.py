@@ -61,7 +61,7 @@ from tcfit_app.batch.records import (
 )
 from tcfit_app.exports.overlay_video import write_comparison
 from tcfit_app.fitting.bodies import Bodies, record_of
-from tcfit_app.imports.starts import start_of
+from tcfit_app.imports.given import start_of
 from tcfit_app.options.fit import FitOptions
 from tcfit_app.options.preparing import body_file, check_out, prepare_solver
 from tcfit_app.project.project import Project
@@ -81,10 +81,7 @@ Report = Callable[[FitEvent | DetectionProgress], None]
 def fit_clip(task: ClipTask, folder: Path, report: Report = lambda event: None) -> Record:
     """Fit a clip and write its result; what goes wrong is in the record, and nothing of the result is there then.
 
-    Args:
-        task: The clip.
-        folder: The batch's.
-        report: Takes the fit's events, and before them how far keypoints are found.
+    `folder` is the batch's. `report` takes the fit's events, and before them how far keypoints are found.
     """
     begin, fingerprint = time.time(), Fingerprint(settings="", stamp="", content="")
     try:

@@ -50,12 +50,8 @@ class Crew(Protocol):
     """Fits clips, several at a time."""
 
     def run(self, tasks: Sequence[ClipTask], folder: Path) -> Generator[News, None, None]:
-        """Fits them all; closing the generator stops at once, and leaves nothing half-done that matters.
-
-        Args:
-            tasks: Each ends exactly once.
-            folder: The batch's.
-        """
+        """Fits them all; each ends exactly once. Closing the generator stops at once and leaves nothing half-done that
+        matters. `folder` is the batch's."""
         ...
 
 
@@ -85,11 +81,7 @@ class _Work:
 
 
 class LocalProcesses:
-    """Processes of this computer.
-
-    Args:
-        jobs: How many.
-    """
+    """Processes of this computer."""
 
     def __init__(self, jobs: int) -> None:
         self.jobs = jobs

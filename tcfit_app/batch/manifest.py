@@ -76,12 +76,8 @@ class Complaints:
 def read_manifest(options: BatchOptions, complaints: Complaints, *, command: str = "") -> tuple[ClipTask, ...]:
     """The clips of a list that have no error; what is wrong with the others goes to `complaints`.
 
-    Whether videos and keypoints exist is not looked at: of clips that are done they may be gone.
-
-    Args:
-        options: The command line, which says what empty cells mean.
-        complaints: Takes every error that is in the list.
-        command: The command line as text, for the record.
+    Empty cells take what `options` say. Whether videos and keypoints exist is not checked: those of clips that are done
+    may be gone.
 
     Raises:
         InputError: There is no list at all, or the command line is wrong.

@@ -50,13 +50,7 @@ class Row:
 
 
 def row_of(task: ClipTask, record: Record | None, before: bool) -> Row:
-    """The row of a clip.
-
-    Args:
-        task: The clip.
-        record: How it went; None: it was not reached.
-        before: Whether that was in an earlier run.
-    """
+    """The row of a clip by its record (None: not reached), which may be from an earlier run (`before`)."""
     if record is None:
         return Row(line=task.line, clip=task.name, subject=task.subject, state="left")
     state: State = record.state
@@ -78,16 +72,7 @@ def row_of(task: ClipTask, record: Record | None, before: bool) -> Row:
 
 
 def write_summary(folder: Path, rows: Sequence[Row], *, seconds: float) -> None:
-    """Write summary.csv and summary.json.
-
-    Args:
-        folder: The batch's.
-        rows: In the order of the list.
-        seconds: That this run took.
-
-    Raises:
-        OSError: They cannot be written.
-    """
+    """Write summary.csv and summary.json into the batch's folder. Raises OSError if that is impossible."""
     text = io.StringIO(newline="")
     writer = csv.DictWriter(text, fieldnames=list(Row.__dataclass_fields__))
     writer.writeheader()

@@ -37,20 +37,9 @@ _ORDER = (
 def write_report(
     folder: Path, title: str, tasks: Sequence[ClipTask], rows: Sequence[Row], records: Sequence[Record | None]
 ) -> Path:
-    """Write report.html.
+    """Write report.html into the batch's folder, from the rows and records (None: not reached) of all clips; its path.
 
-    Args:
-        folder: The batch's.
-        title: Of the page.
-        tasks: The list.
-        rows: Of each clip.
-        records: Of each clip; None: it was not reached.
-
-    Returns:
-        Its path.
-
-    Raises:
-        OSError: It cannot be written.
+    Raises OSError if it cannot be written.
     """
     figures = [record.figures if record else None for record in records]
     badness = _badness(rows, figures)

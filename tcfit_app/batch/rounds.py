@@ -37,14 +37,7 @@ class Round:
 
     @staticmethod
     def of(what: str, tasks: Sequence[ClipTask], folder: Path, *, retry: bool) -> "Round":
-        """Looks at what is there.
-
-        Args:
-            what: As above.
-            tasks: As above.
-            folder: The batch's.
-            retry: Do those again that have failed.
-        """
+        """Looks at what is there in the batch's folder; with `retry`, failures do not count."""
         found = ((i, done_record(t) or (None if retry else failed_record(folder, t))) for i, t in enumerate(tasks))
         records = {index: record for index, record in found if record}
         return Round(what=what, tasks=tasks, before=frozenset(records), records=records)
@@ -56,13 +49,7 @@ class Round:
 
 
 class Course:
-    """The way of all clips of a list.
-
-    Args:
-        tasks: The list.
-        folder: The batch's.
-        retry: Fit those again that have failed.
-    """
+    """The way of all clips of a list. With `retry` those that have failed are fitted again."""
 
     def __init__(self, tasks: Sequence[ClipTask], folder: Path, *, retry: bool) -> None:
         self.tasks, self.folder, self.retry = tasks, folder, retry

@@ -41,10 +41,6 @@ _PATIENCE = 3.0
 def run_batch(options: BatchOptions, *, command: str = "") -> int:
     """Fit all clips of a list that are not done yet, and say how each went.
 
-    Args:
-        options: The command line.
-        command: The same as text, for the record.
-
     Returns:
         The exit code: 1 if clips have failed, now or before.
 
@@ -208,13 +204,7 @@ class _Lines:
 
 
 def _check(course: Course, complaints: Complaints, *, here: bool) -> None:
-    """What stands in the way of a clip that is to be fitted goes to `complaints`.
-
-    Args:
-        course: What is to be done.
-        complaints: Takes every error.
-        here: They are fitted on this computer: its devices count.
-    """
+    """What stands in the way of a clip that is to be fitted goes to `complaints`; `here`: it is fitted here."""
     to_do = [course.tasks[place] for place in course.first.to_do]
     for task in to_do:
         for column, path in missing_input(task):

@@ -54,10 +54,6 @@ def review_demo(options: DemoOptions) -> None:
 def run_demo(options: DemoOptions, *, command: str = "") -> Outcome:
     """Make the demo clip if it is not in the cache, fit it, write the result, and print the errors against the truth.
 
-    Args:
-        options: The command line.
-        command: The same as text, for the record.
-
     Raises:
         InputError: As `run_fit`, or the cache cannot be written.
     """

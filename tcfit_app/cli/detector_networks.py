@@ -17,9 +17,6 @@ NAME = "mediapipe"
 def fetch_networks(*, agreed: bool) -> None:
     """Fetch the networks that are not there, after the user has seen what they are and agreed.
 
-    Args:
-        agreed: Whether the user has agreed before.
-
     Raises:
         InputError: Nobody agreed, or they cannot be fetched.
         KeyboardInterrupt: Cancelled; everything is as it was.

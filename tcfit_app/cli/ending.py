@@ -34,11 +34,7 @@ def prepare_streams() -> None:
 
 
 def ended(run: Callable[[], int | None]) -> int:
-    """The exit code of a command.
-
-    Args:
-        run: Runs it, and may return an exit code.
-    """
+    """Run a command, which may return an exit code, and return its exit code."""
     try:
         code = _told(run)
         sys.stdout.flush()

@@ -24,10 +24,6 @@ _TOGETHER = "glb"
 def run_export_people(folder: Path, options: ExportOptions) -> None:
     """Write what the options ask for of everybody, and say on the standard output what was written.
 
-    Args:
-        folder: With people.json, of results or of projects.
-        options: The command line.
-
     Raises:
         InputError: As of `run_export`; or nobody is there in the frames that are asked for.
     """

@@ -25,8 +25,7 @@ from tcfit_app.cli.detection_shown import DetectionShown
 from tcfit_app.cli.json_lines import Note, Progress, Step, StepDone, emit, emit_figures, emit_wrote, told
 from tcfit_app.exports.overlay_video import write_comparison
 from tcfit_app.fitting.bodies import Bodies
-from tcfit_app.imports.given import read_shape
-from tcfit_app.imports.starts import start_of
+from tcfit_app.imports.given import read_shape, start_of
 from tcfit_app.options.clip_input import clip_of, described, notes_of
 from tcfit_app.options.fit import FitOptions, fit_config
 from tcfit_app.options.preparing import body_file, check_out, compile_kernels, prepare_solver
@@ -43,10 +42,6 @@ class Outcome:
 
 def run_fit(options: FitOptions, *, command: str = "") -> Outcome:
     """Fit as the options say, write the result and say on the standard output where it is.
-
-    Args:
-        options: The command line.
-        command: The same as text, for the record.
 
     Raises:
         InputError: Files or options cannot be used; nothing has been written then.
@@ -88,14 +83,6 @@ def fit_into(
     """Fit a clip, write the result into a folder, and say so; the options say what else is wished.
 
     Args:
-        folder: For the result.
-        clip: What is fitted.
-        body: With which body.
-        config: The method.
-        options: The command line.
-        start: What the fit begins with.
-        shape: The person's, where it is known.
-        command: The command line as text, for the record.
         begins: Called once, before the first phase that has finished is written.
 
     Raises:

@@ -19,7 +19,7 @@ from tcfit_app.cli.fit_command import Outcome, fit_into, prepared_body, tell
 from tcfit_app.cli.json_lines import emit_wrote
 from tcfit_app.exports.motions import write_together
 from tcfit_app.fitting.bodies import Bodies
-from tcfit_app.imports.starts import start_of
+from tcfit_app.imports.given import start_of
 from tcfit_app.options.clip_input import everybody_of
 from tcfit_app.options.fit import FitOptions, StartOptions, fit_config
 from tcfit_app.options.preparing import check_out, compile_kernels
@@ -31,10 +31,6 @@ _RESULT = (FIT_NAME, SUMMARY_NAME, OVERLAY_NAME)
 
 def run_fit_people(options: FitOptions, *, command: str = "") -> list[Outcome]:
     """Fit everybody as the options say, write their results, and say on the standard output where they are.
-
-    Args:
-        options: The command line.
-        command: The same as text, for the record.
 
     Raises:
         InputError: Files or options cannot be used; nothing has been written then.

@@ -29,9 +29,7 @@ _CENTER_OPTIONS = {"--center", "--camera"}
 def make_project(options: NewOptions | ReviewOptions, *, reopen: bool = False) -> Path:
     """Make the project that the options ask for, and say on the standard output where it is.
 
-    Args:
-        options: The command line.
-        reopen: Leave a project as it is that was made there before, of the same clip.
+    With `reopen`, a project of the same clip that was made there before is left as it is.
 
     Raises:
         InputError: Files or options cannot be used, or the folder holds something else; nothing has been written then.
@@ -132,10 +130,7 @@ def _folder_named(name: str) -> Path:
 def check_same_clip(folder: Path, clip: Clip, given: Sequence[str]) -> None:
     """Refuse a project that is not of the clip that a command line names.
 
-    Args:
-        folder: The project's.
-        clip: What would be made a project of.
-        given: The options that say which part of the clip, and the camera.
+    `given` are the options that say which part of the clip is meant, and the camera.
 
     Raises:
         InputError: The project is of another video, or has other keypoints; or the options would have made another one.

@@ -73,12 +73,7 @@ def review(
 ) -> None:
     """Serve the review of an open project until Ctrl-C.
 
-    Args:
-        project: stays open.
-        options: address and browser.
-        models: folder with body models that alone is searched.
-        fit: what to start with if the project has no fit; None: nothing.
-        find: how keypoints are found for that fit if the project has none; None: they are not.
+    If it has no fit, `fit` is begun; if it has no keypoints either, they are found as `find` says (None: neither).
     """
     with _served(project.clip.name, options) as server:
         _review(project, server, options, models=models, fit=fit, find=find)

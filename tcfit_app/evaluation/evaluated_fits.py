@@ -79,18 +79,14 @@ class EvaluatedFit:
         return replace(self, frame_rate=rate, rate_known=True, notes=(*self.notes, note))
 
 
-@dataclass(frozen=True, kw_only=True)
-class MotionChoices:
-    """What another program's result does not tell, or what to take instead."""
-
-    person: int | None = None
-    body_model: str | None = None
-    frame_rate: float | None = None
-    """Frames per second."""
-
-
 def evaluated_fit(
-    path: Path, *, run: str | None = None, models: Path | None = None, choices: MotionChoices | None = None
+    path: Path,
+    *,
+    run: str | None = None,
+    models: Path | None = None,
+    person: int | None = None,
+    body_model: str | None = None,
+    frame_rate: float | None = None,
 ) -> EvaluatedFit:
     """Read a fit.
 
@@ -98,14 +94,13 @@ def evaluated_fit(
         path: A project, a folder or file of a result, or what `fitting_core.io.read_motion` reads.
         run: Name or number of one of a project's runs; None: the latest of our own that has a result.
         models: Folder with body models that alone is searched.
-        choices: For another program's result.
+        person, body_model, frame_rate: What another program's result does not tell, or what to take instead.
 
     Raises:
         InputError: There is no such fit, or its body model is not there.
     """
-    given = [
-        f"--{name.replace('_', '-')}" for name, value in vars(choices or MotionChoices()).items() if value is not None
-    ]
+    choices = {"--person": person, "--body-model": body_model, "--frame-rate": frame_rate}
+    given = [name for name, value in choices.items() if value is not None]
     if given and (is_project(path) or _is_ours(path)):
         raise InputError(f"{', '.join(given)}: {path} is tcfit's own and tells this itself. Leave it out.")
     if is_project(path):
@@ -115,7 +110,9 @@ def evaluated_fit(
         raise InputError(f"--run {run}: {path} is no project; only these have several runs. Leave out --run.")
     if not path.exists():
         raise InputError(f"{path}: is not there; expected a project or a result, which `tcfit fit` makes.")
-    return _of_ours(path, models) if _is_ours(path) else _of_others(path, models, choices or MotionChoices())
+    if _is_ours(path):
+        return _of_ours(path, models)
+    return _of_others(path, models, ImportChoices(person=person, body_model=body_model), frame_rate)
 
 
 def _is_ours(path: Path) -> bool:
@@ -143,13 +140,13 @@ def _of_ours(path: Path, models: Path | None) -> EvaluatedFit:
     )
 
 
-def _of_others(path: Path, models: Path | None, choices: MotionChoices) -> EvaluatedFit:
+def _of_others(path: Path, models: Path | None, choices: ImportChoices, frame_rate: float | None) -> EvaluatedFit:
     """Another program's result, on the body that it belongs to."""
-    if choices.frame_rate is not None and not 0 < choices.frame_rate <= _HIGHEST_RATE:
-        raise InputError(f"--frame-rate is {choices.frame_rate:g}; expected frames per second, above 0.")
+    if frame_rate is not None and not 0 < frame_rate <= _HIGHEST_RATE:
+        raise InputError(f"--frame-rate is {frame_rate:g}; expected frames per second, above 0.")
     motion = read_motion(path, person=choices.person, decode=vposer_decoder())
-    body, motion = posed_body(motion, Bodies(models), ImportChoices(body_model=choices.body_model))
-    rate = choices.frame_rate or motion.frame_rate
+    body, motion = posed_body(motion, Bodies(models), choices)
+    rate = frame_rate or motion.frame_rate
     places, missing = _without_gaps(motion.numbers)
     notes = (f"Read as {motion.format}.", *motion.notes, *_standing_in(missing))
     params = motion.on(body, motion.camera or ANY_CAMERA)

@@ -25,13 +25,11 @@ def evaluated(
     models: Path | None = None,
     done: Callable[[int], None] = lambda count: None,
 ) -> Evaluation:
-    """Measure all phases of a fit.
+    """Measure all phases of a fit, against a reference if there is one.
 
     Args:
-        fit: Which.
-        reference: What it is compared with; None: only smoothness, volume and reprojection are measured.
         every: Surfaces are measured in every so many frames.
-        models: Folder with body models that alone is searched for the reference's.
+        models: Folder with body models, which alone is searched for the reference's.
         done: Takes how many frames' surfaces were measured; what it raises ends the measuring.
 
     Raises:

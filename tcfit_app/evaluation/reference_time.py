@@ -21,8 +21,6 @@ def in_time(
     """The reference at the frames of the fit's video, as far as it can be.
 
     Args:
-        reference: As it was read.
-        fit: What it is compared with.
         first_frame: Number in the video of its first frame; None: as it says.
         offset: Second of the video at which its first frame was taken, or AUTO; None: as it says.
 

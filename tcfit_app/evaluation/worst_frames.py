@@ -65,12 +65,9 @@ class _Bad:
 def worst_frames(
     records: Sequence[Record], drawable: Callable[[str], Drawable | None], *, count: int
 ) -> list[WorstFrame]:
-    """The frames with the largest errors, one of each sequence for the last method and one for the baseline.
+    """At most `count` frames with the largest errors, one of each sequence for the last method and the baseline each.
 
-    Args:
-        records: Measured fits.
-        drawable: The bodies of a sequence, by its name; None: they are not to be had.
-        count: How many at most.
+    `drawable` gives the bodies of a sequence by its name, or None if there are none.
     """
     found: list[WorstFrame] = []
     ready: dict[str, Drawable | None] = {}

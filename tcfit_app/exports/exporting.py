@@ -17,25 +17,14 @@ _ZIPPING = 0.15
 
 
 def file_name(export: Export, name: str, *, zipped: bool) -> str:
-    """What an export of a clip is called.
-
-    Args:
-        export: which format.
-        name: the clip's.
-        zipped: a folder is one file.
-    """
+    """What an export of a clip is called; `zipped` makes a folder one file."""
     return names.file_name(name, export.suffix + ".zip" * (export.many and zipped))
 
 
 def write_export(export: Export, source: ExportSource, path: Path, progress: Progress, *, zipped: bool) -> str | None:
     """Write an export; it appears when it is whole, and whatever is raised leaves nothing. What one should know of it.
 
-    Args:
-        export: which format.
-        source: from what.
-        path: the file or folder, which is replaced.
-        progress: see `Progress`.
-        zipped: a folder is packed into one file.
+    The file or folder is replaced; `zipped` packs a folder into one file.
 
     Raises:
         InputError: There is nothing to export, or something that writing needs is not there, or the folder holds files

@@ -27,13 +27,7 @@ def write_character(source: ExportSource, path: Path, progress: Progress) -> str
 
 
 def write_everybody(sources: Sequence[ExportSource], path: Path, progress: Progress, *, name: str) -> str:
-    """The characters of a clip's people in one GLB; see `write_together`.
-
-    Args:
-        sources: One for each person, one at least; their frames are numbered in one video.
-        path: The file, which is replaced.
-        progress: See `Progress`.
-        name: The clip's.
+    """The characters of a clip's people, whose frames are numbered in one video, in one GLB; see `write_together`.
 
     Raises:
         InputError: Somebody has no fit.

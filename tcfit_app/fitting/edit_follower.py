@@ -50,14 +50,7 @@ class _Recent:
 
 
 class EditFollower:
-    """Lets the fit follow drags and edits. For the one thread that draws.
-
-    Args:
-        project: whose keypoints are corrected.
-        bodies: where body models come from.
-        fits: of the project.
-        worker: does it.
-    """
+    """Lets the fit follow drags and edits. For the one thread that draws."""
 
     def __init__(self, project: Project, bodies: Bodies, fits: Fits, worker: Worker) -> None:
         self._windows_of: dict[int, LiveWindow] = {}
@@ -211,8 +204,7 @@ class EditFollower:
         """Fits the surroundings of recent edits again, once these have settled. Further edits of a run whose
         corrections are under way wait, and are followed together.
 
-        Args:
-            tell: gets to know of edits that the fit does not follow by itself: too many, or without the body model.
+        `tell` is given a notice where the fit does not follow: too many edits, or no body model.
         """
         self._settle(tell)
         recent = next((recent for run, recent in self._settled.items() if run not in self._under_way), None)

@@ -85,11 +85,7 @@ class Drag:
 
 
 class Worker:
-    """A daemon thread that does one thing at a time. Its methods return at once and may be called from any thread.
-
-    Args:
-        sink: keeps results.
-    """
+    """A daemon thread that does one thing at a time. Its methods return at once and may be called from any thread."""
 
     def __init__(self, sink: Sink) -> None:
         self.reports = Reports()

@@ -45,12 +45,7 @@ class FoundPeople:
         self._counts: dict[int, int] = {}
 
     def add(self, part: FramesDetected, first_frame: int) -> None:
-        """Take the people of some frames.
-
-        Args:
-            part: What was found.
-            first_frame: Number of the clip's first.
-        """
+        """Take the people of some frames; `first_frame` is the number of the clip's first."""
         with self._guard:
             start = part.frames[0] - first_frame
             if start in self.frames:

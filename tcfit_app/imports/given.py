@@ -13,9 +13,9 @@ from fitting_core.fit.evidence.given_start import GivenStart
 from fitting_core.fit.evidence.known_shape import KnownShape
 from fitting_core.fit.result import FitResult
 from fitting_core.io.known_shape import read_known_shape
-from fitting_core.io.start_reader import start_from_fit
+from fitting_core.io.start_reader import read_start, start_from_fit
 from tcfit_app.fitting.bodies import Bodies
-from tcfit_app.imports.starts import start_of
+from tcfit_app.imports.results import vposer_decoder
 from tcfit_app.options.fit import StartOptions
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.database import is_project
@@ -37,14 +37,7 @@ NOTHING = Known()
 
 
 def read_given(given: Given, project: Project, clip: Clip, body: BodyModel, bodies: Bodies) -> Known:
-    """Read what a user has chosen. Slow.
-
-    Args:
-        given: The choice.
-        project: Its runs can be chosen.
-        clip: What is fitted.
-        body: The fitted body.
-        bodies: Where the bodies of other results are.
+    """Read what a user has chosen for a fit of `clip` with `body`. Slow.
 
     Raises:
         InputError: Something is gone, cannot be read, or is of no use for this clip and body.
@@ -82,6 +75,36 @@ def _shape(source: Source, project: Project, body: BodyModel) -> KnownShape:
         return read_shape(Path(source.path), body)
     run, fit = _loaded(project, source.run)
     return KnownShape(betas=_betas(run, fit, body), source=run.name)
+
+
+def start_of(options: StartOptions, clip: Clip, body: BodyModel, bodies: Bodies) -> GivenStart | None:
+    """The start that the options name; None if they name none. The result's own body may be among `bodies`.
+
+    Raises:
+        InputError: It cannot be read, has nothing for this clip, or nobody in it follows the keypoints; or there is
+            none, and something is said of it.
+    """
+    if options.start is None:
+        said = {"--start-person": options.start_person, "--start-first-frame": options.start_first_frame}
+        if named := [name for name, value in said.items() if value is not None]:
+            raise InputError(f"{' and '.join(named)} without --start: say with --start which result is meant.")
+        return None
+
+    def found(kind: str, gender: str) -> BodyModel | None:
+        try:
+            return bodies.find(kind=kind, gender=gender)
+        except InputError:  # Without it joints lie where the fitted body has them.
+            return None
+
+    return read_start(
+        options.start,
+        clip,
+        body,
+        person=options.start_person,
+        first_frame=options.start_first_frame,
+        find_body=found,
+        decode=vposer_decoder(),
+    )
 
 
 def read_shape(path: Path, body: BodyModel) -> KnownShape:

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
 import numpy as np
 
@@ -66,10 +66,7 @@ class ImportFiles:
 
     path: Path
 
-    @property
-    def title(self) -> str:
-        """For the user."""
-        return "Importing keypoints"
+    title: ClassVar[str] = "Importing keypoints"
 
     def run(self, clip: Clip, report: Report) -> FoundKeypoints:
         """See `KeypointJob.run`."""
@@ -87,10 +84,7 @@ class ImportUpload:
     name: str
     content: bytes
 
-    @property
-    def title(self) -> str:
-        """For the user."""
-        return "Importing keypoints"
+    title: ClassVar[str] = "Importing keypoints"
 
     def run(self, clip: Clip, report: Report) -> FoundKeypoints:
         """See `KeypointJob.run`."""
@@ -111,10 +105,7 @@ class Detect:
     people: FoundPeople = field(default_factory=FoundPeople)
     """Takes up what is found as it is found, and knows who is meant."""
 
-    @property
-    def title(self) -> str:
-        """For the user."""
-        return "Finding keypoints"
+    title: ClassVar[str] = "Finding keypoints"
 
     def run(self, clip: Clip, report: Report) -> FoundKeypoints:
         """See `KeypointJob.run`."""
@@ -176,10 +167,7 @@ class Detect:
 class FetchNetworks:
     """Fetches the embedded detector's networks, which the user has agreed to."""
 
-    @property
-    def title(self) -> str:
-        """For the user."""
-        return "Fetching the detector"
+    title: ClassVar[str] = "Fetching the detector"
 
     def run(self, clip: Clip, report: Report) -> None:
         """See `KeypointJob.run`."""
@@ -224,14 +212,9 @@ _EXPECTED = "expected one JSON or .pose file, or a ZIP archive of OpenPose's JSO
 
 
 def received(name: str, content: bytes, folder: Path) -> Path:
-    """Write what was uploaded into an empty folder; what to read as keypoints.
+    """Write an uploaded file into an empty folder; what to read as keypoints.
 
-    Nothing of a name becomes a path: of an archive's entries only the frame's number counts.
-
-    Args:
-        name: As the browser calls the file.
-        content: Of the file.
-        folder: Where to write.
+    Nothing of its name becomes a path: of an archive's entries only the frame's number counts.
 
     Raises:
         InputError: It is no file of keypoints, or an archive that holds something else, too much, or names that lead

@@ -1,6 +1,9 @@
 """Results of other programs as runs of a project: read, brought into its camera's space, and kept to compare with."""
 
-from collections.abc import Callable
+import io
+import zipfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -30,10 +33,6 @@ from tcfit_app.project.storage.run_record import BodyRecord, Run
 
 if TYPE_CHECKING:
     from fitting_core.io.motion.smplifyx import Decode
-import io
-import zipfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 PHASE = 1
 """Under which phase a result stands: nothing follows its corrections, and nothing is fitted on from it."""

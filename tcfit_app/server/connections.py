@@ -22,12 +22,7 @@ _log = logging.getLogger(__name__)
 
 
 def hang_up(server: Server, *, keep: int) -> None:
-    """Close connections that wait, idle ones before those with a request, and old ones before new ones.
-
-    Args:
-        server: Of viser.
-        keep: How many may go on waiting.
-    """
+    """Close connections that wait, until `keep` are left: idle ones first, and of the others the old ones."""
     waiting = [connection for connection in server.handlers if connection.protocol.state is State.CONNECTING]
     waiting.sort(key=lambda connection: connection.request is not None)
     for connection in waiting[: max(len(waiting) - keep, 0)]:
@@ -63,11 +58,7 @@ class Connection(ServerConnection):
 
 
 class Complaints:
-    """What becomes of an error in asyncio's own callbacks, in place of a traceback for each.
-
-    Args:
-        server: Of viser.
-    """
+    """What becomes of an error in asyncio's own callbacks, in place of a traceback for each."""
 
     def __init__(self, server: Server) -> None:
         self._server = server

@@ -100,12 +100,7 @@ class Gate:
             return (self._entry.public or self._address.url) + self._entrance()
 
     def answer(self, request: Request, address: str = "") -> Response | None:
-        """The answer that the request gets without reaching viser; None if viser may answer.
-
-        Args:
-            request: as it came.
-            address: The other end of its connection.
-        """
+        """The answer that a request from `address` gets without reaching viser; None if viser may answer."""
         hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
         public = len(hosts) == 1 and self._entry.is_at(hosts[0])
         if len(hosts) != 1 or not (public or self._address.accepts(hosts[0])):

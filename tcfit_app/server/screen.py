@@ -51,13 +51,7 @@ class Dropped:
 
 
 class Screen:
-    """A websocket as viser sees it.
-
-    Args:
-        connection: The websocket.
-        room: For the uploads of all pages.
-        here: Whether its browser runs on this computer.
-    """
+    """A websocket as viser sees it; `here` says whether its browser runs on this computer."""
 
     def __init__(self, connection: ServerConnection, room: UploadRoom, *, here: bool) -> None:
         self.here = here

@@ -194,12 +194,7 @@ latest after 6 seconds: what keeps them away is seen then."""
 
 
 def curtained(headers: Headers, body: bytes) -> bytes:
-    """A page of viser's behind a curtain; whatever else it answers as it is.
-
-    Args:
-        headers: Of the answer; its length is put right in place.
-        body: Of the answer, compressed or not.
-    """
+    """A page of viser's, compressed or not, behind a curtain, its length put right in `headers`; all else as it is."""
     if not headers.get("Content-Type", "").startswith("text/html"):
         return body
     made = _curtained(body, headers.get("Content-Encoding") == "gzip")
