@@ -209,8 +209,7 @@ def _check(course: Course, complaints: Complaints, *, here: bool) -> None:
     for task in to_do:
         for column, path in missing_input(task):
             complaints.add(task.line, f"{path} does not exist.", column)
-    shaped = [task for task in to_do if task.fit.shape is not None]
-    _check_each(shaped, complaints, lambda task: read_known_shape(task.fit.shape), "shape")
+    _check_each(to_do, complaints, lambda task: task.fit.shape and read_known_shape(task.fit.shape), "shape")
     to_do += [task for task in course.waiting() if not done_record(with_shape(task, course.folder))]
     _check_each(
         to_do,

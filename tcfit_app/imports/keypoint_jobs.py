@@ -10,7 +10,7 @@ from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, ClassVar, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -66,7 +66,7 @@ class ImportFiles:
 
     path: Path
 
-    title: ClassVar[str] = "Importing keypoints"
+    title: str = field(default="Importing keypoints", init=False)
 
     def run(self, clip: Clip, report: Report) -> FoundKeypoints:
         """See `KeypointJob.run`."""
@@ -84,7 +84,7 @@ class ImportUpload:
     name: str
     content: bytes
 
-    title: ClassVar[str] = "Importing keypoints"
+    title: str = field(default="Importing keypoints", init=False)
 
     def run(self, clip: Clip, report: Report) -> FoundKeypoints:
         """See `KeypointJob.run`."""
@@ -105,7 +105,7 @@ class Detect:
     people: FoundPeople = field(default_factory=FoundPeople)
     """Takes up what is found as it is found, and knows who is meant."""
 
-    title: ClassVar[str] = "Finding keypoints"
+    title: str = field(default="Finding keypoints", init=False)
 
     def run(self, clip: Clip, report: Report) -> FoundKeypoints:
         """See `KeypointJob.run`."""
@@ -167,7 +167,7 @@ class Detect:
 class FetchNetworks:
     """Fetches the embedded detector's networks, which the user has agreed to."""
 
-    title: ClassVar[str] = "Fetching the detector"
+    title: str = field(default="Fetching the detector", init=False)
 
     def run(self, clip: Clip, report: Report) -> None:
         """See `KeypointJob.run`."""
