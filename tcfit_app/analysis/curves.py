@@ -86,11 +86,6 @@ def _flexion(name: str) -> Callable[[PosedFit], Float[np.ndarray, "T"]]:
     return lambda fit: flexion(fit.motion, name)
 
 
-def _flexion_title(name: str) -> str:
-    side, joint, _ = name.split("_")
-    return f"Flexion of the {side} {joint}"
-
-
 CURVES: dict[str, CurveKind] = {
     "reprojection": CurveKind(title="Reprojection error", unit="px", values=_reprojection(slice(0, kp.COUNT))),
     **{
@@ -107,8 +102,9 @@ CURVES: dict[str, CurveKind] = {
         for side in SIDES
     },
     **{
-        name: CurveKind(title=_flexion_title(name), unit="°", values=_flexion(name), angle=i)
+        name: CurveKind(title=f"Flexion of the {side} {joint}", unit="°", values=_flexion(name), angle=i)
         for i, name in enumerate(ANGLES)
+        for side, joint, _ in [name.split("_")]
     },
 }
 """By name; "volume" is the slow one, as it needs whole meshes.

@@ -86,25 +86,22 @@ class Course:
         shapes = Round.of("Shapes of subjects", tasks, self.folder, retry=self.retry)
         for index, name in enumerate(names):
             for place in self.subjects[name]:
-                if not self._failed(place):
+                if "failed" not in self._states(place):
                     self._steps[place].append((shapes, index))
         return shapes
 
     def _rest(self) -> Round:
-        places = [place for own in self.subjects.values() for place in own if self._done(place, 2)]
+        places = [place for own in self.subjects.values() for place in own if self._states(place) == ["done", "done"]]
         tasks = [with_shape(self.tasks[place], self.folder) for place in places]
         rest = Round.of("Clips of subjects", tasks, self.folder, retry=self.retry)
         for index, place in enumerate(places):
             self._steps[place].append((rest, index))
         return rest
 
-    def _done(self, place: int, steps: int) -> bool:
+    def _states(self, place: int) -> list[str | None]:
+        """How the steps of a clip ended, as far as it has come."""
         records = [step.records.get(index) for step, index in self._steps[place]]
-        return len(records) == steps and all(record and record.state == "done" for record in records)
-
-    def _failed(self, place: int) -> bool:
-        records = [step.records.get(index) for step, index in self._steps[place]]
-        return any(record and record.state == "failed" for record in records)
+        return [record and record.state for record in records]
 
     def outcome(self, place: int) -> tuple[Record | None, bool]:
         """How a clip went, and whether in an earlier run; None: it has not ended."""

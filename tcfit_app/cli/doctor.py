@@ -253,8 +253,8 @@ def _write_problem(folder: Path) -> str:
 
 # --- what may crash or hang is tried in a process of its own ---
 
-TIMEOUT_SECONDS = 60.0
-"""Encoding ten small frames takes a fraction of a second."""
+_TIMEOUT = 60.0
+"""Seconds; encoding ten small frames takes a fraction of a second."""
 
 _ENCODE = """
 import sys
@@ -299,18 +299,14 @@ def probe_rendering(backend: str) -> Outcome:
     return Outcome(works=reason is None, reason=reason or "")
 
 
-def probe_codec(codec: str, *, timeout: float = TIMEOUT_SECONDS) -> Outcome:
+def probe_codec(codec: str) -> Outcome:
     """Write an mp4 with OpenCV in a codec ("mp4v", "avc1") and read it back."""
-    with tempfile.TemporaryDirectory() as folder:
-        return _run([_ENCODE, codec, str(Path(folder) / "probe.mp4")], timeout)
-
-
-def _run(arguments: list[str], timeout: float) -> Outcome:
-    command = [sys.executable, "-c", *arguments]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=timeout)
+        with tempfile.TemporaryDirectory() as folder:
+            command = [sys.executable, "-c", _ENCODE, codec, str(Path(folder) / "probe.mp4")]
+            done = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=_TIMEOUT)
     except subprocess.TimeoutExpired:
-        return Outcome(works=False, reason=f"no answer after {timeout:.0f} s")
+        return Outcome(works=False, reason=f"no answer after {_TIMEOUT:.0f} s")
     if done.returncode == 0 and done.stdout.strip().endswith("ok"):
         return Outcome(works=True)
     if done.returncode < 0:

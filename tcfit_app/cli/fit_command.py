@@ -4,8 +4,8 @@ import dataclasses
 import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import closing
 from pathlib import Path
-from types import TracebackType
 from typing import Any, TextIO
 
 from tqdm import tqdm
@@ -118,7 +118,7 @@ def _fit_and_write(
     finished: PhaseFinished | None = None
     summary: dict[str, Any] = {}
     try:
-        with ProgressBars() as progress:
+        with closing(ProgressBars()) as progress:
             for event in events:
                 progress.show(event)
                 if isinstance(event, PhaseFinished):
@@ -128,16 +128,13 @@ def _fit_and_write(
                     summary = write_result(folder, event.so_far, clip, body, complete=complete, command=command)
                     finished = event
     except BaseException:
-        tell([_what_stayed(finished, folder)])
+        stayed = "Stopped before phase 1 had finished; nothing was written."
+        if finished is not None:
+            stayed = f"Stopped; the result up to phase {finished.phase} is in {folder}"
+        tell([stayed])
         raise
     assert finished is not None
     return finished.so_far, summary
-
-
-def _what_stayed(finished: PhaseFinished | None, folder: Path) -> str:
-    if finished is None:
-        return "Stopped before phase 1 had finished; nothing was written."
-    return f"Stopped; the result up to phase {finished.phase} is in {folder}"
 
 
 def _emit_result(folder: Path, clip: Clip, fit: FitResult, summary: dict[str, Any], written: Sequence[str]) -> None:
@@ -199,11 +196,7 @@ _STEPS = 1000
 
 
 class ProgressBars:
-    """A context manager; give it every event.
-
-    Args:
-        stream: Where to write; None: the standard error. It gets bars if it is a terminal.
-    """
+    """Shows every event that it is given: by bars if the stream (None: the standard error) is a terminal."""
 
     def __init__(self, stream: TextIO | None = None) -> None:
         self.stream = stream or sys.stderr
@@ -211,12 +204,8 @@ class ProgressBars:
         """That of the phase that runs, on a terminal."""
         self._start = 0.0
 
-    def __enter__(self) -> "ProgressBars":
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """The bar of a phase that was cut short ends as it is."""
         if self.bar is not None:
             self.bar.close()
 

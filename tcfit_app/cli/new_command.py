@@ -42,7 +42,7 @@ def make_project(options: NewOptions | ReviewOptions, *, reopen: bool = False) -
         check_free(options.out)  # before minutes in which keypoints are found
     with DetectionShown() as tell_progress:
         clip = clip_of(options, tell_progress)
-    folder = options.out or folder_of(clip)
+    folder = options.out or _folder_named(clip.name)
     if reopen and is_project(folder):
         check_same_clip(folder, clip, clip_options(options))
         print(f"Opening the project {folder}, which was made before.", file=sys.stderr, flush=True)
@@ -117,12 +117,8 @@ def reference_given(options: ReferenceOptions, clip: Clip) -> Reference | None:
     return found if first is None else found.starting_at(first, clip.frame_rate)
 
 
-def folder_of(clip: Clip) -> Path:
-    """Where a clip's project is made if nobody says where: in the working folder, by the clip's name."""
-    return _folder_named(clip.name)
-
-
 def _folder_named(name: str) -> Path:
+    """Where a clip's project is made if nobody says where: in the working folder, by the clip's name."""
     # A name becomes a folder here only: not one part of it may lead elsewhere.
     return Path(name_of_file(name).replace("/", "_").replace("\\", "_") + SUFFIX)
 

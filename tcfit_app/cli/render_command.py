@@ -144,7 +144,8 @@ def _drawing(
     """Draws all views of a frame beside each other; frames must come in their order."""
     with _video(options, source) as image:
         has_video = image is not None or (source.known_clip is not None and source.known_clip.source is not None)
-        views = options.view or (("picture",) if has_video and not _angles_given(options) else ("front",))
+        turned = any(value is not None for value in (options.azimuth, options.elevation, options.distance))
+        views = options.view or (("picture",) if has_video and not turned else ("front",))
         upright = [Shown(motion=one.motion.in_axes("y-up"), color=one.color, label=one.label) for one in shown]
         outside = {view: outside_pictures(upright, frames, _look(view, options)) for view in views if view != "picture"}
         in_camera = [_vertices(one.motion, frames) for one in shown] if "picture" in views else []
@@ -162,10 +163,6 @@ def _drawing(
             return beside(row)
 
         yield draw
-
-
-def _angles_given(options: RenderOptions) -> bool:
-    return any(value is not None for value in (options.azimuth, options.elevation, options.distance))
 
 
 def _look(view: str, options: RenderOptions) -> Look:

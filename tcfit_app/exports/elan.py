@@ -36,16 +36,13 @@ def write_elan(source: ExportSource, path: Path, progress: Progress) -> None:
     with Project.open(source.folder, read_only=True) as project:
         said = _said(posed, project)
     progress(0.2)
-    hands = hand_tiers(posed, _handshapes(source, posed))
+    file = source.folder / HANDSHAPES_FILE
+    shapes = HandshapeSet(posed.meshes.body, read_handshapes(file) if file.exists() else HANDSHAPES)
+    hands = hand_tiers(posed, shapes)
     progress(0.9)
     video = source.clip.source
     media = video if video is not None and video.is_file() else None
     write_eaf(path, [*said, *hands], media=media)
-
-
-def _handshapes(source: ExportSource, posed: PosedFit) -> HandshapeSet:
-    file = source.folder / HANDSHAPES_FILE
-    return HandshapeSet(posed.meshes.body, read_handshapes(file) if file.exists() else HANDSHAPES)
 
 
 def _said(posed: PosedFit, project: Project) -> list[Tier]:

@@ -107,7 +107,7 @@ def _kill(process: subprocess.Popen[bytes]) -> None:
         os.killpg(process.pid, signal.SIGKILL)
 
 
-def _last_of(folder: Path, lines: int = 8) -> str:
+def _last_of(folder: Path) -> str:
     """The end of what Blender has said."""
     found = (folder / "said.txt").read_text(encoding="utf-8", errors="replace").strip().splitlines()
-    return "It said:\n" + "\n".join(found[-lines:]) if found else "It said nothing."
+    return "It said:\n" + "\n".join(found[-8:]) if found else "It said nothing."
