@@ -72,9 +72,9 @@ from tcfit_app.project.storage.run_files import read_run, write_run
 from tcfit_app.project.storage.run_record import Given, Source
 
 DRAFT_SUFFIX, LOCK_SUFFIX = ".batch-draft", ".batch-lock"
-"""Of the hidden folders beside a result while it is made."""
+"""Suffixes of the hidden folders beside a result while it is being made."""
 _PATIENCE = 30.0
-"""Seconds to wait for another process that fits the same clip: one whose batch was killed ends in less."""
+"""Seconds to wait for another process that fits the same clip; one whose batch was killed ends sooner."""
 Report = Callable[[FitEvent | DetectionProgress], None]
 
 
@@ -109,7 +109,7 @@ def failure(fingerprint: Fingerprint, reason: str, *, trace: str = "", seconds: 
 
 
 def tidy(task: ClipTask) -> None:
-    """Remove what a process left beside a clip's result that died just after it had made it.
+    """Remove what a process that died just after it had finished a clip left beside the result.
 
     Raises:
         InputError: Another process is at work there.
@@ -233,7 +233,9 @@ def write_shape(work: Work) -> Figures:
     """
     members = [member for member in work.task.members if not missing_input(member)]
     if not members:
-        raise InputError(f"{work.task.subject}: the files of all its clips have gone; its shape cannot be found again.")
+        raise InputError(
+            f"{work.task.subject}: the files of all its clips are gone, so its shape cannot be found again."
+        )
     clips = [(_clip_of(member, work.report), read_run(member.out / FIRST_NAME, member.config)) for member in members]
     found = subject_shape(clips, work.body, work.task.config)
     content = FoundShape(
@@ -300,8 +302,8 @@ def _check_same_clip(project: Project, clip: Clip) -> None:
     same = same_detections(project.detections, clip.keypoints)
     if not (same and project.clip.camera == clip.camera and project.clip.frame_rate == clip.frame_rate):
         raise InputError(
-            f"{project.folder}: is a project already, of other keypoints, another camera or another frame rate. Choose "
-            "another folder for this clip, or delete the project."
+            f"{project.folder}: is already a project, with other keypoints, another camera or another frame rate. "
+            "Choose another folder for this clip, or delete the project."
         )
 
 

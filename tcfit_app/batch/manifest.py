@@ -108,10 +108,10 @@ def _table(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
             f"{path}: cannot be read ({error.strerror or error}); expected a CSV file with a line for each clip."
         ) from error
     except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: is no CSV file in UTF-8 ({error}). Save it as CSV, encoded in UTF-8.") from error
+        raise InputError(f"{path}: is not a CSV file in UTF-8 ({error}). Save it as CSV, encoded in UTF-8.") from error
     if len(rows) < 2:
         raise InputError(
-            f"{path}: lists no clip; expected a first line with the names of the columns (video,keypoints,out) and a "
+            f"{path}: lists no clips; expected a first line with the names of the columns (video,keypoints,out) and a "
             "line for each clip."
         )
     return rows[0][1], rows[1:]

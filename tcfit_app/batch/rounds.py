@@ -1,4 +1,4 @@
-"""In which order a list is worked off: rounds of tasks that need nothing of each other.
+"""The order in which a list is worked through: rounds of tasks that do not depend on each other.
 
 A clip alone is one task. The clips of a subject share one shape, so each of them takes three: its first phase, the
 shape from the first phases of all of them, and the rest. Each task is done, kept and left alone like any other, so
@@ -25,7 +25,7 @@ MOST_CLIPS = 40
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Round:
-    """Tasks that need nothing of each other, and what is known of each."""
+    """Tasks that do not depend on each other, and what is known of each."""
 
     what: str
     """For the user: what the tasks are."""
@@ -49,7 +49,7 @@ class Round:
 
 
 class Course:
-    """The way of all clips of a list. With `retry` those that have failed are fitted again."""
+    """How all clips of a list get done. With `retry` those that have failed are fitted again."""
 
     def __init__(self, tasks: Sequence[ClipTask], folder: Path, *, retry: bool) -> None:
         self.tasks, self.folder, self.retry = tasks, folder, retry
@@ -70,7 +70,7 @@ class Course:
         )
 
     def later(self) -> Iterator[Round]:
-        """The rounds after the first, each when the one before it has been worked off."""
+        """The rounds after the first, each when the one before it is done."""
         if self.subjects:
             yield self._shapes()
             yield self._rest()

@@ -106,7 +106,7 @@ def _crew(options: BatchOptions) -> Crew:
 
 
 def _run(crew: Crew, course: Course) -> None:
-    """Work off one round after the other."""
+    """Work through the rounds, one after the other."""
     _work_off(crew, course.first, course.folder)
     for later in course.later():
         for index in later.to_do:

@@ -102,7 +102,7 @@ def _check_out(folder: Path, *, overwrite: bool) -> list[Path]:
     if others:
         some = ", ".join(str(path.relative_to(folder)) for path in others[:4]) + (", ..." if len(others) > 4 else "")
         raise InputError(
-            f"--out {folder}: holds files that are no result of several people ({some}). Choose another folder, or "
+            f"--out {folder}: holds files that are not a result of several people ({some}). Choose another folder, or "
             "give --overwrite to write the results among them."
         )
     check_out(folder, overwrite=True)

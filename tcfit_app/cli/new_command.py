@@ -135,7 +135,7 @@ def check_same_clip(folder: Path, clip: Clip, given: Sequence[str]) -> None:
         made, link = read_clip(folder, store)
     choice = f"Give --out for a new project, or open that one as it is: tcfit review {folder}"
     if clip.source and (link is None or link.fingerprint != fingerprint(clip.source)):
-        raise InputError(f"{folder}: is a project of another clip than {clip.source}. {choice}")
+        raise InputError(f"{folder}: is a project of a clip other than {clip.source}. {choice}")
     if given and _frames_and_camera(made, given) != _frames_and_camera(clip, given):
         raise InputError(f"{folder}: was made before, of other frames or with another camera. {refusal(given)}")
     # Without --camera they come as they were filmed.
@@ -159,7 +159,7 @@ def check_same_packed(folder: Path, path: Path) -> None:
         InputError: It is another project, or one of both cannot be read.
     """
     if creation_time(folder) != packed_creation_time(path):
-        raise InputError(f"{folder}: is another project than the one in {path}. Give --out for a new one.")
+        raise InputError(f"{folder}: is not the project in {path}. Give --out for a new one.")
 
 
 def _frames_and_camera(clip: Clip, given: Sequence[str]) -> tuple[object, ...]:

@@ -82,9 +82,9 @@ def review(
 def check_folders(options: ServerOptions, *, models: Path | None = None) -> None:
     """Raise InputError for folders that are none, before anything is made or fitted. Arguments as of `review`."""
     if options.files is not None and not options.files.is_dir():
-        raise InputError(f"--files {options.files}: is no folder; expected one whose files pages may name.")
+        raise InputError(f"--files {options.files}: is not a folder; expected one whose files pages may name.")
     if models is not None and not models.is_dir():
-        raise InputError(f"--models {models}: is no folder; expected one with body models.")
+        raise InputError(f"--models {models}: is not a folder; expected one with body models.")
 
 
 def _served(name: str, options: ServerOptions) -> AbstractContextManager[ReviewServer]:

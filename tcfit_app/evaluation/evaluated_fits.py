@@ -75,7 +75,7 @@ class EvaluatedFit:
         if self.rate_known or reference is None or reference.frame_rate is None:
             return self
         rate = reference.frame_rate
-        note = f"It does not tell its frame rate, which is taken to be the reference's, {rate:g} per second."
+        note = f"It does not give its frame rate, which is taken to be the reference's, {rate:g} per second."
         return replace(self, frame_rate=rate, rate_known=True, notes=(*self.notes, note))
 
 
@@ -107,9 +107,9 @@ def evaluated_fit(
         with Project.open(path, read_only=True) as project:
             return _of_project(project, _chosen(project, run), models)
     if run is not None:
-        raise InputError(f"--run {run}: {path} is no project; only these have several runs. Leave out --run.")
+        raise InputError(f"--run {run}: {path} is not a project, and only projects have several runs. Leave out --run.")
     if not path.exists():
-        raise InputError(f"{path}: is not there; expected a project or a result, which `tcfit fit` makes.")
+        raise InputError(f"{path}: does not exist; expected a project or a result, which `tcfit fit` makes.")
     if _is_ours(path):
         return _of_ours(path, models)
     return _of_others(path, models, ImportChoices(person=person, body_model=body_model), frame_rate)
@@ -169,7 +169,7 @@ def _standing_in(missing: list[int]) -> tuple[str, ...]:
     """A note on frames without a result."""
     if not missing:
         return ()
-    return (f"It has no result for {len(missing)} frames ({spans(missing)}); the nearest stand for these.",)
+    return (f"It has no result for {len(missing)} frames ({spans(missing)}); the nearest frames stand in for them.",)
 
 
 def _without_gaps(numbers: Sequence[int]) -> tuple[list[int], list[int]]:

@@ -96,8 +96,8 @@ def _settings(fit: EvaluatedFit, reference: Reference | None) -> dict[str, str]:
 
 def notes_of(fit: EvaluatedFit) -> tuple[str, ...]:
     """What a user should know about the fit."""
-    rate = "It does not tell its frame rate: 30 frames per second are assumed; --frame-rate says what is right."
-    world = "Where it stands before a camera is not known: only form is compared."
+    rate = "It does not give its frame rate: 30 frames per second are assumed; set it with --frame-rate."
+    world = "Where it stands in front of a camera is not known, so only its form is compared."
     return (*fit.notes, *([] if fit.rate_known else [rate]), *([] if fit.placed else [world]))
 
 

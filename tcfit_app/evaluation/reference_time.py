@@ -62,7 +62,7 @@ def seconds_of(offset: str) -> float:
         seconds = math.nan
     if not abs(seconds) <= _LONGEST:
         raise InputError(
-            f"--reference-offset {offset[:40]}: is no time; expected seconds, such as -0.37, or {AUTO} to find it by "
-            "the movement."
+            f"--reference-offset {offset[:40]}: is not a time; expected seconds, such as -0.37, or {AUTO} to find it "
+            "by the movement."
         )
     return seconds

@@ -36,7 +36,7 @@ class LiveWindow:
     params: BodyParams
     """Of these frames."""
     revision: int
-    """Another number for every window, also of later drags: meshes are kept by it."""
+    """A different number for every window, also of later drags: meshes are kept by it."""
 
 
 @dataclass(kw_only=True)
@@ -189,7 +189,7 @@ class EditFollower:
                 self.follow(run, edits)
 
     def follow(self, run: Run, edits: dict[int, bool]) -> None:
-        """Fit the surroundings of edits again, soon."""
+        """Fit the frames around edits again, soon."""
         before = self._recent.get(run.id)
         self._recent[run.id] = _Recent(run=run, edits=(before.edits if before else {}) | edits, since=time.monotonic())
 
@@ -201,7 +201,7 @@ class EditFollower:
             self._settled.pop(run, None)
 
     def due(self, tell: Callable[[Notice], None]) -> CorrectionJob | None:
-        """Fits the surroundings of recent edits again, once these have settled. Further edits of a run whose
+        """Fits the frames around recent edits again, once these have settled. Further edits of a run whose
         corrections are under way wait, and are followed together.
 
         `tell` is given a notice where the fit does not follow: too many edits, or no body model.
@@ -222,14 +222,14 @@ class EditFollower:
         return job
 
     def _wanted(self, edits: dict[int, bool]) -> dict[int, bool]:
-        """Those that still stand, or still do not."""
+        """The edits whose state is still what it was."""
         return {edit: stands for edit, stands in edits.items() if self._project.stands(edit) == stands}
 
     def _frames(self, edits: Iterable[int]) -> set[int]:
         return {frame for edit in edits for frame in self._project.frames_of(edit)}
 
     def _settle(self, tell: Callable[[Notice], None]) -> None:
-        """Edits that nothing was added to for a while go to those that wait."""
+        """Runs that were not edited for a while move to those that wait."""
         latest = time.monotonic() - SETTLING
         for recent in [recent for recent in self._recent.values() if recent.since <= latest]:
             del self._recent[recent.run.id]
@@ -238,7 +238,7 @@ class EditFollower:
                 continue
             if sum(map(len, self._windows(recent.edits))) > MOST_FOLLOWED:
                 text = f"{len(self._frames(recent.edits))} frames were edited: re-run them when you are done."
-                tell(Notice(title="The fit does not follow by itself", text=text))
+                tell(Notice(title="Too many edits to refit automatically", text=text))
             elif (waiting := self._settled.setdefault(recent.run.id, recent)) is not recent:
                 waiting.edits |= recent.edits
 

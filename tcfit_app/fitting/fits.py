@@ -66,7 +66,7 @@ class Shown:
     result: PhaseResult | None
     """Its figures; None while its frames come in."""
     revision: int
-    """Another number whenever `params` is another."""
+    """Changes whenever `params` does."""
     camera: Camera
     """The one that it was fitted with: its focal length may not be the clip's."""
     there: Bool[np.ndarray, "T"] | None = field(compare=False)
@@ -151,7 +151,7 @@ class Fits:
         self.corrections = Corrections(project, self)
         """Of keypoints, which are runs of their own."""
         self.changes = 0
-        """Another number whenever a run appeared, changed or went."""
+        """Changes whenever a run appears, changes or goes."""
 
     @property
     def runs(self) -> tuple[Run, ...]:

@@ -298,7 +298,7 @@ def _reason(error: Exception) -> str:
 
 
 def give_back() -> None:
-    """Ask the C library to return what it keeps of freed memory, where it can: glibc's on Linux.
+    """Have the C library return freed memory to the system, where it can: glibc on Linux.
 
     A fit's large temporaries leave it with hundreds of megabytes that nobody uses: of 1365 MB that a review took after
     five fits, 317 went back.

@@ -15,7 +15,7 @@ _FEWEST = 5
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FoundInFrame:
-    """Whom a frame shows."""
+    """Who is in a frame."""
 
     points: Float[np.ndarray, "P 137 3"]
     """x, y in pixels of the image as it was filmed, and confidence."""
@@ -36,7 +36,7 @@ class FoundPeople:
     seen: tuple[int, int] | None = None
     """Frame (counted from the clip's first) and place in its list of whoever a user has clicked on."""
     version: int = 0
-    """Another number whenever anything is another."""
+    """Changes with every change."""
 
     def __post_init__(self) -> None:
         self._guard = threading.Lock()
@@ -77,7 +77,7 @@ class FoundPeople:
             return tuple(range(start, start + len(part.frames)) for start, part in sorted(self.frames.items()))
 
     def at(self, frame: int) -> FoundInFrame | None:
-        """Whom a frame shows; None if it is not complete yet."""
+        """Who is in a frame; None if it is not complete yet."""
         with self._guard:
             where = self._where.get(frame)
             if where is None:

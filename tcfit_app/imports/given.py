@@ -1,4 +1,4 @@
-"""What a fit is told that its clip does not say, read from what a user named: a start, a shape."""
+"""What a fit is given beside its clip, read from what a user named: a start, a shape."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -33,7 +33,7 @@ class Known:
 
 
 NOTHING = Known()
-"""What a fit is told that only its clip speaks for."""
+"""For a fit that is given its clip alone."""
 
 
 def read_given(given: Given, project: Project, clip: Clip, body: BodyModel, bodies: Bodies) -> Known:
@@ -118,7 +118,7 @@ def read_shape(path: Path, body: BodyModel) -> KnownShape:
     with Project.open(path, read_only=True) as project:
         runs = [run for run in project.runs.all() if run.stored]
         if not runs:
-            raise InputError(f"{path}: has no fit yet, so it tells no shape. Fit it first, or choose another.")
+            raise InputError(f"{path}: has no fit yet, so it gives no shape. Fit it first, or choose another.")
         run = newest(runs)
         try:
             return KnownShape(betas=_betas(run, project.runs.load(run.id), body), source=path.name)
@@ -129,7 +129,7 @@ def read_shape(path: Path, body: BodyModel) -> KnownShape:
 def _loaded(project: Project, number: int) -> tuple[Run, FitResult]:
     run = project.runs.get(number)
     if not run.stored:
-        raise InputError(f"{run.name} has found nothing yet: wait for it, or choose another run.")
+        raise InputError(f"{run.name} has no result yet: wait for it, or choose another run.")
     return run, project.runs.load(number)
 
 
@@ -144,5 +144,5 @@ def _betas(run: Run, fit: FitResult, body: BodyModel) -> Float[np.ndarray, "10"]
     known = fit.observed.any(1) if run.kind == "imported" else np.ones(len(fit.observed), bool)
     betas = np.median(fit.last.params.betas.double().numpy()[known], axis=0) if known.any() else np.zeros(1)
     if not betas.any():
-        raise InputError(f"{run.name} tells no shape: its betas are those of the mean person. Choose another.")
+        raise InputError(f"{run.name} gives no shape: its betas are those of the mean person. Choose another.")
     return betas

@@ -227,7 +227,7 @@ def received(name: str, content: bytes, folder: Path) -> Path:
         return _unpacked(shown, content, folder)
     suffix = next((suffix for suffix in _SUFFIXES if name.lower().endswith(suffix)), None)
     if suffix is None or not content:
-        raise InputError(f"{shown} has {len(content)} bytes and is no keypoint file by its name; {_EXPECTED}.")
+        raise InputError(f"{shown} has {len(content)} bytes, and its name is not that of a keypoint file; {_EXPECTED}.")
     single = folder / (f"upload_0{SUFFIX}" if name.lower().endswith(SUFFIX) else f"upload{suffix}")
     single.write_bytes(content)
     return single

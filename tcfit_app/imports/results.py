@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from fitting_core.io.motion.smplifyx import Decode
 
 PHASE = 1
-"""Under which phase a result stands: nothing follows its corrections, and nothing is fitted on from it."""
+"""The phase that a result counts as: it follows no corrections, and no fit goes on from it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,7 +117,7 @@ def imported_fit(
     params = motion.on(body, camera)[torch.as_tensor(covered.places)]
     if not motion.placed:
         params = from_still(body, params, camera)
-    put = () if motion.placed else (f"{path.name} tells no camera: its body was put before the clip's camera.",)
+    put = () if motion.placed else (f"{path.name} has no camera: its body was placed in front of the clip's camera.",)
     lacks = _lacking(motion, covered.missing, clip)
     told = (note.replace(path.name, Path(source).name) for note in (*motion.notes, *put, *covered.notes, *lacks))
     notes = (f"Imported from {source}, read as {motion.format}.", *told)
@@ -146,7 +146,7 @@ def _lacking(motion: ImportedMotion, missing: list[int], clip: Clip) -> tuple[st
 
 
 def _name(path: Path) -> str:
-    """A generic name says nothing; the folder around it does."""
+    """The folder's name where the file's own is generic."""
     return path.parent.name if path.name in ("results", FIT_NAME) and path.parent.name else path.name
 
 

@@ -36,7 +36,7 @@ def check_out(folder: Path, *, overwrite: bool) -> None:
         return
     names = sorted(entry.name for entry in folder.iterdir())
     raise InputError(
-        f"--out {folder}: holds files that are no result of tcfit ({some_of(names, most=4)}). "
+        f"--out {folder}: holds files that are not a result of tcfit ({some_of(names, most=4)}). "
         "Choose another folder, or give --overwrite to write the result among them."
     )
 

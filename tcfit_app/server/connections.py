@@ -58,7 +58,7 @@ class Connection(ServerConnection):
 
 
 class Complaints:
-    """What becomes of an error in asyncio's own callbacks, in place of a traceback for each."""
+    """Handles errors in asyncio's own callbacks, in place of a traceback for each."""
 
     def __init__(self, server: Server) -> None:
         self._server = server

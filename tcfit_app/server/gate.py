@@ -1,4 +1,4 @@
-"""Who may talk to the review app: browsers that came through a one-time link, and only from the app's own page.
+"""Who may talk to the review app: browsers let in by a one-time link or a password, and only from the app's own page.
 
 viser itself answers everybody, also a foreign web page that is open in a browser on the same computer. The gate is
 asked first about each request, whether for the page or for the websocket. What it cannot hold off is somebody who reads
@@ -239,7 +239,7 @@ _UNKNOWN = (
     "once, and until tcfit is stopped; after each use a fresh one is printed."
 )
 _PASSWORD = "This review asks for its password. Reload the page to be asked again."
-_TOO_OFTEN = "Wrong passwords came too often from where you are. Try again in a minute."
+_TOO_OFTEN = "Too many wrong passwords came from your address. Try again in a minute."
 _FOREIGN = "Refused: this request comes from another web page."
 _WRONG_HOST = (
     "Refused: tcfit does not answer to this host name. Use the link as it was printed, or this computer's "

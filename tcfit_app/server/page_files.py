@@ -73,7 +73,7 @@ class PageFiles:
         except (OSError, RuntimeError, ValueError) as error:  # a name too long, ~ of nobody, a circle of links
             raise InputError(f"{given[:200]!r} cannot be looked for: {error}.") from error
         if special:
-            raise InputError(f"{path}: is neither a file nor a folder; expected one of both.")
+            raise InputError(f"{path}: is neither a file nor a folder; expected a file or a folder.")
         return path
 
 

@@ -38,7 +38,7 @@ _log = logging.getLogger(__name__)
 
 
 class Dropped:
-    """Notes in the log what one page sent in vain: the first of it, for a strange page may send anything, for ever."""
+    """Logs the first dropped message of a page, and no later one: a hostile page may send anything, for ever."""
 
     def __init__(self) -> None:
         self._noted = False
@@ -47,7 +47,7 @@ class Dropped:
         """Something was dropped; `what` may be anybody's text."""
         if not self._noted:
             self._noted = True
-            _log.info("Dropped, and whatever else this page sends in vain: %r", str(what)[:300])
+            _log.info("Dropped, as is whatever else this page may not send: %r", str(what)[:300])
 
 
 class Screen:

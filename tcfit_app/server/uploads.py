@@ -21,7 +21,7 @@ def too_large(size: int) -> str:
 
 
 class NoRoom(ValueError):
-    """A page that is in order may ask for this, but not now, or not for so much: its user should be told."""
+    """A sound page may ask for this, but not now, or not for so much: its user should be told."""
 
 
 @dataclass

@@ -23,8 +23,8 @@ _LOOK = 0.1
 _OF_GLB = 0.6
 """Share of the whole time until the GLB is there that Blender reads."""
 _MISSING = (
-    "Blender writes FBX, and there is none on this computer. Install Blender (blender.org) so that the terminal knows "
-    "the command blender, or its module into tcfit's environment: pip install bpy==4.2.0. Then start tcfit again."
+    "FBX is written by Blender, which is not on this computer. Install Blender (blender.org) so that the command "
+    "blender works in a terminal, or its module into tcfit's environment: pip install bpy==4.2.0. Then restart tcfit."
 )
 
 
