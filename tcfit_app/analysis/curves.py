@@ -1,4 +1,4 @@
-"""What goes up and down along a clip: the curves of the timeline, asked for by name; and how far two runs lie apart."""
+"""Values over the frames of a clip: the curves of the timeline, by name; and how far two runs are apart."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What is high and low on which part of the body along a clip: the heat maps of the timeline, asked for by name."""
+"""Values by part of the body over the frames of a clip: the heat maps of the timeline, by name."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""Fits clips in processes of this computer.
+"""Fits clips in processes on this computer.
 
 Each process fits one clip after the other and tells of it through a pipe. It ends with the process that started it,
 however that one ends.
@@ -56,9 +56,9 @@ class Crew(Protocol):
 
 
 _TRIES = 2
-"""Times that a clip's process may die: the first time may be anybody's fault, as when memory runs out."""
+"""How often a clip's process may die: the first time may not be its fault, as when memory runs out."""
 _BETWEEN = 0.5
-"""Seconds between two words on how far a clip is."""
+"""Seconds between two progress messages about a clip."""
 
 
 @dataclass
@@ -125,7 +125,7 @@ def _hand_out(work: _Work, workers: list[_Worker]) -> Iterator[News]:
 
 
 def _heard(worker: _Worker, workers: list[_Worker], work: _Work) -> Iterator[News]:
-    """What a process says; another one takes the place of one that has died."""
+    """News from a process; a new one replaces one that has died."""
     try:
         news = worker.pipe.recv()
     except (EOFError, OSError):
@@ -143,7 +143,7 @@ def _heard(worker: _Worker, workers: list[_Worker], work: _Work) -> Iterator[New
 
 
 def _died(index: int, code: int | None, work: _Work) -> Iterator[News]:
-    """Once more, at the end of the queue; or its failure."""
+    """The clip is tried once more, at the end of the queue, or has failed."""
     work.deaths[index] = work.deaths.get(index, 0) + 1
     if work.deaths[index] < _TRIES:
         work.waiting.append(index)
@@ -154,7 +154,7 @@ def _died(index: int, code: int | None, work: _Work) -> Iterator[News]:
 
 
 def _serve(pipe: Connection, folder: Path) -> None:
-    """The life of a process: fits what comes through the pipe until nothing comes any more."""
+    """What a process does: fits whatever comes through the pipe until it is closed."""
     child_processes.end_with_parent()
     one_thread()
     with suppress(EOFError, OSError):

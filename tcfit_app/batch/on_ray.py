@@ -65,7 +65,7 @@ def _record(ray: Any, ready: Any, task: ClipTask) -> Record:
 
 
 def _check_answers(address: str | None) -> None:
-    """Ray itself tries for minutes to reach a computer that is not there."""
+    """Ask first, as Ray itself tries for minutes to reach a computer that is not there."""
     host, _, port = (address or "").removeprefix("ray://").rpartition(":")
     if not (host and port.isdigit()):
         return
@@ -86,7 +86,7 @@ def _silent(address: str | None, error: Exception) -> InputError:
 @contextmanager
 def _connected(address: str | None, jobs: int | None) -> Iterator[Any]:
     """The module ray, connected."""
-    # Ray tells its makers about its use unless it is told not to; only where it is started here does that matter.
+    # Ray reports its usage unless told not to; this matters only where it is started here.
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     try:
         import ray

@@ -1,4 +1,4 @@
-"""How a batch went: a row for each clip, as files and as tables on the terminal."""
+"""How a batch went: a row per clip, in files and as tables on the terminal."""
 
 import csv
 import io

@@ -56,7 +56,7 @@ _Badness = tuple[bool, bool, float]
 
 
 def _badness(rows: Sequence[Row], figures: Sequence[Figures | None]) -> list[_Badness]:
-    """By which the rows are ordered."""
+    """Sort keys of the rows, the largest first in the report."""
     measured = [_measured(f) if f else None for f in figures]
     columns = list(zip(*filter(None, measured), strict=True))
     middles = [median([value for value in column if value] or [1.0]) for column in columns]

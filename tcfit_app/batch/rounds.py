@@ -1,6 +1,6 @@
 """The order in which a list is worked through: rounds of tasks that do not depend on each other.
 
-A clip alone is one task. The clips of a subject share one shape, so each of them takes three: its first phase, the
+A clip without a subject is one task. The clips of a subject share one shape, so each takes three: its first phase, the
 shape from the first phases of all of them, and the rest. Each task is done, kept and left alone like any other, so
 whatever has changed is all that is done again.
 """

@@ -76,7 +76,7 @@ def run_batch(options: BatchOptions, *, command: str = "") -> int:
 
 
 def _reported(course: Course, manifest: Path) -> int:
-    """How each clip stands, as the files say; nothing is fitted."""
+    """The state of each clip as the files have it; nothing is fitted."""
     for _ in course.later():
         pass
     with accessing(course.folder):
@@ -118,7 +118,7 @@ def _run(crew: Crew, course: Course) -> None:
 
 
 def _work_off(crew: Crew, work: Round, folder: Path) -> None:
-    """Do what is to be done; the round takes the record of each task as it comes."""
+    """Do the tasks that are left; the round takes each record as it comes."""
     for index in work.before:
         tidy(work.tasks[index])
     to_do = work.to_do
@@ -199,12 +199,12 @@ class _Lines:
         return f"{head}  {record.figures.frames} frames{error}"
 
     def close(self) -> None:
-        """The bar goes."""
+        """Remove the bar."""
         self._bar.close()
 
 
 def _check(course: Course, complaints: Complaints, *, here: bool) -> None:
-    """What stands in the way of a clip that is to be fitted goes to `complaints`; `here`: it is fitted here."""
+    """Complain of what would keep a clip from being fitted; `here`: also of this computer's devices and detectors."""
     to_do = [course.tasks[place] for place in course.first.to_do]
     for task in to_do:
         for column, path in missing_input(task):

@@ -1,4 +1,4 @@
-"""How a command ends: whatever happens in it becomes an exit code, and at most one line for the user."""
+"""How a command ends: whatever happens, there is an exit code, and at most one line for the user."""
 
 import io
 import os
@@ -43,7 +43,7 @@ def ended(run: Callable[[], int | None]) -> int:
     except BrokenPipeError:
         _drop_output()
         return PIPE_CLOSED
-    except OSError as error:  # what is left to say has no place to go to
+    except OSError as error:  # nothing more can be said
         _drop_output()
         return _say_at_last(f"the output cannot be written: {_reason(error)}.")
 
@@ -101,7 +101,7 @@ def _say_at_last(text: str) -> int:
 
 
 def _drop_output() -> None:
-    """Send what is still buffered for the standard output nowhere, which Python would try to write at its end."""
+    """Discard what is still buffered for the standard output, which Python would try to write when it exits."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()

@@ -176,7 +176,7 @@ def report(summary: dict[str, Any]) -> list[str]:
 
 
 def tell(lines: Iterable[str]) -> None:
-    """Say something on the standard error."""
+    """Print lines on the standard error."""
     for line in lines:
         print(line, file=sys.stderr, flush=True)
 

@@ -22,7 +22,7 @@ def run_import(options: ImportOptions) -> None:
         _import_notes(options)
         return
     if options.tiers:
-        raise InputError(f"--tiers: {options.path} is no {SUFFIX} file and has no tiers. Leave the option out.")
+        raise InputError(f"--tiers: {options.path}  is not an {SUFFIX} file, so it has no tiers. Leave the option out.")
     choices = ImportChoices(
         first_frame=options.first_frame,
         person=options.person,

@@ -1,4 +1,4 @@
-"""The fits that `tcfit evaluate` is given: a run of a project, a result of tcfit, or what another program wrote."""
+"""The fits that `tcfit evaluate` measures: a run of a project, a result of tcfit, or another program's."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -31,7 +31,7 @@ _USUAL_RATE, _HIGHEST_RATE = 30.0, 2000.0
 """Frames per second."""
 _MOST_FRAMES = 10**6
 ANY_CAMERA = Camera(focal=(1000.0, 1000.0), center=(500.0, 500.0), size=(1000, 1000))
-"""Shows a body whose own camera is not known, and puts one before it that stands before none."""
+"""Shows a body whose own camera is not known; a body without one is placed in front of it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,10 +45,10 @@ class EvaluatedFit:
     phases: dict[str, tuple[BodyParams, float]]
     """By name: parameters, and the seconds up to there."""
     camera: Camera | None
-    """None: another program's, which does not tell it."""
+    """None: another program's result that does not have it."""
     frame_rate: float
     rate_known: bool = True
-    """Whether somebody said the frame rate; else it is a usual one."""
+    """Whether the frame rate was given; else it is the usual one."""
     first_frame: int
     clip: Clip | None
     """With its keypoints, where they are known."""
@@ -71,7 +71,7 @@ class EvaluatedFit:
         )
 
     def beside(self, reference: Reference | None) -> "EvaluatedFit":
-        """The same with the reference's frame rate, where nobody said what its own is."""
+        """The same with the reference's frame rate where its own is not known."""
         if self.rate_known or reference is None or reference.frame_rate is None:
             return self
         rate = reference.frame_rate
@@ -102,7 +102,7 @@ def evaluated_fit(
     choices = {"--person": person, "--body-model": body_model, "--frame-rate": frame_rate}
     given = [name for name, value in choices.items() if value is not None]
     if given and (is_project(path) or _is_ours(path)):
-        raise InputError(f"{', '.join(given)}: {path} is tcfit's own and tells this itself. Leave it out.")
+        raise InputError(f"{', '.join(given)}: {path} is a result of tcfit, which has this itself. Leave it out.")
     if is_project(path):
         with Project.open(path, read_only=True) as project:
             return _of_project(project, _chosen(project, run), models)
@@ -173,7 +173,7 @@ def _standing_in(missing: list[int]) -> tuple[str, ...]:
 
 
 def _without_gaps(numbers: Sequence[int]) -> tuple[list[int], list[int]]:
-    """For each frame from the first to the last the place of the nearest that is there; and which are not."""
+    """For each frame from the first to the last, the place of the nearest that exists; and which frames are missing."""
     there = np.array(numbers)
     if there[-1] - there[0] >= _MOST_FRAMES:
         raise InputError(

@@ -1,4 +1,4 @@
-"""What `tcfit evaluate` leaves behind: a table in the terminal, metrics.csv, metrics.json and report.html."""
+"""The output of `tcfit evaluate`: a table in the terminal, metrics.csv, metrics.json and report.html."""
 
 import csv
 import io

@@ -1,4 +1,4 @@
-"""Where a reference lies in the time of a fit's video: as it says, as the user says, or as the movement tells."""
+"""Where a reference lies in time: as its file says, as the user says, or as the movement shows."""
 
 import math
 from dataclasses import replace
@@ -44,7 +44,7 @@ def in_time(
 
 
 def _as_it_says(reference: Reference, fit: EvaluatedFit) -> Reference:
-    """Points between whose frames the fit's lie are interpolated; whatever else there is, is left."""
+    """Points are interpolated between their frames; a reference of any other kind stays as it is."""
     if reference.params is not None or reference.joints is not None or reference.is_even(fit.frame_rate):
         return reference
     count = len(next(iter(fit.phases.values()))[0])
@@ -55,7 +55,7 @@ def _as_it_says(reference: Reference, fit: EvaluatedFit) -> Reference:
 
 
 def seconds_of(offset: str) -> float:
-    """Raises InputError for what is no time."""
+    """The offset as a number. Raises InputError if it is not a time."""
     try:
         seconds = float(offset)
     except ValueError:

@@ -40,7 +40,7 @@ from fitting_core.synthetic.suite import LEVELS, SEQUENCES, SuiteClip, make_sequ
 from fitting_core.synthetic.truth import Truth
 
 MEASURES = 2
-"""Changes whenever figures are taken in another way: then stored fits are measured again."""
+"""To be raised whenever figures are measured differently: then stored fits are measured again."""
 Task = TypeVar("Task")
 Done = TypeVar("Done")
 _RECORDS = "records.json"

@@ -1,4 +1,4 @@
-"""A project for ELAN: an .eaf file with what was said about frames, and what the hands of a fit do."""
+"""A project for ELAN: an .eaf file with notes and marks of frames, and what the hands of a fit do."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,7 +23,7 @@ _STATES = {
     "checked": ("looks fine", "A reviewer has looked at it"),
     None: ("not reviewed", "Nobody has said anything"),
 }
-"""Words for the marks of frames, and what they mean."""
+"""The marks of frames in words, and what they mean."""
 
 
 def write_elan(source: ExportSource, path: Path, progress: Progress) -> None:
@@ -46,7 +46,7 @@ def write_elan(source: ExportSource, path: Path, progress: Progress) -> None:
 
 
 def _said(posed: PosedFit, project: Project) -> list[Tier]:
-    """What was said about the frames of a fit, which may be a part of the project's."""
+    """Notes and marks of the frames of a fit, which may be a part of the project's."""
     clip, shift = posed.clip, posed.clip.first_frame - project.clip.first_frame
     marks = project.marks.all()
     states = [mark.state if (mark := marks.get(shift + t)) else None for t in range(len(clip))]

@@ -1,4 +1,4 @@
-"""Exports from their start to their end: files that appear whole or not at all."""
+"""Writing exports: files that appear whole or not at all."""
 
 import zipfile
 from collections.abc import Iterator
@@ -50,7 +50,7 @@ def write_export(export: Export, source: ExportSource, path: Path, progress: Pro
 
 @contextmanager
 def _replacing_folder(path: Path) -> Iterator[Path]:
-    """A new folder beside `path`, which takes its place when the block ends well, and vanishes when it does not.
+    """A new folder beside `path`, which replaces it if the block succeeds and vanishes if it fails.
 
     Raises:
         InputError: What is at `path` is a file, or holds files that the new folder does not.
@@ -84,7 +84,7 @@ def _zip(folder: Path, path: Path, progress: Progress) -> None:
 
 
 def content_of(export: Export, source: ExportSource, progress: Progress) -> tuple[bytes, str | None]:
-    """An export as one file's content, of which nothing stays on the disk, and what one should know of it.
+    """An export as the content of one file, of which nothing stays on the disk, and what the user should know of it.
 
     As `write_export`.
     """

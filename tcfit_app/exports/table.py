@@ -361,7 +361,7 @@ _SUFFIX = re.compile(r"[.-][A-Za-z0-9][A-Za-z0-9._-]*")
 
 
 def _guarded(plugin: Plugin[Export]) -> Callable[[ExportSource, Path, Progress], str | None]:
-    """Its writing, whose faults come as InputError; but what `progress` raises, by which users cancel, goes through."""
+    """Its `write`, whose errors become InputErrors; what `progress` raises, by which users cancel, passes through."""
 
     def write(source: ExportSource, path: Path, progress: Progress) -> str | None:
         ended: list[BaseException] = []

@@ -54,7 +54,7 @@ class EditFollower:
 
     def __init__(self, project: Project, bodies: Bodies, fits: Fits, worker: Worker) -> None:
         self._windows_of: dict[int, LiveWindow] = {}
-        """What each drag has led to so far, by its number: several tabs may drag at once."""
+        """The window of each drag, by its number: several tabs may drag at once."""
         self.after_edits = True
         """Whether the fit follows edits by itself."""
         self._project, self._bodies, self._fits, self._worker = project, bodies, fits, worker
@@ -70,11 +70,11 @@ class EditFollower:
 
     @property
     def live(self) -> LiveWindow | None:
-        """What a drag has led to last; None while there is none."""
+        """The newest window of any drag; None while there is none."""
         return max(self._windows_of.values(), key=lambda window: window.revision, default=None)
 
     def window(self, run: int, frame: int) -> LiveWindow | None:
-        """What a drag has led to last in a frame of a run, or of one in which its corrections are collected."""
+        """The newest window of a drag with this frame, of a run or of the run that collects its corrections."""
         of = self._fits.corrections.of
         there = (w for w in self._windows_of.values() if frame in w.frames and run in (w.run, of(w.run).id))
         return max(there, key=lambda window: window.revision, default=None)
@@ -181,7 +181,7 @@ class EditFollower:
             self._fits.corrections.begin(run.id)
 
     def take_up(self) -> None:
-        """What the worker leaves to be followed."""
+        """Follow what the worker has left to be followed."""
         left = self._fits.corrections.to_follow
         while not left.empty():
             run, edits = left.get()

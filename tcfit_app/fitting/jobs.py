@@ -1,4 +1,4 @@
-"""What the worker can be told to do, as generators of the fitter's events; some with a run that the result is for."""
+"""What the worker can do, as generators of the fitter's events; some have a run for the result."""
 
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator
@@ -58,7 +58,7 @@ class FitEverything:
     """What another system found."""
     shape: KnownShape | None = None
     fresh: Callable[[], Fresh] | None = None
-    """What there is since it was asked last, where keypoints are being found. Raises InputError if there will not be
+    """What has come since the last call, where keypoints are being found. Raises InputError if there will not be
     any more."""
 
     @property
@@ -156,7 +156,7 @@ class RunJob:
     run_id: int
     job: FitEverything | RerunFrames | FitShape
     start: Callable[[], FitResult] | None = None
-    """The fit that frames are fitted again in, where it is still to come: asked for when the job begins."""
+    """The fit whose frames are fitted again, if it does not exist yet: asked for when the job begins."""
 
     @property
     def title(self) -> str:

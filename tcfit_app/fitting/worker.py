@@ -29,7 +29,7 @@ _log = logging.getLogger(__name__)
 
 
 class Sink(Protocol):
-    """Where results go before anybody is told of them; called on the worker's thread."""
+    """Stores results before anybody hears of them; called on the worker's thread."""
 
     def keep(self, job: Job, result: PhaseFinished | FramesFitted | FitResult) -> None:
         """Store what a job found. An exception ends it as failed."""
@@ -52,7 +52,7 @@ class Drag:
         self.released = self.abandoned = False
         self.edit: int | None = None
         self.failed = False
-        """Known to whoever began it: nothing follows it any more."""
+        """Set by whoever began it: no fit follows it any more."""
 
     def move(self, target: Target) -> None:
         """The keypoints are at `target` now, in the order of the correction's."""
@@ -73,7 +73,7 @@ class Drag:
             self._changed.notify_all()
 
     def taken(self) -> Target | None:
-        """Where to, if that is news; asked under the lock."""
+        """The target, if it is new; asked under the lock."""
         target, self._target = self._target, None
         return target
 
@@ -219,7 +219,7 @@ class Worker:
         return JobEnded(job=number, how="finished")
 
     def _may_go_on(self) -> bool:
-        """Between two iterations: follows drags; False if the job was cancelled."""
+        """Follows drags between two iterations; False if the job was cancelled."""
         if not self._cancelled:
             self._follow_drags()
         return not (self._closing or self._cancelled)

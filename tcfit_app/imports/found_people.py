@@ -1,4 +1,4 @@
-"""The people whom a detection that is running has found so far, and which of them is meant."""
+"""The people that a running detection has found so far, and which of them is meant."""
 
 import threading
 from dataclasses import dataclass, field
@@ -34,7 +34,7 @@ class FoundPeople:
     frames: dict[int, FramesDetected] = field(default_factory=dict)
     """By the first frame of each part."""
     seen: tuple[int, int] | None = None
-    """Frame (counted from the clip's first) and place in its list of whoever a user has clicked on."""
+    """Whom the user has clicked on: frame (counted from the clip's first) and place in its list."""
     version: int = 0
     """Changes with every change."""
 
@@ -87,7 +87,7 @@ class FoundPeople:
             meant = self._meant()
             places = np.flatnonzero(numbers == meant)
             known = [place for place, number in enumerate(numbers.tolist()) if self._counts[number] >= _FEWEST]
-        if len(places) > 1:  # a detector that follows nobody itself
+        if len(places) > 1:  # a detector that does not follow people itself
             places = places[np.argsort([-_prominence(points[place]) for place in places], kind="stable")]
         chosen = int(places[0]) if len(places) else None
         others = tuple(place for place in known if place != chosen)

@@ -1,6 +1,6 @@
-"""What gets keypoints for a project that has none: each job runs on a thread of its own and reports how far it is.
+"""Jobs that get keypoints for a project that has none: each runs on a thread of its own and reports its progress.
 
-Files that a browser sends are written under names of our own, whatever they are called.
+Files that a browser uploads are stored under names of our own, whatever they are called.
 """
 
 import io

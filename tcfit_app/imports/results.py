@@ -213,7 +213,7 @@ def upload(name: str, content: bytes) -> Iterator[Path]:
     shown = name_of_file(name)
     suffix = next((suffix for start, suffix in _STARTS.items() if content.startswith(start)), None)
     if suffix is None:
-        found = "is empty" if not content else "is no result"
+        found = "is empty" if not content else "is not a result"
         raise InputError(
             f"{shown}: {found}; expected an npz, a zip of SMPLify-X's results, one of their pickles, or a learned "
             "system's result."

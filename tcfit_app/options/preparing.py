@@ -1,4 +1,4 @@
-"""What must be there before a fit begins: its body, a device that works, a folder that may be written."""
+"""What a fit needs before it begins: its body, a working device, a folder that may be written."""
 
 import os
 import sys
@@ -15,7 +15,7 @@ from fitting_core.io.result_files import is_result
 from tcfit_app.options.fit import BodyOptions
 
 MOST_THREADS = 256
-"""More are a slip of the hand."""
+"""More than this is a typing error."""
 
 
 def check_out(folder: Path, *, overwrite: bool) -> None:

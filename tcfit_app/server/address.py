@@ -1,4 +1,4 @@
-"""Where the review app listens, and under which names browsers may reach it there."""
+"""The address at which the review app listens, and the names by which browsers may reach it."""
 
 import errno
 import ipaddress

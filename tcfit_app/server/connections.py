@@ -1,4 +1,4 @@
-"""Connections: how many there may be, so that the process can go on opening files, and one request for each."""
+"""Limits connections, so that the process can still open files, and takes one request from each."""
 
 import asyncio
 import errno
@@ -17,7 +17,7 @@ to knock again, a second later."""
 PAGES = 32
 """Websockets that may be open, one for each tab."""
 _TOLD_AGAIN = 60.0
-"""Seconds until it is told again that no connection can be taken."""
+"""Seconds between two warnings that no connection can be taken."""
 _log = logging.getLogger(__name__)
 
 
@@ -33,7 +33,7 @@ _END = b"\r\n\r\n"
 
 
 class Connection(ServerConnection):
-    """One that makes room for itself, and reads nothing between a request and its answer.
+    """A connection that makes room for itself, and reads nothing between a request and its answer.
 
     Browsers send nothing there. websockets would take it for part of a websocket that does not exist yet, and stumble.
     """

@@ -60,7 +60,7 @@ class Entry:
 
 
 class Gate:
-    """Answers in viser's place whatever must not reach it.
+    """Answers, in viser's place, whatever must not reach it.
 
     The link's token lets in one browser and is void from then on; a cookie stands for it, the same for all that came
     in, for as long as the process runs. There always is one unused link. Safe to use from several threads.
@@ -78,7 +78,7 @@ class Gate:
 
         Args:
             address: Where the server listens.
-            entry: How browsers on other computers come in beside that.
+            entry: How else browsers on other computers may come in.
             scripts: JavaScript modules by their paths, for browsers that were let in.
             admitted: Called after each new browser, when `link` is a fresh one.
         """

@@ -146,7 +146,7 @@ def _checked(gate: Gate, answer: Callable[[Any, Request], Response | None]) -> C
 
 
 def _hang_up(server: websockets.asyncio.server.Server) -> None:
-    """Ends connections that stopping would wait for: browsers keep idle ones in reserve, and a sleeping tab is silent.
+    """Ends connections that stopping would wait for: browsers keep idle ones open, and a sleeping tab does not answer.
 
     viser's stop waited 6 s for each such connection, and left its thread behind.
     """

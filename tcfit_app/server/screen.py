@@ -1,6 +1,6 @@
-"""What a page sends, before viser gets it: only what tcfit's page has on show can be used, and not without measure.
+"""Checks what a page sends before viser gets it: only widgets on show can be used, and only so fast.
 
-Whatever else comes is dropped. It comes from no page of tcfit's, but for the rare case that a widget has just gone.
+Everything else is dropped. No page of tcfit sends it, except in the rare case that a widget has just gone.
 """
 
 import asyncio
@@ -106,7 +106,7 @@ class Screen:
             await asyncio.sleep(-self._ahead / MESSAGES_A_SECOND)
 
     def _check(self, message: PageMessage) -> None:
-        """Raises ValueError for what no page sends, NoRoom for what is only too much."""
+        """Raises ValueError for what no page sends, NoRoom for what is merely too much."""
         _CHECKS[type(message)](self, message)
 
     def _check_camera(self, message: ViewerCameraMessage) -> None:
@@ -125,7 +125,7 @@ class Screen:
 
     def _check_upload(self, message: FileTransferStartUpload) -> None:
         if not viser_bridge.is_on_show(self._widget(message.source_component_uuid, {viser.GuiUploadButtonHandle})):
-            raise ValueError("an upload to what is no upload button")
+            raise ValueError("an upload to something other than an upload button")
         self._uploads.begin(message)
 
     def _check_part(self, message: FileTransferPart) -> None:

@@ -1,4 +1,4 @@
-"""How much may be uploaded: viser keeps all parts of a file in memory, and puts together whatever it is sent."""
+"""Limits uploads: viser keeps all parts of a file in memory, and joins whatever it is sent."""
 
 from dataclasses import dataclass, field
 

@@ -1,4 +1,4 @@
-"""FBX, which Blender writes: found on the computer, run as a process of its own, and ended when nobody wants it."""
+"""FBX, written by Blender: found on this computer, run as a separate process, and ended when it is no longer wanted."""
 
 import importlib.util
 import os
@@ -100,7 +100,7 @@ def _run(command: list[str], folder: Path, seconds: float, progress: Progress) -
 
 
 def _kill(process: subprocess.Popen[bytes]) -> None:
-    """With what it has started: the command blender may be a script."""
+    """Together with its children: the command blender may be a script."""
     if sys.platform == "win32":
         process.kill()
     else:
@@ -108,6 +108,6 @@ def _kill(process: subprocess.Popen[bytes]) -> None:
 
 
 def _last_of(folder: Path) -> str:
-    """The end of what Blender has said."""
+    """The last lines of Blender's output."""
     found = (folder / "said.txt").read_text(encoding="utf-8", errors="replace").strip().splitlines()
     return "It said:\n" + "\n".join(found[-8:]) if found else "It said nothing."
