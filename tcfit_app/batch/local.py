@@ -24,7 +24,7 @@ from tcfit_app.fitting import child_processes
 
 
 @dataclass(frozen=True, kw_only=True)
-class Underway:
+class TaskUnderway:
     """A clip is being fitted."""
 
     index: int
@@ -36,14 +36,14 @@ class Underway:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ended:
+class TaskEnded:
     """A clip is done, or has failed."""
 
     index: int
     record: Record
 
 
-News = Underway | Ended
+News = TaskUnderway | TaskEnded
 
 
 class Crew(Protocol):
@@ -121,7 +121,7 @@ def _hand_out(work: _Work, workers: list[_Worker]) -> Iterator[News]:
             with suppress(OSError):  # A process that has just died is found out by its sentinel.
                 worker.pipe.send((index, work.tasks[index]))
             worker.index = index
-            yield Underway(index=index)
+            yield TaskUnderway(index=index)
 
 
 def _heard(worker: _Worker, workers: list[_Worker], work: _Work) -> Iterator[News]:
@@ -137,7 +137,7 @@ def _heard(worker: _Worker, workers: list[_Worker], work: _Work) -> Iterator[New
         if work.waiting:
             workers.append(_started(work.folder))
         return
-    if isinstance(news, Ended):
+    if isinstance(news, TaskEnded):
         worker.index = None
     yield news
 
@@ -150,7 +150,7 @@ def _died(index: int, code: int | None, work: _Work) -> Iterator[News]:
         return
     how = f"by signal {-code}" if code is not None and code < 0 else f"with exit code {code}"
     reason = f"Its process ended {how}, {_TRIES} times. Memory may have run out: try fewer --jobs, or shorter clips."
-    yield Ended(index=index, record=failure(fingerprint_of(work.tasks[index]), reason))
+    yield TaskEnded(index=index, record=failure(fingerprint_of(work.tasks[index]), reason))
 
 
 def _serve(pipe: Connection, folder: Path) -> None:
@@ -160,7 +160,7 @@ def _serve(pipe: Connection, folder: Path) -> None:
     with suppress(EOFError, OSError):
         while True:
             index, task = pipe.recv()
-            pipe.send(Ended(index=index, record=_fitted(index, task, folder, pipe)))
+            pipe.send(TaskEnded(index=index, record=_fitted(index, task, folder, pipe)))
 
 
 def _fitted(index: int, task: ClipTask, folder: Path, pipe: Connection) -> Record:
@@ -171,6 +171,6 @@ def _fitted(index: int, task: ClipTask, folder: Path, pipe: Connection) -> Recor
         if isinstance(event, Iteration | DetectionProgress) and time.monotonic() > told + _BETWEEN:
             told = time.monotonic()
             phase = event.phase if isinstance(event, Iteration) else 0
-            pipe.send(Underway(index=index, phase=phase, share=event.share))
+            pipe.send(TaskUnderway(index=index, phase=phase, share=event.share))
 
     return fit_clip(task, folder, report)

@@ -13,7 +13,7 @@ from fitting_core.errors import InputError
 from fitting_core.io.known_shape import read_known_shape
 from tcfit_app.batch.clip_fit import tidy
 from tcfit_app.batch.fingerprint import SHAPE_NAME, detector_of, detector_version, missing_input
-from tcfit_app.batch.local import Crew, Ended, LocalProcesses, News
+from tcfit_app.batch.local import Crew, LocalProcesses, News, TaskEnded
 from tcfit_app.batch.manifest import ClipTask, Complaints, read_manifest
 from tcfit_app.batch.on_ray import RayCluster
 from tcfit_app.batch.outcome import FAILURES, SUMMARY_CSV, Row, row_of, show_summary, write_summary
@@ -128,7 +128,7 @@ def _work_off(crew: Crew, work: Round, folder: Path) -> None:
     progress = _Lines(len(work.tasks), len(work.before), tasks, work.what)
     with closing(progress), closing(crew.run(tasks, folder)) as all_news:
         for news in all_news:
-            if isinstance(news, Ended):
+            if isinstance(news, TaskEnded):
                 _keep(folder, tasks[news.index], news.record)
                 work.records[to_do[news.index]] = news.record
             progress.show(news)
@@ -167,7 +167,7 @@ class _Lines:
     def show(self, news: News) -> None:
         """Tell of it."""
         task = self._tasks[news.index]
-        if isinstance(news, Ended):
+        if isinstance(news, TaskEnded):
             self._running.pop(news.index, None)
             self._count += 1
             emit(

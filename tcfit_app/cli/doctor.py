@@ -281,7 +281,7 @@ print("ok")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Outcome:
+class Probed:
     """How a probe ended."""
 
     works: bool
@@ -289,27 +289,27 @@ class Outcome:
     """Why it does not work: the last line that the process wrote, or how it ended."""
 
 
-def probe_rendering(backend: str) -> Outcome:
+def probe_rendering(backend: str) -> Probed:
     """Render a triangle off-screen, on a backend of fitting_core.render.off_screen, as the overlay video would."""
     try:
         from fitting_core.render.renderer import probe
     except ImportError as error:
-        return Outcome(works=False, reason=str(error))
+        return Probed(works=False, reason=str(error))
     reason = probe(backend)
-    return Outcome(works=reason is None, reason=reason or "")
+    return Probed(works=reason is None, reason=reason or "")
 
 
-def probe_codec(codec: str) -> Outcome:
+def probe_codec(codec: str) -> Probed:
     """Write an mp4 with OpenCV in a codec ("mp4v", "avc1") and read it back."""
     try:
         with tempfile.TemporaryDirectory() as folder:
             command = [sys.executable, "-c", _ENCODE, codec, str(Path(folder) / "probe.mp4")]
             done = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=_TIMEOUT)
     except subprocess.TimeoutExpired:
-        return Outcome(works=False, reason=f"no answer after {_TIMEOUT:.0f} s")
+        return Probed(works=False, reason=f"no answer after {_TIMEOUT:.0f} s")
     if done.returncode == 0 and done.stdout.strip().endswith("ok"):
-        return Outcome(works=True)
+        return Probed(works=True)
     if done.returncode < 0:
-        return Outcome(works=False, reason=f"crashed with signal {-done.returncode}")
+        return Probed(works=False, reason=f"crashed with signal {-done.returncode}")
     lines = [line.strip() for line in done.stderr.splitlines() if line.strip()]
-    return Outcome(works=False, reason=lines[-1] if lines else f"ended with code {done.returncode}")
+    return Probed(works=False, reason=lines[-1] if lines else f"ended with code {done.returncode}")

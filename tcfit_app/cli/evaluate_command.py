@@ -20,7 +20,7 @@ from tcfit_app.cli.evaluate_motion import run_motion_suite
 from tcfit_app.cli.json_lines import Note, Progress, emit, emit_figures, emit_wrote
 from tcfit_app.evaluation.ablations import Setting, run_ablations
 from tcfit_app.evaluation.evaluated_fits import EvaluatedFit, evaluated_fit
-from tcfit_app.evaluation.evaluating import drawable, evaluated
+from tcfit_app.evaluation.evaluating import drawable, evaluation_of
 from tcfit_app.evaluation.files import REPORT_NAME, print_table, write_evaluation
 from tcfit_app.evaluation.reference_time import AUTO, in_time, seconds_of
 from tcfit_app.evaluation.suite_runs import (
@@ -75,7 +75,7 @@ def run_evaluate(options: EvaluateOptions, *, command: str = "") -> Path:
     fit = fit.beside(reference)
     reference = in_time(reference, fit, first_frame=options.reference_first_frame, offset=options.reference_offset)
     done = _counted(fit, options.every)
-    evaluation = evaluated(fit, reference, every=options.every, models=options.models, done=done)
+    evaluation = evaluation_of(fit, reference, every=options.every, models=options.models, done=done)
     evaluation = replace(evaluation, settings=evaluation.settings | {"Command": command})
     drawn = drawable(fit, reference, options.models)
     worst = worst_frames(evaluation.records, lambda sequence: drawn, count=options.pictures)

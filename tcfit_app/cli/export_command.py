@@ -55,7 +55,7 @@ def run_export(options: ExportOptions) -> None:
     markers = STANDARD if options.markers is None else read_marker_set(options.markers)
     with source_of(options.path, options) as found:
         source = replace(found, markers=markers)
-        whole = source if options.frames is None else source[frames_of(options.frames, source)]
+        whole = source if options.frames is None else source[wished_frames(options.frames, source)]
         targets = {name: target(name, whole, options) for name in formats}
         for name, path in targets.items():
             write_one(name, path, partial(write_export, exports()[name], whole, path, zipped=options.zip))
@@ -202,7 +202,7 @@ def _clip_name(path: Path) -> str:
 # --- frames and files ---
 
 
-def frames_of(wished: str, source: ExportSource) -> slice:
+def wished_frames(wished: str, source: ExportSource) -> slice:
     """Frames by their numbers in the video, both ends included."""
     begin, end = numbers_of(wished)
     first, last = source.span

@@ -18,7 +18,7 @@ from fitting_core.render.overlay import PANEL_COLORS
 from fitting_core.render.sheets import Cell, beside, write_sheet
 from fitting_core.video.encoding import video_writer
 from fitting_core.video.frames import FrameSource
-from tcfit_app.cli.export_command import bar, frames_of, source_of
+from tcfit_app.cli.export_command import bar, source_of, wished_frames
 from tcfit_app.cli.json_lines import Step, StepDone, emit, emit_wrote, told
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.options.export import ExportOptions
@@ -127,7 +127,7 @@ def _chosen(options: RenderOptions, source: ExportSource, *, moving: bool) -> li
     count = len(_motion(source))
     if options.frames is None:
         return list(range(count)) if moving else [count // 2]
-    inside = range(count)[frames_of(options.frames, source)]
+    inside = range(count)[wished_frames(options.frames, source)]
     if moving:
         return list(inside)
     places = np.linspace(0, len(inside) - 1, min(options.count, len(inside))).round().astype(int)

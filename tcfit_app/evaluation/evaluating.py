@@ -17,7 +17,7 @@ from tcfit_app.evaluation.evaluated_fits import ANY_CAMERA, EvaluatedFit
 from tcfit_app.evaluation.worst_frames import Drawable
 
 
-def evaluated(
+def evaluation_of(
     fit: EvaluatedFit,
     reference: Reference | None,
     *,

@@ -57,7 +57,7 @@ class Connection(ServerConnection):
         super().data_received(data)
 
 
-class Complaints:
+class LoopErrors:
     """Handles errors in asyncio's own callbacks, in place of a traceback for each."""
 
     def __init__(self, server: Server) -> None:

@@ -11,7 +11,7 @@ from fitting_core.body.files import registry
 from fitting_core.fit.fused import ready
 from tcfit_app.cli import doctor as report
 from tcfit_app.cli.doctor import (
-    Outcome,
+    Probed,
     check_bodies,
     check_folders,
     check_python,
@@ -24,7 +24,7 @@ from tcfit_app.cli.doctor import (
 )
 from tests.samples.body_files import body_arrays, write_npz
 
-WORKS = Outcome(works=True)
+WORKS = Probed(works=True)
 
 
 @pytest.fixture
@@ -38,7 +38,7 @@ def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def _outcomes(monkeypatch: pytest.MonkeyPatch, **by_name: Outcome) -> None:
+def _outcomes(monkeypatch: pytest.MonkeyPatch, **by_name: Probed) -> None:
     """Have the probes of these platforms and codecs end so."""
     monkeypatch.setattr(report, "probe_rendering", by_name.__getitem__)
     monkeypatch.setattr(report, "probe_codec", by_name.__getitem__)
@@ -66,11 +66,11 @@ class OffscreenRenderer(Any):
         ("raise ImportError('Unable to load EGL library')", "ImportError: Unable to load EGL library"),
     ],
 )
-def test_rendering_probe(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: str, expected: Outcome | str):
+def test_rendering_probe(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: str, expected: Probed | str):
     (tmp_path / "pyrender.py").write_text(code)
     monkeypatch.syspath_prepend(tmp_path)
     outcome = probe_rendering("egl")
-    assert outcome == expected if isinstance(expected, Outcome) else expected in outcome.reason and not outcome.works
+    assert outcome == expected if isinstance(expected, Probed) else expected in outcome.reason and not outcome.works
 
 
 def test_codec_probe():
@@ -81,7 +81,7 @@ def test_codec_probe():
 def test_exit_code_is_0_if_only_rendering_and_video_are_missing(
     places: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
-    gone = Outcome(works=False, reason="cannot open shared object file")
+    gone = Probed(works=False, reason="cannot open shared object file")
     _outcomes(monkeypatch, egl=gone, osmesa=gone, mp4v=gone, avc1=gone)
     monkeypatch.setattr(report.shutil, "which", lambda name: None)
     assert doctor() == 0
@@ -124,7 +124,7 @@ def test_wrong_environment_variable_fails(places: Path, monkeypatch: pytest.Monk
     ],
 )
 def test_advice_on_rendering(monkeypatch: pytest.MonkeyPatch, reasons: dict[str, str], advice: str):
-    outcomes = {name: Outcome(works=False, reason=reasons.get(name, "x")) for name in ("egl", "osmesa")}
+    outcomes = {name: Probed(works=False, reason=reasons.get(name, "x")) for name in ("egl", "osmesa")}
     _outcomes(monkeypatch, **outcomes)
     checks = dict(zip(outcomes, check_rendering(), strict=True))
     assert advice in checks[max(reasons)].advice
@@ -132,7 +132,7 @@ def test_advice_on_rendering(monkeypatch: pytest.MonkeyPatch, reasons: dict[str,
 
 
 def test_osmesa_counts_where_egl_is_missing(monkeypatch: pytest.MonkeyPatch):
-    _outcomes(monkeypatch, egl=Outcome(works=False, reason="x"), osmesa=WORKS)
+    _outcomes(monkeypatch, egl=Probed(works=False, reason="x"), osmesa=WORKS)
     assert [check.status for check in check_rendering()] == ["warning", "ok"]
 
 
@@ -147,7 +147,7 @@ def test_osmesa_counts_where_egl_is_missing(monkeypatch: pytest.MonkeyPatch):
     ],
 )
 def test_video(monkeypatch: pytest.MonkeyPatch, mp4v: bool, avc1: bool, ffmpeg: bool, statuses: list[str]):
-    _outcomes(monkeypatch, mp4v=Outcome(works=mp4v), avc1=Outcome(works=avc1))
+    _outcomes(monkeypatch, mp4v=Probed(works=mp4v), avc1=Probed(works=avc1))
     monkeypatch.setattr(report.shutil, "which", lambda name: "/usr/bin/ffmpeg" if ffmpeg else None)
     assert [check.status for check in check_video()] == statuses
 
