@@ -27,7 +27,7 @@ from fitting_core.detect.detecting import DetectionProgress
 from fitting_core.detect.detectors import Running, find_detector
 from fitting_core.detect.part import Detector
 from fitting_core.errors import InputError
-from fitting_core.files.atomic import replacing, sync
+from fitting_core.files.atomic import sync
 from fitting_core.fit.events import FitEvent, drained, mapped
 from fitting_core.fit.fitting import fit_events, shape_events
 from fitting_core.fit.plausibility import doubts
@@ -56,8 +56,8 @@ from tcfit_app.batch.records import (
     patient_lock,
     picture_path,
     read_record,
+    write_json,
     write_log,
-    write_record,
 )
 from tcfit_app.exports.overlay_video import write_comparison
 from tcfit_app.fitting.bodies import Bodies, record_of
@@ -164,7 +164,7 @@ def _fitted(task: ClipTask, fingerprint: Fingerprint, draft: Path, folder: Path,
         state="done", fingerprint=fingerprint, finished=time.time(), seconds=time.time() - begin, figures=figures
     )
     (task.out / OVERLAY_NAME).unlink(missing_ok=True)  # That of the result which is replaced.
-    write_record(draft / RECORD_NAME, record)
+    write_json(draft / RECORD_NAME, record)
     write_log(folder, "fitted", task, seconds=record.seconds)
     _put(draft, task.out)
     return record
@@ -245,8 +245,7 @@ def write_shape(work: Work) -> Figures:
         frames={member.name: frames for member, frames in zip(members, found.frames, strict=True)},
     )
     work.draft.mkdir(parents=True, exist_ok=True)
-    with replacing(work.draft / SHAPE_NAME) as draft:
-        draft.write_bytes(msgspec.json.format(msgspec.json.encode(content), indent=2) + b"\n")
+    write_json(work.draft / SHAPE_NAME, content)
     return Figures(frames=sum(map(len, found.frames)))
 
 

@@ -7,14 +7,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal
 
-import msgspec
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from fitting_core.files.atomic import replacing
 from tcfit_app.batch.manifest import ClipTask
-from tcfit_app.batch.records import Record
+from tcfit_app.batch.records import Record, write_json
 
 SUMMARY_CSV, SUMMARY_JSON = "summary.csv", "summary.json"
 State = Literal["done", "done before", "failed", "failed before", "left"]
@@ -80,8 +79,7 @@ def write_summary(folder: Path, rows: Sequence[Row], *, seconds: float) -> None:
     with replacing(folder / SUMMARY_CSV) as draft:
         draft.write_text(text.getvalue(), encoding="utf-8")
     content = {"seconds": round(seconds, 3), "clips": counts(rows), "rows": [asdict(row) for row in rows]}
-    with replacing(folder / SUMMARY_JSON) as draft:
-        draft.write_bytes(msgspec.json.format(msgspec.json.encode(content), indent=2) + b"\n")
+    write_json(folder / SUMMARY_JSON, content)
 
 
 def counts(rows: Sequence[Row]) -> dict[State, int]:

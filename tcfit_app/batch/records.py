@@ -88,14 +88,13 @@ def read_record(path: Path) -> Record | None:
         return None
 
 
-def write_record(path: Path, record: Record) -> None:
-    """Write it whole or not at all; it is on the disk when this returns.
+def write_json(path: Path, content: object) -> None:
+    """Write a record, or another JSON file, whole or not at all; it is on the disk when this returns.
 
-    Raises:
-        OSError: It cannot be written.
+    Raises OSError if it cannot be written.
     """
     with replacing(path) as draft:
-        draft.write_bytes(msgspec.json.format(msgspec.json.encode(record), indent=2) + b"\n")
+        draft.write_bytes(msgspec.json.format(msgspec.json.encode(content), indent=2) + b"\n")
 
 
 def done_record(task: ClipTask) -> Record | None:

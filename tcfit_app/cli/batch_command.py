@@ -23,8 +23,8 @@ from tcfit_app.batch.records import (
     done_record,
     failed_path,
     patient_lock,
+    write_json,
     write_log,
-    write_record,
 )
 from tcfit_app.batch.report import write_report
 from tcfit_app.batch.rounds import Course, Round, with_shape
@@ -139,7 +139,7 @@ def _keep(folder: Path, task: ClipTask, record: Record) -> None:
     with accessing(path):
         path.parent.mkdir(exist_ok=True)
         if record.state == "failed":
-            write_record(path, record)
+            write_json(path, record)
             write_log(folder, "failed", task, reason=record.reason)
         else:
             path.unlink(missing_ok=True)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from fitting_core.errors import InputError
 from fitting_core.files.regular import legible
-from tcfit_app.cli.json_lines import Failure, emit
+from tcfit_app.cli.json_lines import Failure, discard, emit
 
 FAILED, INPUT_ERROR, CANCELLED, PIPE_CLOSED = 1, 2, 130, 141
 """Exit codes: of a full disk, too little memory and the like; of what the user gave (as for unknown options); of Ctrl-C
@@ -101,11 +101,8 @@ def _say_at_last(text: str) -> int:
 
 
 def _drop_output() -> None:
-    """Discard what is still buffered for the standard output, which Python would try to write when it exits."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
         except OSError:
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(nowhere, stream.fileno())
-            os.close(nowhere)
+            discard(stream)

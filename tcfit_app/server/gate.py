@@ -21,7 +21,7 @@ from urllib.parse import urlsplit
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
-from tcfit_app.server.address import Address
+from tcfit_app.server.address import Address, ip_in
 
 PROTECTION = {
     "Cache-Control": "no-store",
@@ -197,9 +197,8 @@ def _sent_from(headers: Headers) -> str:
 
 def _place(address: str) -> str:
     """Where an address is: of IPv6 its network, for a computer has as many of those as it likes."""
-    try:
-        ip = ipaddress.ip_address(address.partition("%")[0])
-    except ValueError:
+    ip = ip_in(address)
+    if ip is None:
         return address
     return str(ipaddress.ip_network((ip, 64), strict=False)) if ip.version == 6 else str(ip)
 
