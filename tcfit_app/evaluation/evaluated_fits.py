@@ -59,6 +59,10 @@ class EvaluatedFit:
     notes: tuple[str, ...] = ()
     """What a user should know of how it was read."""
 
+    def __len__(self) -> int:
+        """Frames, the same in all phases."""
+        return len(next(iter(self.phases.values()))[0])
+
     def estimate(self, phase: str) -> Estimate:
         """One phase, to be compared."""
         return Estimate(

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from fitting_core.measure.comparison import compare, compare_other
+from fitting_core.measure.comparison import Comparison, compare, compare_other
 from fitting_core.measure.records import Evaluation, Record
 from fitting_core.measure.references.bodies import body_of
 from fitting_core.measure.references.reference import Reference
@@ -46,26 +46,13 @@ def evaluation_of(
             bar.update(count)
             done(count)
 
-        for method, (params, seconds) in fit.phases.items():
-            found = compare(
-                fit.estimate(method),
-                reference,
-                truth_body=truth_body,
-                every=every,
-                done=measured,
-            )
-            records.append(
-                Record(
-                    sequence=fit.name,
-                    motion="",
-                    method=method,
-                    frames=len(params),
-                    frame_rate=fit.frame_rate,
-                    seconds=seconds,
-                    comparison=found,
-                )
-            )
-    others = [] if reference is None else [_of_other(name, fit, reference) for name in reference.others]
+        for method, (_, seconds) in fit.phases.items():
+            found = compare(fit.estimate(method), reference, truth_body=truth_body, every=every, done=measured)
+            records.append(_record(fit, method, found, seconds))
+    others = []
+    if reference is not None:  # other systems' points, which come with it, in the frames of the fit
+        estimate = fit.estimate(next(iter(fit.phases)))
+        others = [_record(fit, name, compare_other(name, estimate, reference)) for name in reference.others]
     return Evaluation(
         title=f"Evaluation of {fit.name}",
         records=(*others, *records),
@@ -74,17 +61,15 @@ def evaluation_of(
     )
 
 
-def _of_other(name: str, fit: EvaluatedFit, reference: Reference) -> Record:
-    """Another system's points, which come with the reference, in the frames of the fit."""
-    estimate = fit.estimate(next(iter(fit.phases)))
+def _record(fit: EvaluatedFit, method: str, comparison: Comparison, seconds: float = 0.0) -> Record:
     return Record(
         sequence=fit.name,
         motion="",
-        method=name,
-        frames=len(estimate.params),
+        method=method,
+        frames=len(fit),
         frame_rate=fit.frame_rate,
-        seconds=0.0,
-        comparison=compare_other(name, estimate, reference),
+        seconds=seconds,
+        comparison=comparison,
     )
 
 
@@ -143,8 +128,7 @@ def drawable(fit: EvaluatedFit, reference: Reference | None, models: Path | None
     """The bodies of a fit, for pictures."""
     truth = None
     if reference is not None and reference.params is not None and reference.body is not None:
-        count = len(next(iter(fit.phases.values()))[0])
-        frames = reference.frames_of(count, fit.first_frame, fit.frame_rate).clip(0)
+        frames = reference.frames_of(len(fit), fit.first_frame, fit.frame_rate).clip(0)
         if reference.in_camera and fit.placed:
             truth = body_of(reference.body, search=models), reference.params[frames.tolist()]
     bodies = {name: (fit.body, params) for name, (params, _) in fit.phases.items()}

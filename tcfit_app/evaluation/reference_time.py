@@ -47,8 +47,7 @@ def _as_it_says(reference: Reference, fit: EvaluatedFit) -> Reference:
     """Points are interpolated between their frames; a reference of any other kind stays as it is."""
     if reference.params is not None or reference.joints is not None or reference.is_even(fit.frame_rate):
         return reference
-    count = len(next(iter(fit.phases.values()))[0])
-    reference.frames_of(count, fit.first_frame, fit.frame_rate)  # raises where it is not clear where it begins
+    reference.frames_of(len(fit), fit.first_frame, fit.frame_rate)  # raises where it is not clear where it begins
     note = f"Its {reference.frame_rate:g} frames per second are interpolated to the fit's {fit.frame_rate:g}."
     placed = at_frames_of(reference, fit.frame_rate)
     return replace(placed, notes=(*placed.notes, note))
