@@ -1,4 +1,4 @@
-"""One fit beside the keypoints that it was to explain: where curves, review queue and tables of figures start."""
+"""A fit beside the keypoints that it explains: the input of curves, review queue and tables of figures."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property

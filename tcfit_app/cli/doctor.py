@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Literal
 
 import platformdirs
+from packaging.requirements import Requirement
+from packaging.version import Version
 
 from fitting_core.body.files.registry import find_body, list_bodies, user_folder
 from fitting_core.errors import InputError
@@ -72,16 +74,17 @@ def check_python() -> Iterator[Check]:
         yield Check(status="failed", found=version, advice=f"install Python {wanted} or later")
     sound: list[str] = []
     for requirement in _requirements():
-        name = re.split(r"[<>=!~ ]", requirement, maxsplit=1)[0]
+        advice = f'pip install "{requirement}"'
         try:
-            found = metadata.version(name)
+            found = metadata.version(requirement.name)
         except metadata.PackageNotFoundError:
-            yield Check(status="failed", found=f"{name} is not installed", advice=f'pip install "{requirement}"')
+            yield Check(status="failed", found=f"{requirement.name} is not installed", advice=advice)
             continue
-        if _fits(found, requirement):
-            sound.append(f"{name} {found}")
+        # A release candidate of the version that is asked for has what is needed.
+        if Version(found).base_version in requirement.specifier:
+            sound.append(f"{requirement.name} {found}")
         else:
-            yield Check(status="failed", found=f"{name} {found}", advice=f'pip install "{requirement}"')
+            yield Check(status="failed", found=f"{requirement.name} {found}", advice=advice)
     yield Check(status="ok", found=", ".join(sound) or "no package")
 
 
@@ -230,27 +233,13 @@ CHECKS: dict[str, Callable[[], Iterator[Check]]] = {
 """What the doctor looks at, by title."""
 
 
-def _requirements() -> list[str]:
+def _requirements() -> list[Requirement]:
     """Packages that tcfit needs, as pyproject.toml names them."""
     try:
         declared = metadata.requires("tcfit") or []
     except metadata.PackageNotFoundError:
         declared = tomllib.loads(_PYPROJECT.read_text())["project"]["dependencies"]
-    return [requirement for requirement in declared if ";" not in requirement]
-
-
-def _fits(version: str, requirement: str) -> bool:
-    """Whether a version lies within the >= and < bounds of a requirement."""
-    bounds = re.findall(r"(>=|<)\s*([\d.]+)", requirement)
-    return all((_numbers(version) >= _numbers(v)) == (sign == ">=") for sign, v in bounds)
-
-
-def _numbers(version: str) -> tuple[int, ...]:
-    """Release numbers without trailing zeros, so that 2.0 equals 2."""
-    numbers = [int(part) for part in re.findall(r"\d+", re.split(r"[+a-z]", version, maxsplit=1)[0])]
-    while numbers and numbers[-1] == 0:
-        numbers.pop()
-    return tuple(numbers)
+    return [wanted for wanted in map(Requirement, declared) if wanted.marker is None]
 
 
 def _write_problem(folder: Path) -> str:

@@ -16,7 +16,8 @@ from fitting_core.files.atomic import replacing
 from fitting_core.measure.depth_figures import DEPTH_CURVES, GROUPINGS, PART_CURVES, DepthRecord, depth_figures, titled
 from fitting_core.measure.report.markup import number
 from tcfit_app.cli.json_lines import Progress, emit, emit_wrote
-from tcfit_app.evaluation.motion_runs import MotionTask, motions_named, run_motions, write_records
+from tcfit_app.evaluation.motion_runs import MotionTask, motions_named, run_motion, write_records
+from tcfit_app.evaluation.suite_runs import done_tasks
 from tcfit_app.options.evaluate import EvaluateOptions
 from tcfit_app.options.fit import MethodOptions, fit_config
 from tcfit_app.options.preparing import compile_kernels
@@ -79,7 +80,7 @@ def _file_name(text: str) -> str:
 
 def _done(tasks: Sequence[MotionTask], jobs: int) -> list[DepthRecord]:
     found: dict[Path, tuple[DepthRecord, ...]] = {}
-    for task, records in run_motions(tasks, jobs=jobs):
+    for task, records in done_tasks(run_motion, tasks, jobs=jobs):
         found[task.folder] = records
         value = depth_figures(records[-1:], "")["all"][_TOLD]
         told = f"{task.sequence}, {task.variant}: {_TOLD.replace(',', f' {number(value)}')}"
