@@ -41,7 +41,7 @@ class Detections:
     frame_rate: float | None = None
     """Frames per second, where the file tells them."""
     detector: str = ""
-    """Who found them, by its name in `keypoint_noise.DETECTORS`; empty where nobody knows."""
+    """Who found them, by its name in `keypoint_noise.DETECTOR_TITLES`; empty where nobody knows."""
     notes: tuple[str, ...] = ()
     """What a user should know of how it was read."""
 

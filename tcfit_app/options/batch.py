@@ -7,7 +7,7 @@ from typing import Annotated
 from tyro.conf import Positional, arg
 
 from fitting_core.clips.options import CameraOptions, ClipOptions
-from tcfit_app.options.fit import BodyOptions, MethodOptions, shown
+from tcfit_app.options.fit import BodyOptions, JsonLines, MethodOptions, shown
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,8 +40,7 @@ class BatchOptions:
     """Write overlay.mp4 beside each result: phase 1 and the final fit side by side."""
     overwrite: bool = False
     """Write into folders that hold other files too."""
-    json: bool = False
-    """Tell programs what happens: a JSON object for each line of the standard output."""
+    json: JsonLines = False
     clip: ClipOptions = field(default_factory=ClipOptions)
     camera: CameraOptions = field(default_factory=CameraOptions)
     body: BodyOptions = field(default_factory=BodyOptions)

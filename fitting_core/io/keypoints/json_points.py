@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
-from fitting_core.keypoint_noise import DETECTORS
+from fitting_core.keypoint_noise import DETECTOR_TITLES
 from fitting_core.video.frame_names import natural_key
 
 # OpenPose interpolates its heat maps bicubically, which overshoots: real files hold face confidences up to 1.006.
@@ -141,11 +141,12 @@ def stray_confidences(path: Path, confidences: Float[np.ndarray, "n"]) -> tuple[
 
 
 def told_detector(path: Path, told: Any) -> tuple[str, tuple[str, ...]]:
-    """The detector's name in `keypoint_noise.DETECTORS` that a file tells, and a note where nothing is known of it."""
+    """The name in `keypoint_noise.DETECTOR_TITLES` that a file tells, and a note where the detector is not known."""
     name = told.strip().lower() if isinstance(told, str) else ""
-    if name in DETECTORS:
+    if name in DETECTOR_TITLES:
         return name, ()
+    known = ", ".join(DETECTOR_TITLES)
     return "", (
-        f"{path.name} says that its keypoints are of the detector {short(told)}; known are {', '.join(DETECTORS)}. "
-        "They are weighed as if they were OpenPose's.",
+        f"{path.name} says that its keypoints are of the detector {short(told)}; known are {known}. They are weighed "
+        "as if they were OpenPose's.",
     )

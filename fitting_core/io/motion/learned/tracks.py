@@ -9,12 +9,12 @@ import torch
 from jaxtyping import Float, Int
 
 from fitting_core.body import rotations
-from fitting_core.body.files.pickles import as_array
 from fitting_core.body.model import N_BETAS
 from fitting_core.camera import Camera, FocalFrom
 from fitting_core.errors import InputError, some_of
+from fitting_core.files.pickles import as_array
+from fitting_core.files.torch_pickles import plain
 from fitting_core.io.motion.imported_motion import SeenPoints
-from fitting_core.io.motion.learned.unpickling import plain
 
 BODY = 22
 """Joints of a body without hands and face: the root and 21 others. SMPL's two hand joints are left out."""
