@@ -245,7 +245,7 @@ DAMAGES: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
     "negative variance": (replaced("bodyprior_enc_bn1.running_var", -torch.ones(63)), "negative variances"),
     "whole numbers": (replaced("bodyprior_dec_fc1.bias", torch.ones(HIDDEN, dtype=torch.int64)), "is int64 of shape"),
     "not finite": (replaced("bodyprior_dec_fc1.bias", torch.full((HIDDEN,), torch.nan)), "not finite numbers"),
-    "an unknown type": (replaced("bodyprior_dec_fc1.bias", torch.ones(HIDDEN) * 1j), "a storage that is none of num"),
+    "an unknown type": (replaced("bodyprior_dec_fc1.bias", torch.ones(HIDDEN) * 1j), "a storage without numbers"),
 }  # fmt: skip
 
 

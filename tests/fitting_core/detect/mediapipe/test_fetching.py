@@ -94,7 +94,7 @@ def test_those_of_another_version_are_replaced(source: Path, place: Path, monkey
 
 @pytest.mark.parametrize(
     ("npm", "words"),
-    [("offline", "no way to its server"), ("refused", "403 Client Error"), ("full", "disk"), (None, "")],
+    [("offline", "cannot reach its server"), ("refused", "403 Client Error"), ("full", "disk"), (None, "")],
 )
 def test_without_the_npm_package_the_others_are_there(source: Path, place: Path, npm: str | None, words: str):
     using = fake_programs(source, npm=npm or "works")
