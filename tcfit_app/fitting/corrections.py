@@ -49,10 +49,6 @@ class Shelf(Protocol):
         """That is this from now on."""
         ...
 
-    def changed(self) -> None:
-        """Runs are others than they were."""
-        ...
-
 
 class Corrections:
     """The corrections of a project's runs. Thread-safe.
@@ -168,7 +164,6 @@ class Corrections:
         else:
             self._project.runs.amend(base.id, found, edits_seen=now_seen)
         self._fits.publish(collected.id, found)
-        self._fits.changed()
 
     def _begun(self, base: Run, fit: FitResult, seen: int) -> Run:
         name, taken = f"{base.name} corrected", {run.name for run in self._fits.runs}
@@ -243,7 +238,6 @@ class Corrections:
         for change, other in turned:
             (changes.take_back if gone else changes.make_again)(change, other)
         self._fits.publish(run.id, fit)
-        self._fits.changed()
         edits = {edit: stood for change in gone for edit, stood in change.about.edits.items()}
         if left := {edit: stood for edit, stood in edits.items() if self._project.stands(edit) == stood}:
             self.to_follow.put((run, left))
