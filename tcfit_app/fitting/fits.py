@@ -3,6 +3,8 @@
 import threading
 import time
 from collections import OrderedDict
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from itertools import count
 from pathlib import Path
@@ -152,6 +154,8 @@ class Fits:
         self._revisions = count(1)
         self._runs: tuple[int, tuple[Run, ...]] = (-1, ())
         """Of which version of their rows, and they."""
+        self._unseen = 0
+        """How many write some that are not to be seen yet."""
         self._unwritten: dict[int, FitResult] = {}
         """Finished fits that the disk had no room for."""
         self.corrections = Corrections(project, self)
@@ -162,9 +166,21 @@ class Fits:
         """All runs that are not deleted, oldest first."""
         with self._lock:
             version = self.version  # before: what is written meanwhile is read the next time
-            if self._runs[0] != version:
+            if self._runs[0] != version and (not self._unseen or self._runs[0] < 0):
                 self._runs = version, tuple(self._project.runs.all())
             return self._runs[1]
+
+    @contextmanager
+    def unseen(self) -> Iterator[None]:
+        """Runs that are written inside are seen at its end: those who draw would look for their fits on the disk before
+        they are published."""
+        with self._lock:
+            self._unseen += 1
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._unseen -= 1
 
     @property
     def version(self) -> int:

@@ -312,8 +312,8 @@ class FitInputs:
 
     def _draw_focal(self, now: FitSettings) -> None:
         tab, camera = self._tab, self._camera
-        project = tab.session.project
-        metre = tab.once("metre", project.keypoints_version, lambda: metre_in_pixels(project.footage.keypoints))
+        detected = tab.session.project.detections
+        metre = tab.once("metre", id(detected), lambda: metre_in_pixels(detected))
         seen = Perspective(focal=now.focal or camera.focal[0], size=camera.size, metre=metre)
         lenses = [button(name, "fit.lens", name, kind="mini", hint=f"{mm:g} mm") for name, mm in LENSES.items()]
         self._focal.show(
