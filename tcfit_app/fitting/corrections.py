@@ -6,6 +6,7 @@ on top of it: the frames are again what they were, bit for bit.
 """
 
 import threading
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from itertools import count, takewhile
 from queue import SimpleQueue
@@ -49,8 +50,8 @@ class Shelf(Protocol):
         """That is this from now on."""
         ...
 
-    def changed(self) -> None:
-        """Runs are others than they were."""
+    def unseen(self) -> AbstractContextManager[None]:
+        """Runs that are written inside are seen at its end."""
         ...
 
 
@@ -146,24 +147,24 @@ class Corrections:
             raise InputError(f"{base.name} was deleted: what followed its corrections is not kept.")
         now_seen = self.edits_seen(base, windows, seen)
         new = base.kind != "corrections"
-        collected = self._begun(base, found, now_seen) if new else base
-        changes = self._changes_of(collected.id)
-        if self._project.redoable is None:
-            changes.forget(changes.taken_back)
-        changes.add(
-            Frames.of(fit, windows, base.edits_seen),
-            # What it stands on may have overtaken it.
-            seen=max([seen, *(change.about.seen for change in changes.made[-1:])]),
-            edits=edits,
-            frames=len(clip),
-        )
-        if new:
-            self._project.runs.finish(collected.id, found)
-            self._collected[run] = collected.id
-        else:
-            self._project.runs.amend(base.id, found, edits_seen=now_seen)
-        self._fits.publish(collected.id, found)
-        self._fits.changed()
+        with self._fits.unseen():
+            collected = self._begun(base, found, now_seen) if new else base
+            changes = self._changes_of(collected.id)
+            if self._project.redoable is None:
+                changes.forget(changes.taken_back)
+            changes.add(
+                Frames.of(fit, windows, base.edits_seen),
+                # What it stands on may have overtaken it.
+                seen=max([seen, *(change.about.seen for change in changes.made[-1:])]),
+                edits=edits,
+                frames=len(clip),
+            )
+            if new:
+                self._project.runs.finish(collected.id, found)
+                self._collected[run] = collected.id
+            else:
+                self._project.runs.amend(base.id, found, edits_seen=now_seen)
+            self._fits.publish(collected.id, found)
 
     def _begun(self, base: Run, fit: FitResult, seen: int) -> Run:
         name, taken = f"{base.name} corrected", {run.name for run in self._fits.runs}
@@ -229,11 +230,11 @@ class Corrections:
                 return False
             turned.append((change, Frames.of(fit, other.windows, seen)))
             fit, seen = other.put_into(fit), other.edits_seen
-        self._project.runs.amend(run.id, fit, edits_seen=seen)
-        for change, other in turned:
-            (changes.take_back if gone else changes.make_again)(change, other)
-        self._fits.publish(run.id, fit)
-        self._fits.changed()
+        with self._fits.unseen():
+            self._project.runs.amend(run.id, fit, edits_seen=seen)
+            for change, other in turned:
+                (changes.take_back if gone else changes.make_again)(change, other)
+            self._fits.publish(run.id, fit)
         edits = {edit: stood for change in gone for edit, stood in change.about.edits.items()}
         if left := {edit: stood for edit, stood in edits.items() if self._project.stands(edit) == stood}:
             self.to_follow.put((run, left))

@@ -3,6 +3,8 @@
 import threading
 import time
 from collections import OrderedDict
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from itertools import count
 from pathlib import Path
@@ -71,6 +73,11 @@ class Shown:
     """The one that it was fitted with: its focal length may not be the clip's."""
     there: Bool[np.ndarray, "T"] | None = field(compare=False)
     """Frames that have a body; None: all. Where they are others, the revision is."""
+
+    @property
+    def version(self) -> tuple[int, int, int]:
+        """Stands for `params`."""
+        return self.run.id, self.phase, self.revision
 
     def has(self, frame: int) -> bool:
         """Whether there is a body in a frame: while phase 1 runs, not in those that it has not come to."""
@@ -145,21 +152,40 @@ class Fits:
         self._asked: dict[int, float] = {}
         """When each was asked for last."""
         self._revisions = count(1)
-        self._runs: tuple[Run, ...] | None = None
+        self._runs: tuple[int, tuple[Run, ...]] = (-1, ())
+        """Of which version of their rows, and they."""
+        self._unseen = 0
+        """How many write some that are not to be seen yet."""
         self._unwritten: dict[int, FitResult] = {}
         """Finished fits that could not be written."""
         self.corrections = Corrections(project, self)
         """Of keypoints, which are runs of their own."""
-        self.changes = 0
-        """Changes whenever a run appears, changes or goes."""
 
     @property
     def runs(self) -> tuple[Run, ...]:
         """All runs that are not deleted, oldest first."""
         with self._lock:
-            if self._runs is None:
-                self._runs = tuple(self._project.runs.all())
-            return self._runs
+            version = self.version  # before: what is written meanwhile is read the next time
+            if self._runs[0] != version and (not self._unseen or self._runs[0] < 0):
+                self._runs = version, tuple(self._project.runs.all())
+            return self._runs[1]
+
+    @contextmanager
+    def unseen(self) -> Iterator[None]:
+        """Runs that are written inside are seen at its end: those who draw would look for their fits on the disk before
+        they are published."""
+        with self._lock:
+            self._unseen += 1
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._unseen -= 1
+
+    @property
+    def version(self) -> int:
+        """Another number whenever a run appeared, changed or went."""
+        return self._project.runs.version
 
     def run(self, number: int) -> Run | None:
         """A run that is not deleted."""
@@ -171,12 +197,6 @@ class Fits:
             return Path(source.path).name or "a file"
         run = self.run(source.run)
         return f"run {source.run}, which was deleted" if run is None else run.name
-
-    def changed(self) -> None:
-        """Rows of runs are others than they were."""
-        with self._lock:
-            self._runs = None
-            self.changes += 1
 
     def showable(self) -> list[Run]:
         """Runs of which there is something to look at, oldest first."""
@@ -282,7 +302,6 @@ class Fits:
             # Frames that are fitted again stand as they were until they come in, and all others for good.
             partial = _Partial(phase=3, params=start.params, there=None) if run.kind == "frames" else None
             self.publish(run.id, replace(fit, phases=kept, config=run.config), partial)
-        self.changed()
 
     def end(self, run: int, state: Ended, message: str = "") -> None:
         """A run was cancelled or has failed; what it has stored stays.
@@ -295,13 +314,11 @@ class Fits:
             version = self._versions.pop(run, None)
             if version is not None and version.fit is not None and self._project.runs.get(run).stored:
                 self.publish(run, version.fit)
-        self.changed()
 
     def forget(self, run: int) -> None:
         """A run was deleted."""
         with self._lock:
             self._versions.pop(run, None)
-        self.changed()
 
     def keep(self, job: Job, result: PhaseFinished | FramesFitted | FitResult) -> None:
         """Store what a run's job found; see `worker.Sink`."""
@@ -319,11 +336,9 @@ class Fits:
                     f"{error} The fit is not lost: leave tcfit running, it is written as soon as that is possible."
                 ) from error
             self.publish(job.run_id, result)
-            self.changed()
         elif isinstance(result, PhaseFinished):
             self._project.runs.store(job.run_id, result.so_far)
             self.publish(job.run_id, result.so_far)
-            self.changed()
         else:
             self._put_frames(job, result)
 
@@ -342,7 +357,6 @@ class Fits:
                 except InputError:
                     break
                 self.publish(number, found)
-                self.changed()
             del self._unwritten[number]
         return written
 
@@ -354,8 +368,6 @@ class Fits:
                 before = _begun(version, found, len(job.clip))
             partial = before.with_frames(found.frames, found.params)
             self._put(job.run_id, version.fit, camera, partial)
-        if len(version.finished) == 0 and version.partial is None:
-            self.changed()  # there is something to look at
 
     def keep_correction(self, correction: Correction, target: Target, refit: Refit) -> None:
         """Store a released drag; see `worker.Sink`."""

@@ -21,13 +21,17 @@ from tcfit_app.review.shared.shared_video import Videos
 from tcfit_app.review.tab.browser_tab import BrowserTab
 from tcfit_app.review.tab.people import Someone, alone, together
 from tcfit_app.review.tab.tab import REMEMBERED
-from tcfit_app.server.gated_viser import is_here
+from tcfit_app.server.gated_viser import visitor
 from tcfit_app.server.page_files import PageFiles
 
 TICK = 1 / 60
 """Seconds between two drawings while something moves."""
 REST = 0.25
-"""Seconds between two drawings while nothing does: messages end, the worker's news are looked for."""
+"""Seconds between two drawings while nothing does: tasks say how far they are, messages end."""
+IDLE = 1.0
+"""Seconds between two drawings once nothing has been asked for LATELY, and nothing is being done."""
+LATELY = 5.0
+"""Seconds."""
 MOST_COMMANDS = 5000
 """That may wait for the drawing thread; what pages ask for beyond is dropped."""
 _log = logging.getLogger(__name__)
@@ -53,6 +57,8 @@ class ReviewApp:
     ) -> None:
         self.session, self._server, self._files = session, server, files
         self._commands: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._obeyed = 0.0
+        """When something was asked for last."""
         self._stop = threading.Event()
         self.people = self._people(group)
         self._first = next(someone for someone in self.people if someone.session is session)
@@ -98,7 +104,8 @@ class ReviewApp:
 
     def _open(self, client: viser.ClientHandle) -> None:
         number = client.client_id
-        browser = BrowserTab(client, PageFiles(here=is_here(self._server, number), root=self._files))
+        whose = visitor(self._server, number)
+        browser = BrowserTab(client, PageFiles(here=whose.here, root=self._files), whose.name)
         browser.go_to = lambda someone: self._go_to(number, someone)
         browser.has_come = lambda: self._go_back(number)
         self.pages[number] = Page(browser, self._first, self._take)
@@ -143,7 +150,7 @@ class ReviewApp:
         """Draw until `stop` is called."""
         self.data.warm_up()  # while the browser loads the page
         while not self._stop.is_set():
-            self._obey(TICK if self._moving() else REST)
+            self._obey(self._patience())
             now = time.monotonic()
             for someone in self.people:
                 self._faults.attempt(f"take the worker's news {someone.name}", someone.session.take_news, now)
@@ -164,13 +171,18 @@ class ReviewApp:
         for someone in self.people:
             someone.data.close()
 
-    def _moving(self) -> bool:
-        return any(page.tab.state.playing for page in self.pages.values())
+    def _patience(self) -> float:
+        """Seconds until the next drawing, if nothing is asked for."""
+        if any(page.tab.state.playing or page.behind for page in self.pages.values()):
+            return TICK
+        busy = any(someone.session.tasks.busy for someone in self.people)
+        return REST if busy or time.monotonic() - self._obeyed < LATELY else IDLE
 
     def _obey(self, patience: float) -> None:
         """Do what was asked for, waiting a while for the first."""
         try:
             command = self._commands.get(timeout=patience)
+            self._obeyed = time.monotonic()
             while True:
                 self._do(command)
                 command = self._commands.get_nowait()

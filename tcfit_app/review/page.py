@@ -3,6 +3,7 @@
 Where a clip has several people, a tab has a page for each of them that it has shown, and one of them is drawn.
 """
 
+import time
 from collections.abc import Callable
 from functools import cached_property
 from typing import Any
@@ -16,6 +17,7 @@ from tcfit_app.review.browser import page_events
 from tcfit_app.review.browser.page_events import PageEvent
 from tcfit_app.review.browser.page_states import Beat, Cursor, Framing, Keys, Selection, Skeleton
 from tcfit_app.review.drawing.first_steps import HINTS
+from tcfit_app.review.drawing.menus import frame_menus, picture_menus
 from tcfit_app.review.drawing.picture import Picture
 from tcfit_app.review.drawing.rows import MOST_ROWS, PLOTS
 from tcfit_app.review.drawing.status import Status
@@ -35,6 +37,9 @@ from tcfit_app.server.uploads import too_large
 
 _BEAT = 5.0
 """Seconds between two signs of life."""
+_REST = 10.0
+"""Times as long as menus and panels have taken, they are left alone then: they are made whole each time, which must not
+take the time of bodies that are played or follow a drag."""
 SKELETON = Skeleton(
     names=tuple(full_name(joint) for joint in range(COUNT)),
     hands=tuple((wrist, hand.start, hand.stop) for wrist, hand in HANDS_OF.items()),
@@ -54,13 +59,17 @@ class Page:
         self._faults = Faults(lambda notice: self.tab.notify(notice))
         self._followed: int | None = None
         """The drag's body that was sent last."""
+        self.behind = False
+        """Menus and panels are still to be drawn."""
+        self._next_panels = 0.0
+        """When menus and panels may be drawn again."""
         self._begin()
 
     def _begin(self) -> None:
         """From now on the browser's tab shows this."""
         browser = self.tab.browser
         browser.receive = lambda event: self.tab.do(lambda: self.receive(event))
-        browser.show_first_steps = lambda: browser.channel.send("hints", HINTS)
+        browser.show_first_steps = lambda: browser.channel.ask("hints", HINTS)
         self.tab.channel.send("skeleton", SKELETON)
         self.tab.channel.send("keys", Keys(bindings=bindings()))
 
@@ -143,7 +152,8 @@ class Page:
 
     def _run(self, action: Action) -> None:
         self.tab.doing = action.title
-        action.run(self.gestures)
+        self.tab.look()
+        action.do(self.gestures)
 
     def _seek(self, event: page_events.Seek) -> None:
         self.tab.pause()
@@ -195,8 +205,7 @@ class Page:
         """
         if not self.tab.ready:
             return
-        if self.tab.sent.differs("beat", now // _BEAT):
-            self.tab.channel.send("beat", Beat(milliseconds=round(1e3 * _BEAT)))
+        self.tab.channel.send("beat", Beat(milliseconds=round(1e3 * _BEAT), number=int(now // _BEAT)))
         if self.tab.state.playing and not self.tab.advance(now):
             return
         self._attempt("tell what is on show", self.tab.look, now)
@@ -211,36 +220,38 @@ class Page:
         problem = self.picture.problem or self.tab.shown.problem
         self._attempt("draw the status line", lambda: self.status.draw(now, problem), now)
         self._attempt("show the keys", self._key_window.draw, now)
-        panels = self.panels
+        self.behind = time.monotonic() < self._next_panels
+        if not self.behind:
+            self._draw_panels(now)
+
+    def _draw_panels(self, now: float) -> None:
+        begun, panels = time.thread_time(), self.panels
+        self._attempt("draw the menus", self._draw_menus, now)
         self._attempt("draw the choice of the person", self._person.draw, now)
         for panel in panels:
             self._attempt(f"draw the panel {panel.title}", panel.draw, now)
+        self._next_panels = time.monotonic() + _REST * (time.thread_time() - begun)
+
+    def _draw_menus(self) -> None:
+        self.tab.channel.send("frame_menus", frame_menus(self.gestures))
+        self.tab.channel.send("picture_menus", picture_menus(self.gestures))
 
     def _attempt(self, what: str, draw: Callable[[], object], now: float) -> None:
-        def whole() -> None:
-            with self.tab.sent.all_or_nothing():
-                draw()
-
-        self._faults.attempt(what, whole, now)
+        self._faults.attempt(what, draw, now)
 
     def _draw_picture(self, now: float) -> None:
         tab, revision = self.tab, self.tab.shown.revision
         following = revision not in (None, self._followed)
-        if not self.picture.draw():
-            return
-        if tab.state.playing or following:
-            tab.playback.sent(now, tab.state.frame)
-        if following:
-            self._followed = revision
-            tab.channel.send("cursor", Cursor(frame=tab.state.frame, playing=tab.state.playing))
+        if self.picture.draw():
+            if tab.state.playing or following:
+                tab.playback.sent(now, tab.state.frame)
+            self._followed = revision if following else self._followed
+        tab.channel.send("cursor", Cursor(frame=tab.state.frame, playing=tab.state.playing, live=self._followed))
 
     def _draw_selection(self) -> None:
         tab, framing = self.tab, self.gestures.again.framing
-        if tab.sent.differs("framing", framing):
-            tab.channel.send("framing", None if framing is None else Framing(around=part_name(framing)))
-        if tab.sent.differs("selection", tab.state.selection, tab.state.suggested):
-            selection = Selection(joints=tab.state.selection, suggested=tab.state.suggested)
-            tab.channel.send("selection", selection)
+        tab.channel.send("framing", None if framing is None else Framing(around=part_name(framing)))
+        tab.channel.send("selection", Selection(joints=tab.state.selection, suggested=tab.state.suggested))
 
     def close(self) -> None:
         """The tab is gone."""

@@ -6,6 +6,7 @@ this user's terminal, memory or cookies; between computers everything travels un
 """
 
 import base64
+import hmac
 import ipaddress
 import re
 import secrets
@@ -34,6 +35,8 @@ PROTECTION = {
 
 HOME = "/"
 """viser's page, which is a single file."""
+NAME_CHARACTERS = 40
+"""Of a name with which somebody signs in, at most."""
 _TOKEN_BYTES = 32
 _PLACE = re.compile(r"/\?frame=-?[0-9]{1,15}(&(run|phase|person)=[0-9]{1,15})*")
 """The page at a frame and a fit, as its links have it. No other query is for viser's page: with "?websocket=" it would
@@ -62,8 +65,9 @@ class Entry:
 class Gate:
     """Answers, in viser's place, whatever must not reach it.
 
-    The link's token lets in one browser and is void from then on; a cookie stands for it, the same for all that came
-    in, for as long as the process runs. There always is one unused link. Safe to use from several threads.
+    The link's token lets in one browser and is void from then on; a cookie stands for it, for as long as the process
+    runs. It holds the name with which somebody has signed in by the password, sealed; it is the same for all that came
+    by a link. There always is one unused link. Safe to use from several threads.
     """
 
     def __init__(
@@ -89,7 +93,7 @@ class Gate:
         self._admitted = admitted
         # Cookies do not tell ports apart: without it two servers on one computer would overwrite each other's.
         self._cookie_name = f"tcfit-{address.port}"
-        self._cookie = secrets.token_urlsafe(_TOKEN_BYTES)
+        self._secret = secrets.token_bytes(_TOKEN_BYTES)
         self._token = secrets.token_urlsafe(_TOKEN_BYTES)
         self._lock = threading.Lock()
 
@@ -110,7 +114,7 @@ class Gate:
         own = self._entry.public if public else f"http://{hosts[0]}"
         if (origins or websocket) and origins != [own]:
             return _page(HTTPStatus.FORBIDDEN, _FOREIGN)
-        if self._knows(request.headers):
+        if self.name_of(request.headers) is not None:
             return self._lead(request.path, websocket)
         if not websocket and self._redeem(request.path):
             self._admitted()
@@ -123,13 +127,14 @@ class Gate:
         return _page(HTTPStatus.FORBIDDEN, _UNKNOWN)
 
     def _ask(self, request: Request, place: str, *, secure: bool) -> Response:
-        """The password, which the browser asks for in a window of its own (RFC 7617), whatever the user's name."""
+        """The password, which the browser asks for in a window of its own (RFC 7617), with any name."""
         given = request.headers.get_all("Authorization")
         wrong, now = self._wrong.get(place, ()), time.monotonic()
         if len(wrong) == _TRIES and now - wrong[0] < _MINUTE:
             return _page(HTTPStatus.TOO_MANY_REQUESTS, _TOO_OFTEN, {"Retry-After": f"{_MINUTE:.0f}"})
-        if len(given) == 1 and _same(_password_in(given[0]), self._entry.password):
-            return self._welcome(request.path, secure=secure)
+        name, password = _signed_in(given[0]) if len(given) == 1 else ("", "")
+        if given and _same(password, self._entry.password):
+            return self._welcome(request.path, secure=secure, name=name)
         if given:
             with self._lock:
                 self._wrong.setdefault(place, deque(maxlen=_TRIES)).append(now)
@@ -150,9 +155,19 @@ class Gate:
             return Response(HTTPStatus.NO_CONTENT, HTTPStatus.NO_CONTENT.phrase, Headers({"Connection": "close"}))
         return _page(HTTPStatus.NOT_FOUND, "There is nothing here. <a href='/'>To the review.</a>")
 
-    def _knows(self, headers: Headers) -> bool:
+    def name_of(self, headers: Headers) -> str | None:
+        """With what name somebody has signed in, empty for who came by a link; None for who has not come in."""
         cookies = [part.strip().partition("=") for line in headers.get_all("Cookie") for part in line.split(";")]
-        return any(_same(value, self._cookie) for name, _, value in cookies if name == self._cookie_name)
+        for value in (value for name, _, value in cookies if name == self._cookie_name):
+            name = _decoded(value.partition(".")[0])
+            if _same(value, self._cookie(name)):
+                return name
+        return None
+
+    def _cookie(self, name: str) -> str:
+        """What stands for somebody who came in, which nobody else can make."""
+        seal = hmac.new(self._secret, name.encode(), "sha256").hexdigest()
+        return f"{base64.urlsafe_b64encode(name.encode()).decode().rstrip('=')}.{seal}"
 
     def _redeem(self, path: str) -> bool:
         with self._lock:
@@ -164,8 +179,8 @@ class Gate:
     def _entrance(self) -> str:
         return f"/?token={self._token}"
 
-    def _welcome(self, path: str, *, secure: bool) -> Response:
-        cookie = f"{self._cookie_name}={self._cookie}; HttpOnly; SameSite=Strict; Path=/{'; Secure' * secure}"
+    def _welcome(self, path: str, *, secure: bool, name: str = "") -> Response:
+        cookie = f"{self._cookie_name}={self._cookie(name)}; HttpOnly; SameSite=Strict; Path=/{'; Secure' * secure}"
         return _going_on(path if _PLACE.fullmatch(path) else HOME, {"Set-Cookie": cookie})
 
 
@@ -203,14 +218,23 @@ def _place(address: str) -> str:
     return str(ipaddress.ip_network((ip, 64), strict=False)) if ip.version == 6 else str(ip)
 
 
-def _password_in(authorization: str) -> str:
-    """Of a header Authorization; empty if it has none."""
+def _signed_in(authorization: str) -> tuple[str, str]:
+    """Name and password of a header Authorization; both empty if it has none. Of a name what is fit to be shown."""
     scheme, _, code = authorization.partition(" ")
     try:
         text = base64.b64decode(code.strip(), validate=True).decode() if scheme.lower() == "basic" else ""
     except ValueError:
+        return "", ""
+    name, _, password = text.partition(":")
+    return "".join(sign for sign in " ".join(name.split()) if sign.isprintable())[:NAME_CHARACTERS], password
+
+
+def _decoded(name: str) -> str:
+    """Of a cookie; empty if it holds none."""
+    try:
+        return base64.urlsafe_b64decode(name + "=" * (-len(name) % 4)).decode()
+    except ValueError:
         return ""
-    return text.partition(":")[2]
 
 
 def _same(found: str, expected: str) -> bool:

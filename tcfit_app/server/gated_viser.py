@@ -8,6 +8,7 @@ import socket
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
+from dataclasses import dataclass
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -32,8 +33,20 @@ REQUEST_SECONDS = 30.0
 GOODBYE_SECONDS = 1.0
 """How long browsers have to hang up when the server stops."""
 
+
+@dataclass(frozen=True, kw_only=True)
+class Visitor:
+    """Whose browser a client is."""
+
+    here: bool = False
+    """It runs on this computer."""
+    name: str = ""
+    """With which somebody has signed in; empty: nobody has given one."""
+
+
+_visitor: ContextVar[Visitor] = ContextVar("whose connection this is, in its own context")
 _screen: ContextVar[Screen] = ContextVar("a connection as viser sees it, in its own context")
-_clients_here: WeakKeyDictionary[viser.ViserServer, set[int]] = WeakKeyDictionary()
+_visitors: WeakKeyDictionary[viser.ViserServer, dict[int, Visitor]] = WeakKeyDictionary()
 
 # Below INFO, websockets logs whole requests, with tokens and cookies.
 _log = logging.getLogger("tcfit_app.requests")
@@ -65,7 +78,7 @@ def gated_viser(listening: socket.socket, gate: Gate) -> Iterator[viser.ViserSer
         options |= {"process_request": _checked(gate, options["process_request"]), "logger": _log}
         options |= {"open_timeout": REQUEST_SECONDS, "close_timeout": REQUEST_SECONDS, "server_header": None}
         options |= {"max_size": MESSAGE_BYTES, "create_connection": Connection, "backlog": BACKLOG}
-        serving = websockets.asyncio.server.serve(_screened(handler), sock=listening, **options)
+        serving = websockets.asyncio.server.serve(_screened(gate, handler), sock=listening, **options)
         started.append(serving.server)
         serving.server.loop.set_exception_handler(LoopErrors(serving.server))
         return serving
@@ -87,12 +100,12 @@ def gated_viser(listening: socket.socket, gate: Gate) -> Iterator[viser.ViserSer
             server.stop()
 
 
-def is_here(server: viser.ViserServer, client: int) -> bool:
-    """Whether a client of a gated server, by its number, is a browser on this computer."""
-    return client in _clients_here.get(server, ())
+def visitor(server: viser.ViserServer, client: int) -> Visitor:
+    """Whose browser a client of a gated server is, by its number."""
+    return _visitors.get(server, {}).get(client, Visitor())
 
 
-def _screened(handler: Callable[[Any], Awaitable[None]]) -> Callable[[ServerConnection], Awaitable[None]]:
+def _screened(gate: Gate, handler: Callable[[Any], Awaitable[None]]) -> Callable[[ServerConnection], Awaitable[None]]:
     """viser's handler of a websocket, which gets to see a Screen instead."""
     room = UploadRoom()
 
@@ -105,6 +118,8 @@ def _screened(handler: Callable[[Any], Awaitable[None]]) -> Callable[[ServerConn
         here = request is not None and bool(other_end) and on_this_computer(other_end[0], request.headers)
         screen = Screen(connection, room, here=here)
         _screen.set(screen)
+        name = None if request is None else gate.name_of(request.headers)
+        _visitor.set(Visitor(here=here, name=name or ""))
         try:
             await handler(screen)
         finally:
@@ -114,17 +129,18 @@ def _screened(handler: Callable[[Any], Awaitable[None]]) -> Callable[[ServerConn
 
 
 def _know_clients(server: viser.ViserServer) -> None:
-    """Tell screens their clients, and keep the numbers of those on this computer. Nobody has a link yet, so none is
-    missed."""
-    here = _clients_here.setdefault(server, set())
+    """Tell screens their clients, and keep whose they are. Nobody has a link yet, so none is missed."""
+    known = _visitors.setdefault(server, {})
 
     def connected(client: int) -> None:
         screen = _screen.get()
         screen.client = lambda: server.get_clients().get(client)
-        if screen.here:
-            here.add(client)
+        known[client] = _visitor.get()
 
-    viser_bridge.watch_connections(server, connected, here.discard)
+    def gone(client: int) -> None:
+        known.pop(client, None)
+
+    viser_bridge.watch_connections(server, connected, gone)
 
 
 def _checked(gate: Gate, answer: Callable[[Any, Request], Response | None]) -> Callable[..., Response | None]:

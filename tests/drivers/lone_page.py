@@ -27,6 +27,7 @@ from tcfit_app.review.shared.drawing_data import DrawingData
 from tcfit_app.review.tab.browser_tab import BrowserTab
 from tcfit_app.review.tab.people import alone
 from tcfit_app.review.tab.state import FitSettings
+from tcfit_app.review.tab.tab import Tab
 from tcfit_app.server.page_files import PageFiles
 from tests.samples.project_samples import BODY, CONFIG, sample_clip, sample_fit
 from tests.samples.sessions import PATIENCE, QUICK, OneBody, small_clip
@@ -156,6 +157,24 @@ class LonePage:
 
 def _plain(html: str) -> str:
     return unescape(re.sub("<[^>]*>", "", html))
+
+
+@contextmanager
+def told(tab: Tab) -> Iterator[list[tuple[str, Any]]]:
+    """The states that a page gets meanwhile, by their names, in their order."""
+    channel, found = tab.channel, []
+    usual = channel.send
+
+    def send(name: str, state: Any) -> None:
+        if channel._sent.get(name) != state:
+            found.append((name, state))
+        usual(name, state)
+
+    channel.send = send
+    try:
+        yield found
+    finally:
+        channel.send = usual
 
 
 @contextmanager

@@ -82,7 +82,7 @@ class Tab:
         """Waits until all that was sent is drawn, and all that the page had to tell is here."""
         self.sent += 1
         frame = self.sent % LENGTH
-        self.send("cursor", states.Cursor(frame=frame))
+        self.send("cursor", states.Cursor(frame=frame, live=self.sent))  # never what the page has already
         self.await_drawn(frame)
 
     def await_drawn(self, frame: int) -> None:

@@ -5,7 +5,10 @@ finished; when its process dies, the run becomes "interrupted" the next time the
 """
 
 import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import UTC, datetime
+from itertools import count
 from pathlib import Path
 from shutil import rmtree
 from time import time_ns
@@ -58,6 +61,16 @@ class Runs:
 
     def __init__(self, folder: Path, database: Database, frames: int) -> None:
         self._folder, self._database, self._frames = folder / _FOLDER, database, frames
+        self._versions = count(1)
+        self.version = 0
+        """Another number whenever a run appeared, changed or went."""
+
+    @contextmanager
+    def _writing(self) -> Iterator[sqlite3.Connection]:
+        """A transaction after which there is another version."""
+        with self._database.transaction() as connection:
+            yield connection
+        self.version = next(self._versions)
 
     def recover(self) -> None:
         """Tidy up after a process that died. Only for the one who holds the project's lock.
@@ -108,7 +121,7 @@ class Runs:
         """
         if parent is not None:
             self.get(parent)
-        with self._database.transaction() as connection:
+        with self._writing() as connection:
             cursor = connection.execute(
                 "INSERT INTO runs (name, kind, state, config, body, parent, given, first_frame, last_frame,"
                 f" edits_seen, started, moment) VALUES (?, ?, 'running', ?, ?, ?, ?, ?, ?, ?, ?, {_NEXT})",
@@ -139,6 +152,7 @@ class Runs:
         """
         self._expect(run, "running")
         write_run(self._path(run), fit)
+        self.version = next(self._versions)
 
     def finish(
         self, run: int, fit: FitResult, *, summary: dict[str, Any] | None = None, state: RunState = "running"
@@ -169,7 +183,7 @@ class Runs:
         if found.kind != "corrections" or found.state != "finished":
             raise InputError(f"{found.name} is no finished run of corrections; it stays as it is.")
         write_run(self._path(run), fit)
-        with self._database.transaction() as connection:
+        with self._writing() as connection:
             connection.execute(
                 f"UPDATE runs SET edits_seen = ?, summary = ?, ended = ?, moment = {_NEXT} WHERE id = ?",
                 (edits_seen, _summary(fit, None), _now().isoformat(), run),
@@ -188,7 +202,7 @@ class Runs:
         return self.get(run)
 
     def _end(self, run: int, state: RunState, message: str, summary: str | None) -> None:
-        with self._database.transaction() as connection:
+        with self._writing() as connection:
             connection.execute(
                 f"UPDATE runs SET state = ?, message = ?, summary = ?, ended = ?, moment = {_NEXT} WHERE id = ?",
                 (state, message, summary, _now().isoformat(), run),
@@ -201,7 +215,7 @@ class Runs:
             InputError: The name cannot be used, there is no such run, or the project cannot be written.
         """
         self.get(run)
-        with self._database.transaction() as connection:
+        with self._writing() as connection:
             connection.execute("UPDATE runs SET name = ? WHERE id = ?", (checked_name(name), run))
 
     def delete(self, run: int) -> None:
@@ -220,7 +234,7 @@ class Runs:
         self._set_deleted(run, None)
 
     def _set_deleted(self, run: int, when: str | None) -> None:
-        with self._database.transaction() as connection:
+        with self._writing() as connection:
             connection.execute("UPDATE runs SET deleted = ? WHERE id = ?", (when, run))
 
     def purge(self) -> list[int]:
@@ -230,7 +244,7 @@ class Runs:
             InputError: The project cannot be written.
         """
         gone = [run.id for run in self.all(deleted=True)]
-        with self._database.transaction() as connection, accessing(self._folder):
+        with self._writing() as connection, accessing(self._folder):
             # Files first: a row without a file only tells that there is nothing to show.
             for run in gone:
                 self._path(run).unlink(missing_ok=True)

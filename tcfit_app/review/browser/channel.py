@@ -9,6 +9,7 @@ text field.
 import hashlib
 from collections.abc import Callable
 from functools import cache
+from itertools import count
 from pathlib import Path
 
 import msgspec
@@ -16,7 +17,7 @@ import numpy as np
 import viser
 
 from tcfit_app.review.browser.page_events import PageEvent, Stranger, decode
-from tcfit_app.review.browser.page_states import STATES, PageState
+from tcfit_app.review.browser.page_states import STATES, Hints, Linking, PageState, Saving, Typing
 from tcfit_app.server.screen import Dropped
 from tcfit_app.server.uploads import UPLOAD_BYTES
 from tcfit_app.server.viser_bridge import field_id, run_javascript
@@ -40,18 +41,27 @@ class Channel:
         self._client = client
         self._receive = receive
         self._last, self._dropped = 0, Dropped()
+        self._sent: dict[str, PageState | None] = {}
+        self._asked = count(1)
         self._field = client.gui.add_text("", "", visible=False)
         self._field.on_update(self._take)  # pyright: ignore[reportArgumentType]
         run_javascript(client, loading())
         run_javascript(client, page_call("connect", field_id(self._field), timeline, UPLOAD_BYTES))
 
     def send(self, name: str, state: PageState | None) -> None:
-        """Replace the page's state of that name, one of STATES; None takes it away.
+        """Bring the page's state of that name, one of STATES, to this one; None takes it away.
 
-        If the connection is slow, the newest state of each name waits, and no other.
+        What the page has already is not sent again, so whoever draws sends everything each time. If the connection is
+        slow, the newest state of each name waits, and no other.
         """
         assert name in STATES and (state is None or type(state) is STATES[name]), f"{state} is no {name}"
-        run_javascript(self._client, page_call("receive", name, state), key=f"tcfit {name}")
+        if self._sent.get(name) != state:
+            run_javascript(self._client, page_call("receive", name, state), key=f"tcfit {name}")
+            self._sent[name] = state
+
+    def ask(self, name: str, state: Saving | Typing | Linking | Hints) -> None:
+        """Have the page do something, once more if it is the same as before."""
+        self.send(name, msgspec.structs.replace(state, number=next(self._asked)))
 
     async def _take(self, event: viser.GuiEvent[viser.GuiTextHandle]) -> None:
         # A coroutine: viser calls these in the order of arrival, others in any order from several threads.

@@ -451,6 +451,8 @@ class Cursor(_State, frozen=True, kw_only=True):
 
     frame: int
     playing: bool = False
+    live: int | None = None
+    """Which body a drag has led to last: the page tells when it has drawn that of the same frame, too."""
 
 
 class KeyBinding(_State, frozen=True, kw_only=True):
@@ -504,6 +506,8 @@ class Beat(_State, frozen=True, kw_only=True):
     nothing more."""
 
     milliseconds: int
+    number: int = 0
+    """Of the beat."""
 
 
 class Saving(_State, frozen=True, kw_only=True):
@@ -511,8 +515,8 @@ class Saving(_State, frozen=True, kw_only=True):
 
     name: str
     """Of the file."""
-    number: int
-    """Ascending: the same picture can be saved twice."""
+    number: int = 0
+    """As of `Typing`."""
 
 
 class Typing(_State, frozen=True, kw_only=True):
@@ -521,8 +525,8 @@ class Typing(_State, frozen=True, kw_only=True):
     panel: str
     field: str
     """Its label."""
-    number: int
-    """Ascending."""
+    number: int = 0
+    """Another one each time that it is asked for: see `Channel.ask`."""
 
 
 class Linking(_State, frozen=True, kw_only=True):
@@ -534,8 +538,8 @@ class Linking(_State, frozen=True, kw_only=True):
     phase: int
     person: int
     """From 1, in the order of people.json; 0 where there is but one."""
-    number: int
-    """Ascending."""
+    number: int = 0
+    """As of `Typing`."""
 
 
 class Hint(_State, frozen=True, kw_only=True):
@@ -549,6 +553,8 @@ class Hints(_State, frozen=True, kw_only=True):
     """What to do first: the page shows it until it is closed."""
 
     steps: tuple[Hint, ...]
+    number: int = 0
+    """As of `Typing`."""
 
 
 class Legend(_State, frozen=True, kw_only=True):

@@ -8,6 +8,7 @@ from fitting_core.keypoints import COUNT, GROUPS
 from tcfit_app.review.browser.page_states import Focus, Path, Trail, pixel_pairs
 from tcfit_app.review.scene.layers import RUN_COLORS, css
 from tcfit_app.review.tab.on_show import SIDES, OnShow, Side
+from tcfit_app.review.tab.state import Part
 from tcfit_app.review.tab.tab import Tab
 
 REACH = 5
@@ -31,40 +32,38 @@ class AroundPart:
 
     def _draw_focus(self) -> None:
         tab, state = self._tab, self._tab.state
-        part = state.close_up
-        if not tab.sent.differs("focus", part, state.frame if part else None, tab.session.edits if part else None):
-            return
+        part, project = state.close_up, tab.session.project
         if part is None:
-            tab.channel.send("focus", None)
-            return
+            return tab.channel.send("focus", None)
+        key = part, state.frame, project.keypoints_version
+        if (focus := tab.once("focus", key, lambda: self._focus(part))) is not None:  # else it stays where it is
+            tab.channel.send("focus", focus)
+
+    def _focus(self, part: Part) -> Focus | None:
+        tab, state = self._tab, self._tab.state
         corrected, group = tab.session.project.corrected, GROUPS[part]
         frames = _frames(state.frame, _SEEN, tab.length)
         there = corrected.confidence[frames.start : frames.stop, group] > 0
         found = followed(corrected.xy[frames.start : frames.stop, group], there, state.frame - frames.start)
-        if found is not None:  # else it stays where it is
-            tab.channel.send("focus", Focus(x=float(found[0]), y=float(found[1])))
+        return None if found is None else Focus(x=float(found[0]), y=float(found[1]))
 
     def _draw_trail(self, shown: OnShow) -> None:
         tab, state = self._tab, self._tab.state
         joints = state.selection if state.trail and state.mode != "space" else ()
-        fits = [fit for place in shown.places for side in place if (fit := shown.fit(side)) is not None]
-        key = tuple((fit.run.id, fit.phase, fit.revision) for fit in fits)
         if not joints:
-            if tab.sent.differs("trail", None):
-                tab.channel.send("trail", None)
-            return
-        if not tab.sent.differs("trail", state.frame, joints, state.mode, tab.session.edits, shown.revision, key):
-            return
-        frames = _frames(state.frame, REACH, tab.length)
+            return tab.channel.send("trail", None)
+        fits = tuple(fit.version for place in shown.places for side in place if (fit := shown.fit(side)) is not None)
+        key = state.frame, joints, shown.places, tab.session.project.keypoints_version, shown.revision, fits
+        tab.channel.send("trail", tab.once("trail", key, lambda: self._trail(shown, joints)))
+
+    def _trail(self, shown: OnShow, joints: tuple[int, ...]) -> Trail:
+        frames = _frames(shown.frame, REACH, self._tab.length)
         fitted = [self._fitted(shown, place[0], frames) for place in shown.places]
-        tab.channel.send(
-            "trail",
-            Trail(
-                now=state.frame - frames.start,
-                detected=tuple(self._detected(joint, frames) for joint in joints),
-                fitted=tuple(tuple(_path(points[:, joint]) for joint in joints) for points in fitted),
-                colors=tuple(css(RUN_COLORS[SIDES.index(place[0])]) for place in shown.places),
-            ),
+        return Trail(
+            now=shown.frame - frames.start,
+            detected=tuple(self._detected(joint, frames) for joint in joints),
+            fitted=tuple(tuple(_path(points[:, joint]) for joint in joints) for points in fitted),
+            colors=tuple(css(RUN_COLORS[SIDES.index(place[0])]) for place in shown.places),
         )
 
     def _detected(self, joint: int, frames: range) -> Path:

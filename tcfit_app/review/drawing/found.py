@@ -4,6 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core.keypoints import BODY, BONES, COUNT
+from tcfit_app.imports.found_people import FoundInFrame
 from tcfit_app.review.browser.page_states import Keypoints, OtherPeople, OtherPerson, pixel_pairs, shares
 from tcfit_app.review.tab.tab import Tab
 
@@ -24,24 +25,27 @@ class FoundPart:
         tab = self._tab
         people, frame = tab.session.source.people, tab.state.frame
         there = not tab.session.project.has_detections
-        choosing = tab.session.can_choose_person
-        if not tab.sent.differs("found", frame, there, choosing, people.version if people else None):
-            return
-        found = people.at(frame) if people and (there or choosing) else None
-        if found is None:
-            points, others = np.zeros((COUNT, 3)), ()
-        else:
-            points = np.zeros((COUNT, 3)) if found.chosen is None else found.points[found.chosen]
-            others = tuple(
-                _other(place, found.points[place])
-                for place in found.others
-                if not in_the_same_place(found.points[place], points)
-            )
+        looking = people if there or tab.session.can_choose_person else None
+        key = frame, looking, looking and looking.version
+        shown, others = tab.once("found", key, lambda: found_in(frame, looking and looking.at(frame)))
         if there:
-            shown = Keypoints(frame=frame, xy=pixel_pairs(points[:, :2]), confidence=shares(points[:, 2]))
             tab.channel.send("keypoints", shown)
         if not tab.someone.others:
-            tab.channel.send("other_people", OtherPeople(people=others))
+            tab.channel.send("other_people", others)
+
+
+def found_in(frame: int, found: FoundInFrame | None) -> tuple[Keypoints, OtherPeople]:
+    """The keypoints of whoever is meant in a frame, and the others who can be chosen instead."""
+    nobody = np.zeros((COUNT, 3))
+    points = nobody if found is None or found.chosen is None else found.points[found.chosen]
+    others = () if found is None else found.others
+    people = tuple(
+        _other(place, found.points[place])
+        for place in others
+        if found is not None and not in_the_same_place(found.points[place], points)
+    )
+    shown = Keypoints(frame=frame, xy=pixel_pairs(points[:, :2]), confidence=shares(points[:, 2]))
+    return shown, OtherPeople(people=people)
 
 
 def in_the_same_place(points: Float[np.ndarray, "137 3"], meant: Float[np.ndarray, "137 3"]) -> bool:

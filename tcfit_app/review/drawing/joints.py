@@ -25,15 +25,15 @@ class JointsPart:
         self._tab, self._data = tab, tab.data
 
     def tell(self, shown: OnShow, bodies: dict[Side, BodyLayer], room: Room | None) -> None:
-        """Send those of these bodies, also while they are hidden; none while it is not known where the floor is."""
-        there: dict[Side, Shown] = {}
-        for side in drawn(bodies) if room is not None else ():
-            fit = shown.with_body(side)
-            if fit is not None:
-                there[side] = fit
-        key = tuple((side, fit.run.id, fit.phase, fit.revision) for side, fit in there.items())
-        if room is None or not self._tab.sent.differs("bodies", shown.frame, shown.revision, room, key):
+        """Send those of these bodies, also while they are hidden; not while it is not known where the floor is."""
+        if room is None:
             return
+        there: dict[Side, Shown] = {side: fit for side in drawn(bodies) if (fit := shown.with_body(side)) is not None}
+        key = shown.frame, shown.revision, room, tuple((side, fit.version) for side, fit in there.items())
+        state = self._tab.once("bodies", key, lambda: self._state(shown, there, bodies, room) if there else None)
+        self._tab.channel.send("bodies", state)
+
+    def _state(self, shown: OnShow, there: dict[Side, Shown], bodies: dict[Side, BodyLayer], room: Room) -> Bodies:
         made = []
         for side, fit in there.items():
             points = self._data.body_points(fit, shown.frame, shown.live_of(side))
@@ -42,12 +42,11 @@ class JointsPart:
             body = FitBody(color=css(bodies[side].color), points=points_in_space(points), error_bars=bars)
             made.append(body)
         down = (float(value) for value in np.round(room.turn[1], 5))
-        state = Bodies(
+        return Bodies(
             bodies=tuple(made),
             down=(next(down), next(down), next(down)),
             floor=round(room.floor - float(room.place[1]), 4),
         )
-        self._tab.channel.send("bodies", state if made else None)
 
 
 def error_bars_of(fit: Shown, frame: int) -> tuple[tuple[float, float] | None, ...]:

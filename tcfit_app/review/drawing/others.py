@@ -82,20 +82,15 @@ class OthersPart:
 
     def _tell(self, seen: list[_Seen]) -> None:
         """Where the names are: above the heads, in the 2D modes."""
-        tab = self._tab
-        if not tab.sent.differs("other people", tuple(seen), tab.state.mode):
-            return
-        flat = tab.state.mode != "space"
-        people = tuple(
-            OtherPerson(
-                number=one.someone.number,
-                name=one.someone.name,
-                hint=f"Show and correct {one.someone.name}",
-                at=_above(one.layer) if flat else None,
-            )
-            for one in seen
-        )
+        tab, flat = self._tab, self._tab.state.mode != "space"
+        people = tab.once("other people", (tuple(seen), flat), lambda: tuple(_named(one, flat=flat) for one in seen))
         tab.channel.send("other_people", OtherPeople(people=people))
+
+
+def _named(one: _Seen, *, flat: bool) -> OtherPerson:
+    someone = one.someone
+    at = _above(one.layer) if flat else None
+    return OtherPerson(number=someone.number, name=someone.name, hint=f"Show and correct {someone.name}", at=at)
 
 
 def _above(layer: BodyLayer) -> tuple[float, float] | None:

@@ -4,7 +4,6 @@ from collections.abc import Hashable
 
 import numpy as np
 
-from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from tcfit_app.analysis.curves import vertex_distances
 from tcfit_app.fitting.fits import Shown
@@ -51,8 +50,6 @@ class Picture:
         self._side, self._joints, self._around = SidePart(tab), JointsPart(tab), AroundPart(tab)
         self._others, self._found, self._silhouette = OthersPart(tab), FoundPart(tab), SilhouettePart(tab)
         self._room: Room | None = None
-        self._placed: tuple[tuple[Room, Camera, int], Room] | None = None
-        """A room, and how the camera of a frame is in it."""
         """Of the fit on show; while another one is made, the last."""
         self._layers: dict[Hashable, BodyLayer] = {}
         self._compared = False
@@ -77,10 +74,8 @@ class Picture:
             self._draw_scene(image, shown, bodies)
             self._around.draw(shown)
             self._draw_keypoints()
-        if tab.sent.differs("flushed", shown.frame, shown.revision):
-            tab.client.flush()  # viser would wait 16 ms for more
-        if tab.sent.differs("legend", self._compared):
-            tab.channel.send("legend", LEGEND if self._compared else None)
+        tab.once("flushed", (shown.frame, shown.revision), tab.client.flush)  # viser would wait 16 ms for more
+        tab.channel.send("legend", LEGEND if self._compared else None)
         return True
 
     def _frame_image(self) -> FrameImage | None:
@@ -161,10 +156,9 @@ class Picture:
         labels = tuple((self._label(shown, side), css(_COLORS[side])) for place in shown.places for side in place)
         if mode == "space":
             self._show(space := self._space(image, shown, layers[0], others, room))
-            self._tell_space(space, room, bodies)
-            if tab.sent.differs("layout", mode, labels):
-                posters = tuple(PosterPlace(width=0.0, label=label, color=color) for label, color in labels)
-                tab.channel.send("layout", Layout(mode="space", posters=posters))
+            self._tell_space(space, bodies)
+            places = tuple(PosterPlace(width=0.0, label=label, color=color) for label, color in labels)
+            tab.channel.send("layout", Layout(mode="space", posters=places))
             return
         side = self._side.poster(shown, drawn, others, self._room) if self._side.wanted(shown) else None
         posters = tuple(Poster(image=image, bodies=made, others=others) for made in layers)
@@ -173,18 +167,14 @@ class Picture:
         )
         self._show(snapshot)
         named = labels if side is None else (*labels, (direction_text(tab.state.side_from), _SIDE_COLOR))
-        layout = poster_layout(snapshot, named, tab.scene.cameras.window, clipped=tab.clipped)
-        if tab.sent.differs("layout", layout):
-            tab.channel.send("layout", layout)
+        tab.channel.send("layout", poster_layout(snapshot, named, tab.scene.cameras.window, clipped=tab.clipped))
         if side is not None:
             self._side.tell(shown, side.view, bodies if self._room is not None else {})
 
     def _before(self, shown: OnShow, room: Room) -> Room:
         """The room as the camera of the frame on show is in it; the same object as long as it is the same."""
-        key = (room, shown.camera, shown.frame)
-        if self._placed is None or self._placed[0] != key:
-            self._placed = key, room.before(shown.camera, shown.frame)
-        return self._placed[1]
+        camera, frame = shown.camera, shown.frame
+        return self._tab.once("room", (room, camera, frame), lambda: room.before(camera, frame))
 
     def _space(
         self,
@@ -209,12 +199,11 @@ class Picture:
             apart=self._tab.state.apart,
         )
 
-    def _tell_space(self, space: Space, room: Room | None, bodies: dict[Side, BodyLayer]) -> None:
+    def _tell_space(self, space: Space, bodies: dict[Side, BodyLayer]) -> None:
         count = sum(body.problem is None for body in bodies.values())
-        if self._tab.sent.differs("space", room, space.apart, count):
-            x, y, z = (triple(row) for row in space.turn)
-            state = SpaceState(turn=(x, y, z), place=triple(space.place), offsets=offsets(count, space.apart))
-            self._tab.channel.send("space", state)
+        x, y, z = (triple(row) for row in space.turn)
+        state = SpaceState(turn=(x, y, z), place=triple(space.place), offsets=offsets(count, space.apart))
+        self._tab.channel.send("space", state)
 
     def _show(self, snapshot: Posters | Space) -> None:
         covered = _LEGEND_HEIGHT if self._compared and isinstance(snapshot, Posters) else 0.0
@@ -234,8 +223,7 @@ class Picture:
         return f"{side.upper()}   {title}"
 
     def _draw_keypoints(self) -> None:
-        tab, state = self._tab, self._tab.state
-        session = tab.session
+        tab, state, project = self._tab, self._tab.state, self._tab.session.project
         style = Style(
             groups=tuple(sorted(state.groups)),
             color_by=state.color_by,
@@ -246,16 +234,20 @@ class Picture:
             hand_along=state.hand_along,
             error_bars=state.error_bars,
         )
-        if tab.sent.differs("style", style):
-            tab.channel.send("style", style)
+        tab.channel.send("style", style)
         self._found.draw()
         self._silhouette.draw()
-        if not session.project.has_detections or not tab.sent.differs("keypoints", state.frame, session.edits):
-            return
-        corrected, found, frame = session.project.corrected, session.project.detected, state.frame
+        if project.has_detections:
+            key = state.frame, project.keypoints_version
+            tab.channel.send("keypoints", tab.once("keypoints", key, self._keypoints))
+
+    def _keypoints(self) -> Keypoints:
+        """Those of the frame on show, as they are corrected."""
+        project, frame = self._tab.session.project, self._tab.state.frame
+        corrected, found = project.corrected, project.detected
         edited = np.flatnonzero(corrected.edited[frame])
         detected = [int(j) for j in edited if found.confidence[frame, j] > 0]
-        keypoints = Keypoints(
+        return Keypoints(
             frame=frame,
             xy=pixel_pairs(corrected.xy[frame]),
             confidence=shares(corrected.confidence[frame]),
@@ -264,7 +256,6 @@ class Picture:
             pinned=tuple(np.flatnonzero(corrected.pinned[frame]).tolist()),
             detections=tuple((j, *pixel_pairs(found.xy[frame, [j]])[0]) for j in detected),
         )
-        tab.channel.send("keypoints", keypoints)
 
 
 def poster_layout(snapshot: Posters, named: tuple[tuple[str, str], ...], canvas: Window, *, clipped: bool) -> Layout:

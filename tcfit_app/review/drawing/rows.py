@@ -105,8 +105,8 @@ class Rows:
         """Send them if they are others than the last time."""
         tab = self._tab
         found, fits = tuple(map(self._find, tab.state.plots)), self._fits()
-        if tab.sent.differs("rows", found, fits):
-            tab.channel.send("rows", states.Rows(rows=tuple(map(self._row, found)), fits=fits))
+        rows = tab.once("rows", (found, fits), lambda: tuple(map(self._row, found)))
+        tab.channel.send("rows", states.Rows(rows=rows, fits=fits))
 
     @property
     def _same(self) -> bool:

@@ -1,7 +1,5 @@
 """The side view of one tab: the picture's bodies, and what the page draws over them."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from fitting_core.camera import Camera
@@ -11,7 +9,7 @@ from tcfit_app.review.drawing.joints import drawn
 from tcfit_app.review.scene.layers import BodyLayer
 from tcfit_app.review.scene.poster import SidePoster
 from tcfit_app.review.scene.room import Room
-from tcfit_app.review.scene.side_view import Direction, SideView, side_view
+from tcfit_app.review.scene.side_view import SideView, side_view
 from tcfit_app.review.tab.on_show import OnShow, Side
 from tcfit_app.review.tab.tab import Tab
 
@@ -19,25 +17,11 @@ _UNKNOWN = Room(turn=np.eye(3), floor=1.0, boxes=np.array([[(-1.0, -1.0, 2.0), (
 """While nothing is drawn in it."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Seen:
-    """A view, and what it was made of."""
-
-    room: Room
-    camera: Camera
-    direction: Direction
-    width: float
-    view: SideView
-
-
 class SidePart:
     """Draws one tab's side view; asked again and again, it sends what changed."""
 
     def __init__(self, tab: Tab) -> None:
-        self._tab, self._data = tab, tab.data
-        self._seen: _Seen | None = None
-        self._moved: tuple[_Seen, int, SideView] | None = None
-        """What was seen in which frame, and how the camera of that frame has it."""
+        self._tab = tab
 
     def wanted(self, shown: OnShow) -> bool:
         """Whether there is a side view: it is switched on, and there is a fit to see."""
@@ -56,10 +40,11 @@ class SidePart:
     def tell(self, shown: OnShow, view: SideView, bodies: dict[Side, BodyLayer]) -> None:
         """Send how the plate shows these bodies."""
         there: list[Side] = [side for side in drawn(bodies) if shown.with_body(side) is not None]
-        if not self._tab.sent.differs("side", shown.frame, shown.revision, view, tuple(there)):
-            return
         fit = shown.with_body(there[-1]) if there else None
-        self._tab.channel.send("side", fit and self._state(view, fit.camera, [bodies[side] for side in there]))
+        layers = [bodies[side] for side in there]
+        key = shown.frame, shown.revision, view, tuple(there)
+        state = self._tab.once("side", key, lambda: fit and self._state(view, fit.camera, layers))
+        self._tab.channel.send("side", state)
 
     def _state(self, view: SideView, camera: Camera, bodies: list[BodyLayer]) -> SideState:
         height = self._tab.session.project.footage.camera.size[1]
@@ -76,11 +61,7 @@ class SidePart:
         )
 
     def _view(self, room: Room, camera: Camera, frame: int) -> SideView:
-        direction, width = self._tab.state.side_from, self._tab.side_width
-        seen = self._seen
-        if seen is None or (seen.room, seen.camera, seen.direction, seen.width) != (room, camera, direction, width):
-            view = side_view(room, camera, direction, width)
-            self._seen = seen = _Seen(room=room, camera=camera, direction=direction, width=width, view=view)
-        if self._moved is None or self._moved[:2] != (seen, frame):
-            self._moved = seen, frame, seen.view.before(camera, frame)
-        return self._moved[2]
+        tab, direction, width = self._tab, self._tab.state.side_from, self._tab.side_width
+        key = room, camera, direction, width
+        seen = tab.once("side view", key, lambda: side_view(room, camera, direction, width))
+        return tab.once("side view of the frame", (seen, frame), lambda: seen.before(camera, frame))

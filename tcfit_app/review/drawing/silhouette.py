@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float
 
-from fitting_core.camera import Lens
+from fitting_core.camera import Camera, Lens
 from fitting_core.lens import straightened
 from tcfit_app.review.browser.page_states import Silhouette, pixel_pairs
 from tcfit_app.review.tab.tab import Tab
@@ -25,13 +25,16 @@ class SilhouettePart:
         """Send what changed."""
         tab, state, clip = self._tab, self._tab.state, self._tab.session.project.footage
         known = clip.silhouettes if state.silhouette and state.mode != "space" else None
-        frame = state.frame if known is not None else None
-        if not tab.sent.differs("silhouette", frame, tab.session.edits if known is not None else None):
-            return
-        mask = None if known is None else known.mask(state.frame)
-        found = [] if mask is None else outlines(mask, clip.camera.size, clip.camera.lens)
-        lines = tuple(pixel_pairs(line) for line in found)
-        tab.channel.send("silhouette", Silhouette(lines=lines) if lines else None)
+        if known is None:
+            return tab.channel.send("silhouette", None)
+        frame, key = state.frame, (state.frame, tab.session.project.keypoints_version)
+        tab.channel.send("silhouette", tab.once("silhouette", key, lambda: silhouette(known.mask(frame), clip.camera)))
+
+
+def silhouette(mask: Bool[np.ndarray, "h w"] | None, camera: Camera) -> Silhouette | None:
+    """A mask's outlines as the page has them; None if there are none."""
+    found = [] if mask is None else outlines(mask, camera.size, camera.lens)
+    return Silhouette(lines=tuple(map(pixel_pairs, found))) if found else None
 
 
 def outlines(mask: Bool[np.ndarray, "h w"], size: tuple[int, int], lens: Lens | None) -> list[Float[np.ndarray, "n 2"]]:

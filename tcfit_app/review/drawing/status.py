@@ -18,12 +18,8 @@ class Status:
     def draw(self, now: float, problem: str) -> None:
         """Send what changed; `problem` says what cannot be shown, and why."""
         tab = self._tab
-        chips = tuple(self.chips(now, problem))
-        if tab.sent.differs("chips", chips):
-            tab.channel.send("chips", Chips(chips=chips))
-        notice = self._notice()
-        if tab.sent.differs("notice", notice):
-            tab.channel.send("notice", notice)
+        tab.channel.send("chips", Chips(chips=tuple(self.chips(now, problem))))
+        tab.channel.send("notice", self._notice())
 
     def chips(self, now: float, problem: str) -> list[Chip]:
         """What is said at a time; `problem` as of `draw`."""

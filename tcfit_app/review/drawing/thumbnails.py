@@ -38,10 +38,12 @@ class Thumbnails:
             made = video.thumbnails([(frame, "thumbnail") for frame in missing], reader=self)
             self._found |= {frame: b64encode(image).decode() for (frame, _), image in made.items()}
         all_there = all(frame in self._found for frame in missing)
-        if tab.sent.differs("thumbnails", video, all_there, len(self._found) // (1 if all_there else _TOGETHER)):
-            frames = tuple(sorted(self._found))
-            images = tuple(self._found[frame] for frame in frames)
-            tab.channel.send("thumbnails", states.Thumbnails(frames=frames, images=images))
+        key = video, all_there, len(self._found) // (1 if all_there else _TOGETHER)
+        tab.channel.send("thumbnails", tab.once("thumbnails", key, self._sorted))
+
+    def _sorted(self) -> states.Thumbnails:
+        frames = tuple(sorted(self._found))
+        return states.Thumbnails(frames=frames, images=tuple(self._found[frame] for frame in frames))
 
 
 def frames_of(length: int) -> tuple[int, ...]:

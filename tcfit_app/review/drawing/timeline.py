@@ -14,7 +14,6 @@ from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.project.edits.edit_log import Note
 from tcfit_app.review.browser import page_states as states
 from tcfit_app.review.browser.page_states import FitSpan, spans
-from tcfit_app.review.drawing.menus import frame_menus, picture_menus
 from tcfit_app.review.drawing.rows import CHOICES, Rows, with_plot
 from tcfit_app.review.drawing.thumbnails import Thumbnails
 from tcfit_app.review.tab.tab import Tab
@@ -40,46 +39,41 @@ class Timeline:
 
     def draw(self) -> None:
         """Send what changed."""
-        tab, state = self._tab, self._tab.state
-        if tab.sent.differs("cursor", state.frame, state.playing):
-            tab.channel.send("cursor", states.Cursor(frame=state.frame, playing=state.playing))
-        if tab.sent.differs("range", state.frames):
-            frames = state.frames
-            chosen = None if frames is None else states.ChosenRange(first=frames[0], last=frames[-1])
-            tab.channel.send("range", chosen)
+        frames = self._tab.state.frames
+        chosen = None if frames is None else states.ChosenRange(first=frames[0], last=frames[-1])
+        self._tab.channel.send("range", chosen)
         self._draw_strip()
         self._rows.draw()
         self._thumbnails.draw()
         self._draw_marks()
         self._draw_keyframes()
         self._draw_suspicions()
-        self._draw_menus()
         self._draw_provenance()
         self._draw_fit()
 
     def _draw_strip(self) -> None:
         tab, clip = self._tab, self._tab.session.project.footage
-        if tab.sent.differs("timeline"):
-            strip = states.Timeline(
-                length=tab.length, frame_rate=clip.frame_rate, first_frame=clip.first_frame, choices=CHOICES
-            )
-            tab.channel.send("timeline", strip)
+        strip = states.Timeline(
+            length=tab.length, frame_rate=clip.frame_rate, first_frame=clip.first_frame, choices=CHOICES
+        )
+        tab.channel.send("timeline", strip)
 
     def _draw_marks(self) -> None:
-        tab, apart = self._tab, self._apart()
-        if not tab.sent.differs("marks", tab.session.edits, tab.session.marked, apart):
-            return
-        project, marks = tab.session.project, tab.session.project.marks.all()
+        apart, project = self._apart(), self._tab.session.project
+        key = project.keypoints_version, project.marks_version, apart
+        self._tab.channel.send("marks", self._tab.once("marks", key, lambda: self._marks(apart)))
+
+    def _marks(self, apart: tuple[int, ...]) -> states.Marks:
+        project, marks = self._tab.session.project, self._tab.session.project.marks.all()
         by_state = {state: [f for f, mark in marks.items() if mark.state == state] for state in ("flag", "checked")}
-        found = states.Marks(
+        return states.Marks(
             edited=spans(project.marked("told")),
             bad=spans(project.marked("bad")),
             flagged=spans(by_state["flag"]),
             checked=spans(by_state["checked"]),
             apart=spans(sorted(apart)),
-            notes=tuple(map(written, tab.session.project.notes)),
+            notes=tuple(map(written, project.notes)),
         )
-        tab.channel.send("marks", found)
 
     def _apart(self) -> tuple[int, ...]:
         """The frames where two finished fits differ most, once that is known."""
@@ -91,52 +85,50 @@ class Timeline:
         return () if found is None else tuple(peaks(found.values))
 
     def _draw_keyframes(self) -> None:
-        tab, joints = self._tab, self._tab.state.selection
-        if tab.sent.differs("keyframes", tab.session.edits, joints):
-            project = tab.session.project
-            frames = np.array(project.marked("key"), int)
-            key = project.corrected.key[frames]
-            chosen = (key[:, list(joints)] if joints else key).any(1)
-            tab.channel.send("keyframes", keyframes(frames[chosen], joints))
+        key = self._tab.session.project.keypoints_version, self._tab.state.selection
+        self._tab.channel.send("keyframes", self._tab.once("keyframes", key, self._keyframes))
+
+    def _keyframes(self) -> states.Keyframes:
+        project, joints = self._tab.session.project, self._tab.state.selection
+        frames = np.array(project.marked("key"), int)
+        key = project.corrected.key[frames]
+        chosen = (key[:, list(joints)] if joints else key).any(1)
+        return keyframes(frames[chosen], joints)
 
     def _draw_suspicions(self) -> None:
         tab, shown = self._tab, self._tab.shown.b
         found = () if shown is None else tab.data.suspects(shown)
         if found is not None:
             self._suspects = found
-        uncertain = tab.someone.uncertain
-        if tab.sent.differs("suspicions", id(self._suspects), uncertain):
-            known = suspicions(self._suspects)
-            mixed = (_mixed_up(span, tab.first_frame, tab.length) for span in uncertain)
-            found = sorted([*known.found, *(one for one in mixed if one)], key=lambda one: (one.first, one.frame))
-            tab.channel.send("suspicions", states.Suspicions(found=tuple(found)))
+        key = self._suspects, tab.someone.uncertain
+        tab.channel.send("suspicions", tab.once("suspicions", key, self._suspicions))
 
-    def _draw_menus(self) -> None:
-        menus = frame_menus(self._tab)
-        if self._tab.sent.differs("frame menus", menus):
-            self._tab.channel.send("frame_menus", menus)
-        in_picture = picture_menus(self._tab)
-        if self._tab.sent.differs("picture menus", in_picture):
-            self._tab.channel.send("picture_menus", in_picture)
+    def _suspicions(self) -> states.Suspicions:
+        tab = self._tab
+        mixed = (_mixed_up(span, tab.first_frame, tab.length) for span in tab.someone.uncertain)
+        found = [*suspicions(self._suspects).found, *(one for one in mixed if one)]
+        return states.Suspicions(found=tuple(sorted(found, key=lambda one: (one.first, one.frame))))
 
     def _draw_provenance(self) -> None:
         tab = self._tab
         fits = (tab.shown.a, tab.shown.b)
-        shown = {(fit.run.id, fit.phase): fit for fit in fits if fit is not None}.values()
-        if tab.sent.differs("provenance", *((fit.run.id, fit.phase, fit.revision, fit.title) for fit in shown)):
-            told = [(f.title, f.result.provenance) for f in shown if f.result is not None]
-            found = tuple(origins(title, provenance) for title, provenance in told if provenance is not None)
-            tab.channel.send("provenance", states.Provenance(fits=found) if found else None)
+        shown = {fit.version: fit for fit in fits if fit is not None}
+        told = {(f.title, key): f.result.provenance for key, f in shown.items() if f.result is not None}
+        found = tab.once(
+            "provenance",
+            tuple(told),
+            lambda: tuple(origins(title, known) for (title, _), known in told.items() if known is not None),
+        )
+        tab.channel.send("provenance", states.Provenance(fits=found) if found else None)
 
     def _draw_fit(self) -> None:
         tab = self._tab
         people = tab.session.source.people if tab.session.source.busy else None
-        if tab.sent.differs("fit", tab.session.changes, people and people.version):
-            jobs = tab.session.jobs.values()
-            found = tuple(span for job in jobs if job.started for span in fit_spans(job, self._frames_of(job)))
-            if people is not None:
-                found = tuple(FitSpan(first=done[0], last=done[-1], state="found") for done in people.done)
-            tab.channel.send("fit", states.Fit(spans=found) if found else None)
+        jobs = tab.session.jobs.values()
+        found = tuple(span for job in jobs if job.started for span in fit_spans(job, self._frames_of(job)))
+        if people is not None:
+            found = tuple(FitSpan(first=done[0], last=done[-1], state="found") for done in people.done)
+        tab.channel.send("fit", states.Fit(spans=found) if found else None)
 
     def _frames_of(self, job: RunningJob) -> range:
         run = self._tab.session.fits.run(job.run) if job.run is not None else None

@@ -1,23 +1,28 @@
 """Everything that a key or the command palette can do, in one table."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from typing import ParamSpec
 
 from fitting_core.errors import InputError
 from fitting_core.keypoints import PARTS
 from tcfit_app.review.browser.page_states import KeyBinding
 from tcfit_app.review.gestures.correcting import Correcting
 from tcfit_app.review.gestures.correcting_depth import CorrectingDepth
+from tcfit_app.review.gestures.depths import limbs_of
 from tcfit_app.review.gestures.detecting_again import DetectingAgain
 from tcfit_app.review.gestures.edit_words import part_name
 from tcfit_app.review.gestures.exchanging import Exchanging
 from tcfit_app.review.gestures.fitting import Fitting
+from tcfit_app.review.gestures.keyframing import keys_in
 from tcfit_app.review.gestures.noting import Noting
 from tcfit_app.review.gestures.reviewing import Reviewing
 from tcfit_app.review.gestures.zooming import next_close_up, show_whole, zoom_to_selection
 from tcfit_app.review.scene.windows import ARRANGEMENTS
 from tcfit_app.review.tab.state import MODES, OPACITIES, SIDES_SEEN
 from tcfit_app.review.tab.tab import Tab
+
+P = ParamSpec("P")
 
 
 class Gestures:
@@ -29,6 +34,19 @@ class Gestures:
         self.depth = CorrectingDepth(tab, self.correcting)
         self.noting, self.exchanging = Noting(tab), Exchanging(tab, self.correcting)
         self.again = DetectingAgain(tab, self.correcting)
+
+
+Need = Callable[[Gestures], object]
+"""Raises InputError that says what is missing, and what to do."""
+
+
+def refusal(check: Callable[P, object], *given: P.args, **named: P.kwargs) -> str:
+    """What a check says that raises InputError; empty if it does not."""
+    try:
+        check(*given, **named)
+    except InputError as error:
+        return str(error)
+    return ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +74,7 @@ class Action:
     """One command."""
 
     title: str
-    run: Callable[[Gestures], None]
+    run: Callable[[Gestures], object]
     keys: tuple[Key, ...] = ()
     group: str = ""
     family: str = ""
@@ -65,6 +83,23 @@ class Action:
     """Whether it goes on while its key is held down."""
     held: bool = False
     """The page does it as long as its key is held down: it is nothing for the command palette."""
+    needs: tuple[Need, ...] = ()
+    """What must be so before it can be done."""
+
+    def obstacle(self, gestures: Gestures, *, but: Collection[Need] = ()) -> str:
+        """Why it cannot be done now; empty if it can. Keys, menus and panels all ask here.
+
+        Args:
+            gestures: Of the tab.
+            but: Needs that do not count: they will be met by then.
+        """
+        return next((why for need in self.needs if need not in but and (why := refusal(need, gestures))), "")
+
+    def do(self, gestures: Gestures) -> None:
+        """Do it. Raises InputError if that is not possible, and then nothing changes."""
+        for need in self.needs:
+            need(gestures)
+        self.run(gestures)
 
     @property
     def key_text(self) -> str | None:
@@ -72,8 +107,10 @@ class Action:
         return " or ".join(map(str, self.keys)) or None
 
 
-def _keys(*keys: str, shift: bool = False, ctrl: bool = False) -> tuple[Key, ...]:
-    return tuple(Key(key=key, shift=shift, ctrl=ctrl) for key in keys)
+def _key(text: str) -> Key:
+    """Of "Ctrl+Shift+z"."""
+    *held, name = text.split("+")
+    return Key(key=name, shift="Shift" in held, ctrl="Ctrl" in held)
 
 
 def _toggle(name: str) -> Callable[[Gestures], None]:
@@ -103,8 +140,6 @@ def _turn_side(gestures: Gestures) -> None:
 
 def _go_to_next_person(gestures: Gestures) -> None:
     someone = gestures.tab.someone
-    if not someone.others:
-        raise InputError("This project has one person: there is no other one to go to.")
     everybody = someone.everybody
     gestures.tab.browser.go_to(everybody[(someone.number + 1) % len(everybody)])
 
@@ -125,194 +160,257 @@ def _edge(gestures: Gestures, *, first: bool) -> None:
     tab.set(frames=range(start, last + 1))
 
 
-_PLAYING = {
-    "play": Action(title="Play or pause", run=lambda g: g.tab.toggle_playing(), keys=_keys("Space")),
-    **{
-        name: Action(
-            title=title,
-            run=lambda g, frames=frames: g.tab.step(frames),
-            keys=_keys(key, shift=abs(frames) > 1),
-            family="Previous, next frame" if abs(frames) == 1 else f"{abs(frames)} frames back, forward",
-            repeats=True,
-        )
-        for name, title, frames, key in (
-            ("previous", "Previous frame", -1, "ArrowLeft"),
-            ("next", "Next frame", 1, "ArrowRight"),
-            ("previous10", "10 frames back", -10, "ArrowLeft"),
-            ("next10", "10 frames forward", 10, "ArrowRight"),
-        )
-    },
-    "first": Action(
-        title="First frame", run=lambda g: g.tab.step(-g.tab.length), keys=_keys("Home"), family="First, last frame"
-    ),
-    "last": Action(
-        title="Last frame", run=lambda g: g.tab.step(g.tab.length), keys=_keys("End"), family="First, last frame"
-    ),
-    "loop": Action(title="Loop or not", run=_toggle("loop"), keys=_keys("l")),
-}
-_VIEW = {
-    **{
-        mode: Action(
-            title=f"Mode: {name}",
-            run=lambda g, mode=mode: g.tab.set(mode=mode),
-            keys=_keys(f"Digit{number}"),
-            family=f"Mode {', '.join(MODES.values())}",
-        )
+# --- what actions need ---
+
+
+def writable(g: Gestures) -> None:
+    """A project that can be changed."""
+    g.tab.refuse_read_only()
+
+
+def keypoints(g: Gestures) -> None:
+    """Something to correct."""
+    g.tab.session.refuse_without_keypoints()
+
+
+def joints(g: Gestures) -> None:
+    """Selected keypoints."""
+    g.correcting.selected()
+
+
+def frames(g: Gestures) -> None:
+    """Frames that are seen, if some are to be changed."""
+    g.tab.refuse_unseen()
+
+
+def limbs(g: Gestures) -> None:
+    """A selected arm or leg."""
+    limbs_of(g.correcting.selected())
+
+
+def lockable(g: Gestures) -> None:
+    """A selected joint that can be locked."""
+    g.depth.lockable()
+
+
+def key(g: Gestures) -> None:
+    """A keyframe of what is selected."""
+    keys_in(g.tab.session.project.corrected, g.correcting.selected(), g.tab.state.frame)
+
+
+def fit(g: Gestures) -> None:
+    """A fit as B."""
+    g.fitting.base()
+
+
+def settings(g: Gestures) -> None:
+    """Settings of a fit of which none is wrong."""
+    g.fitting.refuse_wrong_settings()
+
+
+def picture(g: Gestures) -> None:
+    """A mode with pictures."""
+    if g.tab.state.mode == "space":
+        raise InputError("3D has no picture for that: go to Edit (1) or A | B (2) first.")
+
+
+def silhouettes(g: Gestures) -> None:
+    """A detector that has told what the person covers."""
+    if g.tab.session.project.footage.silhouettes is None:
+        raise InputError("No silhouette is known: only keypoints that tcfit has found itself come with one.")
+
+
+def others(g: Gestures) -> None:
+    """Other people in the clip."""
+    if not g.tab.someone.others:
+        raise InputError("This project has one person: there is no other one to go to.")
+
+
+def _undoable(g: Gestures) -> None:
+    if g.tab.session.project.undoable is None:
+        raise InputError("There is nothing to undo.")
+
+
+def _redoable(g: Gestures) -> None:
+    if g.tab.session.project.redoable is None:
+        raise InputError("There is nothing to redo.")
+
+
+def _looking(g: Gestures) -> None:
+    g.again.refuse()
+
+
+def _suspects(g: Gestures) -> None:
+    if g.reviewing.suspects == () or not g.tab.session.fits.showable():
+        raise InputError("There is no suspicious frame: either there is no fit yet, or all of them were looked at.")
+
+
+def _selected_frames(g: Gestures) -> None:
+    g.fitting.selected_frames()
+
+
+def _edited(g: Gestures) -> None:
+    g.fitting.edited_windows()
+
+
+OF_SELECTION = (joints, limbs, lockable, key)
+"""What a menu need not ask that opens on a keypoint, for that is selected by then."""
+_EDIT = writable, keypoints, frames
+_OF_JOINTS = *_EDIT, joints
+_AGAIN = writable, keypoints, settings, fit
+_Row = tuple[str, str, str, Callable[[Gestures], object], tuple[Need, ...]]
+"""Of an action: its name, title, keys as "Shift+m Delete", what does it, and its needs."""
+_PLAYING: tuple[_Row, ...] = (
+    ("play", "Play or pause", "Space", lambda g: g.tab.toggle_playing(), ()),
+    ("previous", "Previous frame", "ArrowLeft", lambda g: g.tab.step(-1), ()),
+    ("next", "Next frame", "ArrowRight", lambda g: g.tab.step(1), ()),
+    ("previous10", "10 frames back", "Shift+ArrowLeft", lambda g: g.tab.step(-10), ()),
+    ("next10", "10 frames forward", "Shift+ArrowRight", lambda g: g.tab.step(10), ()),
+    ("first", "First frame", "Home", lambda g: g.tab.step(-g.tab.length), ()),
+    ("last", "Last frame", "End", lambda g: g.tab.step(g.tab.length), ()),
+    ("loop", "Loop or not", "l", _toggle("loop"), ()),
+)
+_VIEW: tuple[_Row, ...] = (
+    *(
+        (mode, f"Mode: {name}", f"Digit{number}", lambda g, mode=mode: g.tab.set(mode=mode), ())
         for number, (mode, name) in enumerate(MODES.items(), 1)
-    },
-    "blink": Action(title="Blink: A in B's place", run=_toggle("blinked"), keys=_keys("b")),
-    "arrangement": Action(title="A | B: side by side, stacked or wipe", run=_rearrange, keys=_keys("w")),
-    "bodies": Action(title="Bodies on or off", run=_toggle("bodies"), keys=_keys("m")),
-    "bones": Action(title="Keypoints on or off", run=_toggle("keypoints"), keys=_keys("k")),
-    "next_person": Action(title="Next person of the clip", run=_go_to_next_person, keys=_keys("q")),
-    "peek": Action(title="Video only, while held", run=lambda g: None, keys=_keys("p"), held=True),
-    **{
-        name: Action(
-            title=f"{word} opacity",
-            run=lambda g, more=more: _change_opacity(g.tab, more),
-            keys=_keys(key),
-            family="Less, more opacity",
-            repeats=True,
+    ),
+    ("blink", "Blink: A in B's place", "b", _toggle("blinked"), ()),
+    ("arrangement", "A | B: side by side, stacked or wipe", "w", _rearrange, ()),
+    ("bodies", "Bodies on or off", "m", _toggle("bodies"), ()),
+    ("bones", "Keypoints on or off", "k", _toggle("keypoints"), ()),
+    ("next_person", "Next person of the clip", "q", _go_to_next_person, (others,)),
+    ("peek", "Video only, while held", "p", lambda g: None, ()),
+    ("fainter", "Less opacity", ",", lambda g: _change_opacity(g.tab, -0.1), ()),
+    ("denser", "More opacity", ".", lambda g: _change_opacity(g.tab, 0.1), ()),
+    ("wireframe", "Wireframe on or off", "g", _toggle("wireframe"), ()),
+    ("outline", "Outline on or off", "u", _toggle("outline"), (picture,)),
+    ("silhouette", "Silhouette on or off", "Shift+u", _toggle("silhouette"), (silhouettes, picture)),
+    ("difference", "Colour by distance between A and B", "d", _toggle("difference"), ()),
+    ("side", "Side view on or off", "v", _toggle("side"), ()),
+    ("turn_side", "Side view from the next side", "Shift+v", _turn_side, ()),
+    ("fit_view", "Whole picture", "f", lambda g: show_whole(g.tab), ()),
+    ("zoom", "Zoom to the selected keypoints", "z", lambda g: zoom_to_selection(g.tab), (joints,)),
+    (
+        "close_up",
+        "Close-up that follows: right hand, left hand, face, off",
+        "e",
+        lambda g: next_close_up(g.tab),
+        (picture,),
+    ),
+    ("trail", "Trail of the selected keypoints on or off", "j", _toggle("trail"), ()),
+    ("save_picture", "Save the picture", "", lambda g: g.tab.save_picture(), ()),
+    ("first_steps", "Show the first steps", "", lambda g: g.tab.show_first_steps(), ()),
+    ("help", "Show all keys", "h", _toggle("keys"), ()),
+)
+_KEYPOINTS: tuple[_Row, ...] = (
+    ("bad", "Mark bad, or restore", "x", lambda g: g.correcting.toggle_bad(), _OF_JOINTS),
+    ("reset", "Reset to the detection", "Backspace Delete", lambda g: g.correcting.reset(), _OF_JOINTS),
+    ("copy", "Copy from the previous frame", "c", lambda g: g.correcting.copy_previous(), _OF_JOINTS),
+    ("interpolate", "Interpolate", "i", lambda g: g.correcting.interpolate(), _OF_JOINTS),
+    ("keyframes", "Keyframes on or off", "a", _toggle("keyframes"), ()),
+    (
+        "delete_key",
+        "Delete the keyframe",
+        "Shift+Backspace Shift+Delete",
+        lambda g: g.correcting.delete_key(),
+        (writable, keypoints, joints, key),
+    ),
+    ("hand_along", "The hand goes with its wrist, or not", "", _toggle("hand_along"), ()),
+    ("swap_body", "Swap left and right of the body", "s", lambda g: g.correcting.swap_sides("body"), _EDIT),
+    ("swap_hands", "Swap the hands", "Shift+s", lambda g: g.correcting.swap_sides("hands"), _EDIT),
+    ("mirror_depth", "Mirror in depth", "Shift+m", lambda g: g.depth.send("mirror"), (*_EDIT, limbs, fit)),
+    ("in_front", "Put in front of shoulder or hip", "", lambda g: g.depth.send("front"), (*_EDIT, limbs, fit)),
+    ("behind", "Put behind shoulder or hip", "", lambda g: g.depth.send("behind"), (*_EDIT, limbs, fit)),
+    ("interpolate_depth", "Interpolate depth", "", lambda g: g.depth.interpolate_depth(), (*_EDIT, limbs)),
+    ("pin", "Pin in space over the selected frames", "Shift+p", lambda g: g.depth.pin(), (*_OF_JOINTS, fit)),
+    ("lock", "Lock the joint as it is turned", "Shift+l", lambda g: g.depth.lock(), (*_EDIT, lockable, fit)),
+    ("unlock", "Unlock the joint", "", lambda g: g.depth.unlock(), (*_EDIT, lockable)),
+    ("clear_depth", "Clear depth", "", lambda g: g.depth.clear_depth(), (*_EDIT, limbs)),
+    *(
+        (
+            f"nudge_{name}",
+            f"Nudge {name} by 1 px",
+            f"Ctrl+Arrow{name.title()}",
+            lambda g, by=by: g.correcting.nudge(*by),
+            (writable, keypoints, joints),
         )
-        for name, word, more, key in (("fainter", "Less", -0.1, ","), ("denser", "More", 0.1, "."))
-    },
-    "wireframe": Action(title="Wireframe on or off", run=_toggle("wireframe"), keys=_keys("g")),
-    "outline": Action(title="Outline on or off", run=_toggle("outline"), keys=_keys("u")),
-    "silhouette": Action(
-        title="Silhouette on or off", run=lambda g: g.tab.switch_silhouette(), keys=_keys("u", shift=True)
+        for name, by in {"left": (-1.0, 0.0), "right": (1.0, 0.0), "up": (0.0, -1.0), "down": (0.0, 1.0)}.items()
     ),
-    "difference": Action(title="Colour by distance between A and B", run=_toggle("difference"), keys=_keys("d")),
-    "side": Action(title="Side view on or off", run=_toggle("side"), keys=_keys("v")),
-    "turn_side": Action(title="Side view from the next side", run=_turn_side, keys=_keys("v", shift=True)),
-    "fit_view": Action(title="Whole picture", run=lambda g: show_whole(g.tab), keys=_keys("f")),
-    "zoom": Action(title="Zoom to the selected keypoints", run=lambda g: zoom_to_selection(g.tab), keys=_keys("z")),
-    "close_up": Action(
-        title="Close-up that follows: right hand, left hand, face, off",
-        run=lambda g: next_close_up(g.tab),
-        keys=_keys("e"),
+    *(
+        (f"detect_{p}", f"Detect the {part_name(p)} again", "", lambda g, p=p: g.again.look(p), (_looking, frames))
+        for p in PARTS
     ),
-    "trail": Action(title="Trail of the selected keypoints on or off", run=_toggle("trail"), keys=_keys("j")),
-    "save_picture": Action(title="Save the picture", run=lambda g: g.tab.save_picture()),
-    "first_steps": Action(title="Show the first steps", run=lambda g: g.tab.show_first_steps()),
-    "help": Action(title="Show all keys", run=_toggle("keys"), keys=_keys("h")),
+    *(
+        (
+            f"frame_{p}",
+            f"Detect the {part_name(p)} in a rectangle",
+            "",
+            lambda g, p=p: g.again.frame(p),
+            (_looking, picture),
+        )
+        for p in PARTS
+    ),
+    ("cancel_detecting", "Cancel detecting again", "", lambda g: g.again.cancel(), ()),
+    ("all", "Select all keypoints on show", "Ctrl+a", lambda g: g.correcting.select_all(), ()),
+    ("escape", "Cancel, select nothing", "Escape", _escape, ()),
+    ("undo", "Undo", "Ctrl+z", lambda g: g.correcting.undo(), (writable, _undoable)),
+    ("redo", "Redo", "Ctrl+Shift+z Ctrl+y", lambda g: g.correcting.redo(), (writable, _redoable)),
+)
+_FRAMES: tuple[_Row, ...] = (
+    ("range_start", "Select frames from here on", "[", lambda g: _edge(g, first=True), ()),
+    ("range_end", "Select frames up to here", "]", lambda g: _edge(g, first=False), ()),
+    ("next_suspect", "Next suspicious frame", "n", lambda g: g.reviewing.go(1), (_suspects,)),
+    ("previous_suspect", "Previous suspicious frame", "Shift+n", lambda g: g.reviewing.go(-1), (_suspects,)),
+    ("fine", "Looks fine, or not", "o", lambda g: g.reviewing.dismiss(), (writable, frames)),
+    ("flag", "Flag, or not", "t", lambda g: g.reviewing.flag(), (writable, frames)),
+    ("note", "Write a note", "y", lambda g: g.noting.begin(), (writable, frames)),
+    ("copy_link", "Copy a link to this frame and fit", "", lambda g: g.noting.copy_link(), ()),
+)
+_FIT: tuple[_Row, ...] = (
+    ("rerun", "Re-run the selected frames", "r", lambda g: g.fitting.frames(), (*_AGAIN, _selected_frames)),
+    ("rerun_edited", "Re-run around edited and flagged frames", "", lambda g: g.fitting.edited(), (*_AGAIN, _edited)),
+    ("rerun_shape", "Re-run the shape", "", lambda g: g.fitting.shape(), _AGAIN),
+    ("fit", "Fit everything", "Shift+r", lambda g: g.fitting.everything(), (writable, keypoints, settings)),
+    ("cancel", "Cancel all fitting", "", lambda g: g.tab.session.cancel(), ()),
+)
+_FAMILIES = {
+    "Previous, next frame": ("previous", "next"),
+    "10 frames back, forward": ("previous10", "next10"),
+    "First, last frame": ("first", "last"),
+    f"Mode {', '.join(MODES.values())}": tuple(MODES),
+    "Less, more opacity": ("fainter", "denser"),
+    "Nudge by 1 px": ("nudge_left", "nudge_right", "nudge_up", "nudge_down"),
+    "Select frames from here on, up to here": ("range_start", "range_end"),
+    "Next, previous suspicious frame": ("next_suspect", "previous_suspect"),
 }
-_KEYPOINTS = {
-    "bad": Action(title="Mark bad, or restore", run=lambda g: g.correcting.toggle_bad(), keys=_keys("x")),
-    "reset": Action(
-        title="Reset to the detection", run=lambda g: g.correcting.reset(), keys=_keys("Backspace", "Delete")
-    ),
-    "copy": Action(title="Copy from the previous frame", run=lambda g: g.correcting.copy_previous(), keys=_keys("c")),
-    "interpolate": Action(title="Interpolate", run=lambda g: g.correcting.interpolate(), keys=_keys("i")),
-    "keyframes": Action(title="Keyframes on or off", run=_toggle("keyframes"), keys=_keys("a")),
-    "delete_key": Action(
-        title="Delete the keyframe",
-        run=lambda g: g.correcting.delete_key(),
-        keys=_keys("Backspace", "Delete", shift=True),
-    ),
-    "hand_along": Action(title="The hand goes with its wrist, or not", run=_toggle("hand_along")),
-    "swap_body": Action(
-        title="Swap left and right of the body", run=lambda g: g.correcting.swap_sides("body"), keys=_keys("s")
-    ),
-    "swap_hands": Action(
-        title="Swap the hands", run=lambda g: g.correcting.swap_sides("hands"), keys=_keys("s", shift=True)
-    ),
-    "mirror_depth": Action(title="Mirror in depth", run=lambda g: g.depth.send("mirror"), keys=_keys("m", shift=True)),
-    "in_front": Action(title="Put in front of shoulder or hip", run=lambda g: g.depth.send("front")),
-    "behind": Action(title="Put behind shoulder or hip", run=lambda g: g.depth.send("behind")),
-    "interpolate_depth": Action(title="Interpolate depth", run=lambda g: g.depth.interpolate_depth()),
-    "pin": Action(
-        title="Pin in space over the selected frames", run=lambda g: g.depth.pin(), keys=_keys("p", shift=True)
-    ),
-    "lock": Action(title="Lock the joint as it is turned", run=lambda g: g.depth.lock(), keys=_keys("l", shift=True)),
-    "unlock": Action(title="Unlock the joint", run=lambda g: g.depth.unlock()),
-    "clear_depth": Action(title="Clear depth", run=lambda g: g.depth.clear_depth()),
-    **{
-        f"nudge_{name}": Action(
-            title=f"Nudge {name} by 1 px",
-            run=lambda g, dx=dx, dy=dy: g.correcting.nudge(dx, dy),
-            keys=_keys(key, ctrl=True),
-            family="Nudge by 1 px",
-            repeats=True,
-        )
-        for name, key, dx, dy in (
-            ("left", "ArrowLeft", -1.0, 0.0),
-            ("right", "ArrowRight", 1.0, 0.0),
-            ("up", "ArrowUp", 0.0, -1.0),
-            ("down", "ArrowDown", 0.0, 1.0),
-        )
-    },
-    **{
-        f"detect_{part}": Action(
-            title=f"Detect the {part_name(part)} again", run=lambda g, part=part: g.again.look(part)
-        )
-        for part in PARTS
-    },
-    **{
-        f"frame_{part}": Action(
-            title=f"Detect the {part_name(part)} in a rectangle", run=lambda g, part=part: g.again.frame(part)
-        )
-        for part in PARTS
-    },
-    "cancel_detecting": Action(title="Cancel detecting again", run=lambda g: g.again.cancel()),
-    "all": Action(
-        title="Select all keypoints on show", run=lambda g: g.correcting.select_all(), keys=_keys("a", ctrl=True)
-    ),
-    "escape": Action(title="Cancel, select nothing", run=_escape, keys=_keys("Escape")),
-    "undo": Action(title="Undo", run=lambda g: g.correcting.undo(), keys=_keys("z", ctrl=True), repeats=True),
-    "redo": Action(
-        title="Redo",
-        run=lambda g: g.correcting.redo(),
-        keys=(*_keys("z", shift=True, ctrl=True), *_keys("y", ctrl=True)),
-        repeats=True,
-    ),
+_FAMILY = {name: family for family, names in _FAMILIES.items() for name in names}
+_REPEATING = {
+    "previous",
+    "next",
+    "previous10",
+    "next10",
+    "fainter",
+    "denser",
+    "undo",
+    "redo",
+    *_FAMILIES["Nudge by 1 px"],
 }
-_FRAMES = {
-    "range_start": Action(
-        title="Select frames from here on",
-        run=lambda g: _edge(g, first=True),
-        keys=_keys("["),
-        family="Select frames from here on, up to here",
-    ),
-    "range_end": Action(
-        title="Select frames up to here",
-        run=lambda g: _edge(g, first=False),
-        keys=_keys("]"),
-        family="Select frames from here on, up to here",
-    ),
-    "next_suspect": Action(
-        title="Next suspicious frame",
-        run=lambda g: g.reviewing.go(1),
-        keys=_keys("n"),
-        family="Next, previous suspicious frame",
-    ),
-    "previous_suspect": Action(
-        title="Previous suspicious frame",
-        run=lambda g: g.reviewing.go(-1),
-        keys=_keys("n", shift=True),
-        family="Next, previous suspicious frame",
-    ),
-    "fine": Action(title="Looks fine, or not", run=lambda g: g.reviewing.dismiss(), keys=_keys("o")),
-    "flag": Action(title="Flag, or not", run=lambda g: g.reviewing.flag(), keys=_keys("t")),
-    "note": Action(title="Write a note", run=lambda g: g.noting.begin(), keys=_keys("y")),
-    "copy_link": Action(title="Copy a link to this frame and fit", run=lambda g: g.noting.copy_link()),
-}
-_FIT = {
-    "rerun": Action(title="Re-run the selected frames", run=lambda g: g.fitting.frames(), keys=_keys("r")),
-    "rerun_edited": Action(title="Re-run around edited and flagged frames", run=lambda g: g.fitting.edited()),
-    "rerun_shape": Action(title="Re-run the shape", run=lambda g: g.fitting.shape()),
-    "fit": Action(title="Fit everything", run=lambda g: g.fitting.everything(), keys=_keys("r", shift=True)),
-    "cancel": Action(title="Cancel all fitting", run=lambda g: g.tab.session.cancel()),
-}
+_HELD = {"peek"}
+_GROUPS = {"Playing": _PLAYING, "View": _VIEW, "Keypoints": _KEYPOINTS, "Frames": _FRAMES, "Fit": _FIT}
 ACTIONS: dict[str, Action] = {
-    name: replace(action, group=group)
-    for group, actions in {
-        "Playing": _PLAYING,
-        "View": _VIEW,
-        "Keypoints": _KEYPOINTS,
-        "Frames": _FRAMES,
-        "Fit": _FIT,
-    }.items()
-    for name, action in actions.items()
+    name: Action(
+        title=title,
+        run=run,
+        keys=tuple(map(_key, keys.split())),
+        group=group,
+        family=_FAMILY.get(name, ""),
+        repeats=name in _REPEATING,
+        held=name in _HELD,
+        needs=needs,
+    )
+    for group, rows in _GROUPS.items()
+    for name, title, keys, run, needs in rows
 }
 """By the name under which the page sends them."""
 

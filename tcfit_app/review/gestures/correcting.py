@@ -31,7 +31,7 @@ from tcfit_app.project.edits.kinds import (
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.browser.page_events import Drag as DragEvent
 from tcfit_app.review.browser.page_events import DragDepth as DragDepthEvent
-from tcfit_app.review.gestures.edit_words import FEW, describe
+from tcfit_app.review.gestures.edit_words import FEW, describe, whose
 from tcfit_app.review.gestures.keyframing import depth_edit, filled, keys_in, moved, placed, removed, with_hands
 from tcfit_app.review.tab.tab import Tab
 
@@ -259,7 +259,7 @@ class Correcting:
         tab = self._tab
         shown = tab.look().b
         entry = tab.someone.undo(author=tab.author, shown=shown)
-        self._went_back(entry, shown, "Undone", "There is nothing to undo.")
+        self._went_back(entry, shown, "Undone")
 
     def redo(self) -> None:
         """Bring back the edit or mark that was undone last, and show where it is."""
@@ -267,11 +267,10 @@ class Correcting:
         tab = self._tab
         shown = tab.look().b
         entry = tab.someone.redo(author=tab.author, shown=shown)
-        self._went_back(entry, shown, "Redone", "There is nothing to redo.")
+        self._went_back(entry, shown, "Redone")
 
-    def _went_back(self, entry: LogEntry | None, shown: Shown | None, verb: str, nothing: str) -> None:
-        if entry is None:
-            raise InputError(nothing)
+    def _went_back(self, entry: LogEntry | None, shown: Shown | None, verb: str) -> None:
+        assert entry is not None, "only what can be undone or redone is asked for"
         assert not isinstance(entry.action, Undo | Redo)
         edit, tab = entry.action, self._tab
         tab.pause()
@@ -281,8 +280,9 @@ class Correcting:
             tab.corrected = None if shown is None else shown.run.id
             if len(edit.joints) <= FEW:
                 tab.set(selection=edit.joints)
-        whose = "" if entry.author == tab.author else " (made in another browser)"
-        tab.say(f"{verb}: {describe(edit, tab.first_frame)}{whose}")
+        by = whose(entry.author, tab.author)
+        made = {"you": "", "another browser": " (made in another browser)"}.get(by, f" (made by {by})")
+        tab.say(f"{verb}: {describe(edit, tab.first_frame)}{made}")
 
     def selected(self) -> tuple[int, ...]:
         """The selected keypoints. Raises InputError if there are none."""

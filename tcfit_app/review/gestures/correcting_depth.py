@@ -40,7 +40,7 @@ class CorrectingDepth:
 
     def lock(self) -> None:
         """Let the joints of the selected keypoints stay turned as the fit has them now, in the chosen frames."""
-        tab, joints = self._tab, self._lockable()
+        tab, joints = self._tab, self.lockable()
         frames, shown = tab.frames_to_change, tab.look().b
         now = tab.state.frame
         if shown is None or not shown.has(now):
@@ -55,12 +55,13 @@ class CorrectingDepth:
 
     def unlock(self) -> None:
         """Let the joints of the selected keypoints turn again."""
-        frames, joints = self._tab.frames_to_change, self._lockable()
+        frames, joints = self._tab.frames_to_change, self.lockable()
         if not self._tab.session.project.corrected[np.ix_(frames, joints)].locked.any():
             raise InputError(f"None of the selected joints is locked in {in_words(frames, self._tab.first_frame)}.")
         self._correcting.make(Unlock(frames=frames, joints=joints))
 
-    def _lockable(self) -> tuple[int, ...]:
+    def lockable(self) -> tuple[int, ...]:
+        """The selected joints that can be locked. Raises InputError if there are none."""
         found = tuple(joint for joint in self._correcting.selected() if joint in LOCKABLE)
         if not found:
             raise InputError("Neck, head (the nose), and joints of arms and legs can be locked: select one of them.")

@@ -26,12 +26,6 @@ def missing_parts(corrected: Corrected, frame: int) -> tuple[PartOfPerson, ...]:
     return tuple(part for part, points in PARTS.items() if not there[points].any())
 
 
-def can_look(tab: Tab) -> bool:
-    """Whether there are keypoints that can be changed, and a video to look at."""
-    project = tab.session.project
-    return project.has_detections and not project.read_only and project.media.path is not None
-
-
 class DetectingAgain:
     """Second looks of one tab, one at a time; its methods raise InputError for what cannot be done."""
 
@@ -54,7 +48,7 @@ class DetectingAgain:
             part: What.
             region: Of the picture as it is shown, in which it is; None: wherever the person is.
         """
-        self._refuse()
+        self.refuse()
         tab, self.framing = self._tab, None
         look, clip = SecondLook(frames=tab.frames_to_change, part=part, region=region), tab.session.project.clip
         tab.pause()
@@ -67,9 +61,6 @@ class DetectingAgain:
 
     def frame(self, part: PartOfPerson) -> None:
         """Have the next drag in the picture draw a rectangle in which a part is looked for."""
-        self._refuse()
-        if self._tab.state.mode == "space":
-            raise InputError("3D has no picture to draw a rectangle in: go to Edit (1) or A | B (2) first.")
         self._tab.pause()
         self.framing = part
 
@@ -101,12 +92,17 @@ class DetectingAgain:
         if self.going is not None:
             self.going.cancel()
 
-    def _refuse(self) -> None:
+    def refuse_blind(self) -> None:
+        """Raises InputError where there are no keypoints that can be changed, or no video to look at."""
         session = self._tab.session
         self._tab.refuse_read_only()
         session.refuse_without_keypoints()
         if session.project.media.path is None:
             raise InputError("The project's video is not there, so there is nothing to look at.")
+
+    def refuse(self) -> None:
+        """Raises InputError as `refuse_blind`, and while something is being looked for."""
+        self.refuse_blind()
         if self.busy:
             assert self.going is not None
             raise InputError(f"{self.going.title}: wait for it, or cancel it in the panel Keypoints.")

@@ -31,6 +31,7 @@ from tcfit_app.project.edits.kinds import (
 )
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.gestures.keyframing import HANDS_OF
+from tcfit_app.review.tab.browser_tab import BROWSER
 
 FEW = 3
 """Keypoints that are named one by one."""
@@ -87,6 +88,13 @@ def describe(edit: Said, first_frame: int = 0) -> str:
     if isinstance(edit, TakeOver):
         return f"{verb} {shortened(edit.source)}, {where}"
     return f"{verb} {what}, {where}" if verb.endswith(":") else f"{what} {verb}, {where}"
+
+
+def whose(author: str, me: str) -> str:
+    """Who made an edit, for the one who reads it: "you", a name, or "another browser"."""
+    if author == me:
+        return "you"
+    return "another browser" if author.startswith((BROWSER, "tab ")) else author
 
 
 def part_name(part: PartOfPerson) -> str:

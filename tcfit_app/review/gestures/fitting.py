@@ -76,24 +76,25 @@ class Fitting:
 
     def frames(self) -> None:
         """Fit the selected frames of B again. Raises InputError as `everything`, and if none are selected."""
+        self._rerun((self.selected_frames(),))
+
+    def selected_frames(self) -> range:
+        """Those that are selected in the timeline. Raises InputError if none are."""
         frames = self._tab.state.frames
         if frames is None:
             raise InputError("Select frames first: Shift-drag in the timeline, or set both ends with [ and ].")
-        self._rerun((frames,))
+        return frames
 
     def edited(self) -> None:
         """Fit B again around its edited and flagged frames. Raises InputError as `everything`, and if there are none.
 
         Edited are those that the run has not seen.
         """
-        windows = self.edited_windows(self._base())
-        if not windows:
-            raise InputError("No frame is flagged, and none was edited since this run: there is nothing to re-run.")
-        self._rerun(windows)
+        self._rerun(self.edited_windows())
 
     def shape(self) -> None:
         """Find B's shape again, and fit consistency under it. Raises InputError as `everything`."""
-        before, settings, session = self._base(), self._checked(), self._tab.session
+        before, settings, session = self.base(), self._checked(), self._tab.session
 
         def begin(known: Known) -> None:
             run = session.rerun_shape(before, settings.config, known=known)
@@ -106,14 +107,23 @@ class Fitting:
             self._check_paths(settings.given)
             self._read(session.reading_shape(settings.given, before), begin)
 
-    def edited_windows(self, shown: Shown) -> tuple[range, ...]:
-        """The frames that `edited` fits again."""
-        session, reach = self._tab.session, self._tab.state.settings.reach
+    def edited_windows(self) -> tuple[range, ...]:
+        """The frames that `edited` fits again. Raises InputError if there are none, or as `base`."""
+        tab, shown, project = self._tab, self.base(), self._tab.session.project
+        reach = tab.state.settings.reach
+        key = shown.run, reach, project.keypoints_version, project.marks_version
+        windows = tab.once("edited windows", key, lambda: self._edited_windows(shown, reach))
+        if not windows:
+            raise InputError("No frame is flagged, and none was edited since this run: there is nothing to re-run.")
+        return windows
+
+    def _edited_windows(self, shown: Shown, reach: int) -> tuple[range, ...]:
+        session = self._tab.session
         flagged = {frame for frame, mark in session.project.marks.all().items() if mark.state == "flag"}
         return around(flagged | session.frames_edited_since(shown.run), reach, self._tab.length)
 
     def _rerun(self, windows: tuple[range, ...]) -> None:
-        before = self._base()
+        before = self.base()
         run = self._tab.session.rerun_frames(before, self._checked().config, windows)
         self._show_beside(before, FitChoice(run=run.id))
         self._tab.say("Re-run: started")
@@ -128,19 +138,24 @@ class Fitting:
         else:
             tab.set(a=replace(tab.state.b, run=before.run.id), b=b)
 
-    def _base(self) -> Shown:
-        shown = self._tab.look().b
+    def base(self) -> Shown:
+        """B, which is fitted again. Raises InputError if there is no fit."""
+        shown = self._tab.shown.b
         if shown is None:
             raise InputError("There is no fit yet to re-run: fit everything first.")
         return shown
 
     def _checked(self) -> FitSettings:
         self._tab.refuse_read_only()
+        self.refuse_wrong_settings()
         settings = self._tab.state.settings
-        if settings.problems:
-            raise InputError(settings.problems[0][1])
         check(settings.config, origin="Fit settings")
         return settings
+
+    def refuse_wrong_settings(self) -> None:
+        """Raises InputError that says what was entered and cannot be used."""
+        if problems := self._tab.state.settings.problems:
+            raise InputError(problems[0][1])
 
 
 def camera_of(settings: FitSettings, camera: Camera) -> Camera:

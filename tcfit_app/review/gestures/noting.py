@@ -20,14 +20,10 @@ class Noting:
         self._tab = tab
         self.changing: Note | None = None
         """The note that another text is being typed for."""
-        self._asked = self._linked = 0
 
     def begin(self) -> None:
-        """Let the user type a note on the selected frames, or the one on show. Raises InputError if that cannot be."""
-        self._tab.refuse_read_only()
-        _ = self._tab.frames_to_change
-        self._asked += 1
-        self._tab.channel.send("typing", Typing(panel=PANEL, field=FIELD, number=self._asked))
+        """Let the user type a note on the selected frames, or the one on show."""
+        self._tab.channel.ask("typing", Typing(panel=PANEL, field=FIELD))
 
     def write(self, text: str) -> None:
         """Keep a new note, or the other text of the one that is being changed. Raises InputError as the log does."""
@@ -59,10 +55,9 @@ class Noting:
     def copy_link(self) -> None:
         """Have the page copy a link to the frame and the fit on show, and to the person."""
         tab, shown = self._tab, self._tab.look().b
-        self._linked += 1
         run, phase = (0, 0) if shown is None else (shown.run.id, shown.phase)
         frame, person = tab.state.frame + tab.first_frame, tab.someone.listed or 0
-        tab.channel.send("linking", Linking(frame=frame, run=run, phase=phase, person=person, number=self._linked))
+        tab.channel.ask("linking", Linking(frame=frame, run=run, phase=phase, person=person))
         tab.say(f"Link to frame {frame} copied. It opens in browsers that tcfit has let in")
 
     def open_link(self, frame: int, run: int | None, phase: int | None) -> None:

@@ -21,16 +21,14 @@ class Reviewing:
     @property
     def suspects(self) -> tuple[Suspect, ...] | None:
         """Suspicious frames, the worst first; None while they are looked for, or without a fit."""
-        shown = self._tab.look().b
+        shown = self._tab.shown.b
         return None if shown is None else self._tab.data.suspects(shown)
 
     def go(self, step: int) -> None:
-        """To the next (1) or previous (-1) entry of the queue. Raises InputError if there is none."""
-        suspects = self.suspects if self._tab.session.fits.showable() else ()
-        if suspects is None:
-            raise InputError("Suspicious frames are still being looked for. Try again in a moment.")
+        """To the next (1) or previous (-1) entry of the queue. Raises InputError while it is looked for."""
+        suspects = self.suspects
         if not suspects:
-            raise InputError("There is no suspicious frame: either there is no fit yet, or all of them were looked at.")
+            raise InputError("Suspicious frames are still being looked for. Try again in a moment.")
         gone = self._place - (step > 0) if self._last is not None else -(step > 0)
         at = next((i for i, suspect in enumerate(suspects) if self._is_last(suspect)), gone)
         self.show(suspects[(at + step) % len(suspects)])
@@ -60,7 +58,7 @@ class Reviewing:
     def dismissed(self) -> tuple[int, ...]:
         """The frames of which `dismiss` says that they look fine."""
         shown = self._on_show
-        return tuple(shown.frames) if shown is not None else self._tab.chosen_frames
+        return tuple(shown.frames if shown is not None else self._tab.chosen_frames)
 
     def are(self, state: MarkState, frames: Sequence[int]) -> bool:
         """Whether all of these frames are marked so."""
@@ -70,7 +68,6 @@ class Reviewing:
     def flag(self) -> None:
         """The selected frames, or the one on show, need attention; or no longer, if they all did."""
         tab, frames = self._tab, self._tab.frames_to_change
-        tab.refuse_read_only()
         flagged = self.are("flag", frames)
         tab.session.mark(frames, None if flagged else "flag", author=tab.author)
         where = in_words(frames, tab.first_frame)
@@ -80,7 +77,6 @@ class Reviewing:
         """The frames of the entry on show, or those selected, look fine, and on to the next entry; or that is taken
         back, if it was said of them all. Of several frames those that somebody has flagged stay so."""
         tab = self._tab
-        tab.refuse_read_only()
         shown = self._on_show
         frames = self.dismissed if shown is not None else tab.frames_to_change
         if self.are("checked", frames):

@@ -24,9 +24,7 @@ def show_whole(tab: Tab) -> None:
 
 
 def zoom_to_selection(tab: Tab) -> None:
-    """Zoom to the selected keypoints. Raises InputError without any that are somewhere."""
-    if not tab.state.selection:
-        raise InputError("Select keypoints first: the view then zooms to them.")
+    """Zoom to the selected keypoints. Raises InputError if none of them is anywhere."""
     if tab.state.mode == "space":
         return _zoom_in_space(tab)
     chosen = tab.session.project.corrected.at((tab.state.frame,), tuple(tab.state.selection))

@@ -1,7 +1,7 @@
 """The panel Compare: A and B in figures, and where they lie apart."""
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Hashable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
@@ -15,7 +15,7 @@ from fitting_core.errors import InputError
 from fitting_core.measure.references.files import POINT_FILES, read_reference
 from fitting_core.measure.references.reference import Reference
 from tcfit_app.analysis.curves import peaks
-from tcfit_app.analysis.run_metrics import COST, ComparedMetric, Metric, compare
+from tcfit_app.analysis.run_metrics import COST, ComparedMetric, compare
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.fitting.reports import Notice
 from tcfit_app.imports.results import kept_as
@@ -59,7 +59,7 @@ class ComparePanel:
 
     def __init__(self, gestures: Gestures) -> None:
         self._tab = tab = gestures.tab
-        self._settled, self._waiting = 0.0, False
+        self._rest = _Rest()
         self._head, self._peaks, self._against = (Board(tab) for _ in range(3))
         self._selected = SelectedFigures(tab)
         self._figures = Board(tab)
@@ -73,33 +73,27 @@ class ComparePanel:
         """See `Panel.draw`."""
         tab, data = self._tab, self._tab.data
         a, b = tab.shown.a, tab.shown.b
-        if a is None or b is None:
-            if tab.sent.differs("compare", None):
-                self._head.show(paragraph(_NO_FIT, "dim"))
-                for board in (self._peaks, self._against, self._figures, self._costs):
-                    board.show()
-            self._selected.draw(None, None)
-            self._reference.draw()
-            return
         self._selected.draw(a, b)
         self._reference.draw()
-        titles = (a.title, b.title)
-        if tab.sent.differs("compare", data.key(a), data.key(b), *titles, tab.session.referenced):
-            self._settled, self._waiting = time.monotonic() + SETTLING, True
-            self._head.show(*_heads(a, b, parent=parent_of(tab, b.run)))
+        if a is None or b is None:
+            self._head.show(paragraph(_NO_FIT, "dim"))
+            for board in (self._peaks, self._against, self._figures, self._costs):
+                board.show()
+            return
+        self._head.show(*_heads(a, b, parent=parent_of(tab, b.run)))
+        if self._rest.lasts(data.key(a), data.key(b), tab.session.project.reference_version):
+            self._draw_figures(a, b)
+        else:
             self._figures.show(paragraph(self._reason(a, b), "dim"))
             self._costs.show()
-        if self._waiting and time.monotonic() >= self._settled:
-            self._draw_figures(a, b)
 
     def _draw_figures(self, a: Shown, b: Shown) -> None:
         """What is there of the figures, once keypoints and fits have come to rest."""
         data = self._tab.data
-        one, other, apart = data.metrics(a), data.metrics(b), data.distances(a, b)
-        against = data.reference_metrics(a), data.reference_metrics(b)
-        self._waiting = any(found is None for found in (one, other, apart, *against))
-        self._draw_against(a, b, *against)
+        apart = data.distances(a, b)
+        self._draw_against(a, b)
         self._peaks.show(*([] if apart is None or a == b else self._peak_buttons(apart.values)))
+        one, other = data.metrics(a), data.metrics(b)
         if one is None or other is None:
             self._figures.show(paragraph(self._reason(a, b), "dim"))
             return
@@ -109,19 +103,17 @@ class ComparePanel:
         )
         self._costs.show(paragraph(_COSTS, "dim"), _table(r for r in rows if r.name.startswith(COST)))
 
-    def _draw_against(
-        self, a: Shown, b: Shown, one: tuple[Metric, ...] | None, other: tuple[Metric, ...] | None
-    ) -> None:
+    def _draw_against(self, a: Shown, b: Shown) -> None:
         """Figures against the project's reference, if it has one."""
-        reference = self._tab.session.project.reference
+        data, reference = self._tab.data, self._tab.session.project.reference
         if reference is None or a.result is None or b.result is None:
             self._against.show()
             return
         head = heading("Against the reference", reference.name)
+        one, other = data.reference_metrics(a), data.reference_metrics(b)
         if one is None or other is None:
-            problem = self._tab.data.problem("reference", a) or self._tab.data.problem("reference", b)
+            problem = data.problem("reference", a) or data.problem("reference", b)
             self._against.show(head, paragraph(problem or _MEASURING, "warn" if problem else "dim"))
-            self._waiting = self._waiting and not problem
             return
         self._against.show(head, _table(compare(one, other)))
 
@@ -152,6 +144,20 @@ def _shown_as_b(tab: Tab) -> Run:
     return shown.run
 
 
+class _Rest:
+    """Tells whether something has been as it is for SETTLING."""
+
+    def __init__(self) -> None:
+        self._key: tuple[Hashable, ...] = ()
+        self._since = 0.0
+
+    def lasts(self, *key: Hashable) -> bool:
+        """Whether the key is the same as for that long."""
+        if key != self._key:
+            self._key, self._since = key, time.monotonic()
+        return time.monotonic() - self._since >= SETTLING
+
+
 class SelectedFigures:
     """Figures of the frames that are selected in the timeline: a part of the panel, while there are any.
 
@@ -159,25 +165,19 @@ class SelectedFigures:
     """
 
     def __init__(self, tab: Tab) -> None:
-        self._tab, self._board = tab, Board(tab)
-        self._settled, self._waiting = 0.0, False
+        self._tab, self._board, self._rest = tab, Board(tab), _Rest()
 
     def draw(self, a: Shown | None, b: Shown | None) -> None:
         """Bring it to the selection and the fits on show."""
         data, frames = self._tab.data, self._tab.state.frames
         if frames is None or a is None or b is None:
-            self._board.show()
-            self._tab.sent.differs("compare selected", None)
-            return
+            return self._board.show()
+        rests = self._rest.lasts(frames, data.key(a), data.key(b))
+        one, other = (data.metrics(fit, frames) if rests else None for fit in (a, b))
         head = heading(f"Selected {in_words(frames, self._tab.first_frame)}", "better in green")
-        if self._tab.sent.differs("compare selected", frames, data.key(a), data.key(b)):
-            self._settled, self._waiting = time.monotonic() + SETTLING, True
+        if one is None or other is None:
             self._board.show(head, paragraph(_MEASURING, "dim"))
-        if not self._waiting or time.monotonic() < self._settled:
-            return
-        one, other = data.metrics(a, frames), data.metrics(b, frames)
-        if one is not None and other is not None:
-            self._waiting = False
+        else:
             self._board.show(head, _table(compare(one, other)))
 
 
@@ -247,12 +247,9 @@ class ReferenceField:
 
     def draw(self) -> None:
         """Bring it to the project's state."""
-        session = self._tab.session
-        reading = self._busy
-        if self._tab.sent.differs("reference field", session.referenced, reading):
-            reference = session.project.reference
-            self._told.show(paragraph(_READING if reading else _described(reference), "dim"))
-            self._buttons.show(row(*self._choices(reference, off=reading or session.project.read_only)))
+        project, reading = self._tab.session.project, self._busy
+        self._told.show(paragraph(_READING if reading else _described(project.reference), "dim"))
+        self._buttons.show(row(*self._choices(project.reference, off=reading or project.read_only)))
 
     def _choices(self, reference: Reference | None, *, off: bool) -> list[Html]:
         take = button("Compare with it", "compare.reference", disabled=off)

@@ -49,6 +49,4 @@ class ElanImport:
 
     def draw(self) -> None:
         """Send what changed."""
-        off = self._tab.session.project.read_only
-        if self._tab.sent.differs("elan notes", off):
-            self._upload.disabled = off
+        self._upload.disabled = self._tab.session.project.read_only

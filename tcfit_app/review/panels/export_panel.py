@@ -225,15 +225,10 @@ class ExportPanel:
         if tab.state.frames is None and self._wishes.selected:
             self._wish(selected=False)
         titles: dict[Side, str] = {side: fit.title for side, fit in fits.items()}
-        placed = tab.session.project.footage.camera.world is not None
-        if tab.sent.differs("exported", tuple(titles.items()), tab.state.frames, self._wishes, placed):
-            self._files.show(*self._choices(titles), *self._groups(titles))
+        self._files.show(*self._choices(titles), *self._groups(titles))
         self._own_rig.draw(there=self._wishes.side in titles)
-        going = self.running
-        if going is not None and tab.sent.differs(
-            "export", going, going.state, going.stopping, round(100 * (going.share or 0.0)), self._size
-        ):
-            self._said.show(heading("Last file"), *_said(going, self._size, self._note))
+        if self.running is not None:
+            self._said.show(heading("Last file"), *_said(self.running, self._size, self._note))
 
     def _choices(self, titles: dict[Side, str]) -> list[Html]:
         """Which run, which frames, which axes."""

@@ -18,9 +18,9 @@ from tcfit_app.project.edits.kinds import SIDES
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.project.project import Project
 from tcfit_app.review.browser.page_states import GROUP_COLORS
-from tcfit_app.review.gestures.actions import Gestures
-from tcfit_app.review.gestures.detecting_again import can_look, missing_parts
-from tcfit_app.review.gestures.edit_words import depth_words, describe, part_name
+from tcfit_app.review.gestures.actions import Gestures, refusal
+from tcfit_app.review.gestures.detecting_again import missing_parts
+from tcfit_app.review.gestures.edit_words import depth_words, describe, part_name, whose
 from tcfit_app.review.panels.elements.field import Dropdown
 from tcfit_app.review.panels.elements.html import (
     Board,
@@ -41,7 +41,6 @@ from tcfit_app.review.panels.elements.html import (
     words,
 )
 from tcfit_app.review.panels.elements.selected_frames import listen, named, unseen
-from tcfit_app.review.tab.browser_tab import BROWSER
 from tcfit_app.review.tab.buttons import one_of
 from tcfit_app.review.tab.tab import Tab
 
@@ -61,7 +60,7 @@ class KeypointsPanel:
     icon: ClassVar[viser.IconName] = viser.Icon.HAND_CLICK
 
     def __init__(self, gestures: Gestures) -> None:
-        self._gestures = gestures
+        self._gestures, self._action = gestures, partial(action, gestures)
         self._tab = tab = gestures.tab
         gui = tab.client.gui
         self._selected, self._missing = Board(tab), Board(tab)
@@ -73,8 +72,7 @@ class KeypointsPanel:
         self._confidence = gui.add_slider("Confidence", 0.0, 1.0, 0.05, 1.0)
         self._exactly = Board(tab)
         self._groups, self._again = Board(tab), Board(tab)
-        self._history = Board(tab)
-        self._all_bad = False
+        self._done = Board(tab)
         self._listen()
 
     def _listen(self) -> None:
@@ -120,26 +118,20 @@ class KeypointsPanel:
         """Bring it to the tab's state."""
         tab, state, session = self._tab, self._tab.state, self._tab.session
         self._name.show(full_name(state.selection[0]) if len(state.selection) == 1 else _NOTHING)
-        if tab.sent.differs("selected", state.selection, state.frame if state.selection else 0, session.edits):
-            self._selected.show(*selection_table(tab))
-        self._draw_missing()
-        where, bad, key = self._where(), self._bad(), self._key()
-        switches = state.keyframes, state.hand_along
-        if tab.sent.differs("keypoint buttons", where, bad, key, switches, not state.selection, tab.hits_unseen):
-            self._draw_buttons(where, bad, key)
-        detector = session.project.footage.detector
-        if tab.sent.differs("groups", where, detector):
-            self._groups.show(heading("Whole groups", where), self._group_table(), *_detected_by(detector))
-        self._draw_again(where)
-        if tab.sent.differs("history", session.edits, session.marked, session.edit_follower.after_edits, tab.author):
-            self._draw_history()
+        self._selected.show(*selection_table(tab))
+        looks = not refusal(self._gestures.again.refuse_blind)
+        self._draw_missing(looks=looks)
+        self._draw_buttons(where := self._where())
+        self._groups.show(
+            heading("Whole groups", where), self._group_table(), *_detected_by(session.project.footage.detector)
+        )
+        self._draw_again(where, looks=looks)
+        self._draw_history()
 
-    def _draw_missing(self) -> None:
+    def _draw_missing(self, *, looks: bool) -> None:
         """What was not found in the frame on show; nothing while the clip plays, and it would change at once."""
         tab, state, looking = self._tab, self._tab.state, self._gestures.again.busy
-        shown = can_look(tab) and not state.playing
-        if not tab.sent.differs("missing", shown, looking, shown and (state.frame, tab.session.edits, state.frames)):
-            return
+        shown = looks and not state.playing
         parts = missing_parts(tab.session.project.corrected, state.frame) if shown else ()
         self._missing.show(
             *([heading("Not found", f"frame {state.frame + tab.first_frame}")] if parts else []),
@@ -151,32 +143,26 @@ class KeypointsPanel:
         look = button(label, "keypoints.look", part, kind="mini", disabled=off)
         return line(f"{part_name(part).capitalize()}: not found", look, numbers=(1,))
 
-    def _draw_again(self, where: str) -> None:
+    def _draw_again(self, where: str, *, looks: bool) -> None:
         """What can be looked for again, or how far that is."""
-        tab, again = self._tab, self._gestures.again
-        going = again.going if again.busy else None
-        progress = going and (going.text, going.share, going.stopping)
-        if not tab.sent.differs("again", can_look(tab), where, progress, again.framing):
-            return
-        if going is not None:
+        again = self._gestures.again
+        if again.busy and (going := again.going) is not None:
             told = going.title if going.stopping else f"{going.title}: {going.text}"
-            stop = action("cancel_detecting", "Cancel", disabled=going.stopping, kind="danger")
+            stop = self._action("cancel_detecting", "Cancel", disabled=going.stopping, kind="danger")
             self._again.show(heading("Detect again"), paragraph(told), progress_bar(going.share or 0.0), row(stop))
-        elif can_look(tab):
+        elif looks:
             self._again.show(
                 heading("Detect again", where),
-                row(*(action(f"detect_{part}", part_name(part).capitalize()) for part in PARTS), wrap=True),
+                row(*(self._action(f"detect_{part}", part_name(part).capitalize()) for part in PARTS), wrap=True),
                 paragraph("In a rectangle that you draw in the picture:", "dim"),
-                row(
-                    *(
-                        action(f"frame_{part}", part_name(part).capitalize(), pressed=again.framing == part)
-                        for part in PARTS
-                    ),
-                    wrap=True,
-                ),
+                row(*map(self._framed, PARTS), wrap=True),
             )
         else:
             self._again.show()
+
+    def _framed(self, part: PartOfPerson) -> Html:
+        pressed = self._gestures.again.framing == part
+        return self._action(f"frame_{part}", part_name(part).capitalize(), pressed=pressed)
 
     def _where(self) -> str:
         tab = self._tab
@@ -187,44 +173,36 @@ class KeypointsPanel:
     def _bad(self) -> bool:
         """Whether all that is selected is bad."""
         tab, state = self._tab, self._tab.state
-        if not state.selection or state.playing:
-            return False
-        if tab.sent.differs("bad", state.selection, tab.chosen_frames, tab.session.edits):
-            bad = tab.session.project.corrected.bad
-            self._all_bad = bool(bad[np.ix_(tab.chosen_frames, state.selection)].all())
-        return self._all_bad
+        key = state.selection, tab.chosen_frames, tab.session.project.keypoints_version
+        return bool(state.selection) and not state.playing and tab.once("bad", key, self._all_bad)
 
-    def _key(self) -> bool:
-        """Whether any of what is selected has a keyframe in the frame on show."""
-        state = self._tab.state
-        if not state.selection or state.playing:
-            return False
-        return bool(self._tab.session.project.corrected.key[state.frame, list(state.selection)].any())
+    def _all_bad(self) -> bool:
+        tab = self._tab
+        return bool(tab.session.project.corrected.bad[np.ix_(tab.chosen_frames, tab.state.selection)].all())
 
-    def _draw_buttons(self, where: str, bad: bool, key: bool) -> None:
-        tab, state = self._tab, self._tab.state
+    def _draw_buttons(self, where: str) -> None:
+        tab, state, act = self._tab, self._tab.state, self._action
         off = tab.session.project.read_only
         none = off or not state.selection
-        edit = partial(action, disabled=none)
         self._buttons.show(
             heading("Correct", words(f"{where}, not on show", "warn") if tab.hits_unseen else where),
-            row(edit("bad", "Restore" if bad else "Mark bad"), edit("reset", "Reset")),
-            row(edit("copy", "Copy previous"), edit("interpolate", "Interpolate")),
+            row(act("bad", "Restore" if self._bad() else "Mark bad"), act("reset", "Reset")),
+            row(act("copy", "Copy previous"), act("interpolate")),
             row(
-                action("swap_body", "Swap body", disabled=off),
+                act("swap_body", "Swap body"),
                 *(button(name.title(), "keypoints.swap", name, disabled=off) for name in _SWAPPED),
-                action("swap_hands", "Hands", disabled=off),
+                act("swap_hands", "Hands"),
             ),
             heading("Keyframes", "in the frame on show"),
             row(
-                action("keyframes", "Keyframes", pressed=state.keyframes, hint=_KEYFRAMES),
-                action("delete_key", "Delete keyframe", disabled=off or not key),
+                act("keyframes", "Keyframes", pressed=state.keyframes, hint=_KEYFRAMES),
+                act("delete_key", "Delete keyframe"),
             ),
-            row(action("hand_along", "Hand goes with its wrist", pressed=state.hand_along)),
+            row(act("hand_along", "Hand goes with its wrist", pressed=state.hand_along)),
             heading("Depth", named("of arms and legs", tab)),
-            row(edit("mirror_depth", "Mirror in depth"), edit("in_front", "In front"), edit("behind", "Behind")),
-            row(edit("interpolate_depth", "Interpolate depth"), edit("clear_depth", "Clear depth")),
-            row(edit("pin", "Pin in space"), edit("lock", "Lock the turn"), edit("unlock", "Unlock")),
+            row(act("mirror_depth"), act("in_front", "In front"), act("behind", "Behind")),
+            row(act("interpolate_depth"), act("clear_depth")),
+            row(act("pin", "Pin in space"), act("lock", "Lock rotation"), act("unlock", "Unlock")),
         )
         self._exactly.show(
             row(
@@ -256,20 +234,27 @@ class KeypointsPanel:
         tab, project = self._tab, self._tab.session.project
         follow = tab.session.edit_follower.after_edits
         hint = "After an edit, the fit of its frame and the frames around is made again"
-        self._history.show(
+        key = project.keypoints_version, project.marks_version, tab.author
+        undo, redo, *done = tab.once("history", key, self._history_rows)
+        self._done.show(
             heading("Corrections"),
-            row(self._step("undo", "Undo", project.undoable)),
-            row(self._step("redo", "Redo", project.redoable)),
+            row(self._action("undo", undo, kind="left")),
+            row(self._action("redo", redo, kind="left")),
             row(button("The fit follows edits", "keypoints.follow", pressed=follow, hint=hint)),
-            *history_table(project, me=tab.author, first_frame=tab.first_frame),
+            *done,
         )
 
-    def _step(self, name: str, verb: str, entry: LogEntry | None) -> Html:
+    def _history_rows(self) -> list[Html]:
+        """What undo and redo would do, and what was done."""
+        tab, project = self._tab, self._tab.session.project
+        steps = (self._step("Undo", project.undoable), self._step("Redo", project.redoable))
+        return [*steps, *history_table(project, me=tab.author, first_frame=tab.first_frame)]
+
+    def _step(self, verb: str, entry: LogEntry | None) -> Html:
         if entry is None:
-            return action(name, f"Nothing to {verb.lower()}", disabled=True, kind="left")
+            return text(f"Nothing to {verb.lower()}")
         assert not isinstance(entry.action, Undo | Redo)
-        what = describe(entry.action, self._tab.first_frame)
-        return action(name, f"{verb}: {what}", kind="left", disabled=self._tab.session.project.read_only)
+        return text(f"{verb}: {describe(entry.action, self._tab.first_frame)}")
 
 
 SHOWN = 12
@@ -289,7 +274,7 @@ def history_table(project: Project, *, me: str, first_frame: int) -> list[Html]:
         return [paragraph("No corrections yet.", "dim")]
     now = datetime.now().astimezone()
     rows = [
-        _row(entry, _when(entry.time, now), _whose(entry.author, me), first_frame, done=project.stands(entry.id))
+        _row(entry, _when(entry.time, now), whose(entry.author, me), first_frame, done=project.stands(entry.id))
         for entry in edits
     ]
     return [table(rows)]
@@ -307,12 +292,6 @@ def _row(entry: LogEntry, when: str, whose: str, first_frame: int, *, done: bool
         value=str(entry.id),
         hint=f"{'' if done else 'Undone. '}Go to frame {first_frame + entry.action.frames[0]}",
     )
-
-
-def _whose(author: str, me: str) -> str:
-    if author == me:
-        return "you"
-    return "another browser" if author.startswith((BROWSER, "tab ")) else author
 
 
 def _when(time: datetime, now: datetime) -> str:

@@ -27,7 +27,7 @@ class Notes:
     """A field for a note, and the notes that there are. Asked again and again, it sends what changed."""
 
     def __init__(self, gestures: Gestures) -> None:
-        self._tab, self._noting = gestures.tab, gestures.noting
+        self._gestures, self._tab, self._noting = gestures, gestures.tab, gestures.noting
         self._head = Board(self._tab)
         hint = f"About the selected frames, or the one on show. {NOTE_CHARACTERS:,} characters at most"
         self._field = self._tab.client.gui.add_text(FIELD, "", hint=hint)
@@ -62,8 +62,6 @@ class Notes:
         self._elan.draw()
         tab, changing = self._tab, self._noting.changing
         where = "" if tab.state.playing else in_words(tab.chosen_frames, tab.first_frame)
-        if not tab.sent.differs("notes", tab.session.marked, where, changing):
-            return
         off, notes = tab.session.project.read_only, tab.session.project.notes
         self._head.show(heading("Notes", f"{len(notes)}" if notes else ""))
         if changing is None:
@@ -77,7 +75,7 @@ class Notes:
             buttons,
             *([table(self._line(note, off=off) for note in notes[:_MOST])] if notes else []),
             *([paragraph(f"and {len(notes) - _MOST} more, in the timeline", "dim")] if len(notes) > _MOST else []),
-            row(action("copy_link", "Copy a link to this frame and fit")),
+            row(action(self._gestures, "copy_link")),
         )
 
     def _line(self, note: Note, *, off: bool) -> Html:

@@ -8,10 +8,10 @@ import viser
 
 from fitting_core.animation.rigs.mapping import check_joints
 from fitting_core.animation.rigs.parts import CHAINS, NEEDED, PARTS, meant
-from fitting_core.errors import InputError
 from tcfit_app.exports.table import exports
 from tcfit_app.fitting.reports import Notice
 from tcfit_app.project.storage.rig import KeptRig
+from tcfit_app.review.gestures.actions import refusal
 from tcfit_app.review.panels.elements.field import Dropdown, Field, take_uploads
 from tcfit_app.review.panels.elements.html import Board, Html, button, paragraph, row
 from tcfit_app.review.tab.tab import Tab
@@ -99,15 +99,16 @@ class OwnRig:
         if kept is not None and (self._shown is None or self._shown.skeleton is not kept.skeleton):
             self._make_inputs(kept)
         off = session.project.read_only or session.rig.busy
-        if not self._tab.sent.differs("own rig", kept, session.rig.problem, off, there):
-            return
         self._upload.disabled = off
+        self._tab.once("own rig", (kept, off), lambda: self._draw_inputs(kept, off=off))  # 55 of them
+        self._about.show(paragraph(_SAID, "dim"), *self._told(there))
+
+    def _draw_inputs(self, kept: KeptRig | None, *, off: bool) -> None:
         joints = {} if kept is None else kept.joints
         for part, field in self._inputs.items():
             field.show(_value(kept, part))
             self._handles[part].label = _label(part, missing=part not in joints)
             self._handles[part].disabled = off
-        self._about.show(paragraph(_SAID, "dim"), *self._told(there))
 
     def _make_inputs(self, kept: KeptRig) -> None:
         """A list of joints for each part."""
@@ -141,11 +142,7 @@ class OwnRig:
         kept = self._kept
         if kept is None:
             return []
-        try:
-            check_joints(kept.joints, kept.skeleton)
-            wrong = ""
-        except InputError as error:
-            wrong = str(error)
+        wrong = refusal(check_joints, kept.joints, kept.skeleton)
         found = sum(part in kept.joints for part in PARTS)
         about = f"{kept.rig.name}: {len(kept.skeleton.offered)} joints, {found} of {len(PARTS)} parts have one."
         bvh = kept.rig.suffix.lower() == ".bvh"

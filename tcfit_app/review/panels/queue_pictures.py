@@ -1,7 +1,7 @@
 """Small pictures of what entries of the review queue are about, cut out of the video."""
 
 from base64 import b64encode
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -46,9 +46,13 @@ class QueuePictures:
             ordered = [one for one in wanted.values() if one in missing]
             self._found |= video.thumbnails(ordered, reader=self)
         waiting = len(missing - self._found.keys())
-        if tab.sent.differs("pictures of the queue", video, tuple(wanted), -(-waiting // _TOGETHER)):
-            rules = [f".{name}{{{_image(self._found[one])}}}" for name, one in wanted.items() if one in self._found]
-            self._board.show(*([tag("style", Html("\n".join(rules)))] if rules else []))
+        key = video, tuple(wanted), -(-waiting // _TOGETHER)
+        rules = tab.once("pictures of the queue", key, lambda: self._rules(wanted))
+        self._board.show(*([tag("style", rules)] if rules else []))
+
+    def _rules(self, wanted: Mapping[str, Wanted]) -> Html:
+        known = {name: self._found[one] for name, one in wanted.items() if one in self._found}
+        return Html("\n".join(f".{name}{{{_image(made)}}}" for name, made in known.items()))
 
     def _crop(self, suspect: Suspect) -> Crop:
         key = suspect.frame, suspect.joints

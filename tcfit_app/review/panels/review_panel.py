@@ -1,6 +1,5 @@
 """The panel that leads through suspicious frames, and finds a video that was moved."""
 
-import time
 from collections.abc import Sequence
 from typing import ClassVar
 
@@ -36,8 +35,6 @@ from tcfit_app.review.panels.who_is_who import WhoIsWho
 
 _MOST = 40
 """Entries that are listed; one that is checked makes room for the next."""
-_PATIENCE = 0.2
-"""Seconds between two questions whether the queue is there."""
 _FLAGS = 24
 """Runs of flagged frames that are listed."""
 
@@ -55,11 +52,8 @@ class ReviewPanel:
         """The last that was found; None until then."""
         self._looking = False
         """Newer ones are being looked for."""
-        self._next = 0.0
-        """When to ask for them again."""
         self._problem = ""
         self._flagged: list[int] = []
-        self._checked: set[int] = set()
         self._damage = Board(tab)
         self._media = Board(tab)
         path = tab.client.gui.add_text("New place", "", visible=False, hint="Video file, or folder of images")
@@ -122,37 +116,28 @@ class ReviewPanel:
         self._draw_media()
         shown = tab.shown.b
         self._look(shown)
-        if tab.sent.differs("marks of the queue", session.marked):
-            marks = session.project.marks.all()
-            self._flagged = [frame for frame, mark in marks.items() if mark.state == "flag"]
-            self._checked = {frame for frame, mark in marks.items() if mark.state == "checked"}
-        here, where = self._here(), self._applies()
-        fine = self._checked.issuperset(self._gestures.reviewing.dismissed)
-        flagged = set(tab.chosen_frames) <= set(self._flagged)
-        if tab.sent.differs(
-            "review head",
-            *(id(self._found), self._path.visible, session.marked, where, fine, flagged, tab.hits_unseen),
-        ):
-            self._draw_head(where, fine=fine, flagged=flagged)
+        self._flagged, checked = tab.once("marks of the queue", session.project.marks_version, self._marks)
+        where = self._applies()
+        fine = checked.issuperset(self._gestures.reviewing.dismissed)
+        self._draw_head(where, fine=fine, flagged=set(tab.chosen_frames) <= set(self._flagged))
         self._who_is_who.draw()
         self._notes.draw()
         self._pictures.draw(self._suspects[:_MOST])
-        if tab.sent.differs("queue", id(self._found), self._looking, self._problem, shown is None, here):
-            self._queue.show(*self._entries(here, fitted=shown is not None))
+        self._queue.show(*self._entries(self._here(), fitted=shown is not None))
+
+    def _marks(self) -> tuple[list[int], set[int]]:
+        """The frames that are flagged, and those that look fine."""
+        marks = self._tab.session.project.marks.all()
+        flagged = [frame for frame, mark in marks.items() if mark.state == "flag"]
+        return flagged, {frame for frame, mark in marks.items() if mark.state == "checked"}
 
     def _look(self, shown: Shown | None) -> None:
         """Take up the queue if it is another one; the last one stays meanwhile."""
-        tab = self._tab
-        key = None if shown is None else tab.data.key(shown)
-        changed = tab.sent.differs("suspects of", key, tab.session.marked)
-        if not changed and not (self._looking and time.monotonic() > self._next):
-            return
-        self._next = time.monotonic() + _PATIENCE
         if shown is None:
             self._found, self._looking, self._problem = None, False, ""
             return
-        found = tab.data.queue(shown)
-        self._problem = tab.data.problem("suspects", shown) if found is None else ""
+        found = self._tab.data.queue(shown)
+        self._problem = self._tab.data.problem("suspects", shown) if found is None else ""
         self._looking = found is None and not self._problem
         if not self._looking:
             self._found = found
@@ -171,17 +156,16 @@ class ReviewPanel:
                 progress_bar(found.looked_at / total),
                 paragraph(f"{found.looked_at} of {total} looked at; flagged frames: {len(self._flagged)}", "dim"),
             ]
-        off = self._tab.session.project.read_only
         self._head.show(
             heading("Suspicious frames", first=not self._path.visible),
             *bar,
             row(
-                action("previous_suspect", "Previous", disabled=not self._suspects),
-                action("next_suspect", "Next", disabled=not self._suspects, kind="main"),
+                action(self._gestures, "previous_suspect", "Previous"),
+                action(self._gestures, "next_suspect", "Next", kind="main"),
             ),
             row(
-                action("fine", "Not fine after all" if fine else "Looks fine", disabled=off),
-                action("flag", "Take flag away" if flagged else "Flag", disabled=off),
+                action(self._gestures, "fine", "Not fine after all" if fine else "Looks fine"),
+                action(self._gestures, "flag", "Take flag away" if flagged else "Flag"),
             ),
             paragraph(where, "dim"),
             *unseen(self._tab),
@@ -257,8 +241,6 @@ class ReviewPanel:
 
     def _draw_damage(self) -> None:
         damage, plugins = self._tab.session.project.damage, tuple(fault.text for fault in faults())
-        if not self._tab.sent.differs("damage", damage, plugins):
-            return
         listed = [paragraph(text, "warn") for text in damage[:_MOST]]
         more = [paragraph(f"and {len(damage) - _MOST} more", "dim")] if len(damage) > _MOST else []
         shown = [heading("Damaged in the project", first=True), *listed, *more] if damage else []
@@ -270,8 +252,6 @@ class ReviewPanel:
     def _draw_media(self) -> None:
         tab = self._tab
         problem = tab.session.project.media.problem or tab.data.video.problem_of(tab.state.frame)
-        if not tab.sent.differs("media problem", problem):
-            return
         self._path.visible = bool(problem)
         if not problem:
             self._media.show()

@@ -38,7 +38,7 @@ class StartPanel:
     icon: ClassVar[viser.IconName] = viser.Icon.USER_PLUS
 
     def __init__(self, gestures: Gestures) -> None:
-        self._tab = gestures.tab
+        self._gestures, self._tab = gestures, gestures.tab
         tab, gui = gestures.tab, gestures.tab.client.gui
         self._intro = Board(tab)
         self._said = Board(tab)
@@ -91,28 +91,17 @@ class StartPanel:
         """See `Panel.draw`."""
         tab, session = self._tab, self._tab.session
         self._camera.draw()
-        going, done, people = session.source.going, session.project.has_detections, session.source.people
-        if tab.sent.differs("start detector", going, session.source.busy):
-            self._detector.look()  # a job may have fetched what it needs
-        choosing = done and session.can_choose_person
-        chosen = self._detector.chosen, self._detector.is_here
-        fitted = bool(session.jobs), bool(session.fits.showable())
-        if tab.sent.differs("start", going, session.source.busy, done, choosing, session.edits, *chosen, *fitted):
-            self._draw_choices(done)
-        count = 0 if people is None else people.count
-        said = (
-            None
-            if going is None
-            else (going, going.state, going.stopping, going.text, round(200 * (going.share or 0)), count)
-        )
-        if tab.sent.differs("start going", said, done):
-            self._said.show(*([] if going is None or done else _said(going, count)))
+        source, done = session.source, session.project.has_detections
+        tab.once("detector", (source.going, source.busy), self._detector.look)  # a job may have fetched what it needs
+        self._draw_choices(done)
+        count = 0 if source.people is None else source.people.count
+        self._said.show(*([] if source.going is None or done else _said(source.going, count)))
 
     def _draw_choices(self, done: bool) -> None:
         tab = self._tab
         open_for_it = not (done or tab.session.project.read_only or tab.session.source.busy)
         offered = _offered(self._detector) if open_for_it else []
-        self._intro.show(*(_finished(tab) if done else [*_introduction(tab), *offered]))
+        self._intro.show(*(_finished(self._gestures) if done else [*_introduction(tab), *offered]))
         for folder in (self._folder, self._camera_folder, self._detection):
             folder.visible = open_for_it
         self._import.show(*([_IMPORT] if open_for_it else []))
@@ -194,26 +183,27 @@ def _introduction(tab: Tab) -> list[Html]:
     return [heading("No keypoints yet", first=True), paragraph(text)]
 
 
-def _finished(tab: Tab) -> list[Html]:
-    project = tab.session.project
+def _finished(gestures: Gestures) -> list[Html]:
+    tab, project = gestures.tab, gestures.tab.session.project
     found = int((project.detections.confidence > 0).any(1).sum())
     return [
         heading("Keypoints", first=True),
         paragraph(words(f"Found in {found} of {tab.length} frames.", "good")),
         *(paragraph(note, "dim") for note in project.footage.notes),
         *_others(tab),
-        *_what_next(tab),
+        *_what_next(gestures),
     ]
 
 
-def _what_next(tab: Tab) -> list[Html]:
+def _what_next(gestures: Gestures) -> list[Html]:
+    tab = gestures.tab
     if tab.session.jobs:
         return [paragraph("They are being fitted: the picture shows each body as soon as it is there.")]
     if tab.session.fits.showable():
         text = "They are fitted. Next: play the clip, and let the panel Review lead you to what is suspicious."
-        return [paragraph(text), row(action("next_suspect", "Next suspicious frame"))]
+        return [paragraph(text), row(action(gestures, "next_suspect"))]
     text = "Next: fit the body. Keypoints that are wrong can be corrected before or after."
-    return [paragraph(text), row(action("fit", "Fit everything", kind="main"))]
+    return [paragraph(text), row(action(gestures, "fit", kind="main"))]
 
 
 def _others(tab: Tab) -> list[Html]:

@@ -1,6 +1,6 @@
 """The panel that says what is seen: mode, playing, which runs are A and B, layers."""
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from typing import ClassVar
 
@@ -33,7 +33,6 @@ from tcfit_app.review.scene.windows import ARRANGEMENTS
 from tcfit_app.review.tab.buttons import one_of
 from tcfit_app.review.tab.on_show import SIDES
 from tcfit_app.review.tab.state import CLOSE_UPS, MODES, OPACITIES, SIDES_SEEN, SPEEDS, Part
-from tcfit_app.review.tab.tab import NO_SILHOUETTE, Tab
 
 _SWITCHES = {"video", "bones", "detections", "others", "error_bars"}
 """What can be switched here and has no key."""
@@ -49,13 +48,6 @@ _APART = 1.2
 """Metres: two bodies with their arms stretched do not touch."""
 
 
-def _look(tab: Tab) -> tuple[Hashable, ...]:
-    """What the buttons for bodies depend on."""
-    state = tab.state
-    looks = state.bodies, state.others, state.wireframe, state.outline, state.difference
-    return *looks, state.mode, state.apart, tab.clipped
-
-
 class ViewPanel:
     """What is seen."""
 
@@ -63,14 +55,14 @@ class ViewPanel:
     icon: ClassVar[viser.IconName] = viser.Icon.EYE
 
     def __init__(self, gestures: Gestures) -> None:
-        self._tab = tab = gestures.tab
-        gui = tab.client.gui
+        self._tab, self._action = gestures.tab, partial(action, gestures)
+        tab, gui = gestures.tab, gestures.tab.client.gui
         self._top = Board(tab)
         last = max(1, tab.length - 1) + tab.first_frame
         frame = gui.add_number("Frame", tab.first_frame, min=tab.first_frame, max=last, step=1)
         self._frame = Field(tab, frame, self._jump)
         self._speed = Board(tab)
-        self._runs = RunsShown(tab)
+        self._runs = RunsShown(gestures)
         self._layers = Board(tab)
         opacity = gui.add_slider("Opacity", *OPACITIES, 0.05, tab.state.opacity, hint="Of bodies; keys , and .")
         self._opacity = Field(tab, opacity, lambda value: tab.set(opacity=value))
@@ -84,7 +76,7 @@ class ViewPanel:
             "Min. conf.", 0.0, 1.0, 0.05, 0.0, hint="Keypoints of less confidence are left out, unless selected"
         )
         self._minimum = Field(tab, minimum, lambda value: tab.set(minimum=value))
-        Board(tab).show(row(action("help", "All keys and gestures")))
+        Board(tab).show(row(self._action("help", "All keys and gestures")))
         self._listen()
 
     def _listen(self) -> None:
@@ -124,37 +116,17 @@ class ViewPanel:
         self._runs.draw()
         self._opacity.show(state.opacity)
         self._minimum.show(state.minimum)
-        if tab.sent.differs("view panel", *_look(tab)):
-            self._draw_bodies()
-        held = tab.shown.held
-        version = None if held is None else (held.run.id, held.revision)
-        if tab.sent.differs("side panel", state.mode, state.side, state.side_from, version):
-            self._draw_side(held)
+        self._draw_bodies()
+        self._draw_side(tab.shown.held)
         if (angle := angle_of(state.side_from)) is not None:
             self._turn.show(angle)
-        if tab.sent.differs(
-            "keypoint layers",
-            *(state.close_up, state.trail, state.error_bars, version),
-            *(
-                state.video,
-                state.keypoints,
-                state.bones,
-                state.detections,
-                state.groups,
-                state.color_by,
-                state.silhouette,
-                tab.session.edits,
-            ),
-        ):
-            self._draw_keypoints(held)
+        self._draw_keypoints(tab.shown.held)
 
     def _draw_playing(self) -> None:
         tab, state = self._tab, self._tab.state
         self._frame.show(state.frame + tab.first_frame)
         now = tab.arrangement if state.mode == "ab" else None
-        if not tab.sent.differs("playing", state.mode, state.playing, state.speed, state.loop, state.frames, now):
-            return
-        modes = (action(mode, name, pressed=state.mode == mode) for mode, name in MODES.items())
+        modes = (self._action(mode, name, pressed=state.mode == mode) for mode, name in MODES.items())
         ways = (
             button(name, "view.arrange", way, pressed=now == way, hint=_ARRANGE) for way, name in ARRANGEMENTS.items()
         )
@@ -163,11 +135,11 @@ class ViewPanel:
             *([row(choice(*ways))] if now else []),
             row(
                 choice(
-                    action("previous10", "−10"),
-                    action("previous", "−1"),
-                    action("play", "Pause" if state.playing else "Play", kind="main"),
-                    action("next", "+1"),
-                    action("next10", "+10"),
+                    self._action("previous10", "−10"),
+                    self._action("previous", "−1"),
+                    self._action("play", "Pause" if state.playing else "Play", kind="main"),
+                    self._action("next", "+1"),
+                    self._action("next10", "+10"),
                 )
             ),
         )
@@ -175,7 +147,7 @@ class ViewPanel:
         what = "the selection" if state.frames is not None else "the clip"
         self._speed.show(
             row(choice(*speeds), label="Speed"),
-            row(action("loop", f"Loop {what}", pressed=state.loop), label=" "),
+            row(self._action("loop", f"Loop {what}", pressed=state.loop), label=" "),
         )
 
     def _draw_bodies(self) -> None:
@@ -183,19 +155,19 @@ class ViewPanel:
         rows = [
             heading("Bodies"),
             row(
-                action("bodies", "Bodies", pressed=state.bodies),
-                action("wireframe", "Wire", pressed=state.wireframe),
-                action("outline", "Outline", pressed=state.outline, disabled=state.mode == "space"),
+                self._action("bodies", "Bodies", pressed=state.bodies),
+                self._action("wireframe", "Wire", pressed=state.wireframe),
+                self._action("outline", "Outline", pressed=state.outline),
             ),
         ]
         if self._tab.someone.others:
             hint = "The newest fits of the clip's other people, dimmed"
             rows.append(row(button("Other people", "view.switch", "others", pressed=state.others, hint=hint)))
-        difference = action("difference", "A-B difference", pressed=state.difference)
+        difference = self._action("difference", "A-B difference", pressed=state.difference)
         if state.mode != "space":
             hint = "Bodies end where the picture ends; else they are seen beyond it"
             clip = button("Clip to the picture", "view.clip", pressed=self._tab.clipped, hint=hint)
-            rows += [row(clip, difference), row(action("peek", "Video only, while held"))]
+            rows += [row(clip, difference), row(self._action("peek", "Video only, while held"))]
         else:
             rows.append(row(difference))
             looks = (button(name.title(), "view.from", name) for name in _SPACE_FROM)
@@ -219,7 +191,7 @@ class ViewPanel:
         known = held is None or self._tab.data.level(held) is not None
         self._side.show(
             heading("Side view", "" if known else "gravity not known"),
-            row(action("side", "Show", pressed=state.side), choice(*seen), choice(*wider)),
+            row(self._action("side", "Show", pressed=state.side), choice(*seen), choice(*wider)),
         )
 
     def _draw_keypoints(self, held: Shown | None) -> None:
@@ -236,8 +208,8 @@ class ViewPanel:
         colors = (button(name, "view.color", name, pressed=state.color_by == name) for name in _COLORS_BY)
         self._keypoints.show(
             heading("Picture and keypoints"),
-            row(action("fit_view", "Whole picture"), action("zoom", "Zoom to selected")),
-            row(action("save_picture", "Save picture")),
+            row(self._action("fit_view", "Whole picture"), self._action("zoom", "Zoom to selected")),
+            row(self._action("save_picture", "Save picture")),
             row(
                 choice(
                     *(
@@ -249,7 +221,7 @@ class ViewPanel:
             ),
             row(
                 button("Video", "view.switch", "video", pressed=state.video),
-                action("bones", "Keypoints", pressed=state.keypoints),
+                self._action("bones", "Keypoints", pressed=state.keypoints),
                 button("Bones", "view.switch", "bones", pressed=state.bones),
                 button(
                     "Trace",
@@ -258,7 +230,7 @@ class ViewPanel:
                     pressed=state.detections,
                     hint="Lines from corrected keypoints to where they were detected",
                 ),
-                action("trail", "Trail", pressed=state.trail),
+                self._action("trail", "Trail", pressed=state.trail),
                 self._silhouette(),
                 self._error_bars(held),
                 wrap=True,
@@ -276,14 +248,9 @@ class ViewPanel:
         return button("Error bars", "view.switch", "error_bars", pressed=pressed, disabled=not known, hint=hint)
 
     def _silhouette(self) -> Html:
-        known, state = self._tab.session.project.footage.silhouettes is not None, self._tab.state
-        return action(
-            "silhouette",
-            "Silhouette",
-            pressed=known and state.silhouette,
-            disabled=not known or state.mode == "space",
-            hint="What the person covers, as the detector has it" if known else NO_SILHOUETTE,
-        )
+        known = self._tab.session.project.footage.silhouettes is not None
+        pressed = known and self._tab.state.silhouette
+        return self._action("silhouette", "Silhouette", pressed=pressed, hint="What the person covers of the picture")
 
 
 NEWEST = "Newest"
@@ -301,8 +268,9 @@ _PHASE_CHOICES = {f"{side} {phase or ''}": (side, phase) for side in SIDES for p
 class RunsShown:
     """Which runs and phases are A and B: a part of the panel."""
 
-    def __init__(self, tab: Tab) -> None:
-        self._tab = tab
+    def __init__(self, gestures: Gestures) -> None:
+        self._tab, self._action = gestures.tab, partial(action, gestures)
+        tab = gestures.tab
         self._numbers: dict[str, int | None] = {}
         """Runs by what they are called in the dropdowns."""
         self._head = Board(tab)
@@ -336,12 +304,10 @@ class RunsShown:
         runs = [run for run in fits.runs if run in showable or run.id in chosen]
         shown = {side: fits.meant(self._choice(side)) for side in SIDES}
         there = {side: self._phases_of(shown[side]) for side in SIDES}
-        if not tab.sent.differs("runs shown", state.a, state.b, state.blinked, fits.changes, *there.values()):
-            return
         self._head.show(
             heading("Fits on show", _LEGEND),
             row(
-                action("blink", "Blink A in B's place", pressed=state.blinked),
+                self._action("blink", "Blink A in B's place", pressed=state.blinked),
                 button("Swap A and B", "runs.swap", hint="What was A becomes B: corrections are then made to it"),
             ),
         )

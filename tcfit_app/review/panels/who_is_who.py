@@ -36,9 +36,8 @@ class WhoIsWho:
     def draw(self) -> None:
         """Send what changed."""
         tab, spans = self._tab, self._tab.someone.uncertain
-        edits = tuple(one.session.edits for one in tab.someone.everybody)
         number = None if tab.state.playing else tab.state.frame + tab.first_frame
-        if tab.someone.others and tab.sent.differs("who is who", spans, edits, number):
+        if tab.someone.others:
             self._board.show(*self._rows(spans, number))
 
     def _rows(self, spans: tuple[Span, ...], number: int | None) -> list[Html]:

@@ -66,7 +66,7 @@ class Group:
 
     def doubts(self, number: int) -> list[Doubt]:
         """What is uncertain about a member, in order; two who were exchanged have exchanged what comes after that."""
-        state = [(member.person, member.session.edits) for member in self.members]
+        state = [(member.person, member.session.project.keypoints_version) for member in self.members]
         if self._doubts[0] != state:
             found = [
                 [Doubt(span=span, listed=span, owner=k) for span in member.person.uncertain]

@@ -70,8 +70,6 @@ class Session:
         self._next_try = 0.0
         self.ended: RunningJob | None = None
         """The run's job that ended last."""
-        self.changes = 0
-        """Another number whenever anything about jobs is another."""
         self.tell: Callable[[Notice], None] = lambda notice: None
 
     def close(self) -> None:
@@ -86,21 +84,6 @@ class Session:
             job.outcome, job.reason = "cancelled", "tcfit was closed"
             self._end_run(job)
         self._end_late(0.0)
-
-    @property
-    def edits(self) -> int:
-        """Another number whenever the keypoints are others."""
-        return self.project.keypoints_version
-
-    @property
-    def marked(self) -> int:
-        """Another number whenever a frame's mark or note is another."""
-        return self.project.marks_version
-
-    @property
-    def referenced(self) -> int:
-        """Another number whenever fits are compared with something else."""
-        return self.project.reference_version
 
     # --- keypoints ---
 
@@ -277,7 +260,6 @@ class Session:
         run = import_run(
             self.project, self.bodies, path, choices, name=name, source=sent_as, goes_on=lambda: report("", None)
         )
-        self.fits.changed()
         return run
 
     def import_upload(self, name: str, content: bytes, choices: ImportChoices, report: Step) -> Run:
@@ -363,7 +345,6 @@ class Session:
     def _enqueue(self, job: Job, run: int | None, *, follows: int | None = None) -> None:
         number = self.worker.submit(job)
         self.jobs[number] = RunningJob(number=number, run=run, follows=follows, title=job.title, phases=job.phases)
-        self.changes += 1
 
     def cancel(self, run: int | None = None) -> None:
         """Cancel a run's job, or all; what has finished stays."""
@@ -374,7 +355,6 @@ class Session:
     def rename(self, run: int, name: str) -> None:
         """Give a run another name. Raises InputError if it cannot have it."""
         self.project.runs.rename(run, name)
-        self.fits.changed()
 
     def delete(self, run: int) -> None:
         """Take a run out of the list; it can be restored. Raises InputError while it is running."""
@@ -384,12 +364,10 @@ class Session:
     def restore(self, run: int) -> None:
         """Bring a deleted run back. Raises InputError if it is gone for good."""
         self.project.runs.undelete(run)
-        self.fits.changed()
 
     def purge(self) -> int:
         """Remove deleted runs for good; how many. Raises InputError if the project cannot be written."""
         gone = self.project.runs.purge()
-        self.fits.changed()
         return len(gone)
 
     def edits_since(self, run: Run) -> int:
@@ -435,7 +413,6 @@ class Session:
             self._take_whatever_comes(report)
         if news.progress is not None and (job := self.jobs.get(news.progress.job)):
             job.take(news.progress)
-            self.changes += 1
         for moved in news.moved:
             self.edit_follower.take_move(moved)
         self.tasks.take()
@@ -447,7 +424,6 @@ class Session:
 
     def _take_keypoints(self, ended: Going) -> None:
         """Take up what has ended of getting keypoints."""
-        self.changes += 1
         if ended.state != "finished" and self._as_found is not None:
             self.cancel(self._as_found)
         if ended.state == "failed":
@@ -465,7 +441,6 @@ class Session:
             self.tell(Notice(title="Something went wrong in tcfit", text=text, kind="error"))
 
     def _take(self, report: Report) -> None:
-        self.changes += 1
         if isinstance(report, DragEnded):
             self.edit_follower.take_end(report)
             if report.how == "failed":
@@ -544,7 +519,6 @@ class Session:
         for run in self.fits.write_late():
             if self.ended is not None and self.ended.run == run.id:
                 self.ended.outcome, self.ended.reason = "finished", ""
-            self.changes += 1
             self.tell(Notice(title=f"{run.name} is written after all", text="", kind="done"))
 
     def refuse_without_keypoints(self) -> None:

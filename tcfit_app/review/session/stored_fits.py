@@ -24,7 +24,7 @@ class StoredFits:
         """Whether a run's fit is in memory; if not, it is being read when this returns."""
         if self._fits.held(run):
             return True
-        key: Hashable = ("stored fit", run.id, self._fits.changes)
+        key: Hashable = ("stored fit", run.id, self._fits.version)
         if self._tasks.get(key, lambda: self._fits.fit(run) is not None, lane="disk"):
             self._tasks.drop(key)  # it may be needed, and read, again
         if problem := self._tasks.problem(key):

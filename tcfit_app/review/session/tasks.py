@@ -206,6 +206,11 @@ class Tasks:
         thread.start()
         return task
 
+    @property
+    def busy(self) -> bool:
+        """Whether something that was begun has not ended."""
+        return bool(self._running)
+
     def _run(self, task: Task[Value], work: Work[Value]) -> None:
         task.run(work)
         self._ended.put(task)

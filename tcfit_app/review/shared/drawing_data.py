@@ -106,8 +106,8 @@ class DrawingData:
         if live is not None:
             version, place = ("live", live.revision), frame - live.frames.start
             return Drawn(vertices=meshes.vertices(version, live.params, place), version=(version, frame))
-        version = (shown.run.id, shown.phase, shown.revision)
-        return Drawn(vertices=meshes.vertices(version, shown.params, frame), version=(version, frame))
+        vertices = meshes.vertices(shown.version, shown.params, frame)
+        return Drawn(vertices=vertices, version=(shown.version, frame))
 
     def posed(self, shown: Shown) -> Callable[[], PosedFit]:
         """What poses a run beside the keypoints as they are now, for another thread.
@@ -130,7 +130,7 @@ class DrawingData:
 
     def key(self, shown: Shown) -> Hashable:
         """Stands for everything that `posed` is made of."""
-        return shown.run.id, shown.phase, shown.revision, self.session.edits
+        return *shown.version, self.session.project.keypoints_version
 
     def curve(self, name: str, shown: Shown) -> Curve | None:
         """A curve of the timeline; None while it is made."""
@@ -179,7 +179,7 @@ class DrawingData:
 
     def keypoints(self, shown: Shown, frame: int, live: LiveWindow | None = None) -> Float[np.ndarray, "137 3"]:
         """A body's keypoints in camera space, metres, NaN for those that it has not; arguments as of `body`."""
-        version = (shown.run.id, shown.phase, shown.revision) if live is None else ("live", live.revision)
+        version = shown.version if live is None else ("live", live.revision)
         key = (*version, frame)
         if key not in self._points:
             if len(self._points) > _POINTS_KEPT:
@@ -220,14 +220,14 @@ class DrawingData:
         return "metrics", self.key(shown)
 
     def _reference_key(self, shown: Shown) -> Hashable:
-        return "reference", shown.run.id, shown.phase, shown.revision, self.session.referenced
+        return "reference", *shown.version, self.session.project.reference_version
 
     def distances(self, a: Shown, b: Shown) -> Curve | None:
         """How far two runs lie apart, by frame; None while that is made."""
         one = self._ready(a)
         if one is None:
             return None
-        key = ("distances", a.run.id, a.phase, a.revision, b.run.id, b.phase, b.revision)
+        key = "distances", a.version, b.version
         return self._made(key, b, lambda other: between_runs(one(), other))
 
     def suspects(self, shown: Shown) -> tuple[Suspect, ...] | None:
@@ -254,7 +254,7 @@ class DrawingData:
         return [(run.moment, run.frames or range(self.length))]
 
     def _suspects_key(self, shown: Shown) -> Hashable:
-        return "suspects", self.key(shown), self.session.marked
+        return "suspects", self.key(shown), self.session.project.marks_version
 
     def _made(self, key: Hashable, shown: Shown, make: Callable[[PosedFit], Value]) -> Value | None:
         posed = self._ready(shown)
@@ -281,5 +281,5 @@ class DrawingData:
 def _stage(shown: Shown) -> Hashable:
     """Stands for a run; while its frames come in, for how far it has come."""
     if shown.result is not None:
-        return shown.run.id, shown.phase, shown.revision
+        return shown.version
     return shown.run.id, shown.phase, "all" if shown.there is None else int(shown.there.sum()).bit_length()

@@ -21,9 +21,10 @@ class BrowserTab:
     Args:
         client: viser's tab.
         files: which files of this computer the page may name.
+        signed_in: the name that its user has given at the gate; empty: none.
     """
 
-    def __init__(self, client: viser.ClientHandle, files: PageFiles) -> None:
+    def __init__(self, client: viser.ClientHandle, files: PageFiles, signed_in: str = "") -> None:
         self.client, self.files = client, files
         self.receive: Callable[[PageEvent], None] = lambda event: None
         """Takes up what the page tells, for whoever is shown."""
@@ -38,7 +39,8 @@ class BrowserTab:
         self.toasts = Toasts(client)
         self.name: str | None = None
         """Made up by the page; None until it has said hello."""
-        self.author = f"{BROWSER}{client.client_id}"
+        self._signed_in = signed_in
+        self.author = signed_in or f"{BROWSER}{client.client_id}"
         self.size = (0, 0)
         """Of the canvas, in CSS pixels, as the page told it last."""
         self.has_commands = False
@@ -47,6 +49,8 @@ class BrowserTab:
     def greet(self, name: str, browser: str, size: tuple[int, int]) -> None:
         """The page's script is there, and calls itself so.
 
-        Its edits are those of its browser: a new tab, after tcfit was started again, is still the same person's.
+        Its edits are those of whoever has signed in, or else of its browser: a new tab, after tcfit was started again,
+        is still the same person's.
         """
-        self.name, self.author, self.size = name, f"{BROWSER}{(browser or name)[:8]}", size
+        self.name, self.size = name, size
+        self.author = self._signed_in or f"{BROWSER}{(browser or name)[:8]}"

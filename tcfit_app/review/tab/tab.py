@@ -2,8 +2,7 @@
 
 import logging
 import time
-from collections.abc import Callable, Hashable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Hashable
 from dataclasses import replace
 from typing import Any
 
@@ -24,38 +23,9 @@ from tcfit_app.review.tab.toasts import SHORT
 
 Do = Callable[[Callable[[], None]], None]
 """Runs something on the drawing thread, soon."""
-NO_SILHOUETTE = "No silhouette is known: only keypoints that tcfit has found itself come with one."
 REMEMBERED = 256
 """Tabs whose states are kept after they were closed."""
 _log = logging.getLogger(__name__)
-
-
-class Sent:
-    """Remembers what was sent to a tab, a key for each thing, so that only what changed is sent again."""
-
-    def __init__(self) -> None:
-        self._keys: dict[str, Hashable] = {}
-
-    def differs(self, name: str, *key: Hashable) -> bool:
-        """Whether a thing's key is another one than the last time; from now on it is this one."""
-        if name in self._keys and self._keys[name] == key:
-            return False
-        self._keys[name] = key
-        return True
-
-    def forget(self) -> None:
-        """Somebody else has sent to the tab: whatever is asked for next has changed."""
-        self._keys.clear()
-
-    @contextmanager
-    def all_or_nothing(self) -> Iterator[None]:
-        """Keys that `differs` remembers inside are forgotten again if an exception ends it: nothing was sent then."""
-        before = dict(self._keys)
-        try:
-            yield
-        except BaseException:
-            self._keys = before
-            raise
 
 
 class Tab:
@@ -86,10 +56,11 @@ class Tab:
         self.corrected: int | None = None
         """The run that this tab has corrected, until its corrections are on show."""
         self.playback = Playback(self.session.project.footage.frame_rate)
-        self.buttons, self.sent = Buttons(), Sent()
+        self.buttons = Buttons()
         self._do, self._remembered = do, someone.remembered
         self._shown: OnShow | None = None
-        self._saved = 0
+        self._made: dict[str, tuple[Hashable, Any]] = {}
+        """By name: what `once` has made, and of what."""
 
     @property
     def author(self) -> str:
@@ -148,9 +119,8 @@ class Tab:
 
     def save_picture(self) -> None:
         """Have the page save what its canvas shows."""
-        self._saved += 1
         name = f"{self.session.project.footage.name} frame {self.state.frame + self.first_frame}.png"
-        self.channel.send("saving", Saving(name=name, number=self._saved))
+        self.channel.ask("saving", Saving(name=name))
         self.say(f"Saved: {name}")
 
     def show_first_steps(self) -> None:
@@ -188,7 +158,6 @@ class Tab:
         """Show this person in the place of another: the same moment, seen in the same way."""
         known = self._remembered.get(self.browser.name or "", self.state)
         self.state = seen_alike(known, other.state)
-        self.sent.forget()
         self._shown = None
         self.seek(other.state.frame + other.first_frame - self.first_frame)
 
@@ -221,24 +190,24 @@ class Tab:
         return self.state.frames if self.state.frames is not None else range(self.length)
 
     @property
-    def chosen_frames(self) -> tuple[int, ...]:
+    def chosen_frames(self) -> range:
         """The frames that corrections and marks are for: those selected, or else the one on show."""
-        return tuple(self.state.frames) if self.state.frames is not None else (self.state.frame,)
+        return self.state.frames if self.state.frames is not None else range(self.state.frame, self.state.frame + 1)
 
     @property
     def frames_to_change(self) -> tuple[int, ...]:
-        """`chosen_frames`, for what changes them.
+        """`chosen_frames`, for what changes them. Raises InputError as `refuse_unseen`."""
+        self.refuse_unseen()
+        return tuple(self.chosen_frames)
 
-        Raises:
-            InputError: Frames are selected, and the one on show is none of them: the change would not be seen.
-        """
+    def refuse_unseen(self) -> None:
+        """Raises InputError if frames are selected, and the one on show is none of them: a change would not be seen."""
         if self.hits_unseen:
             chosen = in_words(self.chosen_frames, self.first_frame)
             raise InputError(
                 f"This would change the selected {chosen}, and frame {self.state.frame + self.first_frame} is on show. "
                 "Go to one of them first, or select no frames (× in the timeline)."
             )
-        return self.chosen_frames
 
     @property
     def hits_unseen(self) -> bool:
@@ -278,6 +247,21 @@ class Tab:
             self.pause()
         return True
 
+    # --- what it draws ---
+
+    def once(self, name: str, key: Hashable, make: Callable[[], Value]) -> Value:
+        """What takes long to make, made anew only if what it is made of is another than the last time.
+
+        Args:
+            name: Stands for it.
+            key: Stands for what it is made of: versions that count where something is written, and frames.
+            make: Makes it.
+        """
+        known = self._made.get(name)
+        if known is None or known[0] != key:
+            known = self._made[name] = key, make()
+        return known[1]
+
     # --- the posters ---
 
     @property
@@ -306,12 +290,6 @@ class Tab:
         """Make the side view's plate as wide as that, as far as it can be."""
         least, most = SIDE_WIDTHS
         self.set(side_width=round(min(max(width, least), most), 2))
-
-    def switch_silhouette(self) -> None:
-        """Draw the silhouette, or not. Raises InputError where none is known."""
-        if self.session.project.footage.silhouettes is None:
-            raise InputError(NO_SILHOUETTE)
-        self.set(silhouette=not self.state.silhouette)
 
     # --- what is on show ---
 

@@ -327,7 +327,6 @@ def test_an_imported_run_has_no_phases_to_choose(panel_server: viser.ViserServer
         session = tested.page.tab.session
         folder = small_results(tmp_path / "theirs", tiny_body)
         run = import_run(session.project, OneBody(tiny_body), folder, name="theirs")
-        session.fits.changed()
         tested.draw()
         assert "runs.phase" not in tested.html()
         tested.page.tab.set(a=FitChoice(run=run.id, phase=1))

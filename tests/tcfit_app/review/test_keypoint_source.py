@@ -83,10 +83,10 @@ def ended(session: Session) -> None:
 
 
 def test_keypoints_of_this_computer(session: Session, files: Path):
-    edits = session.edits
+    edits = session.project.keypoints_version
     session.source.begin(ImportFiles(path=files))
     ended(session)
-    assert session.project.has_detections and session.edits > edits
+    assert session.project.has_detections and session.project.keypoints_version > edits
     assert np.array_equal(session.project.detections.xy, imported_xy())
     assert session.project.clip.detector == "openpose"
     assert told(session)[-1].kind == "done"

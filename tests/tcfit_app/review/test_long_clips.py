@@ -56,10 +56,12 @@ DEEDS: dict[str, Callable[[LonePage], None]] = {
 
 def taken(page: LonePage, deed: Callable[[LonePage], None]) -> int:
     """The most memory in bytes that an edit and the drawing after it take at once: a copy of the clip would show."""
+    page.page._next_panels = 0.0  # also menus and panels, which rest at other times
     page.page.draw(time.monotonic())
     tracemalloc.start()
     try:
         deed(page)
+        page.page._next_panels = 0.0
         page.page.draw(time.monotonic())
         return tracemalloc.get_traced_memory()[1]
     finally:

@@ -397,11 +397,14 @@ def test_a_second_browser_has_its_own_frame_and_sees_the_same_project(review: Re
     assert other.page is not first and other.frame == 0
     other.press("ArrowRight", lambda: other.frame == 1)
     assert first.tab.state.frame == 8
-    seen = review.session.edits
+    seen = review.session.project.keypoints_version
     first.tab.do(lambda: first.tab.set(selection=(WRIST,)))
     review.tab.keyboard.press("Control+ArrowUp")
-    until(lambda: review.session.edits > seen, "the edit")
-    other.press("Control+z", lambda: other.session.project.undoable is None or other.session.edits > seen + 1)
+    until(lambda: review.session.project.keypoints_version > seen, "the edit")
+    other.press(
+        "Control+z",
+        lambda: other.session.project.undoable is None or other.session.project.keypoints_version > seen + 1,
+    )
     assert not other.complaints
     other.tab.context.close()
     until(lambda: len(review.app.pages) == 1)

@@ -61,14 +61,14 @@ WRITES = {
         lambda path: camera(path.with_suffix(".npz")),
         "Camera file",
         "fit.camera",
-        lambda page: page.page.tab.session.edits,
+        lambda page: page.page.tab.session.project.keypoints_version,
         "The project has another camera",
     ),
     "reference": Write(
         lambda path: points(path.with_suffix(".npz")),
         "File",
         "compare.reference",
-        lambda page: page.page.tab.session.referenced,
+        lambda page: page.page.tab.session.project.reference_version,
         "Fits are compared with it",
     ),
 }

@@ -18,6 +18,7 @@ from urllib.request import HTTPCookieProcessor, ProxyHandler, build_opener
 
 import pytest
 import viser
+from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
@@ -651,6 +652,43 @@ def test_the_password_lets_browsers_in(lab: ReviewServer):
     cookie = let_in.headers["Set-Cookie"].partition(";")[0]
     assert "<script" in get(lab, HOME, Host="fits.example.org", Cookie=cookie).body
     assert not get(lab, entrance(lab)).headers["Set-Cookie"].endswith("Secure"), "over plain http the browser drops it"
+
+
+def signed_in(server: ReviewServer, user: str) -> tuple[str, str | None]:
+    """The cookie of somebody who signs in, and the name that the gate then knows."""
+    let_in = get(server, HOME, Host="fits.example.org", Authorization=basic("correct horse: battery", user))
+    cookie = let_in.headers["Set-Cookie"].partition(";")[0]
+    return cookie, server.gate.name_of(Headers({"Cookie": cookie}))
+
+
+@pytest.mark.parametrize(
+    ("user", "name"),
+    [("anna", "anna"), ("Ana  María\t", "Ana María"), ("\u202eevil\x00", "evil"), ("x" * 99, "x" * 40)],
+)
+def test_the_name_of_whoever_signs_in_is_known(lab: ReviewServer, user: str, name: str):
+    assert signed_in(lab, user)[1] == name
+
+
+def test_nobody_can_make_a_cookie_of_another_name(lab: ReviewServer):
+    anna, _ = signed_in(lab, "anna")
+    ben, _ = signed_in(lab, "ben")
+    known, _, anna_s = anna.partition("=")
+    code, _, seal = ben.partition("=")[2].partition(".")
+    assert anna_s.partition(".")[2] != seal
+    for forged in (f"{anna_s.partition('.')[0]}.{seal}", f"{code}.", "%%%.x", ".", ""):
+        assert lab.gate.name_of(Headers({"Cookie": f"{known}={forged}"})) is None
+        assert get(lab, HOME, Host="fits.example.org", Cookie=f"{known}={forged}").status == 401
+    assert lab.gate.name_of(Headers({"Cookie": admit(lab)})) == "", "who came by a link has given none"
+
+
+def test_a_client_has_the_name_of_its_browser(lab: ReviewServer):
+    cookie, _ = signed_in(lab, "anna")
+    with open_websocket(lab, Cookie=cookie) as client:
+        client.recv(timeout=10)
+        end = time.monotonic() + 10
+        while not any(gated_viser.visitor(lab.viser, number).name == "anna" for number in range(99)):
+            assert time.monotonic() < end, "nobody of that name has come"
+            time.sleep(0.02)
 
 
 def test_through_the_proxy_only_its_own_page_talks(lab: ReviewServer):

@@ -10,7 +10,7 @@ from websockets.datastructures import Headers
 from websockets.sync.client import connect
 
 from fitting_core.errors import InputError
-from tcfit_app.server.gated_viser import is_here
+from tcfit_app.server.gated_viser import visitor
 from tcfit_app.server.page_files import PageFiles, on_this_computer
 from tcfit_app.server.serving import review_server
 from tests.tcfit_app.server.test_gate import admit
@@ -90,8 +90,8 @@ def test_the_server_tells_its_pages_apart(headers: dict[str, str]):
             max_size=None,
         ) as tab:
             tab.recv(timeout=20)
-            assert is_here(server.viser, 0) == (not headers)
-        assert not is_here(server.viser, 1)
+            assert visitor(server.viser, 0).here == (not headers)
+        assert not visitor(server.viser, 1).here
 
 
 def test_a_browser_that_comes_over_the_network_is_elsewhere():
@@ -113,4 +113,4 @@ def test_a_browser_that_comes_over_the_network_is_elsewhere():
             max_size=None,
         ) as tab:
             tab.recv(timeout=20)
-            assert not is_here(server.viser, 0)
+            assert not visitor(server.viser, 0).here

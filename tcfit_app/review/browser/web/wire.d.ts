@@ -1,5 +1,5 @@
 /** What travels between server and page, by page_states.py and page_events.py, which explain everything.
- * Made by `python -m tests.drivers.wire_types`. */
+ * Made by `python -m web_tools.wire_types`. */
 
 export interface Poster {
   node: string;
@@ -255,6 +255,7 @@ export interface ChosenRange {
 export interface Cursor {
   frame: number;
   playing: boolean;
+  live: number | null;
 }
 
 export interface KeyBinding {
@@ -288,6 +289,7 @@ export interface Chips {
 
 export interface Beat {
   milliseconds: number;
+  number: number;
 }
 
 export interface Saving {
@@ -316,6 +318,7 @@ export interface Hint {
 
 export interface Hints {
   steps: Hint[];
+  number: number;
 }
 
 export interface Legend {

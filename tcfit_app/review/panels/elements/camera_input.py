@@ -96,11 +96,10 @@ class CameraInput:
         """Send what changed."""
         project = self._tab.session.project
         camera, off = project.footage.camera, project.read_only or self._busy
-        if self._tab.sent.differs(self._command, camera, off):
-            self._known.show(paragraph(described(camera), "dim"))
-            label = "Reading …" if self._busy else "Use this camera"
-            self._buttons.show(row(button(label, self._command, disabled=off, hint=_HINT)))
-            self._upload.disabled = off
+        self._known.show(paragraph(described(camera), "dim"))
+        label = "Reading …" if self._busy else "Use this camera"
+        self._buttons.show(row(button(label, self._command, disabled=off, hint=_HINT)))
+        self._upload.disabled = off
 
 
 def described(camera: Camera) -> str:

@@ -1,13 +1,14 @@
 """HTML of the panels: buttons, rows and tables as text, and the element that shows it.
 
-Buttons come back as `page_events.Press`; their looks, and those of tables, are in `browser/js/panels.js`. Whatever is
+Buttons come back as `page_events.Press`; their looks, and those of tables, are in `browser/web/panels/`. Whatever is
 given as text is escaped here; only what functions of this file return is taken as HTML.
 """
 
 from collections.abc import Iterable, Sequence
+from functools import cache, lru_cache
 from html import escape
 
-from tcfit_app.review.gestures.actions import ACTIONS, Action
+from tcfit_app.review.gestures.actions import ACTIONS, Action, Gestures
 from tcfit_app.review.tab.tab import Tab
 
 
@@ -40,6 +41,7 @@ def dot(color: str) -> Html:
     return tag("i", "", style=f"background:{color}")
 
 
+@lru_cache(4096, typed=True)  # panels are made again and again; by type, for Html equals the text that it is
 def button(
     label: object,
     command: str,
@@ -80,16 +82,42 @@ def button(
 
 
 def action(
-    name: str, label: object, *, pressed: bool | None = None, disabled: bool = False, kind: str = "", hint: str = ""
+    gestures: Gestures,
+    name: str,
+    label: object = "",
+    *,
+    pressed: bool | None = None,
+    disabled: bool = False,
+    kind: str = "",
+    hint: str = "",
 ) -> Html:
-    """A button for one of ACTIONS, with its keys; its hint is the action's title, or another."""
+    """A button for one of ACTIONS, with its keys, off while it cannot be done.
+
+    Args:
+        gestures: Of the tab.
+        name: Of the action.
+        label: What is on it; empty: the action's title.
+        pressed: As of `button`.
+        disabled: It is off in any case.
+        kind: As of `button`.
+        hint: In place of the action's title; why it is off comes after it.
+    """
     known = ACTIONS[name]
-    keys = short_keys(known)
+    keys, why = short_keys(known), known.obstacle(gestures)
     hint = f"{hint or known.title} ({known.key_text})" if keys else hint or known.title
-    kind = "held" if known.held else kind
-    return button(label, "action", name, pressed=pressed, disabled=disabled, keys=keys, hint=hint, kind=kind)
+    return button(
+        label or known.title,
+        "action",
+        name,
+        pressed=pressed,
+        disabled=disabled or why != "",
+        keys=keys,
+        hint=f"{hint}. {why}" if why else hint,
+        kind="held" if known.held else kind,
+    )
 
 
+@cache
 def short_keys(known: Action) -> str:
     """The first of an action's keys, as short as keyboards have it; empty without any."""
     shown = str(known.keys[0]) if known.keys else ""
@@ -187,6 +215,6 @@ class Board:
         """Bring it to these parts, beneath each other; none hides it."""
         content = tag("div", joined(*parts), class_="tcfit-panel") if parts else ""
         if content != self._content:
-            self._content = content
             self._handle.content = str(content)
+            self._content = content
             self._buttons.show(self, content)

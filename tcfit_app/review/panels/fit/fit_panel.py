@@ -73,22 +73,16 @@ class FitPanel:
         self._draw_buttons()
 
     def _draw_buttons(self) -> None:
-        tab = self._tab
-        state, session = tab.state, tab.session
+        tab, state = self._tab, self._tab.state
         self._reach.show(REACH.shown(state.settings.reach), wrong="reach" in dict(state.settings.problems))
-        known = (state.frames, state.b, state.settings, session.edits, session.marked, session.fits.changes)
-        if not tab.sent.differs("fit buttons", known):
-            return
-        fit, ready = tab.shown.b, not state.settings.problems and not session.project.read_only
+        fit = tab.shown.b
         told = paragraph(self._told(state.settings), "dim") if state.settings.given != Given() else Html()
-        self._everything.show(row(action("fit", "Fit everything", disabled=not ready, kind="main")), told)
-        windows = self._gestures.fitting.edited_windows(fit) if fit is not None else ()
-        frames = state.frames if fit is not None else None
+        self._everything.show(row(action(self._gestures, "fit", kind="main")), told)
         self._again.show(
             heading("Refit B", "" if fit is not None else "there is no fit yet"),
-            row(action("rerun", self._frames_label(fit), disabled=not ready or frames is None)),
-            row(action("rerun_shape", self._shape_label(state.settings), disabled=not ready or fit is None)),
-            row(action("rerun_edited", self._edited_label(windows), disabled=not ready or not windows)),
+            row(action(self._gestures, "rerun", self._frames_label(fit))),
+            row(action(self._gestures, "rerun_shape", self._shape_label(state.settings))),
+            row(action(self._gestures, "rerun_edited", self._edited_label())),
         )
 
     def _told(self, now: FitSettings) -> str:
@@ -114,8 +108,10 @@ class FitPanel:
             return "Re-run frames (Shift-drag selects)"
         return f"Re-run frames {numbers(frames, self._tab.first_frame)}"
 
-    def _edited_label(self, windows: tuple[range, ...]) -> str:
-        if not windows:
+    def _edited_label(self) -> str:
+        try:
+            windows = self._gestures.fitting.edited_windows()
+        except InputError:
             return "Re-run around edits (none since the fit)"
         frames = [frame for window in windows for frame in window]
         return f"Re-run around edits: {numbers(frames, self._tab.first_frame, most=2)}"
@@ -174,14 +170,16 @@ class FitProgress:
     def draw(self) -> None:
         """Send what changed."""
         session = self._tab.session
-        if not self._tab.sent.differs("fit progress", session.changes, session.fits.changes):
-            return
         jobs = list(session.jobs.values())
         running = next((job for job in jobs if job.started), None)
         self._buttons.show(*(_cancelling(running or jobs[0], len(jobs)) if jobs else []))
         self._said.show(*(self._running(running, jobs) if jobs else _ended(session.ended)))
         fitted = running if running is not None and running.run is not None else session.ended
-        self._draw_plot(fitted.losses if fitted else [])
+        losses = fitted.losses if fitted else []
+        if len(losses) < 2:
+            self._plot.visible = False
+        else:
+            self._tab.once("losses", (losses[0], len(losses)), lambda: self._draw_plot(losses))
 
     def _running(self, job: RunningJob | None, jobs: list[RunningJob]) -> list[Html]:
         waiting = [paragraph(f"waiting: {self._name(other)}", "dim") for other in jobs if other is not job]
@@ -192,20 +190,12 @@ class FitProgress:
         return f"{run.name}, {job.title}" if run else job.title
 
     def _draw_plot(self, losses: Losses) -> None:
-        if not self._tab.sent.differs("losses", len(losses), id(losses)):
-            return
-        if len(losses) < 2:
-            if self._plot.visible:
-                self._plot.visible = False
-            return
         names = charted(losses)
         data = curves(losses, names)
         with self._tab.client.atomic():
-            if self._tab.sent.differs("loss names", names):
-                self._plot.series = _all_series(names)
+            self._tab.once("loss names", names, lambda: setattr(self._plot, "series", _all_series(names)))
             self._plot.data = data
-            if not self._plot.visible:
-                self._plot.visible = True
+            self._plot.visible = True
 
 
 def charted(losses: Losses) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Hashable
 from contextlib import suppress
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any, get_args
 
 import viser
@@ -71,12 +72,14 @@ _LISTED = 80
 """Characters of what is changed that two lines have room for."""
 
 
-def differences(config: FitConfig, preset: str) -> list[str]:
+@lru_cache(256)
+def differences(config: FitConfig, preset: str) -> tuple[str, ...]:
     """Dotted names of the settings that are not the preset's."""
     base = PRESETS[preset]
-    return [name for name in settings() if value_of(config, name) != value_of(base, name)]
+    return tuple(name for name in settings() if value_of(config, name) != value_of(base, name))
 
 
+@lru_cache(256)
 def nearest_preset(config: FitConfig) -> str:
     """The preset from which a configuration differs least."""
     return min(PRESETS, key=lambda name: len(differences(config, name)))
@@ -102,7 +105,6 @@ class FitInputs:
         self._tab, self._gui = tab, tab.client.gui
         self._fields: dict[str, Field[Any]] = {}
         self._reads: dict[str, Callable[[FitSettings], Any]] = {}
-        self._metre: float | None = None
 
     # --- elements ---
 
@@ -284,14 +286,13 @@ class FitInputs:
         """Send what changed."""
         self._calibration.draw()
         now = self._tab.state.settings
-        runs, camera = self._tab.session.fits.changes, self._camera
-        if not self._tab.sent.differs("fit settings", now, runs, camera) and not self._waiting:
-            return
         wrong = dict(now.problems)
         pair = {"kind", "gender"}
         for name, field in self._fields.items():
             if name == "pose_prior" and isinstance(field, Dropdown):
-                field.offer(pose_priors(now.config.pose_prior), now.config.pose_prior, wrong=name in wrong)
+                prior = now.config.pose_prior
+                there = self._tab.once("pose priors", now, lambda: pose_priors(now.config.pose_prior))
+                field.offer(there, prior, wrong=name in wrong)
             else:
                 field.show(self._reads[name](now), wrong=name in wrong and name not in pair)
         self._draw_changed(now)
@@ -311,9 +312,9 @@ class FitInputs:
 
     def _draw_focal(self, now: FitSettings) -> None:
         tab, camera = self._tab, self._camera
-        if tab.sent.differs("size of the person", id(detected := tab.session.project.footage.keypoints)):
-            self._metre = metre_in_pixels(detected)
-        seen = Perspective(focal=now.focal or camera.focal[0], size=camera.size, metre=self._metre)
+        detected = tab.session.project.detections
+        metre = tab.once("metre", id(detected), lambda: metre_in_pixels(detected))
+        seen = Perspective(focal=now.focal or camera.focal[0], size=camera.size, metre=metre)
         lenses = [button(name, "fit.lens", name, kind="mini", hint=f"{mm:g} mm") for name, mm in LENSES.items()]
         self._focal.show(
             paragraph(self._focal_text(now), "dim"),
@@ -321,10 +322,6 @@ class FitInputs:
             focal_picture(seen),
             paragraph(seen.words),
         )
-
-    @property
-    def _waiting(self) -> bool:
-        return any(field.waiting for field in self._fields.values())
 
     def _focal_text(self, now: FitSettings) -> str:
         camera = self._camera

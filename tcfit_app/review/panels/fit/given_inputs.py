@@ -94,8 +94,7 @@ class GivenInputs:
         for part in (self._start, self._shape):
             part.draw(now)
         for handle in (self._person, self._first):
-            if handle.visible != (there := source is not None and source.run is None):
-                handle.visible = there
+            handle.visible = source is not None and source.run is None
         for field, name in ((self._person_field, "person"), (self._first_field, "first_frame")):
             number = None if source is None else getattr(source, name)
             field.show("" if number is None else str(number), wrong=name in wrong)
@@ -152,6 +151,5 @@ class _SourceInput:
         if source is not None:
             chosen = FILE if source.run is None else known.setdefault(source.run, f"{source.run} · a deleted run")
         self._choice.offer((self._part.none, *known.values(), FILE), chosen)
-        if self._path.visible != of_file:
-            self._path.visible = of_file
+        self._path.visible = of_file
         self._path_field.show(source.path if source is not None else "", wrong=wrong)

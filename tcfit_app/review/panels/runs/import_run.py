@@ -86,8 +86,7 @@ class ImportRun:
     def draw(self) -> None:
         """Send what changed."""
         off, busy = self._tab.session.project.read_only, self._busy
-        if self._tab.sent.differs("import", off, busy):
-            self._buttons.show(
-                row(button("Importing …" if busy else "Import", "import.path", disabled=off or busy, kind="main"))
-            )
-            self._upload.disabled = off or busy
+        self._buttons.show(
+            row(button("Importing …" if busy else "Import", "import.path", disabled=off or busy, kind="main"))
+        )
+        self._upload.disabled = off or busy

@@ -133,13 +133,6 @@ class RunsPanel:
         self._deleted.draw()
         tab, session = self._tab, self._tab.session
         shown = tuple(fit.run.id if fit else None for fit in (tab.shown.a, tab.shown.b))
-        shares = tuple(
-            (job.run, job.started, round(100 * job.progress.share) if job.progress else 0)
-            for job in session.jobs.values()
-        )
-        found = id(result_of(session, self._run)) if session.fits.runs else None
-        if not tab.sent.differs("runs", session.fits.changes, session.edits, shown, shares, self._chosen, found):
-            return
         runs = session.fits.runs
         self._draw_choice(runs)
         jobs = {job.run: job for job in session.jobs.values()}
@@ -181,15 +174,14 @@ class RunsPanel:
             return
         run = chosen.run
         self._drawn = run.id
-        if not self._naming.waiting and self._tab.sent.differs("run name", run.id, run.name):
-            self._naming.show(run.name)
+        if not self._naming.waiting:  # else what is being typed would go
+            self._tab.once("run name", (run.id, run.name), lambda: self._naming.show(run.name))
         self._draw_buttons(chosen)
         self._details.show(*details(chosen, session, result_of(session, run)))
         own = run.kind != "imported"
-        if self._settings.visible != own:
-            self._settings.visible = own
-        settings = [tag("pre", as_toml(run.config, preset_name=nearest_preset(run.config)))] if own else []
-        self._toml.show(*settings)
+        self._settings.visible = own
+        toml = self._tab.once("toml", run.id, lambda: as_toml(run.config, preset_name=nearest_preset(run.config)))
+        self._toml.show(*([tag("pre", toml)] if own else []))
 
     def _draw_buttons(self, chosen: Listed) -> None:
         off, number = self._tab.session.project.read_only, str(chosen.run.id)
@@ -288,12 +280,11 @@ class DeletedRuns:
     def draw(self) -> None:
         """Send what changed."""
         session = self._tab.session
-        if not self._tab.sent.differs("deleted runs", session.fits.changes):
-            return
-        self._runs = tuple(session.project.runs.all(deleted=True))
-        if self._folder.visible != bool(self._runs):
-            self._folder.visible = bool(self._runs)
+        self._runs = self._tab.once(
+            "deleted runs", session.fits.version, lambda: tuple(session.project.runs.all(deleted=True))
+        )
+        self._folder.visible = bool(self._runs)
         self._buttons.show(*([_BUTTONS] if self._runs else []))
         options = tuple(run.option for run in reversed(self._runs)) or ("",)
-        if options != self._choice.options:
+        if options != self._choice.options:  # viser sends them each time that they are assigned
             self._choice.options = options

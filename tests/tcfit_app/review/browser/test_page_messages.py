@@ -8,7 +8,7 @@ from fitting_core.keypoints import BONES, COUNT, NAMES
 from tcfit_app.review.browser import page_events, page_states
 from tcfit_app.review.browser.channel import loading, web_files
 from tcfit_app.review.browser.page_events import Drag, Hello, Press, Range, decode
-from tests.drivers import wire_types
+from web_tools import wire_types
 
 
 def test_an_event_is_read() -> None:
@@ -84,7 +84,7 @@ def test_the_script_makes_no_code_or_html_of_text() -> None:
 
 
 def test_what_the_page_s_types_say_is_what_travels() -> None:
-    assert wire_types.PATH.read_text() == wire_types.wire_types(), "python -m tests.drivers.wire_types writes it anew"
+    assert wire_types.PATH.read_text() == wire_types.wire_types(), "python -m web_tools.wire_types writes it anew"
 
 
 def test_another_viser_is_reported() -> None:

@@ -18,7 +18,7 @@ from tcfit_app.review.browser.page_states import Focus, Trail
 from tcfit_app.review.drawing.around import REACH, followed, in_image
 from tcfit_app.review.gestures.zooming import show_close_up, usual_size
 from tcfit_app.review.panels.view_panel import ViewPanel
-from tests.drivers.lone_page import LonePage, lone_page
+from tests.drivers.lone_page import LonePage, lone_page, told
 from tests.samples.sessions import QUICK, OneBody, idle, small_clip
 
 WRIST = INDEX["right_wrist"]
@@ -40,18 +40,12 @@ def tested(panel_server: viser.ViserServer, tmp_path: Path, tiny_body: BodyModel
         yield made
 
 
-def told(tested: LonePage) -> dict[str, Any]:
+def heard(tested: LonePage) -> dict[str, Any]:
     """What the page is told by drawing once more."""
-    sent: dict[str, Any] = {}
-    channel = tested.page.tab.channel
-    usual = channel.send
-    channel.send = lambda name, state: sent.update({name: state})  # pyright: ignore[reportAttributeAccessIssue]
-    try:
+    with told(tested.page.tab) as found:
         tested.page.tab.look()
         tested.page.picture.draw()
-    finally:
-        channel.send = usual
-    return sent
+    return dict(found)
 
 
 def test_a_close_up_is_held_still_and_bridges_frames_without_detections():
@@ -83,7 +77,7 @@ def test_points_are_seen_where_the_camera_has_them():
 
 def test_a_close_up_follows_its_part_until_the_whole_picture_is_asked_for(tested: LonePage):
     tab = tested.page.tab
-    told(tested)
+    heard(tested)
     whole = tab.scene.cameras.pose
     corrected = tab.session.project.corrected
     detected = [part for part in ("right_hand", "left_hand", "face") if corrected.confidence[:, GROUPS[part]].any()]
@@ -94,12 +88,12 @@ def test_a_close_up_follows_its_part_until_the_whole_picture_is_asked_for(tested
     tested.page.receive(Key(action="close_up", repeat=False))
     assert tab.state.close_up == detected[0]
     assert tab.scene.cameras.pose.distance < whole.distance
-    focus = told(tested)["focus"]
+    focus = heard(tested)["focus"]
     assert isinstance(focus, Focus)
     for _ in detected:
         tested.page.receive(Key(action="close_up", repeat=False))
     assert tab.state.close_up is None and tab.scene.cameras.pose == whole
-    assert told(tested)["focus"] is None
+    assert heard(tested)["focus"] is None
     show_close_up(tab, detected[0])
     tested.page.receive(Key(action="fit_view", repeat=False))
     assert tab.state.close_up is None
@@ -112,9 +106,9 @@ def test_a_trail_has_the_detections_and_each_picture_s_fit(tested: LonePage):
     tab = tested.page.tab
     tab.seek(3)
     tab.set(selection=(WRIST,), mode="ab")
-    assert told(tested).get("trail") is None
+    assert heard(tested).get("trail") is None
     tested.page.receive(Key(action="trail", repeat=False))
-    trail = told(tested)["trail"]
+    trail = heard(tested)["trail"]
     assert isinstance(trail, Trail)
     first, last = max(0, 3 - REACH), min(3 + REACH, tab.length - 1)
     assert trail.now == 3 - first and len(trail.detected[0]) == last - first + 1
@@ -125,6 +119,6 @@ def test_a_trail_has_the_detections_and_each_picture_s_fit(tested: LonePage):
     assert shown is not None
     points = tab.data.meshes(shown).keypoints(shown.params)[3, [WRIST]]
     assert trail.fitted[1][0][trail.now] == pytest.approx(in_image(points, shown.camera)[0], abs=0.01)
-    assert "trail" not in told(tested), "nothing has changed"
+    assert "trail" not in heard(tested), "nothing has changed"
     tab.set(selection=())
-    assert told(tested)["trail"] is None
+    assert heard(tested)["trail"] is None

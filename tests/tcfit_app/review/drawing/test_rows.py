@@ -17,7 +17,7 @@ from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.review.browser.page_events import Plot
 from tcfit_app.review.drawing.rows import CHOICES, MOST_ROWS, PLOTS, with_plot
 from tcfit_app.review.tab.state import TabState
-from tests.drivers.lone_page import LonePage, lone_page, sample_project
+from tests.drivers.lone_page import LonePage, lone_page, sample_project, told
 
 VALUES = {1: np.array([1.0, 2, 3, 4, 5, 6]), 2: np.array([2.0, 2, 2, 2, 2, np.nan])}
 """By run."""
@@ -49,12 +49,10 @@ def of(name: str, values: np.ndarray) -> Curve:
 
 def sent(tested: LonePage) -> list[dict[str, Any]]:
     """All states of the rows that were sent by drawing now."""
-    found: list[dict[str, Any]] = []
-    channel = tested.page.tab.channel
-    channel.send = lambda name, state: found.append(msgspec.to_builtins(state)) if name == "rows" else None  # pyright: ignore
-    tested.page.tab.look()
-    tested.page.timeline.draw()
-    return found
+    with told(tested.page.tab) as found:
+        tested.page.tab.look()
+        tested.page.timeline.draw()
+    return [msgspec.to_builtins(state) for name, state in found if name == "rows"]
 
 
 def test_curves_are_sent_with_their_error_bars(tested: LonePage):

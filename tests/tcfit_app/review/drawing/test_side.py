@@ -18,7 +18,6 @@ from tcfit_app.review.browser.page_states import Bodies, Layout, Side
 from tcfit_app.review.drawing.joints import error_bars_of
 from tcfit_app.review.panels.view_panel import ViewPanel
 from tcfit_app.review.tab.state import SIDE_WIDTHS
-from tcfit_app.review.tab.tab import Sent
 from tests.drivers.lone_page import LonePage, lone_page
 from tests.samples.project_samples import sample_error_bars
 from tests.samples.sessions import QUICK, OneBody, idle, small_clip, until
@@ -46,7 +45,7 @@ def told(tested: LonePage, name: str) -> Any:
     channel = tested.page.tab.channel
     usual = channel.send
     channel.send = lambda name, state: sent.update({name: state})  # pyright: ignore[reportAttributeAccessIssue]
-    tested.page.tab.sent, tested.page.tab._shown = Sent(), None
+    tested.page.tab._shown = None
     try:
         waits = name in ("side", "bodies", "space")
         until(tested.page.tab.session, lambda: tested.page.picture.draw() and (not waits or name in sent))

@@ -16,7 +16,7 @@ from fitting_core.silhouettes import Silhouettes, silhouette_size
 from tcfit_app.project.project import Project
 from tcfit_app.review.drawing.silhouette import SilhouettePart, outlines
 from tcfit_app.review.panels.view_panel import ViewPanel
-from tests.drivers.lone_page import LonePage, lone_page
+from tests.drivers.lone_page import LonePage, lone_page, told
 from tests.samples.spot_clips import FRAMES, SIZE, empty_project, spot_video
 
 WIDE = (1280, 960)
@@ -73,21 +73,20 @@ def page(panel_server: viser.ViserServer, tmp_path: Path, request: pytest.Fixtur
             yield made
 
 
-def test_it_is_sent_where_it_is_wanted_and_known(page: LonePage, monkeypatch: pytest.MonkeyPatch):
-    tab, sent = page.page.tab, []
-    monkeypatch.setattr(tab.channel, "send", lambda name, state: sent.append(state) if name == "silhouette" else None)
-    part = SilhouettePart(tab)
-    part.draw()
-    page.press("action", "silhouette")
-    part.draw()
-    part.draw()
-    assert sent == [None, None], "of the first frame there is none"
-    tab.seek(3)
-    part.draw()
-    assert len(sent[-1].lines) == 1
-    tab.set(mode="space")
-    part.draw()
-    assert sent[-1] is None and len(sent) == 4
+def test_it_is_sent_where_it_is_wanted_and_known(page: LonePage):
+    tab, part = page.page.tab, SilhouettePart(page.page.tab)
+    with told(tab) as found:
+        part.draw()
+        page.press("action", "silhouette")
+        part.draw()
+        assert not found, "of the first frame there is none"
+        tab.seek(3)
+        part.draw()
+        part.draw()
+        tab.set(mode="space")
+        part.draw()
+    (name, shown), (_, gone) = found
+    assert name == "silhouette" and len(shown.lines) == 1 and gone is None
 
 
 def test_the_button_is_off_where_none_is_known(page: LonePage):

@@ -245,13 +245,13 @@ def test_a_project_that_cannot_be_changed_is_not_looked_at(
 
 
 def test_the_menus_offer_it(tested: LonePage):
-    tab = tested.page.tab
-    again, rectangle = next(group for group in picture_menus(tab).elsewhere if group[0].label == "Detect again")
+    tab, gestures = tested.page.tab, tested.page.gestures
+    again, rectangle = next(group for group in picture_menus(gestures).elsewhere if group[0].label == "Detect again")
     assert [item.action for item in again.more] == [f"detect_{part}" for part in PARTS]
     assert [item.action for item in rectangle.more] == [f"frame_{part}" for part in PARTS]
-    assert any(item.label == "Detect again" for group in frame_menus(tab).elsewhere for item in group)
+    assert any(item.label == "Detect again" for group in frame_menus(gestures).elsewhere for item in group)
     tab.set(frames=range(1, 3))
-    labels = [item.label for group in frame_menus(tab).selected for item in group]
+    labels = [item.label for group in frame_menus(gestures).selected for item in group]
     assert "Detect again, frames 8–9" in labels
 
 

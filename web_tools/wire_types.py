@@ -1,6 +1,6 @@
 """TypeScript's view of what travels between server and page, from the structs themselves.
 
-`python -m tests.drivers.wire_types` writes it; a test compares.
+`python -m web_tools.wire_types` writes it; a test compares.
 """
 
 from pathlib import Path
@@ -13,7 +13,7 @@ from tcfit_app.review.browser.page_states import STATES
 
 PATH = Path(page_states.__file__).with_name("web") / "wire.d.ts"
 _HEAD = """/** What travels between server and page, by page_states.py and page_events.py, which explain everything.
- * Made by `python -m tests.drivers.wire_types`. */
+ * Made by `python -m web_tools.wire_types`. */
 """
 _PLAIN = {
     inspect.IntType: "number",
