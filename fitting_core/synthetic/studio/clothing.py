@@ -42,7 +42,7 @@ class Outfit:
         """Linear RGB (0 to 1) of points between vertices, from their interpolated paint."""
         rest = paint[:, :3]
         color = np.tile(_linear(SKIN), (len(rest), 1))
-        for tone, amount in (*self._face(rest), *self._eyes(paint), *self._clothes(rest)):
+        for tone, amount in (*self._face(rest), *self._eyes(paint), *self.clothes(rest)):
             touched = np.flatnonzero(amount)
             color[touched] += (_linear(tone) - color[touched]) * amount[touched, None]
         return color
@@ -71,7 +71,8 @@ class Outfit:
         away[:, 1] = paint[:, 1] - self._at("left_eye")[1]
         return [(EYE_WHITE, ball), (IRIS, ball * _below(np.linalg.norm(away, axis=1), 0.0062, 0.001))]
 
-    def _clothes(self, rest: np.ndarray) -> list[tuple[tuple[int, int, int], np.ndarray]]:
+    def clothes(self, rest: Float[np.ndarray, "P 3"]) -> list[tuple[tuple[int, int, int], Float[np.ndarray, "P"]]]:
+        """Shirt and trousers: their colour, and how far they cover places in the rest pose, 0 to 1."""
         across, up = abs(rest[:, 0]), rest[:, 1]
         shoulder, elbow, neck = self._at("left_shoulder"), self._at("left_elbow"), self._at("neck")
         waist, ankle = self._at("spine1")[1] - 0.01, self._at("left_ankle")[1]
