@@ -37,7 +37,7 @@ from fitting_core.fit.phases.independent import fit_frames
 from fitting_core.fit.phases.limb_flips import mirrored_as_told
 from fitting_core.fit.phases.progress import Step, TermSampling
 from fitting_core.fit.phases.shared_shape import Sight, fit_shape
-from fitting_core.fit.plausibility import doubts, small_adult
+from fitting_core.fit.plausibility import doubts, other_height, small_adult
 from fitting_core.fit.provenance import Provenance, Start
 from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.fit.solvers import make_solver
@@ -344,6 +344,7 @@ class _Fit:
                 *(note for p in self.phases for note in p.notes),
                 *doubts(self.clip, self.phases[-1].params),
                 *small_adult(self.body, self.config.height),
+                *other_height(self.body, self.shape, self.config.height),
             ),
         )
         result = grounded(result, self.clip, self.body)
