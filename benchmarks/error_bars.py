@@ -67,7 +67,7 @@ class Sample:
 
 
 Samples = dict[tuple[str, str], list[Sample]]
-"""By part of the body, and direction or "flexion"."""
+"""By part of the body, and direction or "angle"."""
 
 
 def measure(body: BodyModel, made: MotionClipMade, found: Samples) -> None:
@@ -109,7 +109,7 @@ def _of_angles(
     for i, name in enumerate(ANGLES):
         off = abs((found[name] - true[name] + 180) % 360 - 180)
         there = np.isfinite(off)
-        yield (part_of(name), "flexion"), Sample(deviation=bars.angles[there, i], error=off[there])
+        yield (part_of(name), "angle"), Sample(deviation=bars.angles[there, i], error=off[there])
 
 
 def _fitted(sample: Sample) -> tuple[float, float]:
@@ -124,16 +124,16 @@ def _fitted(sample: Sample) -> tuple[float, float]:
 
     best = min((minimize(loss, at, method="Nelder-Mead") for at in ((0.0, -1.0), (-1.0, 0.0))), key=lambda r: r.fun)
     factor, least = np.exp(best.x) * (scale / np.median(sample.deviation), scale)
-    return float(f"{factor:.3g}"), round(float(least), 4)
+    return round(float(f"{factor:.3g}"), 3), round(float(least), 4)
 
 
 def _write(table: dict[tuple[str, str], tuple[float, float]]) -> None:
     joints = {part: tuple(table[part, d] for d in DIRECTIONS) for part, name in table if name == "along"}
-    angles = {part: table[part, name] for part, name in table if name == "flexion"}
+    angles = {part: table[part, name] for part, name in table if name == "angle"}
     text = Path(measured.__file__).read_text()
     head = text[: text.index("OF_JOINTS")]
     note = '"""By part of the body: factor and least error in metres, along the ray and across it."""'
-    other = '"""By joint: factor and least error in degrees."""'
+    other = '"""By angle: factor and least error in degrees."""'
     content = f"{head}OF_JOINTS = {_lines(joints)}\n{note}\nOF_ANGLES = {_lines(angles)}\n{other}\n"
     Path(measured.__file__).write_text(content)
 
@@ -146,7 +146,7 @@ def _rows(samples: dict[tuple[str, str], Sample], table: dict[tuple[str, str], t
     rows = []
     for (part, what), sample in samples.items():
         bars = sample.widened(*table[part, what])
-        unit, scale = ("°", 1.0) if what == "flexion" else ("mm", 1e3)
+        unit, scale = ("°", 1.0) if what == "angle" else ("mm", 1e3)
         inside = [100 * float((sample.error <= times * bars).mean()) for times in (1.0, WIDER)]
         row = {"part": part, "direction": what, "unit": unit, "median error bar": scale * float(np.median(bars))}
         row |= {"68 % of the errors": scale * float(np.quantile(sample.error, INSIDE[0]))}
@@ -169,7 +169,7 @@ def run(options: Options) -> None:
         table = {
             (part, d): row for part, rows in measured.OF_JOINTS.items() for d, row in zip(DIRECTIONS, rows, strict=True)
         }
-        table |= {(part, "flexion"): row for part, row in measured.OF_ANGLES.items()}
+        table |= {(part, "angle"): row for part, row in measured.OF_ANGLES.items()}
     report(options, {f"Error bars, {options.half} half": _rows(samples, table)})
 
 

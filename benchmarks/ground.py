@@ -21,7 +21,7 @@ from fitting_core.fit.evidence.observations import lifted_keypoints
 from fitting_core.fit.grounded import grounding_of_params
 from fitting_core.frame_runs import runs_where
 from fitting_core.ground.feet import sole_heights, stance_of
-from fitting_core.ground.gravity import angles, robust_mean
+from fitting_core.ground.gravity import angles, robust_mean, rolled_views
 from fitting_core.ground.grounding import Grounding, grounding_before_fit
 from fitting_core.ground.placing import places
 from fitting_core.ground.plane import lowest
@@ -155,7 +155,8 @@ def _of_sequence(made: MotionClipMade, fits: Path | None) -> list[Measured]:
     xy, confidence = clip.keypoints.xy, seen_confidence(clip.keypoints, clip.camera)
     camera, rate = clip.camera, clip.frame_rate
     lifted = lifted_keypoints(clip.keypoints, camera, rate)
-    before = grounding_before_fit(xy, confidence, lifted, camera, rate)
+    rolled = rolled_views(xy, confidence, camera, rate)
+    before = grounding_before_fit(xy, confidence, lifted, camera, rate, rolled=rolled)
     pelvis = places(xy, confidence, lifted, camera, rate)
     alone = lifted.contact[before.contacts.seen] > 0.5
     lifted_only = _measured("the lifter alone", made, before, pelvis, alone)

@@ -33,7 +33,7 @@ from fitting_core.fit.phases.independent import fit_frames
 from fitting_core.fit.phases.limb_flips import mirrored_as_told
 from fitting_core.fit.phases.progress import Step, TermSampling
 from fitting_core.fit.phases.shared_shape import Sight, fit_shape
-from fitting_core.fit.plausibility import doubts, small_adult
+from fitting_core.fit.plausibility import doubts, other_height, small_adult
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.uncertainty.calibration import error_bars
@@ -344,6 +344,7 @@ class _Fit:
                 *(note for p in self.phases for note in p.notes),
                 *doubts(self.clip, self.phases[-1].params),
                 *small_adult(self.body, self.config.height),
+                *other_height(self.body, self.shape, self.config.height),
             ),
         )
         result = grounded(result, self.clip, self.body)

@@ -6,11 +6,14 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
 from fitting_core.keypoints import BODY, SEEN
+from fitting_core.results.known_shape import KnownShape
 
 _FAR, _NEAR = 60.0, 0.25
 """Metres from the camera between which people are filmed so that keypoints can be found."""
 _GROWN = 145.0
 """Centimetres below which people are mostly children."""
+_AGREES = 3.0
+"""Centimetres: two standard deviations of what people say of their height."""
 _SMALL = 24.0
 """Pixels of a person's larger side: less than a detector's own errors times ten."""
 
@@ -46,6 +49,17 @@ def small_adult(body: BodyModel, height: float | None) -> tuple[str, ...]:
         f"a height of {height:g} cm is rarely an adult's, and the body has an adult's proportions; for a child choose "
         "the body of a child (gender child)",
     )
+
+
+def other_height(body: BodyModel, shape: KnownShape | None, height: float | None) -> tuple[str, ...]:
+    """A sentence about a given shape that is not as tall as is said in centimetres; none where both agree."""
+    if shape is None or height is None:
+        return ()
+    mean, by_betas = body.height
+    own = 100 * (mean + float(by_betas @ shape.betas))
+    if abs(own - height) < _AGREES:
+        return ()
+    return (f"the shape of {shape.source} is {own:.0f} cm tall, not {height:g} as is said: the shape counts",)
 
 
 def _median_size(clip: Clip) -> float | None:

@@ -3,7 +3,8 @@
 The functions that a fit's terms call:
 
     lifted = lift(xy, confidence, camera, frame_rate, calibrated=camera.calibrated)
-    gravity = gravity_before_fit(lifted, confidence, camera)                  # fitting_core/ground/gravity.py
+    rolled = rolled_views(xy, confidence, camera, frame_rate)                 # fitting_core/ground/gravity.py
+    gravity = gravity_before_fit(lifted, confidence, camera, rolled)
     contacts = contacts_before_fit(xy, confidence, lifted, gravity, camera, frame_rate)
     contacts.probability    # (T, 2), left and right; 0 where the foot is not in the image
     contacts.standing       # (T, 2), the same as yes or no, without flicker
@@ -149,10 +150,11 @@ def contacts_of(
     certain = np.where(confidence[:, FOOT_POINTS] > SEEN, confidence[:, FOOT_POINTS], 0.0)
     seen = (certain[..., 0] > 0) | ((certain > 0).sum(-1) >= 2)
     speed = _speed(xy[:, FOOT_POINTS], certain, camera, camera.from_still(feet)[..., 2], frame_rate)
+    heights = _heights(feet, gravity, seen) if gravity.sure else np.zeros(seen.shape)
     odds = (
         _OF_LIFTER * _log_odds(_contact(xy, confidence, lifted, camera, frame_rate))
         + _OF_SPEED * np.log(_STILL / (speed + _FLOOR))
-        - _OF_HEIGHT * np.clip(_heights(feet, gravity, seen) - _LOW, 0.0, _HIGH - _LOW)
+        - _OF_HEIGHT * np.clip(heights - _LOW, 0.0, _HIGH - _LOW)
     )
     probability = np.where(seen, 1 / (1 + np.exp(-odds)), 0.0)
     standing = decided(probability, frame_rate)

@@ -1,25 +1,46 @@
-"""Which way is up in a clip."""
+"""Which way is up in a clip.
 
+The lifter takes cameras to be held level, for hardly one was rolled in its training: it sees somebody who leans where
+the camera is rolled. But people who lean are rare to it, so that it says itself that it is less sure. So it is asked
+again with the image turned about its centre: the turns at which it is surest tell how the camera is rolled.
+"""
+
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
+from scipy.spatial.transform import Rotation
 
 from fitting_core import keypoints as kp
-from fitting_core.camera import Camera
+from fitting_core.camera import Camera, path_of
+from fitting_core.ground.placing import rays_of
 from fitting_core.keypoints import SEEN
-from fitting_core.lifting.clip_lifting import LiftedClip
+from fitting_core.lifting.clip_lifting import LiftedClip, lift
 
 _LEGS = [kp.INDEX[f"{side}_{part}"] for side in ("left", "right") for part in ("knee", "ankle")]
 _ROUNDS = 10
 _NOTHING = 1e-6
 _INLIER = 8.0
 """Degrees from the clip's direction within which a frame counts in full."""
-_WITH_LEGS, _WITHOUT_LEGS = 3.0, 9.0
-_OF_LENGTH = 0.5
-"""Of the deviation in degrees that a vector's length stands for. Set with the two before so that the motion suite's
-tuning half misses by as much as is said, root mean square: 5 degrees with whole bodies, 10 with cut ones."""
+_WITH_LEGS, _WITHOUT_LEGS = 2.0, 8.0
+_OF_LENGTH = 0.4
+"""Of the deviation in degrees that a vector's length stands for."""
+_OF_MOVE = 0.25
+"""Of the degrees by which the turns move up, for they are held back by what is usual. Set with the three before so that
+the motion suite's tuning half misses by as much as is said, level or rolled by 5 to 35 degrees."""
 
+SURE = 10.0
+"""Degrees of standard deviation up to which gravity is used."""
+_ROLLS = range(-40, 41, 10)
+"""Degrees by which the image is turned."""
+_SECONDS = 3.2
+"""In the middle of the clip, of which the lifter is asked again: two windows, so that it takes some 0.3 s."""
+_ROLLED = 7.0
+"""Degrees: mean of how far cameras are rolled."""
+_OF_DEPTH, _OF_SPREAD = 30.0, 200.0
+"""Of the log-odds of a turn: for the logarithm of the lifter's deviations in depth, and for 1 - |up|². A conditional
+logit on the motion suite's tuning half, whose cameras are level, found somewhat more."""
 _OF_CALIBRATION = 0.5
 """Degrees by which a world's axis is off gravity: a board on a floor is hardly level to more."""
 _LEAN, _UPRIGHT = 12.0, 15.0
@@ -36,27 +57,93 @@ class Gravity:
     """Standard deviation of its direction, degrees."""
 
     @property
+    def sure(self) -> bool:
+        """Whether it is used: for the floor, and to turn worlds upright."""
+        return self.deviation < SURE
+
+    @property
     def tilt(self) -> float:
         """Degrees that the camera looks down; negative where it looks up."""
         return float(np.degrees(np.arcsin(np.clip(-self.up[2], -1, 1))))
 
 
-def gravity_before_fit(lifted: LiftedClip, confidence: Float[np.ndarray, "T K"], camera: Camera) -> Gravity:
-    """The direction that most frames' `up` agrees on.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RolledView:
+    """What the lifter says with the image turned about its centre."""
+
+    degrees: float
+    """By how much, from x to y."""
+    up: Float[np.ndarray, "3"]
+    """Against gravity, still space: a unit vector."""
+    spread: float
+    """1 - |m|² of the vectors m that it says: mean square of the sines from it to what the lifter holds possible."""
+    depth: float
+    """Logarithm of its deviations in depth, mean."""
+
+
+def rolled_views(
+    xy: Float[np.ndarray, "T K 2"], confidence: Float[np.ndarray, "T K"], camera: Camera, frame_rate: float
+) -> list[RolledView]:
+    """The middle of a clip, as the lifter sees it through cameras that are rolled otherwise; one of them not at all.
+
+    Args:
+        xy: Pixels, the first 25 of K are BODY_25.
+        confidence: 0 for what is not seen or cut off by the image.
+        camera: Of the clip.
+        frame_rate: Frames per second.
+    """
+    first = max(0, round((len(xy) - _SECONDS * frame_rate) / 2))
+    some = slice(first, len(xy) - first)
+    own, focal, center = camera[some], np.array(camera.focal), np.array(camera.center)
+    found = []
+    for degrees in _ROLLS:
+        turn = Rotation.from_euler("z", degrees, degrees=True).as_matrix()
+        rolled = own
+        if (path := own.path) is not None:
+            rolled = replace(own, path=path_of(turn @ np.array(path.rotation), np.array(path.translation) @ turn.T))
+        turned = rays_of(xy[some], own) @ turn[:2, :2].T * focal + center
+        lifted = lift(turned, confidence[some], rolled, frame_rate, calibrated=camera.calibrated)
+        up, spread = _direction(replace(lifted, up=lifted.up @ turn), own)
+        depth = float(np.log(lifted.depth_deviation).mean())
+        found.append(RolledView(degrees=degrees, up=up, spread=spread, depth=depth))
+    return found
+
+
+def gravity_before_fit(
+    lifted: LiftedClip,
+    confidence: Float[np.ndarray, "T K"],
+    camera: Camera,
+    rolled: Sequence[RolledView] = (),
+) -> Gravity:
+    """The direction that most frames' `up` agrees on, as far as the camera is level, and else what the turns say.
 
     Args:
         lifted: What the lifter says.
         confidence: Of the keypoints that it saw, BODY_25 first: without legs it knows less than it says.
         camera: Of the clip; of one that moves, up is that of still space.
+        rolled: As of `rolled_views`; without them the camera is taken to be level.
     """
-    length = np.linalg.norm(lifted.up, axis=1)
-    up = robust_mean(camera.turned_to_still(lifted.up), length)
-    # A network that learns with squared errors says the mean of what it holds possible, of length |m|: these lie
-    # sqrt(1 - |m|²) from it, root mean square.
-    possible = np.degrees(np.sqrt(max(0.0, 1 - float(length.mean()) ** 2)))
+    level, spread = _direction(lifted, camera)
+    ups = np.array([view.up if view.degrees else level for view in rolled] or [level])
+    spreads = np.array([view.spread if view.degrees else spread for view in rolled] or [spread])
+    odds = np.array([-abs(v.degrees) / _ROLLED - _OF_DEPTH * v.depth - _OF_SPREAD * v.spread for v in rolled] or [0.0])
+    share = np.exp(odds - odds.max())
+    share /= share.sum()
+    up = share @ ups
+    up /= max(float(np.linalg.norm(up)), _NOTHING)
     legs = float((confidence[:, _LEGS] > SEEN).mean())
     own = legs * _WITH_LEGS + (1 - legs) * _WITHOUT_LEGS
-    return Gravity(up=up, deviation=float(np.hypot(own, _OF_LENGTH * possible)))
+    possible = np.degrees(np.sqrt(spreads))
+    variance = share @ ((_OF_LENGTH * possible) ** 2 + angles(ups, up) ** 2) + (_OF_MOVE * angles(level, up)) ** 2
+    return Gravity(up=up, deviation=float(np.hypot(own, np.sqrt(variance))))
+
+
+def _direction(lifted: LiftedClip, camera: Camera) -> tuple[Float[np.ndarray, "3"], float]:
+    """Up in still space, and its spread as of `RolledView`."""
+    length = np.linalg.norm(lifted.up, axis=1)
+    # A network that learns with squared errors says the mean of what it holds possible, of length |m|: these lie
+    # sqrt(1 - |m|²) from it, root mean square.
+    return robust_mean(camera.turned_to_still(lifted.up), length), max(0.0, 1 - float(length.mean()) ** 2)
 
 
 def told_gravity(camera: Camera) -> Gravity | None:

@@ -3,6 +3,7 @@
 `grounding_before_fit` needs keypoints and the lifter only; contacts.py says how its parts are called one by one.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -11,7 +12,7 @@ from jaxtyping import Float
 
 from fitting_core.camera import Camera
 from fitting_core.ground.contacts import FOOT_POINTS, Contacts, contacts_of
-from fitting_core.ground.gravity import Gravity, gravity_before_fit, told_gravity, with_trunk
+from fitting_core.ground.gravity import Gravity, RolledView, gravity_before_fit, told_gravity, with_trunk
 from fitting_core.ground.placing import places
 from fitting_core.ground.plane import Ground, ground_under
 from fitting_core.lifting.clip_lifting import LiftedClip
@@ -59,6 +60,8 @@ def grounding_before_fit(
     lifted: LiftedClip,
     camera: Camera,
     frame_rate: float,
+    *,
+    rolled: Sequence[RolledView] = (),
 ) -> Grounding:
     """From keypoints and the lifter alone, with a floor under the lifter's body where its keypoints put it.
 
@@ -68,9 +71,12 @@ def grounding_before_fit(
         lifted: What the lifter says of them.
         camera: Of the clip.
         frame_rate: Frames per second.
+        rolled: As for `grounding_of`.
     """
     placed = camera.to_still(lifted.points + places(xy, confidence, lifted, camera, frame_rate)[:, None])
-    return grounding_of(xy, confidence, lifted, camera, frame_rate, feet=placed[:, FOOT_POINTS], soles=USUAL_SOLES)
+    return grounding_of(
+        xy, confidence, lifted, camera, frame_rate, feet=placed[:, FOOT_POINTS], soles=USUAL_SOLES, rolled=rolled
+    )
 
 
 def grounding_of(
@@ -83,6 +89,7 @@ def grounding_of(
     feet: Float[np.ndarray, "T 2 4 3"],
     soles: Float[np.ndarray, "2 4"],
     trunk: Float[np.ndarray, "T 3"] | None = None,
+    rolled: Sequence[RolledView] = (),
 ) -> Grounding:
     """With feet in space, such as a fitted body's.
 
@@ -95,9 +102,10 @@ def grounding_of(
         feet: Still space, metres: ankle, heel, big and small toe of the left and the right foot.
         soles: How high these are above the sole of a flat foot, metres.
         trunk: From pelvis to neck, still space; it has a say where there is no ground.
+        rolled: What tells how the camera is rolled; without it, it is taken to be level.
     """
     told = told_gravity(camera)
-    gravity = told or gravity_before_fit(lifted, confidence, camera)
+    gravity = told or gravity_before_fit(lifted, confidence, camera, rolled)
     contacts = contacts_of(xy, confidence, lifted, gravity, camera, frame_rate, feet)
     found = ground_under(feet, soles, contacts, gravity, frame_rate)
     if isinstance(found, str):

@@ -10,8 +10,6 @@ from scipy.spatial.transform import Rotation
 from fitting_core.camera import World
 from fitting_core.ground.grounding import Grounding
 
-SURE = 10.0
-"""Degrees of standard deviation up to which gravity alone turns a world upright."""
 _STEEP = 0.95
 """Cosine to gravity from which the camera looks so steeply that the image's upper edge says what is ahead."""
 _FROM_Z_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
@@ -36,7 +34,7 @@ class Level:
 
 
 def level_of(grounding: Grounding | None, world: World | None = None) -> Level | None:
-    """What is sure enough to turn a motion by: the user's world, the floor, or gravity to 10 degrees; else None.
+    """What is sure enough to turn a motion by: the user's world, gravity to 10 degrees; else None.
 
     Args:
         grounding: Of the fit.
@@ -44,7 +42,7 @@ def level_of(grounding: Grounding | None, world: World | None = None) -> Level |
     """
     if world is not None and (up := world.up_in_world) is not None:
         return _of_world(world, up, grounding)
-    if grounding is None or (grounding.ground is None and grounding.gravity.deviation >= SURE):
+    if grounding is None or not grounding.gravity.sure:
         return None
     gravity, ground = grounding.gravity, grounding.ground
     return Level(turn=upright(gravity.up), height=None if ground is None else ground.offset, text=grounding.text)

@@ -55,6 +55,8 @@ def ground_under(
         gravity: Of the clip.
         frame_rate: Frames per second.
     """
+    if not gravity.sure:
+        return "which way is up is not sure"
     if contacts.seen.any(1).mean() < _LEAST_SEEN:
         return "the feet are not in the image"
     if contacts.standing.sum() / frame_rate < _LEAST:

@@ -10,8 +10,12 @@ from fitting_core.body import model
 
 JOINTS = model.JOINTS[:22]
 """Joints with error bars: the body's, without hands and face."""
-ANGLES = tuple(f"{side}_{joint}_flexion" for joint in ("hip", "knee", "elbow") for side in ("left", "right"))
-"""Angles with error bars, named and measured as in `measure.angles`."""
+_OF_SIDES = ("hip_flexion", "knee_flexion", "elbow_flexion", "shoulder_elevation", "ankle_dorsiflexion")
+ANGLES = (
+    *(f"{side}_{angle}" for angle in _OF_SIDES for side in ("left", "right")),
+    *(f"lumbar_{angle}" for angle in ("extension", "bending", "rotation")),
+)
+"""Angles with error bars, named and measured as in `measure.angles`. Only ever added to: files have the first alone."""
 DIRECTIONS = ("along", "across")
 """The camera's ray through the joint: along it, and across it in any direction."""
 WIDER = 2.2
@@ -24,7 +28,7 @@ class ErrorBars:
 
     joints: Float32[np.ndarray, "T 22 2"]
     """Of JOINTS relative to the pelvis, metres, along the camera's ray and across it; 0 of the pelvis itself."""
-    angles: Float32[np.ndarray, "T 6"]
+    angles: Float32[np.ndarray, "T 13"]
     """Of ANGLES, degrees."""
 
     @staticmethod
@@ -46,6 +50,8 @@ class ErrorBars:
         return ErrorBars(joints=joints, angles=angles)
 
 
+_FIRST = 6
+"""Of ANGLES, those that files of earlier versions have."""
 _NAMES = ("joint_error_bars", "angle_error_bars")
 
 
@@ -63,11 +69,14 @@ def error_bars_from(arrays: Mapping[str, np.ndarray], frames: int) -> ErrorBars 
     """
     if not any(name in arrays for name in _NAMES):
         return None
-    unknown = ErrorBars.unknown(frames)
-    for name, like in error_bar_arrays(unknown).items():
-        if arrays[name].shape != like.shape:
-            raise ValueError(f"{name} has the shape {arrays[name].shape}, expected {like.shape}")
-        if (arrays[name] < 0).any():
+    found = ErrorBars.unknown(frames)
+    for name, like in error_bar_arrays(found).items():
+        array, known = arrays[name], like
+        if name == _NAMES[1] and array.shape == (frames, _FIRST):  # of an earlier version
+            known = like[:, :_FIRST]
+        if array.shape != known.shape:
+            raise ValueError(f"{name} has the shape {array.shape}, expected {like.shape}")
+        if (array < 0).any():
             raise ValueError(f"{name} has values below 0")
-    joints, angles = (arrays[name].astype(np.float32) for name in _NAMES)
-    return ErrorBars(joints=joints, angles=angles)
+        known[:] = array
+    return found

@@ -11,7 +11,7 @@ from fitting_core import keypoints as kp
 from fitting_core.body.model import N_JOINTS
 from fitting_core.errors import InputError
 from fitting_core.fit.terms.temporal import OFF_MEAN
-from fitting_core.measure.angles.joint_angles import flexion
+from fitting_core.measure.angles.joint_angles import joint_angle
 from fitting_core.measure.hands.phases import SIDES, Side, wrist_speed
 from fitting_core.results.error_bars import ANGLES
 from tcfit_app.analysis.posed_fit import GROUPS, PosedFit
@@ -82,8 +82,13 @@ def _speed(side: Side) -> Callable[[PosedFit], Float[np.ndarray, "T"]]:
     return lambda fit: wrist_speed(fit.joints, side, fit.clip.frame_rate)
 
 
-def _flexion(name: str) -> Callable[[PosedFit], Float[np.ndarray, "T"]]:
-    return lambda fit: flexion(fit.motion, name)
+def _angle(name: str) -> Callable[[PosedFit], Float[np.ndarray, "T"]]:
+    return lambda fit: joint_angle(fit.motion, name)
+
+
+def _angle_title(name: str) -> str:
+    *joint, angle = name.replace("lumbar", "lumbar_spine").split("_")
+    return f"{angle.capitalize()} of the {' '.join(joint)}"
 
 
 CURVES: dict[str, CurveKind] = {
@@ -102,9 +107,8 @@ CURVES: dict[str, CurveKind] = {
         for side in SIDES
     },
     **{
-        name: CurveKind(title=f"Flexion of the {side} {joint}", unit="°", values=_flexion(name), angle=i)
+        name: CurveKind(title=_angle_title(name), unit="°", values=_angle(name), angle=i)
         for i, name in enumerate(ANGLES)
-        for side, joint, _ in [name.split("_")]
     },
 }
 """By name; "volume" is the slow one, as it needs whole meshes.

@@ -278,6 +278,7 @@ def write_project(work: Work) -> Figures:
     check_out(work.task.out, overwrite=False)
     fit = _run_fit(work, work.clip)
     with Project.create(work.draft, work.clip) as project:
+        project.set_height(work.task.config.height)
         return _added(work, project, work.clip, fit)
 
 

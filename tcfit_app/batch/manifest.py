@@ -92,7 +92,7 @@ def read_manifest(options: BatchOptions, complaints: Complaints, *, command: str
         if (task := _task(line, cells, found, options, command, complaints, configurations))
     ]
     _refuse_shared_folders(tasks, complaints)
-    _check_subjects(tasks, complaints)
+    _check_shapes(tasks, complaints)
     return tuple(tasks)
 
 
@@ -265,10 +265,12 @@ def _refuse_shared_folders(tasks: list[ClipTask], complaints: Complaints) -> Non
             complaints.add(task.line, f"{task.name} lies inside the folder of line {around.line}.", "out")
 
 
-def _check_subjects(tasks: list[ClipTask], complaints: Complaints) -> None:
-    """The clips of a subject have the body and the method in common, whose shape it is."""
+def _check_shapes(tasks: list[ClipTask], complaints: Complaints) -> None:
+    """A known shape has a height; the clips of a subject, whose shape it is, have body and method in common."""
     first: dict[str, ClipTask] = {}
     for task in tasks:
+        if task.fit.shape is not None and task.config.height is not None:
+            complaints.add(task.line, "has both a known shape and a height, which that shape has; give one of them.")
         if not task.subject:
             continue
         if task.fit.shape is not None:

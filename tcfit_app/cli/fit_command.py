@@ -48,6 +48,8 @@ def run_fit(options: FitOptions, *, command: str = "") -> Outcome:
         KeyboardInterrupt: Cancelled; the phases that had finished have been written.
     """
     config = fit_config(options.method)
+    if options.shape is not None and config.height is not None:
+        raise InputError("--shape and --height: a known shape has its own height. Give one of them.")
     check_out(options.out, overwrite=options.overwrite)
     body = prepared_body(options, config)
     shape = None if options.shape is None else read_shape(options.shape, body)

@@ -13,7 +13,7 @@ from fitting_core.measure.references.reference import Reference
 from fitting_core.video.fingerprint import fingerprint
 from tcfit_app.cli.detection_shown import DetectionShown
 from tcfit_app.options.clip_input import clip_of, clip_options, described, everybody_of, notes_of, refusal
-from tcfit_app.options.fit import NewOptions, ReferenceOptions, ReviewOptions
+from tcfit_app.options.fit import NewOptions, ReferenceOptions, ReviewOptions, height_of
 from tcfit_app.project.new_people import create_people
 from tcfit_app.project.packed import is_packed, packed_creation_time, unpack
 from tcfit_app.project.project import Project, check_free
@@ -38,6 +38,7 @@ def make_project(options: NewOptions | ReviewOptions, *, reopen: bool = False) -
         return _unpacked(options.video, options, reopen=reopen)
     if isinstance(options, NewOptions) and options.people is not None:
         return _made_of_everybody(options)
+    height = height_of(options)
     if options.out is not None and not reopen:
         check_free(options.out)  # before minutes in which keypoints are found
     with DetectionShown() as tell_progress:
@@ -54,6 +55,8 @@ def make_project(options: NewOptions | ReviewOptions, *, reopen: bool = False) -
     with Project.create(folder, clip, copy_media=options.copy_video) as project:
         if reference is not None:
             project.set_reference(reference)
+        if height is not None:
+            project.set_height(height)
         print(f"Made the project {folder}: {len(clip)} frames of {clip.name}")
         if project.media.problem:
             print(project.media.problem, file=sys.stderr)
@@ -62,10 +65,11 @@ def make_project(options: NewOptions | ReviewOptions, *, reopen: bool = False) -
 
 def _made_of_everybody(options: NewOptions) -> Path:
     """A folder of projects, one for each person."""
-    if options.truth != ReferenceOptions():
+    ones = {"--reference": options.truth != ReferenceOptions(), "--height": options.height is not None}
+    if given := [name for name, there in ones.items() if there]:
         raise InputError(
-            f"--people {options.people} makes projects of everybody, and --reference would be one person's: leave it "
-            "out, and give it to the project that it is about."
+            f"--people {options.people} makes projects of everybody, and {' and '.join(given)} would be one person's: "
+            "leave it out, and give it to the project that it is about."
         )
     with DetectionShown() as tell_progress:
         people = everybody_of(options, tell_progress)
@@ -87,6 +91,8 @@ def _unpacked(path: Path, options: NewOptions | ReviewOptions, *, reopen: bool) 
         raise InputError(f"{path} is a project, which is of one person: leave out --people.")
     if given := clip_options(options):
         raise InputError(f"{path}: is a project already. {refusal(given)}")
+    if isinstance(options, NewOptions) and options.height is not None:
+        raise InputError(f"{path}: is a project already. Give --height when it is opened: tcfit review --height CM.")
     folder = options.out or Path(path.name.removesuffix(".zip").removesuffix(SUFFIX) + SUFFIX)
     if reopen and is_project(folder):
         check_same_packed(folder, path)

@@ -8,6 +8,7 @@ import logging
 import threading
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, closing
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,7 +21,7 @@ from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
 from fitting_core.io.people_file import holds_people, read_people
-from tcfit_app.options.fit import NO_KEYPOINTS, ReferenceOptions, ReviewOptions, ServerOptions
+from tcfit_app.options.fit import NO_KEYPOINTS, ReferenceOptions, ReviewOptions, ServerOptions, height_of
 from tcfit_app.project.storage.database import NAME, Database, is_project
 from tcfit_app.project.storage.lock import ProjectLocked
 from tcfit_app.project.storage.run_record import newest_body
@@ -56,11 +57,11 @@ def run_review(options: ReviewOptions) -> None:
             body = body_ahead(options.video)
             load_app()
             with opened(options) as project:
-                _take_reference(project, options.truth)
+                _take(project, options)
                 _review(project, server, options.server, models=options.models, fit=fit, body=body, find=find)
         return
     with opened(options) as project:
-        _take_reference(project, options.truth)
+        _take(project, options)
         review(project, options.server, models=options.models, fit=fit, find=find)
 
 
@@ -178,6 +179,8 @@ def _begun(session: "Session", fit: FitConfig, find: ClipOptions | None) -> str:
         return "is open read-only"
     if session.fits.runs:
         return "has fits already"
+    if fit.height is None:
+        fit = replace(fit, height=session.project.height)
     if session.project.has_detections:
         session.fit_everything(fit, kind="smplx", gender="neutral")
     elif find is not None:
@@ -187,11 +190,14 @@ def _begun(session: "Session", fit: FitConfig, find: ClipOptions | None) -> str:
     return ""
 
 
-def _take_reference(project: "Project", options: ReferenceOptions) -> None:
-    """Keep what fits are compared with, if the options name something."""
+def _take(project: "Project", options: ReviewOptions) -> None:
+    """Keep the person's height, and what fits are compared with, if the options say something of it."""
     from tcfit_app.cli.new_command import reference_given
 
-    if (reference := reference_given(options, project.clip)) is not None:
+    height, reference = height_of(options), reference_given(options.truth, project.clip)
+    if height is not None:
+        project.set_height(height)
+    if reference is not None:
         project.set_reference(reference)
 
 
@@ -228,8 +234,9 @@ def _people(options: ReviewOptions) -> AbstractContextManager["OpenPeople"]:
     assert folder is not None
     if options.keypoints is not None:
         raise InputError(f"{folder} has the projects of several people, with their keypoints: leave out --keypoints.")
-    if options.truth != ReferenceOptions():
-        raise InputError(f"{folder} has several people, and a reference is of one: open that one's project with it.")
+    if options.truth != ReferenceOptions() or options.height is not None:
+        what = "a reference" if options.height is None else "a height"
+        raise InputError(f"{folder} has several people, and {what} is of one: open that one's project with it.")
     if given := [option for option in clip_options(options) if option != "--person"]:
         raise InputError(f"{folder}: has projects already. {refusal(given)}")
     return opened_people(folder, lambda one: open_project(one, read_only=options.read_only), tell)

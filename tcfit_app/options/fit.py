@@ -228,6 +228,8 @@ class NewOptions:
     """The project's folder, which may not exist yet."""
     people: Annotated[Literal["all"] | None, shown("all", "one person")] = None
     """Make a project of everybody: a folder with people.json and the projects person-1, person-2, ..."""
+    height: Annotated[str | None, shown("CM", "not known")] = None
+    """The person's height in centimetres, without shoes, which the project keeps: shape and distance follow it."""
     copy_video: bool = False
     """Copy the video or images into the project, so that it can be given to others."""
     clip: ClipOptions = field(default_factory=ClipOptions)
@@ -267,6 +269,8 @@ class ReviewOptions:
     of the video alone."""
     out: Annotated[Path | None, shown("DIR", "the clip's name with .tcfit, in this folder")] = None
     """For a new project: its folder."""
+    height: Annotated[str | None, shown("CM", "as the project has it")] = None
+    """The person's height in centimetres, without shoes, which the project keeps: shape and distance follow it."""
     copy_video: bool = False
     """For a new project: copy the video or images into it."""
     read_only: bool = False
@@ -318,6 +322,17 @@ def fit_config(options: MethodOptions) -> FitConfig:
         seen[name] = origin
     check(config)
     return config
+
+
+def height_of(options: NewOptions | ReviewOptions) -> float | None:
+    """The person's height in centimetres, where it is said.
+
+    Raises:
+        InputError: Nobody has it.
+    """
+    if options.height is None:
+        return None
+    return changed(PRESETS[DEFAULT_PRESET], {"height": options.height}, origin="--height", texts=True).height
 
 
 def camera_for(camera: CameraOptions, method: MethodOptions | None = None) -> CameraOptions:

@@ -57,7 +57,14 @@ from tcfit_app.project.edits.edit_log import (
 )
 from tcfit_app.project.storage import database, media
 from tcfit_app.project.storage.accessing import accessing
-from tcfit_app.project.storage.clip import read_clip, replace_camera, replace_detections, write_clip
+from tcfit_app.project.storage.clip import (
+    read_clip,
+    read_height,
+    replace_camera,
+    replace_detections,
+    replace_height,
+    write_clip,
+)
 from tcfit_app.project.storage.columns import UNKNOWN_TIME, Columns, Count, of, text, time
 from tcfit_app.project.storage.database import Database
 from tcfit_app.project.storage.lock import Lock
@@ -86,6 +93,8 @@ class Project:
         self.keypoints_version = self.marks_version = self.reference_version = self.video_version = 0
         """Another number whenever the keypoints, marks and notes, what fits are compared with, or the frames of the
         video are others."""
+        self.height = read_height(store)
+        """Of the person, without shoes, in centimetres; None: not known. See `set_height`."""
         self._clip: Clip | None = None
         self._footage: Clip | None = None
         self._detected = bool((stored.keypoints.confidence > 0).any())
@@ -334,6 +343,16 @@ class Project:
                 if stored.keypoints is not before.keypoints:
                     self._history = EditHistory(stored.keypoints, self._log, first_frame=stored.first_frame)
                     self.video_version += 1
+
+    def set_height(self, height: float | None) -> None:
+        """Say how tall the person is, in centimetres, for fits from now on; when this returns, it is on the disk.
+
+        Raises:
+            InputError: The project cannot be written.
+        """
+        self.refuse_read_only()
+        replace_height(self._database, height)
+        self.height = height
 
     def _edits_and_runs(self) -> str:
         """What stands on the keypoints as they were detected, for the user; empty if there is nothing."""

@@ -39,6 +39,5 @@ def _widened(values: np.ndarray, table: np.ndarray) -> np.ndarray:
 
 
 def part_of(name: str) -> str:
-    """Of a joint or an angle, without its side: knee of left_knee_flexion, spine of spine2."""
-    name = name.removesuffix("_flexion").removeprefix("left_").removeprefix("right_")
-    return name.rstrip("123")
+    """Of a joint or an angle, without its side: knee_flexion of left_knee_flexion, spine of spine2."""
+    return name.removeprefix("left_").removeprefix("right_").rstrip("123")

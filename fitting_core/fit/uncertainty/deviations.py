@@ -15,7 +15,7 @@ from torch import Tensor
 
 from fitting_core.body import rotations
 from fitting_core.body.model import JOINT, POSE_COLUMNS
-from fitting_core.body.segment_axes import rest_axes
+from fitting_core.body.segment_axes import BONES, rest_axes
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.phases.consistency import overlapping_parts
 from fitting_core.fit.solvers.banded import diagonal_of_inverse
@@ -31,8 +31,42 @@ _PART, _SEAM = 200, 20
 differ from the whole clip's by less than 0.2 % (a test has it)."""
 _AT_ONCE = 32
 """Frames whose joints' derivatives stand in memory together: 0.2 MB each."""
-_SEGMENTS = {"hip": ("pelvis", "thigh"), "knee": ("thigh", "shank"), "elbow": ("humerus", "forearm")}
+_SEGMENTS = {
+    "hip": ("pelvis", "thigh"),
+    "knee": ("thigh", "shank"),
+    "elbow": ("humerus", "forearm"),
+    "shoulder": ("thorax", "humerus"),
+    "ankle": ("shank", "foot"),
+    "lumbar": ("pelvis", "thorax"),
+}
 """By the joint that bends: the segment before it, and the one that it turns."""
+_HANGING = 1e-6
+"""Of an arm that hangs along the thorax, whose elevation has no slope."""
+
+
+def _about_z(turn: Float[Tensor, "B 3 3"]) -> Float[Tensor, "B"]:
+    """The first of the angles of R = Rz Rx Ry."""
+    return torch.atan2(-turn[:, 0, 1], turn[:, 1, 1])
+
+
+def _about_x(turn: Float[Tensor, "B 3 3"]) -> Float[Tensor, "B"]:
+    """The second."""
+    return turn[:, 2, 1].asin()
+
+
+def _about_y(turn: Float[Tensor, "B 3 3"]) -> Float[Tensor, "B"]:
+    """The third."""
+    return torch.atan2(-turn[:, 2, 0], turn[:, 2, 2])
+
+
+def _elevation(turn: Float[Tensor, "B 3 3"]) -> Float[Tensor, "B"]:
+    """The second of R = Ry Rx Ry: between both y."""
+    return torch.atan2((turn[:, 0, 1].square() + turn[:, 2, 1].square() + _HANGING).sqrt(), turn[:, 1, 1])
+
+
+_TURNS = {"elevation": _elevation, "bending": _about_x, "rotation": _about_y}
+"""By the last word of an angle's name: what it is of the turn of the second segment against the first; without its
+sign. All others are about z."""
 
 
 def deviations(stages: Stages, state: State) -> ErrorBars:
@@ -86,36 +120,31 @@ def _of_joints(
     return torch.stack([along, across], -1).clamp_min(0).sqrt()
 
 
-def _of_angles(objective: FrameObjective, joints: Estimate, covariance: Float[Tensor, "B d d"]) -> Float[Tensor, "B 6"]:
+def _of_angles(
+    objective: FrameObjective, joints: Estimate, covariance: Float[Tensor, "B d d"]
+) -> Float[Tensor, "B 13"]:
     """Degrees."""
     with torch.enable_grad():
         pose = joints.body_pose.detach().requires_grad_()
-        angles = _flexions(joints, pose)
-        (slopes,) = torch.autograd.grad(angles.sum(), pose)  # no two angles depend on the same numbers
-    rows = slopes.new_zeros(len(slopes), len(ANGLES), objective.jacobian.width)
-    body = POSE_COLUMNS["body_pose"]
-    for row, name in enumerate(ANGLES):
-        own = _columns(name)
-        rows[:, row, body][:, own] = slopes[:, own]
+        angles = _angles(joints, pose)
+        slopes = [torch.autograd.grad(angle.sum(), pose, retain_graph=True)[0] for angle in angles]
+    rows = pose.new_zeros(len(pose), len(ANGLES), objective.jacobian.width)
+    rows[:, :, POSE_COLUMNS["body_pose"]] = torch.stack(slopes, 1)
     rows = objective.rows_in_prior_space(joints, rows)
     return ((rows @ covariance) * rows).sum(-1).clamp_min(0).sqrt().rad2deg()
 
 
-def _columns(angle: str) -> slice:
-    """Of the joint that an angle is of, in the axis-angle of the body's joints."""
-    first = 3 * (JOINT[angle.removesuffix("_flexion")] - 1)
-    return slice(first, first + 3)
-
-
-def _flexions(joints: Estimate, pose: Float[Tensor, "B 63"]) -> Float[Tensor, "B 6"]:
-    """ANGLES, radians: the turn about z of the segment before, which comes first, takes its y to (-sin, cos) of it."""
+def _angles(joints: Estimate, pose: Float[Tensor, "B 63"]) -> list[Float[Tensor, "B"]]:
+    """ANGLES, radians."""
     points, coefficients = joints.view.points, joints.view.parametrisation.coefficients(joints.state[:1])
     rest = points.rest + (coefficients @ points.rest_directions.flatten(0, 1).T).view(-1, 3)
     axes = {name: pose.new_tensor(at[0]) for name, at in rest_axes(rest[None].cpu().numpy()).items()}
-    found = []
+    turns, parents, found = rotations.exp(pose.unflatten(1, (-1, 3))), joints.view.points.tree.parents, []
     for name in ANGLES:
-        side, joint = name.split("_")[:2]
-        before, turned = (axes[one if one in axes else f"{side}_{one}"] for one in _SEGMENTS[joint])
-        x, y, _ = (rotations.exp(pose[:, _columns(name)]) @ turned[:, 1] @ before).unbind(-1)
-        found.append(torch.atan2(-x, y))
-    return torch.stack(found, -1)
+        *side, joint, angle = name.split("_")
+        before, turned = (one if one in axes else f"{side[0]}_{one}" for one in _SEGMENTS[joint])
+        turn, bone = axes[turned], JOINT[BONES[turned]]
+        while bone != JOINT[BONES[before]]:
+            turn, bone = turns[:, bone - 1] @ turn, int(parents[bone])
+        found.append(_TURNS.get(angle, _about_z)(axes[before].T @ turn))
+    return found

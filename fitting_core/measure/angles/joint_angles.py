@@ -142,18 +142,25 @@ def joint_angles(motion: Motion) -> dict[str, Float[np.ndarray, "T"]]:
     return found
 
 
-def flexion(motion: Motion, name: str) -> Float[np.ndarray, "T"]:
+def joint_angle(motion: Motion, name: str) -> Float[np.ndarray, "T"]:
     """One of `error_bars.ANGLES`, degrees from -180 to 180: each frame by itself, whatever those before it are."""
-    side, joint = name.removesuffix("_flexion").split("_")
+    *side, joint, angle = name.split("_")
     known = next(one for one in ANATOMICAL_JOINTS if one.name == joint)
-    assert known.angles[0] is not None and known.sequence == "ZXY"
-    parent = known.parent if known.parent in BONES else f"{side}_{known.parent}"
-    turns = angles_of(Segments(motion).between(parent, f"{side}_{known.child}"), known.sequence)
-    return known.angles[0].sign * turns[:, 0]
+    i, own = next((i, own) for i, own in enumerate(known.angles) if own and own.name == angle)
+    return own.sign * _each(known, Segments(motion), f"{side[0]}_" if side else "")[:, i]
 
 
 def _turns(joint: AnatomicalJoint, segments: Segments, side: str) -> Float[np.ndarray, "T 3"]:
     """The three angles of a joint with their signs, in the order of its axes."""
+    turns = _each(joint, segments, side)
+    determined = np.repeat(~singular(turns, joint.sequence)[:, None], 3, axis=1)
+    determined[:, 1] = True
+    run = continuous(turns, joint.sequence, start=joint.start, determined=determined)
+    return run * [angle.sign if angle else 1 for angle in joint.angles]
+
+
+def _each(joint: AnatomicalJoint, segments: Segments, side: str) -> Float[np.ndarray, "T 3"]:
+    """The same of each frame by itself, without their signs."""
     if joint.parent is None:
         matrices = _FACING @ segments.axes[joint.child]
     else:
@@ -162,10 +169,7 @@ def _turns(joint: AnatomicalJoint, segments: Segments, side: str) -> Float[np.nd
     turns = angles_of(matrices, joint.sequence)
     if joint.sequence[0] == joint.sequence[2]:  # arms are raised by negative turns
         turns = turns * (1, -1, 1) + (180, 0, -180)
-    determined = np.repeat(~singular(turns, joint.sequence)[:, None], 3, axis=1)
-    determined[:, 1] = True
-    run = continuous(turns, joint.sequence, start=joint.start, determined=determined)
-    return run * [angle.sign if angle else 1 for angle in joint.angles]
+    return turns
 
 
 def _projected(segments: Segments, side: str) -> dict[str, Float[np.ndarray, "T"]]:

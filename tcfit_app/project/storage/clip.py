@@ -18,6 +18,7 @@ import numpy as np
 
 from fitting_core.camera import DEFAULT_FOCAL, Camera, FocalFrom, default_focal, is_possible, with_focal_from
 from fitting_core.clip import Clip
+from fitting_core.config.settings import RANGES
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing, sync
 from fitting_core.files.npz import read_npz
@@ -74,7 +75,7 @@ def write_clip(draft: Path, clip: Clip, *, link: MediaLink | None) -> None:
         closing(Database(draft / database.NAME, read_only=False)) as store,
         store.transaction() as connection,
     ):
-        connection.execute("INSERT INTO clip VALUES (1, ?, ?, ?, ?, ?, ?, ?, ?)", values)
+        connection.execute("INSERT INTO clip VALUES (1, ?, ?, ?, ?, ?, ?, ?, ?, NULL)", values)
 
 
 def read_clip(folder: Path, store: Database) -> tuple[Clip, MediaLink | None]:
@@ -176,6 +177,24 @@ def replace_camera(store: Database, camera: Camera, notes: tuple[str, ...]) -> N
             "UPDATE clip SET camera = ?, notes = ?",
             (msgspec.json.encode(camera).decode(), msgspec.json.encode(notes).decode()),
         )
+
+
+def read_height(store: Database) -> float | None:
+    """Centimetres of the person in a project; None: not known."""
+    rows = store.rows("SELECT height FROM clip")
+    return Columns(rows[0], "the clip", store.damage).read("height", or_none(_height), None, "it is not known")
+
+
+def _height(value: Any) -> float:
+    if (height := msgspec.convert(value, float)) not in RANGES["height"]:
+        raise ValueError(f"it is {height:g}, expected {RANGES['height']} cm")
+    return height
+
+
+def replace_height(store: Database, height: float | None) -> None:
+    """Give the person of a project another height. Raises InputError as `Database`."""
+    with store.transaction() as connection:
+        connection.execute("UPDATE clip SET height = ?", (height,))
 
 
 def replace_detections(folder: Path, store: Database, clip: Clip) -> None:

@@ -72,12 +72,18 @@ def _given_starts(connection: sqlite3.Connection) -> None:
     connection.execute("ALTER TABLE runs ADD COLUMN given TEXT")
 
 
+def _height(connection: sqlite3.Connection) -> None:
+    """The person's, in centimetres; NULL: not known."""
+    connection.execute("ALTER TABLE clip ADD COLUMN height REAL")
+
+
 MIGRATIONS: tuple[Callable[[sqlite3.Connection], None], ...] = (
     _first_tables,
     _review_marks,
     _kinds_of_runs,
     _order_of_marks,
     _given_starts,
+    _height,
 )
 """MIGRATIONS[n] makes version n + 1 out of version n. Only ever added to: projects of all versions exist."""
 

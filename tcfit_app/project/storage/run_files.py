@@ -7,7 +7,7 @@
 | phase1_objective | (n,) | mean cost by term; their names stand in about |
 | phase1_start, phase1_stopped | (T,) | where each frame's fit came from: numbers of `provenance.Start` and `Stopped`; \
 runs of earlier versions and imported motions have none |
-| phase3_joint_error_bars, phase3_angle_error_bars | (T, 22, 2), (T, 6) | as in fit.npz; not there where they are not \
+| phase3_joint_error_bars, phase3_angle_error_bars | (T, 22, 2), (T, 13) | as in fit.npz; not there where they are not \
 known |
 | observed | (T, 55) | as in FitResult |
 | start_there, start_points, start_off, start_betas, ... | (T, ...) | the `GivenStart` that phase 1 began with, where \

@@ -176,10 +176,14 @@ class Session:
         )
         return self._submit(job, kind="fit", start=None, given=known.given)
 
+    def preset(self, name: str = DEFAULT_PRESET) -> FitConfig:
+        """A preset, with the height of the project's person."""
+        return replace(PRESETS[name], height=self.project.height)
+
     def find_and_fit(
         self,
         detector: str,
-        config: FitConfig = PRESETS[DEFAULT_PRESET],
+        config: FitConfig | None = None,
         *,
         person: int | None = None,
         kind: str = "smplx",
@@ -189,7 +193,7 @@ class Session:
 
         Args:
             detector: As of `KeypointSource.detect`.
-            config: All settings.
+            config: All settings; None: those of the default preset.
             person: As of `KeypointSource.detect`.
             kind: Of the body model.
             gender: Of the body model.
@@ -199,7 +203,7 @@ class Session:
         """
         body = self.bodies.find(kind=kind, gender=gender)
         self.source.detect(detector, person=person)
-        job = FitEverything(clip=self.project.clip, body=body, config=config, fresh=self.source.feed())
+        job = FitEverything(clip=self.project.clip, body=body, config=config or self.preset(), fresh=self.source.feed())
         self._as_found = self._submit(job, kind="fit", start=None).id
 
     @property

@@ -18,7 +18,7 @@ from tcfit_app.review.tab.buttons import Buttons
 from tcfit_app.review.tab.on_show import OnShow, on_show
 from tcfit_app.review.tab.people import Someone
 from tcfit_app.review.tab.playback import Playback
-from tcfit_app.review.tab.state import SIDE_WIDTHS, TabState, seen_alike
+from tcfit_app.review.tab.state import SIDE_WIDTHS, FitSettings, TabState, seen_alike
 from tcfit_app.review.tab.toasts import SHORT
 
 Do = Callable[[Callable[[], None]], None]
@@ -48,7 +48,7 @@ class Tab:
         self.length = self.data.length
         self.first_frame = self.session.project.footage.first_frame
         """The number that users see for frame 0."""
-        self.state = TabState()
+        self.state = TabState(settings=FitSettings(config=self.session.preset()))
         self.message: tuple[str, float] = ("", 0.0)
         """What was done last, and until when it is shown."""
         self.doing = ""

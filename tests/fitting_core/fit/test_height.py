@@ -12,7 +12,8 @@ from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig, Weights
 from fitting_core.fit.fitting import fit_clip
-from fitting_core.fit.plausibility import small_adult
+from fitting_core.fit.plausibility import other_height, small_adult
+from fitting_core.results.known_shape import KnownShape
 from fitting_core.shipped import FREE_FOLDER
 from tests.samples.scenes import CAMERA, keypoints_of, random_params
 
@@ -67,3 +68,11 @@ def test_an_adult_of_a_childs_height_is_told(free_body: BodyModel, child: BodyMo
     (told,) = small_adult(free_body, 130.0)
     assert "gender child" in told
     assert small_adult(child, 130.0) == small_adult(free_body, 170.0) == small_adult(free_body, None) == ()
+
+
+def test_a_shape_of_another_height_is_told(free_body: BodyModel):
+    shape = KnownShape(betas=free_body.betas_of_height(1.65), source="a.json")
+    assert other_height(free_body, shape, 172.0) == (
+        "the shape of a.json is 165 cm tall, not 172 as is said: the shape counts",
+    )
+    assert other_height(free_body, shape, 166.0) == other_height(free_body, shape, None) == ()

@@ -7,9 +7,19 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fitting_core import keypoints as kp
-from fitting_core.camera import Camera, World
-from fitting_core.ground.gravity import Gravity, angles, gravity_before_fit, robust_mean, told_gravity, with_trunk
-from tests.samples.walkers import CAMERA, TILT, walker
+from fitting_core.camera import Camera, World, path_of
+from fitting_core.ground.gravity import (
+    Gravity,
+    RolledView,
+    angles,
+    gravity_before_fit,
+    robust_mean,
+    rolled_views,
+    told_gravity,
+    with_trunk,
+)
+from fitting_core.lifting.clip_lifting import lift
+from tests.samples.walkers import CAMERA, RATE, TILT, walker
 
 
 def test_the_tilt_of_the_camera_is_found():
@@ -51,7 +61,37 @@ def test_without_legs_less_is_known():
 def test_up_is_a_unit_vector_even_of_a_lifter_that_knows_nothing():
     made = walker(5)
     gravity = gravity_before_fit(replace(made.lifted(), up=np.zeros((5, 3))), made.confidence, CAMERA)
-    assert np.linalg.norm(gravity.up) == pytest.approx(1) and gravity.deviation > 25
+    assert np.linalg.norm(gravity.up) == pytest.approx(1) and gravity.deviation > 20
+
+
+@pytest.mark.parametrize("degrees", [0, 35, -30])
+@pytest.mark.parametrize("moving", [False, True])
+def test_how_a_camera_is_rolled_is_found(degrees: int, moving: bool):
+    made, turn = walker(), Rotation.from_euler("z", degrees, degrees=True).as_matrix()
+    xy = (made.xy - CAMERA.center) @ turn[:2, :2].T + CAMERA.center
+    still = np.tile(np.eye(3), (len(xy), 1, 1))
+    camera = replace(CAMERA, path=path_of(still, np.zeros((len(xy), 3)))) if moving else CAMERA
+    lifted = lift(xy, made.confidence, camera, RATE, calibrated=True)
+    level = gravity_before_fit(lifted, made.confidence, camera)
+    found = gravity_before_fit(lifted, made.confidence, camera, rolled_views(xy, made.confidence, camera, RATE))
+    assert angles(found.up, turn @ made.up) < min(2 * found.deviation, 8)
+    assert degrees == 0 or angles(level.up, turn @ made.up) > 2 * level.deviation
+
+
+def test_turns_that_are_as_likely_make_unsure():
+    made = walker()
+    ups = [Rotation.from_euler("z", degrees, degrees=True).apply(made.up) for degrees in (-10, 0, 10)]
+
+    def found(spread: float) -> Gravity:
+        views = [
+            RolledView(degrees=degrees, up=up, spread=spread if degrees else 0.04, depth=-2.5)
+            for degrees, up in zip((-10, 0, 10), ups, strict=True)
+        ]
+        return gravity_before_fit(made.lifted(), made.confidence, CAMERA, views)
+
+    alike, surer, level = found(0.04), found(0.2), gravity_before_fit(made.lifted(), made.confidence, CAMERA)
+    assert angles(alike.up, made.up) < 0.2 and alike.deviation > level.deviation + 2
+    assert surer.deviation == pytest.approx(level.deviation, abs=0.1)
 
 
 def test_tilt_says_down_and_up():

@@ -139,6 +139,7 @@ WRONG = {
         "line 3, column subject: anna has another shape_sample, body here than in line 2"
     ],
     "keypoints,out,subject,last_phase\nk,o,anna,1\n": ["line 2: has a subject, and last_phase is 1; expected 2 or 3"],
+    "keypoints,out,shape,height\nk,o,s.npz,172\n": ["line 2: has both a known shape and a height"],
     "keypoints,out,solver\nk,o,newton\n": ["line 2: solver: solver is newton; expected one of lm, lbfgs"],
 }
 

@@ -125,6 +125,7 @@ REFUSED = {
     "no such body": (["--body-model", "smplh", "--models", "."], "Or leave out --body-model and --models: there is a"),
     "body file": (["--body-model", "nowhere/SMPLX_MALE.npz"], "SMPLX_MALE.npz: does not exist"),
     "folder and file": (["--body-model", "a.npz", "--models", "m"], "give one of them"),
+    "shape and height": (["--shape", "s.npz", "--height", "172"], "--shape and --height: a known shape has its own"),
     "models": (["--models", "."], "No neutral SMPL-X body"),
 }
 

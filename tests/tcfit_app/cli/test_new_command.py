@@ -31,6 +31,15 @@ def test_the_project_has_the_clip(
         assert project.clip.name == "wave" and len(project.clip) == FRAMES
 
 
+def test_the_project_keeps_the_height(clip_arguments: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    folder = tmp_path / "a.tcfit"
+    assert main(["new", *clip_arguments, "--out", str(folder), "--height", "1.72"]) == 2
+    assert "--height: height is 1.72; expected 50 to 250" in capsys.readouterr().err and not folder.exists()
+    assert main(["new", *clip_arguments, "--out", str(folder), "--height", "172"]) == 0
+    with Project.open(folder) as project:
+        assert project.height == 172
+
+
 def test_without_out_the_project_is_named_after_the_clip(
     clip_arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):

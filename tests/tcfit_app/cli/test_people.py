@@ -176,6 +176,7 @@ def test_one_person_s_fit_does_not_go_among_several(
         ("fit", ["--shape", "s.npz"], "--people all fits everybody, and --shape would be one person's"),
         ("fit", ["--start", "a.npz", "--start-person", "2"], "and --start-person would be one person's"),
         ("new", ["--reference", "r.npz"], "--people all makes projects of everybody, and --reference"),
+        ("new", ["--height", "172"], "--people all makes projects of everybody, and --height"),
         ("fit", ["--last-frame", "2"], "Nobody is found for 5 frames"),
         ("fit", ["--start", "none.npz"], "none.npz"),
     ],

@@ -1,12 +1,12 @@
 """`tcfit review`: which project it opens or makes, and what it says."""
 
-import threading
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from fitting_core.config.schema import PRESETS
+from fitting_core.config.schema import PRESETS, FitConfig
 from tcfit_app.cli.main import main, parse
 from tcfit_app.project.project import Project
 from tcfit_app.review.app import ReviewApp
@@ -68,13 +68,16 @@ def test_a_second_process_is_told_and_opens_it_read_only(
 def test_a_first_fit_starts_if_asked_for(
     clip_arguments: list[str], tmp_path: Path, served: list[Session], monkeypatch: pytest.MonkeyPatch
 ):
-    started = threading.Event()
-    monkeypatch.setattr(Session, "fit_everything", lambda self, config, **body: started.set())
+    started: list[FitConfig] = []
+    monkeypatch.setattr(Session, "fit_everything", lambda self, config, **body: started.append(config))
     folder = tmp_path / "wave.tcfit"
     reviewed(*clip_arguments, "--out", folder)
-    assert not started.is_set()
+    assert not started
     reviewed(folder, "--fit")
-    assert started.is_set()
+    assert started == [PRESETS["tcfit"]]
+    reviewed(folder, "--height", "182.5")
+    reviewed(folder, "--fit")
+    assert started[1:] == [replace(PRESETS["tcfit"], height=182.5)], "the project has kept it"
 
 
 def test_a_fit_that_is_asked_for_and_cannot_begin_is_told(
@@ -94,7 +97,7 @@ def test_a_fit_that_is_asked_for_and_cannot_begin_is_told(
     no_keypoints = "--fit: nothing is fitted, for alone.tcfit has no keypoints. Have them found first"
     assert no_keypoints in told(write_video(tmp_path / "a.mp4"), "--keypoints", "none", "--out", alone)
     found = []
-    monkeypatch.setattr(Session, "find_and_fit", lambda self, detector, fit, person: found.append(detector))
+    monkeypatch.setattr(Session, "find_and_fit", lambda self, detector, config, person: found.append(detector))
     assert told(alone) == "" and found == ["mediapipe"], "they are found without being asked twice"
     reviewed(*clip_arguments, "--out", folder)
     assert told(folder, "--read-only").endswith("wave.tcfit is open read-only.")

@@ -89,7 +89,8 @@ def world(tmp_path: Path, free_body: BodyModel, monkeypatch: pytest.MonkeyPatch)
 def _make_older(source: Path, folder: Path) -> None:
     shutil.copytree(source, folder)
     with closing(sqlite3.connect(folder / database.NAME)) as connection, connection:
-        for table, column in (("runs", "given"), ("runs", "moment"), ("marks", "last_edit"), ("marks", "last_moment")):
+        later = (("clip", "height"), ("runs", "given"), ("runs", "moment"))
+        for table, column in (*later, ("marks", "last_edit"), ("marks", "last_moment")):
             connection.execute(f"ALTER TABLE {table} DROP COLUMN {column}")
         connection.execute("PRAGMA user_version = 3")
 

@@ -74,8 +74,8 @@ _LISTED = 80
 
 @lru_cache(256)
 def differences(config: FitConfig, preset: str) -> tuple[str, ...]:
-    """Dotted names of the settings that are not the preset's."""
-    base = PRESETS[preset]
+    """Dotted names of the settings that are not the preset's; the height is the person's."""
+    base = replace(PRESETS[preset], height=config.height)
     return tuple(name for name in settings() if value_of(config, name) != value_of(base, name))
 
 
@@ -132,12 +132,14 @@ class FitInputs:
                 )
 
     def add_height(self) -> None:
-        """The person's height, or nothing."""
+        """The person's height, or nothing; the project keeps it."""
         known = RANGES["height"]
         number = Number(label=LABELS["height"], low=known.low, high=known.high, of="leave it empty if it is not known")
 
         def take(typed: str) -> None:
-            self._taker("height")(number.read(typed) if typed.strip() else None)
+            self._taker("height")(number.read(typed) if typed.strip() else "none")
+            if not (project := self._tab.session.project).read_only:
+                project.set_height(self._tab.state.settings.config.height)
 
         def read(now: FitSettings) -> str:
             return "" if now.config.height is None else number.shown(now.config.height)
@@ -226,7 +228,7 @@ class FitInputs:
         self._tab.set(settings=replace(self._tab.state.settings, **values))
 
     def _take_preset(self, name: str) -> None:
-        self._set(preset=name, config=PRESETS[name], problems=())
+        self._set(preset=name, config=self._tab.session.preset(name), problems=())
 
     def _taker(self, name: str) -> Callable[[Any], None]:
         def take(value: Any) -> None:

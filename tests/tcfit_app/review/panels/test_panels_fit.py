@@ -15,6 +15,7 @@ from fitting_core.config.settings import changed
 from fitting_core.config.toml import as_toml
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.edits.kinds import MarkBad
+from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_record import Given, Source
 from tcfit_app.review.panels.fit.fit_panel import POINTS, FitPanel, charted, curves
 from tcfit_app.review.panels.fit.fit_settings import LABELS, differences, nearest_preset
@@ -78,6 +79,8 @@ def test_what_is_entered_is_in_the_run(tested: LonePage):
         ("Shape frames", "0", "Shape frames is 0; expected a whole number, 1 to {frames}"),
         ("Focal length", "0", "Focal length is 0; expected a number, 1 to 1,000,000 (pixels)."),
         ("Gender", "male", "no male smplx body. Put &lt;SMPLX&gt;.npz there."),
+        ("Height (cm)", "17", "Height (cm) is 17; expected a number, 50 to 250 (leave it empty if it is not known)."),
+        ("Height (cm)", "tall", "Height (cm) is tall; expected a number, 50 to 250"),
         ("Around", "-1", "Around is -1; expected a whole number, 0 to 1,000."),
     ],
 )
@@ -95,6 +98,26 @@ def test_a_wrong_value_is_told_and_fits_nothing(tested: LonePage, label: str, va
     if label != "Gender":
         assert tested.field(label).value != value
     assert not tested.page.tab.state.settings.problems
+
+
+def test_the_height_is_the_projects_and_fits_have_it(tested: LonePage):
+    tab, session = tested.page.tab, tested.page.tab.session
+    tested.enter("Height (cm)", "172")
+    tested.enter("Preset", "smplifyx")
+    tested.draw()
+    assert tested.field("Height (cm)").value == "172" and session.project.height == 172
+    assert tested.button("Back to the preset").disabled, "it is the person's, and no change of the method"
+    tab.set(settings=replace(tab.state.settings, config=replace(QUICK, height=172.0), preset="paper"))
+    tested.click("Fit everything")
+    tested.until(lambda: session.fits.runs and not session.jobs)
+    (run,) = session.fits.runs
+    mean, by_betas = session.bodies.of(run.body).height
+    betas = session.fits.fit(run).last.params.betas[0].numpy()
+    assert run.config.height == 172 and mean + by_betas @ betas == pytest.approx(1.72, abs=0.03)
+    with Project.open(session.project.folder, read_only=True) as project:
+        assert project.height == 172
+    tested.enter("Height (cm)", "")
+    assert tab.state.settings.config.height is None and session.project.height is None
 
 
 def test_a_fit_starts_from_a_run_and_has_its_shape(tested: LonePage):
