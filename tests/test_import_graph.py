@@ -19,11 +19,12 @@ FLOORS = {
     "fitting_core": """
         errors frame_runs keypoint_noise keypoints plugins shipped silhouettes
         camera lens wholebody config files body
-        clip metrics priors video lifting ground
+        clip metrics priors video lifting ground world_camera
         fit detect
         io
-        render synthetic
+        render
         measure
+        synthetic
     """,
     "tcfit_app": """
         options

@@ -15,9 +15,9 @@ from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.fused import ready
 from fitting_core.io.camera_rule import estimated
 from fitting_core.io.result_files import read_fit, write_result
-from fitting_core.measure.depth_figures import DepthRecord, measured
 from fitting_core.measure.records import PHASE_1
 from fitting_core.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
+from fitting_core.synthetic.motion_suite.depth_figures import DepthRecord, measured
 from tcfit_app.evaluation.suite_runs import FIT_KEY, done_tasks, fit_key, fit_seconds, fitted_body, read_text
 
 
