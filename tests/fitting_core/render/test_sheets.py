@@ -6,9 +6,6 @@ import numpy as np
 import pytest
 import trimesh
 
-from fitting_core.body.mesh import Mesh
-from fitting_core.body.model import BodyModel
-from fitting_core.body.params import BodyParams
 from fitting_core.errors import InputError
 from fitting_core.render.sheets import (
     Cell,
@@ -16,9 +13,7 @@ from fitting_core.render.sheets import (
     beside,
     body_picture,
     fitted_views,
-    pose_cells,
     sheet,
-    skeleton_picture,
     write_sheet,
 )
 
@@ -52,22 +47,13 @@ def test_fitted_views_show_everything_in_one_scale():
 
 
 @needs_gl
-def test_body_and_skeleton_are_drawn_where_the_view_has_them():
+def test_a_body_is_drawn_where_the_view_has_it():
     ball = trimesh.creation.icosphere(radius=0.2)
     view = View(center=(0.0, 0.0, 0.0), extent=2.0, size=(100, 100), degrees=90)
     expected = view.pixels(np.array([[0.0, 0.4, 0.5]]))[0]
-    body = body_picture(ball.vertices + np.array([0, 0.4, 0.5]), np.asarray(ball.faces), view)
-    line = skeleton_picture(np.array([[0, 0.4, 0.4], [0, 0.4, 0.6]]), np.array([-1, 0]), view)
-    for picture in (body, line):
-        rows, columns = np.nonzero(picture.min(axis=-1) < 200)
-        assert (columns.mean() + 0.5, rows.mean() + 0.5) == pytest.approx(tuple(expected), abs=1.0)
-
-
-@needs_gl
-def test_poses_become_captioned_cells(tiny_body: BodyModel):
-    cells = pose_cells(Mesh(tiny_body), BodyParams.neutral(2), ["a", "b"], degrees=(0, 45, 90), size=(40, 60))
-    assert [cell.caption for cell in cells] == ["a", "b"]
-    assert all(cell.picture.shape == (60, 120, 3) and cell.picture.min() < 200 for cell in cells)
+    picture = body_picture(ball.vertices + np.array([0, 0.4, 0.5]), np.asarray(ball.faces), view)
+    rows, columns = np.nonzero(picture.min(axis=-1) < 200)
+    assert (columns.mean() + 0.5, rows.mean() + 0.5) == pytest.approx(tuple(expected), abs=1.0)
 
 
 def test_cells_stand_in_rows():
