@@ -25,7 +25,7 @@ from fitting_core.measure.references.points import read_points
 from fitting_core.measure.references.reference import Reference
 from fitting_core.measure.references.resampling import at_frames_of
 from fitting_core.synthetic.motion_suite.clips import make_motion, motion_sequences
-from fitting_core.synthetic.motion_suite.depth_figures import DepthRecord, figures, measured
+from fitting_core.synthetic.motion_suite.depth_figures import DepthRecord, depth_figures, measured
 from tests.samples.carried import CARRIED, carried_clip, gesturing, pixel_errors
 
 Figures = dict[str, float]
@@ -187,7 +187,7 @@ _OF_SUITE = {
 
 def _of_suite(records: list[DepthRecord], limbs: list[list[Limbs]]) -> Figures:
     found, true = (np.concatenate(side) for side in zip(*limbs, strict=True))
-    own = figures(records, "")["all"]
+    own = depth_figures(records, "")["all"]
     return _of_limbs(found, true) | {column: own[title] or 0.0 for title, column in _OF_SUITE.items()}
 
 

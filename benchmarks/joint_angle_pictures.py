@@ -24,7 +24,7 @@ from fitting_core.camera import Camera
 from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.measure.angles.joint_angles import joint_angles
 from fitting_core.measure.angles.segments import Segments
-from fitting_core.render.renderer import Renderer, Surface
+from fitting_core.render.renderer import DrawnMesh, Renderer
 from fitting_core.render.sheets import Cell, View, beside, sheet
 from fitting_core.shipped import FREE_FOLDER
 
@@ -180,7 +180,7 @@ def _whole(body: BodyModel, degrees: float, size: tuple[int, int]) -> Image:
 
 def _picture(motion: Motion, view: View, color: tuple[float, float, float]) -> Image:
     vertices = next(iter(motion.vertices()))
-    surface = Surface(vertices=view.camera_space(vertices), faces=motion.body.faces, color=color)
+    surface = DrawnMesh(vertices=view.camera_space(vertices), faces=motion.body.faces, color=color)
     return np.ascontiguousarray(Renderer(view.camera).draw([surface]).over())
 
 

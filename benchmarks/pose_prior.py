@@ -4,7 +4,7 @@ Beside it principal components of the same number, of the axis-angle and of the 
 Needs the motion capture that the prior was trained on (`build_assets.pose_prior`).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -23,7 +23,8 @@ from fitting_core.body import rotations
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.params import BodyParams
 from fitting_core.priors.pose import make_prior
-from fitting_core.render.sheets import Cell, beside, body_picture, fitted_views, write_sheet
+from fitting_core.render.sheets import Cell, beside, write_sheet
+from tests.samples.body_pictures import pose_cells
 
 Coder = Callable[[Float[Tensor, "N 21 3 3"]], Float[Tensor, "N 21 3 3"]]
 """Rotations through a bottleneck and back."""
@@ -147,26 +148,10 @@ def _vertices(mesh: Mesh, turned: Float[Tensor, "N 21 3 3"]) -> Tensor:
     return torch.cat([mesh(_params(rotations.log(part).flatten(1))) for part in turned.split(50)])
 
 
-def _cells(
-    mesh: Mesh, params: BodyParams, captions: Sequence[str], *, degrees: Sequence[float], extent: float | None = None
-) -> list[Cell]:
-    """A cell for each pose, with the body as seen from each of `degrees` side by side.
-
-    Poses have their "camera space" in the body's world: y up, facing +z without orientation. Without `extent` (metres
-    of a view's shorter side) each body is as large as its views show it whole.
-    """
-    cells = []
-    for vertices, caption in zip(mesh(params).double().cpu().numpy(), captions, strict=True):
-        views = fitted_views(vertices, degrees, extent=extent)
-        pictures = [body_picture(vertices, mesh.body.faces, view) for view in views]
-        cells.append(Cell(picture=beside(pictures), caption=caption))
-    return cells
-
-
 def _write_sheets(folder: Path, mesh: Mesh, prior, samples: Float[Tensor, "N 63"], truth: Tensor) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     captions = [str(i) for i in range(_SAMPLES)]
-    write_sheet(folder / "samples.png", _cells(mesh, _params(samples[:_SAMPLES]), captions, degrees=(25.0,)), 8)
+    write_sheet(folder / "samples.png", pose_cells(mesh, _params(samples[:_SAMPLES]), captions, degrees=(25.0,)), 8)
     pose = rotations.log(truth).flatten(1)
     found = prior.decode(prior.encode(pose))
     error = 1000 * (mesh.joints(_params(pose)) - mesh.joints(_params(found))).norm(dim=-1).mean(1)
@@ -174,7 +159,7 @@ def _write_sheets(folder: Path, mesh: Mesh, prior, samples: Float[Tensor, "N 63"
     spread = worst[: len(worst) // 50][:: max(1, len(worst) // 50 // _WORST)][:_WORST]
     cells = []
     for i in spread.tolist():
-        pair = _cells(mesh, _params(torch.stack([pose[i], found[i]])), ["", ""], degrees=(25.0,), extent=2.1)
+        pair = pose_cells(mesh, _params(torch.stack([pose[i], found[i]])), ["", ""], degrees=(25.0,), extent=2.1)
         cells.append(Cell(picture=beside([c.picture for c in pair]), caption=f"true | back: {error[i]:.0f} mm"))
     write_sheet(folder / "worst.png", cells, 4)
 

@@ -34,7 +34,8 @@ from fitting_core.fit.solvers.problem import IndependentFrames
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.metrics import procrustes
 from fitting_core.render.renderer import DEFAULT_COLOR
-from fitting_core.render.sheets import Cell, beside, body_picture, fitted_views, write_sheet
+from fitting_core.render.sheets import Cell, beside, write_sheet
+from tests.samples.body_pictures import body_picture, fitted_views
 
 RETURNED_MM = 15.0
 """Mean vertex error under which a pose counts as returned."""

@@ -13,10 +13,9 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Bool, Float
 from scipy.spatial.transform import Rotation
 
 from build_assets.motion_capture.mocap import read_motions
@@ -31,8 +30,9 @@ from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT
 from fitting_core.body.params import BodyParams
 from fitting_core.errors import InputError
-from fitting_core.render.sheets import Cell, View, beside, body_picture, fitted_views, write_sheet
+from fitting_core.render.sheets import Cell, beside, write_sheet
 from fitting_core.shipped import FREE_FOLDER
+from tests.samples.body_pictures import body_picture, fitted_views, skeleton_picture
 
 VIEWS = (0.0, 70.0)
 """Degrees from which each pose is shown: in front, and from its left a little from the front."""
@@ -41,8 +41,6 @@ COLUMNS = 2
 COLORS = {"l": (60, 80, 200), "r": (200, 60, 60)}
 """sRGB of a skeleton's sides, by the first letter of their joints' names."""
 _MIDDLE = (90, 90, 90)
-_SUBPIXEL_BITS = 4
-_BONE_WIDTH = 0.035  # metres
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -92,34 +90,6 @@ def chosen_frames(
     every = [(clip, int(frame)) for clip in clips for frame in np.flatnonzero(clip.kept)]
     picked = np.random.default_rng(seed).permutation(len(every))[:count]
     return [every[i] for i in picked]
-
-
-def skeleton_picture(
-    positions: Float[np.ndarray, "J 3"],
-    parents: Int[np.ndarray, "J"],
-    view: View,
-    *,
-    colors: Sequence[tuple[int, int, int]] | None = None,
-) -> UInt8[np.ndarray, "H W 3"]:
-    """Bones as thick lines over white, the near over the far.
-
-    Args:
-        positions: Joints in the body's world, metres.
-        parents: Parent of each joint; -1 where no bone ends.
-        view: Where to look from.
-        colors: sRGB of the bone that ends at each joint.
-    """
-    picture = np.full((view.size[1], view.size[0], 3), 255, np.uint8)
-    at = np.round(view.pixels(positions) * 2**_SUBPIXEL_BITS).astype(int)
-    depth = view.camera_space(positions)[:, 2]
-    bones = [joint for joint, parent in enumerate(parents) if parent >= 0]
-    thick = max(1, round(_BONE_WIDTH / view.extent * min(view.size)))
-    for joint in sorted(bones, key=lambda j: -(depth[j] + depth[parents[j]])):
-        ends = tuple(map(int, at[parents[joint]])), tuple(map(int, at[joint]))
-        cv2.line(picture, *ends, (255, 255, 255), thick + 2, cv2.LINE_AA, _SUBPIXEL_BITS)
-        color = (90, 90, 90) if colors is None else colors[joint]
-        cv2.line(picture, *ends, color, thick, cv2.LINE_AA, _SUBPIXEL_BITS)
-    return picture
 
 
 def comparison(clip: Retargeted, frame: int, mesh: Mesh) -> Cell:

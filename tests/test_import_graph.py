@@ -17,7 +17,7 @@ MODULES = {
 }
 FLOORS = {
     "fitting_core": """
-        errors frame_runs keypoint_noise keypoints plugins shipped silhouettes
+        errors frame_runs lazy_names keypoint_noise keypoints plugins shipped silhouettes
         camera lens wholebody config files body
         clip metrics priors video lifting ground world_camera
         fit detect

@@ -1,6 +1,7 @@
 """The lifter's file."""
 
 import math
+from dataclasses import asdict
 from functools import lru_cache
 from pathlib import Path
 
@@ -25,17 +26,8 @@ class AboutLifter(About, kw_only=True):
 
 def write_lifter(path: Path, network: Lifter, *, error_factor: float, notes: str) -> None:
     """Write a network, whole or not at all, with half the digits that it was trained with."""
-    size = network.size
-    about = AboutLifter(
-        format=FORMAT,
-        width=size.width,
-        layers=size.layers,
-        heads=size.heads,
-        frames=FRAMES,
-        rate=RATE,
-        error_factor=error_factor,
-        notes=notes,
-    )
+    of_windows = {"frames": FRAMES, "rate": RATE, **asdict(network.size)}
+    about = AboutLifter(format=FORMAT, error_factor=error_factor, notes=notes, **of_windows)
     write_network(path, network.state_dict(), about)
 
 

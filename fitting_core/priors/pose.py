@@ -103,7 +103,7 @@ def make_prior(choice: str, *, dtype: torch.dtype, device: torch.device | str) -
         device: Where to compute.
 
     Raises:
-        InputError: There is no such file, or it is no pose prior.
+        InputError: There is no such file, or it is not a pose prior.
     """
     prior = PRIORS[choice]() if choice in PRIORS else LatentPrior(read_prior(at_home(choice)))
     return prior.to(dtype=dtype, device=device)

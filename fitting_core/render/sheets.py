@@ -1,27 +1,21 @@
-"""Contact sheets: many posed bodies in one picture, for looking at poses, hands and the worst of a set.
-
-Everything is drawn from a `View`, so that other things (a source's skeleton, target points) can stand beside a body as
-seen from the same place.
-"""
+"""Places to look at a body from, and contact sheets: many pictures in one."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Float, UInt8
 
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
-from fitting_core.render.renderer import DEFAULT_COLOR, Renderer
 
 Image = UInt8[np.ndarray, "H W 3"]
 
 _DISTANCE = 8.0  # times the extent: nearly parallel
-_MARGIN = 1.1
 _GAP = 6
 _CAPTION_HEIGHT = 18
 _FONT, _FONT_SCALE, _INK = cv2.FONT_HERSHEY_SIMPLEX, 0.4, (40, 40, 40)
@@ -75,40 +69,6 @@ class View:
         """Where points appear."""
         seen, camera = self.camera_space(points), self.camera
         return seen[:, :2] / seen[:, 2:] * camera.focal + camera.center
-
-
-def fitted_views(
-    points: Float[np.ndarray, "N 3"],
-    degrees: Sequence[float],
-    *,
-    size: tuple[int, int] = (240, 320),
-    extent: float | None = None,
-) -> list[View]:
-    """Views from several sides in one scale, with the points in the middle.
-
-    Args:
-        points: What must be seen.
-        degrees: One for each view; see View, as for `size`.
-        extent: Metres of the shorter side; by default as few as show all points in all views.
-    """
-    center = (points.min(axis=0) + points.max(axis=0)) / 2
-    views = [View(center=tuple(center), extent=1.0, degrees=angle, size=size) for angle in degrees]
-    if extent is None:
-        aspect = np.array(size) / min(size)
-        spread = max(float((abs(view.camera_space(points)[:, :2]) / aspect).max()) for view in views)
-        extent = _MARGIN * 2 * spread
-    return [replace(view, extent=extent) for view in views]
-
-
-def body_picture(
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    view: View,
-    *,
-    color: tuple[float, float, float] = DEFAULT_COLOR,
-) -> Image:
-    """A mesh (the body's world, metres) over white."""
-    return Renderer(view.camera).render(view.camera_space(vertices), faces, color=color)
 
 
 def beside(pictures: Sequence[Image]) -> Image:

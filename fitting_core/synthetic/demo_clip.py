@@ -39,8 +39,6 @@ from fitting_core.world_camera import in_camera
 NAME = "demo"
 FRAME_RATE = 25.0
 _VIDEO, _KEYPOINTS, _TRUTH = "video.mp4", "keypoints", "truth.npz"
-_ENCODERS = ("ffmpeg", "avc1", "mp4v")
-"""Without VP9, which would take longer than all the rest."""
 _SEAT_RADIUS = 0.17
 _SINK = 0.015
 """How deep the person sinks into the seat, metres: flesh is soft."""
@@ -152,7 +150,7 @@ def _film(path: Path, body: BodyModel, truth: Truth, world: BodyParams, *, progr
     studio = Studio(truth.camera, seat_height=_seat_height(mesh(world[-1:])[0].numpy()))
     points, _ = keypoints_in_space(body, truth.params)
     seen = np.zeros(points.shape[:2], bool)
-    with video_writer(path, truth.camera.size, truth.frame_rate, encoders=_ENCODERS) as video:
+    with video_writer(path, truth.camera.size, truth.frame_rate) as video:
         for i in tqdm(range(len(world)), desc="demo clip", unit="frame", disable=not progress):
             vertices = mesh(world[i : i + 1])[0].numpy().astype(np.float64)
             normals = vertex_normals(vertices, body.faces)

@@ -99,7 +99,7 @@ def read_amass(path: Path, camera: WorldCamera | None, search: Path | None) -> R
     What tcfit exports says how its world is turned from the camera's space, so it needs no camera.
 
     Raises:
-        InputError: It is no animation, or there is no model of its kind and gender.
+        InputError: It is not an animation, or there is no model of its kind and gender.
     """
     motion = read_smplx_npz(path)
     body = _amass_body(motion, search)

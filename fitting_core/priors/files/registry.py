@@ -6,8 +6,8 @@ from typing import Literal
 
 import platformdirs
 
-from fitting_core.body.files.archives import open_members
 from fitting_core.errors import InputError
+from fitting_core.files.archives import open_members
 from fitting_core.priors.files.network import PriorNetwork, read_network, write_network
 from fitting_core.priors.files.vposer import read_vposer, snapshots_among
 from fitting_core.shipped import POSE_PRIOR
@@ -33,7 +33,7 @@ def user_file() -> Path:
 
 
 def read_prior(path: Path) -> PriorNetwork:
-    """A latent pose prior from an npz of our own form or, if it is none, from VPoser's files.
+    """A latent pose prior from an npz of our own form, or else from VPoser's files.
 
     Raises:
         InputError: It is missing, damaged or neither.
@@ -81,7 +81,7 @@ def register_vposer(path: Path) -> PriorFile:
 
 
 def list_priors() -> list[PriorFile]:
-    """The latent pose priors that have a name and are there, broken ones with their problem."""
+    """The installed latent pose priors, broken ones with their problem."""
     places: list[tuple[str, Path, Literal["free", "user"]]] = [
         ("vposer", user_file(), "user"),
         ("tcfit", POSE_PRIOR, "free"),

@@ -122,5 +122,5 @@ def test_the_size(tmp_path: Path):
 def test_nothing_there_and_no_path_at_all(tmp_path: Path):
     with pytest.raises(FileNotFoundError):
         regular_file(tmp_path / "missing")
-    with pytest.raises(InputError, match="is no path, expected that of a file"):
+    with pytest.raises(InputError, match="is not a path, expected that of a file"):
         regular_file(Path("a\0b"))

@@ -160,7 +160,7 @@ BROKEN = {
     "radius": ("radius = -3\n[markers]\nA = 1\n", "its radius is -3; expected millimetres"),
     "radius as text": ('radius = "7 mm"\n[markers]\nA = 1\n', "its radius is '7 mm'"),
     "another key": ("units = 1\n[markers]\nA = 1\n", "has 'units'; expected"),
-    "a name with a tab": ('[markers]\n"A\\tB" = 1\n', "a marker is called"),
+    "a name with a tab": ('[markers]\n"A\\tB" = 1\n', "a marker is named"),
     "a name of umlauts": ('[markers]\n"Hüfte" = 1\n', "signs of ASCII"),
     "many": ("[markers]\n" + "".join(f"M{i} = {i}\n" for i in range(201)), "has 201 in"),
     "nested": ('{"markers": ' + "[" * 100000, "cannot be read"),

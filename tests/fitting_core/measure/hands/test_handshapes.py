@@ -89,7 +89,7 @@ def test_the_user_s_own_set(free_body: BodyModel, tmp_path: Path):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("[B", "is no TOML"),
+        ("[B", "is not readable TOML"),
         ("", "has no handshapes"),
         ('[B]\nlike = "flet"', r"\[B\]: there is no handshape 'flet'; expected one of relaxed, flat"),
         ("[B]\nspread = 1", r"\[B\]: .*like"),

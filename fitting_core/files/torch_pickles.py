@@ -1,18 +1,22 @@
 """Pickles with numpy arrays, joblib's arrays and torch's tensors in them, read without running what they ask for.
 
+No class or function that a file names is ever looked up. torch.load would not do: with weights_only=True it refuses
+objects of Lightning, and before torch 2.6 even that could run code (CVE-2025-32434). Imports no torch.
+
 Sources of the forms: joblib/joblib `joblib/numpy_pickle.py` (a wrapper's state is followed by the array's bytes in the
 same file), pytorch/pytorch `torch/serialization.py` and `torch/storage.py` (tensors are views of numbered storages).
 """
 
 import io
 import math
+import zipfile
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from fitting_core.body.files.pickles import MAX_ELEMENTS, as_array, stand_in
 from fitting_core.errors import InputError
+from fitting_core.files.pickles import MAX_ELEMENTS, as_array, stand_in
 from fitting_core.files.restricted_pickle import Kept, Load, RestrictedUnpickler, Stream, mapping
 
 MAX_BYTES = 2 * 2**30
@@ -24,17 +28,10 @@ _LEGACY = 0x1950A86A20F9469CFC6C
 _ORDERS = {True: "<", False: ">"}
 _BFLOAT16 = "bfloat16"
 _STORAGES = {
-    "DoubleStorage": "f8",
-    "FloatStorage": "f4",
-    "HalfStorage": "f2",
-    "BFloat16Storage": _BFLOAT16,
-    "LongStorage": "i8",
-    "IntStorage": "i4",
-    "ShortStorage": "i2",
-    "CharStorage": "i1",
-    "ByteStorage": "u1",
+    "DoubleStorage": "f8", "FloatStorage": "f4", "HalfStorage": "f2", "BFloat16Storage": _BFLOAT16,
+    "LongStorage": "i8", "IntStorage": "i4", "ShortStorage": "i2", "CharStorage": "i1", "ByteStorage": "u1",
     "BoolStorage": "b1",
-}
+}  # fmt: skip
 """Types of numbers by the names of torch's storages."""
 
 
@@ -94,7 +91,9 @@ class Storage:
         return np.frombuffer(data, self.order + self.code, self.count)
 
 
-class _Tensor(Kept):
+class StoredTensor(Kept):
+    """A tensor: which numbers of a storage it looks at. They are read when they are asked for."""
+
     title = "tensor"
 
     def __init__(self, storage: object = None, offset: object = 0, size: object = (), stride: object = ()) -> None:
@@ -102,6 +101,7 @@ class _Tensor(Kept):
         self.state = {"storage": storage, "offset": offset, "size": size, "stride": stride}
 
     def array(self) -> np.ndarray:
+        """Its numbers."""
         storage = self.state["storage"]
         if not isinstance(storage, Storage):
             raise InputError("a tensor without numbers")
@@ -121,15 +121,30 @@ def _shape(value: object) -> tuple[int, ...]:
     """A shape as it may be.
 
     Raises:
-        InputError: It is none.
+        InputError: It is not a shape.
     """
     if not isinstance(value, list | tuple) or len(value) > 16 or not all(type(n) is int and n >= 0 for n in value):
-        raise InputError("an array whose shape is none")
+        raise InputError("an array without a valid shape")
     return tuple(value)
 
 
-def _tensor(storage: object, offset: object, size: object, stride: object, *_: object) -> _Tensor:
-    return _Tensor(storage, offset, size, stride)
+class Foreign(Kept):
+    """Stands in for an object of a class that is not needed: takes whatever the pickle does to it and does nothing."""
+
+    def __init__(self, *_: object, **__: object) -> None:
+        super().__init__()
+
+    def __setstate__(self, _: object) -> None: ...
+
+    def append(self, _: object) -> None:
+        """As lists have it."""
+
+    def extend(self, _: object) -> None:
+        """As lists have it."""
+
+
+def _tensor(storage: object, offset: object, size: object, stride: object, *_: object) -> StoredTensor:
+    return StoredTensor(storage, offset, size, stride)
 
 
 def _first(first: object, *_: object) -> object:
@@ -173,11 +188,14 @@ class ResultUnpickler(RestrictedUnpickler):
     Args:
         stream: Stands where the pickle begins; stands behind it afterwards.
         storage: Of tensors, by key, type and count; None: there are none beside the pickle.
+        foreign: Put `Foreign` in the place of everything else, and do not refuse it.
     """
 
-    def __init__(self, stream: Stream, storage: Callable[[str, str, int], Storage] | None = None) -> None:
+    def __init__(
+        self, stream: Stream, storage: Callable[[str, str, int], Storage] | None = None, *, foreign: bool = False
+    ) -> None:
         super().__init__(stream)
-        self._storage = storage
+        self._storage, self._foreign = storage, foreign
 
     def find_class(self, module: str, name: str) -> Any:
         """The stand-in for what the pickle names.
@@ -186,9 +204,9 @@ class ResultUnpickler(RestrictedUnpickler):
             InputError: It asks for anything outside the table; the message names it.
         """
         found = _ADMITTED.get((module, name)) or stand_in(module, name)
-        if found is None:
+        if found is None and not self._foreign:
             raise InputError(f"asks for {f'{module}.{name}':.60}, which no result needs and which could run code")
-        return found
+        return found or Foreign
 
     def persistent_load(self, pid: object) -> Storage:
         """A storage beside the pickle.
@@ -200,7 +218,7 @@ class ResultUnpickler(RestrictedUnpickler):
             raise InputError(f"refers to an object outside the pickle (a {type(pid).__name__})")
         _, kind, key, _, count, *_ = pid
         if not isinstance(kind, Storage) or not isinstance(key, str) or type(count) is not int or count < 0:
-            raise InputError("refers to a storage that is none of numbers")
+            raise InputError("refers to a storage without numbers")
         return self._storage(key, kind.code, count)
 
     def built(self, stand_in: Kept) -> object:
@@ -214,29 +232,86 @@ def unpickled(stream: Stream) -> Any:
     Raises:
         InputError: It is damaged, or asks for something that is not admitted.
     """
-    return _guarded(lambda: legacy(stream, ResultUnpickler(stream).load()))
+    return _guarded(lambda: legacy(stream))
 
 
-def with_storages(stream: Stream, storage: Callable[[str, str, int], Storage]) -> Any:
-    """As `unpickled`, with tensors whose storages lie beside the pickle.
+def of_torch_zip(archive: zipfile.ZipFile, pickled: str, *, foreign: bool = False) -> Any:
+    """As `unpickled`, of torch's form since 1.6: `data.pkl`, and each storage as a member `data/<key>`.
+
+    Args:
+        archive: Stays open as long as tensors may be read.
+        pickled: The name of data.pkl in it.
+        foreign: See `ResultUnpickler`.
 
     Raises:
         InputError: As `unpickled`.
     """
-    return _guarded(ResultUnpickler(stream, storage).load)
+    prefix = pickled.removesuffix("data.pkl")
+    members = {member.filename: member for member in archive.infolist()}
+    byte_order = members.get(f"{prefix}byteorder")
+    order = ">" if byte_order and byte_order.file_size < 16 and archive.read(byte_order) == b"big" else "<"
+
+    def storage(key: str, code: str, count: int) -> Storage:
+        found, member = Storage(code, count, order=order), members.get(f"{prefix}data/{key}")
+        if member is not None and member.file_size <= MAX_BYTES:
+
+            def load() -> bytes:
+                with archive.open(member) as stream:
+                    return stream.read(found.size)
+
+            found.load = load
+        return found
+
+    with archive.open(pickled) as file:
+        stream = Stream(file, None, most=MAX_BYTES)  # pyright: ignore[reportArgumentType]
+        return _guarded(ResultUnpickler(stream, storage, foreign=foreign).load)
 
 
-def _guarded(load: Callable[[], Any]) -> Any:
+def checkpoint(data: bytes) -> Any:
+    """What a checkpoint of torch.save holds, in either form; objects of classes that are not known become `Foreign`.
+
+    Raises:
+        InputError: It is not a checkpoint, or damaged.
+    """
+
+    def load() -> Any:
+        file = io.BytesIO(data)
+        if zipfile.is_zipfile(file):
+            archive = zipfile.ZipFile(file)
+            found = [name for name in archive.namelist() if name.endswith("/data.pkl")]
+            if len(found) != 1:
+                raise InputError("it is a zip without the data.pkl of a torch checkpoint")
+            return of_torch_zip(archive, found[0], foreign=True)
+        file.seek(0)
+        stream = Stream(file, len(data), most=MAX_BYTES)
+        if ResultUnpickler(stream, foreign=True).load() != _LEGACY:
+            raise InputError("it is not a checkpoint of torch")
+        return legacy(stream, _LEGACY, foreign=True)
+
+    return _guarded(load, "it is not a checkpoint of torch, or damaged", but=())
+
+
+def numbers_of(tensor: StoredTensor) -> np.ndarray:
+    """The numbers of a tensor. Raises InputError where they are not in the file, or damaged."""
+    return _guarded(lambda: as_array(tensor), "the numbers of a tensor are missing or damaged", but=())
+
+
+def _guarded(
+    load: Callable[[], Any],
+    otherwise: str = "cannot be read, it is damaged or incomplete",
+    *,
+    but: tuple[type[Exception], ...] = (OSError,),
+) -> Any:
     try:
         return load()
-    except (InputError, OSError):
+    except (InputError, *but):
         raise
     # A damaged or hostile stream can make the unpickler raise nearly anything; all of it means the same to the user.
     except Exception as error:
-        raise InputError(f"cannot be read, it is damaged or incomplete ({str(error)[:80]})") from error
+        raise InputError(f"{otherwise} ({str(error)[:80]})") from error
 
 
-def legacy(stream: Stream, first: object = None) -> Any:
+def legacy(stream: Stream, first: object = None, *, foreign: bool = False) -> Any:
     """What a stream holds whose first pickle is `first`: itself, unless torch's older form begins with it.
 
     That is a number, a version, a description of the computer, the object, the keys of its storages, and these: a count
@@ -248,14 +323,14 @@ def legacy(stream: Stream, first: object = None) -> Any:
     first = ResultUnpickler(stream).load() if first is None else first
     if first != _LEGACY:
         return first
-    _, machine = ResultUnpickler(stream).load(), ResultUnpickler(stream).load()
+    _, machine = (ResultUnpickler(stream, foreign=foreign).load() for _ in range(2))
     order = _ORDERS[not isinstance(machine, dict) or bool(machine.get("little_endian", True))]
     storages: dict[str, Storage] = {}
 
     def storage(key: str, code: str, count: int) -> Storage:
         return storages.setdefault(key, Storage(code, count, order=order))
 
-    found, keys = ResultUnpickler(stream, storage).load(), ResultUnpickler(stream).load()
+    found, keys = ResultUnpickler(stream, storage, foreign=foreign).load(), ResultUnpickler(stream).load()
     for key in keys if isinstance(keys, list) else []:
         if not isinstance(key, str) or key not in storages:
             raise InputError("declares a storage that no tensor has")

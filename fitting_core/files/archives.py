@@ -1,4 +1,4 @@
-"""Look into what a user downloaded: a model file, a folder, a zip or a tar, all as one list of members.
+"""What a user downloaded: a file, a folder, a zip or a tar, all as one list of members.
 
 Members are only ever read as streams and never unpacked under the names that an archive gives them.
 """
@@ -21,9 +21,9 @@ from fitting_core.files.regular import regular_file
 MAX_DEPTH = 5
 """Folders below the given one that are looked into."""
 MAX_MEMBER_BYTES = 2 * 2**30
-"""Unpacked size of the largest member that is copied; SMPL-X's pickles are some 0.5 GB."""
+"""Unpacked size of the largest member that is copied or read; SMPL-X's pickles are some 0.5 GB."""
 MAX_LISTED_BYTES = 32 * 2**30
-"""A compressed tar must be unpacked to be listed; listing stops here."""
+"""A compressed tar must be unpacked to be listed; listing stops at this size."""
 _CHUNK = 2**20
 
 
@@ -64,11 +64,12 @@ def open_members(path: Path) -> Iterator[list[Member]]:
             point outside of it.
     """
     if not path.exists():
-        raise InputError(f"{path}: does not exist. Give a body model file, a folder of them or the downloaded archive.")
+        raise InputError(f"{path}: does not exist. Give a file, a folder of files or the downloaded archive.")
     try:
         if not path.is_dir():
             regular_file(path, most=None)
-        with _opener(path)(path) as members:
+        suffixes = (opener for suffix, opener in _OPENERS.items() if path.name.lower().endswith(suffix))
+        with (_folder if path.is_dir() else next(suffixes, _single))(path) as members:
             yield members
     except (zipfile.BadZipFile, tarfile.TarError, zlib.error, lzma.LZMAError, EOFError) as error:
         raise InputError(f"{path}: is damaged or was cut off ({error}). Download it again.") from error
@@ -154,15 +155,10 @@ def _inside(archive: Path, name: str) -> PurePosixPath:
 
 _OPENERS: dict[str, Callable] = {
     ".zip": _zip,
+    ".whl": _zip,
     ".tar": _tar,
     ".tar.gz": _tar,
     ".tgz": _tar,
     ".tar.xz": _tar,
     ".tar.bz2": _tar,
 }
-
-
-def _opener(path: Path) -> Callable:
-    if path.is_dir():
-        return _folder
-    return next((opener for suffix, opener in _OPENERS.items() if path.name.lower().endswith(suffix)), _single)

@@ -1,4 +1,4 @@
-"""Read the arrays of a pickled body model without running what the pickle asks for.
+"""Read the arrays of a pickle, such as a body model's, without running what the pickle asks for.
 
 Body models come as pickles of Python 2 and 3 that hold numpy arrays, scipy sparse matrices and chumpy arrays. The
 unpickler below admits these and plain containers by name and refuses everything else. All of them become stand-ins that
@@ -42,7 +42,7 @@ class _Dtype(Kept):
         """The plain dtype.
 
         Raises:
-            InputError: It is none of numbers or text.
+            InputError: It holds neither numbers nor text.
         """
         if not re.fullmatch(r"[<>|=]?[biufSU]\d+", self.code):
             raise InputError(f"of the type '{self.code}', expected numbers")
@@ -151,7 +151,7 @@ def as_objects(value: object) -> list[Any]:
     """The elements of an unpickled array of Python objects.
 
     Raises:
-        InputError: It is none.
+        InputError: It is not such an array.
     """
     data = value.state.get("data") if isinstance(value, _Array) else None
     if not isinstance(data, list):
@@ -193,28 +193,15 @@ def _forbid_endless(value: object) -> None:
         raise InputError(f"lists of {count:.3g} elements, expected at most {MAX_ELEMENTS}")
 
 
-def _empty_array(*_: object) -> _Array:
-    """What numpy's _reconstruct gives: an array that the state that follows fills."""
-    return _Array()
-
-
 def _array_from_buffer(buffer: object, dtype: _Dtype, shape: tuple[int, ...], order: str) -> _Array:
     array = _Array()
     array.state = {"shape": shape, "dtype": dtype, "fortran": order == "F", "data": buffer}
     return array
 
 
-def _scalar(dtype: _Dtype, data: object = b"") -> _Array:
-    return _array_from_buffer(data, dtype, (), "C")
-
-
 def _bytes(data: Any) -> bytes:
     """The bytes of an array; Python 2 wrote them as a string, which is read as latin-1."""
     return data.encode("latin1") if isinstance(data, str) else bytes(memoryview(data))
-
-
-def _empty_bytes() -> bytes:
-    return b""
 
 
 def _encode(text: str, encoding: str = "latin1") -> bytes:
@@ -238,13 +225,14 @@ _SPARSE: dict[str, type] = {"csc": _Csc, "csr": _Csr, "coo": _Coo}
 _ADMITTED: dict[tuple[str, str], Callable[..., Any]] = {
     ("numpy", "ndarray"): _Array,
     ("numpy", "dtype"): _Dtype,
-    **{(module, "_reconstruct"): _empty_array for module in _MULTIARRAY},
-    **{(module, "scalar"): _scalar for module in _MULTIARRAY},
+    # The state that follows fills the array.
+    **{(module, "_reconstruct"): lambda *_: _Array() for module in _MULTIARRAY},
+    **{(module, "scalar"): lambda dtype, data=b"": _array_from_buffer(data, dtype, (), "C") for module in _MULTIARRAY},
     **{(module, "_frombuffer"): _array_from_buffer for module in _NUMERIC},
     ("_codecs", "encode"): _encode,
     **{(module, "_reconstructor"): _new for module in ("copyreg", "copy_reg")},
     **{(module, name): Kept for module in _BUILTINS for name in ("object", "set", "frozenset")},
-    **{(module, "bytes"): _empty_bytes for module in _BUILTINS},
+    **{(module, "bytes"): lambda: b"" for module in _BUILTINS},
     ("collections", "OrderedDict"): mapping,
     **{
         (module.format(k), f"{k}_{suffix}"): stand_in
