@@ -21,13 +21,13 @@ from fitting_core.clips.reading import read_clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.lifting.focal_length import estimate_focal
-from fitting_core.measure.depth_figures import DepthRecord, depth_figures, measured
 from fitting_core.measure.limbs import HIPS, Limbs, limb_figures, pa_mpjpe
 from fitting_core.measure.references.points import read_points
 from fitting_core.measure.references.reference import Reference
 from fitting_core.measure.references.resampling import at_frames_of
-from fitting_core.synthetic.carried import CARRIED, carried_clip, gesturing, pixel_errors
 from fitting_core.synthetic.motion_suite.clips import make_motion, motion_sequences
+from fitting_core.synthetic.motion_suite.depth_figures import DepthRecord, depth_figures, measured
+from tests.samples.carried import CARRIED, carried_clip, gesturing, pixel_errors
 
 Figures = dict[str, float]
 """By column."""

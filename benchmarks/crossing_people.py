@@ -9,9 +9,9 @@ import numpy as np
 from tyro.conf import OmitArgPrefixes
 
 from benchmarks.report import Common, Row, progress, report, start
-from fitting_core.synthetic.company.filmed import film
-from fitting_core.synthetic.company.scenes import SCENES
-from fitting_core.synthetic.company.telling_apart import Told, told_apart
+from tests.samples.company.filmed import film
+from tests.samples.company.scenes import SCENES
+from tests.samples.company.telling_apart import Told, told_apart
 
 
 @dataclass(frozen=True, kw_only=True)

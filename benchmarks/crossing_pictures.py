@@ -21,14 +21,14 @@ from fitting_core.detect.detectors import DEFAULT, find_detector
 from fitting_core.detect.found import found_detections
 from fitting_core.detect.stored import StoredDetection
 from fitting_core.keypoints import BODY
-from fitting_core.synthetic.company.filmed import CAMERA, Acting, Company, rehearsed
-from fitting_core.synthetic.company.scenes import SCENES
-from fitting_core.synthetic.company.telling_apart import told_apart
 from fitting_core.synthetic.motion_suite.windows import FRAME_RATE
 from fitting_core.synthetic.studio.clothing import Outfit
 from fitting_core.synthetic.studio.studio import Studio
-from fitting_core.synthetic.studio.world_camera import View
+from fitting_core.synthetic.studio.view import View
 from fitting_core.video.frames import FrameSource
+from tests.samples.company.filmed import CAMERA, Acting, Company, rehearsed
+from tests.samples.company.scenes import SCENES
+from tests.samples.company.telling_apart import told_apart
 
 _SMALL = 0.5
 """Of the scenes' pictures: rendering takes a second a frame at their size."""

@@ -33,12 +33,12 @@ from fitting_core.errors import InputError
 from fitting_core.fit.events import PhaseFinished
 from fitting_core.fit.fitting import fit_events
 from fitting_core.fit.fused import ready
-from fitting_core.measure.depth_figures import LIMB_JOINTS
 from fitting_core.measure.pairing import BODY_JOINTS
 from fitting_core.metrics import mpjpe, pa_mpjpe
 from fitting_core.results.given_start import GivenStart
 from fitting_core.starts.reading import read_start
 from fitting_core.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
+from fitting_core.synthetic.motion_suite.depth_figures import LIMB_JOINTS
 from fitting_core.synthetic.motion_suite.windows import HALVES
 from tests.samples.excerpts import picked
 

@@ -14,8 +14,8 @@ from build_assets.free_body.hand.hand_space import hand_of, learn, read_recordin
 from build_assets.free_body.hand.recordings import joint_angles
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.hand_skeleton import HandSkeleton
+from fitting_core.body.handshapes import HANDSHAPES
 from fitting_core.shipped import FREE_FOLDER
-from fitting_core.synthetic.acting.handshapes import HANDSHAPES
 from tests.samples.hand_spaces import Space, anatomical, named_shapes, nearest
 
 HELD_OUT = ("brian", "grab", "gun", "Waiting-110fps", "HandSplay-110fps")

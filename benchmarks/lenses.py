@@ -20,6 +20,7 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.fused import ready
+from fitting_core.io.truth import Truth, read_truth
 from fitting_core.keypoints import Keypoints
 from fitting_core.lens import filmed, straightened_keypoints
 from fitting_core.metrics import mpjpe, pa_mpjpe
@@ -28,7 +29,6 @@ from fitting_core.synthetic.demo_clip import cached_demo
 from fitting_core.synthetic.motions import demo_script
 from fitting_core.synthetic.simulated_detector import detect
 from fitting_core.synthetic.studio.studio import VIEW
-from fitting_core.synthetic.truth import Truth, read_truth
 
 LENSES: dict[str, tuple[float, ...]] = {
     "straight": (),

@@ -18,8 +18,8 @@ from benchmarks.report import Common, Row, progress, repeated, report, start
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.camera import Camera
+from fitting_core.io.truth import read_truth
 from fitting_core.synthetic.demo_clip import cached_demo
-from fitting_core.synthetic.truth import read_truth
 from fitting_core.video.frames import FrameSource
 from tcfit_app.review.scene.layers import BodyLayer, FrameImage
 from tcfit_app.review.scene.poster import Poster, Posters

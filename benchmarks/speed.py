@@ -28,6 +28,7 @@ from fitting_core.fit.fused import ready
 from fitting_core.synthetic.demo_clip import cached_demo
 from tcfit_app.cli.demo_command import read_demo
 from tcfit_app.fitting.child_processes import CONTEXT
+from tcfit_app.options.preparing import compile_kernels
 from tests.samples.excerpts import mirrored, picked
 
 _STATUS = Path("/proc/self/status")
@@ -87,6 +88,7 @@ def run(options: Speed) -> None:
     demo = read_demo(cached_demo())
     clips = {frames: mirrored(demo, min(options.lengths), frames) for frames in options.lengths}
     found: dict[tuple[int, str], dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
+    compile_kernels(config_of(options.preset))
     for turn in range(options.repeats):
         for (frames, clip), (name, config) in itertools.product(clips.items(), ways(options)):
             progress(f"{turn + 1}/{options.repeats} {frames} frames, {name}")

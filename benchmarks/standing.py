@@ -23,11 +23,11 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS, FitConfig
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.fused import ready
+from fitting_core.io.truth import truth_of
 from fitting_core.synthetic.motion_suite.framing import Shot, view_of
 from fitting_core.synthetic.motion_suite.measured_detector import MEASURED, MeasuredErrors, detected
-from fitting_core.synthetic.studio.world_camera import in_camera
 from fitting_core.synthetic.suite import SUBJECTS, Subject, in_view, subject_body
-from fitting_core.synthetic.truth import truth_of
+from fitting_core.world_camera import in_camera
 
 LENSES = {"phone": 26.0, "portrait": 85.0, "tele": 200.0}
 """Focal lengths, millimetres on 35 mm film."""

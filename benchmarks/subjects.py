@@ -23,7 +23,7 @@ from fitting_core.measure.mesh.volume import Enclosed
 from fitting_core.metrics import mpjpe, pa_mpjpe
 from fitting_core.results.fit_result import FitResult
 from fitting_core.results.known_shape import KnownShape
-from fitting_core.synthetic.studio.world_camera import View
+from fitting_core.synthetic.studio.view import View
 from fitting_core.synthetic.suite import SUBJECTS, Subject, SuiteClip, SuiteSequence, make_sequence, subject_body
 
 _VIEWS = {

@@ -15,11 +15,12 @@ from tqdm import tqdm
 
 from fitting_core.camera import Camera
 from fitting_core.io.keypoints.openpose import write_openpose
+from fitting_core.io.truth import write_truth
 from fitting_core.keypoints import BODY, BONES
-from fitting_core.synthetic.studio.world_camera import View
-from fitting_core.synthetic.suite import LEVELS, SEQUENCES, SuiteClip, make_sequence, render_frames
-from fitting_core.synthetic.truth import write_truth
+from fitting_core.synthetic.studio.view import View
+from fitting_core.synthetic.suite import LEVELS, SEQUENCES, SuiteClip, make_sequence
 from fitting_core.video.encoding import video_writer
+from tests.samples.suite_pictures import render_frames
 
 _COLUMNS, _SIZE = 8, (270, 360)
 _SIDE = View(azimuth=100.0, height=0.7, distance=4.0, looking_at=(0.1, 0.75, 0.0))

@@ -27,15 +27,16 @@ from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.camera import Camera
 from fitting_core.clips.reading import read_clip
 from fitting_core.fit.evidence.sides import PAIRED, unswapped
+from fitting_core.io.truth import read_truth
 from fitting_core.keypoints import INDEX, Keypoints
 from fitting_core.synthetic.acting.script import Build, Failure, failures
 from fitting_core.synthetic.demo_clip import cached_demo
 from fitting_core.synthetic.motions import demo_script
 from fitting_core.synthetic.simulated_detector import Detector, detect, visible
 from fitting_core.synthetic.studio.rasterize import rasterize
-from fitting_core.synthetic.studio.world_camera import View, in_camera
+from fitting_core.synthetic.studio.view import View
 from fitting_core.synthetic.suite import LEVELS, MOTIONS, SEQUENCES, make_sequence, subject_body
-from fitting_core.synthetic.truth import read_truth
+from fitting_core.world_camera import in_camera
 
 CAMERA = Camera(focal=(900.0, 900.0), center=(480.0, 360.0), size=(960, 720), source="given")
 STEPS = (1, 2, 4, 8, 12, 20, 30)

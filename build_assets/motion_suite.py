@@ -25,7 +25,7 @@ from fitting_core.body.model import JOINT
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.errors import InputError
 from fitting_core.shipped import FREE_FOLDER, MOTION_SUITE
-from fitting_core.synthetic.motion_suite.windows import FRAME_RATE, MotionWindow, acted, slip, speeds, write_windows
+from fitting_core.synthetic.motion_suite.windows import FRAME_RATE, MotionWindow, acted, speeds, write_windows
 
 PLAN: dict[str, tuple[str, str]] = {
     "dance": ("05_02 05_07 05_09 05_13 05_18", "05_04 05_08 05_10 05_12 05_20"),
@@ -155,6 +155,11 @@ def _start(pose: Float[np.ndarray, "T 22 3"], length: int, taken: list[int]) -> 
     change = np.linalg.norm(np.diff(pose[:, 1:], axis=0), axis=-1).sum(1)
     lively = np.convolve(np.concatenate([[0.0], change]), np.ones(length), "valid")
     return int(lively.argmax())
+
+
+def slip(ankles: Float[np.ndarray, "T 2 3"], standing: Bool[np.ndarray, "T 2"], frame_rate: float) -> float | None:
+    """Mean speed of feet that rest, mm/s; None where none does. Metres, of a world or a camera that stands."""
+    return float(1e3 * speeds(ankles, frame_rate)[standing].mean()) if standing.any() else None
 
 
 def at_rest(feet: Float[np.ndarray, "T 2 3"]) -> Bool[np.ndarray, "T 2"]:

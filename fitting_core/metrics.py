@@ -131,13 +131,8 @@ def jitter(points: Float[np.ndarray, "T K 3"]) -> float:
     return 1e3 * _mean_length(points, 2)
 
 
-def acceleration(points: Float[np.ndarray, "T K 3"], frame_rate: float) -> float:
-    """Mean length of the acceleration, m/s^2 (points in metres, frames per second)."""
-    return _mean_length(points, 2) * frame_rate**2
-
-
 def jerk(points: Float[np.ndarray, "T K 3"], frame_rate: float) -> float:
-    """Mean length of the third derivative, m/s^3: what the field calls jitter (points in metres)."""
+    """Mean length of the third derivative, m/s^3: what the field calls jitter (points in metres, frames per second)."""
     return _mean_length(points, 3) * frame_rate**3
 
 

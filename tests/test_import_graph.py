@@ -19,15 +19,16 @@ FLOORS = {
     "fitting_core": """
         errors frame_runs lazy_names keypoint_noise keypoints plugins shipped silhouettes
         camera lens wholebody config files body
-        clip detections image_border metrics priors video lifting ground
+        clip detections image_border metrics priors video lifting ground world_camera
         frame_alignment results people
         motion
         animation
         io
         fit detect
         starts clips
-        render synthetic
+        render
         measure
+        synthetic
     """,
     "tcfit_app": """
         options

@@ -25,15 +25,16 @@ from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import drafting, put_folder
 from fitting_core.io.keypoints.openpose import write_openpose
+from fitting_core.io.truth import Truth, truth_of, write_truth
 from fitting_core.shipped import FREE_FOLDER
 from fitting_core.synthetic.acting.performance import perform, standing_root
+from fitting_core.synthetic.fingerprint import fingerprint
 from fitting_core.synthetic.motions import demo_script
 from fitting_core.synthetic.simulated_detector import detect, visible
 from fitting_core.synthetic.studio.clothing import Outfit
 from fitting_core.synthetic.studio.studio import CAMERA, STOOL_MIDDLE, VIEW, Studio
-from fitting_core.synthetic.studio.world_camera import in_camera
-from fitting_core.synthetic.truth import Truth, fingerprint, truth_of, write_truth
 from fitting_core.video.encoding import video_writer
+from fitting_core.world_camera import in_camera
 
 NAME = "demo"
 FRAME_RATE = 25.0
@@ -52,7 +53,7 @@ class DemoClip:
     keypoints: Path
     """Folder of OpenPose JSON, one file per frame."""
     truth: Path
-    """Read it with `fitting_core.synthetic.truth.read_truth`."""
+    """Read it with `fitting_core.io.truth.read_truth`."""
     camera: Camera
 
 

@@ -4,7 +4,7 @@ Six people wave (Simple Motion) and sit down cross-legged and stand up again (Co
 counts are those of the paper's Table 1, as are the people's volumes in kind.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
@@ -12,11 +12,10 @@ from pathlib import Path
 import numpy as np
 import platformdirs
 import torch
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float
 
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import find_body
-from fitting_core.body.geometry import vertex_normals
 from fitting_core.body.mesh import shared_mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
@@ -24,18 +23,18 @@ from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
+from fitting_core.io.truth import Truth, read_truth, truth_of, write_truth
 from fitting_core.shipped import FREE_FOLDER
 from fitting_core.synthetic.acting.performance import perform, standing_root
 from fitting_core.synthetic.acting.script import Build, Hazard, Mishaps, Script, failures
+from fitting_core.synthetic.fingerprint import fingerprint
 from fitting_core.synthetic.motions.cross_legged import cross_legged
 from fitting_core.synthetic.motions.signing import signing
 from fitting_core.synthetic.motions.waving import waving
 from fitting_core.synthetic.simulated_detector import Detector, detect, flesh_of, visible
-from fitting_core.synthetic.studio.clothing import Outfit
 from fitting_core.synthetic.studio.rasterize import rasterize
-from fitting_core.synthetic.studio.studio import Studio
-from fitting_core.synthetic.studio.world_camera import View, in_camera
-from fitting_core.synthetic.truth import Truth, fingerprint, read_truth, truth_of, write_truth
+from fitting_core.synthetic.studio.view import View
+from fitting_core.world_camera import in_camera
 
 SIZE = (720, 960)
 """Of the images, as the paper's: width and height in pixels."""
@@ -275,25 +274,6 @@ def _flesh(body: BodyModel, betas: Float[torch.Tensor, "1 10"]) -> Float[np.ndar
     """Flesh in front of the keypoints of a shape."""
     rest = replace(BodyParams.neutral(1), betas=betas)
     return flesh_of(keypoints_in_space(body, rest)[0][0], body.with_shape(betas[0].numpy()).template)
-
-
-def render_frames(
-    made: SuiteClip, frames: list[int], *, view: View | None = None, camera: Camera | None = None
-) -> Iterator[UInt8[np.ndarray, "H W 3"]]:
-    """Pictures (RGB) of some frames, one after the other.
-
-    Args:
-        made: The sequence.
-        frames: Their numbers.
-        view: Where the camera stands instead of its own place.
-        camera: Instead of its own; its size must be even.
-    """
-    body, own = made.body, made.view.pose()
-    studio = Studio(camera or made.truth.camera, seat_height=None, view=view or made.view)
-    mesh, outfit = shared_mesh(body), Outfit.of(body)
-    for frame in frames:
-        world = (mesh(made.truth.params[[frame]])[0].numpy().astype(np.float64) - own.translation) @ own.rotation
-        yield studio.draw(world, body.faces, vertex_normals(world, body.faces), outfit)[0]
 
 
 def _cached_truth(sequence: SuiteSequence, body: BodyModel) -> Truth:

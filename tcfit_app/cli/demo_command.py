@@ -13,10 +13,10 @@ from fitting_core.clip import Clip
 from fitting_core.clips.options import CameraOptions
 from fitting_core.clips.reading import read_clip
 from fitting_core.errors import InputError
+from fitting_core.io.truth import Truth, read_truth
 from fitting_core.measure.references.files import read_reference
 from fitting_core.metrics import jitter, mpjpe, pa_mpjpe
 from fitting_core.synthetic.demo_clip import DemoClip, cached_demo
-from fitting_core.synthetic.truth import Truth, read_truth
 from tcfit_app.cli.fit_command import Outcome, run_fit
 from tcfit_app.options.fit import DemoOptions, FitOptions, fit_config
 from tcfit_app.options.preparing import check_out, prepare_solver

@@ -13,8 +13,15 @@ from rich.table import Table
 from fitting_core.config.schema import DEFAULT_PRESET, FitConfig, without_collisions
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
-from fitting_core.measure.depth_figures import DEPTH_CURVES, GROUPINGS, PART_CURVES, DepthRecord, depth_figures, titled
 from fitting_core.measure.report.markup import number
+from fitting_core.synthetic.motion_suite.depth_figures import (
+    DEPTH_CURVES,
+    GROUPINGS,
+    PART_CURVES,
+    DepthRecord,
+    depth_figures,
+    titled,
+)
 from tcfit_app.cli.json_lines import Progress, emit, emit_wrote
 from tcfit_app.evaluation.motion_runs import MotionTask, motions_named, run_motion, write_records
 from tcfit_app.evaluation.suite_runs import done_tasks

@@ -15,9 +15,9 @@ from fitting_core.files.atomic import replacing
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.fused import ready
 from fitting_core.io.result_files import read_fit
-from fitting_core.measure.depth_figures import DepthRecord, measured
 from fitting_core.measure.records import PHASE_1
 from fitting_core.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
+from fitting_core.synthetic.motion_suite.depth_figures import DepthRecord, measured
 from tcfit_app.evaluation.suite_runs import fit_key, fit_seconds, fitted_body, keep_fit
 
 

@@ -29,6 +29,7 @@ from fitting_core.fit.fused import ready
 from fitting_core.fit.phase_figures import evaluated
 from fitting_core.io.result_files import SUMMARY_NAME, read_fit, write_result
 from fitting_core.io.summary import versions
+from fitting_core.io.truth import Truth
 from fitting_core.measure.comparison import Comparison, compare
 from fitting_core.measure.pairing import Estimate
 from fitting_core.measure.records import BASELINE, PHASE_1, Record
@@ -37,7 +38,6 @@ from fitting_core.measure.references.reference import Reference
 from fitting_core.results.fit_result import FitResult
 from fitting_core.shipped import FREE_FOLDER, LIFTER
 from fitting_core.synthetic.suite import LEVELS, SEQUENCES, SuiteClip, make_sequence
-from fitting_core.synthetic.truth import Truth
 
 MEASURES = 2
 """To be raised whenever figures are measured differently: then stored fits are measured again."""

@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from fitting_core.body.handshapes import HANDSHAPES
 from fitting_core.io.annotations.annotations import Annotation, Tier
 from fitting_core.io.annotations.eaf import write_eaf
 from fitting_core.io.annotations.frame_times import milliseconds_of
 from fitting_core.measure.hands.handshapes import HandshapeSet, read_handshapes
 from fitting_core.measure.hands.spans import spans_of
 from fitting_core.motion import Progress
-from fitting_core.synthetic.acting.handshapes import HANDSHAPES
 from tcfit_app.analysis.hand_tiers import annotations, hand_tiers
 from tcfit_app.analysis.posed_fit import PosedFit
 from tcfit_app.exports.source import ExportSource

@@ -23,12 +23,12 @@ from fitting_core import keypoints as kp
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.geometry import unit
 from fitting_core.body.hand_skeleton import FINGERS, HandSkeleton, axis_angle_of
+from fitting_core.body.handshapes import HANDSHAPES
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.errors import InputError
 from fitting_core.shipped import FREE_FOLDER
-from fitting_core.synthetic.acting.handshapes import HANDSHAPES
 from tests.samples.hand_spaces import named_shapes, nearest
 
 _OURS = [("thumb", "index", "middle", "ring", "pinky").index(finger) for finger in FINGERS]

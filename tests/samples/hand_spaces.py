@@ -5,7 +5,7 @@ import torch
 from jaxtyping import Float
 
 from fitting_core.body.hand_skeleton import FINGERS, SIZE, HandSkeleton
-from fitting_core.synthetic.acting.handshapes import HANDSHAPES, finger_angles
+from fitting_core.body.handshapes import HANDSHAPES, finger_angles
 
 _STEPS = 30
 

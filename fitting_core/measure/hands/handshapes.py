@@ -12,6 +12,7 @@ import torch
 from jaxtyping import Float
 
 from fitting_core.body.geometry import unit
+from fitting_core.body.handshapes import HANDSHAPES, Handshape, finger_angles
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
@@ -20,7 +21,6 @@ from fitting_core.files.regular import regular_file
 from fitting_core.files.toml_text import parsed_toml
 from fitting_core.keypoints import LEFT_HAND, RIGHT_HAND
 from fitting_core.measure.hands.phases import Side
-from fitting_core.synthetic.acting.handshapes import HANDSHAPES, Handshape, finger_angles
 
 FARTHEST = 30.0
 """Degrees: a hand that is farther from all of the set has none of its shapes. Shapes of the set are 10 to 32 degrees

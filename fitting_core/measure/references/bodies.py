@@ -15,10 +15,10 @@ from fitting_core.errors import InputError
 from fitting_core.io.motion.imported_motion import ImportedMotion
 from fitting_core.io.motion.smplx_npz import read_smplx_npz
 from fitting_core.io.result_files import read_fit
+from fitting_core.io.truth import read_truth
 from fitting_core.measure.references.reference import BodyOf, Reference, of_body
 from fitting_core.shipped import FREE_FOLDER
-from fitting_core.synthetic.studio.world_camera import WorldCamera, in_camera
-from fitting_core.synthetic.truth import read_truth
+from fitting_core.world_camera import WorldCamera, in_camera
 
 
 def body_of(record: BodyOf, *, search: Path | None = None) -> BodyModel:

@@ -16,7 +16,7 @@ from fitting_core.measure.references import bodies as reference_bodies
 from fitting_core.measure.references import points as reference_points
 from fitting_core.measure.references import reference
 from fitting_core.measure.references.reference import Reference
-from fitting_core.synthetic.studio.world_camera import WorldCamera, read_world_camera
+from fitting_core.world_camera import WorldCamera, read_world_camera
 
 TRUTH_NAME = "truth.npz"
 

@@ -15,7 +15,7 @@ from fitting_core.body.model import JOINT
 from fitting_core.errors import InputError, some_of
 from fitting_core.io.points.named_points import NamedPoints
 from fitting_core.measure.references.reference import Reference, stated_first_frame, stated_rate
-from fitting_core.synthetic.studio.world_camera import WorldCamera
+from fitting_core.world_camera import WorldCamera
 
 FEWEST = 4
 """Known points without which nothing can be aligned."""

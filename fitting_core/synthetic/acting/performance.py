@@ -12,11 +12,11 @@ from jaxtyping import Float
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 from scipy.spatial.transform import Rotation
 
+from fitting_core.body.handshapes import FINGERS, HANDSHAPES, finger_angles
 from fitting_core.body.mesh import shared_mesh
 from fitting_core.body.model import JOINT, N_JOINTS, POSE_JOINTS, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.synthetic.acting.floor_contact import FootShape, hand_points, lowest, seat_gap, within_reach
-from fitting_core.synthetic.acting.handshapes import FINGERS, HANDSHAPES, finger_angles
 from fitting_core.synthetic.acting.limbs import LIMBS, Figure, hand_rotation
 from fitting_core.synthetic.acting.script import SIDES, FootKey, Key, Script, directions_through, through, wander
 

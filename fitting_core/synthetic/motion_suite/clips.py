@@ -18,13 +18,15 @@ from fitting_core.body.points.positions import joints_in_space, keypoints_in_spa
 from fitting_core.camera import DEFAULT_FOCAL, Camera, FocalFrom, default_focal
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
+from fitting_core.io.truth import Truth, read_truth, truth_of, write_truth
 from fitting_core.shipped import MOTION_SUITE
+from fitting_core.synthetic.fingerprint import fingerprint
 from fitting_core.synthetic.motion_suite.framing import Shot, view_of
 from fitting_core.synthetic.motion_suite.measured_detector import MEASURED, MeasuredErrors, detected
 from fitting_core.synthetic.motion_suite.windows import FRAME_RATE, HALVES, MotionWindow, acted, shipped_windows
-from fitting_core.synthetic.studio.world_camera import View, WorldCamera, in_camera
+from fitting_core.synthetic.studio.view import View
 from fitting_core.synthetic.suite import SUBJECTS, Subject, in_view, subject_body
-from fitting_core.synthetic.truth import Truth, fingerprint, read_truth, truth_of, write_truth
+from fitting_core.world_camera import WorldCamera, in_camera
 
 Choice = TypeVar("Choice")
 FOCALS = ("true", "default")

@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from fitting_core.camera import Camera, focal_from_35mm
 from fitting_core.keypoints import INDEX
-from fitting_core.synthetic.studio.world_camera import View
+from fitting_core.synthetic.studio.view import View
 
 CUTS = ("whole", "knee", "hip", "chest")
 """Where the image's lower edge goes through the person."""

@@ -55,11 +55,6 @@ class MeasuredErrors:
     lost_of_turned: tuple[float, float] = (0.1, 1.0)
     """Share of the frames in which nose and far eye of a head that is turned away are not found; by clip."""
 
-    def autocorrelation(self, seconds: float) -> float:
-        """Of the changing error."""
-        fresh = 1 - sum(share for share, _ in self.memory)
-        return fresh * (seconds == 0) + sum(share * float(np.exp(-seconds / time)) for share, time in self.memory)
-
 
 MEASURED = MeasuredErrors()
 

@@ -20,8 +20,6 @@ from fitting_core.shipped import MOTION_SUITE
 HALVES = ("tuning", "untouched")
 """What methods are settled on, and what is looked at when they are."""
 FRAME_RATE = 30.0
-JOINTS_POSED = 22
-"""The root and the 21 joints of the body pose."""
 _STEP = np.pi / 32767
 """Radians of one step of the stored angles. Half precision would do for poses and not for accelerations: near pi its
 steps are 0.002 rad, at 30 frames per second a noise of 1 m/s² at a hand."""
@@ -125,11 +123,6 @@ def leg_length(rest: Float[np.ndarray, "55 3"]) -> float:
 def speeds(points: Float[np.ndarray, "T *n 3"], frame_rate: float) -> Float[np.ndarray, "T *n"]:
     """Metres per second, from the frames before and after."""
     return np.linalg.norm(np.gradient(points, axis=0), axis=-1) * frame_rate
-
-
-def slip(ankles: Float[np.ndarray, "T 2 3"], standing: Bool[np.ndarray, "T 2"], frame_rate: float) -> float | None:
-    """Mean speed of feet that rest, mm/s; None where none does. Metres, of a world or a camera that stands."""
-    return float(1e3 * speeds(ankles, frame_rate)[standing].mean()) if standing.any() else None
 
 
 _AFTER = 1.0

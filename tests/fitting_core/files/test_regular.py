@@ -21,11 +21,11 @@ from fitting_core.io.keypoints.coco_wholebody import read_coco_wholebody
 from fitting_core.io.keypoints.openpose import read_openpose
 from fitting_core.io.keypoints.pose_file import read_pose
 from fitting_core.io.result_files import read_fit
+from fitting_core.io.truth import read_truth
 from fitting_core.measure.references.files import read_reference
 from fitting_core.priors.files.registry import read_prior
-from fitting_core.synthetic.studio.world_camera import read_world_camera
-from fitting_core.synthetic.truth import read_truth
 from fitting_core.video.frames import FrameSource
+from fitting_core.world_camera import read_world_camera
 from tests.samples.special_files import SPECIAL, endless, pipe
 
 READERS: dict[str, tuple[str, Callable[[Path], Any]]] = {

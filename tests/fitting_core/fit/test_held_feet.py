@@ -11,7 +11,7 @@ from fitting_core.body.points.positions import joints_in_space
 from fitting_core.config.schema import PRESETS, FitConfig
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.phase_figures import patched
-from fitting_core.synthetic.carried import CARRIED, RATE, Carried, carried_clip, gesturing, pixel_errors
+from tests.samples.carried import CARRIED, RATE, Carried, carried_clip, gesturing, pixel_errors
 
 FRAMES = 50
 ANKLES = [7, 8]

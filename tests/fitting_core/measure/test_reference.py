@@ -15,12 +15,12 @@ from fitting_core.body.points.positions import joints_in_space
 from fitting_core.camera import Camera, World, path_of
 from fitting_core.errors import InputError
 from fitting_core.io.motion.animation_npz import write_animation_npz
+from fitting_core.io.truth import Truth, write_truth
 from fitting_core.measure.references.bodies import reference_of
 from fitting_core.measure.references.files import read_reference
 from fitting_core.measure.references.points import keypoint_named
 from fitting_core.measure.references.reference import Reference, write_reference
 from fitting_core.motion import AXES
-from fitting_core.synthetic.truth import Truth, write_truth
 from tests.fitting_core.io.motion.motions import swinging
 from tests.samples.scenes import random_params
 

@@ -11,8 +11,8 @@ from fitting_core.detections import Detections
 from fitting_core.errors import InputError
 from fitting_core.io import read_detections
 from fitting_core.people.person import choose_person
-from fitting_core.synthetic.company.filmed import film
 from fitting_core.video.frame_names import spans
+from tests.samples.company.filmed import film
 
 NOBODY = np.zeros((137, 3))
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from fitting_core.keypoints import BODY
-from fitting_core.synthetic.company.filmed import film
-from fitting_core.synthetic.company.scenes import SCENES
-from fitting_core.synthetic.company.telling_apart import told_apart
+from tests.samples.company.filmed import film
+from tests.samples.company.scenes import SCENES
+from tests.samples.company.telling_apart import told_apart
 
 
 def test_detections_lie_where_their_owners_are():

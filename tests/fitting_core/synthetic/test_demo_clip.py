@@ -14,6 +14,7 @@ from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.clips.reading import read_clip
 from fitting_core.errors import InputError
+from fitting_core.io.truth import Truth, read_truth
 from fitting_core.keypoints import INDEX, LEFT_HAND, NAMES, RIGHT_HAND, Keypoints
 from fitting_core.render.renderer import scaled_camera
 from fitting_core.shipped import FREE_FOLDER
@@ -22,7 +23,6 @@ from fitting_core.synthetic.acting.performance import perform, standing_root
 from fitting_core.synthetic.demo_clip import DemoClip, cached_demo, make_demo
 from fitting_core.synthetic.motions.demo_script import BETAS, FAILURES, SCRIPT, SECONDS
 from fitting_core.synthetic.studio.studio import CAMERA
-from fitting_core.synthetic.truth import Truth, read_truth
 
 RATE = 4.0
 SMALL = scaled_camera(CAMERA, 0.5)

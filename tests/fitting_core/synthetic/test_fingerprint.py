@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from fitting_core.synthetic.truth import fingerprint
+from fitting_core.synthetic.fingerprint import fingerprint
 from tests.test_import_graph import MODULES, ROOT, graph, inside, reached
 
 

@@ -21,10 +21,10 @@ from fitting_core.synthetic.suite import (
     SuiteClip,
     SuiteSequence,
     make_sequence,
-    render_frames,
     subject_body,
     world_params,
 )
+from tests.samples.suite_pictures import render_frames
 
 COMPLEX, SIMPLE = SEQUENCES["complex_1"], SEQUENCES["simple_1"]
 

@@ -12,8 +12,8 @@ import torch
 from fitting_core.body.model import BodyModel
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.errors import InputError
+from fitting_core.io.truth import Truth
 from fitting_core.synthetic.demo_clip import DemoClip
-from fitting_core.synthetic.truth import Truth
 from tcfit_app.cli import demo_command
 from tcfit_app.cli.demo_command import demo_clip, joint_errors
 from tcfit_app.cli.fit_command import Outcome

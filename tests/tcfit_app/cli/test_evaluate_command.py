@@ -16,12 +16,12 @@ from fitting_core.body.points.positions import joints_in_space, keypoints_in_spa
 from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS, FitConfig, SolverSettings
 from fitting_core.config.toml import as_plain
+from fitting_core.io.truth import Truth, write_truth
 from fitting_core.keypoints import Keypoints
 from fitting_core.measure.references.bodies import reference_of
 from fitting_core.results.fit_result import FitResult, PhaseResult
 from fitting_core.synthetic import suite
 from fitting_core.synthetic.suite import SEQUENCES
-from fitting_core.synthetic.truth import Truth, write_truth
 from tcfit_app.cli.main import main
 from tcfit_app.evaluation import ablations, suite_runs
 from tcfit_app.evaluation.ablations import variations

@@ -15,15 +15,16 @@ from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.fit.evidence.sides import PAIRED, other_side, unswapped
+from fitting_core.io.truth import Truth, truth_of
 from fitting_core.keypoints import Keypoints
 from fitting_core.synthetic.acting.performance import perform, standing_root
 from fitting_core.synthetic.acting.script import Build, Failure, Script, failures
 from fitting_core.synthetic.motions import demo_script
 from fitting_core.synthetic.simulated_detector import Detector, detect
 from fitting_core.synthetic.studio import studio
-from fitting_core.synthetic.studio.world_camera import View, in_camera
+from fitting_core.synthetic.studio.view import View
 from fitting_core.synthetic.suite import LEVELS, MOTIONS, SEQUENCES, subject_body
-from fitting_core.synthetic.truth import Truth, truth_of
+from fitting_core.world_camera import in_camera
 from tests.samples.standing import by_hand, standing
 
 CAMERA = Camera(focal=(900.0, 900.0), center=(480.0, 360.0), size=(960, 720), source="given")

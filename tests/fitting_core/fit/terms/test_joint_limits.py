@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from torch import Tensor
 
 from fitting_core import keypoints as kp
+from fitting_core.body.handshapes import HANDSHAPES, finger_angles
 from fitting_core.body.joint_ranges import JointRange, joint_ranges
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.config.schema import PRESETS, FitConfig, Weights
@@ -20,7 +21,6 @@ from fitting_core.fit.terms.limits import AngleTable, Limits
 from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.state import Free, State
 from fitting_core.priors.pose import relaxed_pose
-from fitting_core.synthetic.acting.handshapes import HANDSHAPES, finger_angles
 from tests.samples.scenes import differentiated, hidden, keypoints_of, random_params, random_state, stages_of
 
 LIKE = torch.zeros(0, dtype=torch.float64)

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import find_body
+from fitting_core.body.handshapes import HANDSHAPES, Handshape, finger_angles
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
@@ -17,7 +18,6 @@ from fitting_core.errors import InputError
 from fitting_core.measure.hands.handshapes import FARTHEST, HandshapeSet, finger_bones, read_handshapes
 from fitting_core.measure.hands.phases import SIDES, Side
 from fitting_core.shipped import FREE_FOLDER
-from fitting_core.synthetic.acting.handshapes import HANDSHAPES, Handshape, finger_angles
 
 
 def posed(body: BodyModel, shapes: list[Handshape], side: Side, jitter: float = 0.0) -> np.ndarray:

@@ -1,7 +1,5 @@
-"""What really happens in a generated clip: bodies, joints, keypoints and what is seen of them; its file (npz), and the
-short name that changes with all that a clip depends on."""
+"""What really happens in a generated clip: bodies, joints, keypoints and what is seen of them; and its file (npz)."""
 
-import hashlib
 from dataclasses import dataclass, fields
 from pathlib import Path
 
@@ -87,28 +85,3 @@ def read_truth(path: Path) -> Truth:
         raise InputError(
             f"{path} holds no truth of a generated clip ({error}): delete its folder and make it anew."
         ) from error
-
-
-_PACKAGE = Path(__file__).resolve().parents[1]
-_SOURCES = (
-    "*.py",
-    "body/**/*.py",
-    "files/**/*.py",
-    "io/keypoints/**/*.py",
-    "synthetic/**/*.py",
-    "video/**/*.py",
-)
-"""All modules that take part in generating; a test follows the imports of both generators."""
-
-
-def fingerprint(*parts: str, package: Path = _PACKAGE) -> str:
-    """Changes whenever a module that shapes generated clips does, or one of the parts.
-
-    Args:
-        parts: What else a clip depends on: its description, the body's hash.
-        package: The folder of fitting_core.
-    """
-    digest = hashlib.sha256(" ".join(parts).encode())
-    for module in sorted({path for pattern in _SOURCES for path in package.glob(pattern)}):
-        digest.update(module.read_bytes())
-    return digest.hexdigest()[:12]

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from fitting_core.people.everybody import FoundPerson, find_everybody
-from fitting_core.synthetic.company.filmed import Company
+from tests.samples.company.filmed import Company
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,8 +8,14 @@ from scipy.spatial.transform import Rotation
 
 from fitting_core.body.model import JOINT
 from fitting_core.keypoints import COUNT
-from fitting_core.measure.depth_figures import DEPTH_CURVES, PART_CURVES, DepthRecord, depth_figures, measured
 from fitting_core.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
+from fitting_core.synthetic.motion_suite.depth_figures import (
+    DEPTH_CURVES,
+    PART_CURVES,
+    DepthRecord,
+    depth_figures,
+    measured,
+)
 
 
 @pytest.fixture(scope="module")
