@@ -135,7 +135,7 @@ class Fitted:
         volume = self.true_volume
         pelvis = joints_in_space(stages.body, stages.parametrisation.to_params(state))[:, 0, 2]
         return Errors(
-            volume=float(Enclosed.of(stages.body)(found[None])[0]) - volume,
+            volume=float(Enclosed.of(stages.body.faces)(found[None])[0]) - volume,
             by_height=float(volume * (taller**3 - 1)),
             distance=float(100 * abs(pelvis / made.truth.joints[self.frames, 0, 2] - 1).mean()),
         )
@@ -149,7 +149,7 @@ class Fitted:
     def true_volume(self) -> float:
         """In dm³."""
         body = self.made.body
-        return float(Enclosed.of(body)(body.with_shape(self.true_betas).template[None])[0])
+        return float(Enclosed.of(body.faces)(body.with_shape(self.true_betas).template[None])[0])
 
     def with_masks(self, masks: Sequence[Mask | None], true: Sequence[Mask]) -> Found | None:
         """The shape again with the silhouettes of its frames, whose true ones are known."""
