@@ -20,7 +20,7 @@ from fitting_core.fit.solvers.problem import (
     damping_diagonal,
 )
 from fitting_core.fit.solvers.solution import Progress, Solution
-from fitting_core.fit.terms.priors import Quadratic
+from fitting_core.fit.terms.quadratic import Quadratic
 from fitting_core.fit.variables.state import Free, State
 from tests.samples.scenes import finished, keypoints_of, noisy, random_params, random_state, stages_of
 

@@ -17,11 +17,11 @@ from fitting_core.body.points.pairs import Contour, Joint, Surface
 from fitting_core.config.schema import PRESETS, FitConfig, Weights
 from fitting_core.fit.objective import FrameObjective, Normal
 from fitting_core.fit.stages import Stages
-from fitting_core.fit.terms.collision.term import Collision
+from fitting_core.fit.terms.collision import Collision
 from fitting_core.fit.terms.data import Data
 from fitting_core.fit.terms.limits import Limits
 from fitting_core.fit.terms.positions import HeldPosition, RelativePosition
-from fitting_core.fit.terms.priors import Quadratic
+from fitting_core.fit.terms.quadratic import Quadratic
 from fitting_core.fit.terms.table import TERMS
 from fitting_core.fit.terms.temporal import Evenness
 from fitting_core.fit.terms.term import Derivative, Term
