@@ -1,9 +1,8 @@
 """The term of elbows and knees that bend the wrong way."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import torch
@@ -13,8 +12,7 @@ from fitting_core.body.model import JOINT
 from fitting_core.fit.compiled.body import add_row, axis_angle_of
 from fitting_core.fit.compiled.jit import helper
 from fitting_core.fit.compiled.layout import BODY, N_BODY, NUMBER
-from fitting_core.fit.terms.entry import Entry, Kernel, Weight
-from fitting_core.fit.terms.setting import Looked, Setting
+from fitting_core.fit.terms.entry import OFF, Entry, Kernel, Weight
 from fitting_core.fit.terms.term import Derivative, Term
 from fitting_core.fit.variables.estimate import Estimate
 
@@ -69,34 +67,24 @@ def _cost(c, frame, orient, x, s, derivatives):
     return cost
 
 
-def _constants(term: Bending) -> Mapping[str, Any]:
-    sign = np.zeros(3 * N_BODY)
-    for column, bend in BENDING:
-        sign[column] = bend
-    return {"bending": term.weight, "bending_sign": sign}
-
-
-def _make(setting: Setting, looked: Looked, s: int) -> Term | None:
-    weight = setting.config.weights.bending[s]
-    return Bending(weight) if weight else None
-
-
+_SIGN = np.zeros(3 * N_BODY)
+_SIGN[[column for column, _ in BENDING]] = [sign for _, sign in BENDING]
 ENTRY = Entry(
     name="bending",
     kind=Bending,
     about="elbows and knees do not bend the wrong way",
-    make=_make,
+    make=lambda setting, looked, s: Bending(weight) if (weight := setting.config.weights.bending[s]) else None,
     weights=(
         Weight(
-            name="bending",
-            about="Exponential penalty on elbows and knees that bend the wrong way.",
-            paper=(35.8, 35.8, 13.5, 3.9, 3.9),
+            "bending",
+            "Exponential penalty on elbows and knees that bend the wrong way.",
+            (35.8, 35.8, 13.5, 3.9, 3.9),
             # Limits cover it: PA-MPJPE with and without 65.7 and 65.8, 56.0 and 55.8 mm on two views.
-            tcfit=(0.0, 0.0, 0.0, 0.0, 0.0),
+            tcfit=OFF,
         ),
     ),
     kernel=Kernel(
-        constants=_constants,
+        constants=lambda term: {"bending": term.weight, "bending_sign": _SIGN},
         clip=(("bending", NUMBER), ("bending_sign", NUMBER, 3 * N_BODY)),  # 0 where nothing bends
         cost=_cost,
     ),

@@ -11,7 +11,7 @@ from torch import Tensor
 from fitting_core.body.points.chosen_vertices import PosedVertices, Pulls
 from fitting_core.fit.collision.colliding_body import CHUNK, CollidingBody, Contacts
 from fitting_core.fit.collision.distance_field import SIGMA, penetration, residuals_with_jacobian
-from fitting_core.fit.terms.entry import Entry, Weight
+from fitting_core.fit.terms.entry import OFF, Entry, Weight
 from fitting_core.fit.terms.setting import Looked, Setting
 from fitting_core.fit.terms.term import Derivative, Rows, Term
 from fitting_core.fit.variables.estimate import Estimate
@@ -126,12 +126,5 @@ ENTRY = Entry(
     kind=Collision,
     about="body parts do not go through each other",
     make=_make,
-    weights=(
-        Weight(
-            name="collision",
-            about="Self-intersection of the mesh.",
-            paper=(0.0, 0.0, 0.0, 0.1, 1.0),
-            tcfit=(0.0, 0.0, 0.0, 0.0, 0.0),
-        ),
-    ),
+    weights=(Weight("collision", "Self-intersection of the mesh.", (0.0, 0.0, 0.0, 0.1, 1.0), tcfit=OFF),),
 )

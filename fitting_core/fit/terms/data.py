@@ -1,8 +1,7 @@
 """The data term E_J: how far the body's points are from the keypoints in the image."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import torch
 from jaxtyping import Float
@@ -11,7 +10,7 @@ from torch import Tensor
 from fitting_core import keypoints as kp
 from fitting_core.fit.compiled.jit import helper
 from fitting_core.fit.compiled.layout import NUMBER
-from fitting_core.fit.terms.entry import Entry, Kernel, Weight
+from fitting_core.fit.terms.entry import Entry, Kernel, Weight, every_stage
 from fitting_core.fit.terms.setting import Looked, Setting
 from fitting_core.fit.terms.term import Derivative, Rows, Term
 from fitting_core.fit.variables.estimate import Estimate
@@ -101,10 +100,6 @@ def set_data_rows(c, frame, i, scratch):
         s.residual[d] = scale * e
 
 
-def _constants(term: Data) -> Mapping[str, Any]:
-    return {"xy": term.xy, "side": term.side, "weight": term.weight, "rho": term.rho[:, 0]}
-
-
 ENTRY = Entry(
     name="data",
     kind=Data,
@@ -112,19 +107,19 @@ ENTRY = Entry(
     "(Geman-McClure)",
     make=lambda setting, looked, _: Data.of(setting, looked),
     weights=(
-        Weight(name="body_keypoints", about="BODY_25 keypoints in the data term.", paper=(1.0, 1.0, 1.0, 1.0, 1.0)),
-        Weight(name="hand_keypoints", about="Hand keypoints in the data term.", paper=(0.0, 0.0, 0.0, 0.1, 2.0)),
+        Weight("body_keypoints", "BODY_25 keypoints in the data term.", every_stage(1.0)),
+        Weight("hand_keypoints", "Hand keypoints in the data term.", (0.0, 0.0, 0.0, 0.1, 2.0)),
         Weight(
-            name="face_keypoints",
-            about="Face keypoints in the data term.",
-            paper=(0.0, 0.0, 0.0, 0.0, 2.0),
+            "face_keypoints",
+            "Face keypoints in the data term.",
+            (0.0, 0.0, 0.0, 0.0, 2.0),
             # 68 landmarks at weight 2 outvoted the body: betas went to the face's proportions and made a signer's body
             # thin (beta 3 at -1.0 instead of -0.3); reprojection is the same.
             tcfit=(0.0, 0.0, 0.0, 0.0, 0.5),
         ),
     ),
     kernel=Kernel(
-        constants=_constants,
+        constants=lambda term: {"xy": term.xy, "side": term.side, "weight": term.weight, "rho": term.rho[:, 0]},
         point=(("rho", NUMBER),),
         keypoint=(("xy", NUMBER, 2), ("side", NUMBER, 2), ("weight", NUMBER)),
     ),

@@ -11,17 +11,22 @@ Five = tuple[float, float, float, float, float]
 OFF: Five = (0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True, kw_only=True)
+def every_stage(weight: float) -> Five:
+    """The same weight in all stages."""
+    return (weight, weight, weight, weight, weight)
+
+
+@dataclass(frozen=True)
 class Weight:
     """A setting of `Weights` with its values in the presets, of stages 1 to 5. A term's coefficient is its square."""
 
     name: str
     about: str
     """The settings' listing says this of it."""
-    paper: Five
+    paper: Five = OFF
     smplifyx: Five | None = None
     tcfit: Five | None = None
-    """None: as in the paper."""
+    """None: as in the paper, as of smplifyx."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,8 +1,6 @@
 """The term of a height that is known (beyond the paper)."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from jaxtyping import Float
 from torch import Tensor
@@ -62,10 +60,6 @@ def _add_columns(c, frame, x, s):
             s.free_matrix[first + k, first + n] += row[k] * row[n]
 
 
-def _constants(term: Height) -> Mapping[str, Any]:
-    return {"height": term.weight * term.target, "height_by_betas": term.weight * term.by_betas}
-
-
 def _make(setting: Setting, looked: Looked, s: int) -> Term | None:
     """Counts as a beta does, in its standard deviations."""
     height, (mean, by_betas) = setting.config.height, setting.body.height
@@ -81,8 +75,8 @@ ENTRY = Entry(
     about="the body is as tall as a person says it is; a deviation of 1.5 cm counts as one of a beta in `shape`",
     make=_make,
     kernel=Kernel(
-        constants=_constants,
-        clip=(("height", NUMBER), ("height_by_betas", NUMBER, 10)),  # both times the weight
+        constants=lambda t: {"height": t.weight * t.target, "height_by_betas": t.weight * t.by_betas},
+        clip=(("height", NUMBER), ("height_by_betas", NUMBER, 10)),
         cost=_cost,
         add_columns=_add_columns,
     ),

@@ -1,6 +1,6 @@
 """Where keypoints lie in space, as far as there is evidence of it: relative to the pelvis, or before the camera."""
 
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -11,7 +11,7 @@ from torch import Tensor
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.compiled.jit import helper
 from fitting_core.fit.compiled.layout import NUMBER
-from fitting_core.fit.terms.entry import OFF, Entry, Kernel, Weight
+from fitting_core.fit.terms.entry import Entry, Kernel, Weight, every_stage
 from fitting_core.fit.terms.setting import Looked, Setting
 from fitting_core.fit.terms.term import Derivative, Rows, Term
 from fitting_core.fit.variables.estimate import Estimate
@@ -161,13 +161,14 @@ def set_position_row(weight, rho, e, d, s):
     s.residual[d] = s.by_point[d, d] * e
 
 
-def _relative(term: RelativePosition) -> Mapping[str, Any]:
-    known = {"relative": term.target, "relative_weight": term.weight, "relative_rho": term.rho}
-    return {"pelvis": term.pelvis, **known}
-
-
-def _held(term: HeldPosition) -> Mapping[str, Any]:
-    return {"held": term.target, "held_weight": term.weight, "held_rho": term.rho}
+def _kernel(name: str, clip: tuple[tuple, ...], constants: Callable[[Any], dict[str, Any]]) -> Kernel:
+    """Target, weight and rho of each point in each frame, under this name."""
+    fields = (name, f"{name}_weight", f"{name}_rho")
+    return Kernel(
+        constants=lambda t: {**dict(zip(fields, (t.target, t.weight, t.rho), strict=True)), **constants(t)},
+        clip=clip,
+        keypoint=tuple((field, NUMBER, 3) for field in fields),
+    )
 
 
 # What the lifter says, and feet that stand: a fifth off PA-MPJPE and a quarter off MPJPE of the motion suite
@@ -181,18 +182,13 @@ ENTRIES = (
         make=RelativePosition.of,
         weights=(
             Weight(
-                name="relative_position",
-                about="Depth of body keypoints, and the whole place of those that are not detected, relative to the "
-                "pelvis against what the lifter says, per standard deviation (beyond the paper).",
-                paper=OFF,
-                tcfit=(6.0, 6.0, 6.0, 6.0, 6.0),
+                "relative_position",
+                "Depth of body keypoints, and the whole place of those that are not detected, relative to the pelvis "
+                "against what the lifter says, per standard deviation (beyond the paper).",
+                tcfit=every_stage(6.0),
             ),
         ),
-        kernel=Kernel(
-            constants=_relative,
-            clip=(("pelvis", NUMBER, 3),),
-            keypoint=(("relative", NUMBER, 3), ("relative_weight", NUMBER, 3), ("relative_rho", NUMBER, 3)),
-        ),
+        kernel=_kernel("relative", (("pelvis", NUMBER, 3),), lambda term: {"pelvis": term.pelvis}),
     ),
     Entry(
         name="held_position",
@@ -201,16 +197,12 @@ ENTRIES = (
         make=HeldPosition.of,
         weights=(
             Weight(
-                name="held_position",
-                about="Feet that stand, in phase 3, against the place where they do, per standard deviation (beyond "
-                "the paper).",
-                paper=OFF,
-                tcfit=(10.0, 10.0, 10.0, 10.0, 10.0),
+                "held_position",
+                "Feet that stand, in phase 3, against the place where they do, per standard deviation (beyond the "
+                "paper).",
+                tcfit=every_stage(10.0),
             ),
         ),
-        kernel=Kernel(
-            constants=_held,
-            keypoint=(("held", NUMBER, 3), ("held_weight", NUMBER, 3), ("held_rho", NUMBER, 3)),
-        ),
+        kernel=_kernel("held", (), lambda term: {}),
     ),
 )

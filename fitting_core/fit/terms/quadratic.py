@@ -15,6 +15,7 @@ from fitting_core.fit.terms.entry import Entry, Five, Kernel, Weight
 from fitting_core.fit.terms.setting import Looked, Setting
 from fitting_core.fit.terms.term import Derivative, Term
 from fitting_core.fit.variables.estimate import Estimate
+from fitting_core.fit.variables.state import Columns, Parametrisation
 
 DEPTH_WEIGHT = 100.0
 """Of the camera step: (1e2)^2 (tz - tz_0)^2."""
@@ -86,96 +87,92 @@ KERNEL = Kernel(
 )
 
 
-def _on(setting: Setting, name: str, where: slice, weight: float, target: Tensor | None = None) -> Quadratic:
-    """With one weight for all columns."""
-    return Quadratic(name, where, setting.full(where.stop - where.start, weight), target)
+def _l2(
+    name: str,
+    about: str,
+    where: Callable[[Columns], slice],
+    *weights: Weight,
+    target: Callable[[Parametrisation], Tensor | None] = lambda p: None,
+) -> Entry:
+    """Distance of columns from a target (None: zero). Each of the first has a weight; the last holds all others."""
 
+    def make(setting: Setting, looked: Looked, s: int) -> Term:
+        p = setting.parametrisation
+        values, columns = [getattr(setting.config.weights, weight.name)[s] for weight in weights], where(p.columns)
+        values += values[-1:] * (columns.stop - columns.start - len(values))
+        return Quadratic(name, columns, p.betas.new_tensor(values), target(p))
 
-def _body_pose(setting: Setting, looked: Looked, s: int) -> Term:
-    p, weights = setting.parametrisation, setting.config.weights
-    return _on(setting, "body_pose", p.columns.body, weights.body_pose[s], p.prior.neutral.to(p.betas))
-
-
-def _hand_pose(setting: Setting, looked: Looked, s: int) -> Term:
-    return _on(setting, "hand_pose", setting.parametrisation.columns.hands, setting.config.weights.hand_pose[s])
-
-
-def _jaw(setting: Setting, looked: Looked, s: int) -> Term:
-    p, w = setting.parametrisation, setting.config.weights
-    return Quadratic("jaw", p.columns.jaw, p.betas.new_tensor([w.jaw_open[s], w.jaw_sideways[s], w.jaw_sideways[s]]))
-
-
-def _expression(setting: Setting, looked: Looked, s: int) -> Term:
-    return _on(setting, "expression", setting.parametrisation.columns.expression, setting.config.weights.expression[s])
-
-
-def _shape(setting: Setting, looked: Looked, s: int) -> Quadratic:
-    p = setting.parametrisation
-    return _on(setting, "shape", p.columns.betas, setting.config.weights.shape[s], p.betas)
-
-
-def _shared_shape(setting: Setting, looked: Looked, s: int) -> Term:
-    """E_beta'."""
-    return replace(_shape(setting, looked, s), name="shared_shape", once=True)
+    return Entry(name=name, kind=Quadratic, about=about, make=make, weights=weights, kernel=KERNEL)
 
 
 def held_depth(setting: Setting, depth: Float[Tensor, "T"]) -> Quadratic:
     """Of the camera step: the body stays near a guess of its distance (metres)."""
-    z = setting.parametrisation.columns.translation.stop - 1
-    return _on(setting, "depth", slice(z, z + 1), DEPTH_WEIGHT, depth[:, None])
-
-
-def _entry(name: str, about: str, make: Callable[[Setting, Looked, int], Term], *weights: Weight) -> Entry:
-    return Entry(name=name, kind=Quadratic, about=about, make=make, weights=weights, kernel=KERNEL)
+    p = setting.parametrisation
+    z = p.columns.translation.stop - 1
+    return Quadratic("depth", slice(z, z + 1), p.betas.new_tensor([DEPTH_WEIGHT]), depth[:, None])
 
 
 _POSE: Five = (404.0, 404.0, 57.4, 4.78, 4.78)
 _COEFFICIENTS: Five = (100.0, 50.0, 10.0, 5.0, 5.0)
+_SHAPE = _l2(
+    "shape",
+    "the shape's betas are small",
+    lambda columns: columns.betas,
+    Weight("shape", "L2 of betas; in phase 2 of the shared betas too.", _COEFFICIENTS),
+    target=lambda p: p.betas,
+)
+
+
+def _shared_shape(setting: Setting, looked: Looked, s: int) -> Term:
+    """E_beta'."""
+    shape = _SHAPE.make(setting, looked, s)
+    assert isinstance(shape, Quadratic), "the shape has a term in every stage"
+    return replace(shape, name="shared_shape", once=True)
+
+
 ENTRIES = (
-    _entry(
+    _l2(
         "body_pose",
         "the pose is likely under the [pose prior](bodies.md#pose-priors)",
-        _body_pose,
-        Weight(name="body_pose", about="Body pose prior.", paper=_POSE),
+        lambda columns: columns.body,
+        Weight("body_pose", "Body pose prior.", _POSE),
+        target=lambda p: p.prior.neutral.to(p.betas),
     ),
-    _entry(
+    _l2(
         "hand_pose",
         "the coefficients of the hands' pose are small",
-        _hand_pose,
-        Weight(name="hand_pose", about="L2 of the hand components.", paper=_POSE),
+        lambda columns: columns.hands,
+        Weight("hand_pose", "L2 of the hand components.", _POSE),
     ),
-    _entry(
+    _l2(
         "jaw",
         "the jaw is not turned far",
-        _jaw,
+        lambda columns: columns.jaw,
         Weight(
-            name="jaw_open",
-            about="Jaw about its x axis.",
-            paper=(63.6, 63.6, 24.0, 6.9, 6.9),
+            "jaw_open",
+            "Jaw about its x axis.",
+            (63.6, 63.6, 24.0, 6.9, 6.9),
             smplifyx=(4040.0, 4040.0, 574.0, 47.8, 47.8),
         ),
         Weight(
-            name="jaw_sideways",
-            about="Jaw about its y and z axes.",
-            paper=(201.0, 201.0, 75.7, 21.9, 21.9),
+            "jaw_sideways",
+            "Jaw about its y and z axes.",
+            (201.0, 201.0, 75.7, 21.9, 21.9),
             smplifyx=(40400.0, 40400.0, 5740.0, 478.0, 478.0),
         ),
     ),
-    _entry(
+    _l2(
         "expression",
         "the coefficients of the expression are small",
-        _expression,
-        Weight(name="expression", about="L2 of the expression.", paper=_COEFFICIENTS),
+        lambda columns: columns.expression,
+        Weight("expression", "L2 of the expression.", _COEFFICIENTS),
     ),
-    _entry(
-        "shape",
-        "the shape's betas are small",
-        _shape,
-        Weight(name="shape", about="L2 of betas; in phase 2 of the shared betas too.", paper=_COEFFICIENTS),
-    ),
-    _entry(
-        "shared_shape",
-        "phase 2: the betas that frames share are small, counted once with the weight of `shape`",
-        _shared_shape,
+    _SHAPE,
+    replace(
+        _SHAPE,
+        name="shared_shape",
+        about="phase 2: the betas that frames share are small, counted once with the weight of `shape`",
+        make=_shared_shape,
+        weights=(),
     ),
 )

@@ -1,8 +1,7 @@
 """The term of joints of which nothing is known (beyond the paper)."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import torch
 from jaxtyping import Float
@@ -12,7 +11,7 @@ from fitting_core.body.model import POSE_COLUMNS, POSE_JOINTS
 from fitting_core.fit.compiled.body import add_row, axis_angle_of
 from fitting_core.fit.compiled.jit import helper
 from fitting_core.fit.compiled.layout import BODY, N_BODY, NUMBER
-from fitting_core.fit.terms.entry import OFF, Entry, Kernel, Weight
+from fitting_core.fit.terms.entry import Entry, Kernel, Weight
 from fitting_core.fit.terms.setting import Looked, Setting
 from fitting_core.fit.terms.term import Derivative, Term
 from fitting_core.fit.variables.estimate import Estimate
@@ -60,10 +59,6 @@ def _cost(c, frame, orient, x, s, derivatives):
     return cost
 
 
-def _constants(term: Rest) -> Mapping[str, Any]:
-    return {"rest_pose": term.target, "rest_weight": term.weight}
-
-
 def _make(setting: Setting, looked: Looked, s: int) -> Term | None:
     p, weight = setting.parametrisation, setting.config.weights.rest[s]
     if not weight:
@@ -80,15 +75,13 @@ ENTRY = Entry(
     make=_make,
     weights=(
         Weight(
-            name="rest",
-            about="Distance of joints that nothing in the image turns from the prior's neutral pose (beyond the "
-            "paper).",
-            paper=OFF,
+            "rest",
+            "Distance of joints that nothing in the image turns from the prior's neutral pose (beyond the paper).",
             tcfit=(0.0, 0.0, 0.0, 15.0, 15.0),
         ),
     ),
     kernel=Kernel(
-        constants=_constants,
+        constants=lambda term: {"rest_pose": term.target, "rest_weight": term.weight},
         clip=(("rest_pose", NUMBER, 3 * N_BODY),),
         frame=(("rest_weight", NUMBER, 3 * N_BODY),),
         cost=_cost,

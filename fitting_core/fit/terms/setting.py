@@ -41,10 +41,6 @@ class Setting:
     colliding: Callable[[], CollidingBody]
     """Makes the whole mesh the first time."""
 
-    def full(self, count: int, value: float) -> Float[Tensor, "n"]:
-        """So many equal numbers of the fit's type, on its device."""
-        return self.observations.xy.new_full((count,), value)
-
 
 @dataclass(frozen=True)
 class Looked:

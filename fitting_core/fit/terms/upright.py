@@ -1,8 +1,7 @@
 """The term of a root that leans or turns where no leg is seen (beyond the paper)."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import torch
 from jaxtyping import Float
@@ -12,8 +11,8 @@ from fitting_core.body.rotations import hat
 from fitting_core.fit.compiled.body import add_row
 from fitting_core.fit.compiled.jit import helper
 from fitting_core.fit.compiled.layout import NUMBER
-from fitting_core.fit.terms.entry import OFF, Entry, Kernel, Weight
-from fitting_core.fit.terms.setting import Looked, Setting
+from fitting_core.fit.terms.entry import Entry, Kernel, Weight, every_stage
+from fitting_core.fit.terms.setting import Setting
 from fitting_core.fit.terms.term import Derivative, Rows, Term
 from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.point_jacobian import PointJacobian
@@ -74,32 +73,26 @@ def _cost(c, frame, orient, x, s, derivatives):
     return cost
 
 
-def _constants(term: Upright) -> Mapping[str, Any]:
-    return {"lean": term.lean, "turn": term.turn}
-
-
-def _make(setting: Setting, looked: Looked, s: int) -> Term | None:
-    return Upright.of(setting, setting.config.weights.lean[s], setting.config.weights.turn[s])
-
-
 ENTRY = Entry(
     name="upright",
     kind=Upright,
     about="where no leg is seen, the body does not lean or turn away",
-    make=_make,
+    make=lambda setting, looked, s: Upright.of(setting, setting.config.weights.lean[s], setting.config.weights.turn[s]),
     weights=(
         Weight(
-            name="lean",
-            about="Lean of the root against the image's vertical, where no leg is seen (beyond the paper).",
-            paper=OFF,
-            tcfit=(30.0, 30.0, 30.0, 30.0, 30.0),
+            "lean",
+            "Lean of the root against the image's vertical, where no leg is seen (beyond the paper).",
+            tcfit=every_stage(30.0),
         ),
         Weight(
-            name="turn",
-            about="Turn of the root away from the camera, where no leg is seen (beyond the paper).",
-            paper=OFF,
-            tcfit=(15.0, 15.0, 15.0, 15.0, 15.0),
+            "turn",
+            "Turn of the root away from the camera, where no leg is seen (beyond the paper).",
+            tcfit=every_stage(15.0),
         ),
     ),
-    kernel=Kernel(constants=_constants, frame=(("lean", NUMBER), ("turn", NUMBER)), cost=_cost),
+    kernel=Kernel(
+        constants=lambda term: {"lean": term.lean, "turn": term.turn},
+        frame=(("lean", NUMBER), ("turn", NUMBER)),
+        cost=_cost,
+    ),
 )
