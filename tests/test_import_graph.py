@@ -17,7 +17,7 @@ MODULES = {
 }
 FLOORS = {
     "fitting_core": """
-        errors frame_runs keypoint_noise keypoints plugins silhouettes
+        errors frame_runs keypoint_noise keypoints least_squares plugins silhouettes
         camera lens wholebody config files body
         clip metrics priors video lifting ground
         fit detect

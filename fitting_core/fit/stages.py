@@ -265,7 +265,7 @@ class Stages:
     @cached_property
     def setting(self) -> Setting:
         """What the terms are made from."""
-        told = self.observations.relative_position_deviation.isfinite().any(2)
+        positioned = self.observations.relative_position_deviation.isfinite().any(2)
         return Setting(
             config=self.config,
             body=self.body,
@@ -275,7 +275,7 @@ class Stages:
             pelvis=self.fitted.rest_joints[0],
             near_start=self.near_start,
             hands_shown=self.has(kp.HANDS),
-            turned=self.fitted.turned_by(self.observations.seen | told),
+            turned=self.fitted.turned_by(self.observations.seen | positioned),
             temporal_weight=self.temporal_weight,
             colliding=lambda: self.fitted.colliding,
         )

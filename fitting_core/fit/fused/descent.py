@@ -12,7 +12,7 @@ from fitting_core.fit.fused.frame import cost_of, derive
 from fitting_core.fit.fused.motion import joints_of
 
 CONVERGED, ITERATIONS, STALLED, FAILED = range(4)
-"""Why a descent ended, as in `solvers.solution.Ending`."""
+"""Why a descent ended, as in `least_squares.Ending`."""
 _START, _SMALLEST, _LARGEST, _GROWTH = 1e-3, 1e-7, 1e8, 2.0
 _FLOOR = 1e-9
 _EPSILON = 2.0**-52

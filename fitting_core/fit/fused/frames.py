@@ -14,11 +14,11 @@ from fitting_core.fit.compiled.layout import N_JOINTS
 from fitting_core.fit.fused import constants as k
 from fitting_core.fit.fused import descent, known
 from fitting_core.fit.fused.scratch import Scratch, scratch_for
-from fitting_core.fit.provenance import Ending
 from fitting_core.fit.terms.data import Data
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import View
 from fitting_core.fit.variables.state import Free, State
+from fitting_core.least_squares import Ending
 
 _PIECE = 8
 """Frames that a thread takes at a time: some tens of milliseconds of a descent."""

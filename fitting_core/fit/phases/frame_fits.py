@@ -7,9 +7,10 @@ from jaxtyping import Bool, Float, Int, UInt8
 from torch import Tensor
 
 from fitting_core.body import rotations
-from fitting_core.fit.provenance import Ending, Provenance, Start, Stopped
+from fitting_core.fit.provenance import Provenance, Start, Stopped
 from fitting_core.fit.solvers.solution import Solution
 from fitting_core.fit.variables.state import State
+from fitting_core.least_squares import Ending
 
 _STOPPED: dict[Ending, Stopped] = {
     "converged": Stopped.CONVERGED,

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from jaxtyping import Float
 from torch import Tensor
 
-from fitting_core.fit.provenance import Ending
 from fitting_core.fit.variables.state import State
+from fitting_core.least_squares import Ending
 
 
 @dataclass(frozen=True, kw_only=True)
