@@ -1,4 +1,4 @@
-# `make help` lists the targets. Each sets up .venv first, once for each change of pyproject.toml or constraints.txt.
+# `make help` lists the targets. Each sets up .venv first, once for each change of what $(INSTALLED) names below.
 # Paths are relative, so that the checkout may lie in a folder with spaces in its name.
 
 PYTHON ?= python3
@@ -51,7 +51,7 @@ docs: $(INSTALLED_DOCS) ## Build the documentation into build/site
 clean: ## Delete .venv and what tools left behind
 	rm -rf $(VENV) $(WEB_TOOLS) build dist *.egg-info .pytest_cache .ruff_cache .hypothesis
 
-$(INSTALLED): pyproject.toml constraints.txt
+$(INSTALLED): pyproject.toml setup.py constraints.txt
 	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || { \
 		found="$$("$(PYTHON)" -V 2>/dev/null)"; \
 		echo "tcfit needs Python 3.11 or later, but $(PYTHON) is $${found:-no Python that runs}. Install one," \

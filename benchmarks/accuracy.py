@@ -20,10 +20,9 @@ import torch
 from tyro.conf import OmitArgPrefixes, UseAppendAction
 
 from benchmarks.accuracy_sets import COLUMNS, KEPT_APART, SETS, Figures, Setting
-from benchmarks.report import Common, Row, progress, report, start
+from benchmarks.report import Common, Row, number, progress, report, start
 from fitting_core.errors import InputError
 from fitting_core.fit.fused import ready
-from tcfit_app.bench.figures import number
 from tcfit_app.evaluation.suite_runs import done_tasks
 from tcfit_app.options.fit import MethodOptions, fit_config
 

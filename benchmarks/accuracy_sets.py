@@ -20,7 +20,7 @@ from fitting_core.config.schema import FitConfig
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.io.clip_reader import read_clip
 from fitting_core.lifting.focal_length import estimate_focal
-from fitting_core.measure.depth_figures import DepthRecord, figures, measured
+from fitting_core.measure.depth_figures import DepthRecord, depth_figures, measured
 from fitting_core.measure.limbs import HIPS, Limbs, limb_figures, pa_mpjpe
 from fitting_core.measure.references.points import read_points
 from fitting_core.measure.references.reference import Reference
@@ -187,7 +187,7 @@ _OF_SUITE = {
 
 def _of_suite(records: list[DepthRecord], limbs: list[list[Limbs]]) -> Figures:
     found, true = (np.concatenate(side) for side in zip(*limbs, strict=True))
-    own = figures(records, "")["all"]
+    own = depth_figures(records, "")["all"]
     return _of_limbs(found, true) | {column: own[title] or 0.0 for title, column in _OF_SUITE.items()}
 
 

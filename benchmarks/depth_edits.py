@@ -29,11 +29,11 @@ from fitting_core.fit.phases.limb_flips import LIMBS, LimbFlips
 from fitting_core.fit.phases.limb_flips import Limb as TwoBones
 from fitting_core.fit.stages import Stages
 from fitting_core.keypoints import INDEX
-from fitting_core.synthetic.excerpts import picked
 from fitting_core.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
 from tcfit_app.fitting.jobs import around
 from tcfit_app.fitting.live import REACH
 from tcfit_app.review.gestures.depths import Limb, SeenBody, Way, limbs_of
+from tests.samples.excerpts import picked
 
 DEEP = 0.15
 """Metres of depth from its root that a limb's end must have in the middle of the range."""

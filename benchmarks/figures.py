@@ -9,10 +9,10 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from benchmarks.hard_poses import Arm, HardPose, Leg, Vector
+from build_assets.motion_capture.retarget import collar_rotation
 from fitting_core.body.model import N_HAND_COMPONENTS, N_JOINTS, POSE_JOINTS, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
-from fitting_core.build_assets.motion_capture.retarget import collar_rotation
 from fitting_core.camera import Camera
 from fitting_core.keypoints import COUNT, Keypoints
 from fitting_core.synthetic.acting.handshapes import HANDSHAPES, finger_angles

@@ -38,9 +38,9 @@ from fitting_core.io.start_reader import read_start
 from fitting_core.measure.depth_figures import LIMB_JOINTS
 from fitting_core.measure.pairing import BODY_JOINTS
 from fitting_core.metrics import mpjpe, pa_mpjpe
-from fitting_core.synthetic.excerpts import picked
 from fitting_core.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
 from fitting_core.synthetic.motion_suite.windows import HALVES
+from tests.samples.excerpts import picked
 
 _HIPS = [LIMB_JOINTS.index(JOINT[f"{side}_hip"]) for side in ("left", "right")]
 _WORSE = 1.0

@@ -29,7 +29,6 @@ from fitting_core.fit.fitting import fit_clip
 from fitting_core.keypoints import LEFT_HAND
 from fitting_core.measure.hands.handshapes import HandshapeSet
 from fitting_core.measure.hands.phases import HOLD, SIDES, Side, hand_phases
-from fitting_core.measure.hands.scripted import Agreement, agreement, scripted_phases
 from fitting_core.synthetic.acting.handshapes import HANDSHAPES
 from fitting_core.synthetic.acting.script import ArmKey, Build
 from fitting_core.synthetic.studio.world_camera import View
@@ -37,6 +36,7 @@ from fitting_core.synthetic.suite import MOTIONS, SEQUENCES, SUBJECTS, SuiteSequ
 from tcfit_app.analysis.hand_tiers import handshapes, visible_frames
 from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.analysis.posed_fit import PosedFit
+from tests.samples.scripted_phases import Agreement, agreement, scripted_phases
 
 
 def _signing(name: str, subject: int, frames: int, seed: int, azimuth: float, distance: float) -> SuiteSequence:

@@ -9,12 +9,12 @@ import torch
 import tyro
 from jaxtyping import Float
 
-from assets import BODIES
 from benchmarks.clips import data_folder
+from build_assets.free_body.hand.hand_space import hand_of, learn, read_recordings
+from build_assets.free_body.hand.recordings import joint_angles
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.hand_skeleton import HandSkeleton
-from fitting_core.build_assets.free_body.hand.hand_space import hand_of, learn, read_recordings
-from fitting_core.build_assets.free_body.hand.recordings import joint_angles
+from fitting_core.shipped import FREE_FOLDER
 from fitting_core.synthetic.acting.handshapes import HANDSHAPES
 from tests.samples.hand_spaces import Space, anatomical, named_shapes, nearest
 
@@ -34,7 +34,7 @@ def explained(angles: Float[np.ndarray, "n 45"], space: Space, size: int) -> flo
 
 def space_of(body_file: str, hand: HandSkeleton) -> Space:
     """The left hand's space of a body file, in anatomical angles of the hand."""
-    body = load_body(BODIES / body_file)
+    body = load_body(FREE_FOLDER / body_file)
     return anatomical(body.hand_mean[0], hand), anatomical(body.hand_components[0], hand)
 
 
@@ -46,7 +46,7 @@ def main(bodies: tuple[str, ...] = ("SMPLX_NEUTRAL.npz",), sizes: tuple[int, ...
         sizes: numbers of components.
     """
     torch.set_num_threads(1)
-    hand = hand_of(load_body(BODIES / "SMPLX_NEUTRAL.npz"))
+    hand = hand_of(load_body(FREE_FOLDER / "SMPLX_NEUTRAL.npz"))
     folder = data_folder() / "mocap" / "leap_hands" / "npz"
     recorded = {r.name: joint_angles(r.directions, hand) for r in read_recordings(folder)}
     random = np.random.default_rng(0)

@@ -20,6 +20,7 @@ from tyro.conf import OmitArgPrefixes, Positional
 
 from benchmarks.real_clips import config_of
 from benchmarks.report import Common, Row, progress, report, start
+from benchmarks.solvers import solved
 from fitting_core import keypoints as kp
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, POSE_JOINTS, BodyModel
@@ -40,7 +41,6 @@ from fitting_core.synthetic.acting.handshapes import FINGERS, HANDSHAPES, finger
 from fitting_core.synthetic.acting.limbs import LIMBS, Figure, hand_rotation
 from fitting_core.synthetic.acting.performance import standing_root
 from fitting_core.synthetic.studio.world_camera import WorldCamera, in_camera
-from tcfit_app.bench.measuring import solved
 
 SIDES = {"left": (1.0, kp.LEFT_HAND), "right": (-1.0, kp.RIGHT_HAND)}
 VIEWS = {

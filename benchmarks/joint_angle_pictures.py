@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from tyro.conf import Positional
 
 from fitting_core.body.files.reading import load_body
-from fitting_core.body.files.registry import FREE_FOLDER, find_body
+from fitting_core.body.files.registry import find_body
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.segment_axes import BONES, rest_axes
@@ -24,8 +24,9 @@ from fitting_core.camera import Camera
 from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.measure.angles.joint_angles import joint_angles
 from fitting_core.measure.angles.segments import Segments
-from fitting_core.render.renderer import Renderer, Surface
+from fitting_core.render.renderer import DrawnMesh, Renderer
 from fitting_core.render.sheets import Cell, View, beside, sheet
+from fitting_core.shipped import FREE_FOLDER
 
 Image = UInt8[np.ndarray, "H W 3"]
 _AXES = ((200, 30, 30), (20, 140, 40), (30, 60, 220))
@@ -179,7 +180,7 @@ def _whole(body: BodyModel, degrees: float, size: tuple[int, int]) -> Image:
 
 def _picture(motion: Motion, view: View, color: tuple[float, float, float]) -> Image:
     vertices = next(iter(motion.vertices()))
-    surface = Surface(vertices=view.camera_space(vertices), faces=motion.body.faces, color=color)
+    surface = DrawnMesh(vertices=view.camera_space(vertices), faces=motion.body.faces, color=color)
     return np.ascontiguousarray(Renderer(view.camera).draw([surface]).over())
 
 

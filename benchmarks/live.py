@@ -6,10 +6,13 @@ Needs the development data (see clips.py).
 """
 
 import time
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from statistics import median
 
 import numpy as np
 import torch
+from jaxtyping import Float
 from tyro.conf import OmitArgPrefixes
 
 from benchmarks.clips import read
@@ -21,13 +24,11 @@ from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
-from fitting_core.config.schema import PRESETS
+from fitting_core.config.schema import PRESETS, FitConfig
 from fitting_core.fit.events import drained
 from fitting_core.fit.fitting import fit_clip, rerun_events
-from fitting_core.synthetic.excerpts import mirrored
-from tcfit_app.bench.figures import Figure
-from tcfit_app.bench.measuring import dragged, quick, timed
 from tcfit_app.fitting.live import REACH, Correction, LiveCorrection
+from tests.samples.excerpts import mirrored
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,9 +52,60 @@ class Live:
     common: OmitArgPrefixes[Common] = field(default_factory=Common)
 
 
-def _row(clip: str, reach: int, what: str, times: list[tuple[float, float]]) -> Row:
-    wall, cpu = (Figure(name=what, unit="ms", values=values) for values in zip(*times, strict=True))
-    return {"clip": clip, "window": f"{2 * reach + 1}"} | repeated(wall) | {"CPU median ms": cpu.median}
+Times = list[tuple[float, float]]
+"""Milliseconds on the wall's clock and of the processor."""
+_BEGINS = 3
+"""Times that a drag is begun: that happens once for each."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drag:
+    """What a drag took and where it ended; parameters of all frames."""
+
+    times: dict[str, Times]
+    on_the_way: BodyParams
+    """After the last move."""
+    released: BodyParams
+
+
+def quick(config: FitConfig) -> FitConfig:
+    """The same without the restarts of phase 1: what the drag starts from need not be the best."""
+    return replace(config, relay_rounds=0, limb_flips=False, yaws="side_view")
+
+
+def timed(work: Callable[[], object]) -> tuple[float, float]:
+    """Milliseconds that it takes, on the wall's clock and of the processor."""
+    wall, cpu = time.perf_counter(), time.thread_time()
+    work()
+    return 1e3 * (time.perf_counter() - wall), 1e3 * (time.thread_time() - cpu)
+
+
+def dragged(correction: Correction, targets: list[Float[np.ndarray, "n 2"]]) -> Drag:
+    """Drag keypoints along a way.
+
+    Args:
+        correction: What is dragged.
+        targets: Where the keypoints are at each move, pixels.
+    """
+    live: list[LiveCorrection] = []
+    ends: list[BodyParams] = []
+    begins = [timed(lambda: live.append(LiveCorrection(correction, targets[0]))) for _ in range(_BEGINS)]
+    drag = live[-1]
+
+    def follow(xy: np.ndarray) -> None:
+        drag.move(xy)
+        drag.resolve()
+
+    moves = [timed(lambda xy=xy: follow(xy)) for xy in targets]
+    on_the_way = drag.params
+    release = [timed(lambda: ends.append(drained(drag.release()).params))]
+    times = {"begin": begins, "move": moves, "release": release}
+    return Drag(times=times, on_the_way=on_the_way, released=ends[0])
+
+
+def _row(clip: str, reach: int, what: str, times: Times) -> Row:
+    wall, cpu = zip(*times, strict=True)
+    return {"clip": clip, "window": f"{2 * reach + 1}"} | repeated(what, wall) | {"CPU median ms": median(cpu)}
 
 
 def drag_rows(name: str, correction: Correction, targets: list[np.ndarray], reruns: int) -> tuple[list[Row], Row]:

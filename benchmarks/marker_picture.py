@@ -14,13 +14,13 @@ from jaxtyping import Float, UInt8
 from tyro.conf import Positional
 
 from fitting_core.body.files.reading import load_body
-from fitting_core.body.files.registry import FREE_FOLDER
 from fitting_core.body.markers.marker_set import RADIUS, STANDARD, marker_places
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.render.renderer import Renderer, Surface
+from fitting_core.render.renderer import DrawnMesh, Renderer
 from fitting_core.render.sheets import View, beside
+from fitting_core.shipped import FREE_FOLDER
 
 Image = UInt8[np.ndarray, "H W 3"]
 _COLOR = (0.85, 0.12, 0.08)
@@ -68,8 +68,8 @@ def picture_of(
     """A body with markers as balls, and their names beside those that are seen."""
     ball = trimesh.creation.icosphere(subdivisions=2, radius=1.3 * RADIUS)
     faces = np.asarray(ball.faces)
-    balls = [Surface(vertices=view.camera_space(ball.vertices + at), faces=faces, color=_COLOR) for at in places]
-    skin = Surface(vertices=view.camera_space(vertices), faces=body.faces)
+    balls = [DrawnMesh(vertices=view.camera_space(ball.vertices + at), faces=faces, color=_COLOR) for at in places]
+    skin = DrawnMesh(vertices=view.camera_space(vertices), faces=body.faces)
     drawn = Renderer(view.camera).draw([skin, *balls])
     image = np.ascontiguousarray(drawn.over())
     depths, pixels = view.camera_space(places)[:, 2], view.pixels(places)

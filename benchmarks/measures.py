@@ -9,14 +9,14 @@ from jaxtyping import Bool, Float
 from scipy.signal import butter, sosfiltfilt
 
 from benchmarks.clips import Sample
+from build_assets.pose_prior.dataset import matrices
+from build_assets.pose_prior.skeleton import Contact, Skeleton
 from fitting_core import keypoints as kp
 from fitting_core import metrics
 from fitting_core.body.joint_ranges import joint_ranges
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.build_assets.pose_prior.dataset import matrices
-from fitting_core.build_assets.pose_prior.skeleton import Contact, Skeleton
 from fitting_core.fit.terms.limits import AngleTable
 from fitting_core.synthetic.demo_clip import keypoints_in_space
 

@@ -16,15 +16,17 @@ from jaxtyping import Float, UInt8
 from tyro.conf import Positional
 
 from fitting_core.body.files.reading import load_body
-from fitting_core.body.files.registry import FREE_FOLDER, find_body
+from fitting_core.body.files.registry import find_body
 from fitting_core.body.mesh import shared_mesh
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.io.result_files import read_fit
 from fitting_core.keypoints import BODY, BONES
 from fitting_core.render.renderer import Renderer
-from fitting_core.render.sheets import Cell, beside, body_picture, fitted_views, write_sheet
+from fitting_core.render.sheets import Cell, beside, write_sheet
+from fitting_core.shipped import FREE_FOLDER
 from fitting_core.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
+from tests.samples.body_pictures import body_picture, fitted_views
 
 _HEIGHT = 300
 """Of a picture, pixels."""

@@ -36,7 +36,7 @@ from fitting_core.ground.path_scale import estimate_path_scale
 from fitting_core.io.motion.fitted_motion import OWN_WORLD, Motion
 from fitting_core.lens import filmed, straightened_keypoints
 from fitting_core.metrics import jitter, mpjpe, pa_mpjpe
-from fitting_core.render.renderer import DEFAULT_COLOR, Renderer, Surface
+from fitting_core.render.renderer import DEFAULT_COLOR, DrawnMesh, Renderer
 from fitting_core.render.sheets import View
 from fitting_core.synthetic.motion_suite.clips import motion_sequences
 from fitting_core.synthetic.motion_suite.measured_detector import detected
@@ -287,7 +287,7 @@ def _write_sheet(path: Path, shot: _Shot, fit: _Fit) -> None:
         cells = []
         for frame in chosen.tolist():
             surfaces = [
-                Surface(
+                DrawnMesh(
                     vertices=view.camera_space(mesh(params[[frame]])[0].numpy().astype(float)),
                     faces=shot.body.faces,
                     color=color,

@@ -24,7 +24,7 @@ from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.measure.angles.angle_files import write_mot
-from fitting_core.measure.angles.opensim import ARM_FRAMES, world_of
+from fitting_core.measure.angles.opensim import ARM_FRAMES, opensim_world
 from fitting_core.measure.angles.segments import MIRROR_SIDES, Segments
 from fitting_core.synthetic.motion_suite.windows import FRAME_RATE, MotionWindow, acted, shipped_windows
 
@@ -107,7 +107,7 @@ def _played(model: Any, state: Any, motion: Motion) -> Iterator[Pose]:
     model.getSimbodyEngine().convertDegreesToRadians(table)
     coordinates, values = model.getCoordinateSet(), table.getMatrix().to_numpy()
     segments = Segments(motion)
-    world = world_of(segments).from_y_up
+    world = opensim_world(segments).from_y_up
     joints = segments.joints @ world.T
     expected = {body: world @ _model_axes(body, segments.axes[name]) for body, name in _BODIES.items()}
     for t in range(0, len(values), _EVERY):

@@ -8,6 +8,7 @@ drawing itself.
 
 import time
 from dataclasses import dataclass, field, replace
+from statistics import median
 
 import numpy as np
 import torch
@@ -20,7 +21,6 @@ from fitting_core.camera import Camera
 from fitting_core.synthetic.demo_clip import cached_demo
 from fitting_core.synthetic.truth import read_truth
 from fitting_core.video.frames import FrameSource
-from tcfit_app.bench.figures import Figure
 from tcfit_app.review.scene.layers import BodyLayer, FrameImage
 from tcfit_app.review.scene.poster import Poster, Posters
 from tcfit_app.review.scene.space import Space
@@ -166,9 +166,8 @@ def play(shown: Screen, what: str, snapshots: list[Posters | Space], pace: float
     shown.page.wait_for_timeout(1e3 / pace)
     length = time.perf_counter() - began
     used = busy() - before - idle * length
-    shown_in = Figure(name=what, unit="ms", values=tuple(times))
-    return repeated(shown_in) | {
-        "CPU median ms": Figure(name=what, unit="ms", values=tuple(own)).median,
+    return repeated(what, times) | {
+        "CPU median ms": median(own),
         "server CPU ms with sending": 1e3 * (time.process_time() - processor) / len(snapshots),
         "browser main thread ms": 1e3 * used / len(snapshots),
     }

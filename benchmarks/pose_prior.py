@@ -1,7 +1,7 @@
 """The trained pose prior on people whom its training never saw: how exactly their poses come back, and its samples.
 
 Beside it principal components of the same number, of the axis-angle and of the 6D rotations, found on the same poses.
-Needs the motion capture that the prior was trained on (`fitting_core.build_assets.pose_prior`).
+Needs the motion capture that the prior was trained on (`build_assets.pose_prior`).
 """
 
 from collections.abc import Callable
@@ -15,15 +15,16 @@ from torch import Tensor
 from tyro.conf import OmitArgPrefixes, Positional
 
 from benchmarks.report import Common, Row, progress, report, start
+from build_assets.motion_capture.collections import split
+from build_assets.motion_capture.retarget import load
+from build_assets.pose_prior.dataset import balanced, matrices, pool
+from build_assets.pose_prior.skeleton import Contact, Skeleton
 from fitting_core.body import rotations
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.params import BodyParams
-from fitting_core.build_assets.motion_capture.collections import split
-from fitting_core.build_assets.motion_capture.retarget import load
-from fitting_core.build_assets.pose_prior.dataset import balanced, matrices, pool
-from fitting_core.build_assets.pose_prior.skeleton import Contact, Skeleton
 from fitting_core.priors.pose import make_prior
-from fitting_core.render.sheets import Cell, beside, pose_cells, write_sheet
+from fitting_core.render.sheets import Cell, beside, write_sheet
+from tests.samples.body_pictures import pose_cells
 
 Coder = Callable[[Float[Tensor, "N 21 3 3"]], Float[Tensor, "N 21 3 3"]]
 """Rotations through a bottleneck and back."""

@@ -31,7 +31,7 @@ from fitting_core.fit.stages import Stages
 from fitting_core.fit.terms.data import Data
 from fitting_core.fit.terms.temporal import Evenness
 from fitting_core.fit.variables.point_jacobian import PointJacobian
-from fitting_core.synthetic.excerpts import mirrored
+from tests.samples.excerpts import mirrored
 
 SECTIONS = [
     Section("forward: pose the points", ((BodyPoints, "forward"),)),

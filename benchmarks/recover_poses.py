@@ -18,12 +18,12 @@ from benchmarks.figures import BACK, CAMERA, VIEWS, before_camera, figure_of, se
 from benchmarks.hard_poses import HARD_POSES
 from benchmarks.real_clips import config_of
 from benchmarks.report import Common, Row, progress, report, start
+from build_assets.motion_capture.collections import split
+from build_assets.motion_capture.retarget import load
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
-from fitting_core.build_assets.motion_capture.collections import split
-from fitting_core.build_assets.motion_capture.retarget import load
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
@@ -34,7 +34,8 @@ from fitting_core.fit.solvers.problem import IndependentFrames
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.metrics import procrustes
 from fitting_core.render.renderer import DEFAULT_COLOR
-from fitting_core.render.sheets import Cell, beside, body_picture, fitted_views, write_sheet
+from fitting_core.render.sheets import Cell, beside, write_sheet
+from tests.samples.body_pictures import body_picture, fitted_views
 
 RETURNED_MM = 15.0
 """Mean vertex error under which a pose counts as returned."""

@@ -1,23 +1,27 @@
 """What all benchmarks share: their options, how they start, and how they report."""
 
 import json
+import math
+import platform
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from statistics import median
 from typing import Any
 
+import numpy as np
 import torch
 import tyro
 
 from fitting_core.body.files.reading import load_body
-from fitting_core.body.files.registry import FREE_FOLDER, find_body
+from fitting_core.body.files.registry import find_body
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
+from fitting_core.fit.fused.ready import cores
 from fitting_core.io.summary import versions
-from tcfit_app.bench.figures import Figure, number
-from tcfit_app.bench.machine import machine as computer
+from fitting_core.shipped import FREE_FOLDER
 
 Row = Mapping[str, str | float | None]
 """One line of a table, by column. None: there is nothing to tell."""
@@ -53,11 +57,17 @@ def start(options_type: type, run: Callable[[Any], None]) -> None:
         sys.exit(str(error))
 
 
-def repeated(figure: Figure) -> dict[str, str | float | None]:
-    """What was measured several times, as `tcfit bench` states it; empty cells if it never was."""
-    median, high = (figure.median, figure.high) if figure.values else (None, None)
-    unit = figure.unit
-    return {"what": figure.name, "n": str(len(figure.values)), f"median {unit}": median, f"95 % {unit}": high}
+def repeated(what: str, milliseconds: Sequence[float]) -> dict[str, str | float | None]:
+    """What was measured several times: the median, and what 95 % do not exceed; empty cells if it never was."""
+    middle, high = (median(milliseconds), float(np.percentile(milliseconds, 95))) if milliseconds else (None, None)
+    return {"what": what, "n": str(len(milliseconds)), "median ms": middle, "95 % ms": high}
+
+
+def number(value: float) -> str:
+    """Three digits that count."""
+    if value == 0 or not math.isfinite(value):
+        return f"{value:g}"
+    return f"{value:.{max(0, 2 - math.floor(math.log10(abs(value))))}f}"
 
 
 def _cell(value: str | float | None) -> str:
@@ -96,7 +106,15 @@ def progress(text: str) -> None:
 
 def machine() -> dict[str, str | int | float]:
     """What the figures depend on beside the code."""
-    return computer() | versions() | {"threads": torch.get_num_threads()}
+    system = {"processor": _processor(), "cores": cores(), "system": f"{platform.system()} {platform.machine()}"}
+    return system | versions() | {"threads": torch.get_num_threads()}
+
+
+def _processor() -> str:
+    listed = Path("/proc/cpuinfo")
+    lines = listed.read_text(errors="replace").splitlines() if listed.is_file() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()
 
 
 def _write_whole(path: Path, text: str) -> None:

@@ -18,19 +18,21 @@ import torch
 from jaxtyping import Bool, Float
 from scipy.spatial.transform import Rotation
 
+from build_assets.motion_capture.mocap import read_motions
+from build_assets.motion_capture.plausible import plausible
+from build_assets.motion_capture.retarget import retarget
+from build_assets.motion_capture.rigs import RIGS, SIDES, Rig
+from build_assets.motion_capture.skeleton import SourceMotion
 from fitting_core.body.files.reading import load_body
-from fitting_core.body.files.registry import FREE_FOLDER, find_body
+from fitting_core.body.files.registry import find_body
 from fitting_core.body.geometry import twist
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT
 from fitting_core.body.params import BodyParams
-from fitting_core.build_assets.motion_capture.mocap import read_motions
-from fitting_core.build_assets.motion_capture.plausible import plausible
-from fitting_core.build_assets.motion_capture.retarget import retarget
-from fitting_core.build_assets.motion_capture.rigs import RIGS, SIDES, Rig
-from fitting_core.build_assets.motion_capture.skeleton import SourceMotion
 from fitting_core.errors import InputError
-from fitting_core.render.sheets import Cell, beside, body_picture, fitted_views, skeleton_picture, write_sheet
+from fitting_core.render.sheets import Cell, beside, write_sheet
+from fitting_core.shipped import FREE_FOLDER
+from tests.samples.body_pictures import body_picture, fitted_views, skeleton_picture
 
 VIEWS = (0.0, 70.0)
 """Degrees from which each pose is shown: in front, and from its left a little from the front."""

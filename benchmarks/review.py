@@ -23,7 +23,6 @@ from tyro.conf import OmitArgPrefixes
 from benchmarks.report import Common, Row, progress, repeated, report, start
 from fitting_core.errors import InputError
 from fitting_core.keypoints import INDEX
-from tcfit_app.bench.figures import Figure
 from tcfit_app.project.project import Project
 from tests.drivers.browser import chromium
 
@@ -214,7 +213,7 @@ def playback(page: "Page", seconds: float) -> tuple[list[float], list[float]]:
 
 def summary(what: str, times: list[float], target: str) -> Row:
     """A line of the table; milliseconds."""
-    return repeated(Figure(name=what, unit="ms", values=tuple(times))) | {"target": target}
+    return repeated(what, times) | {"target": target}
 
 
 def on_screen(page: "Page", project: Path, frame: int, keypoint: str) -> tuple[float, float]:

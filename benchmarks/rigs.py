@@ -31,7 +31,7 @@ from fitting_core.io.motion.rigs.retargeting.touch import SIDES, gaps, touches
 from fitting_core.io.motion.rigs.rig_bvh import write_rig_bvh
 from fitting_core.io.motion_files import stored_motion
 from fitting_core.io.result_files import read_fit
-from fitting_core.render.renderer import Renderer, Surface
+from fitting_core.render.renderer import DrawnMesh, Renderer
 from fitting_core.render.sheets import View, beside
 
 Image = UInt8[np.ndarray, "H W 3"]
@@ -158,7 +158,7 @@ def _draw(path: Path, motion: Motion, own: RigMotion, frame: int) -> None:
 
 
 def _surface(vertices: np.ndarray, faces: np.ndarray, view: View) -> Image:
-    drawn = Renderer(view.camera).draw([Surface(vertices=view.camera_space(vertices), faces=faces)])
+    drawn = Renderer(view.camera).draw([DrawnMesh(vertices=view.camera_space(vertices), faces=faces)])
     return np.ascontiguousarray(drawn.over())
 
 

@@ -4,11 +4,13 @@ Start is the camera step's result; 180 degree tests and relay are off. Frames ar
 does it, and all together.
 """
 
+import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Int
+from torch import Tensor
 from tyro.conf import OmitArgPrefixes
 
 from benchmarks.clips import read
@@ -19,10 +21,15 @@ from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
-from fitting_core.fit.solvers import SOLVERS, make_solver
+from fitting_core.fit.events import drained
+from fitting_core.fit.objective import FrameObjective
+from fitting_core.fit.phases.initialize import guess_depth, starting_state
+from fitting_core.fit.solvers import SOLVERS, Solver, make_solver
+from fitting_core.fit.solvers.problem import IndependentFrames
+from fitting_core.fit.solvers.solution import Solution
 from fitting_core.fit.stages import N_STAGES, Stages
-from fitting_core.synthetic.excerpts import picked, spread
-from tcfit_app.bench.measuring import Outcome, camera_start, five_stages, stage_objective
+from fitting_core.fit.variables.state import State
+from tests.samples.excerpts import picked, spread
 
 _HAND_POINTS = 15
 """A hand counts as detected from so many of its 21 keypoints on."""
@@ -52,6 +59,48 @@ def with_hands(clip: Clip) -> Int[np.ndarray, "n"]:
     seen = clip.keypoints.confidence > 0
     hands = np.maximum(seen[:, kp.LEFT_HAND].sum(1), seen[:, kp.RIGHT_HAND].sum(1)) >= _HAND_POINTS
     return np.flatnonzero(hands & seen[:, kp.FACE].any(1))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """Five stages over some frames."""
+
+    state: State
+    seconds: float
+    evaluations: int
+
+
+def solved(solver: Solver, problem: IndependentFrames, state: State, *, final: bool) -> Solution:
+    """The solution of a minimisation, without its progress."""
+    return drained(solver.minimise(problem, state, final=final))
+
+
+def camera_start(stages: Stages) -> State:
+    """What all solvers start from: the camera step, facing the camera, solved by lm."""
+    depth = guess_depth(stages).depth
+    problem = IndependentFrames(stages.camera_objective(depth), stages.all_frames)
+    solver = make_solver("lm", stages.config.settings)
+    return solved(solver, problem, starting_state(stages, depth, 0.0), final=True).state
+
+
+def five_stages(stages: Stages, solver: Solver, state: State, groups: list[Tensor]) -> Outcome:
+    """All stages in a row; frames of one group are solved together. Only the solver's own time counts."""
+    evaluations, seconds = 0, 0.0
+    for frames in groups:
+        for stage in range(1, N_STAGES + 1):
+            problem = IndependentFrames(stage_objective(stages, stage, state), frames)
+            begin = time.perf_counter()
+            solution = solved(solver, problem, state[frames], final=stage == N_STAGES)
+            seconds += time.perf_counter() - begin
+            state = state.put(frames, solution.state)
+            evaluations += solution.evaluations
+    return Outcome(state=state, seconds=seconds, evaluations=evaluations)
+
+
+def stage_objective(stages: Stages, stage: int, state: State) -> FrameObjective:
+    """The objective of a stage with everything free that phase 1 frees in it."""
+    free = stages.free(stage, betas=True, resting=True, translation=not stages.config.camera_frozen)
+    return stages.objective(stage, state, free)
 
 
 def compared(clip: Clip, body: BodyModel, options: Solvers, config: FitConfig) -> list[Row]:

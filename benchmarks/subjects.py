@@ -116,7 +116,7 @@ def _rest(body: BodyModel, betas: Float[np.ndarray, "10"]) -> Float[np.ndarray, 
 
 
 def _volume(body: BodyModel, betas: Float[np.ndarray, "10"]) -> float:
-    return float(Enclosed.of(body)(_rest(body, betas)[None])[0])
+    return float(Enclosed.of(body.faces)(_rest(body, betas)[None])[0])
 
 
 def _height(body: BodyModel, betas: Float[np.ndarray, "10"]) -> float:

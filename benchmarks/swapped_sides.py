@@ -19,11 +19,11 @@ from benchmarks.clips import data_folder
 from benchmarks.figures import figure_of
 from benchmarks.hard_poses import HARD_POSES
 from benchmarks.report import Common, Row, progress, report, start
+from build_assets.motion_capture.retarget import MotionClip, load
 from fitting_core.body.mesh import shared_mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
-from fitting_core.build_assets.motion_capture.retarget import MotionClip, load
 from fitting_core.camera import Camera
 from fitting_core.fit.evidence.sides import PAIRED, unswapped
 from fitting_core.io.clip_reader import read_clip

@@ -15,10 +15,11 @@ print(result.last.params.body_pose.shape)  # frames, 63: axis-angle in radians
 ```
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:  # for editors and type checkers, which do not follow the table below; a test compares the two
+from fitting_core.lazy_names import lazy_names
+
+if TYPE_CHECKING:  # the table of public names, which `lazy_names` reads
     from fitting_core.body.files.reading import load_body as load_body
     from fitting_core.body.files.registry import find_body as find_body
     from fitting_core.body.files.registry import list_bodies as list_bodies
@@ -81,55 +82,6 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not follow the tabl
     from fitting_core.synthetic.demo_clip import cached_demo as cached_demo
     from fitting_core.synthetic.demo_clip import make_demo as make_demo
 
-_HOMES = {
-    "body.files.reading": ("load_body",),
-    "body.files.registry": ("find_body", "list_bodies"),
-    "body.mesh": ("Mesh",),
-    "body.model": ("BodyModel",),
-    "body.params": ("BodyParams",),
-    "body.points.positions": ("joints_in_space", "keypoints_in_space"),
-    "camera": ("Camera",),
-    "clip": ("Clip",),
-    "config.schema": ("PRESETS", "FitConfig", "ShapeSample", "SolverSettings", "Temporal", "Weights"),
-    "config.toml": ("read_config",),
-    "detect.detecting": ("DetectionProgress",),
-    "detect.detectors": ("DETECTORS", "find_detector"),
-    "errors": ("InputError",),
-    "fit.events": ("Finished", "FitEvent", "Iteration", "PhaseFinished", "PhaseStarted", "FramesFitted"),
-    "fit.fitting": ("fit_clip", "fit_events", "rerun_events"),
-    "fit.evidence.known_shape": ("KnownShape",),
-    "fit.objective_values": ("ObjectiveValues", "evaluate_objective"),
-    "fit.refitting": ("refit",),
-    "fit.result": ("FitResult", "PhaseResult"),
-    "io": ("read_motion",),
-    "io.clip_reader": ("read_clip", "read_keypoints"),
-    "io.known_shape": ("read_known_shape",),
-    "io.motion.fitted_motion": ("Motion",),
-    "io.motion.mesh_sequence": ("write_obj_sequence", "write_ply_sequence"),
-    "io.motion_files": ("motion_of", "stored_motion", "write_motion"),
-    "io.people_reader": ("read_people",),
-    "io.result_files": ("StoredFit", "read_fit", "write_result"),
-    "io.start_reader": ("read_start",),
-    "keypoints": ("Keypoints",),
-    "measure.comparison": ("Comparison", "figure_titles"),
-    "measure.fit_figures": ("evaluate_fit",),
-    "measure.references.files": ("read_reference",),
-    "render.motion_views": ("Look", "picture_of"),
-    "render.overlay": ("write_overlay",),
-    "synthetic.demo_clip": ("cached_demo", "make_demo"),
-}
-"""Module -> what it offers here. A folder's name must not be among them: once imported, the folder would hide it."""
-_HOME_OF = {name: f"{__name__}.{module}" for module, names in _HOMES.items() for name in names}
 
-__all__ = sorted(_HOME_OF)  # pyright: ignore[reportUnsupportedDunderAll]
-
-
-def __getattr__(name: str) -> Any:
-    """A public name, imported from its home (PEP 562)."""
-    if name not in _HOME_OF:
-        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
-    return getattr(import_module(_HOME_OF[name]), name)
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+# A folder's name must not be among them: once imported, the folder would hide it.
+__all__, __getattr__, __dir__ = lazy_names(__name__, __file__)  # pyright: ignore[reportUnsupportedDunderAll]

@@ -18,13 +18,11 @@ if TYPE_CHECKING:  # Reading a clip needs a camera and must not load torch.
 FULL_FRAME_DIAGONAL_MM = math.hypot(36.0, 24.0)
 DEFAULT_FOCAL = "not known: assumed to be the image diagonal, a 43 mm equivalent (diagonal field of view 53 degrees)"
 """`Camera.source` of the image's diagonal."""
-DEFAULT_RULE: FocalRule = "auto"
-"""What commands and the library take where nobody says anything of the focal length."""
 FocalRule = Literal["auto", "diagonal"]
 """What stands in for a focal length that nobody gave: what the images tell, or else an estimate from the clip; or the
 image's diagonal."""
 DEFAULT_RULE: FocalRule = "auto"
-"""What commands and the library take where nobody says anything of the focal length."""
+"""What commands and the library use where no focal length is given."""
 
 
 class FocalFrom(StrEnum):
@@ -41,7 +39,7 @@ class FocalFrom(StrEnum):
     DIAGONAL = "diagonal"
     """Nobody knows it: the image's diagonal stands in for it."""
     PROGRAM = "program"
-    """Another program took it, which says no more: most take the same for all cameras."""
+    """Another program assumed it without saying why: most use one value for all cameras."""
 
 
 _KNOWN = (FocalFrom.GIVEN, FocalFrom.FILE, FocalFrom.PHOTOGRAPHS)

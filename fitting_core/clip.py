@@ -23,7 +23,7 @@ class Clip:
     """The video file or folder of images, if there is one; frame i of the keypoints is its frame i + first_frame."""
     first_frame: int = 0
     detector: str = ""
-    """Who found the keypoints, by its name in `keypoint_noise.DETECTORS`; empty where nobody knows."""
+    """Who found the keypoints, by its name in `keypoint_noise.DETECTOR_TITLES`; empty where nobody knows."""
     notes: tuple[str, ...] = ()
     """What a user should know about how the input was read: alignment, gaps, the person chosen."""
     silhouettes: Silhouettes | None = None
@@ -43,7 +43,7 @@ class Clip:
                 1; or None: what was detected is wrong, and does not count.
 
         Raises:
-            InputError: There is no such frame or keypoint, or a position is no number.
+            InputError: There is no such frame or keypoint, or a position is not finite.
         """
         if not 0 <= frame < len(self):
             raise InputError(f"There is no frame {frame} to correct: the clip has frames 0 to {len(self) - 1}.")

@@ -1,7 +1,9 @@
 """The one exception for what a user gave (files, options, clips), and names in its messages."""
 
 from collections.abc import Iterable
-from itertools import islice
+
+_LONGEST = 40
+"""Characters of a name from a file that are shown in a message."""
 
 
 class InputError(ValueError):
@@ -12,14 +14,9 @@ class InputError(ValueError):
     """
 
 
-def short_name(name: object, *, most: int = 40) -> str:
-    """A name from a file: the letters of it that can be shown, up to so many."""
-    text = "".join(c if c.isprintable() else "?" for c in str(name)[: most + 1])
-    return text if len(text) <= most else f"{text[: most - 3]}..."
-
-
 def some_of(names: Iterable[object], *, most: int = 8) -> str:
-    """The first of some names, with commas between them, and how many more there are; "nothing" where there is none."""
-    names = list(names)
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return (", ".join(short_name(name) for name in islice(names, most)) or "nothing") + more
+    """The first of some names in a file, shortened, with how many more there are; "nothing" where there is none."""
+    found = [str(name) for name in names]
+    shown = ["".join(c if c.isprintable() else "?" for c in name) for name in found[:most]]
+    short = [name if len(name) <= _LONGEST else f"{name[: _LONGEST - 3]}..." for name in shown]
+    return (", ".join(short) or "nothing") + (f" and {len(found) - most} more" if len(found) > most else "")

@@ -23,8 +23,8 @@ from jaxtyping import Float
 from fitting_core.keypoints import FACE, HANDS, NAMES
 
 OPENPOSE, MEDIAPIPE, COCO_WHOLEBODY = "openpose", "mediapipe", "coco-wholebody"
-DETECTORS = {OPENPOSE: "OpenPose", MEDIAPIPE: "MediaPipe", COCO_WHOLEBODY: "COCO-WholeBody"}
-"""Whose keypoints are told apart, and how they are called."""
+DETECTOR_TITLES = {OPENPOSE: "OpenPose", MEDIAPIPE: "MediaPipe", COCO_WHOLEBODY: "COCO-WholeBody"}
+"""Detectors whose noise is known, and their titles."""
 
 NOISE: dict[str, dict[str, float]] = {
     OPENPOSE: {
@@ -58,11 +58,6 @@ def deviations(detector: str) -> Float[np.ndarray, "137"]:
     return np.array([NOISE[detector][part(keypoint)] for keypoint in range(len(NAMES))])
 
 
-def known_detector(told: str) -> str:
-    """The name in DETECTORS that a file or a clip means; OpenPose where it tells none, or one that nobody measured."""
-    return told if told in DETECTORS else OPENPOSE
-
-
 def keypoint_weights(noise: str, detector: str) -> Float[np.ndarray, "137"]:
     """What each keypoint weighs for its noise, against one of OpenPose's that is equally confident.
 
@@ -73,9 +68,10 @@ def keypoint_weights(noise: str, detector: str) -> Float[np.ndarray, "137"]:
     Args:
         noise: `FitConfig.keypoint_noise`: whose noise the keypoints have; "auto" for the clip's own detector, "equal"
             for keypoints that all weigh the same.
-        detector: `Clip.detector`.
+        detector: `Clip.detector`; counts as OpenPose where it is unknown, or one that was not measured.
     """
     if noise == "equal":
         return np.ones(len(NAMES))
-    own = deviations(known_detector(detector) if noise == "auto" else noise)
+    told = detector if noise == "auto" else noise
+    own = deviations(told if told in DETECTOR_TITLES else OPENPOSE)
     return np.sqrt(np.minimum(1.0, deviations(OPENPOSE) / own))

@@ -109,13 +109,13 @@ class Keypoints:
     by_hand: Bool[np.ndarray, "T 137"] | None = None
     """Which were placed by a person; None: none."""
     depth: Float[np.ndarray, "T 137"] | None = None
-    """Metres behind the pelvis along the camera's z, as a person said; NaN where nobody did, None: nowhere.
+    """Metres behind the pelvis along the camera's z, as stated by a person; NaN where not stated, None: nowhere.
 
     It does not need a confidence: it says where the part is that has this name, detected or not.
     """
     turn: Float[np.ndarray, "T 137 3"] | None = None
-    """How the body's joint (see LOCKABLE) is turned against its parent, as a person said: axis-angle, radians; NaN
-    where nobody did, None: nowhere. It says nothing of the detection, and stays where sides are swapped back.
+    """How the body's joint (see LOCKABLE) is turned against its parent, as stated by a person: axis-angle, radians;
+    NaN where not stated, None: nowhere. It is independent of the detection, and stays where sides are swapped back.
     """
 
     def __post_init__(self) -> None:
@@ -127,12 +127,12 @@ class Keypoints:
 
     @property
     def placed(self) -> Bool[np.ndarray, "T 137"]:
-        """`by_hand`, where it is None too."""
+        """`by_hand`, all False when None."""
         return np.zeros(self.confidence.shape, bool) if self.by_hand is None else self.by_hand
 
     @property
     def told_depth(self) -> Float[np.ndarray, "T 137"]:
-        """`depth`, where it is None too."""
+        """`depth`, all NaN when None."""
         return np.full(self.confidence.shape, np.nan) if self.depth is None else self.depth
 
     def __len__(self) -> int:

@@ -37,7 +37,11 @@ class Plugin(Generic[Thing]):
         Returns:
             What was said: what, of which package, and what to do.
         """
-        return _report(Fault(group=self.group, name=self.name, package=self.package, reason=_in_words(reason)))
+        fault = Fault(group=self.group, name=self.name, package=self.package, reason=_in_words(reason))
+        if fault not in _faults:
+            _faults[fault] = None
+            _log.warning("%s", fault.text)
+        return fault.text
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,13 +76,6 @@ def faults() -> tuple[Fault, ...]:
     return tuple(_faults)
 
 
-def _report(fault: Fault) -> str:
-    if fault not in _faults:
-        _faults[fault] = None
-        _log.warning("%s", fault.text)
-    return fault.text
-
-
 def added(
     group: Group, kind: type[Thing], *others: type, taken: Container[str] = (), report_others: bool = True
 ) -> dict[str, Plugin[Thing]]:
@@ -87,7 +84,7 @@ def added(
     Args:
         group: One of GROUPS.
         kind: What they are to be.
-        others: Kinds that the group has beside it, which are somebody else's to take.
+        others: Other kinds in the group, which another table takes.
         taken: Names of tcfit's own, which nobody may have.
         report_others: Whether a thing of no kind that is named here is a fault.
     """

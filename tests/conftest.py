@@ -10,11 +10,12 @@ import torch
 from hypothesis import settings
 
 from fitting_core.body.files.reading import load_body
-from fitting_core.body.files.registry import FREE_FOLDER, find_body
+from fitting_core.body.files.registry import find_body
 from fitting_core.body.model import BodyModel
 from fitting_core.detect import stored
 from fitting_core.fit.fused import ready
 from fitting_core.render import renderer
+from fitting_core.shipped import FREE_FOLDER
 from tests.samples.tiny_body import make_tiny_body
 
 # Small problems: on a busy machine two threads that wait for each other take ten times as long as one.

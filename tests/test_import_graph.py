@@ -12,18 +12,18 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 MODULES = {
     ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
-    for package in ("fitting_core", "tcfit_app")
+    for package in ("fitting_core", "tcfit_app", "build_assets")
     for path in sorted((ROOT / package).rglob("*.py"))
 }
 FLOORS = {
     "fitting_core": """
-        errors frame_runs keypoint_noise keypoints least_squares plugins silhouettes
+        errors frame_runs lazy_names keypoint_noise keypoints least_squares plugins shipped silhouettes
         camera lens wholebody config files body
         clip metrics priors video lifting ground
         fit detect
         io
         render synthetic
-        measure build_assets
+        measure
     """,
     "tcfit_app": """
         options
@@ -31,7 +31,7 @@ FLOORS = {
         fitting
         analysis imports
         evaluation server
-        exports bench
+        exports
         review batch plugin_api
         cli
         __main__
@@ -68,7 +68,7 @@ def names_in(path: Path) -> set[str]:
 
 @cache
 def graph() -> dict[str, set[str]]:
-    """By module, which others of the two packages it imports."""
+    """By module, which others of the packages it imports."""
     return {module: {name for name in imports_of(module) if name in MODULES and name != module} for module in MODULES}
 
 
@@ -134,7 +134,14 @@ def test_rooms_import_from_the_floors_below(package: str):
 
 def test_the_core_knows_no_viewer_and_no_app():
     used = {(m, name) for m in MODULES if inside(m, "fitting_core") for name in imports_of(m)}
-    assert not [pair for pair in used if pair[1].split(".")[0] in ("viser", "tcfit_app", "tests", "benchmarks")]
+    assert not [pair for pair in used if pair[1].split(".")[0] in ("viser", "tcfit_app")]
+
+
+def test_what_is_installed_uses_nothing_that_is_not():
+    beside = {path.name for path in ROOT.iterdir() if any(path.glob("*.py"))} - FLOORS.keys()
+    assert {"assets", "benchmarks", "build_assets", "tests"} <= beside
+    installed = [module for module in MODULES if module.split(".")[0] in FLOORS]
+    assert not [(m, name) for m in installed for name in imports_of(m) if name.split(".")[0] in beside]
 
 
 def test_benchmarks_use_what_tests_share_and_not_the_other_way():
@@ -154,18 +161,9 @@ def test_pyrender_is_imported_in_one_place():
     assert users == {"fitting_core.render.renderer", "fitting_core.render.off_screen"}
 
 
-def test_what_made_the_assets_is_used_by_nothing_else():
-    assert not [
-        (module, name)
-        for module, others in graph().items()
-        for name in others
-        if inside(name, "fitting_core.build_assets") and not inside(module, "fitting_core.build_assets")
-    ]
-
-
 def test_a_fit_loads_only_what_it_needs():
     used = {module.split(".")[1] for module in reached(graph(), "fitting_core.fit.fitting")}
-    assert not used & {"io", "detect", "render", "synthetic", "measure", "build_assets"}
+    assert not used & {"io", "detect", "render", "synthetic", "measure"}
 
 
 def loaded_by(module: str) -> set[str]:

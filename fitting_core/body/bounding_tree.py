@@ -40,7 +40,7 @@ class BoundingTree:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Boxes:
+class TriangleBoxes:
     """Axis-aligned boxes, closed."""
 
     low: Float[np.ndarray, "N 3"]
@@ -84,7 +84,7 @@ def refitted(
     vertices: Float[np.ndarray, "V 3"],
     faces: Int[np.ndarray, "F 3"],
     wanted: Bool[np.ndarray, "G"],
-) -> tuple[Boxes, Boxes]:
+) -> tuple[TriangleBoxes, TriangleBoxes]:
     """Boxes of the triangles, by slot, and of the nodes; those of groups that are not wanted are not filled in."""
     slots = _slot_boxes(tree, vertices, faces, wanted)
     return slots, _node_boxes(tree, slots, wanted)
@@ -116,17 +116,19 @@ def _split_ranges(
     return np.concatenate([empty, *firsts]), np.concatenate([empty, *lasts]), nodes, tuple(level_starts)
 
 
-def _slot_boxes(tree: BoundingTree, vertices: np.ndarray, faces: np.ndarray, wanted: Bool[np.ndarray, "G"]) -> Boxes:
+def _slot_boxes(
+    tree: BoundingTree, vertices: np.ndarray, faces: np.ndarray, wanted: Bool[np.ndarray, "G"]
+) -> TriangleBoxes:
     """Boxes of the triangles of the wanted groups; the others' are not filled in."""
     slots = np.flatnonzero(wanted[tree.slot_group])
     a, b, c = (vertices[corners] for corners in faces[tree.order[slots]].T)
     low, high = np.empty((len(tree.order), 3)), np.empty((len(tree.order), 3))
     low[slots] = np.minimum(np.minimum(a, b), c)
     high[slots] = np.maximum(np.maximum(a, b), c)
-    return Boxes(low=low, high=high)
+    return TriangleBoxes(low=low, high=high)
 
 
-def _node_boxes(tree: BoundingTree, slots: Boxes, wanted: Bool[np.ndarray, "G"]) -> Boxes:
+def _node_boxes(tree: BoundingTree, slots: TriangleBoxes, wanted: Bool[np.ndarray, "G"]) -> TriangleBoxes:
     """Boxes of the nodes of the wanted groups, around the boxes of their triangles."""
     low, high = np.empty((len(tree.first), 3)), np.empty((len(tree.first), 3))
     leaves = tree.leaves[wanted[tree.node_group[tree.leaves]]]
@@ -142,7 +144,7 @@ def _node_boxes(tree: BoundingTree, slots: Boxes, wanted: Bool[np.ndarray, "G"])
         left, right = tree.children[inner].T
         low[inner] = np.minimum(low[left], low[right])
         high[inner] = np.maximum(high[left], high[right])
-    return Boxes(low=low, high=high)
+    return TriangleBoxes(low=low, high=high)
 
 
 def _sort_along_sides(

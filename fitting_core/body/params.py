@@ -45,23 +45,12 @@ class BodyParams:
         return BodyParams(**merged)
 
     @staticmethod
-    def neutral(
-        frames: int, *, dtype: torch.dtype = torch.float64, hand_components: int = N_HAND_COMPONENTS
-    ) -> "BodyParams":
+    def neutral(frames: int, *, hand_components: int = N_HAND_COMPONENTS) -> "BodyParams":
         """Mean shape in the rest pose at the origin, facing along +z with y up (upside down in a camera's eyes)."""
-        size = dict(
-            betas=N_BETAS,
-            global_orient=3,
-            body_pose=63,
-            left_hand_pose=hand_components,
-            right_hand_pose=hand_components,
-            jaw_pose=3,
-            leye_pose=3,
-            reye_pose=3,
-            expression=N_EXPRESSION,
-            camera_translation=3,
-        )
-        return BodyParams(**{name: torch.zeros(frames, n, dtype=dtype) for name, n in size.items()})
+        widths = {"betas": N_BETAS, "body_pose": 63, "expression": N_EXPRESSION}
+        widths |= dict.fromkeys(("left_hand_pose", "right_hand_pose"), hand_components)
+        zeros = {f.name: torch.zeros(frames, widths.get(f.name, 3), dtype=torch.float64) for f in fields(BodyParams)}
+        return BodyParams(**zeros)
 
 
 def hand_basis(body: BodyModel, components: int, like: Tensor) -> tuple[Float[Tensor, "2 45 K"], Float[Tensor, "2 45"]]:

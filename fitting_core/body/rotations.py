@@ -41,6 +41,11 @@ def exp_and_left_jacobian(v: Float[Tensor, "*b 3"]) -> tuple[Float[Tensor, "*b 3
     return identity + a * k + b * k2, identity + b * k + c * k2
 
 
+def by_axis_angle(matrix: Float[Tensor, "*b 3 3"], left_jacobian: Float[Tensor, "*b 3 3"]) -> Float[Tensor, "*b 3 9"]:
+    """d R / d axis-angle_k = hat(column k of L) R, row by row, of a rotation R and L of `exp_and_left_jacobian`."""
+    return (hat(left_jacobian.transpose(-1, -2)) @ matrix[..., None, :, :]).flatten(-2)
+
+
 def log(matrix: Float[Tensor, "*b 3 3"]) -> Float[Tensor, "*b 3"]:
     """Axis-angle of a rotation matrix, exact near zero and pi too; of a length of pi at most.
 

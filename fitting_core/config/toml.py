@@ -20,7 +20,7 @@ def preset(name: str, *, origin: str = "--preset") -> FitConfig:
     """The preset of this name.
 
     Raises:
-        InputError: There is none.
+        InputError: There is no such preset.
     """
     if name not in PRESETS:
         near = nearest(name, list(PRESETS)) if isinstance(name, str) else []
@@ -52,7 +52,7 @@ def read_named(path: Path, *, preset_name: str | None = None) -> tuple[str, FitC
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}). Give a configuration in TOML.") from error
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: is no text in UTF-8. Give a configuration in TOML.") from error
+        raise InputError(f"{path}: is not UTF-8 text. Give a configuration in TOML.") from error
     return parsed(text, origin=path.name, preset_name=preset_name)
 
 
@@ -65,12 +65,12 @@ def parsed(text: str, *, origin: str, preset_name: str | None = None) -> tuple[s
         preset_name: Use this preset and not the text's own.
 
     Raises:
-        InputError: It is no TOML, or holds an unknown name or a wrong value.
+        InputError: It is not TOML, or holds an unknown name or a wrong value.
     """
     try:
         table = parsed_toml(text)
     except ValueError as error:
-        raise InputError(f"{origin}: is no TOML ({error}). `tcfit settings` prints a file to start from.") from error
+        raise InputError(f"{origin}: is not TOML ({error}). `tcfit settings` prints a file to start from.") from error
     name = table.pop("preset", DEFAULT_PRESET)
     base = preset(name, origin=origin)
     if preset_name is not None:

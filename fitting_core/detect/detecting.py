@@ -1,4 +1,4 @@
-"""Detection over a clip: a generator of how far it is, which can be ended at any time and gone on with later."""
+"""Detection over a clip: a generator of its progress, which can be stopped at any time and resumed later."""
 
 from collections.abc import Generator, Iterator
 from contextlib import closing
@@ -14,7 +14,7 @@ from fitting_core.video.fingerprint import fingerprint
 from fitting_core.video.frames import FrameSource
 
 _SHORTEST = 5
-"""Frames in which somebody must be found: false people are found in fewer."""
+"""Frames in which a person must be found: false detections last for fewer."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +25,7 @@ class DetectionProgress:
     """Frames."""
     total: int
     kept: int
-    """Frames that are stored: what goes on after an end has them already."""
+    """Frames that are stored: a detection that is resumed has them already."""
 
     @property
     def share(self) -> float:
@@ -35,7 +35,7 @@ class DetectionProgress:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FramesDetected:
-    """Keypoints of frames that are complete. Somebody in them may turn out to be nobody."""
+    """Keypoints of frames that are complete. A person in them may still turn out to be a false detection."""
 
     frames: range
     """Numbers in the video."""

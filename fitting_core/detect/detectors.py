@@ -10,6 +10,8 @@ from fitting_core.detect.part import Detector
 from fitting_core.errors import InputError
 
 DEFAULT = "mediapipe"
+_BOXES = "rtmdet-nano"
+"""Finds the people for models of the RTMPose family unless another box model is given."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +32,7 @@ class Known:
 
 @dataclass(frozen=True, kw_only=True)
 class Running:
-    """How models of the RTMPose family are run. MediaPipe's networks are small: they run on two cores."""
+    """How models of the RTMPose family are run. MediaPipe's networks are small, and take `threads` alone."""
 
     boxes: str | None = None
     """Box model, by path or name; None: that of the table."""
@@ -57,13 +59,6 @@ def _networks_are_here() -> bool:
     return not networks.missing()
 
 
-def _top_down(boxes: str) -> Callable[[str, Running], Detector]:
-    def make(name: str, running: Running) -> Detector:
-        return top_down(name, name, running if running.boxes else replace(running, boxes=boxes))
-
-    return make
-
-
 def top_down(name: str, pose: str, running: Running) -> Detector:
     """A model of the RTMPose family, by path or name. Raises InputError if it is not here, or something else."""
     from fitting_core.detect.topdown.detector import TopDown
@@ -75,14 +70,17 @@ def top_down(name: str, pose: str, running: Running) -> Detector:
     return TopDown(name, opened, boxes or None, batch=running.batch)
 
 
-def _of_family(name: str, title: str, boxes: str) -> Known:
-    models = (name, boxes)
-    return Known(title=title, make=_top_down(boxes), is_here=lambda: all(map(is_here, models)), models=models)
+def _of_family(name: str, title: str) -> Known:
+    def make(name: str, running: Running) -> Detector:
+        return top_down(name, name, running if running.boxes else replace(running, boxes=_BOXES))
+
+    models = (name, _BOXES)
+    return Known(title=title, make=make, is_here=lambda: all(map(is_here, models)), models=models)
 
 
 DETECTORS: dict[str, Known] = {
     "mediapipe": Known(
-        title="MediaPipe, as right as it gets",
+        title="MediaPipe, most accurate",
         make=_mediapipe(body="heavy", mirrored=True),
         is_here=_networks_are_here,
     ),
@@ -91,11 +89,11 @@ DETECTORS: dict[str, Known] = {
         make=_mediapipe(body="full", mirrored=False),
         is_here=_networks_are_here,
     ),
-    "dwpose-m": _of_family("dwpose-m", "DWPose-m with RTMDet-nano", "rtmdet-nano"),
-    "dwpose-l": _of_family("dwpose-l", "DWPose-l with RTMDet-nano", "rtmdet-nano"),
-    "rtmw-l": _of_family("rtmw-l", "RTMW-l with RTMDet-nano", "rtmdet-nano"),
+    "dwpose-m": _of_family("dwpose-m", "DWPose-m with RTMDet-nano"),
+    "dwpose-l": _of_family("dwpose-l", "DWPose-l with RTMDet-nano"),
+    "rtmw-l": _of_family("rtmw-l", "RTMW-l with RTMDet-nano"),
 }
-"""By name. Whatever else is given is the path of a model of the RTMPose family."""
+"""By name. Anything else that is given is the path of a model of the RTMPose family."""
 
 
 def find_detector(name: str = DEFAULT, running: Running | None = None) -> Detector:

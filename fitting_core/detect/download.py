@@ -1,4 +1,4 @@
-"""Fetching a known model: resumable, checked, and there as a whole or not at all. Only on the user's demand."""
+"""Downloads a known model when the user asks for it: resumable, checked, and installed whole or not at all."""
 
 import hashlib
 import http.client
@@ -66,15 +66,15 @@ def announced(model: KnownModel) -> str:
 
 
 def download(model: KnownModel, folder: Path | None = None) -> Generator[DownloadProgress | Downloaded, None, None]:
-    """Fetch a model; the last event is the result. A download that is ended in between goes on the next time.
+    """Fetch a model; the last event is the result. An interrupted download is resumed the next time.
 
     Args:
         model: Which.
         folder: Where it is kept; None: the user's.
 
     Raises:
-        InputError: The server cannot be reached or has something else, the disk is full, or the checksum is another
-            one; no model is there then that was not there before.
+        InputError: The server cannot be reached or sends something else, the disk is full, or the checksum differs; no
+            new model is left behind then.
     """
     folder = folder or model_path(model.name).parent
     part = folder / f".{model.name}.part"
@@ -84,7 +84,7 @@ def download(model: KnownModel, folder: Path | None = None) -> Generator[Downloa
         try:
             result = _installed(model, part, folder)
         finally:
-            _forget(part)  # it was whole: if it cannot be used, more of it is no help
+            _forget(part)  # It was complete: if it cannot be used, resuming would not help.
         yield result
     except urllib.error.HTTPError as error:
         raise InputError(f"{model.url}: the server answers {error.code} ({error.reason}). {_BY_HAND}") from error
@@ -100,14 +100,14 @@ _BY_HAND = "Or download it in a browser, and give the ONNX file's path."
 
 
 def _why(error: Exception) -> str:
-    """What keeps the server from being reached, for somebody who knows no errno."""
+    """Why the server cannot be reached, in plain words."""
     reason = getattr(error, "reason", error)
     if isinstance(reason, socket.gaierror):
-        return "this computer does not find the server's address; see whether it is on the internet, or needs a proxy"
+        return "the server's address cannot be found; check the internet connection, or whether a proxy is needed"
     if isinstance(reason, TimeoutError):
         return "the server does not answer"
     if isinstance(reason, ConnectionRefusedError):
-        return "the server takes no connection"
+        return "the server refuses the connection"
     if isinstance(reason, http.client.IncompleteRead):
         return "the connection broke off"
     if isinstance(reason, OSError) and reason.strerror:
@@ -116,7 +116,7 @@ def _why(error: Exception) -> str:
 
 
 def _there(url: str, part: Path) -> int:
-    """Bytes that a further try goes on after."""
+    """Bytes that have arrived, from which another attempt continues."""
     known = _state(part)
     return part.stat().st_size if part.is_file() and known.get("url") == url and known.get("tag") else 0
 
@@ -124,7 +124,7 @@ def _there(url: str, part: Path) -> int:
 def _kept(url: str, part: Path) -> str:
     have = _there(url, part)
     size = f"{have / 1e6:.1f} MB" if have >= 1e5 else f"{have / 1e3:g} kB"
-    return f"The first {size} are here already, and a further try goes on after them. " if have else ""
+    return f"The first {size} have arrived; another attempt continues from there. " if have else ""
 
 
 def _fetch(url: str, part: Path) -> Iterator[DownloadProgress]:
@@ -162,7 +162,7 @@ def _written(answer: http.client.HTTPResponse, part: Path, done: int, total: int
             done += len(piece)
             if done > _LARGEST:
                 _forget(part)
-                raise InputError(f"{answer.url}: sends more than {_LARGEST >> 30} GB; that is no model.")
+                raise InputError(f"{answer.url}: sends more than {_LARGEST >> 30} GB, which no model has.")
             yield DownloadProgress(done=done, total=total)
     if total is not None and done < total:
         raise http.client.IncompleteRead(b"", total - done)

@@ -7,7 +7,6 @@ import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import platformdirs
 
@@ -28,7 +27,6 @@ class KnownModel:
 
     name: str
     title: str
-    finds: Literal["points", "boxes"]
     url: str
     """Official address of the file, or of a ZIP archive with one ONNX file in it."""
     licence: str
@@ -44,7 +42,6 @@ _TABLE = (
     KnownModel(
         name="dwpose-m",
         title="DWPose-m, 192 x 256",
-        finds="points",
         url=f"{_SERVER}/rtmposev1/onnx_sdk/rtmpose-m_simcc-ucoco_dw-ucoco_270e-256x192-c8b76419_20230728.zip",
         licence=_POSE_LICENCE,
         size="about 60 MB",
@@ -52,7 +49,6 @@ _TABLE = (
     KnownModel(
         name="dwpose-l",
         title="DWPose-l, 288 x 384",
-        finds="points",
         url=f"{_SERVER}/rtmposev1/onnx_sdk/rtmpose-l_simcc-ucoco_dw-ucoco_270e-384x288-2438fd99_20230728.zip",
         licence=_POSE_LICENCE,
         size="125 MB",
@@ -61,7 +57,6 @@ _TABLE = (
     KnownModel(
         name="rtmw-l",
         title="RTMW-l, 288 x 384",
-        finds="points",
         url=f"{_SERVER}/rtmw/onnx_sdk/rtmw-dw-x-l_simcc-cocktail14_270e-384x288_20231122.zip",
         licence=_POSE_LICENCE,
         size="213 MB",
@@ -70,7 +65,6 @@ _TABLE = (
     KnownModel(
         name="rtmdet-nano",
         title="RTMDet-nano, people",
-        finds="boxes",
         url=f"{_SERVER}/rtmposev1/onnx_sdk/rtmdet_nano_8xb32-100e_coco-obj365-person-05d8511e.zip",
         licence="Apache-2.0 (MMDetection)",
         size="about 4 MB",
@@ -78,7 +72,6 @@ _TABLE = (
     KnownModel(
         name="rtmdet-m",
         title="RTMDet-m, people",
-        finds="boxes",
         url=f"{_SERVER}/rtmposev1/onnx_sdk/rtmdet_m_8xb32-100e_coco-obj365-person-235e8209.zip",
         licence="Apache-2.0 (MMDetection)",
         size="about 90 MB",
@@ -86,7 +79,6 @@ _TABLE = (
     KnownModel(
         name="yolox-m",
         title="YOLOX-m, people",
-        finds="boxes",
         url=f"{_SERVER}/rtmposev1/onnx_sdk/yolox_m_8xb8-300e_humanart-c2c7a14a.zip",
         licence=_HUMANART,
         size="94 MB",

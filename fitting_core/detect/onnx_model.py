@@ -2,13 +2,16 @@
 
 import hashlib
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from google.protobuf.empty_pb2 import Empty
+from google.protobuf.message import DecodeError
+from google.protobuf.unknown_fields import UnknownFieldSet
 from jaxtyping import Float32
 
 from fitting_core.detect.runtime import onnxruntime
@@ -24,7 +27,7 @@ _CHANNELS = 3
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tensor:
+class ModelTensor:
     """An input or output of a model."""
 
     name: str
@@ -46,8 +49,8 @@ class OnnxModel:
         threads: On the CPU; 0: one for each core.
 
     Raises:
-        InputError: There is no such file or provider, the file is no ONNX model, or it takes something else than
-            images of three channels.
+        InputError: There is no such file or provider, the file is not an ONNX model, or its input is not an image of
+            three channels.
     """
 
     def __init__(self, path: Path, *, provider: str = "cpu", threads: int = 0) -> None:
@@ -153,77 +156,40 @@ def check_provider(provider: str) -> None:
         )
 
 
-def _tensor(given: onnxruntime.NodeArg) -> Tensor:
+def _tensor(given: onnxruntime.NodeArg) -> ModelTensor:
     # Lengths that a model leaves open are texts, None, or in some exports 0 or -1.
     shape = tuple(n if isinstance(n, int) and n > 0 else None for n in given.shape)
-    return Tensor(name=given.name, shape=shape, type=given.type)
+    return ModelTensor(name=given.name, shape=shape, type=given.type)
 
 
 def _first_line(error: Exception) -> str:
     return str(error).strip().splitlines()[0].rstrip(".")[:300] if str(error).strip() else type(error).__name__
 
 
-# onnxruntime does not tell which operators take the image. ONNX files are protocol buffers, and only four fields of
-# them are needed here, so they are read as such, without the `onnx` package (its onnx.proto has their numbers).
+# onnxruntime does not tell which operators take the image. ONNX files are protocol buffers, of which four fields are
+# needed here: protobuf, which onnxruntime brings, reads them without the package `onnx` (onnx.proto has the numbers).
 _GRAPH, _NODE, _NODE_INPUT, _OPERATOR = 7, 1, 1, 4
 """Numbers of the fields ModelProto.graph, GraphProto.node, NodeProto.input and NodeProto.op_type."""
-_VARINT, _EIGHT_BYTES, _LENGTH, _FOUR_BYTES = 0, 1, 2, 5
-"""Ways in which a field's value is written."""
 
 
 def consumers(path: Path, tensor: str) -> tuple[str, ...]:
     """The operators that take a tensor, such as ("Conv",), in the order of the file.
 
     Raises:
-        InputError: The file is no ONNX model, or cut off.
+        InputError: The file is not an ONNX model, or cut off.
     """
     try:
-        content = memoryview(regular_file(path).read_bytes())
-        found = [
-            _texts(node, _OPERATOR)[0]
-            for graph in _parts(content, _GRAPH)
-            for node in _parts(graph, _NODE)
-            if tensor in _texts(node, _NODE_INPUT)
-        ]
-    except (ValueError, IndexError) as error:
+        nodes = [node for graph in _parts(regular_file(path).read_bytes(), _GRAPH) for node in _parts(graph, _NODE)]
+        taking = [node for node in nodes if tensor.encode() in _parts(node, _NODE_INPUT)]
+        return tuple(_parts(node, _OPERATOR)[0].decode() for node in taking)
+    except (DecodeError, UnicodeDecodeError, IndexError) as error:
         raise InputError(f"{path}: is not an ONNX model, or was not fully copied ({error}).") from error
-    return tuple(found)
 
 
-def _texts(message: memoryview, field: int) -> list[str]:
-    return [bytes(part).decode() for part in _parts(message, field)]
-
-
-def _parts(message: memoryview, field: int) -> Iterator[memoryview]:
-    """All values of a field that holds bytes: texts and other messages."""
-    place = 0
-    while place < len(message):
-        key, place = _varint(message, place)
-        kind = key & 7
-        if kind == _VARINT:
-            _, place = _varint(message, place)
-        elif kind in (_EIGHT_BYTES, _FOUR_BYTES):
-            place += 8 if kind == _EIGHT_BYTES else 4
-        elif kind == _LENGTH:
-            length, place = _varint(message, place)
-            if place + length > len(message):
-                raise ValueError("a part of it is longer than the file")
-            if key >> 3 == field:
-                yield message[place : place + length]
-            place += length
-        else:
-            raise ValueError(f"it has a field of the unknown kind {kind}")
-
-
-def _varint(message: memoryview, place: int) -> tuple[int, int]:
-    """A number of seven bits for each byte, lowest first, and where it ends."""
-    value = shift = 0
-    while True:
-        byte = message[place]
-        value |= (byte & 0x7F) << shift
-        place, shift = place + 1, shift + 7
-        if not byte & 0x80:
-            return value, place
+def _parts(message: bytes, field: int) -> list[bytes]:
+    """All values of a field that holds texts or other messages."""
+    found = UnknownFieldSet(Empty.FromString(message))
+    return [part.data for part in found if part.field_number == field and isinstance(part.data, bytes)]
 
 
 POINT_SETS = {
@@ -245,46 +211,27 @@ POINT_SETS = {
 
 def what_it_is(model: OnnxModel) -> str:
     """What a model probably finds, and its inputs and outputs, for messages."""
-    found = next((words for tell in _TELLS if (words := tell(model.outputs))), "a model of an unknown kind")
-    return f"{found}: {model.describe()}"
+    return f"{_kind(model.outputs)}: {model.describe()}"
 
 
-def _boxes(outputs: tuple[Tensor, ...]) -> str:
-    ends = [output.shape[-1] for output in outputs if len(output.shape) == 3]
+def _kind(outputs: tuple[ModelTensor, ...]) -> str:
+    shapes = [output.shape for output in outputs]
+    ends = [shape[-1] for shape in shapes if len(shape) == 3]
     if {"dets", "labels"} <= {output.name for output in outputs} or 5 in ends or 85 in ends:
         return "a detector of boxes"
-    return ""
-
-
-def _simcc(outputs: tuple[Tensor, ...]) -> str:
-    if len(outputs) == 2 and all(len(output.shape) == 3 for output in outputs):
-        counts = {output.shape[1] for output in outputs}
-        if len(counts) == 1 and (count := counts.pop()):
-            return f"{_named(count)}, as SimCC"
-    return ""
-
-
-def _maps(outputs: tuple[Tensor, ...]) -> str:
-    for output in outputs:
-        if len(output.shape) == 4 and (channels := output.shape[1]):
-            # OpenSeeFace has a map of the place and two of the offsets for each point.
-            count = channels // 3 if channels % 3 == 0 and channels // 3 in POINT_SETS else channels
-            return f"{_named(count)}, as heat maps"
-    return ""
-
-
-def _coordinates(outputs: tuple[Tensor, ...]) -> str:
-    for output in outputs:
-        if len(output.shape) == 2 and (length := output.shape[1]):
-            for each in (3, 2):
-                if length % each == 0 and length // each in POINT_SETS:
-                    return f"{_named(length // each)}, as coordinates"
-    return ""
+    if len(shapes) == len(ends) == 2 and shapes[0][1] == shapes[1][1] and (count := shapes[0][1]):
+        return f"{_named(count)}, as SimCC"
+    for channels in (shape[1] for shape in shapes if len(shape) == 4 and shape[1]):
+        # OpenSeeFace has a map of the place and two of the offsets for each point.
+        thirds = channels % 3 == 0 and channels // 3 in POINT_SETS
+        return f"{_named(channels // 3 if thirds else channels)}, as heat maps"
+    for length in (shape[1] for shape in shapes if len(shape) == 2 and shape[1]):
+        for each in (3, 2):
+            if length % each == 0 and length // each in POINT_SETS:
+                return f"{_named(length // each)}, as coordinates"
+    return "a model of an unknown kind"
 
 
 def _named(count: int) -> str:
     known = POINT_SETS.get(count)
     return f"a model of {count} points" + (f", those of {known}" if known else "")
-
-
-_TELLS: tuple[Callable[[tuple[Tensor, ...]], str], ...] = (_boxes, _simcc, _maps, _coordinates)

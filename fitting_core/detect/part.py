@@ -24,7 +24,7 @@ class Part:
     """Of each frame, what its people cover of the image, which is scaled to `silhouette_size`: row by row, eight pixels
     in a byte (`numpy.packbits`). n is 0 from detectors that find none."""
     memory: Mapping[str, np.ndarray] = field(default_factory=dict)
-    """What the detector needs to go on with the frame after them."""
+    """What the detector needs to continue with the next frame."""
 
     def __len__(self) -> int:
         return len(self.people)
@@ -45,7 +45,7 @@ class Detector(Protocol):
 
     @property
     def version(self) -> str:
-        """Another one whenever it finds something else in the same images."""
+        """Changes whenever the detector would find something different in the same images."""
         ...
 
     def part_length(self, size: tuple[int, int]) -> int:

@@ -1,8 +1,8 @@
-"""onnxruntime, which tells nobody that it runs. Whoever needs it imports it from here.
+"""onnxruntime with its telemetry switched off. Import it from here only.
 
 Its recent packages (1.31 is one) write a lasting identifier when they are imported, and report to their maker what
-they run. The environment variable stops both and must be set before; on Windows only the function counts. Somebody who
-wants it otherwise sets the variable to 0.
+they run. The environment variable stops both and must be set before the import; on Windows only the function counts.
+Set the variable to 0 to allow telemetry.
 """
 
 import os

@@ -4,26 +4,24 @@ from collections.abc import Callable, Sequence
 from typing import get_args
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 
 from fitting_core.detect.mediapipe import body as blaze
 from fitting_core.detect.mediapipe.body import Body
 from fitting_core.detect.mediapipe.detector import Effort, MediaPipe
 from fitting_core.detect.mediapipe.face import Face, square_at_head
 from fitting_core.detect.mediapipe.hands import SIDES, Hand, Side
-from fitting_core.detect.mediapipe.hands_and_face import Seen, worth_of
+from fitting_core.detect.mediapipe.hands_and_face import SeenParts, worth_of
 from fitting_core.detect.mediapipe.openpose_points import points_of
-from fitting_core.detect.mediapipe.squares import Square, of_box
+from fitting_core.detect.mediapipe.squares import Image, Square, of_box
 from fitting_core.errors import InputError
 from fitting_core.keypoints import BODY, COUNT, PARTS, PartOfPerson
 from fitting_core.video.frames import FrameSource
 
 _LEAST_PERSON, _LEAST_BODY, _LEAST_HAND = 0.2, 0.3, 0.05
-"""Scores that are enough where a user says that somebody or something is there."""
+"""Scores that suffice where the user says that a person or a part is there."""
 _AROUND = 1.3
 """How much larger than what is known of a person the square is in which the person is looked for."""
-
-Image = UInt8[np.ndarray, "H W 3"]
 
 
 def look_again(
@@ -35,7 +33,7 @@ def look_again(
     near: Float[np.ndarray, "n 137 3"] | None = None,
     tell: Callable[[int], None] = lambda done: None,
 ) -> Float[np.ndarray, "n 137 3"]:
-    """Look for somebody or something again, harder than where nobody says that it is there.
+    """Look for a person or a part again, with lower thresholds than where nobody says that it is there.
 
     Args:
         source: Of the frames.
@@ -78,10 +76,10 @@ class _SecondLook:
                 return np.zeros((COUNT, 3))
             seen = self._finder.find(image, body, None, 0)
         elif self._part == "face":
-            seen = Seen(face=self._face(image, body))
+            seen = SeenParts(face=self._face(image, body))
         else:
             side = self._part.removesuffix("_hand")
-            seen = Seen(hands=dict.fromkeys(SIDES) | {side: self._hand(image, body, side)})
+            seen = SeenParts(hands=dict.fromkeys(SIDES) | {side: self._hand(image, body, side)})
         points = points_of(body, seen.hands, seen.face, self._size)
         points[: self._points.start] = points[self._points.stop :] = 0
         return points

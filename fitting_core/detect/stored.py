@@ -1,4 +1,4 @@
-"""What detections have found, in files, each of which is whole or not there: they can go on after any end.
+"""What detections have found, in files that are whole or absent, so that a detection can be resumed after any crash.
 
 They are kept in the user's cache, so that nothing is found twice in the same frames by the same detector.
 """
@@ -19,9 +19,9 @@ from fitting_core.files.npz import read_npz, write_npz
 
 _SETTINGS, _MEMORY = "settings.json", "memory_"
 _VERSION = 2
-"""Another one for every change of what the files mean."""
+"""Raised whenever the meaning of the files changes."""
 _MOST_KEPT = 100
-"""Detections; of more, those that were used longest ago go. One of 10,000 frames has some 20 MB."""
+"""Detections; beyond that the least recently used are deleted. One of 10,000 frames takes some 20 MB."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +56,7 @@ class StoredDetection:
         self.folder = self._kept_in / hashlib.sha256(self._settings.encode()).hexdigest()[:32]
 
     def begin(self) -> None:
-        """Make the folder, or go on with what lies in it; old detections make room for it.
+        """Make the folder, or continue in an existing one; the oldest detections are deleted to make room.
 
         Raises:
             InputError: It cannot be written.
@@ -73,8 +73,8 @@ class StoredDetection:
     def _unwritable(self, error: OSError) -> InputError:
         reason = error.strerror or error
         return InputError(
-            f"{self.folder}: cannot be written ({reason}). Found keypoints are kept there: free space, "
-            "or allow writing."
+            f"{self.folder}: cannot be written ({reason}). Detected keypoints are kept there: free "
+            "space, or allow writing."
         )
 
     def discard(self) -> None:

@@ -128,7 +128,8 @@ def _own_folder(path: Path) -> tuple[Path, int | None]:
             if error.errno != errno.ENOLCK:
                 raise
             _delete(folder, None)
-            return _unlocked_folder(path), None
+            # Without locks nobody can tell whether a folder is still needed: each writer has its own, which stays.
+            return Path(tempfile.mkdtemp(prefix=".", suffix=_SUFFIX, dir=path.parent)), None
         if lock is not None:
             _restore(folder, path)
             _empty(folder)
@@ -142,11 +143,6 @@ def _hidden(path: Path, number: int) -> Path:
     if len(os.fsencode(name)) > _LONG:
         name = f".{hashlib.sha256(os.fsencode(path.name)).hexdigest()[:32]}{infix}{_SUFFIX}"
     return path.with_name(name)
-
-
-def _unlocked_folder(path: Path) -> Path:
-    """Where there are no locks, nobody can tell whether it is still needed: each has its own, which stays."""
-    return Path(tempfile.mkdtemp(prefix=".", suffix=_SUFFIX, dir=path.parent))
 
 
 def _taken(folder: Path) -> int | None:

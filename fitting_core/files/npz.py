@@ -1,4 +1,4 @@
-"""npz archives: written whole, and read with care, for somebody else may have made them: plain arrays alone."""
+"""npz archives: written whole, and read with care, since strangers may have made them: plain arrays only."""
 
 import math
 import zipfile
@@ -35,7 +35,7 @@ def read_npz(path: Path, keys: Collection[str] | None = None, *, most: int = MAX
 
     Args:
         path: The archive.
-        keys: Read these alone; None: all.
+        keys: Read only these; None: all.
         most: Unpacked bytes of all that is read.
 
     Raises:
@@ -72,7 +72,7 @@ def npz_names(path: Path) -> tuple[str, ...]:
     except OSError:
         raise
     except Exception as error:  # as in `read_npz`
-        raise ValueError(f"is no npz archive, it is damaged or was cut off ({error})") from error
+        raise ValueError(f"is not an npz archive, it is damaged or was cut off ({error})") from error
 
 
 def _check_file(path: Path) -> None:

@@ -36,7 +36,7 @@ def refusal(path: Path, *, most: int | None = MAX_BYTES, expected: str = "a file
     try:
         found = path.stat()
     except ValueError:  # a null byte
-        return f"is no path, expected that of {expected}"
+        return f"is not a path, expected that of {expected}"
     if not stat.S_ISREG(found.st_mode):
         kind = next((name for is_kind, name in _KINDS.items() if is_kind(found.st_mode)), "something else")
         return f"is {kind}, expected {expected}"

@@ -97,7 +97,7 @@ def mapping(entries: object = (), *_: object) -> dict[Any, Any]:
     """A dictionary of any kind, begun with these pairs; more may follow.
 
     Raises:
-        InputError: A key is none of `RestrictedUnpickler`.
+        InputError: A key is not one that `RestrictedUnpickler` allows.
     """
     found: dict[Any, Any] = {}
     for pair in entries if isinstance(entries, list | tuple) else ():

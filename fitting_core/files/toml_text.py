@@ -14,7 +14,7 @@ def parsed_toml(text: str) -> dict[str, Any]:
     """The table that a text holds.
 
     Raises:
-        ValueError: It is no TOML, or nested deeper than anybody writes it.
+        ValueError: It is not TOML, or nested deeper than anybody writes it.
     """
     if found := _DEEP.search(text):
         line = text.count("\n", 0, found.start()) + 1

@@ -403,6 +403,6 @@ def check_inside(keypoints: Keypoints, size: tuple[int, int]) -> tuple[str, ...]
 def _name(path: Path) -> str:
     path = path.resolve()
     stem = path.name if path.is_dir() else path.stem
-    # A generic name says nothing; the folder around it does.
+    # The folder's name where the file's own is generic.
     inner = stem in ("images", "keypoints", "video") and path.parent.name
     return inner or stem.removesuffix("_keypoints")

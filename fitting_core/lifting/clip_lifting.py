@@ -12,13 +12,13 @@ from jaxtyping import Float, Int
 from scipy.spatial.transform import Rotation, Slerp
 from torch import Tensor
 
-from assets import LIFTER
 from fitting_core import keypoints as kp
 from fitting_core.body.model import other_side
 from fitting_core.camera import Camera, CameraPath
 from fitting_core.lifting.network import FRAMES, RATE, Lifter
 from fitting_core.lifting.rays import POINTS, SEEN, seen
 from fitting_core.lifting.weights import read_lifter
+from fitting_core.shipped import LIFTER
 
 _STRIDE = FRAMES // 2
 _MIDDLE = FRAMES // 2
@@ -69,7 +69,7 @@ def lift(
         weights: The network's file.
 
     Raises:
-        InputError: That file is none.
+        InputError: The file is not a lifter network.
     """
     factor = read_lifter(weights)[1]
     rays = (xy[:, :POINTS] - np.array(camera.center)) / np.array(camera.focal)
@@ -146,7 +146,8 @@ def windows_of(
     """
     time = np.arange(max(2, int(np.ceil((len(rays) - 1) / frame_rate * RATE)) + 1)) / RATE * frame_rate
     sampled, there = _sampled(rays, confidence[:, :POINTS], time)
-    starts = _starts(len(time))
+    # The first and the last window reach beyond the clip, so that its ends are not their ends.
+    starts = np.arange(-_STRIDE // 2, max(len(time) - _STRIDE // 2, 1), _STRIDE)
     index = _places_in_clip(starts, len(time))
     return time, starts, np.concatenate([sampled, there[..., None]], -1)[index].astype(np.float32)
 
@@ -167,11 +168,6 @@ def _sampled(rays: np.ndarray, confidence: np.ndarray, time: np.ndarray) -> tupl
     value = (1 - share)[..., None] * rays[before] + share[..., None] * rays[after]
     level = (1 - share) * confidence[before] + share * confidence[after]
     return np.where(near[..., None], value, 0.0), np.where(near, np.minimum(level, 1.0), 0.0)
-
-
-def _starts(length: int) -> np.ndarray:
-    """First frames of windows; the first and the last reach beyond the clip, so that its ends are not their ends."""
-    return np.arange(-_STRIDE // 2, max(length - _STRIDE // 2, 1), _STRIDE)
 
 
 def _reflected(index: np.ndarray, length: int) -> np.ndarray:
@@ -205,8 +201,9 @@ def _windows(weights: Path, given: np.ndarray, *, calibrated: bool) -> np.ndarra
 
 @torch.no_grad()
 def _lifted(network: Lifter, given: Float[Tensor, "B T 25 3"], calibrated: bool) -> np.ndarray:
-    """As it is and as a mirror shows it: the mean of both is 2 % nearer to the truth than the first."""
-    straight, mirrored = (_one_way(network, some, calibrated) for some in (given, _seen_mirrored(given)))
+    """The mean of the windows as they are and mirrored, which is 2 % nearer to the truth than the former alone."""
+    seen_mirrored = given[:, :, _OTHER_SIDE] * given.new_tensor([-1.0, 1.0, 1.0])
+    straight, mirrored = (_one_way(network, some, calibrated) for some in (given, seen_mirrored))
     values = torch.stack([straight, _mirrored(mirrored)])
     return values.mean(0).double().numpy()
 
@@ -219,12 +216,8 @@ def _one_way(network: Lifter, given: Float[Tensor, "B T 25 3"], calibrated: bool
     return torch.cat([points.flatten(2), out.log_error, up, out.contact], 2)
 
 
-def _seen_mirrored(given: Float[Tensor, "B T 25 3"]) -> Float[Tensor, "B T 25 3"]:
-    return given[:, :, _OTHER_SIDE] * given.new_tensor([-1.0, 1.0, 1.0])
-
-
 def _mirrored(values: Float[Tensor, "B T n"]) -> Float[Tensor, "B T n"]:
-    """What is said of a mirrored person, of the person."""
+    """What the network says of a mirrored person, mirrored back."""
     points, error, up, contact = values.split([3 * POINTS, POINTS, 3, 2], 2)
     flip = values.new_tensor([-1.0, 1.0, 1.0])
     back = points.unflatten(2, (POINTS, 3))[:, :, _OTHER_SIDE] * flip

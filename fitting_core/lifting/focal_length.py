@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
-from assets import PERSPECTIVE
 from fitting_core import keypoints as kp
 from fitting_core.camera import Camera, default_focal, focal_from_35mm
 from fitting_core.lifting.clip_lifting import windows_of
 from fitting_core.lifting.perspective import LOG_EXTENTS, hidden_extent, read_perspective
 from fitting_core.lifting.rays import POINTS, SEEN
+from fitting_core.shipped import PERSPECTIVE
 
 _LENSES_MM = np.geomspace(14.0, 300.0, 80)
 """35 mm equivalents that are told apart."""
@@ -71,12 +71,14 @@ def estimate_focal(
         None where no window shows a person from shoulders to ankles.
 
     Raises:
-        InputError: That file is none.
+        InputError: The file is not a perspective network.
     """
     assumed = default_focal(camera.size)
     rays = (xy[:, :POINTS] - np.array(camera.center)) / assumed
     given = windows_of(rays, confidence, frame_rate)[2]
-    given = given[_whole(given[..., 2])]
+    # Only windows that show people from shoulders to ankles; of others the network takes all for far.
+    shares = (given[..., _WHOLE, 2] > SEEN).mean((1, 3))
+    given = given[(shares >= _WHOLE_SHARE).all(1)]
     if not len(given):
         return None
     given = given[np.unique(np.linspace(0, len(given) - 1, _MOST).round().astype(int))]
@@ -85,12 +87,6 @@ def estimate_focal(
     seen = _seen(given, np.log(focals / assumed), weights).mean(0)
     likely = -0.5 * ((log_lens - np.log(_USUAL_MM)) / _SPREAD) ** 2
     return _estimate(focals, likely + _WEIGHT * seen - _TILT * log_lens)
-
-
-def _whole(confidence: Float[np.ndarray, "W F 25"]) -> Bool[np.ndarray, "W"]:
-    """Windows that show people from shoulders to ankles; of others the network takes all for far."""
-    seen = (confidence[..., _WHOLE] > SEEN).mean((1, 3))
-    return np.asarray((seen >= _WHOLE_SHARE).all(1))
 
 
 def _seen(

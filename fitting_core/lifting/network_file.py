@@ -65,12 +65,12 @@ def read_network(path: Path, kind: type[Told], expected: str, noun: str) -> tupl
         arrays = read_npz(path, most=2**26)
         about = msgspec.json.decode(str(arrays.pop("about")), type=kind)
     except (OSError, ValueError, KeyError, msgspec.DecodeError) as error:
-        raise InputError(f"{path}: is no {noun} ({error}). Install tcfit again, or name another file.") from error
+        raise InputError(f"{path}: is not a {noun} ({error}). Reinstall tcfit, or name another file.") from error
     if (about.format, about.frames, about.rate) != (expected, FRAMES, RATE):
         found = f"{about.format!r} for {about.frames} frames at {about.rate:g} per second"
-        raise InputError(f"{path}: is {found}, expected {expected!r} for {FRAMES} at {RATE:g}. Install tcfit again.")
+        raise InputError(f"{path}: is {found}, expected {expected!r} for {FRAMES} at {RATE:g}. Reinstall tcfit.")
     if not about.possible:
-        raise InputError(f"{path}: says impossible things of itself ({about}). Install tcfit again.")
+        raise InputError(f"{path}: says impossible things of itself ({about}). Reinstall tcfit.")
     return about, {name: torch.as_tensor(array.astype(np.float32)) for name, array in arrays.items()}
 
 
@@ -88,8 +88,8 @@ def fill(network: nn.Module, arrays: Mapping[str, Tensor], path: Path, *, withou
     """
     wanted = {name: values.shape for name, values in network.state_dict().items() if not name.startswith(without)}
     if {name: values.shape for name, values in arrays.items()} != wanted:
-        raise InputError(f"{path}: its arrays are not those of its network. Install tcfit again.")
+        raise InputError(f"{path}: its arrays are not those of its network. Reinstall tcfit.")
     if not all(bool(values.isfinite().all()) for values in arrays.values()):
-        raise InputError(f"{path}: holds values that are not finite. Install tcfit again.")
+        raise InputError(f"{path}: holds values that are not finite. Reinstall tcfit.")
     network.load_state_dict(arrays, strict=False)
     network.eval().requires_grad_(False)

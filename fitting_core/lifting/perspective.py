@@ -1,5 +1,6 @@
 """How near a camera stood, read from how people look and move: a network over windows of keypoints."""
 
+from dataclasses import asdict
 from functools import lru_cache
 from pathlib import Path
 
@@ -8,10 +9,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from assets import PERSPECTIVE
 from fitting_core.lifting.network import FRAMES, RATE, Lifter, LifterSize
 from fitting_core.lifting.network_file import About, fill, read_network, write_network
 from fitting_core.lifting.rays import POINTS, seen
+from fitting_core.shipped import PERSPECTIVE
 
 FORMAT = "tcfit perspective 1"
 LOG_EXTENTS = torch.linspace(np.log(0.012), np.log(0.6), 40)
@@ -23,7 +24,7 @@ _USUAL = -2.5
 """What stands in the place of the extent, which would tell the answer."""
 _HIDDEN = 96
 _OF_LIFTER = ("trunk.points", "trunk.error", "trunk.others")
-"""Parts of the lifter that are of no use here."""
+"""Parts of the lifter that are not used here."""
 
 
 class AboutPerspective(About, kw_only=True):
@@ -71,17 +72,9 @@ def hidden_extent(
 
 def write_perspective(path: Path, network: PerspectiveNet, *, seen_share: Float[Tensor, "40"], notes: str) -> None:
     """Write a network, whole or not at all, with half the digits that it was trained with."""
-    size = network.trunk.size
-    about = AboutPerspective(
-        format=FORMAT,
-        width=size.width,
-        layers=size.layers,
-        heads=size.heads,
-        frames=FRAMES,
-        rate=RATE,
-        seen_share=[round(float(share), 5) for share in seen_share],
-        notes=notes,
-    )
+    shares = [round(float(share), 5) for share in seen_share]
+    of_windows = {"frames": FRAMES, "rate": RATE, **asdict(network.trunk.size)}
+    about = AboutPerspective(format=FORMAT, seen_share=shares, notes=notes, **of_windows)
     arrays = {name: values for name, values in network.state_dict().items() if not name.startswith(_OF_LIFTER)}
     write_network(path, arrays, about)
 

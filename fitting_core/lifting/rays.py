@@ -11,10 +11,10 @@ from fitting_core import keypoints as kp
 POINTS = len(kp.BODY_25)
 N_FEATURES = 3 * POINTS + 5
 SEEN = 0.05
-"""Confidence above which a keypoint is there."""
+"""Confidence above which a keypoint counts as seen."""
 _TRUNK = [kp.INDEX[n] for n in ("nose", "neck", "right_shoulder", "left_shoulder", "mid_hip", "right_hip", "left_hip")]
 _OF_LIMBS = 0.05
-"""Weight of keypoints that are none of the trunk's, in the window's centre and extent."""
+"""Weight of keypoints outside the trunk in the window's centre and extent."""
 _EXTENT = 0.5
 _FARTHEST = 6.0
 """In extents from the centre: beyond, a keypoint is an outlier."""

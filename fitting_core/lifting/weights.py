@@ -1,12 +1,13 @@
 """The lifter's file."""
 
 import math
+from dataclasses import asdict
 from functools import lru_cache
 from pathlib import Path
 
-from assets import LIFTER
 from fitting_core.lifting.network import FRAMES, RATE, Lifter
 from fitting_core.lifting.network_file import About, fill, read_network, write_network
+from fitting_core.shipped import LIFTER
 
 FORMAT = "tcfit lifter 1"
 
@@ -25,17 +26,8 @@ class AboutLifter(About, kw_only=True):
 
 def write_lifter(path: Path, network: Lifter, *, error_factor: float, notes: str) -> None:
     """Write a network, whole or not at all, with half the digits that it was trained with."""
-    size = network.size
-    about = AboutLifter(
-        format=FORMAT,
-        width=size.width,
-        layers=size.layers,
-        heads=size.heads,
-        frames=FRAMES,
-        rate=RATE,
-        error_factor=error_factor,
-        notes=notes,
-    )
+    of_windows = {"frames": FRAMES, "rate": RATE, **asdict(network.size)}
+    about = AboutLifter(format=FORMAT, error_factor=error_factor, notes=notes, **of_windows)
     write_network(path, network.state_dict(), about)
 
 

@@ -37,7 +37,7 @@ _BLOCKS = 4
 
 
 @dataclass(frozen=True, kw_only=True)
-class Offset:
+class ClockOffset:
     """Where a reference lies in the time of a video."""
 
     seconds: float
@@ -59,7 +59,7 @@ class Offset:
         )
 
 
-def found_offset(estimate: Estimate, reference: Reference) -> Offset:
+def found_offset(estimate: Estimate, reference: Reference) -> ClockOffset:
     """When a reference begins, by its movement and the fit's.
 
     Args:
@@ -79,7 +79,8 @@ def found_offset(estimate: Estimate, reference: Reference) -> Offset:
 
     found, moments = begin - lag / rate, begin + np.arange(len(ours)) / rate
     common = np.flatnonzero((moments >= found) & (moments <= found + (len(theirs) - 1) / own_rate))
-    stretches = [slice(None), *_parts(common[0], common[-1] + 1)]
+    edges = np.linspace(common[0], common[-1] + 1, _BLOCKS + 1).round().astype(int)
+    stretches = [slice(None), *(slice(*ends) for ends in pairwise(edges))]
     scores = []
     for shift in _SHIFTS / rate:
         there = interpolated(theirs[..., None], (moments - found - shift) * own_rate)[..., 0]
@@ -87,7 +88,9 @@ def found_offset(estimate: Estimate, reference: Reference) -> Offset:
     whole, *parts = (_peak(course) for course in np.array(scores).T)
     told = [part.shift / rate for part in parts if part.correlation >= _ALIKE and part.inside]
     deviation = float(np.std(told, ddof=1) / np.sqrt(len(told))) if len(told) > 1 else None
-    return Offset(seconds=found + whole.shift / rate, deviation=deviation, correlation=whole.correlation, second=second)
+    return ClockOffset(
+        seconds=found + whole.shift / rate, deviation=deviation, correlation=whole.correlation, second=second
+    )
 
 
 def _moving_distances(
@@ -129,7 +132,7 @@ def _best_lag(
     """The fit's first frame in the reference's frames at the same rate, and the second best one's correlation.
 
     Raises:
-        InputError: There is none, or it is not clear.
+        InputError: No offset fits, or several fit about as well.
     """
     scores, lags = _correlations(ours, theirs, rate)
     if not np.isfinite(scores).any():
@@ -138,7 +141,9 @@ def _best_lag(
             f"{_LEAST_SECONDS:g} s and half of the shorter one. Say it with --reference-offset SECONDS."
         )
     place = int(np.nanargmax(scores))
-    best, second = float(scores[place]), _second(scores, place)
+    others = np.where(_on_peak(scores, place), -np.inf, np.nan_to_num(scores, nan=-np.inf))
+    other = int(others.argmax())
+    best, second = float(scores[place]), max(float(others[other]), -1.0)
     if best < _ALIKE:
         raise InputError(
             f"{name}: its offset in time cannot be told, since no offset makes it move like the fit: the best has a "
@@ -146,11 +151,11 @@ def _best_lag(
             "offset with --reference-offset SECONDS."
         )
     if 1 - second < _APART * (1 - best) + _MARGIN:
-        other = lags[_second_place(scores, place)]
+        apart = abs(lags[other] - lags[place]) / rate
         raise InputError(
             f"{name}: its offset in time is not clear, as in movements that repeat themselves: one has a correlation "
-            f"of {best:.3f}, and another, {abs(other - lags[place]) / rate:.2f} s away, {second:.3f}. Say it with "
-            "--reference-offset SECONDS, or compare more of the clip."
+            f"of {best:.3f}, and another, {apart:.2f} s away, {second:.3f}. Say it with --reference-offset SECONDS, or "
+            "compare more of the clip."
         )
     return int(lags[place]), second
 
@@ -183,17 +188,6 @@ def _correlations(
     return np.where(told, product / np.where(told, scale, 1.0), np.nan), lags
 
 
-def _second_place(scores: Float[np.ndarray, "L"], place: int) -> int | None:
-    """The best lag beyond the slopes of the best one's own peak; None if there is none."""
-    others = np.where(_on_peak(scores, place), np.nan, scores)
-    return int(np.nanargmax(others)) if np.isfinite(others).any() else None
-
-
-def _second(scores: Float[np.ndarray, "L"], place: int) -> float:
-    other = _second_place(scores, place)
-    return -1.0 if other is None else float(scores[other])
-
-
 def _on_peak(scores: Float[np.ndarray, "L"], place: int) -> Bool[np.ndarray, "L"]:
     """Lags from which the correlation only rises up to the best one."""
     found = np.zeros(len(scores), bool)
@@ -224,8 +218,3 @@ def _peak(scores: Float[np.ndarray, "S"]) -> _Peak:
     bend = before - 2 * at + after
     shift = 0.0 if bend >= 0 else 0.5 * (before - after) / bend
     return _Peak(_SHIFTS[best] + shift / _STEPS, float(at), True)
-
-
-def _parts(start: int, stop: int) -> list[slice]:
-    edges = np.linspace(start, stop, _BLOCKS + 1).round().astype(int)
-    return [slice(*ends) for ends in pairwise(edges)]

@@ -86,7 +86,7 @@ FIGURES: dict[str, FigureKind] = {
         title="Shape variation", unit="", value=lambda p: metrics.shape_variation(p.estimate.params.betas.numpy())
     ),
 }
-"""Those that are no mean of a curve. How points move is measured in still space: a camera's own motion is none."""
+"""Those that are not statistics of a curve. Motion is measured in still space, where a moving camera moves nothing."""
 
 
 def figures() -> dict[str, FigureKind]:
@@ -221,14 +221,7 @@ def _plain(value: float) -> float | None:
 
 def _paired(estimate: Estimate, reference: Reference | None, truth_body: BodyModel | None) -> Pair:
     volumes = PosedBody(body=estimate.body, params=estimate.params).volumes()
-    pair = Pair(
-        estimate=estimate,
-        reference=reference,
-        truth_body=truth_body,
-        meshes=None,
-        volumes=volumes,
-        true_volumes=None,
-    )
+    pair = Pair(estimate=estimate, reference=reference, truth_body=truth_body, volumes=volumes)
     if reference is None or reference.params is None or truth_body is None:
         return pair
     true = PosedBody(body=truth_body, params=reference.params).volumes()

@@ -71,10 +71,6 @@ def _reprojection_of_truth(pair: Pair) -> Float[np.ndarray, "T"] | None:
     return metrics.frame_means(pair.estimate.pixels, true, counted)
 
 
-def _scaled(values: Float[np.ndarray, "T"] | None, factor: float) -> Float[np.ndarray, "T"] | None:
-    return None if values is None else factor * values
-
-
 @dataclass(frozen=True, kw_only=True)
 class CurveKind:
     """Something that is measured in every frame."""
@@ -103,7 +99,7 @@ CURVES: dict[str, CurveKind] = {
     "per_vertex": CurveKind(
         title="Vertex error, pelvis aligned",
         unit="mm",
-        values=lambda p: None if p.meshes is None else _scaled(p.meshes.per_vertex, 1e3),
+        values=lambda p: None if p.meshes is None or p.meshes.per_vertex is None else 1e3 * p.meshes.per_vertex,
     ),
     "pa_mpjpe": CurveKind(
         title="PA-MPJPE", unit="mm", values=_on_points(lambda e, t, r: metrics.pa_mpjpe(e, t), placed=False)
@@ -131,5 +127,5 @@ CURVES: dict[str, CurveKind] = {
     "volume": CurveKind(title="Volume", unit="dm³", values=lambda p: p.volumes, statistics=("mean", "std"), better=""),
     "true_volume": CurveKind(title="Volume of the truth", unit="dm³", values=lambda p: p.true_volumes, better=""),
 }
-"""By name. Joints are the 22 of trunk and limbs; where a reference is no body, the 12 keypoints of the limbs, and what
-it has of joints and markers."""
+"""By name. Joints are the 22 of trunk and limbs; for a reference that is not a body, the 12 keypoints of the limbs and
+whatever joints and markers it has."""

@@ -12,8 +12,8 @@ from fitting_core.body.model import JOINT
 from fitting_core.synthetic.motion_suite.clips import MotionClipMade
 from fitting_core.synthetic.motion_suite.windows import speeds
 
-PARTS = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
-LIMB_JOINTS = [JOINT[f"{side}_{part}"] for part in PARTS for side in ("left", "right")]
+LIMB_PARTS = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
+LIMB_JOINTS = [JOINT[f"{side}_{part}"] for part in LIMB_PARTS for side in ("left", "right")]
 """The 12 limb joints, those of each part side by side."""
 _HIPS = [LIMB_JOINTS.index(JOINT[f"{side}_hip"]) for side in ("left", "right")]
 _ANKLES = [JOINT["left_ankle"], JOINT["right_ankle"]]
@@ -73,19 +73,9 @@ def _nearer(pair: DepthPair) -> Float[np.ndarray, "T"]:
     return found - true
 
 
-def _depths(pair: DepthPair) -> tuple[Float[np.ndarray, "T"], Float[np.ndarray, "T"]]:
-    pelvis = JOINT["pelvis"]
-    return pair.joints[:, pelvis, 2], pair.made.truth.joints[:, pelvis, 2]
-
-
 def _depth_error(pair: DepthPair) -> Float[np.ndarray, "T"]:
-    found, true = _depths(pair)
-    return 1e3 * abs(found - true)
-
-
-def _depth_share(pair: DepthPair) -> Float[np.ndarray, "T"]:
-    found, true = _depths(pair)
-    return 100 * abs(found - true) / true
+    """Of the pelvis, metres."""
+    return abs(pair.joints - pair.made.truth.joints)[:, JOINT["pelvis"], 2]
 
 
 def _acceleration(pair: DepthPair) -> Float[np.ndarray, "T"]:
@@ -113,7 +103,7 @@ def _of_part(part: str) -> Callable[[DepthPair], Float[np.ndarray, "T"]]:
     return values
 
 
-CURVES: dict[str, DepthCurve] = {
+DEPTH_CURVES: dict[str, DepthCurve] = {
     "pa_mpjpe": DepthCurve(
         title="PA-MPJPE", unit="mm", values=lambda p: metrics.pa_mpjpe(*p.limbs), statistics=("mean", "p90")
     ),
@@ -121,15 +111,17 @@ CURVES: dict[str, DepthCurve] = {
     "pa_in_image": DepthCurve(title="PA-MPJPE in image", unit="mm", values=_pa_in_image),
     "lean": DepthCurve(title="Lean", unit="°", values=_lean),
     "nearer": DepthCurve(title="Neck nearer", unit="°", values=_nearer),
-    "depth": DepthCurve(title="Depth", unit="mm", values=_depth_error, digits=0),
-    "depth_share": DepthCurve(title="Depth", unit="%", values=_depth_share),
+    "depth": DepthCurve(title="Depth", unit="mm", values=lambda p: 1e3 * _depth_error(p), digits=0),
+    "depth_share": DepthCurve(
+        title="Depth", unit="%", values=lambda p: 100 * _depth_error(p) / p.made.truth.joints[:, JOINT["pelvis"], 2]
+    ),
     "acceleration": DepthCurve(title="Acceleration", unit="m/s²", values=_acceleration),
     "slip": DepthCurve(title="Slip", unit="mm/s", values=lambda p: _slip(p.joints, p), digits=0),
     "true_slip": DepthCurve(title="True slip", unit="mm/s", values=lambda p: _slip(p.made.truth.joints, p), digits=0),
 }
 """Columns of the tables, by name. Lean: angle between pelvis to neck and the same of the truth."""
 PART_CURVES: dict[str, DepthCurve] = {
-    part: DepthCurve(title=part.capitalize(), unit="mm", values=_of_part(part)) for part in PARTS
+    part: DepthCurve(title=part.capitalize(), unit="mm", values=_of_part(part)) for part in LIMB_PARTS
 }
 
 
@@ -157,7 +149,7 @@ class DepthRecord:
 def measured(made: MotionClipMade, joints: Float[np.ndarray, "T 55 3"], *, method: str, seconds: float) -> DepthRecord:
     """Measure one phase of a fit, by its joints in camera space (metres)."""
     pair = DepthPair(made=made, joints=joints)
-    found = {name: curve.values(pair) for name, curve in (CURVES | PART_CURVES).items()}
+    found = {name: curve.values(pair) for name, curve in (DEPTH_CURVES | PART_CURVES).items()}
     return DepthRecord(
         sequence=made.sequence.name,
         method=method,
@@ -178,8 +170,8 @@ GROUPINGS: dict[str, Callable[[DepthRecord], Sequence[str]]] = {
 """By what the frames are told apart: a label for each."""
 
 
-def figures(
-    records: Iterable[DepthRecord], grouping: str, curves: dict[str, DepthCurve] = CURVES
+def depth_figures(
+    records: Iterable[DepthRecord], grouping: str, curves: dict[str, DepthCurve] = DEPTH_CURVES
 ) -> dict[str, dict[str, float | None]]:
     """Figures over all frames, by label and then by title with statistic and unit; None where nothing was measured."""
     pools: dict[str, dict[str, list[np.ndarray]]] = {}

@@ -39,7 +39,7 @@ def turned_mpjpe(estimate: Limbs, truth: Limbs) -> float | None:
     return 1e3 * float(np.linalg.norm(found - turn.apply(true), axis=1).mean())
 
 
-def flexion(points: Limbs, joint: str) -> Float[np.ndarray, "T 2"]:
+def limb_flexion(points: Limbs, joint: str) -> Float[np.ndarray, "T 2"]:
     """Degrees by which a joint of _BENT is bent from straight, left and right; the hip between trunk side and thigh."""
     upper, middle, lower = (
         points[:, [kp.LIMBS.index(kp.INDEX[f"{side}_{part}"]) for side in ("left", "right")]] for part in _BENT[joint]
@@ -50,7 +50,7 @@ def flexion(points: Limbs, joint: str) -> Float[np.ndarray, "T 2"]:
 
 def _flexion_error(joint: str) -> Callable[[Limbs, Limbs], float | None]:
     def value(estimate: Limbs, truth: Limbs) -> float | None:
-        errors = flexion(estimate, joint) - flexion(truth, joint)
+        errors = limb_flexion(estimate, joint) - limb_flexion(truth, joint)
         known = errors[np.isfinite(errors)]
         return float(np.sqrt((known**2).mean())) if len(known) else None
 

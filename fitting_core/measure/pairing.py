@@ -25,7 +25,7 @@ _FINE = set(JOINTS[JOINT["right_wrist"] + 1 :])
 """Joints of fingers and face, which do not count where joints are compared, whatever has them."""
 _HIPS = [kp.INDEX["left_hip"], kp.INDEX["right_hip"]]
 _PELVIS = (("pelvis",), ("left_hip", "right_hip"), ("LASI", "RASI", "LPSI", "RPSI"), ("LASI", "RASI", "SACR"))
-"""What stands for the root where hips are no keypoints of a reference: the first of these that it has."""
+"""What stands for the root where a reference has no keypoints of the hips: the first of these that it has."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -111,9 +111,9 @@ class Pair:
     reference: Reference | None
     truth_body: BodyModel | None
     """Of the reference, if that is a body."""
-    meshes: MeshErrors | None
     volumes: Float[np.ndarray, "T"]
-    true_volumes: Float[np.ndarray, "T"] | None
+    true_volumes: Float[np.ndarray, "T"] | None = None
+    meshes: MeshErrors | None = None
 
     @cached_property
     def frames(self) -> Int[np.ndarray, "T"]:

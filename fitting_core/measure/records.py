@@ -21,7 +21,7 @@ class Record:
 
     sequence: str
     motion: str
-    """"simple", "complex", "signing"; empty for a clip that is none of the suite."""
+    """"simple", "complex", "signing"; empty for a clip outside the suite."""
     method: str
     """For the user: BASELINE, "tcfit", "tcfit, phase 1"."""
     frames: int

@@ -9,8 +9,9 @@ from torch import Tensor
 
 from fitting_core.body.model import JOINT
 from fitting_core.files.regular import at_home
-from fitting_core.priors.files.registry import SHIPPED, read_prior, registered_vposer
+from fitting_core.priors.files.registry import read_prior, registered_vposer
 from fitting_core.priors.latent import LatentPrior
+from fitting_core.shipped import POSE_PRIOR
 
 
 class PosePrior(Protocol):
@@ -87,7 +88,7 @@ def relaxed_pose() -> Float[Tensor, "63"]:
 PRIORS: dict[str, Callable[[], PosePrior]] = {
     "axis_angle": AxisAnglePrior,
     "relaxed": lambda: AxisAnglePrior(relaxed_pose(), title="relaxed"),
-    "tcfit": lambda: LatentPrior(read_prior(SHIPPED)),
+    "tcfit": lambda: LatentPrior(read_prior(POSE_PRIOR)),
     "vposer": lambda: LatentPrior(read_prior(registered_vposer())),
 }
 """Pose priors by the name that a configuration gives; `config.POSE_PRIORS` tells the names without loading torch."""
@@ -102,7 +103,7 @@ def make_prior(choice: str, *, dtype: torch.dtype, device: torch.device | str) -
         device: Where to compute.
 
     Raises:
-        InputError: There is no such file, or it is no pose prior.
+        InputError: There is no such file, or it is not a pose prior.
     """
     prior = PRIORS[choice]() if choice in PRIORS else LatentPrior(read_prior(at_home(choice)))
     return prior.to(dtype=dtype, device=device)

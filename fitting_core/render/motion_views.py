@@ -1,4 +1,4 @@
-"""Pictures of a body that moves, as its camera saw it, or as somebody sees it who stands beside, before a floor."""
+"""Pictures of a moving body as its camera saw it, or from anywhere around it, on a floor."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -6,15 +6,14 @@ from typing import Literal
 
 import cv2
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 
 from fitting_core.errors import InputError
 from fitting_core.io.motion.fitted_motion import Motion
-from fitting_core.render.overlay import draw_caption
+from fitting_core.render.overlay import draw_caption, scaled_frame
 from fitting_core.render.renderer import DEFAULT_COLOR, Renderer, scaled_camera
-from fitting_core.render.sheets import View, beside
+from fitting_core.render.sheets import Image, View, beside
 
-Image = UInt8[np.ndarray, "H W 3"]
 ViewName = Literal["picture", "front", "side", "back", "top", "orbit"]
 ANGLES: dict[str, tuple[float, float]] = {
     "front": (0.0, 0.0),
@@ -84,7 +83,9 @@ def outside_pictures(
     """
     joints = np.concatenate([s.motion.in_axes("y-up").joints()[list(frames)].reshape(-1, 3) for s in shown])
     low, high = joints.min(0) - _ROOM, joints.max(0) + _ROOM
-    height = 0.0 if _floor_is_known(shown) else float(low[1] + _ROOM / 2)
+    levels = [one.motion.level for one in shown]
+    floor_is_known = all(level is not None and level.height is not None for level in levels)
+    height = 0.0 if floor_is_known else float(low[1] + _ROOM / 2)
     look = replace(look, azimuth=look.azimuth + _camera_side(shown[0].motion))
     view = _framed(low, high, look)
     Renderer(view.camera)  # told before anything is drawn
@@ -121,13 +122,8 @@ def camera_picture(
     row = []
     for one, points in zip(shown, vertices, strict=True):
         camera = one.motion.camera
-        if frame is not None and frame.shape[1::-1] != camera.size:
-            raise InputError(
-                f"The video's frames are {frame.shape[1]} x {frame.shape[0]} pixels, but the camera of the fit is for "
-                f"{camera.size[0]} x {camera.size[1]}: give the video that was fitted."
-            )
         small = scaled_camera(camera, height / camera.size[1])
-        background = None if frame is None else cv2.resize(frame, small.size, interpolation=cv2.INTER_AREA)
+        background = None if frame is None else scaled_frame(frame, camera, small)
         image = Renderer(small).render(points, one.motion.body.faces, color=one.color, background=background)
         row.append(_labelled(image, one.label))
     return beside(row)
@@ -181,11 +177,6 @@ def _camera_side(motion: Motion) -> float:
     turn = motion.in_axes("y-up").camera_to_world
     backward = -(turn[0] if turn.ndim == 3 else turn)[:, 2]
     return float(np.degrees(np.arctan2(backward[0], backward[2])))
-
-
-def _floor_is_known(shown: Sequence[Shown]) -> bool:
-    levels = [one.motion.level for one in shown]
-    return all(level is not None and level.height is not None for level in levels)
 
 
 def _framed(low: Float[np.ndarray, "3"], high: Float[np.ndarray, "3"], look: Look) -> View:

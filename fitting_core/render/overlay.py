@@ -12,7 +12,7 @@ from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.keypoints import BONES, GROUPS, Keypoints
 from fitting_core.render.renderer import Renderer, scaled_camera
-from fitting_core.video.encoding import ENCODERS, Encoder, video_writer
+from fitting_core.video.encoding import VideoWriter, video_writer
 
 MAX_HEIGHT = 720
 LABELS = ("SMPLify-X", "temporal")
@@ -52,7 +52,6 @@ def write_overlay(
     keypoints: Keypoints | None = None,
     max_height: int = MAX_HEIGHT,
     opacity: float = 0.9,
-    encoders: Sequence[str] = tuple(ENCODERS),
     progress: Callable[[int], None] | None = None,
 ) -> int:
     """Write an mp4 with one panel per fit, each the frame with the body drawn over it and a caption.
@@ -70,7 +69,6 @@ def write_overlay(
         keypoints: Drawn over every panel when given, dimmer where confidence is low.
         max_height: Panels of taller videos are scaled down to about this many pixels.
         opacity: Of the bodies, 0 to 1.
-        encoders: Names from fitting_core.video.encoding.ENCODERS in order of preference.
         progress: Called with the number of frames done, after each.
 
     Returns:
@@ -86,9 +84,9 @@ def write_overlay(
     sources = [iter(panel.vertices) for panel in panels]
     count = 0
     renderer = Renderer(small)
-    with video_writer(Path(path), size, frame_rate, encoders=encoders) as video:
+    with video_writer(Path(path), size, frame_rate) as video:
         for count, frame in enumerate(frames, 1):
-            background = _panel_background(frame, camera, small)
+            background = scaled_frame(frame, camera, small)
             points = None if keypoints is None else _points_of(keypoints, count - 1, small.size, camera.size)
             bodies = [_next_body(source, panel.label, count) for source, panel in zip(sources, panels, strict=True)]
             _write_row(video, renderer, panels, bodies, faces, background, points, opacity)
@@ -98,7 +96,8 @@ def write_overlay(
     return count
 
 
-def _panel_background(frame: np.ndarray, camera: Camera, small: Camera) -> np.ndarray:
+def scaled_frame(frame: UInt8[np.ndarray, "H W 3"], camera: Camera, small: Camera) -> UInt8[np.ndarray, "h w 3"]:
+    """A frame that `camera` filmed in the size of `small`. Raises InputError if it has another size than the camera."""
     if frame.shape[1::-1] != camera.size:
         raise InputError(
             f"The video's frames are {frame.shape[1]} x {frame.shape[0]} pixels, but the camera of the fit is for "
@@ -135,7 +134,7 @@ def _check_end(count: int, sources: list, panels: Sequence[Panel], keypoints: Ke
 
 
 def _write_row(
-    video: Encoder,
+    video: VideoWriter,
     renderer: Renderer,
     panels: Sequence[Panel],
     bodies: list[np.ndarray | None],

@@ -44,7 +44,7 @@ assert abs(depth[8, 8] - 2) < 1e-3, depth[8, 8]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Surface:
+class DrawnMesh:
     """A mesh to draw."""
 
     vertices: Float[np.ndarray, "V 3"]
@@ -174,7 +174,7 @@ class Renderer:
         self._target = _target()
         self._pyrender = self._target.pyrender
 
-    def draw(self, surfaces: Sequence[Surface]) -> Picture:
+    def draw(self, surfaces: Sequence[DrawnMesh]) -> Picture:
         """Several meshes in one picture, hiding each other by depth."""
         scene = self._pyrender.Scene(bg_color=np.zeros(4), ambient_light=np.full(3, _AMBIENT))
         for surface in surfaces:
@@ -203,10 +203,10 @@ class Renderer:
         opacity: float = 1.0,
     ) -> UInt8[np.ndarray, "H W 3"]:
         """One mesh in camera space (metres) over an image of the camera's size, or over white; colours are RGB."""
-        surface = Surface(vertices=vertices, faces=faces, color=color)
+        surface = DrawnMesh(vertices=vertices, faces=faces, color=color)
         return self.draw([surface]).over(background, opacity=opacity)
 
-    def _mesh(self, surface: Surface) -> Any:
+    def _mesh(self, surface: DrawnMesh) -> Any:
         vertices = np.asarray(surface.vertices, np.float64) * _CAMERA_TO_GL
         primitive = self._pyrender.Primitive(
             positions=vertices,
@@ -220,7 +220,7 @@ class Renderer:
         return self._pyrender.Mesh([primitive])
 
 
-def _depth_range(surfaces: Sequence[Surface]) -> tuple[float, float]:
+def _depth_range(surfaces: Sequence[DrawnMesh]) -> tuple[float, float]:
     """Near and far planes close around the meshes, so that the depth buffer's 24 bits are spent on them."""
     z = np.concatenate([surface.vertices[:, 2] for surface in surfaces]) if surfaces else np.ones(1)
     near = max(0.05, 0.9 * float(z.min()))

@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float
 from tqdm import tqdm
 
 from fitting_core.body.files.reading import load_body
-from fitting_core.body.files.registry import FREE_FOLDER, find_body
+from fitting_core.body.files.registry import find_body
 from fitting_core.body.geometry import vertex_normals
 from fitting_core.body.mesh import shared_mesh
 from fitting_core.body.model import BodyModel
@@ -25,6 +25,7 @@ from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import drafting, put_folder
 from fitting_core.io.keypoints.openpose import write_openpose
+from fitting_core.shipped import FREE_FOLDER
 from fitting_core.synthetic.acting.performance import perform, standing_root
 from fitting_core.synthetic.motions import demo_script
 from fitting_core.synthetic.simulated_detector import detect, visible
@@ -37,8 +38,6 @@ from fitting_core.video.encoding import video_writer
 NAME = "demo"
 FRAME_RATE = 25.0
 _VIDEO, _KEYPOINTS, _TRUTH = "video.mp4", "keypoints", "truth.npz"
-_ENCODERS = ("ffmpeg", "avc1", "mp4v")
-"""Without VP9, which would take longer than all the rest."""
 _SEAT_RADIUS = 0.17
 _SINK = 0.015
 """How deep the person sinks into the seat, metres: flesh is soft."""
@@ -150,7 +149,7 @@ def _film(path: Path, body: BodyModel, truth: Truth, world: BodyParams, *, progr
     studio = Studio(truth.camera, seat_height=_seat_height(mesh(world[-1:])[0].numpy()))
     points, _ = keypoints_in_space(body, truth.params)
     seen = np.zeros(points.shape[:2], bool)
-    with video_writer(path, truth.camera.size, truth.frame_rate, encoders=_ENCODERS) as video:
+    with video_writer(path, truth.camera.size, truth.frame_rate) as video:
         for i in tqdm(range(len(world)), desc="demo clip", unit="frame", disable=not progress):
             vertices = mesh(world[i : i + 1])[0].numpy().astype(np.float64)
             normals = vertex_normals(vertices, body.faces)

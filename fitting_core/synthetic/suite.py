@@ -15,7 +15,7 @@ import torch
 from jaxtyping import Bool, Float, UInt8
 
 from fitting_core.body.files.reading import load_body
-from fitting_core.body.files.registry import FREE_FOLDER, find_body
+from fitting_core.body.files.registry import find_body
 from fitting_core.body.geometry import vertex_normals
 from fitting_core.body.mesh import shared_mesh
 from fitting_core.body.model import BodyModel
@@ -24,6 +24,7 @@ from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
+from fitting_core.shipped import FREE_FOLDER
 from fitting_core.synthetic.acting.performance import perform, standing_root
 from fitting_core.synthetic.acting.script import Build, Hazard, Mishaps, Script, failures
 from fitting_core.synthetic.motions.cross_legged import cross_legged

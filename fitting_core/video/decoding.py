@@ -69,7 +69,7 @@ def opened(path: Path) -> tuple[InputContainer, VideoStream]:
     """A file and its video.
 
     Raises:
-        InputError: It is no video, or of a kind that cannot be decoded.
+        InputError: It is not a video, or of a kind that cannot be decoded.
     """
     regular_file(path, most=None)
     try:
@@ -194,7 +194,7 @@ class VideoFile:
         """Open the file and count its frames.
 
         Raises:
-            InputError: It is no video, or none of its frames can be decoded.
+            InputError: It is not a video, or none of its frames can be decoded.
         """
         self._path = path
         self._early = ends_early(path)
@@ -271,7 +271,7 @@ class VideoFile:
         return self._last == index
 
     def _advance(self) -> bool:
-        """One frame on; back to the start, for good without times, if its time is no packet's."""
+        """Decode one more frame; if no packet has its time, start over and count frames without times."""
         frame = next(self._frames, None)
         if frame is None:
             return False

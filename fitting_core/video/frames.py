@@ -41,7 +41,7 @@ class FrameSource:
             lens: Through which it was filmed: frames come straightened. A frame of 1920 x 1080 takes 28 ms more.
 
         Raises:
-            InputError: It does not exist, is no video, holds no image or no frame.
+            InputError: It does not exist, is not a video, or holds no image or frame.
         """
         if not path.exists():
             raise InputError(f"{path} does not exist; expected a video file or a folder of images.")
@@ -98,7 +98,7 @@ class FrameSource:
         return rgb if self._straighten is None else self._straighten(rgb)
 
     def frame_or_grey(self, index: int) -> UInt8[np.ndarray, "H W 3"]:
-        """One frame as RGB, or grey where it is broken: what shows a clip, or looks for people in it, goes on.
+        """One frame as RGB, or plain grey where it is broken, so that playback and detection can continue.
 
         Raises:
             InputError: There is no such frame.

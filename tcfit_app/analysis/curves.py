@@ -1,4 +1,4 @@
-"""What goes up and down along a clip: the curves of the timeline, asked for by name; and how far two runs lie apart."""
+"""Values over the frames of a clip: the curves of the timeline, by name; and how far two runs are apart."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -43,12 +43,7 @@ class CurveKind:
 
 
 def curve(name: str, fit: PosedFit) -> Curve:
-    """A whole curve.
-
-    Args:
-        name: One of CURVES.
-        fit: All frames of a clip.
-    """
+    """A whole curve by its name in CURVES, over all frames of a clip."""
     kind = CURVES[name]
     values = kind.values(fit) if fit.there is None else np.where(fit.there, kind.values(fit), np.nan)
     bars = None if fit.error_bars is None or kind.angle is None else fit.error_bars.angles[:, kind.angle]
@@ -91,11 +86,6 @@ def _flexion(name: str) -> Callable[[PosedFit], Float[np.ndarray, "T"]]:
     return lambda fit: flexion(fit.motion, name)
 
 
-def _flexion_title(name: str) -> str:
-    side, joint, _ = name.split("_")
-    return f"Flexion of the {side} {joint}"
-
-
 CURVES: dict[str, CurveKind] = {
     "reprojection": CurveKind(title="Reprojection error", unit="px", values=_reprojection(slice(0, kp.COUNT))),
     **{
@@ -112,8 +102,9 @@ CURVES: dict[str, CurveKind] = {
         for side in SIDES
     },
     **{
-        name: CurveKind(title=_flexion_title(name), unit="°", values=_flexion(name), angle=i)
+        name: CurveKind(title=f"Flexion of the {side} {joint}", unit="°", values=_flexion(name), angle=i)
         for i, name in enumerate(ANGLES)
+        for side, joint, _ in [name.split("_")]
     },
 }
 """By name; "volume" is the slow one, as it needs whole meshes.
@@ -137,12 +128,7 @@ _APART = 20
 def vertex_distances(one: Float32[np.ndarray, "V 3"], other: Float32[np.ndarray, "V 3"]) -> Float32[np.ndarray, "V"]:
     """Distance between the same vertex of two runs in one frame, in millimetres: what a mesh is coloured by.
 
-    Args:
-        one: What `Meshes.vertices` has of one run (metres).
-        other: The same of the other run.
-
-    Raises:
-        InputError: The bodies have different meshes.
+    Both are what `Meshes.vertices` gives, in metres. Raises InputError if the bodies have different meshes.
     """
     if len(one) != len(other):
         raise InputError(
@@ -153,12 +139,7 @@ def vertex_distances(one: Float32[np.ndarray, "V 3"], other: Float32[np.ndarray,
 
 
 def between_runs(a: PosedFit, b: PosedFit) -> Curve:
-    """Mean distance of the 55 joints of two runs by frame, in millimetres: of whatever bodies.
-
-    Args:
-        a: One run.
-        b: Another one of the same clip.
-    """
+    """Mean distance of the 55 joints of two runs of one clip by frame, in millimetres; their bodies may differ."""
     values = 1e3 * np.linalg.norm(b.joints - a.joints, axis=-1).mean(1)
     return Curve(name=BETWEEN, title="Distance between A and B", unit="mm", values=values)
 

@@ -1,4 +1,4 @@
-"""What can look wrong about a frame of a fit: one function for each kind, and the table of them.
+"""What can look wrong in a frame of a fit: one function for each kind, and the table of them.
 
 A value is judged against the same clip. Its score is how far it lies above the median, in units of a threshold: five
 robust standard deviations, or a distance that no reviewer would mind if that is larger. From 1 on it is reported.
@@ -27,7 +27,7 @@ _MOST = 3.0
 """Times the least distance: so far a clip's own median and spread can excuse a value. The neck's offset from the body's
 is 90 mm in each frame, and nothing to look at; half of a clip that is far off is."""
 _OFF_MM = {"body": 40.0, "hands": 20.0, "face": 20.0}
-"""Reprojection errors below are nothing to look at, whatever the median; lengths at the pelvis' distance."""
+"""Smaller reprojection errors are not worth a look, whatever the median; lengths at the pelvis' distance."""
 _DETECTION_JUMP_MM = 60.0
 """Distance of a detection from the middle of the ones before and after it, likewise."""
 _JUMP = 40.0
@@ -52,7 +52,7 @@ _STILL_MOST = 2.0
 _SWAP_MM = 150.0
 """By which each of the telling keypoints must come nearer to the fit, on average, when its side is changed."""
 _SWAP_SCORE, _SWAPPED_BACK_SCORE, _FAILED_SCORE = 3.0, 1.0, 5.0
-"""What the fit has put right is worth a look, but nothing to correct."""
+"""What the fit has already put right is worth a look, but needs no correction."""
 _DEPTH = 0.2
 """Metres by which a keypoint's depth must be expected to be off: on the motion suite's tuning half 5 % of limbs'
 keypoints are, and 44 % of them are off by more than 0.15 m, as 8 % of all are."""
@@ -80,7 +80,7 @@ class Finding:
 
 
 def scores(values: Float[np.ndarray, "T K"], least: Float[np.ndarray, "T K"] | float) -> Float[np.ndarray, "T K"]:
-    """How suspicious values are, each column against its own median; 0 for NaN.
+    """How suspicious values are, each column relative to its own median; 0 for NaN.
 
     Args:
         values: Larger is worse; NaN where there is none.
@@ -309,7 +309,7 @@ FINDINGS: dict[str, Callable[[PosedFit], Iterator[Finding]]] = {
 
 
 def added_findings() -> dict[str, Callable[[PosedFit], Iterator[Finding]]]:
-    """Those that plugins add, by kind. One that fails finds nothing more, and is reported."""
+    """Those that plugins add, by kind. One that fails is reported and finds nothing more."""
     plugins = added("tcfit.findings", Callable, taken=FINDINGS)  # pyright: ignore[reportArgumentType]
     return {kind: partial(_reported, plugin) for kind, plugin in plugins.items()}
 

@@ -39,12 +39,7 @@ def names_of(side: Side) -> tuple[str, str, str, str]:
 
 
 def hand_tiers(fit: PosedFit, shapes: HandshapeSet) -> list[Tier]:
-    """The tiers of both hands.
-
-    Args:
-        fit: All frames of a clip.
-        shapes: Posed on the fit's body.
-    """
+    """The tiers of both hands over a whole clip; `shapes` are posed on the fit's body."""
     return [tier for side in SIDES for tier in _tiers(fit, shapes, side)]
 
 

@@ -1,4 +1,4 @@
-"""What is high and low on which part of the body along a clip: the heat maps of the timeline, asked for by name."""
+"""Values by part of the body over the frames of a clip: the heat maps of the timeline, by name."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -93,12 +93,7 @@ HEAT_MAPS: dict[str, HeatKind] = {
 
 
 def heat_map(name: str, fit: PosedFit) -> HeatMap:
-    """A whole heat map.
-
-    Args:
-        name: One of HEAT_MAPS.
-        fit: All frames of a clip.
-    """
+    """A whole heat map by its name in HEAT_MAPS, over all frames of a clip."""
     kind = HEAT_MAPS[name]
     values = kind.values(fit)
     weights = fit.clip.keypoints.confidence if kind.weighted else np.ones_like(values)

@@ -45,13 +45,7 @@ class Meshes:
         return self.body.faces
 
     def vertices(self, version: Hashable, params: BodyParams, frame: int) -> Float32[np.ndarray, "V 3"]:
-        """One frame in camera space (metres), in an array that cannot be written.
-
-        Args:
-            version: Stands for `params`.
-            params: All frames.
-            frame: Which of them.
-        """
+        """One frame of `params`, for which `version` stands, in camera space (metres); the array cannot be written."""
         found = self._cache.get((version, frame))
         if found is None:
             found = self.batch(params[[frame]])[0]

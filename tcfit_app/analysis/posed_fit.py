@@ -1,4 +1,4 @@
-"""One fit beside the keypoints that it was to explain: where curves, review queue and tables of figures start."""
+"""A fit beside the keypoints that it explains: the input of curves, review queue and tables of figures."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -209,7 +209,7 @@ class PosedFit:
     @cached_property
     def volumes(self) -> Float[np.ndarray, "T"]:
         """Volume of the closed mesh, dm^3."""
-        enclosed = Enclosed.of(self.meshes.body)
+        enclosed = Enclosed.of(self.meshes.body.faces)
         parts = torch.arange(len(self)).split(_TOGETHER)
         return np.concatenate([np.zeros(0), *(enclosed(self.meshes.batch(self.params[i])) for i in parts if len(i))])
 

@@ -43,7 +43,7 @@ class Metric:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Comparison:
+class ComparedMetric:
     """A figure of two runs."""
 
     name: str
@@ -100,7 +100,7 @@ def _metric(name: str, kind: MetricKind, run: MeasuredRun) -> Metric:
     return Metric(name=name, title=kind.title, unit=kind.unit, value=kind.value(run), better=kind.better)
 
 
-def compare(a: tuple[Metric, ...], b: tuple[Metric, ...]) -> tuple[Comparison, ...]:
+def compare(a: tuple[Metric, ...], b: tuple[Metric, ...]) -> tuple[ComparedMetric, ...]:
     """Two runs' figures, row by row: all of the first one's, then those that only the second one has.
 
     Costs are never "better": runs with other weights or other keypoints cannot be compared by them.
@@ -109,12 +109,12 @@ def compare(a: tuple[Metric, ...], b: tuple[Metric, ...]) -> tuple[Comparison, .
     return tuple(_row(ones.get(name), others.get(name)) for name in dict.fromkeys([*ones, *others]))
 
 
-def _row(a: Metric | None, b: Metric | None) -> Comparison:
+def _row(a: Metric | None, b: Metric | None) -> ComparedMetric:
     like = a or b
     assert like
     one, other = a.value if a else None, b.value if b else None
     difference = None if one is None or other is None else other - one
-    return Comparison(
+    return ComparedMetric(
         name=like.name,
         title=like.title,
         unit=like.unit,
@@ -212,12 +212,9 @@ _SAMPLED = ("vertex_to_surface_mean", "vertex_to_surface_std", "per_vertex_mean"
 def reference_metrics(
     fit: PosedFit, reference: Reference, truth_body: Callable[[], BodyModel | None]
 ) -> tuple[Metric, ...]:
-    """Those of the figures that can be measured.
+    """The figures against the project's reference, those that can be measured, of a run over the whole clip.
 
-    Args:
-        fit: A run over the whole clip.
-        reference: The project's.
-        truth_body: Reads the body of the reference, which takes a second.
+    `truth_body` reads the reference's body, which takes a second.
     """
     every = max(1, -(-len(fit) // SURFACES))
     estimate = Estimate(

@@ -49,12 +49,7 @@ _Found = tuple[str, Finding]
 
 
 def review_queue(fit: PosedFit, *, checked: Collection[int] = ()) -> ReviewQueue:
-    """All suspicious frames.
-
-    Args:
-        fit: A whole clip.
-        checked: Frames that a person found to be fine (see `still_checked`).
-    """
+    """All suspicious frames of a whole clip, but for those that a person found to be fine (see `still_checked`)."""
     by_frame: dict[int, list[_Found]] = {}
     for kind, found_in in (FINDINGS | added_findings()).items():
         for finding in found_in(fit):

@@ -1,1 +1,1 @@
-"""Many clips: a list of them, who fits them, and what is known about each when it is stopped and started again."""
+"""Fits many clips: their list, the processes that fit them, and the records from which a stopped batch goes on."""

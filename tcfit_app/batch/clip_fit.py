@@ -27,7 +27,7 @@ from fitting_core.detect.detecting import DetectionProgress
 from fitting_core.detect.detectors import Running, find_detector
 from fitting_core.detect.part import Detector
 from fitting_core.errors import InputError
-from fitting_core.files.atomic import replacing, sync
+from fitting_core.files.atomic import sync
 from fitting_core.fit.events import FitEvent, drained, mapped
 from fitting_core.fit.fitting import fit_events, shape_events
 from fitting_core.fit.plausibility import doubts
@@ -56,12 +56,12 @@ from tcfit_app.batch.records import (
     patient_lock,
     picture_path,
     read_record,
+    write_json,
     write_log,
-    write_record,
 )
 from tcfit_app.exports.overlay_video import write_comparison
 from tcfit_app.fitting.bodies import Bodies, record_of
-from tcfit_app.imports.starts import start_of
+from tcfit_app.imports.given import start_of
 from tcfit_app.options.fit import FitOptions
 from tcfit_app.options.preparing import body_file, check_out, prepare_solver
 from tcfit_app.project.project import Project
@@ -72,19 +72,16 @@ from tcfit_app.project.storage.run_files import read_run, write_run
 from tcfit_app.project.storage.run_record import Given, Source
 
 DRAFT_SUFFIX, LOCK_SUFFIX = ".batch-draft", ".batch-lock"
-"""Of the hidden folders beside a result while it is made."""
+"""Suffixes of the hidden folders beside a result while it is being made."""
 _PATIENCE = 30.0
-"""Seconds to wait for another process that fits the same clip: one whose batch was killed ends in less."""
+"""Seconds to wait for another process that fits the same clip; one whose batch was killed ends sooner."""
 Report = Callable[[FitEvent | DetectionProgress], None]
 
 
 def fit_clip(task: ClipTask, folder: Path, report: Report = lambda event: None) -> Record:
     """Fit a clip and write its result; what goes wrong is in the record, and nothing of the result is there then.
 
-    Args:
-        task: The clip.
-        folder: The batch's.
-        report: Takes the fit's events, and before them how far keypoints are found.
+    `folder` is the batch's. `report` takes the fit's events, and before them how far keypoints are found.
     """
     begin, fingerprint = time.time(), Fingerprint(settings="", stamp="", content="")
     try:
@@ -112,7 +109,7 @@ def failure(fingerprint: Fingerprint, reason: str, *, trace: str = "", seconds: 
 
 
 def tidy(task: ClipTask) -> None:
-    """Remove what a process left beside a clip's result that died just after it had made it.
+    """Remove what a process that died just after it had finished a clip left beside the result.
 
     Raises:
         InputError: Another process is at work there.
@@ -167,7 +164,7 @@ def _fitted(task: ClipTask, fingerprint: Fingerprint, draft: Path, folder: Path,
         state="done", fingerprint=fingerprint, finished=time.time(), seconds=time.time() - begin, figures=figures
     )
     (task.out / OVERLAY_NAME).unlink(missing_ok=True)  # That of the result which is replaced.
-    write_record(draft / RECORD_NAME, record)
+    write_json(draft / RECORD_NAME, record)
     write_log(folder, "fitted", task, seconds=record.seconds)
     _put(draft, task.out)
     return record
@@ -236,7 +233,9 @@ def write_shape(work: Work) -> Figures:
     """
     members = [member for member in work.task.members if not missing_input(member)]
     if not members:
-        raise InputError(f"{work.task.subject}: the files of all its clips have gone; its shape cannot be found again.")
+        raise InputError(
+            f"{work.task.subject}: the files of all its clips are gone, so its shape cannot be found again."
+        )
     clips = [(_clip_of(member, work.report), read_run(member.out / FIRST_NAME, member.config)) for member in members]
     found = subject_shape(clips, work.body, work.task.config)
     content = FoundShape(
@@ -246,8 +245,7 @@ def write_shape(work: Work) -> Figures:
         frames={member.name: frames for member, frames in zip(members, found.frames, strict=True)},
     )
     work.draft.mkdir(parents=True, exist_ok=True)
-    with replacing(work.draft / SHAPE_NAME) as draft:
-        draft.write_bytes(msgspec.json.format(msgspec.json.encode(content), indent=2) + b"\n")
+    write_json(work.draft / SHAPE_NAME, content)
     return Figures(frames=sum(map(len, found.frames)))
 
 
@@ -303,8 +301,8 @@ def _check_same_clip(project: Project, clip: Clip) -> None:
     same = same_detections(project.detections, clip.keypoints)
     if not (same and project.clip.camera == clip.camera and project.clip.frame_rate == clip.frame_rate):
         raise InputError(
-            f"{project.folder}: is a project already, of other keypoints, another camera or another frame rate. Choose "
-            "another folder for this clip, or delete the project."
+            f"{project.folder}: is already a project, with other keypoints, another camera or another frame rate. "
+            "Choose another folder for this clip, or delete the project."
         )
 
 

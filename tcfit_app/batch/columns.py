@@ -109,7 +109,7 @@ def find(header: str) -> Column | None:
 
 
 def suggestion(header: str) -> str:
-    """What an unknown name of a column may have meant."""
+    """What an unknown column name may have meant."""
     near = nearest(header, [*columns(), *settings()])
     known = f"did you mean {' or '.join(near)}?" if near else f"expected {', '.join(columns())}, or a setting's name"
     return f"there is no column {header!r}; {known}"

@@ -1,4 +1,4 @@
-"""What a clip's result depends on, as hashes: the same ones mean that it need not be fitted again."""
+"""What a clip's result depends on, as hashes: while they stay the same, it need not be fitted again."""
 
 import hashlib
 import os
@@ -51,7 +51,7 @@ def fingerprint_of(task: ClipTask) -> Fingerprint:
 
 
 def unchanged(then: Fingerprint, task: ClipTask) -> bool:
-    """Whether a clip is still what it was. One whose input or detector is gone is, if its settings are the same."""
+    """Whether a clip is still what it was. If its input or its detector is gone, only its settings count."""
     if then.settings != settings_of(task):
         return False
     if missing_input(task) or _detector_is_gone(task):
@@ -67,7 +67,7 @@ def missing_input(task: ClipTask) -> list[tuple[str, Path]]:
 
 
 def detector_of(task: ClipTask) -> str | None:
-    """What is to find a clip's keypoints; None where they are given, or nothing is there in which to find them."""
+    """The detector of a clip's keypoints; None where they are given, or where there is no video to find them in."""
     try:
         _, keypoints = locate(task.fit.video, task.fit.keypoints)
     except InputError:
@@ -127,7 +127,7 @@ def _common(
 
 
 def _betas(path: Path) -> list[float] | None:
-    """The shape itself: found again as it was, it changes nothing. None where there is none yet, or no more."""
+    """The betas, not the file: a shape found again unchanged must not cause another fit. None if there is no shape."""
     try:
         return read_known_shape(path).betas.tolist()
     except InputError:
@@ -154,13 +154,13 @@ def content_of(task: ClipTask) -> str:
 
 
 def _detector_line(task: ClipTask) -> list[bytes]:
-    """What finds the keypoints is an input as files are: another version of it may find something else."""
+    """The detector is an input as files are: another version may find something else."""
     name = detector_of(task)
     return [] if name is None else [f"detector {detector_version(name)}\n".encode()]
 
 
 def _inputs(task: ClipTask) -> Iterator[tuple[str, Path]]:
-    """Every input file with what it is for, in a fixed order."""
+    """Every input file and what it is for, in a fixed order."""
     yield from (("first", member.out / FIRST_NAME) for member in task.members)
     if task.form == "shape":
         return

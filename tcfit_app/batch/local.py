@@ -1,4 +1,4 @@
-"""Fits clips in processes of this computer.
+"""Fits clips in processes on this computer.
 
 Each process fits one clip after the other and tells of it through a pipe. It ends with the process that started it,
 however that one ends.
@@ -24,7 +24,7 @@ from tcfit_app.fitting import child_processes
 
 
 @dataclass(frozen=True, kw_only=True)
-class Underway:
+class TaskUnderway:
     """A clip is being fitted."""
 
     index: int
@@ -36,33 +36,29 @@ class Underway:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ended:
+class TaskEnded:
     """A clip is done, or has failed."""
 
     index: int
     record: Record
 
 
-News = Underway | Ended
+News = TaskUnderway | TaskEnded
 
 
 class Crew(Protocol):
     """Fits clips, several at a time."""
 
     def run(self, tasks: Sequence[ClipTask], folder: Path) -> Generator[News, None, None]:
-        """Fits them all; closing the generator stops at once, and leaves nothing half-done that matters.
-
-        Args:
-            tasks: Each ends exactly once.
-            folder: The batch's.
-        """
+        """Fits them all; each ends exactly once. Closing the generator stops at once and leaves nothing half-done that
+        matters. `folder` is the batch's."""
         ...
 
 
 _TRIES = 2
-"""Times that a clip's process may die: the first time may be anybody's fault, as when memory runs out."""
+"""How often a clip's process may die: the first time may not be its fault, as when memory runs out."""
 _BETWEEN = 0.5
-"""Seconds between two words on how far a clip is."""
+"""Seconds between two progress messages about a clip."""
 
 
 @dataclass
@@ -85,11 +81,7 @@ class _Work:
 
 
 class LocalProcesses:
-    """Processes of this computer.
-
-    Args:
-        jobs: How many.
-    """
+    """Processes of this computer."""
 
     def __init__(self, jobs: int) -> None:
         self.jobs = jobs
@@ -129,11 +121,11 @@ def _hand_out(work: _Work, workers: list[_Worker]) -> Iterator[News]:
             with suppress(OSError):  # A process that has just died is found out by its sentinel.
                 worker.pipe.send((index, work.tasks[index]))
             worker.index = index
-            yield Underway(index=index)
+            yield TaskUnderway(index=index)
 
 
 def _heard(worker: _Worker, workers: list[_Worker], work: _Work) -> Iterator[News]:
-    """What a process says; another one takes the place of one that has died."""
+    """News from a process; a new one replaces one that has died."""
     try:
         news = worker.pipe.recv()
     except (EOFError, OSError):
@@ -145,30 +137,30 @@ def _heard(worker: _Worker, workers: list[_Worker], work: _Work) -> Iterator[New
         if work.waiting:
             workers.append(_started(work.folder))
         return
-    if isinstance(news, Ended):
+    if isinstance(news, TaskEnded):
         worker.index = None
     yield news
 
 
 def _died(index: int, code: int | None, work: _Work) -> Iterator[News]:
-    """Once more, at the end of the queue; or its failure."""
+    """The clip is tried once more, at the end of the queue, or has failed."""
     work.deaths[index] = work.deaths.get(index, 0) + 1
     if work.deaths[index] < _TRIES:
         work.waiting.append(index)
         return
     how = f"by signal {-code}" if code is not None and code < 0 else f"with exit code {code}"
     reason = f"Its process ended {how}, {_TRIES} times. Memory may have run out: try fewer --jobs, or shorter clips."
-    yield Ended(index=index, record=failure(fingerprint_of(work.tasks[index]), reason))
+    yield TaskEnded(index=index, record=failure(fingerprint_of(work.tasks[index]), reason))
 
 
 def _serve(pipe: Connection, folder: Path) -> None:
-    """The life of a process: fits what comes through the pipe until nothing comes any more."""
+    """What a process does: fits whatever comes through the pipe until it is closed."""
     child_processes.end_with_parent()
     one_thread()
     with suppress(EOFError, OSError):
         while True:
             index, task = pipe.recv()
-            pipe.send(Ended(index=index, record=_fitted(index, task, folder, pipe)))
+            pipe.send(TaskEnded(index=index, record=_fitted(index, task, folder, pipe)))
 
 
 def _fitted(index: int, task: ClipTask, folder: Path, pipe: Connection) -> Record:
@@ -179,6 +171,6 @@ def _fitted(index: int, task: ClipTask, folder: Path, pipe: Connection) -> Recor
         if isinstance(event, Iteration | DetectionProgress) and time.monotonic() > told + _BETWEEN:
             told = time.monotonic()
             phase = event.phase if isinstance(event, Iteration) else 0
-            pipe.send(Underway(index=index, phase=phase, share=event.share))
+            pipe.send(TaskUnderway(index=index, phase=phase, share=event.share))
 
     return fit_clip(task, folder, report)

@@ -76,12 +76,8 @@ class Complaints:
 def read_manifest(options: BatchOptions, complaints: Complaints, *, command: str = "") -> tuple[ClipTask, ...]:
     """The clips of a list that have no error; what is wrong with the others goes to `complaints`.
 
-    Whether videos and keypoints exist is not looked at: of clips that are done they may be gone.
-
-    Args:
-        options: The command line, which says what empty cells mean.
-        complaints: Takes every error that is in the list.
-        command: The command line as text, for the record.
+    Empty cells take what `options` say. Whether videos and keypoints exist is not checked: those of clips that are done
+    may be gone.
 
     Raises:
         InputError: There is no list at all, or the command line is wrong.
@@ -112,10 +108,10 @@ def _table(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
             f"{path}: cannot be read ({error.strerror or error}); expected a CSV file with a line for each clip."
         ) from error
     except (UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{path}: is no CSV file in UTF-8 ({error}). Save it as CSV, encoded in UTF-8.") from error
+        raise InputError(f"{path}: is not a CSV file in UTF-8 ({error}). Save it as CSV, encoded in UTF-8.") from error
     if len(rows) < 2:
         raise InputError(
-            f"{path}: lists no clip; expected a first line with the names of the columns (video,keypoints,out) and a "
+            f"{path}: lists no clips; expected a first line with the names of the columns (video,keypoints,out) and a "
             "line for each clip."
         )
     return rows[0][1], rows[1:]

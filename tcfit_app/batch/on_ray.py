@@ -11,7 +11,7 @@ from typing import Any
 from fitting_core.errors import InputError
 from tcfit_app.batch.clip_fit import failure, fit_clip, one_thread
 from tcfit_app.batch.fingerprint import fingerprint_of
-from tcfit_app.batch.local import Ended, News, Underway
+from tcfit_app.batch.local import News, TaskEnded, TaskUnderway
 from tcfit_app.batch.manifest import ClipTask
 from tcfit_app.batch.records import Record
 
@@ -45,10 +45,10 @@ class RayCluster:
                     index, task = waiting.pop()
                     gpus = int(task.config.device.startswith("cuda"))
                     under_way[fit.options(num_gpus=gpus).remote(task, folder)] = index
-                    yield Underway(index=index)
+                    yield TaskUnderway(index=index)
                 for ready in ray.wait(list(under_way), num_returns=1)[0]:
                     index = under_way.pop(ready)
-                    yield Ended(index=index, record=_record(ray, ready, tasks[index]))
+                    yield TaskEnded(index=index, record=_record(ray, ready, tasks[index]))
 
 
 def _fit(task: ClipTask, folder: Path) -> Record:
@@ -65,7 +65,7 @@ def _record(ray: Any, ready: Any, task: ClipTask) -> Record:
 
 
 def _check_answers(address: str | None) -> None:
-    """Ray itself tries for minutes to reach a computer that is not there."""
+    """Ask first, as Ray itself tries for minutes to reach a computer that is not there."""
     host, _, port = (address or "").removeprefix("ray://").rpartition(":")
     if not (host and port.isdigit()):
         return
@@ -86,7 +86,7 @@ def _silent(address: str | None, error: Exception) -> InputError:
 @contextmanager
 def _connected(address: str | None, jobs: int | None) -> Iterator[Any]:
     """The module ray, connected."""
-    # Ray tells its makers about its use unless it is told not to; only where it is started here does that matter.
+    # Ray reports its usage unless told not to; this matters only where it is started here.
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     try:
         import ray

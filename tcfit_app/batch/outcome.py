@@ -1,4 +1,4 @@
-"""How a batch went: a row for each clip, as files and as tables on the terminal."""
+"""How a batch went: a row per clip, in files and as tables on the terminal."""
 
 import csv
 import io
@@ -7,14 +7,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal
 
-import msgspec
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from fitting_core.files.atomic import replacing
 from tcfit_app.batch.manifest import ClipTask
-from tcfit_app.batch.records import Record
+from tcfit_app.batch.records import Record, write_json
 
 SUMMARY_CSV, SUMMARY_JSON = "summary.csv", "summary.json"
 State = Literal["done", "done before", "failed", "failed before", "left"]
@@ -50,13 +49,7 @@ class Row:
 
 
 def row_of(task: ClipTask, record: Record | None, before: bool) -> Row:
-    """The row of a clip.
-
-    Args:
-        task: The clip.
-        record: How it went; None: it was not reached.
-        before: Whether that was in an earlier run.
-    """
+    """The row of a clip by its record (None: not reached), which may be from an earlier run (`before`)."""
     if record is None:
         return Row(line=task.line, clip=task.name, subject=task.subject, state="left")
     state: State = record.state
@@ -78,16 +71,7 @@ def row_of(task: ClipTask, record: Record | None, before: bool) -> Row:
 
 
 def write_summary(folder: Path, rows: Sequence[Row], *, seconds: float) -> None:
-    """Write summary.csv and summary.json.
-
-    Args:
-        folder: The batch's.
-        rows: In the order of the list.
-        seconds: That this run took.
-
-    Raises:
-        OSError: They cannot be written.
-    """
+    """Write summary.csv and summary.json into the batch's folder. Raises OSError if that is impossible."""
     text = io.StringIO(newline="")
     writer = csv.DictWriter(text, fieldnames=list(Row.__dataclass_fields__))
     writer.writeheader()
@@ -95,8 +79,7 @@ def write_summary(folder: Path, rows: Sequence[Row], *, seconds: float) -> None:
     with replacing(folder / SUMMARY_CSV) as draft:
         draft.write_text(text.getvalue(), encoding="utf-8")
     content = {"seconds": round(seconds, 3), "clips": counts(rows), "rows": [asdict(row) for row in rows]}
-    with replacing(folder / SUMMARY_JSON) as draft:
-        draft.write_bytes(msgspec.json.format(msgspec.json.encode(content), indent=2) + b"\n")
+    write_json(folder / SUMMARY_JSON, content)
 
 
 def counts(rows: Sequence[Row]) -> dict[State, int]:

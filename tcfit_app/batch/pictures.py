@@ -1,4 +1,4 @@
-"""A small picture of each clip for the batch's report: the fit over a frame that tells how it went."""
+"""A small picture of each clip for the batch's report: the fit over its most suspicious frame."""
 
 from pathlib import Path
 
@@ -33,7 +33,7 @@ _NEAREST = 0.1
 
 
 def suspects(fit: FitResult, clip: Clip, body: BodyModel) -> tuple[Suspect, ...]:
-    """What the review queue would say of a fit, the worst first."""
+    """The entries that a fit would have in the review queue, the worst first."""
     return review_queue(PosedFit.of(clip, fit, Meshes(body))).left
 
 
@@ -76,7 +76,7 @@ def _ground(clip: Clip, own: Camera, cut: Camera, frame: int) -> UInt8[np.ndarra
     try:
         with FrameSource(clip.source) as source:
             image = source.frame(clip.first_frame + frame)
-    except InputError:  # The fit needs no images; one that cannot be decoded is no picture's fault.
+    except InputError:  # The fit needs no images, so one that cannot be decoded is no reason to fail.
         return plain
     factor = np.array(cut.focal) / own.focal
     shift = np.array(cut.center) - factor * own.center

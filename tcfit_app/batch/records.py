@@ -1,11 +1,11 @@
-"""What is known about each clip between two runs of a batch, and where that lies.
+"""What is known about each clip between two runs of a batch, and where it is kept.
 
 A clip that is done has its record in its result's folder, with which it appears: there is no moment at which one is
 there without the other. Failures lie in the batch's own folder, beside the list:
 
 | file | |
 |---|---|
-| failed/<clip>.json | why a clip failed; gone when it is done |
+| failed/<clip>.json | why a clip failed; deleted when it is done |
 | first/<clip>/ | the first phase of a clip of a subject, from which it goes on whenever the subject's shape changes |
 | subjects/<subject>/shape.json | the shape that a subject's clips share |
 | pictures/<clip>.jpg | a frame of each clip that is done, for the report |
@@ -81,25 +81,24 @@ def batch_folder(manifest: Path) -> Path:
 
 
 def read_record(path: Path) -> Record | None:
-    """A record, or None where there is none that can be read: its clip is fitted again then."""
+    """A record; None if there is none, or none that can be read: then its clip is fitted again."""
     try:
         return msgspec.json.decode(regular_file(path).read_bytes(), type=Record)
     except (OSError, ValueError):
         return None
 
 
-def write_record(path: Path, record: Record) -> None:
-    """Write it, whole or not at all; when this returns, it is on the disk.
+def write_json(path: Path, content: object) -> None:
+    """Write a record, or another JSON file, whole or not at all; it is on the disk when this returns.
 
-    Raises:
-        OSError: It cannot be written.
+    Raises OSError if it cannot be written.
     """
     with replacing(path) as draft:
-        draft.write_bytes(msgspec.json.format(msgspec.json.encode(record), indent=2) + b"\n")
+        draft.write_bytes(msgspec.json.format(msgspec.json.encode(content), indent=2) + b"\n")
 
 
 def done_record(task: ClipTask) -> Record | None:
-    """The record of a clip whose result is there, whole, and what would come out again."""
+    """The record of a clip whose result is there, complete and up to date."""
     record = read_record(task.out / RECORD_NAME)
     return record if record and _THERE[task.form](task.out) and unchanged(record.fingerprint, task) else None
 
@@ -124,7 +123,7 @@ def picture_path(folder: Path, task: ClipTask) -> Path:
 
 
 def own_name(text: str, identity: str) -> str:
-    """A file name that says what it is of, and that nothing else has: not even what differs in case or signs alone."""
+    """A readable file name that nothing else has, not even something that differs only in case or punctuation."""
     plain = re.sub(r"[^\w.-]", "_", text)[:60]
     return f"{plain}-{hashlib.sha256(identity.encode()).hexdigest()[:8]}"
 

@@ -37,20 +37,9 @@ _ORDER = (
 def write_report(
     folder: Path, title: str, tasks: Sequence[ClipTask], rows: Sequence[Row], records: Sequence[Record | None]
 ) -> Path:
-    """Write report.html.
+    """Write report.html into the batch's folder, from the rows and records (None: not reached) of all clips; its path.
 
-    Args:
-        folder: The batch's.
-        title: Of the page.
-        tasks: The list.
-        rows: Of each clip.
-        records: Of each clip; None: it was not reached.
-
-    Returns:
-        Its path.
-
-    Raises:
-        OSError: It cannot be written.
+    Raises OSError if it cannot be written.
     """
     figures = [record.figures if record else None for record in records]
     badness = _badness(rows, figures)
@@ -67,7 +56,7 @@ _Badness = tuple[bool, bool, float]
 
 
 def _badness(rows: Sequence[Row], figures: Sequence[Figures | None]) -> list[_Badness]:
-    """By which the rows are ordered."""
+    """Sort keys of the rows, the largest first in the report."""
     measured = [_measured(f) if f else None for f in figures]
     columns = list(zip(*filter(None, measured), strict=True))
     middles = [median([value for value in column if value] or [1.0]) for column in columns]

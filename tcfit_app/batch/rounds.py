@@ -1,6 +1,6 @@
-"""In which order a list is worked off: rounds of tasks that need nothing of each other.
+"""The order in which a list is worked through: rounds of tasks that do not depend on each other.
 
-A clip alone is one task. The clips of a subject share one shape, so each of them takes three: its first phase, the
+A clip without a subject is one task. The clips of a subject share one shape, so each takes three: its first phase, the
 shape from the first phases of all of them, and the rest. Each task is done, kept and left alone like any other, so
 whatever has changed is all that is done again.
 """
@@ -25,7 +25,7 @@ MOST_CLIPS = 40
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Round:
-    """Tasks that need nothing of each other, and what is known of each."""
+    """Tasks that do not depend on each other, and what is known of each."""
 
     what: str
     """For the user: what the tasks are."""
@@ -37,14 +37,7 @@ class Round:
 
     @staticmethod
     def of(what: str, tasks: Sequence[ClipTask], folder: Path, *, retry: bool) -> "Round":
-        """Looks at what is there.
-
-        Args:
-            what: As above.
-            tasks: As above.
-            folder: The batch's.
-            retry: Do those again that have failed.
-        """
+        """Looks at what is there in the batch's folder; with `retry`, failures do not count."""
         found = ((i, done_record(t) or (None if retry else failed_record(folder, t))) for i, t in enumerate(tasks))
         records = {index: record for index, record in found if record}
         return Round(what=what, tasks=tasks, before=frozenset(records), records=records)
@@ -56,13 +49,7 @@ class Round:
 
 
 class Course:
-    """The way of all clips of a list.
-
-    Args:
-        tasks: The list.
-        folder: The batch's.
-        retry: Fit those again that have failed.
-    """
+    """How all clips of a list get done. With `retry` those that have failed are fitted again."""
 
     def __init__(self, tasks: Sequence[ClipTask], folder: Path, *, retry: bool) -> None:
         self.tasks, self.folder, self.retry = tasks, folder, retry
@@ -83,7 +70,7 @@ class Course:
         )
 
     def later(self) -> Iterator[Round]:
-        """The rounds after the first, each when the one before it has been worked off."""
+        """The rounds after the first, each when the one before it is done."""
         if self.subjects:
             yield self._shapes()
             yield self._rest()
@@ -99,25 +86,22 @@ class Course:
         shapes = Round.of("Shapes of subjects", tasks, self.folder, retry=self.retry)
         for index, name in enumerate(names):
             for place in self.subjects[name]:
-                if not self._failed(place):
+                if "failed" not in self._states(place):
                     self._steps[place].append((shapes, index))
         return shapes
 
     def _rest(self) -> Round:
-        places = [place for own in self.subjects.values() for place in own if self._done(place, 2)]
+        places = [place for own in self.subjects.values() for place in own if self._states(place) == ["done", "done"]]
         tasks = [with_shape(self.tasks[place], self.folder) for place in places]
         rest = Round.of("Clips of subjects", tasks, self.folder, retry=self.retry)
         for index, place in enumerate(places):
             self._steps[place].append((rest, index))
         return rest
 
-    def _done(self, place: int, steps: int) -> bool:
+    def _states(self, place: int) -> list[str | None]:
+        """How the steps of a clip ended, as far as it has come."""
         records = [step.records.get(index) for step, index in self._steps[place]]
-        return len(records) == steps and all(record and record.state == "done" for record in records)
-
-    def _failed(self, place: int) -> bool:
-        records = [step.records.get(index) for step, index in self._steps[place]]
-        return any(record and record.state == "failed" for record in records)
+        return [record and record.state for record in records]
 
     def outcome(self, place: int) -> tuple[Record | None, bool]:
         """How a clip went, and whether in an earlier run; None: it has not ended."""

@@ -2,19 +2,19 @@
 
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from contextlib import closing
-from functools import partial
 from pathlib import Path
 
 from rich.console import Console
 from tqdm import tqdm
 
 from fitting_core.errors import InputError
+from fitting_core.fit.fused.ready import cores
 from fitting_core.io.known_shape import read_known_shape
 from tcfit_app.batch.clip_fit import tidy
 from tcfit_app.batch.fingerprint import SHAPE_NAME, detector_of, detector_version, missing_input
-from tcfit_app.batch.local import Crew, Ended, LocalProcesses, News
+from tcfit_app.batch.local import Crew, LocalProcesses, News, TaskEnded
 from tcfit_app.batch.manifest import ClipTask, Complaints, read_manifest
 from tcfit_app.batch.on_ray import RayCluster
 from tcfit_app.batch.outcome import FAILURES, SUMMARY_CSV, Row, row_of, show_summary, write_summary
@@ -24,12 +24,11 @@ from tcfit_app.batch.records import (
     done_record,
     failed_path,
     patient_lock,
+    write_json,
     write_log,
-    write_record,
 )
 from tcfit_app.batch.report import write_report
 from tcfit_app.batch.rounds import Course, Round, with_shape
-from tcfit_app.bench.machine import cores
 from tcfit_app.cli.json_lines import ClipEnded, Progress, emit, emit_wrote
 from tcfit_app.options.batch import BatchOptions
 from tcfit_app.options.preparing import body_file, check_out, compile_kernels, prepare_solver
@@ -41,10 +40,6 @@ _PATIENCE = 3.0
 
 def run_batch(options: BatchOptions, *, command: str = "") -> int:
     """Fit all clips of a list that are not done yet, and say how each went.
-
-    Args:
-        options: The command line.
-        command: The same as text, for the record.
 
     Returns:
         The exit code: 1 if clips have failed, now or before.
@@ -58,7 +53,7 @@ def run_batch(options: BatchOptions, *, command: str = "") -> int:
     begin = time.monotonic()
     complaints = Complaints(options.manifest)
     tasks = read_manifest(options, complaints, command=command)
-    _check_bodies(tasks, complaints)
+    _check_each(_first_by(tasks, lambda task: task.fit.body), complaints, lambda task: body_file(task.fit.body))
     complaints.raise_any()  # Without a body nothing can be compared.
     folder = batch_folder(options.manifest)
     course = Course(tasks, folder, retry=options.retry and not options.report)
@@ -81,7 +76,7 @@ def run_batch(options: BatchOptions, *, command: str = "") -> int:
 
 
 def _reported(course: Course, manifest: Path) -> int:
-    """How each clip stands, as the files say; nothing is fitted."""
+    """The state of each clip as the files have it; nothing is fitted."""
     for _ in course.later():
         pass
     with accessing(course.folder):
@@ -111,7 +106,7 @@ def _crew(options: BatchOptions) -> Crew:
 
 
 def _run(crew: Crew, course: Course) -> None:
-    """Work off one round after the other."""
+    """Work through the rounds, one after the other."""
     _work_off(crew, course.first, course.folder)
     for later in course.later():
         for index in later.to_do:
@@ -123,7 +118,7 @@ def _run(crew: Crew, course: Course) -> None:
 
 
 def _work_off(crew: Crew, work: Round, folder: Path) -> None:
-    """Do what is to be done; the round takes the record of each task as it comes."""
+    """Do the tasks that are left; the round takes each record as it comes."""
     for index in work.before:
         tidy(work.tasks[index])
     to_do = work.to_do
@@ -133,7 +128,7 @@ def _work_off(crew: Crew, work: Round, folder: Path) -> None:
     progress = _Lines(len(work.tasks), len(work.before), tasks, work.what)
     with closing(progress), closing(crew.run(tasks, folder)) as all_news:
         for news in all_news:
-            if isinstance(news, Ended):
+            if isinstance(news, TaskEnded):
                 _keep(folder, tasks[news.index], news.record)
                 work.records[to_do[news.index]] = news.record
             progress.show(news)
@@ -144,7 +139,7 @@ def _keep(folder: Path, task: ClipTask, record: Record) -> None:
     with accessing(path):
         path.parent.mkdir(exist_ok=True)
         if record.state == "failed":
-            write_record(path, record)
+            write_json(path, record)
             write_log(folder, "failed", task, reason=record.reason)
         else:
             path.unlink(missing_ok=True)
@@ -172,7 +167,7 @@ class _Lines:
     def show(self, news: News) -> None:
         """Tell of it."""
         task = self._tasks[news.index]
-        if isinstance(news, Ended):
+        if isinstance(news, TaskEnded):
             self._running.pop(news.index, None)
             self._count += 1
             emit(
@@ -204,67 +199,42 @@ class _Lines:
         return f"{head}  {record.figures.frames} frames{error}"
 
     def close(self) -> None:
-        """The bar goes."""
+        """Remove the bar."""
         self._bar.close()
 
 
 def _check(course: Course, complaints: Complaints, *, here: bool) -> None:
-    """What stands in the way of a clip that is to be fitted goes to `complaints`.
-
-    Args:
-        course: What is to be done.
-        complaints: Takes every error.
-        here: They are fitted on this computer: its devices count.
-    """
+    """Complain of what would keep a clip from being fitted; `here`: also of this computer's devices and detectors."""
     to_do = [course.tasks[place] for place in course.first.to_do]
     for task in to_do:
         for column, path in missing_input(task):
             complaints.add(task.line, f"{path} does not exist.", column)
-        if task.fit.shape is not None:
-            _check_for(task, complaints, "shape", read_known_shape, task.fit.shape)
+    _check_each(to_do, complaints, lambda task: task.fit.shape and read_known_shape(task.fit.shape), "shape")
     to_do += [task for task in course.waiting() if not done_record(with_shape(task, course.folder))]
-    for task in to_do:
-        may = task.fit.overwrite or task.form == "project"
-        _check_for(task, complaints, "out", partial(check_out, overwrite=may), task.out)
+    _check_each(
+        to_do,
+        complaints,
+        lambda task: check_out(task.out, overwrite=task.fit.overwrite or task.form == "project"),
+        "out",
+    )
     if here:
-        _check_devices(to_do, complaints)
-        _check_detectors(to_do, complaints)
+        devices = _first_by(to_do, lambda task: (task.config.device, task.config.precision))
+        _check_each(devices, complaints, lambda task: prepare_solver(task.config, 1))
+        detectors = _first_by([task for task in to_do if detector_of(task)], detector_of)
+        _check_each(detectors, complaints, lambda task: detector_version(detector_of(task) or ""), "detector")
 
 
-def _check_for(
-    task: ClipTask, complaints: Complaints, column: str, check: Callable[[Path], object], path: Path
+def _check_each(
+    tasks: Iterable[ClipTask], complaints: Complaints, check: Callable[[ClipTask], object], column: str = ""
 ) -> None:
-    try:
-        check(path)
-    except InputError as error:
-        complaints.add(task.line, str(error).removeprefix("--out "), column)
-
-
-def _check_bodies(tasks: Sequence[ClipTask], complaints: Complaints) -> None:
-    """Each body model once, in the first line that asks for it."""
-    first = {task.fit.body: task for task in reversed(tasks)}
-    for options, task in first.items():
+    """Complain of the tasks that a check refuses."""
+    for task in tasks:
         try:
-            body_file(options)
+            check(task)
         except InputError as error:
-            complaints.add(task.line, str(error))
+            complaints.add(task.line, str(error).removeprefix("--out "), column)
 
 
-def _check_devices(tasks: Sequence[ClipTask], complaints: Complaints) -> None:
-    first = {(task.config.device, task.config.precision): task for task in reversed(tasks)}
-    for task in first.values():
-        try:
-            prepare_solver(task.config, 1)
-        except InputError as error:
-            complaints.add(task.line, str(error))
-
-
-def _check_detectors(tasks: Sequence[ClipTask], complaints: Complaints) -> None:
-    """Each detector once, in the first line whose keypoints it is to find."""
-    first = {detector_of(task): task for task in reversed(tasks)}
-    for name, task in first.items():
-        try:
-            if name is not None:
-                detector_version(name)
-        except InputError as error:
-            complaints.add(task.line, str(error), "detector")
+def _first_by(tasks: Sequence[ClipTask], key: Callable[[ClipTask], Hashable]) -> Iterable[ClipTask]:
+    """Of tasks that have something in common the first: it is checked, and complained of, once."""
+    return {key(task): task for task in reversed(tasks)}.values()

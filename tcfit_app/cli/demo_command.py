@@ -54,10 +54,6 @@ def review_demo(options: DemoOptions) -> None:
 def run_demo(options: DemoOptions, *, command: str = "") -> Outcome:
     """Make the demo clip if it is not in the cache, fit it, write the result, and print the errors against the truth.
 
-    Args:
-        options: The command line.
-        command: The same as text, for the record.
-
     Raises:
         InputError: As `run_fit`, or the cache cannot be written.
     """
@@ -86,7 +82,8 @@ def run_demo(options: DemoOptions, *, command: str = "") -> Outcome:
 def demo_clip() -> DemoClip:
     """The demo clip, with a word to who waits for it. Raises InputError if the cache cannot be written."""
     try:
-        return cached_demo(progress=sys.stderr.isatty(), making=_announce)
+        said = "Making the demo clip (once, half a minute) ..."
+        return cached_demo(progress=sys.stderr.isatty(), making=lambda: print(said, file=sys.stderr, flush=True))
     except OSError as error:
         raise InputError(
             f"The demo clip cannot be written into the cache ({error}): free space, or set XDG_CACHE_HOME."
@@ -98,10 +95,6 @@ def read_demo(demo: DemoClip) -> Clip:
     camera = demo.camera
     clip = read_clip(demo.video, demo.keypoints, focal_length=camera.focal[0], center=camera.center)
     return dataclasses.replace(clip, name="demo")
-
-
-def _announce() -> None:
-    print("Making the demo clip (once, half a minute) ...", file=sys.stderr, flush=True)
 
 
 def truth_table(outcome: Outcome, truth: Truth) -> list[str]:

@@ -7,7 +7,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from fitting_core.detect.detecting import Detected, Detection, DetectionProgress
-from fitting_core.detect.detectors import DETECTORS, Known, Running, find_detector
+from fitting_core.detect.detectors import DETECTORS, Running, find_detector
 from fitting_core.detect.download import Downloaded, DownloadProgress, announced, download
 from fitting_core.detect.known_models import KNOWN_MODELS, KnownModel, is_here, model_path
 from fitting_core.errors import InputError
@@ -16,7 +16,7 @@ from fitting_core.io.keypoints.openpose import SUFFIX, write_everybody
 from fitting_core.video.frame_names import split_number
 from fitting_core.video.frames import FrameSource
 from tcfit_app.cli.detection_shown import DetectionShown
-from tcfit_app.cli.detector_networks import fetch_networks
+from tcfit_app.cli.detector_networks import check_agreed, fetch_networks
 from tcfit_app.cli.json_lines import emit_wrote
 from tcfit_app.options.detect import DetectOptions
 
@@ -31,20 +31,20 @@ def run_detect(options: DetectOptions) -> None:
     if options.list:
         print(detector_table())
     for name in options.download:
-        fetch(name, agreed=options.yes)
+        _fetch(name, agreed=options.yes)
     if options.video is not None or not (options.list or options.download):
-        detect(options)
+        _detect(options)
 
 
-def detect(options: DetectOptions) -> None:
+def _detect(options: DetectOptions) -> None:
     """Detect, and write the keypoints. Raises as `run_detect`."""
     if options.video is None:
         raise InputError("No video is given; expected `tcfit detect VIDEO`.")
     name = options.video.resolve().stem
     folder = options.out or Path(f"{name}_keypoints")
     with FrameSource(options.video) as source:
-        frames = frames_of(source, options.first_frame, options.last_frame)
-        check_folder(folder, name, frames)
+        frames = _frames(source, options.first_frame, options.last_frame)
+        _check_folder(folder, name, frames)
         running = Running(boxes=options.boxes, provider=options.provider, batch=options.batch, threads=options.threads)
         detector = find_detector(options.detector, running)
         found = _found(Detection(source=source, frames=frames, detector=detector), restart=options.restart)
@@ -67,8 +67,8 @@ def _found(detection: Detection, *, restart: bool) -> Detected:
     raise AssertionError("a detection ends with what it found")
 
 
-def frames_of(source: FrameSource, first: int | None, last: int | None) -> range:
-    """The frames from one to another, both of which belong to them. Raises InputError where there are none."""
+def _frames(source: FrameSource, first: int | None, last: int | None) -> range:
+    """The frames from one to another, both included. Raises InputError where there are none."""
     start, stop = first or 0, source.count if last is None else last + 1
     if not 0 <= start < stop <= source.count:
         raise InputError(
@@ -78,53 +78,39 @@ def frames_of(source: FrameSource, first: int | None, last: int | None) -> range
     return range(start, stop)
 
 
-def check_folder(folder: Path, name: str, frames: range) -> None:
+def _check_folder(folder: Path, name: str, frames: range) -> None:
     """Raises InputError if keypoints cannot be written there without mixing them with others."""
     if folder.exists() and not folder.is_dir():
         raise InputError(f"--out {folder}: is a file; expected a folder, which may not exist yet.")
-    others = sorted(file.name for file in folder.glob(f"*{SUFFIX}") if not _is_own(file.name, name, frames))
-    if others:
-        raise InputError(
-            f"--out {folder}: holds keypoints of other frames or another video, such as {others[0]}. Choose another "
-            "folder."
-        )
-
-
-def _is_own(file: str, name: str, frames: range) -> bool:
-    prefix, number = split_number(file.removesuffix(SUFFIX))
-    return prefix == f"{name}_" and number in frames
+    for file in sorted(folder.glob(f"*{SUFFIX}")):
+        prefix, number = split_number(file.name.removesuffix(SUFFIX))
+        if prefix != f"{name}_" or number not in frames:
+            raise InputError(
+                f"--out {folder}: holds keypoints of other frames or another video, such as {file.name}. Choose "
+                "another folder."
+            )
 
 
 def detector_table() -> str:
     """The detectors, and the models that can be downloaded, with what is here of them."""
-    return "\n".join(
-        [
-            "Detectors, for --detector:",
-            *(line for name, known in DETECTORS.items() for line in _detector_lines(name, known)),
-            "Models that find points, of the RTMPose family:",
-            *(line for model in KNOWN_MODELS.values() if model.finds == "points" for line in _model_lines(model)),
-            "Models that find people, for --boxes:",
-            *(line for model in KNOWN_MODELS.values() if model.finds == "boxes" for line in _model_lines(model)),
-        ]
-    )
+    lines, margin = ["Detectors, for --detector:"], f"  {'':15} "
+    for name, known in DETECTORS.items():
+        state = "here" if known.is_here() else f"to be fetched by --download {name}"
+        lines += [f"  {name:15} {known.title}", margin + state]
+    titles = {
+        "points": "Models that find points, of the RTMPose family:",
+        "boxes": "Models that find people, for --boxes:",
+    }
+    for finds, title in titles.items():
+        lines.append(title)
+        for model in (model for model in KNOWN_MODELS.values() if model.finds == finds):
+            fetched = f"to be fetched by --download {model.name} ({model.size})"
+            state = f"here: {model_path(model.name)}" if is_here(model.name) else fetched
+            lines += [f"  {model.name:15} {model.title}", margin + state, f"{margin}licence: {model.licence}"]
+    return "\n".join(lines)
 
 
-def _detector_lines(name: str, known: Known) -> list[str]:
-    state = "here" if known.is_here() else f"to be fetched by --download {name}"
-    return [f"  {name:15} {known.title}", f"  {'':15} {state}"]
-
-
-def _model_lines(model: KnownModel) -> list[str]:
-    path = model_path(model.name)
-    state = f"here: {path}" if is_here(model.name) else f"to be fetched by --download {model.name} ({model.size})"
-    return [
-        f"  {model.name:15} {model.title}",
-        f"  {'':15} {state}",
-        f"  {'':15} licence: {model.licence}",
-    ]
-
-
-def fetch(name: str, *, agreed: bool) -> None:
+def _fetch(name: str, *, agreed: bool) -> None:
     """Download what a detector needs, or a known model, after the user has seen what it is and agreed.
 
     Raises:
@@ -138,23 +124,12 @@ def fetch(name: str, *, agreed: bool) -> None:
     if name not in (*DETECTORS, *KNOWN_MODELS):
         names = ", ".join(dict.fromkeys((*DETECTORS, *KNOWN_MODELS)))
         raise InputError(f"--download {name}: no such detector or model is known; expected one of {names}.")
-    for model in models:
-        _fetch_model(KNOWN_MODELS[model], agreed=agreed)
-
-
-def _fetch_model(model: KnownModel, *, agreed: bool) -> None:
-    print(announced(model), flush=True)
-    if not agreed and not _agrees():
-        raise InputError("Nothing was downloaded.")
-    got = _fetched(model)
-    checksum = "as expected" if got.checked else "not known before; remembered for the next download"
-    print(f"{model.name} is in {got.path}\n  SHA-256   {got.sha256} ({checksum})")
-
-
-def _agrees() -> bool:
-    if not sys.stdin.isatty():
-        raise InputError("Nothing was downloaded: give --yes to agree where nobody can be asked.")
-    return input("Download it? [y/N] ").strip().lower() in ("y", "yes")
+    for model in (KNOWN_MODELS[model] for model in models):
+        print(announced(model), flush=True)
+        check_agreed(agreed, "Download it?")
+        got = _fetched(model)
+        checksum = "as expected" if got.checked else "not known before; remembered for the next download"
+        print(f"{model.name} is in {got.path}\n  SHA-256   {got.sha256} ({checksum})")
 
 
 def _fetched(model: KnownModel) -> Downloaded:

@@ -1,4 +1,4 @@
-"""How far keypoints are found, on the terminal and for programs."""
+"""The progress of finding keypoints, on the terminal and for programs."""
 
 import sys
 from types import TracebackType
@@ -14,7 +14,7 @@ _STEP, _TITLE = "keypoints", "Keypoints"
 class DetectionShown:
     """A context manager to be called with every progress: a bar on a terminal, elsewhere a line.
 
-    Where nothing is looked for, it says nothing. Where a search ends early, it says what is kept of it.
+    Says nothing where keypoints are given; where a search ends early, says what is kept of it.
     """
 
     def __init__(self) -> None:

@@ -17,9 +17,6 @@ NAME = "mediapipe"
 def fetch_networks(*, agreed: bool) -> None:
     """Fetch the networks that are not there, after the user has seen what they are and agreed.
 
-    Args:
-        agreed: Whether the user has agreed before.
-
     Raises:
         InputError: Nobody agreed, or they cannot be fetched.
         KeyboardInterrupt: Cancelled; everything is as it was.
@@ -28,9 +25,8 @@ def fetch_networks(*, agreed: bool) -> None:
         print(f"They are in {networks.folder()} already.")
         return
     print(announced(), flush=True)
-    if not agreed and not _agrees():
-        raise InputError("Nothing was fetched.")
-    print(_told(_shown(fetch())))
+    check_agreed(agreed, "Fetch them?")
+    print(_summary(_shown(fetch())))
 
 
 def add_networks(archive: Path) -> str:
@@ -42,7 +38,7 @@ def add_networks(archive: Path) -> str:
     Raises:
         InputError: It has none of the networks, or they cannot be kept.
     """
-    return _told(_shown(add(archive)))
+    return _summary(_shown(add(archive)))
 
 
 def networks_table() -> list[tuple[str, ...]]:
@@ -59,10 +55,14 @@ def _state(name: str) -> str:
     return "not here (optional)" if networks.NETWORKS[name].optional else "not here"
 
 
-def _agrees() -> bool:
+def check_agreed(agreed: bool, question: str) -> None:
+    """Ask the user to agree to a download who has not agreed before. Raises InputError if nobody agrees."""
+    if agreed:
+        return
     if not sys.stdin.isatty():
         raise InputError("Nothing was fetched: give --yes to agree where nobody can be asked.")
-    return input("Fetch them? [y/N] ").strip().lower() in ("y", "yes")
+    if input(f"{question} [y/N] ").strip().lower() not in ("y", "yes"):
+        raise InputError("Nothing was fetched.")
 
 
 def _shown(events: Iterator[FetchProgress | Fetched]) -> Fetched:
@@ -81,6 +81,6 @@ def _shown(events: Iterator[FetchProgress | Fetched]) -> Fetched:
     raise AssertionError("fetching ends with what it got")
 
 
-def _told(got: Fetched) -> str:
+def _summary(got: Fetched) -> str:
     added = f"In {got.folder}: {', '.join(got.added) if got.added else 'nothing new'}."
     return f"{added}\nNote: {got.note}" if got.note else added

@@ -3,8 +3,6 @@
 import os
 import platform
 import re
-import shutil
-import subprocess
 import sys
 import tempfile
 import tomllib
@@ -15,6 +13,8 @@ from pathlib import Path
 from typing import Literal
 
 import platformdirs
+from packaging.requirements import Requirement
+from packaging.version import Version
 
 from fitting_core.body.files.registry import find_body, list_bodies, user_folder
 from fitting_core.errors import InputError
@@ -46,7 +46,7 @@ def doctor() -> int:
     failed = 0
     for title, check in CHECKS.items():
         print(title, flush=True)
-        for line in check():
+        for line in _lines(check):
             print(f"  {line.status:8}{line.found}")
             if line.advice:
                 print(f"          -> {line.advice}")
@@ -54,6 +54,14 @@ def doctor() -> int:
     print()
     print("tcfit fit cannot run yet: see what failed above." if failed else "All that tcfit fit needs works here.")
     return int(failed > 0)
+
+
+def _lines(check: Callable[[], Iterator[Check]]) -> Iterator[Check]:
+    """What a check says, or that a package it needs cannot be imported."""
+    try:
+        yield from check()
+    except ImportError as error:
+        yield Check(status="failed", found=f"cannot be checked: {error}", advice="pip install --force-reinstall tcfit")
 
 
 def check_python() -> Iterator[Check]:
@@ -66,16 +74,17 @@ def check_python() -> Iterator[Check]:
         yield Check(status="failed", found=version, advice=f"install Python {wanted} or later")
     sound: list[str] = []
     for requirement in _requirements():
-        name = re.split(r"[<>=!~ ]", requirement, maxsplit=1)[0]
+        advice = f'pip install "{requirement}"'
         try:
-            found = metadata.version(name)
+            found = metadata.version(requirement.name)
         except metadata.PackageNotFoundError:
-            yield Check(status="failed", found=f"{name} is not installed", advice=f'pip install "{requirement}"')
+            yield Check(status="failed", found=f"{requirement.name} is not installed", advice=advice)
             continue
-        if _fits(found, requirement):
-            sound.append(f"{name} {found}")
+        # A release candidate of the version that is asked for has what is needed.
+        if Version(found).base_version in requirement.specifier:
+            sound.append(f"{requirement.name} {found}")
         else:
-            yield Check(status="failed", found=f"{name} {found}", advice=f'pip install "{requirement}"')
+            yield Check(status="failed", found=f"{requirement.name} {found}", advice=advice)
     yield Check(status="ok", found=", ".join(sound) or "no package")
 
 
@@ -128,31 +137,26 @@ def check_torch() -> Iterator[Check]:
 
 def check_rendering() -> Iterator[Check]:
     """Off-screen OpenGL, which only the overlay video needs: EGL, else OSMesa."""
+    from fitting_core.render.renderer import probe
+
     for name, packages in BACKENDS.items():
-        outcome = probe_rendering(name)
-        if outcome.works:
+        reason = probe(name)
+        if reason is None:
             yield Check(status="ok", found=f"renders off-screen with {name.upper()}")
             return
-        missing = _NO_MODULE.search(outcome.reason)
+        missing = _NO_MODULE.search(reason)
         advice = f"pip install {missing[1]}" if missing else f"apt install {packages}"
-        yield Check(status="warning", found=f"{name.upper()}: {outcome.reason}", advice=advice)
+        yield Check(status="warning", found=f"{name.upper()}: {reason}", advice=advice)
 
 
 def check_video() -> Iterator[Check]:
-    """Codecs of OpenCV and the ffmpeg program."""
-    working = {codec: probe_codec(codec) for codec in ("mp4v", "avc1")}
-    for codec, outcome in working.items():
-        if outcome.works:
-            yield Check(status="ok", found=f"OpenCV writes and reads mp4 as {codec}")
-    if not working["mp4v"].works:
-        advice = "pip install --force-reinstall opencv-python-headless"
-        yield Check(status="warning", found=f"OpenCV cannot write mp4v ({working['mp4v'].reason})", advice=advice)
-    ffmpeg = shutil.which("ffmpeg")
-    if ffmpeg:
-        yield Check(status="ok", found=f"ffmpeg: {ffmpeg}")
-    elif not working["avc1"].works:
-        found = "neither OpenCV nor ffmpeg writes H.264: videos are written as VP9, which takes far longer"
-        yield Check(status="warning", found=found, advice="apt install ffmpeg")
+    """The encoder of overlay videos."""
+    from fitting_core.video.encoding import can_encode
+
+    if can_encode():
+        yield Check(status="ok", found="PyAV writes H.264 videos")
+    else:
+        yield Check(status="warning", found="PyAV was built without H.264", advice="pip install --force-reinstall av")
 
 
 def check_detector() -> Iterator[Check]:
@@ -229,27 +233,13 @@ CHECKS: dict[str, Callable[[], Iterator[Check]]] = {
 """What the doctor looks at, by title."""
 
 
-def _requirements() -> list[str]:
+def _requirements() -> list[Requirement]:
     """Packages that tcfit needs, as pyproject.toml names them."""
     try:
         declared = metadata.requires("tcfit") or []
     except metadata.PackageNotFoundError:
         declared = tomllib.loads(_PYPROJECT.read_text())["project"]["dependencies"]
-    return [requirement for requirement in declared if ";" not in requirement]
-
-
-def _fits(version: str, requirement: str) -> bool:
-    """Whether a version lies within the >= and < bounds of a requirement."""
-    bounds = re.findall(r"(>=|<)\s*([\d.]+)", requirement)
-    return all((_numbers(version) >= _numbers(v)) == (sign == ">=") for sign, v in bounds)
-
-
-def _numbers(version: str) -> tuple[int, ...]:
-    """Release numbers without trailing zeros, so that 2.0 equals 2."""
-    numbers = [int(part) for part in re.findall(r"\d+", re.split(r"[+a-z]", version, maxsplit=1)[0])]
-    while numbers and numbers[-1] == 0:
-        numbers.pop()
-    return tuple(numbers)
+    return [wanted for wanted in map(Requirement, declared) if wanted.marker is None]
 
 
 def _write_problem(folder: Path) -> str:
@@ -260,71 +250,3 @@ def _write_problem(folder: Path) -> str:
             return ""
     except OSError as error:
         return error.strerror or str(error)
-
-
-# --- what may crash or hang is tried in a process of its own ---
-
-TIMEOUT_SECONDS = 60.0
-"""Encoding ten small frames takes a fraction of a second."""
-
-_ENCODE = """
-import sys
-import cv2
-import numpy as np
-
-codec, path = sys.argv[1:]
-writer = cv2.VideoWriter(path, cv2.VideoWriter_fourcc(*codec), 25.0, (64, 48))
-assert writer.isOpened(), "the encoder is not there"
-for shade in range(0, 200, 20):
-    writer.write(np.full((48, 64, 3), shade, dtype=np.uint8))
-writer.release()
-reader = cv2.VideoCapture(path)
-shades = []
-while True:
-    there, frame = reader.read()
-    if not there:
-        break
-    shades.append(float(frame.mean()))
-assert len(shades) == 10, f"{len(shades)} of 10 frames came back"
-assert np.abs(np.array(shades) - np.arange(0, 200, 20)).max() < 12, "the frames came back with other colours"
-print("ok")
-"""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Outcome:
-    """How a probe ended."""
-
-    works: bool
-    reason: str = ""
-    """Why it does not work: the last line that the process wrote, or how it ended."""
-
-
-def probe_rendering(backend: str) -> Outcome:
-    """Render a triangle off-screen, on a backend of fitting_core.render.off_screen, as the overlay video would."""
-    try:
-        from fitting_core.render.renderer import probe
-    except ImportError as error:
-        return Outcome(works=False, reason=str(error))
-    reason = probe(backend)
-    return Outcome(works=reason is None, reason=reason or "")
-
-
-def probe_codec(codec: str, *, timeout: float = TIMEOUT_SECONDS) -> Outcome:
-    """Write an mp4 with OpenCV in a codec ("mp4v", "avc1") and read it back."""
-    with tempfile.TemporaryDirectory() as folder:
-        return _run([_ENCODE, codec, str(Path(folder) / "probe.mp4")], timeout)
-
-
-def _run(arguments: list[str], timeout: float) -> Outcome:
-    command = [sys.executable, "-c", *arguments]
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=timeout)
-    except subprocess.TimeoutExpired:
-        return Outcome(works=False, reason=f"no answer after {timeout:.0f} s")
-    if done.returncode == 0 and done.stdout.strip().endswith("ok"):
-        return Outcome(works=True)
-    if done.returncode < 0:
-        return Outcome(works=False, reason=f"crashed with signal {-done.returncode}")
-    lines = [line.strip() for line in done.stderr.splitlines() if line.strip()]
-    return Outcome(works=False, reason=lines[-1] if lines else f"ended with code {done.returncode}")

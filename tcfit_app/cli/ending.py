@@ -1,4 +1,4 @@
-"""How a command ends: whatever happens in it becomes an exit code, and at most one line for the user."""
+"""How a command ends: whatever happens, there is an exit code, and at most one line for the user."""
 
 import io
 import os
@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from fitting_core.errors import InputError
 from fitting_core.files.regular import legible
-from tcfit_app.cli.json_lines import Failure, emit
+from tcfit_app.cli.json_lines import Failure, discard, emit
 
 FAILED, INPUT_ERROR, CANCELLED, PIPE_CLOSED = 1, 2, 130, 141
 """Exit codes: of a full disk, too little memory and the like; of what the user gave (as for unknown options); of Ctrl-C
@@ -34,11 +34,7 @@ def prepare_streams() -> None:
 
 
 def ended(run: Callable[[], int | None]) -> int:
-    """The exit code of a command.
-
-    Args:
-        run: Runs it, and may return an exit code.
-    """
+    """Run a command, which may return an exit code, and return its exit code."""
     try:
         code = _told(run)
         sys.stdout.flush()
@@ -47,7 +43,7 @@ def ended(run: Callable[[], int | None]) -> int:
     except BrokenPipeError:
         _drop_output()
         return PIPE_CLOSED
-    except OSError as error:  # what is left to say has no place to go to
+    except OSError as error:  # nothing more can be said
         _drop_output()
         return _say_at_last(f"the output cannot be written: {_reason(error)}.")
 
@@ -105,11 +101,8 @@ def _say_at_last(text: str) -> int:
 
 
 def _drop_output() -> None:
-    """Send what is still buffered for the standard output nowhere, which Python would try to write at its end."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
         except OSError:
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(nowhere, stream.fileno())
-            os.close(nowhere)
+            discard(stream)

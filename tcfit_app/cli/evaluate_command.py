@@ -19,16 +19,17 @@ from fitting_core.synthetic.suite import SEQUENCES, make_sequence
 from tcfit_app.cli.evaluate_motion import run_motion_suite
 from tcfit_app.cli.json_lines import Note, Progress, emit, emit_figures, emit_wrote
 from tcfit_app.evaluation.ablations import Setting, run_ablations
-from tcfit_app.evaluation.evaluated_fits import EvaluatedFit, MotionChoices, evaluated_fit
-from tcfit_app.evaluation.evaluating import drawable, evaluated
+from tcfit_app.evaluation.evaluated_fits import EvaluatedFit, evaluated_fit
+from tcfit_app.evaluation.evaluating import drawable, evaluation_of
 from tcfit_app.evaluation.files import REPORT_NAME, print_table, write_evaluation
 from tcfit_app.evaluation.reference_time import AUTO, in_time, seconds_of
 from tcfit_app.evaluation.suite_runs import (
     SuiteTask,
+    done_tasks,
     fitted_body,
     method_names,
     preset_tasks,
-    run_tasks,
+    run_task,
     sequences_named,
 )
 from tcfit_app.evaluation.worst_frames import Drawable, worst_frames
@@ -43,10 +44,6 @@ _NEEDED = "Name a fit (a project, a result of tcfit or of another program), or -
 def run_evaluate(options: EvaluateOptions, *, command: str = "") -> Path:
     """Measure what the options say, print the table and write the files.
 
-    Args:
-        options: The command line.
-        command: The same as text, for the record.
-
     Returns:
         The folder that was written.
 
@@ -58,8 +55,14 @@ def run_evaluate(options: EvaluateOptions, *, command: str = "") -> Path:
     if options.suite is not None:
         return _RUN[options.suite](options, command=command)
     assert options.fit is not None
-    choices = MotionChoices(person=options.person, body_model=options.body_model, frame_rate=options.frame_rate)
-    fit = evaluated_fit(options.fit, run=options.run, models=options.models, choices=choices)
+    fit = evaluated_fit(
+        options.fit,
+        run=options.run,
+        models=options.models,
+        person=options.person,
+        body_model=options.body_model,
+        frame_rate=options.frame_rate,
+    )
     reference = fit.reference
     if options.reference is not None:
         reference = read_reference(
@@ -72,7 +75,7 @@ def run_evaluate(options: EvaluateOptions, *, command: str = "") -> Path:
     fit = fit.beside(reference)
     reference = in_time(reference, fit, first_frame=options.reference_first_frame, offset=options.reference_offset)
     done = _counted(fit, options.every)
-    evaluation = evaluated(fit, reference, every=options.every, models=options.models, done=done)
+    evaluation = evaluation_of(fit, reference, every=options.every, models=options.models, done=done)
     evaluation = replace(evaluation, settings=evaluation.settings | {"Command": command})
     drawn = drawable(fit, reference, options.models)
     worst = worst_frames(evaluation.records, lambda sequence: drawn, count=options.pictures)
@@ -206,7 +209,7 @@ _NOTE = (
 
 def _done(tasks: Sequence[SuiteTask], jobs: int) -> dict[tuple[str, str], tuple[Record, ...]]:
     found: dict[tuple[str, str], tuple[Record, ...]] = {}
-    for task, records in run_tasks(tasks, jobs=jobs):
+    for task, records in done_tasks(run_task, tasks, jobs=jobs):
         found[task.sequence, task.variant] = records
         said = "; ".join(f"{r.method} {number(r.comparison.figures.get(_FIGURE), 2)} cm" for r in records)
         print(f"{len(found)} of {len(tasks)}: {task.sequence}: {said}", file=sys.stderr, flush=True)

@@ -13,10 +13,11 @@ from rich.table import Table
 from fitting_core.config.schema import DEFAULT_PRESET, FitConfig, without_collisions
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
-from fitting_core.measure.depth_figures import CURVES, GROUPINGS, PART_CURVES, DepthRecord, figures, titled
+from fitting_core.measure.depth_figures import DEPTH_CURVES, GROUPINGS, PART_CURVES, DepthRecord, depth_figures, titled
 from fitting_core.measure.report.markup import number
 from tcfit_app.cli.json_lines import Progress, emit, emit_wrote
-from tcfit_app.evaluation.motion_runs import MotionTask, motions_named, run_motions, write_records
+from tcfit_app.evaluation.motion_runs import MotionTask, motions_named, run_motion, write_records
+from tcfit_app.evaluation.suite_runs import done_tasks
 from tcfit_app.options.evaluate import EvaluateOptions
 from tcfit_app.options.fit import MethodOptions, fit_config
 from tcfit_app.options.preparing import compile_kernels
@@ -79,9 +80,9 @@ def _file_name(text: str) -> str:
 
 def _done(tasks: Sequence[MotionTask], jobs: int) -> list[DepthRecord]:
     found: dict[Path, tuple[DepthRecord, ...]] = {}
-    for task, records in run_motions(tasks, jobs=jobs):
+    for task, records in done_tasks(run_motion, tasks, jobs=jobs):
         found[task.folder] = records
-        value = figures(records[-1:], "")["all"][_TOLD]
+        value = depth_figures(records[-1:], "")["all"][_TOLD]
         told = f"{task.sequence}, {task.variant}: {_TOLD.replace(',', f' {number(value)}')}"
         print(f"{len(found)} of {len(tasks)}: {told}", file=sys.stderr, flush=True)
         emit(Progress(step="sequences", share=len(found) / len(tasks), text=told))
@@ -92,10 +93,10 @@ def _tables(records: Sequence[DepthRecord]) -> dict[str, Rows]:
     """By title: rows by label."""
     rows: Rows = {}
     for grouping in GROUPINGS:
-        rows |= {_row(grouping, label): own for label, own in figures(records, grouping).items()}
+        rows |= {_row(grouping, label): own for label, own in depth_figures(records, grouping).items()}
     parts: Rows = {}
     for grouping in ("", "view"):
-        parts |= {_row(grouping, label): own for label, own in figures(records, grouping, PART_CURVES).items()}
+        parts |= {_row(grouping, label): own for label, own in depth_figures(records, grouping, PART_CURVES).items()}
     return {"figures over all frames": rows, "errors of the limb joints in the image, hips aligned": parts}
 
 
@@ -103,7 +104,7 @@ def _row(grouping: str, label: str) -> str:
     return f"{grouping}: {label}" if grouping else label
 
 
-_DIGITS = {titled(curve, s): curve.digits for curve in (CURVES | PART_CURVES).values() for s in curve.statistics}
+_DIGITS = {titled(curve, s): curve.digits for curve in (DEPTH_CURVES | PART_CURVES).values() for s in curve.statistics}
 
 
 def _cells(row: dict[str, float | None]) -> list[str]:

@@ -1,9 +1,10 @@
 """`tcfit export`: a project's run, or a result, as files for other programs."""
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -24,7 +25,7 @@ from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.cli.json_lines import Note, Step, StepDone, emit, emit_wrote, told
 from tcfit_app.exports.exporting import file_name, write_export
 from tcfit_app.exports.source import ExportedFit, ExportSource
-from tcfit_app.exports.table import DEFAULTS, Export, exports
+from tcfit_app.exports.table import DEFAULTS, exports
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.fitting.fits import FitChoice, Fits
 from tcfit_app.options.export import LIST, ExportOptions
@@ -54,23 +55,32 @@ def run_export(options: ExportOptions) -> None:
     markers = STANDARD if options.markers is None else read_marker_set(options.markers)
     with source_of(options.path, options) as found:
         source = replace(found, markers=markers)
-        whole = source if options.frames is None else source[frames_of(options.frames, source)]
+        whole = source if options.frames is None else source[wished_frames(options.frames, source)]
         targets = {name: target(name, whole, options) for name in formats}
         for name, path in targets.items():
-            write_one(name, whole, path, zipped=options.zip)
+            write_one(name, path, partial(write_export, exports()[name], whole, path, zipped=options.zip))
 
 
-def write_one(name: str, source: ExportSource, path: Path, *, zipped: bool) -> None:
+def write_one(name: str, path: Path, write: Callable[[Progress], str | None]) -> None:
     """Write one export, and say so.
 
     Args:
         name: Of EXPORTS.
-        source: What is exported.
-        path: Where to.
-        zipped: A folder is packed into one file.
+        path: Where to; its folder is made.
+        write: Writes it, and returns what a person should know of it.
     """
     emit(Step(step=name, title=exports()[name].title))
-    _write(exports()[name], source, path, told(name), zipped=zipped)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with bar(exports()[name].title, told(name)) as progress:
+            note = write(progress)
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be written ({error.strerror or error}). Free space, or choose another --out."
+        ) from error
+    print(f"Wrote {path}" + (f": {note}" if note else ""), flush=True)
+    if note:
+        emit(Note(text=f"{path.name}: {note}"))
     emit(StepDone(step=name))
     emit_wrote(path, kind=name)
 
@@ -192,7 +202,7 @@ def _clip_name(path: Path) -> str:
 # --- frames and files ---
 
 
-def frames_of(wished: str, source: ExportSource) -> slice:
+def wished_frames(wished: str, source: ExportSource) -> slice:
     """Frames by their numbers in the video, both ends included."""
     begin, end = numbers_of(wished)
     first, last = source.span
@@ -230,20 +240,6 @@ def target(name: str, source: ExportSource, options: ExportOptions) -> Path:
     if path.exists() and not options.overwrite:
         raise InputError(f"{path}: is there already. Give --overwrite to replace it, or another --out.")
     return path
-
-
-def _write(export: Export, source: ExportSource, path: Path, tell: Progress, *, zipped: bool) -> None:
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with bar(export.title, tell) as progress:
-            note = write_export(export, source, path, progress, zipped=zipped)
-    except OSError as error:
-        raise InputError(
-            f"{path}: cannot be written ({error.strerror or error}). Free space, or choose another --out."
-        ) from error
-    print(f"Wrote {path}" + (f": {note}" if note else ""), flush=True)
-    if note:
-        emit(Note(text=f"{path.name}: {note}"))
 
 
 @contextmanager

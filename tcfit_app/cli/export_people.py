@@ -3,15 +3,15 @@
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import torch
 
 from fitting_core.errors import InputError
 from fitting_core.io.people_file import PEOPLE_NAME, People, read_people
-from tcfit_app.cli.export_command import bar, formats_of, numbers_of, source_of, target, write_one
-from tcfit_app.cli.json_lines import Step, StepDone, emit, emit_wrote, told
-from tcfit_app.exports.exporting import file_name
+from tcfit_app.cli.export_command import formats_of, numbers_of, source_of, target, write_one
+from tcfit_app.exports.exporting import write_export
 from tcfit_app.exports.motions import write_everybody
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.exports.table import exports
@@ -24,10 +24,6 @@ _TOGETHER = "glb"
 def run_export_people(folder: Path, options: ExportOptions) -> None:
     """Write what the options ask for of everybody, and say on the standard output what was written.
 
-    Args:
-        folder: With people.json, of results or of projects.
-        options: The command line.
-
     Raises:
         InputError: As of `run_export`; or nobody is there in the frames that are asked for.
     """
@@ -39,11 +35,13 @@ def run_export_people(folder: Path, options: ExportOptions) -> None:
         apart = [name for name in formats if name != _TOGETHER]
         targets = [(name, source, target(name, source, options)) for source in sources for name in apart]
         _refuse_same([path for _, _, path in targets], folder)
-        together = _together(people, sources, options) if _TOGETHER in formats else None
+        # One file, whose name is the clip's; what can be found wrong with anybody is found now.
+        checked = sources if _TOGETHER in formats else []
+        together = [target(_TOGETHER, replace(source, name=people.name), options) for source in checked]
         for name, source, path in targets:
-            write_one(name, source, path, zipped=options.zip)
-        if together is not None:
-            _write_glb(together, people, sources)
+            write_one(name, path, partial(write_export, exports()[name], source, path, zipped=options.zip))
+        if together:
+            write_one(_TOGETHER, together[0], partial(write_everybody, sources, together[0], name=people.name))
 
 
 def _refuse_same(paths: Sequence[Path], folder: Path) -> None:
@@ -73,29 +71,3 @@ def _sources(folder: Path, people: People, options: ExportOptions, stack: ExitSt
             "the last."
         )
     return found
-
-
-def _together(people: People, sources: Sequence[ExportSource], options: ExportOptions) -> Path:
-    """Where everybody goes; what can be found wrong is found now."""
-    for source in sources:
-        target(_TOGETHER, source, options)
-    path = options.out / file_name(exports()[_TOGETHER], people.name, zipped=options.zip)
-    if path.exists() and not options.overwrite:
-        raise InputError(f"{path}: is there already. Give --overwrite to replace it, or another --out.")
-    return path
-
-
-def _write_glb(path: Path, people: People, sources: Sequence[ExportSource]) -> None:
-    title = exports()[_TOGETHER].title
-    emit(Step(step=_TOGETHER, title=title))
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with bar(title, told(_TOGETHER)) as progress:
-            note = write_everybody(sources, path, progress, name=people.name)
-    except OSError as error:
-        raise InputError(
-            f"{path}: cannot be written ({error.strerror or error}). Free space, or choose another --out."
-        ) from error
-    emit(StepDone(step=_TOGETHER))
-    emit_wrote(path, kind=_TOGETHER)
-    print(f"Wrote {path}: {note}", flush=True)

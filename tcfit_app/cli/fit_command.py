@@ -4,8 +4,8 @@ import dataclasses
 import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import closing
 from pathlib import Path
-from types import TracebackType
 from typing import Any, TextIO
 
 from tqdm import tqdm
@@ -25,8 +25,7 @@ from tcfit_app.cli.detection_shown import DetectionShown
 from tcfit_app.cli.json_lines import Note, Progress, Step, StepDone, emit, emit_figures, emit_wrote, told
 from tcfit_app.exports.overlay_video import write_comparison
 from tcfit_app.fitting.bodies import Bodies
-from tcfit_app.imports.given import read_shape
-from tcfit_app.imports.starts import start_of
+from tcfit_app.imports.given import read_shape, start_of
 from tcfit_app.options.clip_input import clip_of, described, notes_of
 from tcfit_app.options.fit import FitOptions, fit_config
 from tcfit_app.options.preparing import body_file, check_out, compile_kernels, prepare_solver
@@ -43,10 +42,6 @@ class Outcome:
 
 def run_fit(options: FitOptions, *, command: str = "") -> Outcome:
     """Fit as the options say, write the result and say on the standard output where it is.
-
-    Args:
-        options: The command line.
-        command: The same as text, for the record.
 
     Raises:
         InputError: Files or options cannot be used; nothing has been written then.
@@ -88,14 +83,6 @@ def fit_into(
     """Fit a clip, write the result into a folder, and say so; the options say what else is wished.
 
     Args:
-        folder: For the result.
-        clip: What is fitted.
-        body: With which body.
-        config: The method.
-        options: The command line.
-        start: What the fit begins with.
-        shape: The person's, where it is known.
-        command: The command line as text, for the record.
         begins: Called once, before the first phase that has finished is written.
 
     Raises:
@@ -131,7 +118,7 @@ def _fit_and_write(
     finished: PhaseFinished | None = None
     summary: dict[str, Any] = {}
     try:
-        with ProgressBars() as progress:
+        with closing(ProgressBars()) as progress:
             for event in events:
                 progress.show(event)
                 if isinstance(event, PhaseFinished):
@@ -141,16 +128,13 @@ def _fit_and_write(
                     summary = write_result(folder, event.so_far, clip, body, complete=complete, command=command)
                     finished = event
     except BaseException:
-        tell([_what_stayed(finished, folder)])
+        stayed = "Stopped before phase 1 had finished; nothing was written."
+        if finished is not None:
+            stayed = f"Stopped; the result up to phase {finished.phase} is in {folder}"
+        tell([stayed])
         raise
     assert finished is not None
     return finished.so_far, summary
-
-
-def _what_stayed(finished: PhaseFinished | None, folder: Path) -> str:
-    if finished is None:
-        return "Stopped before phase 1 had finished; nothing was written."
-    return f"Stopped; the result up to phase {finished.phase} is in {folder}"
 
 
 def _emit_result(folder: Path, clip: Clip, fit: FitResult, summary: dict[str, Any], written: Sequence[str]) -> None:
@@ -192,7 +176,7 @@ def report(summary: dict[str, Any]) -> list[str]:
 
 
 def tell(lines: Iterable[str]) -> None:
-    """Say something on the standard error."""
+    """Print lines on the standard error."""
     for line in lines:
         print(line, file=sys.stderr, flush=True)
 
@@ -212,11 +196,7 @@ _STEPS = 1000
 
 
 class ProgressBars:
-    """A context manager; give it every event.
-
-    Args:
-        stream: Where to write; None: the standard error. It gets bars if it is a terminal.
-    """
+    """Shows every event that it is given: by bars if the stream (None: the standard error) is a terminal."""
 
     def __init__(self, stream: TextIO | None = None) -> None:
         self.stream = stream or sys.stderr
@@ -224,12 +204,8 @@ class ProgressBars:
         """That of the phase that runs, on a terminal."""
         self._start = 0.0
 
-    def __enter__(self) -> "ProgressBars":
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def close(self) -> None:
+        """The bar of a phase that was cut short ends as it is."""
         if self.bar is not None:
             self.bar.close()
 

@@ -10,7 +10,6 @@ from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import sweep
 from fitting_core.fit.evidence.given_start import GivenStart
-from fitting_core.ground.level import best_grounding, level_of
 from fitting_core.io.motion_files import motion_of
 from fitting_core.io.people_file import PEOPLE_NAME, holds_people, read_people, write_people
 from fitting_core.io.people_reader import PersonInClip, people_of
@@ -18,8 +17,9 @@ from fitting_core.io.result_files import FIT_NAME, OVERLAY_NAME, SUMMARY_NAME, i
 from tcfit_app.cli.detection_shown import DetectionShown
 from tcfit_app.cli.fit_command import Outcome, fit_into, prepared_body, tell
 from tcfit_app.cli.json_lines import emit_wrote
+from tcfit_app.exports.motions import write_together
 from tcfit_app.fitting.bodies import Bodies
-from tcfit_app.imports.starts import start_of
+from tcfit_app.imports.given import start_of
 from tcfit_app.options.clip_input import everybody_of
 from tcfit_app.options.fit import FitOptions, StartOptions, fit_config
 from tcfit_app.options.preparing import check_out, compile_kernels
@@ -31,10 +31,6 @@ _RESULT = (FIT_NAME, SUMMARY_NAME, OVERLAY_NAME)
 
 def run_fit_people(options: FitOptions, *, command: str = "") -> list[Outcome]:
     """Fit everybody as the options say, write their results, and say on the standard output where they are.
-
-    Args:
-        options: The command line.
-        command: The same as text, for the record.
 
     Raises:
         InputError: Files or options cannot be used; nothing has been written then.
@@ -106,7 +102,7 @@ def _check_out(folder: Path, *, overwrite: bool) -> list[Path]:
     if others:
         some = ", ".join(str(path.relative_to(folder)) for path in others[:4]) + (", ..." if len(others) > 4 else "")
         raise InputError(
-            f"--out {folder}: holds files that are no result of several people ({some}). Choose another folder, or "
+            f"--out {folder}: holds files that are not a result of several people ({some}). Choose another folder, or "
             "give --overwrite to write the results among them."
         )
     check_out(folder, overwrite=True)
@@ -166,21 +162,15 @@ def _list(folder: Path, people: Sequence[PersonInClip]) -> None:
 
 
 def _write_together(folder: Path, people: Sequence[PersonInClip], outcomes: Sequence[Outcome]) -> None:
-    """Write everybody into one file, on the floor that is seen best, and say so."""
-    from fitting_core.io.motion.glb import write_people_glb  # here: pygltflib would take 0.4 s of every start
-
-    best = best_grounding([outcome.fit.grounding for outcome in outcomes])
-    camera = outcomes[0].fit.camera
-    level = level_of(None if best is None else outcomes[best].fit.grounding, camera.world)
+    """Write everybody into one file, and say so."""
     motions = [
-        replace(motion_of(outcome.fit, one.clip, outcome.body), name=one.about.name, level=level)
+        replace(motion_of(outcome.fit, one.clip, outcome.body), name=one.about.name)
         for one, outcome in zip(people, outcomes, strict=True)
     ]
     path = folder / GLB_NAME
     try:
-        write_people_glb(path, motions, name=people[0].name)
+        note = write_together(path, motions, [one.fit.grounding for one in outcomes], name=people[0].name)
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror or error}). Free space.") from error
     emit_wrote(folder / PEOPLE_NAME, path)
-    floor = "" if best is None else f", on the floor of {people[best].about.name}, which is seen best"
-    print(f"Wrote {PEOPLE_NAME} and {GLB_NAME} into {folder}: {len(people)} people{floor}")
+    print(f"Wrote {PEOPLE_NAME} and {GLB_NAME} into {folder}: {note}")

@@ -22,7 +22,7 @@ def run_import(options: ImportOptions) -> None:
         _import_notes(options)
         return
     if options.tiers:
-        raise InputError(f"--tiers: {options.path} is no {SUFFIX} file, and has no tiers. Leave it out.")
+        raise InputError(f"--tiers: {options.path}  is not an {SUFFIX} file, so it has no tiers. Leave the option out.")
     choices = ImportChoices(
         first_frame=options.first_frame,
         person=options.person,
@@ -44,7 +44,7 @@ def run_import(options: ImportOptions) -> None:
 def _import_notes(options: ImportOptions) -> None:
     said = {name: getattr(options, name) for name in _OF_RESULTS}
     if named := [name for name, value in said.items() if value not in (None, "")]:
-        raise InputError(f"--{named[0].replace('_', '-')}: means nothing for {options.path}, which holds annotations.")
+        raise InputError(f"--{named[0].replace('_', '-')}: has no meaning for {options.path}, which holds annotations.")
     with Project.open(options.project) as project:
         found = import_notes(project, options.path, options.tiers)
     print(f"Imported {found.in_words()}")

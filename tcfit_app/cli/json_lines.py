@@ -169,11 +169,8 @@ def emit_wrote(*paths: Path, kind: str | None = None) -> None:
 
 
 @contextmanager
-def json_lines(command: str) -> Iterator[Callable[[int], int]]:
+def json_lines() -> Iterator[Callable[[int], int]]:
     """Events go to the standard output, and all that is printed to the standard error, until the block ends.
-
-    Args:
-        command: Its name.
 
     Yields:
         Takes the exit code at the end, tells it, and gives it back.
@@ -183,10 +180,8 @@ def json_lines(command: str) -> Iterator[Callable[[int], int]]:
     def end(code: int) -> int:
         try:
             emit(Ended(code=code))
-        except OSError:  # nobody reads any more; what is buffered must not fail again at Python's end
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(nowhere, lines.stream.fileno())
-            os.close(nowhere)
+        except OSError:  # nobody reads any more
+            discard(lines.stream)
         return code
 
     before = _lines.set(lines)
@@ -195,6 +190,13 @@ def json_lines(command: str) -> Iterator[Callable[[int], int]]:
             yield end
     finally:
         _lines.reset(before)
+
+
+def discard(stream: TextIO) -> None:
+    """Send what is still buffered nowhere, which Python would try to write when it exits."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, stream.fileno())
+    os.close(nowhere)
 
 
 def version() -> str:

@@ -5,6 +5,7 @@ import shlex
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, Union
 
@@ -18,7 +19,6 @@ from fitting_core.io.people_file import holds_people
 from tcfit_app.cli.ending import ended, prepare_streams
 from tcfit_app.cli.json_lines import OPTION, SCHEMA, Started, emit, json_lines, version
 from tcfit_app.options.batch import BatchOptions
-from tcfit_app.options.bench import BenchOptions
 from tcfit_app.options.detect import DetectOptions
 from tcfit_app.options.evaluate import EvaluateOptions
 from tcfit_app.options.export import LIST, ExportOptions
@@ -64,92 +64,35 @@ class Doctor:
     """Show what works on this computer, and what to install for the rest."""
 
 
+def _in(module: str) -> Any:
+    """A module of this folder, imported by the command that needs it, so that --help stays quick."""
+    return import_module(f"tcfit_app.cli.{module}")
+
+
 def _fit(options: FitOptions, command: str) -> None:
-    if options.people is not None:
-        from tcfit_app.cli.fit_people import run_fit_people
-
-        run_fit_people(options, command=command)
-        return
-    from tcfit_app.cli.fit_command import run_fit
-
-    run_fit(options, command=command)
-
-
-def _new(options: NewOptions, command: str) -> None:
-    from tcfit_app.cli.new_command import make_project
-
-    make_project(options)
-
-
-def _review(options: ReviewOptions, command: str) -> None:
-    from tcfit_app.cli.review_command import run_review
-
-    run_review(options)
+    run = _in("fit_command").run_fit if options.people is None else _in("fit_people").run_fit_people
+    run(options, command=command)
 
 
 def _export(options: ExportOptions, command: str) -> None:
     if options.path is not None and options.formats != (LIST,) and holds_people(options.path):
-        from tcfit_app.cli.export_people import run_export_people
-
-        run_export_people(options.path, options)
-        return
-    from tcfit_app.cli.export_command import run_export
-
-    run_export(options)
-
-
-def _render(options: RenderOptions, command: str) -> None:
-    from tcfit_app.cli.render_command import run_render
-
-    run_render(options)
-
-
-def _import(options: ImportOptions, command: str) -> None:
-    from tcfit_app.cli.import_command import run_import
-
-    run_import(options)
+        _in("export_people").run_export_people(options.path, options)
+    else:
+        _in("export_command").run_export(options)
 
 
 def _demo(options: DemoOptions, command: str) -> None:
-    from tcfit_app.cli.demo_command import review_demo, run_demo
-
     if options.review:
-        review_demo(options)
+        _in("demo_command").review_demo(options)
     else:
-        run_demo(options, command=command)
-
-
-def _detect(options: DetectOptions, command: str) -> None:
-    from tcfit_app.cli.detect_command import run_detect
-
-    run_detect(options)
-
-
-def _evaluate(options: EvaluateOptions, command: str) -> None:
-    from tcfit_app.cli.evaluate_command import run_evaluate
-
-    run_evaluate(options, command=command)
-
-
-def _batch(options: BatchOptions, command: str) -> int:
-    from tcfit_app.cli.batch_command import run_batch
-
-    return run_batch(options, command=command)
-
-
-def _bench(options: BenchOptions, command: str) -> None:
-    from tcfit_app.cli.bench_command import run_bench
-
-    run_bench(options)
+        _in("demo_command").run_demo(options, command=command)
 
 
 def _models(options: Models, command: str) -> None:
-    from tcfit_app.cli.models_command import list_models, register_models
-
     if isinstance(options.action, ListModels):
-        list_models()
+        _in("models_command").list_models()
     elif options.action.paths:
-        register_models(list(options.action.paths), agreed=options.action.yes)
+        _in("models_command").register_models(options.action.paths, agreed=options.action.yes)
     else:
         raise InputError(
             "tcfit models add: no path given; expected model files, folders or downloaded archives, or the word "
@@ -163,30 +106,26 @@ def _settings(options: Settings, command: str) -> None:
     print(as_toml(fit_config(options.method), preset_name=options.method.preset or DEFAULT_PRESET), end="")
 
 
-def _doctor(options: Doctor, command: str) -> int:
-    from tcfit_app.cli.doctor import doctor
-
-    return doctor()
-
-
-COMMANDS: dict[str, tuple[type, Callable[[Any, str], int | None]]] = {
+COMMANDS: dict[str, tuple[type, Callable[[Any, str], object]]] = {
     "fit": (FitOptions, _fit),
-    "new": (NewOptions, _new),
-    "review": (ReviewOptions, _review),
+    "new": (NewOptions, lambda options, command: _in("new_command").make_project(options)),
+    "review": (ReviewOptions, lambda options, command: _in("review_command").run_review(options)),
     "demo": (DemoOptions, _demo),
-    "detect": (DetectOptions, _detect),
-    "import": (ImportOptions, _import),
+    "detect": (DetectOptions, lambda options, command: _in("detect_command").run_detect(options)),
+    "import": (ImportOptions, lambda options, command: _in("import_command").run_import(options)),
     "export": (ExportOptions, _export),
-    "render": (RenderOptions, _render),
-    "evaluate": (EvaluateOptions, _evaluate),
-    "batch": (BatchOptions, _batch),
-    "bench": (BenchOptions, _bench),
+    "render": (RenderOptions, lambda options, command: _in("render_command").run_render(options)),
+    "evaluate": (
+        EvaluateOptions,
+        lambda options, command: _in("evaluate_command").run_evaluate(options, command=command),
+    ),
+    "batch": (BatchOptions, lambda options, command: _in("batch_command").run_batch(options, command=command)),
     "models": (Models, _models),
     "settings": (Settings, _settings),
-    "doctor": (Doctor, _doctor),
+    "doctor": (Doctor, lambda options, command: _in("doctor").doctor()),
 }
-"""Each command's options, and what runs on them and may return an exit code; every function imports what it needs, so
-that --help stays quick."""
+"""Each command's options, and what runs it: given these and the command line as text, for records. An int that it
+returns is the exit code."""
 
 
 def parse(arguments: Sequence[str]) -> Any:
@@ -219,19 +158,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     prepare_streams()
     if not _tells_events(given):
         return ended(lambda: _run(given))
-    with json_lines(given[0]) as end:
-        return end(ended(lambda: _run_told(given)))
+
+    def run() -> int | None:
+        emit(Started(schema=SCHEMA, command=given[0], version=version()))
+        return _run(given)
+
+    with json_lines() as end:
+        return end(ended(run))
 
 
 def _tells_events(given: list[str]) -> bool:
-    """Whether events are asked for; to tcfit bench the option names a file."""
+    """Whether events are asked for."""
     kind, _ = COMMANDS.get(given[0] if given else "", (None, None))
     return OPTION in given and getattr(kind, "json", None) is False
-
-
-def _run_told(given: list[str]) -> int | None:
-    emit(Started(schema=SCHEMA, command=given[0], version=version()))
-    return _run(given)
 
 
 def _run(given: list[str]) -> int | None:
@@ -239,4 +178,5 @@ def _run(given: list[str]) -> int | None:
     options = parse(given)
     check_paths(options)
     run = dict(COMMANDS.values())[type(options)]
-    return run(options, legible(shlex.join(["tcfit", *given])))
+    code = run(options, legible(shlex.join(["tcfit", *given])))
+    return code if isinstance(code, int) else None

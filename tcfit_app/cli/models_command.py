@@ -3,8 +3,7 @@
 Networks are imported where they are needed: onnxruntime would take its time of every list of bodies.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 
 from fitting_core.body.files.forms import KINDS
@@ -14,15 +13,6 @@ from fitting_core.priors.files.registry import PriorFile, holds_vposer, list_pri
 _ORIGINS = {"free": "comes with tcfit", "user": "yours"}
 _HEADER = ("MODEL", "GENDER", "VERTICES", "FROM", "FILE")
 _PRIOR_HEADER = ("POSE PRIOR", "IS", "FROM", "FILE")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Addable:
-    """Something that `tcfit models add` takes."""
-
-    recognises: Callable[[Path], bool]
-    add: Callable[[Path, bool], None]
-    """From a path to what is printed; told whether the user agrees to a download."""
 
 
 def list_models() -> None:
@@ -51,67 +41,39 @@ def list_models() -> None:
     print(f"They are copied to {user_folder()}")
 
 
-def register_models(paths: list[Path], *, agreed: bool = False) -> None:
+def register_models(paths: Sequence[Path], *, agreed: bool = False) -> None:
     """Add models and networks where tcfit finds them, and print what was added.
 
     Args:
         paths: Model files, folders or downloaded archives, one after the other; or the name of networks that are to be
-            fetched. The first of ADDABLE that recognises a path takes it.
+            fetched. What nothing else recognises is taken for body models, whose reader says what is wrong with it.
         agreed: Whether the user has agreed to a download.
 
     Raises:
         InputError: A path holds nothing of use; those before it stay registered.
     """
-    for path in paths:
-        next(kind for kind in ADDABLE if kind.recognises(path)).add(path, agreed)
-
-
-def _is_name_of_networks(path: Path) -> bool:
-    from tcfit_app.cli.detector_networks import NAME
-
-    return str(path) == NAME
-
-
-def _fetch_networks(path: Path, agreed: bool) -> None:
-    from tcfit_app.cli.detector_networks import fetch_networks
-
-    fetch_networks(agreed=agreed)
-
-
-def _holds_networks(path: Path) -> bool:
     from fitting_core.detect.mediapipe.packages import holds_networks
+    from tcfit_app.cli.detector_networks import NAME, add_networks, fetch_networks
 
-    return holds_networks(path)
-
-
-def _add_networks(path: Path, agreed: bool) -> None:
-    from tcfit_app.cli.detector_networks import add_networks
-
-    added = add_networks(path)
-    print(f"From {path}\n{added}")
-
-
-def _add_vposer(path: Path, agreed: bool) -> None:
-    added = _prior_table([register_vposer(path)])
-    print(f"From {path}\n{added}")
-
-
-def _add_bodies(path: Path, agreed: bool) -> None:
-    added = _body_table(register(path))
-    print(f"From {path}\n{added}")
-
-
-ADDABLE = (
-    Addable(recognises=_is_name_of_networks, add=_fetch_networks),
-    Addable(recognises=_holds_networks, add=_add_networks),
-    Addable(recognises=holds_vposer, add=_add_vposer),
-    Addable(recognises=lambda path: True, add=_add_bodies),
-)
-"""The last takes what no other knows, and says what is wrong with it."""
+    for path in paths:
+        if str(path) == NAME:
+            fetch_networks(agreed=agreed)
+            continue
+        if holds_networks(path):
+            added = add_networks(path)
+        elif holds_vposer(path):
+            added = _prior_table([register_vposer(path)])
+        else:
+            added = _body_table(register(path))
+        print(f"From {path}\n{added}")
 
 
 def _body_table(bodies: list[BodyFile]) -> str:
-    return _table([_HEADER, *(_row(body) for body in bodies)])
+    rows = []
+    for body in bodies:
+        vertices = "damaged" if body.problem else f"{body.vertices:,}"
+        rows.append((KINDS[body.kind].title, body.gender, vertices, _ORIGINS[body.origin], str(body.path)))
+    return _table([_HEADER, *rows])
 
 
 def _prior_table(priors: list[PriorFile]) -> str:
@@ -122,8 +84,3 @@ def _prior_table(priors: list[PriorFile]) -> str:
 def _table(rows: list[tuple[str, ...]]) -> str:
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]) - 1)]
     return "\n".join("  ".join([*(c.ljust(w) for c, w in zip(row, widths, strict=False)), row[-1]]) for row in rows)
-
-
-def _row(body: BodyFile) -> tuple[str, ...]:
-    vertices = "damaged" if body.problem else f"{body.vertices:,}"
-    return KINDS[body.kind].title, body.gender, vertices, _ORIGINS[body.origin], str(body.path)

@@ -29,9 +29,7 @@ _CENTER_OPTIONS = {"--center", "--camera"}
 def make_project(options: NewOptions | ReviewOptions, *, reopen: bool = False) -> Path:
     """Make the project that the options ask for, and say on the standard output where it is.
 
-    Args:
-        options: The command line.
-        reopen: Leave a project as it is that was made there before, of the same clip.
+    With `reopen`, a project of the same clip that was made there before is left as it is.
 
     Raises:
         InputError: Files or options cannot be used, or the folder holds something else; nothing has been written then.
@@ -44,7 +42,7 @@ def make_project(options: NewOptions | ReviewOptions, *, reopen: bool = False) -
         check_free(options.out)  # before minutes in which keypoints are found
     with DetectionShown() as tell_progress:
         clip = clip_of(options, tell_progress)
-    folder = options.out or folder_of(clip)
+    folder = options.out or _folder_named(clip.name)
     if reopen and is_project(folder):
         check_same_clip(folder, clip, clip_options(options))
         print(f"Opening the project {folder}, which was made before.", file=sys.stderr, flush=True)
@@ -119,12 +117,8 @@ def reference_given(options: ReferenceOptions, clip: Clip) -> Reference | None:
     return found if first is None else found.starting_at(first, clip.frame_rate)
 
 
-def folder_of(clip: Clip) -> Path:
-    """Where a clip's project is made if nobody says where: in the working folder, by the clip's name."""
-    return _folder_named(clip.name)
-
-
 def _folder_named(name: str) -> Path:
+    """Where a clip's project is made if nobody says where: in the working folder, by the clip's name."""
     # A name becomes a folder here only: not one part of it may lead elsewhere.
     return Path(name_of_file(name).replace("/", "_").replace("\\", "_") + SUFFIX)
 
@@ -132,10 +126,7 @@ def _folder_named(name: str) -> Path:
 def check_same_clip(folder: Path, clip: Clip, given: Sequence[str]) -> None:
     """Refuse a project that is not of the clip that a command line names.
 
-    Args:
-        folder: The project's.
-        clip: What would be made a project of.
-        given: The options that say which part of the clip, and the camera.
+    `given` are the options that say which part of the clip is meant, and the camera.
 
     Raises:
         InputError: The project is of another video, or has other keypoints; or the options would have made another one.
@@ -144,7 +135,7 @@ def check_same_clip(folder: Path, clip: Clip, given: Sequence[str]) -> None:
         made, link = read_clip(folder, store)
     choice = f"Give --out for a new project, or open that one as it is: tcfit review {folder}"
     if clip.source and (link is None or link.fingerprint != fingerprint(clip.source)):
-        raise InputError(f"{folder}: is a project of another clip than {clip.source}. {choice}")
+        raise InputError(f"{folder}: is a project of a clip other than {clip.source}. {choice}")
     if given and _frames_and_camera(made, given) != _frames_and_camera(clip, given):
         raise InputError(f"{folder}: was made before, of other frames or with another camera. {refusal(given)}")
     # Without --camera they come as they were filmed.
@@ -168,7 +159,7 @@ def check_same_packed(folder: Path, path: Path) -> None:
         InputError: It is another project, or one of both cannot be read.
     """
     if creation_time(folder) != packed_creation_time(path):
-        raise InputError(f"{folder}: is another project than the one in {path}. Give --out for a new one.")
+        raise InputError(f"{folder}: is not the project in {path}. Give --out for a new one.")
 
 
 def _frames_and_camera(clip: Clip, given: Sequence[str]) -> tuple[object, ...]:

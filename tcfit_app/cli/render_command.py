@@ -18,7 +18,7 @@ from fitting_core.render.overlay import PANEL_COLORS
 from fitting_core.render.sheets import Cell, beside, write_sheet
 from fitting_core.video.encoding import video_writer
 from fitting_core.video.frames import FrameSource
-from tcfit_app.cli.export_command import bar, frames_of, source_of
+from tcfit_app.cli.export_command import bar, source_of, wished_frames
 from tcfit_app.cli.json_lines import Step, StepDone, emit, emit_wrote, told
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.options.export import ExportOptions
@@ -127,7 +127,7 @@ def _chosen(options: RenderOptions, source: ExportSource, *, moving: bool) -> li
     count = len(_motion(source))
     if options.frames is None:
         return list(range(count)) if moving else [count // 2]
-    inside = range(count)[frames_of(options.frames, source)]
+    inside = range(count)[wished_frames(options.frames, source)]
     if moving:
         return list(inside)
     places = np.linspace(0, len(inside) - 1, min(options.count, len(inside))).round().astype(int)
@@ -144,7 +144,8 @@ def _drawing(
     """Draws all views of a frame beside each other; frames must come in their order."""
     with _video(options, source) as image:
         has_video = image is not None or (source.known_clip is not None and source.known_clip.source is not None)
-        views = options.view or (("picture",) if has_video and not _angles_given(options) else ("front",))
+        turned = any(value is not None for value in (options.azimuth, options.elevation, options.distance))
+        views = options.view or (("picture",) if has_video and not turned else ("front",))
         upright = [Shown(motion=one.motion.in_axes("y-up"), color=one.color, label=one.label) for one in shown]
         outside = {view: outside_pictures(upright, frames, _look(view, options)) for view in views if view != "picture"}
         in_camera = [_vertices(one.motion, frames) for one in shown] if "picture" in views else []
@@ -162,10 +163,6 @@ def _drawing(
             return beside(row)
 
         yield draw
-
-
-def _angles_given(options: RenderOptions) -> bool:
-    return any(value is not None for value in (options.azimuth, options.elevation, options.distance))
 
 
 def _look(view: str, options: RenderOptions) -> Look:

@@ -73,12 +73,7 @@ def review(
 ) -> None:
     """Serve the review of an open project until Ctrl-C.
 
-    Args:
-        project: stays open.
-        options: address and browser.
-        models: folder with body models that alone is searched.
-        fit: what to start with if the project has no fit; None: nothing.
-        find: how keypoints are found for that fit if the project has none; None: they are not.
+    If it has no fit, `fit` is begun; if it has no keypoints either, they are found as `find` says (None: neither).
     """
     with _served(project.clip.name, options) as server:
         _review(project, server, options, models=models, fit=fit, find=find)
@@ -87,9 +82,9 @@ def review(
 def check_folders(options: ServerOptions, *, models: Path | None = None) -> None:
     """Raise InputError for folders that are none, before anything is made or fitted. Arguments as of `review`."""
     if options.files is not None and not options.files.is_dir():
-        raise InputError(f"--files {options.files}: is no folder; expected one whose files pages may name.")
+        raise InputError(f"--files {options.files}: is not a folder; expected one whose files pages may name.")
     if models is not None and not models.is_dir():
-        raise InputError(f"--models {models}: is no folder; expected one with body models.")
+        raise InputError(f"--models {models}: is not a folder; expected one with body models.")
 
 
 def _served(name: str, options: ServerOptions) -> AbstractContextManager[ReviewServer]:

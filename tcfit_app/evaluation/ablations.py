@@ -8,7 +8,7 @@ from pathlib import Path
 from fitting_core.config.schema import FitConfig
 from fitting_core.measure.records import Record, pooled
 from fitting_core.measure.report.ablations import Ablation, Trial
-from tcfit_app.evaluation.suite_runs import SuiteTask, fit_seconds, run_tasks
+from tcfit_app.evaluation.suite_runs import SuiteTask, done_tasks, fit_seconds, run_task
 
 _STRATEGIES = ("random", "confident", "coverage")
 _ERRORS = {"Vertex-to-surface error, cm": "vertex_to_surface", "Volume error, dm³": "volume_error"}
@@ -109,7 +109,7 @@ def run_ablations(setting: Setting, *, jobs: int) -> tuple[Ablation, ...]:
     """
     alone = replace(setting.config, last_phase=1)
     first = {name: setting.task("phase-1", name, alone) for name in setting.sequences}
-    for done, _ in enumerate(run_tasks(list(first.values()), jobs=jobs), 1):
+    for done, _ in enumerate(done_tasks(run_task, list(first.values()), jobs=jobs), 1):
         print(f"Phase 1: {done} of {len(first)}", file=sys.stderr, flush=True)
     found = []
     for variation in variations(setting.config):
@@ -122,7 +122,7 @@ def run_ablations(setting: Setting, *, jobs: int) -> tuple[Ablation, ...]:
         }
         records: dict[Path, tuple[Record, ...]] = {}
         every_task = [task for group in tasks.values() for task in group]
-        for task, done in run_tasks(every_task, jobs=jobs):
+        for task, done in done_tasks(run_task, every_task, jobs=jobs):
             records[task.folder] = done
             print(f"{variation.title}: {len(records)} of {len(every_task)}", file=sys.stderr, flush=True)
         found.append(_ablation(setting.preset, variation, tasks, records))

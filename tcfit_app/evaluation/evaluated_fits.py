@@ -1,4 +1,4 @@
-"""The fits that `tcfit evaluate` is given: a run of a project, a result of tcfit, or what another program wrote."""
+"""The fits that `tcfit evaluate` measures: a run of a project, a result of tcfit, or another program's."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -31,7 +31,7 @@ _USUAL_RATE, _HIGHEST_RATE = 30.0, 2000.0
 """Frames per second."""
 _MOST_FRAMES = 10**6
 ANY_CAMERA = Camera(focal=(1000.0, 1000.0), center=(500.0, 500.0), size=(1000, 1000))
-"""Shows a body whose own camera is not known, and puts one before it that stands before none."""
+"""Shows a body whose own camera is not known; a body without one is placed in front of it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,10 +45,10 @@ class EvaluatedFit:
     phases: dict[str, tuple[BodyParams, float]]
     """By name: parameters, and the seconds up to there."""
     camera: Camera | None
-    """None: another program's, which does not tell it."""
+    """None: another program's result that does not have it."""
     frame_rate: float
     rate_known: bool = True
-    """Whether somebody said the frame rate; else it is a usual one."""
+    """Whether the frame rate was given; else it is the usual one."""
     first_frame: int
     clip: Clip | None
     """With its keypoints, where they are known."""
@@ -58,6 +58,10 @@ class EvaluatedFit:
     """Whether it is known where it stands before a camera."""
     notes: tuple[str, ...] = ()
     """What a user should know of how it was read."""
+
+    def __len__(self) -> int:
+        """Frames, the same in all phases."""
+        return len(next(iter(self.phases.values()))[0])
 
     def estimate(self, phase: str) -> Estimate:
         """One phase, to be compared."""
@@ -71,26 +75,22 @@ class EvaluatedFit:
         )
 
     def beside(self, reference: Reference | None) -> "EvaluatedFit":
-        """The same with the reference's frame rate, where nobody said what its own is."""
+        """The same with the reference's frame rate where its own is not known."""
         if self.rate_known or reference is None or reference.frame_rate is None:
             return self
         rate = reference.frame_rate
-        note = f"It does not tell its frame rate, which is taken to be the reference's, {rate:g} per second."
+        note = f"It does not give its frame rate, which is taken to be the reference's, {rate:g} per second."
         return replace(self, frame_rate=rate, rate_known=True, notes=(*self.notes, note))
 
 
-@dataclass(frozen=True, kw_only=True)
-class MotionChoices:
-    """What another program's result does not tell, or what to take instead."""
-
-    person: int | None = None
-    body_model: str | None = None
-    frame_rate: float | None = None
-    """Frames per second."""
-
-
 def evaluated_fit(
-    path: Path, *, run: str | None = None, models: Path | None = None, choices: MotionChoices | None = None
+    path: Path,
+    *,
+    run: str | None = None,
+    models: Path | None = None,
+    person: int | None = None,
+    body_model: str | None = None,
+    frame_rate: float | None = None,
 ) -> EvaluatedFit:
     """Read a fit.
 
@@ -98,24 +98,25 @@ def evaluated_fit(
         path: A project, a folder or file of a result, or what `fitting_core.io.read_motion` reads.
         run: Name or number of one of a project's runs; None: the latest of our own that has a result.
         models: Folder with body models that alone is searched.
-        choices: For another program's result.
+        person, body_model, frame_rate: What another program's result does not tell, or what to take instead.
 
     Raises:
         InputError: There is no such fit, or its body model is not there.
     """
-    given = [
-        f"--{name.replace('_', '-')}" for name, value in vars(choices or MotionChoices()).items() if value is not None
-    ]
+    choices = {"--person": person, "--body-model": body_model, "--frame-rate": frame_rate}
+    given = [name for name, value in choices.items() if value is not None]
     if given and (is_project(path) or _is_ours(path)):
-        raise InputError(f"{', '.join(given)}: {path} is tcfit's own and tells this itself. Leave it out.")
+        raise InputError(f"{', '.join(given)}: {path} is a result of tcfit, which has this itself. Leave it out.")
     if is_project(path):
         with Project.open(path, read_only=True) as project:
             return _of_project(project, _chosen(project, run), models)
     if run is not None:
-        raise InputError(f"--run {run}: {path} is no project; only these have several runs. Leave out --run.")
+        raise InputError(f"--run {run}: {path} is not a project, and only projects have several runs. Leave out --run.")
     if not path.exists():
-        raise InputError(f"{path}: is not there; expected a project or a result, which `tcfit fit` makes.")
-    return _of_ours(path, models) if _is_ours(path) else _of_others(path, models, choices or MotionChoices())
+        raise InputError(f"{path}: does not exist; expected a project or a result, which `tcfit fit` makes.")
+    if _is_ours(path):
+        return _of_ours(path, models)
+    return _of_others(path, models, ImportChoices(person=person, body_model=body_model), frame_rate)
 
 
 def _is_ours(path: Path) -> bool:
@@ -143,13 +144,13 @@ def _of_ours(path: Path, models: Path | None) -> EvaluatedFit:
     )
 
 
-def _of_others(path: Path, models: Path | None, choices: MotionChoices) -> EvaluatedFit:
+def _of_others(path: Path, models: Path | None, choices: ImportChoices, frame_rate: float | None) -> EvaluatedFit:
     """Another program's result, on the body that it belongs to."""
-    if choices.frame_rate is not None and not 0 < choices.frame_rate <= _HIGHEST_RATE:
-        raise InputError(f"--frame-rate is {choices.frame_rate:g}; expected frames per second, above 0.")
+    if frame_rate is not None and not 0 < frame_rate <= _HIGHEST_RATE:
+        raise InputError(f"--frame-rate is {frame_rate:g}; expected frames per second, above 0.")
     motion = read_motion(path, person=choices.person, decode=vposer_decoder())
-    body, motion = posed_body(motion, Bodies(models), ImportChoices(body_model=choices.body_model))
-    rate = choices.frame_rate or motion.frame_rate
+    body, motion = posed_body(motion, Bodies(models), choices)
+    rate = frame_rate or motion.frame_rate
     places, missing = _without_gaps(motion.numbers)
     notes = (f"Read as {motion.format}.", *motion.notes, *_standing_in(missing))
     params = motion.on(body, motion.camera or ANY_CAMERA)
@@ -172,11 +173,11 @@ def _standing_in(missing: list[int]) -> tuple[str, ...]:
     """A note on frames without a result."""
     if not missing:
         return ()
-    return (f"It has no result for {len(missing)} frames ({spans(missing)}); the nearest stand for these.",)
+    return (f"It has no result for {len(missing)} frames ({spans(missing)}); the nearest frames stand in for them.",)
 
 
 def _without_gaps(numbers: Sequence[int]) -> tuple[list[int], list[int]]:
-    """For each frame from the first to the last the place of the nearest that is there; and which are not."""
+    """For each frame from the first to the last, the place of the nearest that exists; and which frames are missing."""
     there = np.array(numbers)
     if there[-1] - there[0] >= _MOST_FRAMES:
         raise InputError(

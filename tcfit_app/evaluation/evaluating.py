@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from fitting_core.measure.comparison import compare, compare_other
+from fitting_core.measure.comparison import Comparison, compare, compare_other
 from fitting_core.measure.records import Evaluation, Record
 from fitting_core.measure.references.bodies import body_of
 from fitting_core.measure.references.reference import Reference
@@ -17,7 +17,7 @@ from tcfit_app.evaluation.evaluated_fits import ANY_CAMERA, EvaluatedFit
 from tcfit_app.evaluation.worst_frames import Drawable
 
 
-def evaluated(
+def evaluation_of(
     fit: EvaluatedFit,
     reference: Reference | None,
     *,
@@ -25,13 +25,11 @@ def evaluated(
     models: Path | None = None,
     done: Callable[[int], None] = lambda count: None,
 ) -> Evaluation:
-    """Measure all phases of a fit.
+    """Measure all phases of a fit, against a reference if there is one.
 
     Args:
-        fit: Which.
-        reference: What it is compared with; None: only smoothness, volume and reprojection are measured.
         every: Surfaces are measured in every so many frames.
-        models: Folder with body models that alone is searched for the reference's.
+        models: Folder with body models, which alone is searched for the reference's.
         done: Takes how many frames' surfaces were measured; what it raises ends the measuring.
 
     Raises:
@@ -48,26 +46,13 @@ def evaluated(
             bar.update(count)
             done(count)
 
-        for method, (params, seconds) in fit.phases.items():
-            found = compare(
-                fit.estimate(method),
-                reference,
-                truth_body=truth_body,
-                every=every,
-                done=measured,
-            )
-            records.append(
-                Record(
-                    sequence=fit.name,
-                    motion="",
-                    method=method,
-                    frames=len(params),
-                    frame_rate=fit.frame_rate,
-                    seconds=seconds,
-                    comparison=found,
-                )
-            )
-    others = [] if reference is None else [_of_other(name, fit, reference) for name in reference.others]
+        for method, (_, seconds) in fit.phases.items():
+            found = compare(fit.estimate(method), reference, truth_body=truth_body, every=every, done=measured)
+            records.append(_record(fit, method, found, seconds))
+    others = []
+    if reference is not None:  # other systems' points, which come with it, in the frames of the fit
+        estimate = fit.estimate(next(iter(fit.phases)))
+        others = [_record(fit, name, compare_other(name, estimate, reference)) for name in reference.others]
     return Evaluation(
         title=f"Evaluation of {fit.name}",
         records=(*others, *records),
@@ -76,17 +61,15 @@ def evaluated(
     )
 
 
-def _of_other(name: str, fit: EvaluatedFit, reference: Reference) -> Record:
-    """Another system's points, which come with the reference, in the frames of the fit."""
-    estimate = fit.estimate(next(iter(fit.phases)))
+def _record(fit: EvaluatedFit, method: str, comparison: Comparison, seconds: float = 0.0) -> Record:
     return Record(
         sequence=fit.name,
         motion="",
-        method=name,
-        frames=len(estimate.params),
+        method=method,
+        frames=len(fit),
         frame_rate=fit.frame_rate,
-        seconds=0.0,
-        comparison=compare_other(name, estimate, reference),
+        seconds=seconds,
+        comparison=comparison,
     )
 
 
@@ -98,8 +81,8 @@ def _settings(fit: EvaluatedFit, reference: Reference | None) -> dict[str, str]:
 
 def notes_of(fit: EvaluatedFit) -> tuple[str, ...]:
     """What a user should know about the fit."""
-    rate = "It does not tell its frame rate: 30 frames per second are assumed; --frame-rate says what is right."
-    world = "Where it stands before a camera is not known: only form is compared."
+    rate = "It does not give its frame rate: 30 frames per second are assumed; set it with --frame-rate."
+    world = "Where it stands in front of a camera is not known, so only its form is compared."
     return (*fit.notes, *([] if fit.rate_known else [rate]), *([] if fit.placed else [world]))
 
 
@@ -145,8 +128,7 @@ def drawable(fit: EvaluatedFit, reference: Reference | None, models: Path | None
     """The bodies of a fit, for pictures."""
     truth = None
     if reference is not None and reference.params is not None and reference.body is not None:
-        count = len(next(iter(fit.phases.values()))[0])
-        frames = reference.frames_of(count, fit.first_frame, fit.frame_rate).clip(0)
+        frames = reference.frames_of(len(fit), fit.first_frame, fit.frame_rate).clip(0)
         if reference.in_camera and fit.placed:
             truth = body_of(reference.body, search=models), reference.params[frames.tolist()]
     bodies = {name: (fit.body, params) for name, (params, _) in fit.phases.items()}

@@ -1,4 +1,4 @@
-"""What `tcfit evaluate` leaves behind: a table in the terminal, metrics.csv, metrics.json and report.html."""
+"""The output of `tcfit evaluate`: a table in the terminal, metrics.csv, metrics.json and report.html."""
 
 import csv
 import io
@@ -80,9 +80,9 @@ def as_csv(records: Sequence[Record]) -> str:
     return text.getvalue()
 
 
-def print_table(records: Sequence[Record], console: Console | None = None) -> None:
+def print_table(records: Sequence[Record]) -> None:
     """The main figures and those of plugins, a column for each method, by motion, over all its frames."""
-    titles, console = figure_titles(), console or Console()
+    titles, console = figure_titles(), Console()
     for motion in motions(records):
         some = of(records, motion=motion)
         names = methods(some)

@@ -1,6 +1,6 @@
 """The motion suite, fitted and measured; what is done stays in a folder and is not done again."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,11 +14,11 @@ from fitting_core.files.atomic import replacing
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.fused import ready
 from fitting_core.io.camera_rule import estimated
-from fitting_core.io.result_files import read_fit, write_result
+from fitting_core.io.result_files import read_fit
 from fitting_core.measure.depth_figures import DepthRecord, measured
 from fitting_core.measure.records import PHASE_1
 from fitting_core.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
-from tcfit_app.evaluation.suite_runs import FIT_KEY, done_tasks, fit_key, fit_seconds, fitted_body, read_text
+from tcfit_app.evaluation.suite_runs import fit_key, fit_seconds, fitted_body, keep_fit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,11 +49,6 @@ def motions_named(names: Sequence[str], half: str) -> list[str]:
     return chosen
 
 
-def run_motions(tasks: Sequence[MotionTask], *, jobs: int) -> Iterator[tuple[MotionTask, tuple[DepthRecord, ...]]]:
-    """Fit and measure, several at once if there are several jobs; yields each as it is done."""
-    return done_tasks(run_motion, tasks, jobs=jobs)
-
-
 def run_motion(task: MotionTask) -> tuple[DepthRecord, ...]:
     """Phase 1 and the last phase of a fit, measured; it is taken from its folder if it was fitted with the same
     settings before."""
@@ -61,10 +56,7 @@ def run_motion(task: MotionTask) -> tuple[DepthRecord, ...]:
     ready.use(threads=1)
     made, body = _made(task), fitted_body()
     key = f"{fit_key(task.config, made.clip, made.truth, body)} {made.clip.camera.focal[0]}"
-    if read_text(task.folder / FIT_KEY) != key:
-        write_result(task.folder, fit_clip(made.clip, body, task.config), made.clip, body)
-        with replacing(task.folder / FIT_KEY) as draft:
-            draft.write_text(key)
+    keep_fit(task.folder, key, lambda: fit_clip(made.clip, body, task.config), made.clip, body)
     found, seconds = read_fit(task.folder), fit_seconds(task.folder)
     phases = [(f"{task.variant}{PHASE_1}", found.phase1, seconds["phase1"])]
     if found.last_phase > 1:

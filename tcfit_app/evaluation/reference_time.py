@@ -1,4 +1,4 @@
-"""Where a reference lies in the time of a fit's video: as it says, as the user says, or as the movement tells."""
+"""Where a reference lies in time: as its file says, as the user says, or as the movement shows."""
 
 import math
 from dataclasses import replace
@@ -21,8 +21,6 @@ def in_time(
     """The reference at the frames of the fit's video, as far as it can be.
 
     Args:
-        reference: As it was read.
-        fit: What it is compared with.
         first_frame: Number in the video of its first frame; None: as it says.
         offset: Second of the video at which its first frame was taken, or AUTO; None: as it says.
 
@@ -46,25 +44,24 @@ def in_time(
 
 
 def _as_it_says(reference: Reference, fit: EvaluatedFit) -> Reference:
-    """Points between whose frames the fit's lie are interpolated; whatever else there is, is left."""
+    """Points are interpolated between their frames; a reference of any other kind stays as it is."""
     if reference.params is not None or reference.joints is not None or reference.is_even(fit.frame_rate):
         return reference
-    count = len(next(iter(fit.phases.values()))[0])
-    reference.frames_of(count, fit.first_frame, fit.frame_rate)  # raises where it is not clear where it begins
+    reference.frames_of(len(fit), fit.first_frame, fit.frame_rate)  # raises where it is not clear where it begins
     note = f"Its {reference.frame_rate:g} frames per second are interpolated to the fit's {fit.frame_rate:g}."
     placed = at_frames_of(reference, fit.frame_rate)
     return replace(placed, notes=(*placed.notes, note))
 
 
 def seconds_of(offset: str) -> float:
-    """Raises InputError for what is no time."""
+    """The offset as a number. Raises InputError if it is not a time."""
     try:
         seconds = float(offset)
     except ValueError:
         seconds = math.nan
     if not abs(seconds) <= _LONGEST:
         raise InputError(
-            f"--reference-offset {offset[:40]}: is no time; expected seconds, such as -0.37, or {AUTO} to find it by "
-            "the movement."
+            f"--reference-offset {offset[:40]}: is not a time; expected seconds, such as -0.37, or {AUTO} to find it "
+            "by the movement."
         )
     return seconds

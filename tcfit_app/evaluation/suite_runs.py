@@ -14,9 +14,8 @@ import msgspec
 import numpy as np
 import torch
 
-from assets import LIFTER
 from fitting_core.body.files.reading import load_body
-from fitting_core.body.files.registry import FREE_FOLDER, find_body
+from fitting_core.body.files.registry import find_body
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
@@ -36,15 +35,16 @@ from fitting_core.measure.pairing import Estimate
 from fitting_core.measure.records import BASELINE, PHASE_1, Record
 from fitting_core.measure.references.bodies import reference_of
 from fitting_core.measure.references.reference import Reference
+from fitting_core.shipped import FREE_FOLDER, LIFTER
 from fitting_core.synthetic.suite import LEVELS, SEQUENCES, SuiteClip, make_sequence
 from fitting_core.synthetic.truth import Truth
 
 MEASURES = 2
-"""Changes whenever figures are taken in another way: then stored fits are measured again."""
+"""To be raised whenever figures are measured differently: then stored fits are measured again."""
 Task = TypeVar("Task")
 Done = TypeVar("Done")
 _RECORDS = "records.json"
-FIT_KEY = "fit.key"
+_FIT_KEY = "fit.key"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,11 +120,6 @@ def _config(preset: str, *, collisions: bool) -> FitConfig:
     return replace(config, last_phase=1) if preset == "smplifyx" else config
 
 
-def run_tasks(tasks: Sequence[SuiteTask], *, jobs: int = 1) -> Iterator[tuple[SuiteTask, tuple[Record, ...]]]:
-    """Fit and measure sequences, several at once if there are several jobs; yields each as it is done."""
-    return done_tasks(run_task, tasks, jobs=jobs)
-
-
 def done_tasks(do: Callable[[Task], Done], tasks: Sequence[Task], *, jobs: int) -> Iterator[tuple[Task, Done]]:
     """Do tasks, several at once if there are several jobs; yields each as it is done."""
     if jobs == 1 or len(tasks) < 2:
@@ -151,8 +146,7 @@ def run_task(task: SuiteTask) -> tuple[Record, ...]:
     measured_key = f"{key} {task.every} {MEASURES}"
     if (stored := _stored(task.folder / _RECORDS)) is not None and stored.key == measured_key:
         return stored.records
-    if read_text(task.folder / FIT_KEY) != key:
-        _fit(task, made, body, key)
+    keep_fit(task.folder, key, lambda: _fitted(task, made, body), made.clip, body)
     records = _measured(task, made, body)
     content = msgspec.json.encode(_Stored(key=measured_key, records=records))
     with replacing(task.folder / _RECORDS) as draft:
@@ -175,14 +169,8 @@ def fit_key(config: FitConfig, clip: Clip, truth: Truth, body: BodyModel, *, sta
     for f in fields(BodyParams):
         digest.update(getattr(truth.params, f.name).numpy().tobytes())
     if start is not None:
-        digest.update((read_text(start / FIT_KEY) or "").encode())
+        digest.update((_read_text(start / _FIT_KEY) or "").encode())
     return digest.hexdigest()
-
-
-def truth_reference(made: SuiteClip) -> Reference:
-    """A sequence's truth as what its fit is compared with."""
-    params, rate = made.truth.params, made.truth.frame_rate
-    return reference_of(made.sequence.name, "truth of the suite", made.body, params, frame_rate=rate, in_camera=True)
 
 
 def method_names(task: SuiteTask, last_phase: int) -> tuple[str, str | None]:
@@ -192,18 +180,20 @@ def method_names(task: SuiteTask, last_phase: int) -> tuple[str, str | None]:
     return f"{task.variant}{PHASE_1}", task.variant
 
 
-def _fit(task: SuiteTask, made: SuiteClip, body: BodyModel, key: str) -> None:
-    found = (
-        fit_clip(made.clip, body, task.config) if task.start is None else _later_phases(task, made, body, task.start)
-    )
-    write_result(task.folder, found, made.clip, body)
-    with replacing(task.folder / FIT_KEY) as draft:
-        draft.write_text(key)
+def keep_fit(folder: Path, key: str, fit: Callable[[], FitResult], clip: Clip, body: BodyModel) -> None:
+    """Fit, and keep the result in a folder, unless it has a fit that the same key stands for."""
+    if _read_text(folder / _FIT_KEY) != key:
+        write_result(folder, fit(), clip, body)
+        with replacing(folder / _FIT_KEY) as draft:
+            draft.write_text(key)
 
 
-def _later_phases(task: SuiteTask, made: SuiteClip, body: BodyModel, start: Path) -> FitResult:
-    """Phases 2 and 3 from another fit's phase 1, with the CPU time of each: what else a computer does is no matter."""
-    stored, clip = read_fit(start), made.clip
+def _fitted(task: SuiteTask, made: SuiteClip, body: BodyModel) -> FitResult:
+    """All phases, or phases 2 and 3 from another fit's phase 1, with the CPU time of each: what else a computer does is
+    no matter."""
+    if task.start is None:
+        return fit_clip(made.clip, body, task.config)
+    stored, clip = read_fit(task.start), made.clip
     first = evaluated(clip, body, task.config, stored.phase1, phase=1)
     begun = FitResult(phases=(first,), camera=clip.camera, config=task.config, observed=stored.observed)
     marks = dict[int, float]()
@@ -220,7 +210,10 @@ def _later_phases(task: SuiteTask, made: SuiteClip, body: BodyModel, start: Path
 
 
 def _measured(task: SuiteTask, made: SuiteClip, body: BodyModel) -> tuple[Record, ...]:
-    found, reference = read_fit(task.folder), truth_reference(made)
+    found, truth = read_fit(task.folder), made.truth
+    reference = reference_of(
+        task.sequence, "truth of the suite", made.body, truth.params, frame_rate=truth.frame_rate, in_camera=True
+    )
     seconds = fit_seconds(task.folder)
     first, final = method_names(task, found.last_phase)
     phases = [(first, found.phase1, seconds["phase1"], task.surfaces_of_phase1 or final is None)]
@@ -254,16 +247,13 @@ def fit_seconds(folder: Path) -> dict[str, float]:
     return msgspec.json.decode((folder / SUMMARY_NAME).read_bytes())["seconds"]
 
 
-def read_text(path: Path) -> str | None:
-    """A file's text; None where there is no file."""
+def _read_text(path: Path) -> str | None:
     return path.read_text() if path.is_file() else None
 
 
 def _stored(path: Path) -> _Stored | None:
     """What was measured before; None if nothing was, or an older version wrote it."""
-    if not path.is_file():
-        return None
     try:
         return msgspec.json.decode(path.read_bytes(), type=_Stored)
-    except msgspec.DecodeError:
+    except (FileNotFoundError, msgspec.DecodeError):
         return None

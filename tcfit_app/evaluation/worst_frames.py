@@ -21,7 +21,7 @@ from fitting_core.errors import InputError
 from fitting_core.measure.curves import CURVES
 from fitting_core.measure.records import Record, baseline_of, methods, of, sequences
 from fitting_core.measure.report.plots import style_of
-from fitting_core.measure.report.sections import View, WorstFrame
+from fitting_core.measure.report.sections import BodyPicture, WorstFrame
 from fitting_core.render.renderer import Renderer
 from fitting_core.synthetic.studio.rasterize import rasterize
 
@@ -65,12 +65,9 @@ class _Bad:
 def worst_frames(
     records: Sequence[Record], drawable: Callable[[str], Drawable | None], *, count: int
 ) -> list[WorstFrame]:
-    """The frames with the largest errors, one of each sequence for the last method and one for the baseline.
+    """At most `count` frames with the largest errors, one of each sequence for the last method and the baseline each.
 
-    Args:
-        records: Measured fits.
-        drawable: The bodies of a sequence, by its name; None: they are not to be had.
-        count: How many at most.
+    `drawable` gives the bodies of a sequence by its name, or None if there are none.
     """
     found: list[WorstFrame] = []
     ready: dict[str, Drawable | None] = {}
@@ -139,14 +136,15 @@ def placed_body(body: BodyModel, params: BodyParams, frame: int, color: tuple[fl
     return PlacedBody(vertices=vertices, faces=body.faces, pelvis=pelvis, color=color)
 
 
-def _rows(placed: dict[str, PlacedBody], camera: Camera) -> tuple[tuple[View, ...], ...]:
+def _rows(placed: dict[str, PlacedBody], camera: Camera) -> tuple[tuple[BodyPicture, ...], ...]:
     first = next(iter(placed.values()))
     front = camera_around(first, camera)
-    aside = {name: from_the_side(body) for name, body in placed.items()}
-    side = side_camera(next(iter(aside.values())))
+    aside = {name: _from_the_side(body) for name, body in placed.items()}
+    wide = Camera(focal=(1000.0, 1000.0), center=(0.0, 0.0), size=SIZE)
+    side = camera_around(next(iter(aside.values())), wide)
     return (
-        tuple(View(title=name, picture=picture(body, front)) for name, body in placed.items()),
-        tuple(View(title=f"{name}, side", picture=picture(body, side)) for name, body in aside.items()),
+        tuple(BodyPicture(title=name, picture=_picture(body, front)) for name, body in placed.items()),
+        tuple(BodyPicture(title=f"{name}, side", picture=_picture(body, side)) for name, body in aside.items()),
     )
 
 
@@ -167,23 +165,21 @@ _LIGHT = np.array([-0.4, -0.55, -0.75])
 def camera_around(body: PlacedBody, camera: Camera, *, size: tuple[int, int] = _DRAWN) -> Camera:
     """The clip's camera, cut to a body and a margin around it, for pictures of so many pixels."""
     pixels = body.vertices[:, :2] / body.vertices[:, 2:] * camera.focal + camera.center
-    return _cut(camera, pixels.min(0), pixels.max(0), size)
+    low, high = pixels.min(0), pixels.max(0)
+    factor = min(size / (_MARGIN * np.maximum(high - low, 1.0)))
+    focal = factor * np.array(camera.focal)
+    center = factor * (camera.center - (low + high) / 2) + np.array(size) / 2
+    return Camera(focal=(float(focal[0]), float(focal[1])), center=(float(center[0]), float(center[1])), size=size)
 
 
-def from_the_side(body: PlacedBody) -> PlacedBody:
+def _from_the_side(body: PlacedBody) -> PlacedBody:
     """The body turned by 90 degrees about the image's vertical, its pelvis before the side's camera."""
     turned = (body.vertices - body.pelvis) @ np.array([[0.0, 0, -1], [0, 1, 0], [1, 0, 0]])
     place = np.array([0.0, 0.0, _DISTANCE])
     return replace(body, vertices=turned + place, pelvis=place)
 
 
-def side_camera(body: PlacedBody) -> Camera:
-    """A camera that shows a body that `from_the_side` has placed."""
-    wide = Camera(focal=(1000.0, 1000.0), center=(0.0, 0.0), size=SIZE)
-    return camera_around(body, wide)
-
-
-def picture(body: PlacedBody, camera: Camera) -> str:
+def _picture(body: PlacedBody, camera: Camera) -> str:
     """A JPEG as data URI; empty ground where the body is not in front of the camera."""
     image = np.full((*camera.size[::-1], 3), _GROUND, np.uint8)
     if body.vertices[:, 2].min() > _NEAREST:
@@ -191,18 +187,6 @@ def picture(body: PlacedBody, camera: Camera) -> str:
     small = cv2.resize(image, SIZE, interpolation=cv2.INTER_AREA)
     _, data = cv2.imencode(".jpg", small[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, 88])
     return "data:image/jpeg;base64," + base64.b64encode(data.tobytes()).decode()
-
-
-def _cut(camera: Camera, low: np.ndarray, high: np.ndarray, size: tuple[int, int]) -> Camera:
-    width, height = size
-    factor = min((width, height) / (_MARGIN * np.maximum(high - low, 1.0)))
-    middle = (low + high) / 2
-    fx, fy, cx, cy = (float(v) for v in (*camera.focal, *camera.center))
-    return Camera(
-        focal=(factor * fx, factor * fy),
-        center=(factor * (cx - float(middle[0])) + width / 2, factor * (cy - float(middle[1])) + height / 2),
-        size=(width, height),
-    )
 
 
 @functools.cache

@@ -1,4 +1,4 @@
-"""A project for ELAN: an .eaf file with what was said about frames, and what the hands of a fit do."""
+"""A project for ELAN: an .eaf file with notes and marks of frames, and what the hands of a fit do."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,7 +23,7 @@ _STATES = {
     "checked": ("looks fine", "A reviewer has looked at it"),
     None: ("not reviewed", "Nobody has said anything"),
 }
-"""Words for the marks of frames, and what they mean."""
+"""The marks of frames in words, and what they mean."""
 
 
 def write_elan(source: ExportSource, path: Path, progress: Progress) -> None:
@@ -36,20 +36,17 @@ def write_elan(source: ExportSource, path: Path, progress: Progress) -> None:
     with Project.open(source.folder, read_only=True) as project:
         said = _said(posed, project)
     progress(0.2)
-    hands = hand_tiers(posed, _handshapes(source, posed))
+    file = source.folder / HANDSHAPES_FILE
+    shapes = HandshapeSet(posed.meshes.body, read_handshapes(file) if file.exists() else HANDSHAPES)
+    hands = hand_tiers(posed, shapes)
     progress(0.9)
     video = source.clip.source
     media = video if video is not None and video.is_file() else None
     write_eaf(path, [*said, *hands], media=media)
 
 
-def _handshapes(source: ExportSource, posed: PosedFit) -> HandshapeSet:
-    file = source.folder / HANDSHAPES_FILE
-    return HandshapeSet(posed.meshes.body, read_handshapes(file) if file.exists() else HANDSHAPES)
-
-
 def _said(posed: PosedFit, project: Project) -> list[Tier]:
-    """What was said about the frames of a fit, which may be a part of the project's."""
+    """Notes and marks of the frames of a fit, which may be a part of the project's."""
     clip, shift = posed.clip, posed.clip.first_frame - project.clip.first_frame
     marks = project.marks.all()
     states = [mark.state if (mark := marks.get(shift + t)) else None for t in range(len(clip))]

@@ -1,4 +1,4 @@
-"""Exports from their start to their end: files that appear whole or not at all."""
+"""Writing exports: files that appear whole or not at all."""
 
 import zipfile
 from collections.abc import Iterator
@@ -17,25 +17,14 @@ _ZIPPING = 0.15
 
 
 def file_name(export: Export, name: str, *, zipped: bool) -> str:
-    """What an export of a clip is called.
-
-    Args:
-        export: which format.
-        name: the clip's.
-        zipped: a folder is one file.
-    """
+    """What an export of a clip is called; `zipped` makes a folder one file."""
     return names.file_name(name, export.suffix + ".zip" * (export.many and zipped))
 
 
 def write_export(export: Export, source: ExportSource, path: Path, progress: Progress, *, zipped: bool) -> str | None:
     """Write an export; it appears when it is whole, and whatever is raised leaves nothing. What one should know of it.
 
-    Args:
-        export: which format.
-        source: from what.
-        path: the file or folder, which is replaced.
-        progress: see `Progress`.
-        zipped: a folder is packed into one file.
+    The file or folder is replaced; `zipped` packs a folder into one file.
 
     Raises:
         InputError: There is nothing to export, or something that writing needs is not there, or the folder holds files
@@ -61,7 +50,7 @@ def write_export(export: Export, source: ExportSource, path: Path, progress: Pro
 
 @contextmanager
 def _replacing_folder(path: Path) -> Iterator[Path]:
-    """A new folder beside `path`, which takes its place when the block ends well, and vanishes when it does not.
+    """A new folder beside `path`, which replaces it if the block succeeds and vanishes if it fails.
 
     Raises:
         InputError: What is at `path` is a file, or holds files that the new folder does not.
@@ -95,7 +84,7 @@ def _zip(folder: Path, path: Path, progress: Progress) -> None:
 
 
 def content_of(export: Export, source: ExportSource, progress: Progress) -> tuple[bytes, str | None]:
-    """An export as one file's content, of which nothing stays on the disk, and what one should know of it.
+    """An export as the content of one file, of which nothing stays on the disk, and what the user should know of it.
 
     As `write_export`.
     """

@@ -14,7 +14,7 @@ from fitting_core.io.summary import summary
 from fitting_core.measure.report.page import report_page
 from tcfit_app.analysis.curves import CURVES
 from tcfit_app.evaluation.evaluated_fits import of_run
-from tcfit_app.evaluation.evaluating import drawable, evaluated
+from tcfit_app.evaluation.evaluating import drawable, evaluation_of
 from tcfit_app.evaluation.worst_frames import worst_frames
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.project.storage.reference import stored_reference
@@ -101,7 +101,7 @@ def write_report(source: ExportSource, path: Path, progress: Progress) -> None:
         measured += count
         progress(0.9 * min(1.0, measured / expected))
 
-    evaluation = evaluated(fit, reference, every=every, done=done)
+    evaluation = evaluation_of(fit, reference, every=every, done=done)
     drawn = drawable(fit, reference, None)
     worst = worst_frames(evaluation.records, lambda sequence: drawn, count=PICTURES)
     path.write_text(report_page(evaluation, worst=worst, ablations=()), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""A fit for laboratories: joints and markers as TRC and C3D, and when the feet stand."""
+"""A fit for laboratories: joints and markers as TRC and C3D."""
 
 from pathlib import Path
 
@@ -8,11 +8,9 @@ from fitting_core.body.markers.marker_set import marker_places
 from fitting_core.body.model import JOINTS
 from fitting_core.errors import InputError
 from fitting_core.io.motion.fitted_motion import OWN_WORLD, Motion, Progress
-from fitting_core.io.points.contact_table import events_of, write_contacts
-from fitting_core.io.points.joint_table import write_joints_csv
+from fitting_core.io.points.contact_table import events_of
 from fitting_core.io.points.named_points import NamedPoints
 from fitting_core.io.points.trc import write_trc
-from fitting_core.measure.angles.angle_files import write_angles_csv, write_mot
 from tcfit_app.exports.source import ExportSource
 
 _SCREENS = {"camera": ("+X", "-Y"), "y-up": ("+X", "+Y"), "z-up": ("+X", "+Z")}
@@ -23,11 +21,6 @@ def write_joints_trc(source: ExportSource, path: Path, progress: Progress) -> No
     """The 55 joint centres."""
     motion = source.motion("y-up")
     write_trc(path, _points(motion, tuple(JOINTS), motion.joints()))
-
-
-def write_joint_table(source: ExportSource, path: Path, progress: Progress) -> None:
-    """The same and their error bars as a table."""
-    write_joints_csv(path, source.motion("y-up"))
 
 
 def write_markers_trc(source: ExportSource, path: Path, progress: Progress) -> None:
@@ -61,21 +54,6 @@ def _screen(motion: Motion) -> tuple[str, str] | None:
     if up is None:
         return None
     return "+Y" if up[-1] == "x" else "+X", ("-" if up[0] == "-" else "+") + up[-1].upper()
-
-
-def write_contact_table(source: ExportSource, path: Path, progress: Progress) -> None:
-    """When which foot stands."""
-    write_contacts(path, source.motion("camera"))
-
-
-def write_angles(source: ExportSource, path: Path, progress: Progress) -> None:
-    """Joint angles by frame."""
-    write_angles_csv(path, source.motion("y-up"))
-
-
-def write_opensim(source: ExportSource, path: Path, progress: Progress) -> None:
-    """Coordinates of OpenSim's body."""
-    write_mot(path, source.motion("y-up"))
 
 
 def _points(motion: Motion, names: tuple[str, ...], places: np.ndarray) -> NamedPoints:

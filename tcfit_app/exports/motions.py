@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
+from fitting_core.ground.grounding import Grounding
 from fitting_core.ground.level import best_grounding, level_of
-from fitting_core.io.motion.animation_npz import write_animation_npz
 from fitting_core.io.motion.bvh import write_bvh
-from fitting_core.io.motion.fitted_motion import Progress, stated_by_frame
-from fitting_core.io.motion.mesh_sequence import FACTS_NAME, file_stem, write_obj_sequence, write_ply_sequence
+from fitting_core.io.motion.fitted_motion import Motion, Progress, stated_by_frame
+from fitting_core.io.motion.mesh_sequence import FACTS_NAME, file_stem
 from fitting_core.io.motion.smplifyx import write_smplifyx
 from fitting_core.io.motion_files import MOTION_FILES
 from fitting_core.io.result_files import fit_arrays
@@ -27,40 +27,44 @@ def write_character(source: ExportSource, path: Path, progress: Progress) -> str
 
 
 def write_everybody(sources: Sequence[ExportSource], path: Path, progress: Progress, *, name: str) -> str:
-    """The characters of a clip's people in one GLB, all on the floor that is seen best.
-
-    Args:
-        sources: One for each person, one at least; their frames are numbered in one video.
-        path: The file, which is replaced.
-        progress: See `Progress`.
-        name: The clip's.
-
-    Returns:
-        How many there are, whose floor it is, and how many keys are left, where there are fewer.
+    """The characters of a clip's people, whose frames are numbered in one video, in one GLB; see `write_together`.
 
     Raises:
         InputError: Somebody has no fit.
         OSError: It cannot be written; nothing is left of it.
     """
+    motions = [replace(replace(source, axes=None).motion("camera"), name=source.name) for source in sources]
+    groundings, within = [source.grounding for source in sources], sources[0].keys_within
+    return write_together(path, motions, groundings, name=name, within=within, progress=progress)
+
+
+def write_together(
+    path: Path,
+    motions: Sequence[Motion],
+    groundings: Sequence[Grounding | None],
+    *,
+    name: str,
+    within: float | None = None,
+    progress: Progress = lambda share: None,
+) -> str:
+    """Write motions of people in camera space, with their names, into one GLB, all on the floor that is seen best.
+
+    Returns:
+        How many there are, whose floor it is, and how many keys are left, where there are fewer.
+
+    Raises:
+        OSError: It cannot be written; nothing is left of it.
+    """
     from fitting_core.io.motion.glb import write_people_glb  # here: pygltflib would take 0.4 s of every start
 
-    groundings = [source.grounding for source in sources]
     best = best_grounding(groundings)
-    motions = []
-    for source in sources:
-        motion = replace(source, axes=None).motion("camera")
-        level = level_of(None if best is None else groundings[best], motion.camera.world)
-        motions.append(replace(motion, name=source.name, level=level))
-    written = write_people_glb(path, motions, name=name, progress=progress, within=sources[0].keys_within)
-    count = f"{len(sources)} people" if len(sources) > 1 else sources[0].name
-    floor = "" if best is None else f", on the floor of {sources[best].name}, which is seen best"
-    keys = [f"{source.name}: {one.keys.text}" for source, one in zip(sources, written, strict=True) if one.keys]
-    return "; ".join([count + floor, *keys])
-
-
-def write_params(source: ExportSource, path: Path, progress: Progress) -> None:
-    """SMPL-X's parameters."""
-    write_animation_npz(path, source.motion(MOTION_FILES[".npz"].axes))
+    floor = None if best is None else groundings[best]
+    standing = [replace(motion, level=level_of(floor, motion.camera.world)) for motion in motions]
+    written = write_people_glb(path, standing, name=name, progress=progress, within=within)
+    count = f"{len(motions)} people" if len(motions) > 1 else motions[0].name
+    whose = "" if best is None else f", on the floor of {motions[best].name}, which is seen best"
+    keys = [f"{motion.name}: {one.keys.text}" for motion, one in zip(motions, written, strict=True) if one.keys]
+    return "; ".join([count + whose, *keys])
 
 
 def write_skeleton(source: ExportSource, folder: Path, progress: Progress) -> str | None:
@@ -92,13 +96,3 @@ def write_result(source: ExportSource, path: Path, progress: Progress) -> None:
     fit = source.fit
     complete = fit.shown.run.state == "finished"
     np.savez_compressed(path, allow_pickle=False, **fit_arrays(fit.fit, source.clip, fit.body, complete=complete))
-
-
-def write_obj(source: ExportSource, folder: Path, progress: Progress) -> None:
-    """A mesh for each frame."""
-    write_obj_sequence(folder, source.motion("y-up"), progress)
-
-
-def write_ply(source: ExportSource, folder: Path, progress: Progress) -> None:
-    """A mesh for each frame."""
-    write_ply_sequence(folder, source.motion("z-up"), progress)

@@ -1,4 +1,4 @@
-"""overlay.mp4: the fit of phase 1 and the final one, side by side over the clip."""
+"""Fits drawn over the clip: overlay.mp4 with phase 1 beside the final fit, and the videos of exports."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -7,15 +7,17 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from fitting_core.body.mesh import Mesh, shared_mesh
+from fitting_core.body.mesh import shared_mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.fit.result import FitResult
+from fitting_core.io.motion.fitted_motion import Progress
 from fitting_core.render.overlay import PANEL_COLORS, Panel, write_overlay
 from fitting_core.video.frames import FrameSource
+from tcfit_app.exports.source import ExportedFit, ExportSource
 
 _CHUNK = 16
 """Frames of which whole meshes are computed together."""
@@ -33,11 +35,10 @@ def write_comparison(
     Raises:
         InputError: No off-screen OpenGL or encoder works here (the message says what to install).
     """
-    mesh = shared_mesh(body)
     shown = [("phase 1: frame by frame", fit.phases[0].params)]
     if len(fit.phases) > 1:
         shown.append((f"phase {fit.last.phase}: final", fit.last.params))
-    panels = [Panel(label=label, vertices=_vertices(mesh, params)) for label, params in shown]
+    panels = [Panel(label=label, vertices=_vertices(body, params)) for label, params in shown]
     with tqdm(total=len(clip), desc="Overlay", unit="frame", disable=None) as bar:
 
         def advance(done: int) -> None:
@@ -47,34 +48,30 @@ def write_comparison(
         _write(path, clip, panels, body, fit.camera, advance)
 
 
-def write_side_by_side(
-    path: Path,
-    clip: Clip,
-    fits: Sequence[tuple[str, BodyParams, BodyModel, Camera]],
-    *,
-    progress: Callable[[int], None],
-) -> None:
-    """Write an overlay video of A and B, or of one fit.
+def write_chosen(source: ExportSource, path: Path, progress: Progress) -> None:
+    """The chosen fit over the video; raises as `write_side_by_side`."""
+    _write_fits(path, source.clip, [source.fit], progress)
 
-    Args:
-        path: The mp4 file.
-        clip: With its keypoints, which are drawn, too.
-        fits: Label, all frames, body and camera of each, two at most.
-        progress: Called with the number of frames done; what it raises ends the video, of which nothing is kept.
+
+def write_side_by_side(source: ExportSource, path: Path, progress: Progress) -> None:
+    """A and B beside each other over the video; what `progress` raises ends it, and nothing is kept.
 
     Raises:
-        InputError: As `write_comparison`, or the bodies have other meshes than each other.
+        InputError: As `write_comparison`, or the bodies have different meshes.
     """
-    assert len(fits) <= len(_SIDE_BY_SIDE)
-    bodies = [body for _, _, body, _ in fits]
+    _write_fits(path, source.clip, list(source.compared) or [source.fit], progress)
+
+
+def _write_fits(path: Path, clip: Clip, fits: Sequence[ExportedFit], progress: Progress) -> None:
+    bodies = [fit.body for fit in fits]
     if any(not np.array_equal(body.faces, bodies[0].faces) for body in bodies):
         kinds = " and ".join(body.kind for body in bodies)
         raise InputError(f"The fits have bodies of different meshes ({kinds}): choose runs of one body model.")
-    panels = [
-        Panel(label=label, vertices=_seen_by(clip.camera, camera, _vertices(shared_mesh(body), params)), color=color)
-        for (label, params, body, camera), color in zip(fits, _SIDE_BY_SIDE, strict=False)
-    ]
-    _write(path, clip, panels, bodies[0], clip.camera, progress)
+    panels = []
+    for fit, color in zip(fits, _SIDE_BY_SIDE, strict=False):
+        vertices = _seen_by(clip.camera, fit.shown.camera, _vertices(fit.body, fit.shown.params))
+        panels.append(Panel(label=fit.shown.title, vertices=vertices, color=color))
+    _write(path, clip, panels, bodies[0], clip.camera, lambda frames: progress(frames / len(clip)))
 
 
 def _write(
@@ -102,8 +99,9 @@ def _seen_by(camera: Camera, own: Camera, bodies: Iterator[np.ndarray]) -> Itera
         yield np.concatenate([plane, vertices[:, 2:]], axis=1)
 
 
-def _vertices(mesh: Mesh, params: BodyParams) -> Iterator[np.ndarray]:
+def _vertices(body: BodyModel, params: BodyParams) -> Iterator[np.ndarray]:
     """Meshes in camera space, computed as they are asked for."""
+    mesh = shared_mesh(body)
     for start in range(0, len(params), _CHUNK):
         yield from mesh(params[start : start + _CHUNK]).numpy()
 

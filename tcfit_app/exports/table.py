@@ -7,40 +7,23 @@ from pathlib import Path
 from typing import Literal, get_args
 
 from fitting_core.errors import InputError
+from fitting_core.io.motion.animation_npz import write_animation_npz
 from fitting_core.io.motion.fitted_motion import Progress
+from fitting_core.io.motion.mesh_sequence import write_obj_sequence, write_ply_sequence
+from fitting_core.io.motion_files import MOTION_FILES
+from fitting_core.io.points.contact_table import write_contacts
+from fitting_core.io.points.joint_table import write_joints_csv
+from fitting_core.measure.angles.angle_files import write_angles_csv, write_mot
 from fitting_core.plugins import Plugin, added
 from tcfit_app.exports.blender.running import missing, write_fbx
 from tcfit_app.exports.elan import write_elan
 from tcfit_app.exports.figures import write_figures_csv, write_figures_json, write_report, write_summary
 from tcfit_app.exports.keypoints import write_coco, write_openpose_folder, write_pose_file
-from tcfit_app.exports.laboratory import (
-    write_angles,
-    write_contact_table,
-    write_joint_table,
-    write_joints_trc,
-    write_marker_c3d,
-    write_markers_trc,
-    write_opensim,
-)
-from tcfit_app.exports.motions import (
-    write_character,
-    write_frames,
-    write_obj,
-    write_params,
-    write_ply,
-    write_result,
-    write_skeleton,
-)
-from tcfit_app.exports.rigs import (
-    on_bvh,
-    on_glb,
-    write_avatar,
-    write_avatar_motion,
-    write_rig_bvh,
-    write_rig_glb,
-)
+from tcfit_app.exports.laboratory import write_joints_trc, write_marker_c3d, write_markers_trc
+from tcfit_app.exports.motions import write_character, write_frames, write_result, write_skeleton
+from tcfit_app.exports.overlay_video import write_chosen, write_side_by_side
+from tcfit_app.exports.rigs import on_bvh, on_glb, write_avatar, write_avatar_motion, write_rig_bvh, write_rig_glb
 from tcfit_app.exports.source import ExportSource
-from tcfit_app.exports.videos import write_a_beside_b, write_overlay
 from tcfit_app.project.packed import pack
 
 Group = Literal["Motion", "Rigs", "Laboratory", "Meshes", "Video", "Keypoints", "Annotations", "Figures", "Project"]
@@ -76,19 +59,6 @@ class Export:
         return self.suffix.startswith("-")
 
 
-# --- the project ---
-
-
-def write_project(source: ExportSource, path: Path, progress: Progress) -> None:
-    """The project as one file."""
-    pack(source.folder, path, progress=progress)
-
-
-def write_project_with_video(source: ExportSource, path: Path, progress: Progress) -> None:
-    """The project as one file with its video."""
-    pack(source.folder, path, with_media=True, progress=progress)
-
-
 EXPORTS: dict[str, Export] = {
     "glb": Export(
         title="Character (GLB)",
@@ -111,7 +81,7 @@ EXPORTS: dict[str, Export] = {
         group="Motion",
         suffix=".smplx.npz",
         hint="SMPL-X's keys as AMASS and the Blender add-ons have them; by default z up",
-        write=write_params,
+        write=lambda source, path, progress: write_animation_npz(path, source.motion(MOTION_FILES[".npz"].axes)),
     ),
     "bvh": Export(
         title="Skeleton (BVH)",
@@ -198,7 +168,7 @@ EXPORTS: dict[str, Export] = {
         group="Laboratory",
         suffix=".joints.csv",
         hint="55 joint centres by frame, metres, by default y up; with error bars where they are known",
-        write=write_joint_table,
+        write=lambda source, path, progress: write_joints_csv(path, source.motion("y-up")),
     ),
     "trc": Export(
         title="Joints (TRC)",
@@ -226,42 +196,42 @@ EXPORTS: dict[str, Export] = {
         group="Laboratory",
         suffix=".contacts.csv",
         hint="When which foot stands, in frames and seconds",
-        write=write_contact_table,
+        write=lambda source, path, progress: write_contacts(path, source.motion("camera")),
     ),
     "angles": Export(
         title="Joint angles (CSV)",
         group="Laboratory",
         suffix=".angles.csv",
         hint="Degrees by frame, with ISB's axes and signs, which the file states; empty where not determined",
-        write=write_angles,
+        write=lambda source, path, progress: write_angles_csv(path, source.motion("y-up")),
     ),
     "mot": Export(
         title="OpenSim (MOT)",
         group="Laboratory",
         suffix=".mot",
         hint="Coordinates of OpenSim's full-body model Rajagopal2015, by its own axes and signs",
-        write=write_opensim,
+        write=lambda source, path, progress: write_mot(path, source.motion("y-up")),
     ),
     "obj": Export(
         title="OBJ sequence",
         group="Meshes",
         suffix="-obj",
         hint="The fit's own vertices, correctives included; by default y up",
-        write=write_obj,
+        write=lambda source, path, progress: write_obj_sequence(path, source.motion("y-up"), progress),
     ),
     "ply": Export(
         title="PLY sequence",
         group="Meshes",
         suffix="-ply",
         hint="As OBJ, binary: a third of the size; by default z up",
-        write=write_ply,
+        write=lambda source, path, progress: write_ply_sequence(path, source.motion("z-up"), progress),
     ),
     "overlay": Export(
         title="Overlay",
         group="Video",
         suffix=".overlay.mp4",
         hint="The chosen fit and the keypoints over the video",
-        write=write_overlay,
+        write=write_chosen,
         needs="run",
     ),
     "side-by-side": Export(
@@ -269,7 +239,7 @@ EXPORTS: dict[str, Export] = {
         group="Video",
         suffix=".side-by-side.mp4",
         hint="A and B beside each other over the video, with the keypoints",
-        write=write_a_beside_b,
+        write=write_side_by_side,
         needs="run",
         both=True,
     ),
@@ -344,7 +314,7 @@ EXPORTS: dict[str, Export] = {
         group="Project",
         suffix=".tcfit.zip",
         hint="Corrections, runs and marks as one file, which tcfit review opens; without a video that is only linked",
-        write=write_project,
+        write=lambda source, path, progress: pack(source.folder, path, progress=progress),
         needs="keypoints",
     ),
     "project-with-video": Export(
@@ -352,7 +322,7 @@ EXPORTS: dict[str, Export] = {
         group="Project",
         suffix=".video.tcfit.zip",
         hint="As one file, with the video or images, so that it can be given to others",
-        write=write_project_with_video,
+        write=lambda source, path, progress: pack(source.folder, path, with_media=True, progress=progress),
         needs="keypoints",
     ),
 }
@@ -391,7 +361,7 @@ _SUFFIX = re.compile(r"[.-][A-Za-z0-9][A-Za-z0-9._-]*")
 
 
 def _guarded(plugin: Plugin[Export]) -> Callable[[ExportSource, Path, Progress], str | None]:
-    """Its writing, whose faults come as InputError; but what `progress` raises, by which users cancel, goes through."""
+    """Its `write`, whose errors become InputErrors; what `progress` raises, by which users cancel, passes through."""
 
     def write(source: ExportSource, path: Path, progress: Progress) -> str | None:
         ended: list[BaseException] = []

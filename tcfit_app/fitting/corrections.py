@@ -55,12 +55,7 @@ class Shelf(Protocol):
 
 
 class Corrections:
-    """The corrections of a project's runs. Thread-safe.
-
-    Args:
-        project: whose keypoints are corrected.
-        fits: of its runs.
-    """
+    """The corrections of a project's runs. Thread-safe."""
 
     def __init__(self, project: Project, fits: Shelf) -> None:
         self._project, self._fits = project, fits
@@ -189,13 +184,8 @@ class Corrections:
         return self._changes[run]
 
     def edits_seen(self, base: Run, windows: tuple[range, ...], seen: int) -> int:
-        """Up to which log entry a run has seen all edits once windows of it are fitted again.
-
-        Args:
-            base: The run before.
-            windows: Fitted again.
-            seen: The last log entry that this took into account.
-        """
+        """Up to which log entry a run has seen all edits once windows of it are fitted again that took the entries up
+        to `seen` into account."""
         fitted, last = {frame for window in windows for frame in window}, base.edits_seen
         for number, frames in self._project.frames_changed_after(last).items():
             if number > seen or not fitted.issuperset(frames):

@@ -36,7 +36,7 @@ class LiveWindow:
     params: BodyParams
     """Of these frames."""
     revision: int
-    """Another number for every window, also of later drags: meshes are kept by it."""
+    """A different number for every window, also of later drags: meshes are kept by it."""
 
 
 @dataclass(kw_only=True)
@@ -50,18 +50,11 @@ class _Recent:
 
 
 class EditFollower:
-    """Lets the fit follow drags and edits. For the one thread that draws.
-
-    Args:
-        project: whose keypoints are corrected.
-        bodies: where body models come from.
-        fits: of the project.
-        worker: does it.
-    """
+    """Lets the fit follow drags and edits. For the one thread that draws."""
 
     def __init__(self, project: Project, bodies: Bodies, fits: Fits, worker: Worker) -> None:
         self._windows_of: dict[int, LiveWindow] = {}
-        """What each drag has led to so far, by its number: several tabs may drag at once."""
+        """The window of each drag, by its number: several tabs may drag at once."""
         self.after_edits = True
         """Whether the fit follows edits by itself."""
         self._project, self._bodies, self._fits, self._worker = project, bodies, fits, worker
@@ -77,11 +70,11 @@ class EditFollower:
 
     @property
     def live(self) -> LiveWindow | None:
-        """What a drag has led to last; None while there is none."""
+        """The newest window of any drag; None while there is none."""
         return max(self._windows_of.values(), key=lambda window: window.revision, default=None)
 
     def window(self, run: int, frame: int) -> LiveWindow | None:
-        """What a drag has led to last in a frame of a run, or of one in which its corrections are collected."""
+        """The newest window of a drag with this frame, of a run or of the run that collects its corrections."""
         of = self._fits.corrections.of
         there = (w for w in self._windows_of.values() if frame in w.frames and run in (w.run, of(w.run).id))
         return max(there, key=lambda window: window.revision, default=None)
@@ -188,7 +181,7 @@ class EditFollower:
             self._fits.corrections.begin(run.id)
 
     def take_up(self) -> None:
-        """What the worker leaves to be followed."""
+        """Follow what the worker has left to be followed."""
         left = self._fits.corrections.to_follow
         while not left.empty():
             run, edits = left.get()
@@ -196,7 +189,7 @@ class EditFollower:
                 self.follow(run, edits)
 
     def follow(self, run: Run, edits: dict[int, bool]) -> None:
-        """Fit the surroundings of edits again, soon."""
+        """Fit the frames around edits again, soon."""
         before = self._recent.get(run.id)
         self._recent[run.id] = _Recent(run=run, edits=(before.edits if before else {}) | edits, since=time.monotonic())
 
@@ -208,11 +201,10 @@ class EditFollower:
             self._settled.pop(run, None)
 
     def due(self, tell: Callable[[Notice], None]) -> CorrectionJob | None:
-        """Fits the surroundings of recent edits again, once these have settled. Further edits of a run whose
+        """Fits the frames around recent edits again, once these have settled. Further edits of a run whose
         corrections are under way wait, and are followed together.
 
-        Args:
-            tell: gets to know of edits that the fit does not follow by itself: too many, or without the body model.
+        `tell` is given a notice where the fit does not follow: too many edits, or no body model.
         """
         self._settle(tell)
         recent = next((recent for run, recent in self._settled.items() if run not in self._under_way), None)
@@ -230,14 +222,14 @@ class EditFollower:
         return job
 
     def _wanted(self, edits: dict[int, bool]) -> dict[int, bool]:
-        """Those that still stand, or still do not."""
+        """The edits whose state is still what it was."""
         return {edit: stands for edit, stands in edits.items() if self._project.stands(edit) == stands}
 
     def _frames(self, edits: Iterable[int]) -> set[int]:
         return {frame for edit in edits for frame in self._project.frames_of(edit)}
 
     def _settle(self, tell: Callable[[Notice], None]) -> None:
-        """Edits that nothing was added to for a while go to those that wait."""
+        """Runs that were not edited for a while move to those that wait."""
         latest = time.monotonic() - SETTLING
         for recent in [recent for recent in self._recent.values() if recent.since <= latest]:
             del self._recent[recent.run.id]
@@ -246,7 +238,7 @@ class EditFollower:
                 continue
             if sum(map(len, self._windows(recent.edits))) > MOST_FOLLOWED:
                 text = f"{len(self._frames(recent.edits))} frames were edited: re-run them when you are done."
-                tell(Notice(title="The fit does not follow by itself", text=text))
+                tell(Notice(title="Too many edits to refit automatically", text=text))
             elif (waiting := self._settled.setdefault(recent.run.id, recent)) is not recent:
                 waiting.edits |= recent.edits
 

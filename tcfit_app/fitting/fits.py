@@ -47,7 +47,7 @@ def own_phases(run: Run) -> tuple[int, ...]:
 
 @dataclass(frozen=True, kw_only=True)
 class FitChoice:
-    """What a browser wants to see, also while runs come and go."""
+    """What a browser wants to see, even while runs come and go."""
 
     run: int | None = None
     """None: the newest that has a result; one that was imported only if there is no other."""
@@ -66,7 +66,7 @@ class Shown:
     result: PhaseResult | None
     """Its figures; None while its frames come in."""
     revision: int
-    """Another number whenever `params` is another."""
+    """Changes whenever `params` does."""
     camera: Camera
     """The one that it was fitted with: its focal length may not be the clip's."""
     there: Bool[np.ndarray, "T"] | None = field(compare=False)
@@ -125,7 +125,7 @@ def _begun(version: _Version, found: FramesFitted, length: int) -> _Partial:
 
 
 def _told(run: Run, fit: FitResult | None) -> Bool[np.ndarray, "T"] | None:
-    """Frames of another program's result, which may be a part of the clip; None: all."""
+    """Frames that another program's result covers; None: all."""
     if fit is None or run.kind != "imported":
         return None
     there = np.asarray(fit.observed.any(1))
@@ -147,11 +147,11 @@ class Fits:
         self._revisions = count(1)
         self._runs: tuple[Run, ...] | None = None
         self._unwritten: dict[int, FitResult] = {}
-        """Finished fits that the disk had no room for."""
+        """Finished fits that could not be written."""
         self.corrections = Corrections(project, self)
         """Of keypoints, which are runs of their own."""
         self.changes = 0
-        """Another number whenever a run appeared, changed or went."""
+        """Changes whenever a run appears, changes or goes."""
 
     @property
     def runs(self) -> tuple[Run, ...]:
@@ -166,7 +166,7 @@ class Fits:
         return next((run for run in self.runs if run.id == number), None)
 
     def named(self, source: Source) -> str:
-        """A run or a file that somebody named, in a word."""
+        """The short name of a run or file."""
         if source.run is None:
             return Path(source.path).name or "a file"
         run = self.run(source.run)
@@ -266,7 +266,7 @@ class Fits:
             return version
 
     def _forget(self) -> None:
-        """Leave what is running or on show alone: tabs that evict each other's fits would read them for ever."""
+        """Keeps what is running or on show: tabs that evicted each other's fits would keep reading them from disk."""
         since = time.monotonic() - IN_USE
         running = {r.id for r in self.runs if r.state == "running"}
         idle = [run for run in self._versions if run not in running and self._asked.get(run, 0.0) < since]
@@ -333,7 +333,7 @@ class Fits:
         return bool(self._unwritten)
 
     def write_late(self) -> list[Run]:
-        """Try again to write those; which runs have finished so."""
+        """Try again to write these; the runs that have finished by it."""
         written = []
         for number, found in list(self._unwritten.items()):
             if self.run(number) is not None:  # it may have been deleted meanwhile

@@ -15,12 +15,7 @@ _EARLY = 0.02
 
 
 class JobClock:
-    """Counts the seconds of one job's work, not of its pauses.
-
-    Args:
-        number: of the job.
-        job: what it is.
-    """
+    """Counts the seconds of one job's work, not of its pauses."""
 
     def __init__(self, number: int, job: Job) -> None:
         self.number, self.job = number, job

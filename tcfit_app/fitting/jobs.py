@@ -1,4 +1,4 @@
-"""What the worker can be told to do, as generators of the fitter's events; some with a run that the result is for."""
+"""What the worker can do, as generators of the fitter's events; some have a run for the result."""
 
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator
@@ -40,16 +40,26 @@ class Job(Protocol):
         ...
 
 
-@dataclass(frozen=True, kw_only=True)
+Fresh = tuple[range, Keypoints] | Clip | None
+"""Keypoints of some frames, counted from the clip's first; at the end the whole clip; None: nothing new."""
+_NAP = 0.1
+"""Seconds between two looks for keypoints that are being found."""
+
+
+@dataclass(kw_only=True)
 class FitEverything:
-    """All phases of a fit."""
+    """All phases of a fit; while keypoints are being found, a first look at each stretch before."""
 
     clip: Clip
+    """Without keypoints while they are being found."""
     body: BodyModel
     config: FitConfig
     begun_with: GivenStart | None = None
     """What another system found."""
     shape: KnownShape | None = None
+    fresh: Callable[[], Fresh] | None = None
+    """What has come since the last call, where keypoints are being found. Raises InputError if there will not be
+    any more."""
 
     @property
     def title(self) -> str:
@@ -61,15 +71,31 @@ class FitEverything:
         """Up to the configured last one."""
         return tuple(range(1, self.config.last_phase + 1))
 
-    def run(self) -> Generator[FitEvent, None, FitResult]:
-        """See `fitting.fit_events`."""
-        return fit_events(
-            self.clip,
-            self.body,
-            self.config,
-            start=self.begun_with,
-            shape=self.shape,
-        )
+    def run(self) -> Generator[FitEvent | None, None, FitResult]:
+        """Frames as they come, then the events of `fitting.fit_events`; None while it waits."""
+        if self.fresh is not None:
+            while not isinstance(fresh := self.fresh(), Clip):
+                if fresh is None:
+                    time.sleep(_NAP)
+                    yield None
+                else:
+                    yield from self._first_look(*fresh)
+            self.clip = fresh
+        return (yield from fit_events(self.clip, self.body, self.config, start=self.begun_with, shape=self.shape))
+
+    def _first_look(self, frames: range, keypoints: Keypoints) -> Iterator[FitEvent]:
+        """Each frame by itself, in a tenth of the time that phase 1 takes."""
+        label = f"a first look at {in_words(frames, self.clip.first_frame)}"
+        quick = replace(self.config, last_phase=1, relay_rounds=0, limb_flips=False, yaws="side_view")
+        part = replace(self.clip, keypoints=keypoints, camera=self.clip.camera[frames.start : frames.stop])
+        try:
+            for event in fit_events(part, self.body, quick):
+                if isinstance(event, PhaseFinished):
+                    yield FramesFitted(phase=1, frames=frames, params=event.result.params)
+                elif isinstance(event, Iteration):
+                    yield replace(event, label=label, share=0.0)
+        except InputError:
+            return  # too little is seen there: the whole fit goes on with what is around
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,67 +149,14 @@ class FitShape:
         return shape_events(self.clip, self.body, self.config, self.start, shape=self.shape)
 
 
-Fresh = tuple[range, Keypoints] | Clip | None
-"""Keypoints of some frames, counted from the clip's first; at the end the whole clip; None: nothing new."""
-_NAP = 0.1
-"""Seconds between two looks for keypoints that are being found."""
-
-
-@dataclass(kw_only=True)
-class FitAsFound:
-    """A fit of a clip whose keypoints are being found: a first look at each stretch, and all phases at the end."""
-
-    clip: Clip
-    """Without keypoints until they are all there."""
-    body: BodyModel
-    config: FitConfig
-    fresh: Callable[[], Fresh]
-    """What there is since it was asked last. Raises InputError if there will not be any more."""
-
-    @property
-    def title(self) -> str:
-        """For the user."""
-        return f"Fit {self.clip.name}"
-
-    @property
-    def phases(self) -> tuple[int, ...]:
-        """Up to the configured last one."""
-        return tuple(range(1, self.config.last_phase + 1))
-
-    def run(self) -> Generator[FitEvent | None, None, FitResult]:
-        """Frames as they come, then the events of `fitting.fit_events`; None while it waits."""
-        while not isinstance(fresh := self.fresh(), Clip):
-            if fresh is None:
-                time.sleep(_NAP)
-                yield None
-            else:
-                yield from self._first_look(*fresh)
-        self.clip = fresh
-        return (yield from fit_events(self.clip, self.body, self.config))
-
-    def _first_look(self, frames: range, keypoints: Keypoints) -> Iterator[FitEvent]:
-        """Each frame by itself, in a tenth of the time that phase 1 takes."""
-        label = f"a first look at {in_words(frames, self.clip.first_frame)}"
-        quick = replace(self.config, last_phase=1, relay_rounds=0, limb_flips=False, yaws="side_view")
-        part = replace(self.clip, keypoints=keypoints, camera=self.clip.camera[frames.start : frames.stop])
-        try:
-            for event in fit_events(part, self.body, quick):
-                if isinstance(event, PhaseFinished):
-                    yield FramesFitted(phase=1, frames=frames, params=event.result.params)
-                elif isinstance(event, Iteration):
-                    yield replace(event, label=label, share=0.0)
-        except InputError:
-            return  # too little is seen there: the whole fit goes on with what is around
-
-
 @dataclass(kw_only=True)
 class RunJob:
     """A job that makes a run."""
 
     run_id: int
-    job: "FitEverything | FitAsFound | RerunFrames | FitShape"
+    job: FitEverything | RerunFrames | FitShape
     start: Callable[[], FitResult] | None = None
-    """The fit that frames are fitted again in, where it is still to come: asked for when the job begins."""
+    """The fit whose frames are fitted again, if it does not exist yet: asked for when the job begins."""
 
     @property
     def title(self) -> str:

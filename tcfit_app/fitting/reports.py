@@ -125,7 +125,7 @@ class Reports:
         self._reports: list[Report] = []
 
     def show(self, latest: JobProgress | DragMoved) -> None:
-        """In the place of what was shown before."""
+        """Replaces what was shown before."""
         with self._lock:
             if isinstance(latest, JobProgress):
                 self._progress = latest
@@ -134,7 +134,7 @@ class Reports:
         self.arrived()
 
     def tell(self, report: Report) -> None:
-        """After all that was told before; what a job or drag that ends had shown is out of date."""
+        """Queued behind all that was told before; the progress of a job or drag that ends is dropped."""
         with self._lock:
             if isinstance(report, JobEnded):
                 self._progress = None

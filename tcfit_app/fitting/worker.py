@@ -29,7 +29,7 @@ _log = logging.getLogger(__name__)
 
 
 class Sink(Protocol):
-    """Where results go before anybody is told of them; called on the worker's thread."""
+    """Stores results before anybody hears of them; called on the worker's thread."""
 
     def keep(self, job: Job, result: PhaseFinished | FramesFitted | FitResult) -> None:
         """Store what a job found. An exception ends it as failed."""
@@ -52,7 +52,7 @@ class Drag:
         self.released = self.abandoned = False
         self.edit: int | None = None
         self.failed = False
-        """Known to whoever began it: nothing follows it any more."""
+        """Set by whoever began it: no fit follows it any more."""
 
     def move(self, target: Target) -> None:
         """The keypoints are at `target` now, in the order of the correction's."""
@@ -73,7 +73,7 @@ class Drag:
             self._changed.notify_all()
 
     def taken(self) -> Target | None:
-        """Where to, if that is news; asked under the lock."""
+        """The target, if it is new; asked under the lock."""
         target, self._target = self._target, None
         return target
 
@@ -85,11 +85,7 @@ class Drag:
 
 
 class Worker:
-    """A daemon thread that does one thing at a time. Its methods return at once and may be called from any thread.
-
-    Args:
-        sink: keeps results.
-    """
+    """A daemon thread that does one thing at a time. Its methods return at once and may be called from any thread."""
 
     def __init__(self, sink: Sink) -> None:
         self.reports = Reports()
@@ -223,7 +219,7 @@ class Worker:
         return JobEnded(job=number, how="finished")
 
     def _may_go_on(self) -> bool:
-        """Between two iterations: follows drags; False if the job was cancelled."""
+        """Follows drags between two iterations; False if the job was cancelled."""
         if not self._cancelled:
             self._follow_drags()
         return not (self._closing or self._cancelled)
@@ -302,7 +298,7 @@ def _reason(error: Exception) -> str:
 
 
 def give_back() -> None:
-    """Ask the C library to return what it keeps of freed memory, where it can: glibc's on Linux.
+    """Have the C library return freed memory to the system, where it can: glibc on Linux.
 
     A fit's large temporaries leave it with hundreds of megabytes that nobody uses: of 1365 MB that a review took after
     five fits, 317 went back.

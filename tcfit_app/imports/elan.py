@@ -87,7 +87,11 @@ def notes_of(path: Path, project: Project, tiers: Sequence[str] = ()) -> tuple[W
             if (inside, text) in texts:
                 known += 1
                 continue
-            _check_length(text, tier, path)
+            if len(text) > NOTE_CHARACTERS:
+                raise InputError(
+                    f"{path}: an annotation of the tier {tier.name} has {len(text):,} characters; expected "
+                    f"{NOTE_CHARACTERS:,} at most, as of notes. Leave the tier out, or shorten it in ELAN."
+                )
             own = exported and _NOTES_TIER.fullmatch(tier.name)
             replaces = _replaced(there, inside) if own else None
             there = [note for note in there if note.id != replaces]
@@ -106,14 +110,6 @@ def _chosen(found: Sequence[Tier], wished: Sequence[str], path: Path) -> list[Ti
     if unknown := [name for name in wished if name not in by_name]:
         raise InputError(f"{path}: has no tier {unknown[0]!r}; expected some of {some_of(by_name)}.")
     return [by_name[name] for name in wished] if wished else [tier for tier in found if tier.name not in OWN]
-
-
-def _check_length(text: str, tier: Tier, path: Path) -> None:
-    if len(text) > NOTE_CHARACTERS:
-        raise InputError(
-            f"{path}: an annotation of the tier {tier.name} has {len(text):,} characters; expected {NOTE_CHARACTERS:,} "
-            "at most, as of notes. Leave the tier out, or shorten it in ELAN."
-        )
 
 
 def _replaced(there: Sequence[Note], frames: range) -> int | None:

@@ -1,4 +1,4 @@
-"""The people whom a detection that is running has found so far, and which of them is meant."""
+"""The people that a running detection has found so far, and which of them is meant."""
 
 import threading
 from dataclasses import dataclass, field
@@ -15,7 +15,7 @@ _FEWEST = 5
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FoundInFrame:
-    """Whom a frame shows."""
+    """Who is in a frame."""
 
     points: Float[np.ndarray, "P 137 3"]
     """x, y in pixels of the image as it was filmed, and confidence."""
@@ -34,9 +34,9 @@ class FoundPeople:
     frames: dict[int, FramesDetected] = field(default_factory=dict)
     """By the first frame of each part."""
     seen: tuple[int, int] | None = None
-    """Frame (counted from the clip's first) and place in its list of whoever a user has clicked on."""
+    """Whom the user has clicked on: frame (counted from the clip's first) and place in its list."""
     version: int = 0
-    """Another number whenever anything is another."""
+    """Changes with every change."""
 
     def __post_init__(self) -> None:
         self._guard = threading.Lock()
@@ -45,12 +45,7 @@ class FoundPeople:
         self._counts: dict[int, int] = {}
 
     def add(self, part: FramesDetected, first_frame: int) -> None:
-        """Take the people of some frames.
-
-        Args:
-            part: What was found.
-            first_frame: Number of the clip's first.
-        """
+        """Take the people of some frames; `first_frame` is the number of the clip's first."""
         with self._guard:
             start = part.frames[0] - first_frame
             if start in self.frames:
@@ -82,7 +77,7 @@ class FoundPeople:
             return tuple(range(start, start + len(part.frames)) for start, part in sorted(self.frames.items()))
 
     def at(self, frame: int) -> FoundInFrame | None:
-        """Whom a frame shows; None if it is not complete yet."""
+        """Who is in a frame; None if it is not complete yet."""
         with self._guard:
             where = self._where.get(frame)
             if where is None:
@@ -92,7 +87,7 @@ class FoundPeople:
             meant = self._meant()
             places = np.flatnonzero(numbers == meant)
             known = [place for place, number in enumerate(numbers.tolist()) if self._counts[number] >= _FEWEST]
-        if len(places) > 1:  # a detector that follows nobody itself
+        if len(places) > 1:  # a detector that does not follow people itself
             places = places[np.argsort([-_prominence(points[place]) for place in places], kind="stable")]
         chosen = int(places[0]) if len(places) else None
         others = tuple(place for place in known if place != chosen)

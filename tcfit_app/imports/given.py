@@ -1,4 +1,4 @@
-"""What a fit is told that its clip does not say, read from what a user named: a start, a shape."""
+"""What a fit is given beside its clip, read from what a user named: a start, a shape."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,9 +13,9 @@ from fitting_core.fit.evidence.given_start import GivenStart
 from fitting_core.fit.evidence.known_shape import KnownShape
 from fitting_core.fit.result import FitResult
 from fitting_core.io.known_shape import read_known_shape
-from fitting_core.io.start_reader import start_from_fit
+from fitting_core.io.start_reader import read_start, start_from_fit
 from tcfit_app.fitting.bodies import Bodies
-from tcfit_app.imports.starts import start_of
+from tcfit_app.imports.results import vposer_decoder
 from tcfit_app.options.fit import StartOptions
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.database import is_project
@@ -33,18 +33,11 @@ class Known:
 
 
 NOTHING = Known()
-"""What a fit is told that only its clip speaks for."""
+"""For a fit that is given its clip alone."""
 
 
 def read_given(given: Given, project: Project, clip: Clip, body: BodyModel, bodies: Bodies) -> Known:
-    """Read what a user has chosen. Slow.
-
-    Args:
-        given: The choice.
-        project: Its runs can be chosen.
-        clip: What is fitted.
-        body: The fitted body.
-        bodies: Where the bodies of other results are.
+    """Read what a user has chosen for a fit of `clip` with `body`. Slow.
 
     Raises:
         InputError: Something is gone, cannot be read, or is of no use for this clip and body.
@@ -84,6 +77,36 @@ def _shape(source: Source, project: Project, body: BodyModel) -> KnownShape:
     return KnownShape(betas=_betas(run, fit, body), source=run.name)
 
 
+def start_of(options: StartOptions, clip: Clip, body: BodyModel, bodies: Bodies) -> GivenStart | None:
+    """The start that the options name; None if they name none. The result's own body may be among `bodies`.
+
+    Raises:
+        InputError: It cannot be read, has nothing for this clip, or nobody in it follows the keypoints; or there is
+            none, and something is said of it.
+    """
+    if options.start is None:
+        said = {"--start-person": options.start_person, "--start-first-frame": options.start_first_frame}
+        if named := [name for name, value in said.items() if value is not None]:
+            raise InputError(f"{' and '.join(named)} without --start: say with --start which result is meant.")
+        return None
+
+    def found(kind: str, gender: str) -> BodyModel | None:
+        try:
+            return bodies.find(kind=kind, gender=gender)
+        except InputError:  # Without it joints lie where the fitted body has them.
+            return None
+
+    return read_start(
+        options.start,
+        clip,
+        body,
+        person=options.start_person,
+        first_frame=options.start_first_frame,
+        find_body=found,
+        decode=vposer_decoder(),
+    )
+
+
 def read_shape(path: Path, body: BodyModel) -> KnownShape:
     """The shape of a person from a project, of which the newest fit counts, or from what `read_known_shape` reads.
 
@@ -95,7 +118,7 @@ def read_shape(path: Path, body: BodyModel) -> KnownShape:
     with Project.open(path, read_only=True) as project:
         runs = [run for run in project.runs.all() if run.stored]
         if not runs:
-            raise InputError(f"{path}: has no fit yet, so it tells no shape. Fit it first, or choose another.")
+            raise InputError(f"{path}: has no fit yet, so it gives no shape. Fit it first, or choose another.")
         run = newest(runs)
         try:
             return KnownShape(betas=_betas(run, project.runs.load(run.id), body), source=path.name)
@@ -106,7 +129,7 @@ def read_shape(path: Path, body: BodyModel) -> KnownShape:
 def _loaded(project: Project, number: int) -> tuple[Run, FitResult]:
     run = project.runs.get(number)
     if not run.stored:
-        raise InputError(f"{run.name} has found nothing yet: wait for it, or choose another run.")
+        raise InputError(f"{run.name} has no result yet: wait for it, or choose another run.")
     return run, project.runs.load(number)
 
 
@@ -121,5 +144,5 @@ def _betas(run: Run, fit: FitResult, body: BodyModel) -> Float[np.ndarray, "10"]
     known = fit.observed.any(1) if run.kind == "imported" else np.ones(len(fit.observed), bool)
     betas = np.median(fit.last.params.betas.double().numpy()[known], axis=0) if known.any() else np.zeros(1)
     if not betas.any():
-        raise InputError(f"{run.name} tells no shape: its betas are those of the mean person. Choose another.")
+        raise InputError(f"{run.name} gives no shape: its betas are those of the mean person. Choose another.")
     return betas

@@ -1,6 +1,6 @@
-"""What gets keypoints for a project that has none: each job runs on a thread of its own and reports how far it is.
+"""Jobs that get keypoints for a project that has none: each runs on a thread of its own and reports its progress.
 
-Files that a browser sends are written under names of our own, whatever they are called.
+Files that a browser uploads are stored under names of our own, whatever they are called.
 """
 
 import io
@@ -66,10 +66,7 @@ class ImportFiles:
 
     path: Path
 
-    @property
-    def title(self) -> str:
-        """For the user."""
-        return "Importing keypoints"
+    title: str = field(default="Importing keypoints", init=False)
 
     def run(self, clip: Clip, report: Report) -> FoundKeypoints:
         """See `KeypointJob.run`."""
@@ -87,10 +84,7 @@ class ImportUpload:
     name: str
     content: bytes
 
-    @property
-    def title(self) -> str:
-        """For the user."""
-        return "Importing keypoints"
+    title: str = field(default="Importing keypoints", init=False)
 
     def run(self, clip: Clip, report: Report) -> FoundKeypoints:
         """See `KeypointJob.run`."""
@@ -111,10 +105,7 @@ class Detect:
     people: FoundPeople = field(default_factory=FoundPeople)
     """Takes up what is found as it is found, and knows who is meant."""
 
-    @property
-    def title(self) -> str:
-        """For the user."""
-        return "Finding keypoints"
+    title: str = field(default="Finding keypoints", init=False)
 
     def run(self, clip: Clip, report: Report) -> FoundKeypoints:
         """See `KeypointJob.run`."""
@@ -176,10 +167,7 @@ class Detect:
 class FetchNetworks:
     """Fetches the embedded detector's networks, which the user has agreed to."""
 
-    @property
-    def title(self) -> str:
-        """For the user."""
-        return "Fetching the detector"
+    title: str = field(default="Fetching the detector", init=False)
 
     def run(self, clip: Clip, report: Report) -> None:
         """See `KeypointJob.run`."""
@@ -224,14 +212,9 @@ _EXPECTED = "expected one JSON or .pose file, or a ZIP archive of OpenPose's JSO
 
 
 def received(name: str, content: bytes, folder: Path) -> Path:
-    """Write what was uploaded into an empty folder; what to read as keypoints.
+    """Write an uploaded file into an empty folder; what to read as keypoints.
 
-    Nothing of a name becomes a path: of an archive's entries only the frame's number counts.
-
-    Args:
-        name: As the browser calls the file.
-        content: Of the file.
-        folder: Where to write.
+    Nothing of its name becomes a path: of an archive's entries only the frame's number counts.
 
     Raises:
         InputError: It is no file of keypoints, or an archive that holds something else, too much, or names that lead
@@ -244,7 +227,7 @@ def received(name: str, content: bytes, folder: Path) -> Path:
         return _unpacked(shown, content, folder)
     suffix = next((suffix for suffix in _SUFFIXES if name.lower().endswith(suffix)), None)
     if suffix is None or not content:
-        raise InputError(f"{shown} has {len(content)} bytes and is no keypoint file by its name; {_EXPECTED}.")
+        raise InputError(f"{shown} has {len(content)} bytes, and its name is not that of a keypoint file; {_EXPECTED}.")
     single = folder / (f"upload_0{SUFFIX}" if name.lower().endswith(SUFFIX) else f"upload{suffix}")
     single.write_bytes(content)
     return single

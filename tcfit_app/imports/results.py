@@ -1,6 +1,9 @@
 """Results of other programs as runs of a project: read, brought into its camera's space, and kept to compare with."""
 
-from collections.abc import Callable
+import io
+import zipfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -30,13 +33,9 @@ from tcfit_app.project.storage.run_record import BodyRecord, Run
 
 if TYPE_CHECKING:
     from fitting_core.io.motion.smplifyx import Decode
-import io
-import zipfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 PHASE = 1
-"""Under which phase a result stands: nothing follows its corrections, and nothing is fitted on from it."""
+"""The phase that a result counts as: it follows no corrections, and no fit goes on from it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,7 +117,7 @@ def imported_fit(
     params = motion.on(body, camera)[torch.as_tensor(covered.places)]
     if not motion.placed:
         params = from_still(body, params, camera)
-    put = () if motion.placed else (f"{path.name} tells no camera: its body was put before the clip's camera.",)
+    put = () if motion.placed else (f"{path.name} has no camera: its body was placed in front of the clip's camera.",)
     lacks = _lacking(motion, covered.missing, clip)
     told = (note.replace(path.name, Path(source).name) for note in (*motion.notes, *put, *covered.notes, *lacks))
     notes = (f"Imported from {source}, read as {motion.format}.", *told)
@@ -147,7 +146,7 @@ def _lacking(motion: ImportedMotion, missing: list[int], clip: Clip) -> tuple[st
 
 
 def _name(path: Path) -> str:
-    """A generic name says nothing; the folder around it does."""
+    """The folder's name where the file's own is generic."""
     return path.parent.name if path.name in ("results", FIT_NAME) and path.parent.name else path.name
 
 
@@ -214,7 +213,7 @@ def upload(name: str, content: bytes) -> Iterator[Path]:
     shown = name_of_file(name)
     suffix = next((suffix for start, suffix in _STARTS.items() if content.startswith(start)), None)
     if suffix is None:
-        found = "is empty" if not content else "is no result"
+        found = "is empty" if not content else "is not a result"
         raise InputError(
             f"{shown}: {found}; expected an npz, a zip of SMPLify-X's results, one of their pickles, or a learned "
             "system's result."

@@ -29,14 +29,12 @@ class SecondLook:
     """Of the straightened picture, in which it is; None: wherever the person is."""
 
     def run(self, clip: Clip, report: Callable[[str, float | None], None]) -> DetectAgain | None:
-        """Look for it. Slow: for a thread of its own.
+        """Look for it, near where the clip's keypoints are. Slow: for a thread of its own.
 
-        Args:
-            clip: With the keypoints as they stand, near which the person is.
-            report: Takes what is being done, and how far it is (0 to 1, or unknown). Raises to end the search.
+        `report` takes what is being done, and how far it is (0 to 1, or unknown); it raises to end the search.
 
         Returns:
-            The edit of those frames in which anything was found; None if that is none of them.
+            The edit of those frames in which anything was found; None if there are none.
 
         Raises:
             InputError: The video or the networks are not there.
@@ -68,13 +66,9 @@ class SecondLook:
 
 
 def known_near(keypoints: Keypoints, frames: tuple[int, ...]) -> Float[np.ndarray, "n 137 3"]:
-    """x, y and confidence of the person in each frame; where nobody was found, of the nearest frame with somebody.
+    """x, y and confidence of the person in each of some frames; where nobody was found, of the nearest with somebody.
 
     Without that, a search for somebody who was lost could end with another person of the clip.
-
-    Args:
-        keypoints: Of the whole clip.
-        frames: Which.
     """
     seen = np.flatnonzero((keypoints.confidence[:, BODY] > 0).any(1))
     there = np.array(frames)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from tcfit_app.options.fit import BodyOptions, CameraOptions, ClipOptions, MethodOptions, shown
+from tcfit_app.options.fit import BodyOptions, CameraOptions, ClipOptions, JsonLines, MethodOptions, shown
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,8 +39,7 @@ class BatchOptions:
     """Write overlay.mp4 beside each result: phase 1 and the final fit side by side."""
     overwrite: bool = False
     """Write into folders that hold other files too."""
-    json: bool = False
-    """Tell programs what happens: a JSON object for each line of the standard output."""
+    json: JsonLines = False
     clip: ClipOptions = field(default_factory=ClipOptions)
     camera: CameraOptions = field(default_factory=CameraOptions)
     body: BodyOptions = field(default_factory=BodyOptions)

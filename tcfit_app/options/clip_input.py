@@ -1,4 +1,4 @@
-"""The clip that a command line asks for, and what to tell its user: most that goes wrong goes wrong here."""
+"""The clip that a command line asks for, and what to tell its user about it."""
 
 import dataclasses
 import re

@@ -7,7 +7,7 @@ from typing import Annotated
 from tyro.conf import Positional, UseAppendAction, arg
 
 from fitting_core.detect.detectors import DEFAULT
-from tcfit_app.options.fit import DETECTOR_NAMES, shown
+from tcfit_app.options.fit import DETECTOR_NAMES, JsonLines, shown
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,9 +20,7 @@ class DetectOptions:
 
     video: Annotated[Positional[Path | None], arg(metavar="VIDEO", help_behavior_hint="(optional)")] = None
     """A video file or a folder of images."""
-    detector: Annotated[
-        str, arg(metavar="NAME|POSE.onnx", help=DETECTOR_NAMES, help_behavior_hint=f"(default: {DEFAULT})")
-    ] = DEFAULT
+    detector: Annotated[str, shown("NAME|POSE.onnx", DEFAULT, DETECTOR_NAMES)] = DEFAULT
     boxes: Annotated[str | None, shown("NAME|BOX.onnx", "that of the detector; of an ONNX model none")] = None
     """For models of the RTMPose family: what finds people, RTMDet or YOLOX. Without it, one person is followed from
     frame to frame, who should fill much of the first one."""
@@ -40,8 +38,7 @@ class DetectOptions:
     """Of each network or model."""
     restart: bool = False
     """Do not take what was found before, but start anew."""
-    json: bool = False
-    """Tell programs what happens: a JSON object for each line of the standard output."""
+    json: JsonLines = False
     list: bool = False
     """Show the detectors and the models that can be downloaded, their licences, and what is here."""
     download: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="NAME", help_behavior_hint="(repeatable)")] = ()

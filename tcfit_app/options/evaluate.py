@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from tyro.conf import Positional, UseAppendAction, arg
 from tyro.constructors import PrimitiveConstructorSpec
 
-from tcfit_app.options.fit import shown
+from tcfit_app.options.fit import JsonLines, ModelsFolder, shown
 
 SUITES = ("acted", "motion")
 """The first is meant where --suite stands alone."""
@@ -84,7 +84,5 @@ class EvaluateOptions:
     """Worst frames in the report."""
     out: Annotated[Path | None, shown("DIR", "NAME-evaluation")] = None
     """Folder for tables and report; those that lie there are replaced."""
-    json: bool = False
-    """Tell programs what happens: a JSON object for each line of the standard output."""
-    models: Annotated[Path | None, shown("DIR", "see tcfit models")] = None
-    """Folder with body models, which alone is searched then."""
+    json: JsonLines = False
+    models: ModelsFolder = None

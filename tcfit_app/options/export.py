@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from tcfit_app.options.fit import shown
+from tcfit_app.options.fit import JsonLines, ModelsFolder, Phase, RunName, shown
 
 LIST = "list"
 """In place of formats: show all of them."""
@@ -26,10 +26,8 @@ class ExportOptions:
     """What to write; --formats list shows all of them."""
     out: Annotated[Path, shown("DIR", "this folder")] = Path()
     """Folder for the files, made if it does not exist."""
-    run: Annotated[str | None, shown("NAME", "the newest")] = None
-    """Which run of a project: its name or number."""
-    phase: Annotated[Literal[1, 2, 3] | None, shown("{1,2,3}", "the last")] = None
-    """1: each frame on its own; 2: with one shape; 3: consistent over time."""
+    run: RunName = None
+    phase: Phase = None
     against: Annotated[str | None, shown("NAME", "phase 1 of the run")] = None
     """The run that is A in side-by-side: its name or number."""
     frames: Annotated[str | None, shown("FIRST:LAST", "all")] = None
@@ -49,9 +47,7 @@ class ExportOptions:
     """Markers of trc-markers and c3d: a TOML or JSON file of names and vertices of the body's mesh."""
     zip: bool = False
     """Write a zip where a format is a folder of files."""
-    json: bool = False
-    """Tell programs what happens: a JSON object for each line of the standard output."""
+    json: JsonLines = False
     overwrite: bool = False
     """Replace files of the same names. A folder that holds others is left as it is."""
-    models: Annotated[Path | None, shown("DIR", "see tcfit models")] = None
-    """Folder with body models, which alone is searched then."""
+    models: ModelsFolder = None

@@ -15,9 +15,20 @@ from fitting_core.detect.detectors import DEFAULT, DETECTORS
 from fitting_core.errors import InputError
 
 
-def shown(metavar: str, default: str) -> Any:
-    """How an option that can be left out shows in the help."""
-    return arg(metavar=metavar, help_behavior_hint=f"(default: {default})")
+def shown(metavar: str, default: str, text: str | None = None) -> Any:
+    """How an option that can be left out shows in the help; its text is else that of the field."""
+    return arg(metavar=metavar, help=text, help_behavior_hint=f"(default: {default})")
+
+
+JsonLines = Annotated[bool, arg(help="Tell programs what happens: a JSON object for each line of the standard output.")]
+ModelsFolder = Annotated[
+    Path | None, shown("DIR", "see tcfit models", "Folder with body models, which alone is searched then.")
+]
+RunName = Annotated[str | None, shown("NAME", "the newest", "Which run of a project: its name or number.")]
+Phase = Annotated[
+    Literal[1, 2, 3] | None,
+    shown("{1,2,3}", "the last", "1: each frame on its own; 2: with one shape; 3: consistent over time."),
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +64,6 @@ SHORTCUTS = {
     "precision": "precision",
 }
 """Options for the settings that are changed most, by the name of the option."""
-_OF_PRESET = "(default: the preset's)"
 _AS_PUBLISHED = ("paper", "smplifyx")
 """Presets whose figures are compared with those of others: the focal length is not estimated unless asked for."""
 
@@ -61,7 +71,7 @@ _AS_PUBLISHED = ("paper", "smplifyx")
 def _shortcut(option: str, text: str = "") -> Any:
     """How an option of SHORTCUTS shows in the help; its text is the setting's own, if it has one."""
     setting = settings()[SHORTCUTS[option]]
-    return arg(metavar=setting.metavar, help=text or setting.doc, help_behavior_hint=_OF_PRESET)
+    return shown(setting.metavar, "the preset's", text or setting.doc)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,12 +79,7 @@ class ClipOptions:
     """Which part of the clip, and how its files are read."""
 
     detector: Annotated[
-        str,
-        arg(
-            metavar="NAME",
-            help=f"What finds keypoints in the video where none are given: {DETECTOR_NAMES}",
-            help_behavior_hint=f"(default: {DEFAULT})",
-        ),
+        str, shown("NAME", DEFAULT, f"What finds keypoints in the video where none are given: {DETECTOR_NAMES}")
     ] = DEFAULT
     person: Annotated[int | None, shown("N", "follow the most prominent")] = None
     """Whoever has this place, from 0, in the first frame whose list of people has it; followed from there."""
@@ -136,8 +141,7 @@ class BodyOptions:
 
     body_model: Annotated[str, arg(metavar="{smplx,smplh,smpl}|PATH")] = "smplx"
     """Its kind, or a model file."""
-    models: Annotated[Path | None, shown("DIR", "see tcfit models")] = None
-    """Folder with body models, which alone is searched then."""
+    models: ModelsFolder = None
     gender: Annotated[str, arg(metavar="{neutral,male,female,child}")] = "neutral"
     """Gender of the body model; child: the free body of a boy or girl of about 2 to 13 years."""
 
@@ -203,8 +207,7 @@ class FitOptions:
     """Write overlay.mp4: phase 1 and the final fit side by side."""
     threads: Annotated[int, shown("N", "one for each core")] = 0
     """Threads on which the frames of a fit are shared out."""
-    json: bool = False
-    """Tell programs what happens: a JSON object for each line of the standard output."""
+    json: JsonLines = False
     clip: ClipOptions = field(default_factory=ClipOptions)
     camera: CameraOptions = field(default_factory=CameraOptions)
     body: BodyOptions = field(default_factory=BodyOptions)
@@ -274,8 +277,7 @@ class ReviewOptions:
     """Only look."""
     fit: bool = False
     """Start a fit at once if the project has none."""
-    models: Annotated[Path | None, shown("DIR", "see tcfit models")] = None
-    """Folder with body models, which alone is searched then."""
+    models: ModelsFolder = None
     clip: ClipOptions = field(default_factory=ClipOptions)
     """For a new project: which part of the clip, and how its files are read."""
     camera: CameraOptions = field(default_factory=CameraOptions)

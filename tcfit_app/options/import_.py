@@ -6,7 +6,7 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from tcfit_app.options.fit import shown
+from tcfit_app.options.fit import ModelsFolder, shown
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,8 +33,7 @@ class ImportOptions:
     """Gender of the body."""
     body_model: Annotated[str | None, shown("{smplx,smplh,smpl}", "the result's")] = None
     """Another kind of body to pose: joint angles are kept, the shape is not."""
-    models: Annotated[Path | None, shown("DIR", "see tcfit models")] = None
-    """Folder with body models, which alone is searched then."""
+    models: ModelsFolder = None
     focal_length: Annotated[float | None, shown("PX", "the file's; for SMPLify-X 5000")] = None
     """Focal length in pixels, for a result that tells none."""
     vposer: Annotated[Path | None, shown("PATH", "the one that was added")] = None

@@ -15,7 +15,7 @@ _LONGEST_NAME, _LONGEST = 255, 4095
 
 
 def check_paths(options: Any) -> None:
-    """Refuse paths that are too long or are no text.
+    """Refuse paths that are too long or not text.
 
     Results name the files that they come from, and OpenCV, SQLite and JSON take only UTF-8: found in the end, a
     name that is none has cost a whole fit.

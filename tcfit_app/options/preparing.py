@@ -1,4 +1,4 @@
-"""What must be there before a fit begins: its body, a device that works, a folder that may be written."""
+"""What a fit needs before it begins: its body, a working device, a folder that may be written."""
 
 import os
 import sys
@@ -6,16 +6,17 @@ from pathlib import Path
 
 import torch
 
-from fitting_core.body.files.registry import FREE_FOLDER, find_body
+from fitting_core.body.files.registry import find_body
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError, some_of
 from fitting_core.files.regular import at_home
 from fitting_core.fit.fused import ready
 from fitting_core.io.result_files import is_result
+from fitting_core.shipped import FREE_FOLDER
 from tcfit_app.options.fit import BodyOptions
 
 MOST_THREADS = 256
-"""More are a slip of the hand."""
+"""More than this is a typing error."""
 
 
 def check_out(folder: Path, *, overwrite: bool) -> None:
@@ -36,7 +37,7 @@ def check_out(folder: Path, *, overwrite: bool) -> None:
         return
     names = sorted(entry.name for entry in folder.iterdir())
     raise InputError(
-        f"--out {folder}: holds files that are no result of tcfit ({some_of(names, most=4)}). "
+        f"--out {folder}: holds files that are not a result of tcfit ({some_of(names, most=4)}). "
         "Choose another folder, or give --overwrite to write the result among them."
     )
 

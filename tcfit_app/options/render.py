@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from tcfit_app.options.fit import shown
+from tcfit_app.options.fit import JsonLines, ModelsFolder, Phase, RunName, shown
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,15 +48,11 @@ class RenderOptions:
     """Draw the video's frames in the picture; else the body alone."""
     video_file: Annotated[Path | None, shown("PATH", "the project's")] = None
     """The video or images, for a result, which does not know them."""
-    run: Annotated[str | None, shown("NAME", "the newest")] = None
-    """Which run of a project: its name or number."""
-    phase: Annotated[Literal[1, 2, 3] | None, shown("{1,2,3}", "the last")] = None
-    """1: each frame on its own; 2: with one shape; 3: consistent over time."""
+    run: RunName = None
+    phase: Phase = None
     against: Annotated[str | None, shown("NAME", "nothing")] = None
     """Another fit beside it: a run of the project by name or number, or phase1, each frame on its own."""
-    json: bool = False
-    """Tell programs what happens: a JSON object for each line of the standard output."""
+    json: JsonLines = False
     overwrite: bool = False
     """Replace a file of that name."""
-    models: Annotated[Path | None, shown("DIR", "see tcfit models")] = None
-    """Folder with body models, which alone is searched then."""
+    models: ModelsFolder = None

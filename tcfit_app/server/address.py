@@ -1,4 +1,4 @@
-"""Where the review app listens, and under which names browsers may reach it there."""
+"""The address at which the review app listens, and the names by which browsers may reach it."""
 
 import errno
 import ipaddress
@@ -46,7 +46,7 @@ class Address:
         names = {"127.0.0.1", "localhost", "[::1]", _in_url(self.asked.lower())}
         if self.ip.is_unspecified:
             names.add(socket.gethostname().lower())
-        return match[1] in names or (not self.loopback and _is_ip(match[1].strip("[]")))
+        return match[1] in names or (not self.loopback and ip_in(match[1].strip("[]")) is not None)
 
 
 def listen(host: str, port: int) -> tuple[socket.socket, Address]:
@@ -83,9 +83,9 @@ def _in_url(host: str) -> str:
     return f"[{host}]" if ":" in host else host
 
 
-def _is_ip(text: str) -> bool:
+def ip_in(text: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
+    """The IP address that a text is, without its zone; None if it is none."""
     try:
-        ipaddress.ip_address(text)
+        return ipaddress.ip_address(text.partition("%")[0])
     except ValueError:
-        return False
-    return True
+        return None

@@ -1,4 +1,4 @@
-"""Connections: how many there may be, so that the process can go on opening files, and one request for each."""
+"""Limits connections, so that the process can still open files, and takes one request from each."""
 
 import asyncio
 import errno
@@ -17,17 +17,12 @@ to knock again, a second later."""
 PAGES = 32
 """Websockets that may be open, one for each tab."""
 _TOLD_AGAIN = 60.0
-"""Seconds until it is told again that no connection can be taken."""
+"""Seconds between two warnings that no connection can be taken."""
 _log = logging.getLogger(__name__)
 
 
 def hang_up(server: Server, *, keep: int) -> None:
-    """Close connections that wait, idle ones before those with a request, and old ones before new ones.
-
-    Args:
-        server: Of viser.
-        keep: How many may go on waiting.
-    """
+    """Close connections that wait, until `keep` are left: idle ones first, and of the others the old ones."""
     waiting = [connection for connection in server.handlers if connection.protocol.state is State.CONNECTING]
     waiting.sort(key=lambda connection: connection.request is not None)
     for connection in waiting[: max(len(waiting) - keep, 0)]:
@@ -38,7 +33,7 @@ _END = b"\r\n\r\n"
 
 
 class Connection(ServerConnection):
-    """One that makes room for itself, and reads nothing between a request and its answer.
+    """A connection that makes room for itself, and reads nothing between a request and its answer.
 
     Browsers send nothing there. websockets would take it for part of a websocket that does not exist yet, and stumble.
     """
@@ -62,12 +57,8 @@ class Connection(ServerConnection):
         super().data_received(data)
 
 
-class Complaints:
-    """What becomes of an error in asyncio's own callbacks, in place of a traceback for each.
-
-    Args:
-        server: Of viser.
-    """
+class LoopErrors:
+    """Handles errors in asyncio's own callbacks, in place of a traceback for each."""
 
     def __init__(self, server: Server) -> None:
         self._server = server

@@ -1,4 +1,4 @@
-"""Who may talk to the review app: browsers that came through a one-time link, and only from the app's own page.
+"""Who may talk to the review app: browsers let in by a one-time link or a password, and only from the app's own page.
 
 viser itself answers everybody, also a foreign web page that is open in a browser on the same computer. The gate is
 asked first about each request, whether for the page or for the websocket. What it cannot hold off is somebody who reads
@@ -21,7 +21,7 @@ from urllib.parse import urlsplit
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
-from tcfit_app.server.address import Address
+from tcfit_app.server.address import Address, ip_in
 
 PROTECTION = {
     "Cache-Control": "no-store",
@@ -60,7 +60,7 @@ class Entry:
 
 
 class Gate:
-    """Answers in viser's place whatever must not reach it.
+    """Answers, in viser's place, whatever must not reach it.
 
     The link's token lets in one browser and is void from then on; a cookie stands for it, the same for all that came
     in, for as long as the process runs. There always is one unused link. Safe to use from several threads.
@@ -78,7 +78,7 @@ class Gate:
 
         Args:
             address: Where the server listens.
-            entry: How browsers on other computers come in beside that.
+            entry: How else browsers on other computers may come in.
             scripts: JavaScript modules by their paths, for browsers that were let in.
             admitted: Called after each new browser, when `link` is a fresh one.
         """
@@ -100,12 +100,7 @@ class Gate:
             return (self._entry.public or self._address.url) + self._entrance()
 
     def answer(self, request: Request, address: str = "") -> Response | None:
-        """The answer that the request gets without reaching viser; None if viser may answer.
-
-        Args:
-            request: as it came.
-            address: The other end of its connection.
-        """
+        """The answer that a request from `address` gets without reaching viser; None if viser may answer."""
         hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
         public = len(hosts) == 1 and self._entry.is_at(hosts[0])
         if len(hosts) != 1 or not (public or self._address.accepts(hosts[0])):
@@ -202,9 +197,8 @@ def _sent_from(headers: Headers) -> str:
 
 def _place(address: str) -> str:
     """Where an address is: of IPv6 its network, for a computer has as many of those as it likes."""
-    try:
-        ip = ipaddress.ip_address(address.partition("%")[0])
-    except ValueError:
+    ip = ip_in(address)
+    if ip is None:
         return address
     return str(ipaddress.ip_network((ip, 64), strict=False)) if ip.version == 6 else str(ip)
 
@@ -244,7 +238,7 @@ _UNKNOWN = (
     "once, and until tcfit is stopped; after each use a fresh one is printed."
 )
 _PASSWORD = "This review asks for its password. Reload the page to be asked again."
-_TOO_OFTEN = "Wrong passwords came too often from where you are. Try again in a minute."
+_TOO_OFTEN = "Too many wrong passwords came from your address. Try again in a minute."
 _FOREIGN = "Refused: this request comes from another web page."
 _WRONG_HOST = (
     "Refused: tcfit does not answer to this host name. Use the link as it was printed, or this computer's "

@@ -20,7 +20,7 @@ from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
 
 from tcfit_app.server import viser_bridge
-from tcfit_app.server.connections import BACKLOG, PAGES, Complaints, Connection, hang_up
+from tcfit_app.server.connections import BACKLOG, PAGES, Connection, LoopErrors, hang_up
 from tcfit_app.server.gate import Gate, busy, protect
 from tcfit_app.server.page_files import on_this_computer
 from tcfit_app.server.page_messages import MESSAGE_BYTES
@@ -67,7 +67,7 @@ def gated_viser(listening: socket.socket, gate: Gate) -> Iterator[viser.ViserSer
         options |= {"max_size": MESSAGE_BYTES, "create_connection": Connection, "backlog": BACKLOG}
         serving = websockets.asyncio.server.serve(_screened(handler), sock=listening, **options)
         started.append(serving.server)
-        serving.server.loop.set_exception_handler(Complaints(serving.server))
+        serving.server.loop.set_exception_handler(LoopErrors(serving.server))
         return serving
 
     host, port = listening.getsockname()[:2]
@@ -146,7 +146,7 @@ def _checked(gate: Gate, answer: Callable[[Any, Request], Response | None]) -> C
 
 
 def _hang_up(server: websockets.asyncio.server.Server) -> None:
-    """Ends connections that stopping would wait for: browsers keep idle ones in reserve, and a sleeping tab is silent.
+    """Ends connections that stopping would wait for: browsers keep idle ones open, and a sleeping tab does not answer.
 
     viser's stop waited 6 s for each such connection, and left its thread behind.
     """

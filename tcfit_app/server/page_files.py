@@ -14,6 +14,7 @@ from pathlib import Path
 from websockets.datastructures import Headers
 
 from fitting_core.errors import InputError
+from tcfit_app.server.address import ip_in
 
 _LONGEST = 4096
 """Characters of a path, which is what Linux takes."""
@@ -28,13 +29,10 @@ def on_this_computer(address: str, headers: Headers) -> bool:
         address: The other end of its connection. What headers say of that is not believed: anybody can send them.
         headers: The request's; one from a proxy counts as somebody else's.
     """
-    try:
-        ip = ipaddress.ip_address(address.split("%")[0])
-    except ValueError:
-        return False
+    ip = ip_in(address)
     if isinstance(ip, ipaddress.IPv6Address) and ip.ipv4_mapped is not None:
         ip = ip.ipv4_mapped
-    return ip.is_loopback and not any(name in headers for name in _FORWARDED)
+    return ip is not None and ip.is_loopback and not any(name in headers for name in _FORWARDED)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,7 +71,7 @@ class PageFiles:
         except (OSError, RuntimeError, ValueError) as error:  # a name too long, ~ of nobody, a circle of links
             raise InputError(f"{given[:200]!r} cannot be looked for: {error}.") from error
         if special:
-            raise InputError(f"{path}: is neither a file nor a folder; expected one of both.")
+            raise InputError(f"{path}: is neither a file nor a folder; expected a file or a folder.")
         return path
 
 

@@ -1,4 +1,4 @@
-"""What tcfit's page sends to the server: these five messages of viser's protocol, in this form, and no others.
+"""What tcfit's page may send to the server: these five messages of viser's protocol, in this form, and no others.
 
 viser itself would take any message of its protocol, with any values: some it keeps and sends on to all tabs, others end
 in a traceback. The names of types and fields here are viser's.

@@ -1,6 +1,6 @@
-"""What a page sends, before viser gets it: only what tcfit's page has on show can be used, and not without measure.
+"""Checks what a page sends before viser gets it: only widgets on show can be used, and only so fast.
 
-Whatever else comes is dropped. It comes from no page of tcfit's, but for the rare case that a widget has just gone.
+Everything else is dropped. No page of tcfit sends it, except in the rare case that a widget has just gone.
 """
 
 import asyncio
@@ -20,7 +20,6 @@ from tcfit_app.server.page_messages import (
     FileTransferPart,
     FileTransferStartUpload,
     GuiUpdateMessage,
-    PageMessage,
     Value,
     ViewerCameraMessage,
     read,
@@ -38,7 +37,7 @@ _log = logging.getLogger(__name__)
 
 
 class Dropped:
-    """Notes in the log what one page sent in vain: the first of it, for a strange page may send anything, for ever."""
+    """Logs the first dropped message of a page, and no later one: a hostile page may send anything, for ever."""
 
     def __init__(self) -> None:
         self._noted = False
@@ -47,17 +46,11 @@ class Dropped:
         """Something was dropped; `what` may be anybody's text."""
         if not self._noted:
             self._noted = True
-            _log.info("Dropped, and whatever else this page sends in vain: %r", str(what)[:300])
+            _log.info("Dropped, as is whatever else this page may not send: %r", str(what)[:300])
 
 
 class Screen:
-    """A websocket as viser sees it.
-
-    Args:
-        connection: The websocket.
-        room: For the uploads of all pages.
-        here: Whether its browser runs on this computer.
-    """
+    """A websocket as viser sees it; `here` says whether its browser runs on this computer."""
 
     def __init__(self, connection: ServerConnection, room: UploadRoom, *, here: bool) -> None:
         self.here = here
@@ -90,7 +83,7 @@ class Screen:
             await self._slow_down()
             try:
                 message = read(sent)
-                self._check(message)
+                _CHECKS[type(message)](self, message)
             except NoRoom as error:
                 self._tell(str(error))
             except ValueError as error:
@@ -111,10 +104,6 @@ class Screen:
         if self._ahead < 0:
             await asyncio.sleep(-self._ahead / MESSAGES_A_SECOND)
 
-    def _check(self, message: PageMessage) -> None:
-        """Raises ValueError for what no page sends, NoRoom for what is only too much."""
-        _CHECKS[type(message)](self, message)
-
     def _check_camera(self, message: ViewerCameraMessage) -> None:
         if math.dist(message.position, message.look_at) < 1e-9 or math.hypot(*message.up_direction) < 1e-9:
             raise ValueError("a camera that looks nowhere")
@@ -126,16 +115,10 @@ class Screen:
         if not seen or not FITS[type(widget)](widget, value):
             raise ValueError(f"{str(value)[:100]!r} for {type(widget).__name__}")
 
-    def _check_command(self, message: CommandTriggerMessage) -> None:
-        """viser looks whether there is such a command."""
-
     def _check_upload(self, message: FileTransferStartUpload) -> None:
         if not viser_bridge.is_on_show(self._widget(message.source_component_uuid, {viser.GuiUploadButtonHandle})):
-            raise ValueError("an upload to what is no upload button")
+            raise ValueError("an upload to something other than an upload button")
         self._uploads.begin(message)
-
-    def _check_part(self, message: FileTransferPart) -> None:
-        self._uploads.take(message)
 
     def _widget(self, uuid: str, kinds: Collection[type]) -> viser.GuiInputHandle[Any] | None:
         """One of the tab's own (there are no others), if it is of these kinds and switched on."""
@@ -152,10 +135,11 @@ class Screen:
 _CHECKS: dict[type, Callable[[Screen, Any], None]] = {
     ViewerCameraMessage: Screen._check_camera,
     GuiUpdateMessage: Screen._check_value,
-    CommandTriggerMessage: Screen._check_command,
+    CommandTriggerMessage: lambda screen, message: None,  # viser looks whether there is such a command
     FileTransferStartUpload: Screen._check_upload,
-    FileTransferPart: Screen._check_part,
+    FileTransferPart: lambda screen, message: screen._uploads.take(message),
 }
+"""They raise ValueError for what no page sends, NoRoom for what is merely too much."""
 
 
 def _in_range(widget: viser.GuiSliderHandle[Any] | viser.GuiNumberHandle[Any], value: Value) -> bool:

@@ -114,7 +114,7 @@ def _greeting(address: Address, asked_port: int, link: str, entry: Entry) -> Ite
 
 
 def _aside(say: Say, text: str) -> None:
-    """Says it in a thread of its own: a terminal that is held or closed must not hold or break the server's loop."""
+    """Say it from a thread of its own: a terminal that is paused or closed must not block the server's loop."""
     Thread(target=say, args=(text,), daemon=True).start()
 
 

@@ -1,4 +1,4 @@
-"""How much may be uploaded: viser keeps all parts of a file in memory, and puts together whatever it is sent."""
+"""Limits uploads: viser keeps all parts of a file in memory, and joins whatever it is sent."""
 
 from dataclasses import dataclass, field
 
@@ -21,7 +21,7 @@ def too_large(size: int) -> str:
 
 
 class NoRoom(ValueError):
-    """A page that is in order may ask for this, but not now, or not for so much: its user should be told."""
+    """A sound page may ask for this, but not now, or not for so much: its user should be told."""
 
 
 @dataclass

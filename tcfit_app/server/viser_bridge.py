@@ -1,4 +1,4 @@
-"""Everything that tcfit uses of viser beyond its documented Python API, and the check that it is there.
+"""Everything of viser that tcfit uses beyond its documented Python API, and a check that it is there.
 
 No other file imports a private module of viser or touches a private attribute of its objects (a test holds this), so
 that a new version of viser is looked through here, and in the page's `viser/bridge.js`.
@@ -55,7 +55,7 @@ _NEEDED = {
 
 
 def check() -> None:
-    """Look whether this is a viser that tcfit knows.
+    """Check that this is a version of viser that tcfit knows.
 
     Raises:
         InputError: It is another version, or lacks something that is used here.
@@ -70,7 +70,7 @@ _NEEDED_OF_GUI = ("_gui_input_handle_from_uuid", "_container_handle_from_uuid")
 
 
 def check_gui(server: viser.ViserServer) -> None:
-    """Look whether a server's widgets can be found by what pages call them. Raises InputError as `check`."""
+    """Check that a server's widgets can be found by their ids. Raises InputError as `check`."""
     if missing := [name for name in _NEEDED_OF_GUI if not hasattr(server.gui, name)]:
         raise _unfit(missing)
 
@@ -134,7 +134,7 @@ def show_jpeg(node: viser.ImageHandle, data: bytes) -> None:
 
 
 def field_id(field: viser.GuiTextHandle) -> str:
-    """By which the page's script finds a text field, to send its value."""
+    """The id by which the page's script finds a text field, to send its value."""
     return field._impl.uuid
 
 
@@ -145,7 +145,7 @@ def put_back(field: viser.GuiInputHandle[Any] | viser.GuiUploadButtonHandle, val
 
 
 def find_input(client: viser.ClientHandle, uuid: str) -> viser.GuiInputHandle[Any] | None:
-    """One of a tab's own inputs, by the name that the page has for it."""
+    """One of a tab's own inputs, by its id in the page."""
     return client.gui._gui_input_handle_from_uuid.get(uuid)  # pyright: ignore[reportReturnType]
 
 
@@ -194,12 +194,7 @@ latest after 6 seconds: what keeps them away is seen then."""
 
 
 def curtained(headers: Headers, body: bytes) -> bytes:
-    """A page of viser's behind a curtain; whatever else it answers as it is.
-
-    Args:
-        headers: Of the answer; its length is put right in place.
-        body: Of the answer, compressed or not.
-    """
+    """A page of viser's, compressed or not, behind a curtain, its length put right in `headers`; all else as it is."""
     if not headers.get("Content-Type", "").startswith("text/html"):
         return body
     made = _curtained(body, headers.get("Content-Encoding") == "gzip")
@@ -225,7 +220,7 @@ _starting = Lock()
 
 @contextmanager
 def network_server(serve: Callable[..., Any]) -> Iterator[None]:
-    """For its duration viser, and nobody else, finds `serve` where it looks for that of websockets.
+    """Within the block viser, and nobody else, gets `serve` in place of websockets' function.
 
     viser takes neither a socket nor a check of requests, and a proxy in front would leave its own port open to
     everybody on this computer.

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from fitting_core.config.schema import PRESETS, FitConfig
-from fitting_core.keypoint_noise import DETECTORS, NOISE, deviations, keypoint_weights, part
+from fitting_core.keypoint_noise import DETECTOR_TITLES, NOISE, deviations, keypoint_weights, part
 from fitting_core.keypoints import BODY, COUNT, HANDS, INDEX, NAMES
 
 
 def test_every_keypoint_of_every_detector_has_its_noise():
-    assert list(NOISE) == list(DETECTORS)
+    assert list(NOISE) == list(DETECTOR_TITLES)
     parts = {part(keypoint) for keypoint in range(COUNT)}
     for detector, table in NOISE.items():
         assert set(table) == parts, detector
@@ -26,7 +26,7 @@ def test_keypoints_are_found_by_their_names():
 
 
 def test_sides_are_alike():
-    for detector in DETECTORS:
+    for detector in DETECTOR_TITLES:
         found = deviations(detector)
         for name in NAMES[BODY]:
             if name.startswith("left_"):
@@ -34,7 +34,7 @@ def test_sides_are_alike():
 
 
 def test_the_setting_knows_the_detectors_and_two_more():
-    assert get_args(get_type_hints(FitConfig)["keypoint_noise"]) == ("auto", *DETECTORS, "equal")
+    assert get_args(get_type_hints(FitConfig)["keypoint_noise"]) == ("auto", *DETECTOR_TITLES, "equal")
 
 
 @pytest.mark.parametrize(
@@ -53,14 +53,14 @@ def test_the_clip_says_whose_noise_it_is_unless_the_setting_does():
 
 def test_what_is_noisier_than_openposes_weighs_less_beside_the_rest():
     """Of two keypoints the one whose noise has grown more against OpenPose's has the smaller weight."""
-    for detector in DETECTORS:
+    for detector in DETECTOR_TITLES:
         grown, weights = deviations(detector) / deviations("openpose"), keypoint_weights(detector, "")
         order = np.argsort(grown, kind="stable")
         assert (np.diff(weights[order]) <= 1e-12).all()
 
 
 def test_nothing_weighs_more_than_openposes():
-    for detector in DETECTORS:
+    for detector in DETECTOR_TITLES:
         assert (keypoint_weights(detector, "") <= 1).all()
 
 

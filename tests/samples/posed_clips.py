@@ -6,7 +6,6 @@ from functools import cache
 import numpy as np
 import torch
 
-from assets import BODIES
 from fitting_core import keypoints as kp
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.model import BodyModel
@@ -16,6 +15,7 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.variables.estimate import Estimate
+from fitting_core.shipped import FREE_FOLDER
 
 CAMERA = Camera(focal=(1000.0, 1000.0), center=(500.0, 500.0), size=(1000, 1000))
 
@@ -23,7 +23,7 @@ CAMERA = Camera(focal=(1000.0, 1000.0), center=(500.0, 500.0), size=(1000, 1000)
 @cache
 def shipped_body() -> BodyModel:
     """The free neutral body, read once."""
-    return load_body(BODIES / "SMPLX_NEUTRAL.npz")
+    return load_body(FREE_FOLDER / "SMPLX_NEUTRAL.npz")
 
 
 def motion(frames: int, *, seed: int = 0, amplitude: float = 0.2) -> BodyParams:

@@ -11,7 +11,6 @@ from fitting_core.errors import InputError
 from tcfit_app.batch.fingerprint import content_of
 from tcfit_app.batch.manifest import ClipTask, Complaints, read_manifest
 from tcfit_app.batch.records import read_record
-from tcfit_app.bench.figures import read_bench
 from tcfit_app.options.batch import BatchOptions
 from tcfit_app.options.fit import FitOptions
 from tcfit_app.project.packed import packed_creation_time, unpack
@@ -31,7 +30,6 @@ def from_list(path: Path) -> Any:
 
 
 READERS: dict[str, tuple[str, Callable[[Path], Any]]] = {
-    "figures of the bench": ("before.json", read_bench),
     "a list of clips": ("clips.csv", from_list),
     "a clip's video": ("walk.mp4", lambda path: content_of(task(path, path.parent))),
     "a clip's keypoints": ("walk.json", lambda path: content_of(task(path.parent, path))),

@@ -8,17 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from fitting_core.body.files.pickles import MAX_BYTES, as_array, read_pickle
 from fitting_core.errors import InputError, some_of
 from fitting_core.files.npz import npz_names, read_npz
+from fitting_core.files.pickles import MAX_BYTES, as_array, read_pickle
 from fitting_core.files.regular import refusal
 
 REQUIRED = ("v_template", "shapedirs", "posedirs", "J_regressor", "weights", "kintree_table", "f")
-HANDS = ("hands_componentsl", "hands_componentsr", "hands_meanl", "hands_meanr")
+HAND_KEYS = ("hands_componentsl", "hands_componentsr", "hands_meanl", "hands_meanr")
 LANDMARKS = ("lmk_faces_idx", "lmk_bary_coords", "dynamic_lmk_faces_idx", "dynamic_lmk_bary_coords")
 OWN_KEYPOINTS = "keypoint_vertices"
 """Optional key for a mesh that is not the official one: a vertex for each of SURFACE_KEYPOINTS, -1 for none."""
-KEYS = (*REQUIRED, *HANDS, *LANDMARKS, OWN_KEYPOINTS, "gender")
+KEYS = (*REQUIRED, *HAND_KEYS, *LANDMARKS, OWN_KEYPOINTS, "gender")
 """What is read of a file; it may hold more."""
 ADVICE = "Download the model again from its official site, or run `tcfit models` to see the bodies found here."
 
@@ -29,7 +29,7 @@ class RawFile:
 
     path: Path
     values: dict[str, Any]
-    """By key; None for keys of no use here."""
+    """By key; None for keys that are not needed here."""
     hash: str
     """SHA-256 of the file."""
 
@@ -41,7 +41,7 @@ class RawFile:
         """The array of a key.
 
         Raises:
-            InputError: It is no array of finite numbers of this shape (None: any length).
+            InputError: It is not an array of finite numbers of this shape (None: any length).
         """
         try:
             value = as_array(self.values[key])
@@ -109,13 +109,13 @@ def _values(path: Path, keys: tuple[str, ...]) -> tuple[dict[str, Any], str]:
         raise InputError(f"{path}: does not exist, expected a body model file. {ADVICE}")
     if why := refusal(path, expected="a body model file"):
         raise InputError(f"{path}: {why}. {ADVICE}")
-    if path.suffix.lower() not in READERS:
-        expected = " or ".join(READERS)
+    if path.suffix.lower() not in BODY_READERS:
+        expected = " or ".join(BODY_READERS)
         raise InputError(f"{path}: ends in '{path.suffix}', expected {expected}. Give the model file itself.")
     try:
         with path.open("rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
-        return READERS[path.suffix.lower()](path, keys), digest
+        return BODY_READERS[path.suffix.lower()](path, keys), digest
     except ValueError as error:
         raise InputError(f"{path}: {error}. {ADVICE}") from error
     except OSError as error:
@@ -133,7 +133,7 @@ def _read_pickle(path: Path, keys: tuple[str, ...]) -> dict[str, Any]:
         return {key: value if key in keys else None for key, value in read_pickle(file).items()}
 
 
-READERS: dict[str, Callable[[Path, tuple[str, ...]], dict[str, Any]]] = {".npz": _read_npz, ".pkl": _read_pickle}
+BODY_READERS: dict[str, Callable[[Path, tuple[str, ...]], dict[str, Any]]] = {".npz": _read_npz, ".pkl": _read_pickle}
 """By the file's suffix."""
 
 

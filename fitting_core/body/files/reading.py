@@ -9,9 +9,9 @@ from jaxtyping import Float, Int
 
 from fitting_core.body.files import forms
 from fitting_core.body.files.forms import FORMS, Form
-from fitting_core.body.files.pickles import as_array
-from fitting_core.body.files.raw_file import HANDS, OWN_KEYPOINTS, RawFile, read_raw
+from fitting_core.body.files.raw_file import HAND_KEYS, OWN_KEYPOINTS, RawFile, read_raw
 from fitting_core.body.model import N_BETAS, N_EXPRESSION, SURFACE_KEYPOINTS, BodyModel, KeypointOffset
+from fitting_core.files.pickles import as_array
 
 _BONE = {"shoulder": "collar", "elbow": "shoulder", "wrist": "elbow", "knee": "hip", "ankle": "knee"}
 
@@ -196,7 +196,7 @@ def _landmarks(
 
 
 def _hands(raw: RawFile) -> tuple[Float[np.ndarray, "2 45 45"], Float[np.ndarray, "2 45"]]:
-    if not all(key in raw.values for key in HANDS):
+    if not all(key in raw.values for key in HAND_KEYS):
         return np.stack([forms.plain_hand_components()] * 2), np.zeros((2, 45))
     components = np.stack([raw.floats(f"hands_components{side}", (45, 45)) for side in "lr"])
     return components, np.stack([raw.floats(f"hands_mean{side}", (45,)) for side in "lr"])

@@ -13,18 +13,17 @@ from typing import Literal, TypeVar
 
 import platformdirs
 
-from fitting_core.body.files.archives import Member, files_below, open_members
 from fitting_core.body.files.forms import KINDS
-from fitting_core.body.files.raw_file import READERS, vertex_count
+from fitting_core.body.files.raw_file import BODY_READERS, vertex_count
 from fitting_core.body.files.reading import gender_of_name, load_body
 from fitting_core.errors import InputError
+from fitting_core.files.archives import Member, files_below, open_members
 from fitting_core.files.atomic import drafting, sync
 from fitting_core.files.regular import at_home, regular_file
+from fitting_core.shipped import FREE_FOLDER
 
 ENVIRONMENT = "TCFIT_BODY_MODELS"
 """Environment variable with folders of body models, separated as in PATH."""
-FREE_FOLDER = Path(__file__).resolve().parents[3] / "assets" / "bodies"
-"""The bodies that come with tcfit: SMPL-X's form, free to use."""
 GENDERS = ("neutral", "male", "female", "child")
 """A child is listed among them, for that is how bodies' files are told apart; only the free bodies have one."""
 
@@ -58,12 +57,12 @@ def search_folders() -> list[Path]:
     """Folders that are searched when none is given, first to last.
 
     Raises:
-        InputError: The environment variable names something that is no folder.
+        InputError: The environment variable names something that is not a folder.
     """
     given = [at_home(part) for part in os.environ.get(ENVIRONMENT, "").split(os.pathsep) if part]
     for folder in given:
         if not folder.is_dir():
-            raise InputError(f"{folder}: is no folder, but {ENVIRONMENT} names it. Correct or unset that variable.")
+            raise InputError(f"{folder}: is not a folder, but {ENVIRONMENT} names it. Correct or unset that variable.")
     return [*given, user_folder(), FREE_FOLDER]
 
 
@@ -97,7 +96,7 @@ def list_bodies(search: Path | None = None) -> list[BodyFile]:
         search: A folder that alone is searched. None: `search_folders`.
 
     Raises:
-        InputError: The environment variable names something that is no folder.
+        InputError: The environment variable names something that is not a folder.
     """
     folders = [search] if search is not None else search_folders()
     return [_record(kind, gender, path) for folder in folders for (kind, gender), path in _bodies_in(folder).items()]
@@ -142,7 +141,7 @@ def _identify(path: PurePath) -> tuple[str, str] | None:
     Official names are SMPLX_NEUTRAL, SMPLH_male, basicModel_f_lbs_10_207_0_v1.0.0 and smplh/female/model.
     """
     gender = gender_of_name(path)
-    if path.suffix.lower() not in READERS or gender is None:
+    if path.suffix.lower() not in BODY_READERS or gender is None:
         return None
     if named := _NAMED.fullmatch(path.stem):
         return named.group(1).lower(), gender
@@ -179,17 +178,17 @@ def _record(kind: str, gender: str, path: Path) -> BodyFile:
 
 def _check_choice(what: str, value: str, choices: tuple[str, ...]) -> None:
     if value not in choices:
-        raise InputError(f"'{value}' is no {what}, expected one of {', '.join(choices)}.")
+        raise InputError(f"'{value}' is not a {what}, expected one of {', '.join(choices)}.")
 
 
 def _model_file(path: Path) -> Path:
     if not path.exists():
         raise InputError(f"{path}: does not exist. Give a body model file or a folder of them.")
     regular_file(path)
-    if path.suffix.lower() not in READERS:
-        expected = " or ".join(READERS)
+    if path.suffix.lower() not in BODY_READERS:
+        expected = " or ".join(BODY_READERS)
         raise InputError(
-            f"{path}: is no body model file, expected {expected}. If it is a download, run `tcfit models add {path}`."
+            f"{path}: is not a body model file, expected {expected}. For a download, run `tcfit models add {path}`."
         )
     return path
 
@@ -209,7 +208,7 @@ def _not_found(model: str, gender: str, folders: list[Path]) -> str:
 
 
 def _models_among(path: Path, members: list[Member]) -> list[Member]:
-    if path.is_file() and path.suffix.lower() in READERS:
+    if path.is_file() and path.suffix.lower() in BODY_READERS:
         return members
     by_path = {member.path: member for member in members}
     chosen = [by_path[inside] for inside in _preferred(list(by_path)).values()]
@@ -238,7 +237,7 @@ def _kind_and_gender(copy: Path, member: Member) -> tuple[str, str]:
         raise InputError(str(error).replace(str(copy), str(member.path))) from error
     if body.gender == "neutral" and gender_of_name(member.path) is None:
         raise InputError(
-            f"{member.path}: its name tells no gender. Rename it, e.g. to {file_name(body.kind, 'neutral')}."
+            f"{member.path}: its name does not tell the gender. Rename it, e.g. to {file_name(body.kind, 'neutral')}."
         )
     return body.kind, body.gender
 
@@ -248,7 +247,7 @@ def _place(copy: Path, kind: str, gender: str, folder: Path) -> BodyFile:
     sync(copy)
     os.replace(copy, target)
     sync(folder)
-    for suffix in READERS:
+    for suffix in BODY_READERS:
         if suffix != target.suffix:
             # An older npz would be preferred to the pickle that was registered just now.
             (folder / file_name(kind, gender, suffix)).unlink(missing_ok=True)

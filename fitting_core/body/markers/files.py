@@ -32,7 +32,7 @@ def read_marker_set(path: Path) -> MarkerSet:
     """Read a set of markers.
 
     Raises:
-        InputError: It cannot be read, or says something that is no set of markers.
+        InputError: It cannot be read, or is not a set of markers.
     """
     content = _content(path)
     markers, radius = content.get("markers"), content.get("radius", 1e3 * RADIUS)
@@ -64,7 +64,7 @@ def _check(path: Path, name: str, on: Any) -> None:
     """Raises InputError for a marker that none can be."""
     if not name.isprintable() or not name.isascii() or not 0 < len(name.strip()) == len(name) <= _LONGEST:
         raise InputError(
-            f"{path}: a marker is called {name[:_LONGEST]!r}; expected up to {_LONGEST} letters, digits and signs of "
+            f"{path}: a marker is named {name[:_LONGEST]!r}; expected up to {_LONGEST} letters, digits and signs of "
             "ASCII without spaces around them, as TRC and C3D need."
         )
     if isinstance(on, int) and not isinstance(on, bool) and 0 <= on < 2**31:

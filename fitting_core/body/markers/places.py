@@ -6,11 +6,11 @@ that it holds for any body of the SMPL family, whatever its mesh. What bones a h
 known to a body model; the rules place them by the usual shares of the body's lengths.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from fitting_core.body.model import JOINT, JOINTS, BodyModel, other_side
 
@@ -50,13 +50,12 @@ class Place:
     @property
     def mirrored(self) -> "Place":
         """The same on the other side."""
-        return Place(
-            text=self.text,
+        return replace(
+            self,
             start=other_side(self.start),
             direction=(-self.direction[0], *self.direction[1:]),
             bones=tuple(other_side(bone) for bone in self.bones),
             end=other_side(self.end),
-            share=self.share,
             offset=(-self.offset[0], *self.offset[1:]),
         )
 
@@ -119,7 +118,8 @@ def _vertex(body: BodyModel, place: Place) -> int:
     start, end = _point(body, place.start), _point(body, place.end or place.start)
     origin = start + place.share * (end - start) + tall * np.array(place.offset)
     direction = np.array(place.direction) / np.linalg.norm(place.direction)
-    allowed = _carried(body, place.bones)
+    # Vertices that these joints carry more than all others do.
+    allowed = body.skinning_weights[:, [JOINT[bone] for bone in place.bones]].sum(1) > 0.5
     faces = body.faces[allowed[body.faces].all(1)]
     depths, corners = _hits(body.template[faces], origin, direction)
     if len(depths):
@@ -136,11 +136,6 @@ def _point(body: BodyModel, name: str) -> Float[np.ndarray, "3"]:
     if name in body.surface_keypoints:
         return body.template[body.surface_keypoints[name]]
     return body.rest_joints[JOINT[name] if name in JOINT else JOINT[f"{name.split('_')[0]}_wrist"]]
-
-
-def _carried(body: BodyModel, bones: tuple[str, ...]) -> Bool[np.ndarray, "V"]:
-    """Vertices that these joints carry more than all others do."""
-    return body.skinning_weights[:, [JOINT[bone] for bone in bones]].sum(1) > 0.5
 
 
 def _hits(

@@ -214,9 +214,7 @@ class BodyPoints:
         (table,) = self.tables
         frames, pairs, joints = len(posed.joints), len(table.bone), len(table.driving)
         found = posed.joints.new_zeros(frames, len(self.surface_rows), 3, N_JOINTS, 3)
-        # d R / d axis-angle_k = hat(column k of L) R
-        left, local = posed.left_jacobian[:, table.driving], posed.local[:, table.driving, None]
-        turned = (rotations.hat(left.transpose(-1, -2)) @ local).flatten(3)
+        turned = rotations.by_axis_angle(posed.local[:, table.driving], posed.left_jacobian[:, table.driving])
         at_rest = torch.einsum("pxjf,bjkf->bpxjk", table.correctives[0].view(pairs, 3, joints, 9), turned)
         in_space = (posed.world[:, self.bone] @ at_rest.flatten(3)).unflatten(3, (joints, 3))
         by_point = torch.zeros_like(found[:, :, :, :joints]).index_add_(1, table.point, in_space)

@@ -128,11 +128,9 @@ class ChosenVertices:
         """Gradient of sum(pull . vertices) by the joints' axis-angles through the pose correctives alone."""
         at_rest = (self._blended(posed).transpose(2, 3) @ pull[..., None])[..., 0]
         by_feature = torch.einsum("bkx,bkxf->bf", at_rest, self._correctives[posed.ids])
-        # d R / d axis-angle_k = hat(column k of L) R
-        local, left = posed.skeleton.local[:, self._driving], posed.left_jacobian[:, self._driving]
-        turned = rotations.hat(left.transpose(-1, -2)) @ local[:, :, None]
+        turned = rotations.by_axis_angle(posed.skeleton.local[:, self._driving], posed.left_jacobian[:, self._driving])
         gradient = pull.new_zeros(len(pull), N_JOINTS, 3)
-        gradient[:, self._driving] = (turned.flatten(3) * by_feature.view(len(pull), -1, 1, 9)).sum(-1)
+        gradient[:, self._driving] = (turned * by_feature.view(len(pull), -1, 1, 9)).sum(-1)
         return gradient
 
     def _blended(self, posed: PosedVertices) -> Float[Tensor, "B K 3 3"]:

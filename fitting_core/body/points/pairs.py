@@ -111,9 +111,8 @@ class PairTable:
             by_feature = pull.flatten(1) @ self.correctives[0]
         else:
             by_feature = (pull.flatten(1)[:, None] @ self._variant(self.correctives, variant))[:, 0]
-        # d R / d axis-angle_k = hat(column k of L) R
-        turned = rotations.hat(left[:, self.driving].transpose(-1, -2)) @ local[:, self.driving, None]
-        return (turned.view(frames, count, 3, 9) * by_feature.view(frames, count, 1, 9)).sum(-1)
+        turned = rotations.by_axis_angle(local[:, self.driving], left[:, self.driving])
+        return (turned * by_feature.view(frames, count, 1, 9)).sum(-1)
 
 
 def pairs_of(

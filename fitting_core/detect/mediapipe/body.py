@@ -8,10 +8,10 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float, Float32, UInt8
+from jaxtyping import Float, Float32
 
 from fitting_core.detect.mediapipe.networks import Network
-from fitting_core.detect.mediapipe.squares import Square, picture, turn_from
+from fitting_core.detect.mediapipe.squares import Image, Square, picture, turn_from
 
 COUNT = 33
 (
@@ -85,7 +85,7 @@ class BodyNetwork:
         # At the same time as the plain picture: two cores are more than half idle otherwise.
         self._mirrored = ThreadPoolExecutor(1, "tcfit: mirrored bodies") if mirrored else None
 
-    def __call__(self, image: UInt8[np.ndarray, "H W 3"], square: Square) -> Body:
+    def __call__(self, image: Image, square: Square) -> Body:
         """The body in a square of an RGB image; `score` says whether there is one."""
         shown = picture(image, square, _SIZE)
         if self._mirrored is None:

@@ -14,16 +14,16 @@ from threading import Event
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, UInt8
+from jaxtyping import Bool
 
 from fitting_core.detect.mediapipe import networks
 from fitting_core.detect.mediapipe.body import Body, BodyNetwork, square_of
-from fitting_core.detect.mediapipe.following import Followers, Person, Stretch
-from fitting_core.detect.mediapipe.hands_and_face import PartsFinder, Seen
+from fitting_core.detect.mediapipe.following import Followed, Followers, Stretch
+from fitting_core.detect.mediapipe.hands_and_face import PartsFinder, SeenParts
 from fitting_core.detect.mediapipe.memory import recalled, remembered
 from fitting_core.detect.mediapipe.openpose_points import points_of
 from fitting_core.detect.mediapipe.single_shot import SingleShot
-from fitting_core.detect.mediapipe.squares import Square
+from fitting_core.detect.mediapipe.squares import Image, Square
 from fitting_core.detect.part import Part
 from fitting_core.keypoints import COUNT
 from fitting_core.silhouettes import silhouette_size
@@ -34,12 +34,12 @@ _BYTES = 100 << 20
 _FEWEST, _MOST = 8, 30
 """Frames of a part."""
 _WORTH_LOOKING = 0.35
-"""Share of the largest person's size up to which somebody gets no hands and no face: they have a few pixels."""
+"""People smaller than this share of the largest one get no hands and no face: these have only a few pixels."""
 _LONG = 1.5
 """Ratio of the sides of an image from which its ends are looked at by themselves."""
 _NOBODY = np.zeros((COUNT, 3))
 _VERSION = 1
-"""Another one whenever the same networks find something else."""
+"""Raised whenever the same networks would find something different."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,7 +116,7 @@ class MediaPipe:
             clip.stopped.set()
             pool.shutdown()
 
-    def everybody_in(self, image: UInt8[np.ndarray, "H W 3"], harder: bool) -> list[Square]:
+    def everybody_in(self, image: Image, harder: bool) -> list[Square]:
         """Squares around the people in an RGB image, the surest first.
 
         Args:
@@ -128,13 +128,11 @@ class MediaPipe:
         found = self._found(image, [None, *_ends(width, height)])
         return found or (self._found(image, _tiles(width, height)) if harder else [])
 
-    def people_in(self, image: UInt8[np.ndarray, "H W 3"], square: Square | None, *, threshold: float) -> list[Square]:
+    def people_in(self, image: Image, square: Square | None, *, threshold: float) -> list[Square]:
         """Squares around the people in a square of an RGB image, or anywhere, of at least a score."""
         return self._found(image, [square], threshold)
 
-    def _found(
-        self, image: UInt8[np.ndarray, "H W 3"], places: Sequence[Square | None], threshold: float | None = None
-    ) -> list[Square]:
+    def _found(self, image: Image, places: Sequence[Square | None], threshold: float | None = None) -> list[Square]:
         found = [one for place in places for one in self._person.find(image, place, threshold=threshold)]
         return [square_of(one.points[:2]) for one in sorted(found, key=lambda one: -one.score)]
 
@@ -162,7 +160,7 @@ class _Waiting:
     """A stretch whose bodies are known, but for those that the next one tells of."""
 
     stretch: Stretch
-    going_on: list[Person]
+    going_on: list[Followed]
     found: int
     """How many people there had been at its end."""
 
@@ -176,7 +174,7 @@ class _Clip:
 
     def __init__(self, finder: PartsFinder, size: tuple[int, int]) -> None:
         self._finder, self._size = finder, size
-        self.seen: dict[int, Seen] = {}
+        self.seen: dict[int, SeenParts] = {}
         """Of the last frame, by the people's numbers."""
         self.done = 0
         """Frames."""
@@ -188,7 +186,7 @@ class _Clip:
         """Of a stretch whose bodies are known, by person and frame."""
         frames, images = waiting.stretch.frames, waiting.stretch.images
         close = _close_enough(bodies)
-        seen: dict[int, dict[int, Seen]] = {number: {} for number in bodies}
+        seen: dict[int, dict[int, SeenParts]] = {number: {} for number in bodies}
         for t, image in zip(frames, images, strict=True):
             if self.stopped.is_set():
                 raise _Stopped
@@ -205,22 +203,19 @@ class _Clip:
         there = [[number for number in sorted(bodies) if t in bodies[number]] for t in frames]
         return Part(
             people=tuple(
-                _stacked([self._points(bodies[n][t], seen[n].get(t, Seen())) for n in numbers], _NOBODY)
+                _stacked([self._points(bodies[n][t], seen[n].get(t, SeenParts())) for n in numbers], _NOBODY)
                 for t, numbers in zip(frames, there, strict=True)
             ),
             numbers=tuple(np.array(numbers, int) for numbers in there),
             silhouettes=tuple(
-                _stacked([self._mask(bodies[n][t]) for n in numbers], self._no_mask)
+                _stacked([np.packbits(silhouette(bodies[n][t], self._size)) for n in numbers], self._no_mask)
                 for t, numbers in zip(frames, there, strict=True)
             ),
             memory=remembered(waiting.going_on, self.seen, waiting.found),
         )
 
-    def _points(self, body: Body, seen: Seen) -> np.ndarray:
+    def _points(self, body: Body, seen: SeenParts) -> np.ndarray:
         return points_of(body, seen.hands, seen.face, self._size)
-
-    def _mask(self, body: Body) -> np.ndarray:
-        return np.packbits(silhouette(body, self._size))
 
 
 def _stacked(arrays: list[np.ndarray], like: np.ndarray) -> np.ndarray:

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 
 from fitting_core.detect.mediapipe import body as blaze
 from fitting_core.detect.mediapipe.body import Body
 from fitting_core.detect.mediapipe.networks import Network
 from fitting_core.detect.mediapipe.single_shot import Found
-from fitting_core.detect.mediapipe.squares import Square, of_box, picture, turn_from
+from fitting_core.detect.mediapipe.squares import Image, Square, of_box, picture, turn_from
 
 COUNT = 468
 SURE = 0.5
@@ -47,7 +47,7 @@ class FaceNetwork:
     def __init__(self, *, threads: int = 1) -> None:
         self._network = Network("face_landmark", threads=threads)
 
-    def find(self, image: UInt8[np.ndarray, "H W 3"], squares: Sequence[Square]) -> Face | None:
+    def find(self, image: Image, squares: Sequence[Square]) -> Face | None:
         """The surest face in some squares of an RGB image; None where no square shows one."""
         squares = [square for square in squares if square.share_inside(image) > 0.3 and square.side > _SMALLEST]
         if not squares:

@@ -88,14 +88,14 @@ def fetch(place: Path | None = None, *, using: Programs | None = None) -> Iterat
     """Fetch the networks that are not on this computer; the last event is the result.
 
     Closing the iterator ends the programs that it has started, and leaves everything as it was. Where only the optional
-    networks cannot be had, the others are installed.
+    networks are unavailable, the others are installed.
 
     Args:
         place: The folder of networks; None: the user's.
         using: How pip and npm are started; None: as they are found on this computer.
 
     Raises:
-        InputError: There is no network, no pip or no room, or what comes is something else. The folder stays as it was.
+        InputError: No connection, no pip, no space, or something else was sent. The folder stays as it was.
     """
     place = place or networks.folder()
     if not _lacking(place):
@@ -152,7 +152,7 @@ def _expect_needed(wheel: Path, found: set[str]) -> None:
     if gone := [name for name in NEEDED if name not in found]:
         other = packages.other_sums(wheel, gone)
         why = other or f"{', '.join(NETWORKS[name].path for name in gone)} are not in it"
-        raise InputError(f"{wheel.name}: {why}. It was not used: somebody may have changed it. {packages.BY_HAND}")
+        raise InputError(f"{wheel.name}: {why}. It was not used, as it may have been tampered with. {packages.BY_HAND}")
 
 
 def _given(scratch: Path, lacking: Sequence[str], *, archive: Path) -> Generator[FetchProgress, None, str]:
@@ -167,12 +167,12 @@ def _given(scratch: Path, lacking: Sequence[str], *, archive: Path) -> Generator
 
 
 def _filled(place: Path, source: Source, *, fetches: bool) -> Iterator[FetchProgress | Fetched]:
-    """Bring a folder to what it lacks, alone.
+    """Add to a folder what it lacks, while no other process does.
 
     Args:
         place: The folder.
         source: Where networks come from.
-        fetches: Whether that costs time, and nothing needs to be done where another process has just done it.
+        fetches: Whether they are downloaded, which need not be done where another process has just done it.
     """
     with _writing(place.parent):
         place.parent.mkdir(parents=True, exist_ok=True)
@@ -221,10 +221,10 @@ def _convert(name: str, source: Path, target: Path) -> None:
         first = str(error).partition("\n")[0][:300]
         raise InputError(f"onnxruntime does not run the network {name}: {first}. {_REPORT}") from error
     if not all(len(answer) == 2 and np.isfinite(answer).all() for answer in answers):
-        raise InputError(f"The network {name} gives no finite numbers on this computer. {_REPORT}")
+        raise InputError(f"The output of the network {name} is not finite on this computer. {_REPORT}")
 
 
-_REPORT = "Update tcfit and onnxruntime; if that is no help, report it."
+_REPORT = "Update tcfit and onnxruntime; if that does not help, report it."
 
 
 def _lacking(place: Path) -> list[str]:
@@ -258,7 +258,7 @@ def _turn(place: Path) -> Generator[FetchProgress, None, tuple[int | None, bool]
         if lock is not None:
             return lock, waited
         waited = True
-        yield FetchProgress(step="Another process fetches them", share=0.0)
+        yield FetchProgress(step="Waiting for another process that is fetching them", share=0.0)
         time.sleep(_LOOK)
 
 

@@ -4,29 +4,26 @@ from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import UInt8
 
 from fitting_core.detect.mediapipe import body as blaze
 from fitting_core.detect.mediapipe.body import Body
-from fitting_core.detect.mediapipe.squares import Square
+from fitting_core.detect.mediapipe.squares import Image, Square
 
 LOOK_EVERY = 10
 """Frames between two looks for people who have come in; where nobody is followed, every frame is looked at."""
 MOST_PEOPLE = 8
 """Who are followed at once."""
 _MOST_MISSED = 15
-"""Frames after which somebody who is found where a person was lost is somebody else."""
+"""Frames after which a person found where another was lost counts as somebody new."""
 _SAME_PLACE, _SAME_SIZE = 0.25, 3.0
 """Distance of centres in sides of the smaller square, and ratio of sides, up to which two squares are of one person."""
 _SAME_BODY = 0.06
 """Median distance of their points, in sides of the smaller square, up to which two bodies are one."""
 
-Image = UInt8[np.ndarray, "H W 3"]
-
 
 @dataclass(eq=False)
-class Person:
-    """Somebody, by what was seen of them in each frame."""
+class Followed:
+    """One person, as seen in each frame."""
 
     number: int
     """In the order in which people were found."""
@@ -47,7 +44,7 @@ class Stretch:
     """Their numbers."""
     images: Sequence[Image]
     """RGB."""
-    people: list[Person] = field(default_factory=list)
+    people: list[Followed] = field(default_factory=list)
 
     def bodies(self) -> dict[int, dict[int, Body]]:
         """By the people's numbers and by frame."""
@@ -66,12 +63,12 @@ class Followers:
         self, find_body: Callable[[Image, Square], Body], find_people: Callable[[Image, bool], Sequence[Square]]
     ) -> None:
         self._find_body, self._find_people = find_body, find_people
-        self.people: list[Person] = []
+        self.people: list[Followed] = []
         """Who may still be seen in the frame that comes next."""
         self.found = 0
         """How many people there have been."""
 
-    def start_from(self, people: list[Person], found: int) -> None:
+    def start_from(self, people: list[Followed], found: int) -> None:
         """Go on with people who were followed before, of whom `found` had been found."""
         self.people, self.found = people, found
 
@@ -96,22 +93,22 @@ class Followers:
                         self._follow(person, image, t, t + 1, everybody)
             stretch.people = [person for person in everybody if any(t in person.bodies for t in stretch.frames)]
 
-    def going_on(self) -> list[Person]:
+    def going_on(self) -> list[Followed]:
         """Who may be seen in the next frame, with nothing but where they were seen last."""
-        return [Person(number=one.number, bodies={one.last: one.bodies[one.last]}) for one in self.people]
+        return [Followed(number=one.number, bodies={one.last: one.bodies[one.last]}) for one in self.people]
 
     def forget(self, before: int) -> None:
         """Let go of what was seen before a frame, but for where everybody was last."""
         for one in self.people:
             one.bodies = {t: body for t, body in one.bodies.items() if t >= before or t == one.last}
 
-    def _follow(self, person: Person, image: Image, t: int, known: int, everybody: Sequence[Person]) -> None:
+    def _follow(self, person: Followed, image: Image, t: int, known: int, everybody: Sequence[Followed]) -> None:
         body = self._find_body(image, person.bodies[known].next_square)
         around = [other.bodies[t] for other in everybody if other is not person and t in other.bodies]
         if body.score > blaze.SURE and not any(_is_same_body(body, other) for other in around):
             person.bodies[t] = body
 
-    def _look(self, image: Image, t: int) -> list[Person]:
+    def _look(self, image: Image, t: int) -> list[Followed]:
         """Look for people who are not followed; those who are new."""
         new = []
         nobody = not any(t in person.bodies for person in self.people)
@@ -129,14 +126,14 @@ class Followers:
                 continue
             person = self._lost_at(body.square, t)
             if person is None:
-                person = Person(self.found)
+                person = Followed(self.found)
                 self.found += 1
                 self.people.append(person)
                 new.append(person)
             person.bodies[t] = body
         return new
 
-    def _lost_at(self, square: Square, t: int) -> Person | None:
+    def _lost_at(self, square: Square, t: int) -> Followed | None:
         """Whoever was lost there a moment ago."""
         lost = [person for person in self.people if t not in person.bodies]
         at = [person for person in lost if _is_same_square(square, person.bodies[person.last].square)]

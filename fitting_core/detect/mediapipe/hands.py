@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 
 from fitting_core.detect.mediapipe import body as blaze
 from fitting_core.detect.mediapipe.body import Body
 from fitting_core.detect.mediapipe.networks import Network
 from fitting_core.detect.mediapipe.single_shot import Found
-from fitting_core.detect.mediapipe.squares import Square, around, of_box, picture, turn_from
+from fitting_core.detect.mediapipe.squares import Image, Square, around, of_box, picture, turn_from
 
 Side = str
 """left or right: the person's."""
@@ -70,13 +70,13 @@ class HandNetwork:
         self._recrop = Network("hand_recrop", threads=threads)
         self._flips = (False, True) if mirrored else (False,)
 
-    def find(self, image: UInt8[np.ndarray, "H W 3"], squares: Sequence[Square], *, least: float) -> list[Hand]:
+    def find(self, image: Image, squares: Sequence[Square], *, least: float) -> list[Hand]:
         """The different hands in some squares of an RGB image with at least a score, each seen from its own square."""
         squares = [square for square in squares if square.share_inside(image) > 0.3]
         first = [hand for hand in self._seen(image, squares, (False,)) if hand.score >= least]
         return self.follow(image, [hand.next_square for hand in different(first)], least=least)
 
-    def follow(self, image: UInt8[np.ndarray, "H W 3"], squares: Sequence[Square], *, least: float) -> list[Hand]:
+    def follow(self, image: Image, squares: Sequence[Square], *, least: float) -> list[Hand]:
         """The same where squares are hands' own."""
         squares = [square for square in squares if square.share_inside(image) > 0.3]
         found = self._seen(image, squares, self._flips)
@@ -84,16 +84,14 @@ class HandNetwork:
         hands = [_mean(found[start : start + step]) for start in range(0, len(found), step)]
         return different([hand for hand in hands if hand.score >= least])
 
-    def nearer(self, image: UInt8[np.ndarray, "H W 3"], square: Square) -> Square:
+    def nearer(self, image: Image, square: Square) -> Square:
         """A square about the hand that a wide one shows."""
         numbers = self._recrop(picture(image, square, _WIDE)[None])[0][0]
         middle, border = square.to_image(numbers.reshape(2, 2).astype(float), _WIDE)
         side, turn = 2 * float(np.linalg.norm(border - middle)), turn_from(middle, border, should_be=-90)
         return Square(float(middle[0]), float(middle[1]), side, turn).scaled(1.0, up=0.1)
 
-    def _seen(
-        self, image: UInt8[np.ndarray, "H W 3"], squares: Sequence[Square], flips: tuple[bool, ...]
-    ) -> list[Hand]:
+    def _seen(self, image: Image, squares: Sequence[Square], flips: tuple[bool, ...]) -> list[Hand]:
         """A hand for each square and flip, whatever its score."""
         shown = [(square, flip) for square in squares for flip in flips]
         if not shown:

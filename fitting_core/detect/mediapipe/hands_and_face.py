@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from jaxtyping import UInt8
 
 from fitting_core.detect.mediapipe.body import Body
 from fitting_core.detect.mediapipe.face import Face, FaceNetwork, square_at_head, square_of_found
@@ -19,7 +18,7 @@ from fitting_core.detect.mediapipe.hands import (
     square_of_palm,
 )
 from fitting_core.detect.mediapipe.single_shot import SingleShot
-from fitting_core.detect.mediapipe.squares import Square
+from fitting_core.detect.mediapipe.squares import Image, Square
 
 KEPT = 0.1
 """Hands of a lower score are dropped; those up to a sure one are reported with little confidence."""
@@ -36,11 +35,9 @@ time where hands are out of sight."""
 _ROOM = 0.35
 """Least side, in sides of the body's square, in which a palm is searched for."""
 
-Image = UInt8[np.ndarray, "H W 3"]
-
 
 @dataclass(kw_only=True)
-class Seen:
+class SeenParts:
     """What a frame shows of a person besides the body."""
 
     hands: dict[Side, Hand | None] = field(default_factory=lambda: dict.fromkeys(SIDES))
@@ -59,7 +56,7 @@ class PartsFinder:
         self._hands, self._face = HandNetwork(mirrored=mirrored, threads=threads), FaceNetwork(threads=threads)
         self._palms, self._faces = SingleShot("palm", threads=threads), SingleShot("face", threads=threads)
 
-    def find(self, image: Image, body: Body, before: Seen | None, t: int) -> Seen:
+    def find(self, image: Image, body: Body, before: SeenParts | None, t: int) -> SeenParts:
         """Hands and face in a frame.
 
         Args:
@@ -68,12 +65,12 @@ class PartsFinder:
             before: What the frame before shows; None: nothing is known of it.
             t: The frame's number.
         """
-        return Seen(
-            hands=self._find_hands(image, body, before or Seen(), t),
+        return SeenParts(
+            hands=self._find_hands(image, body, before or SeenParts(), t),
             face=self._find_face(image, body, before.face if before else None),
         )
 
-    def improve(self, image: Image, body: Body, seen: Seen, after: Seen) -> None:
+    def improve(self, image: Image, body: Body, seen: SeenParts, after: SeenParts) -> None:
         """Take hands and a face that the next frame knows better into what a frame shows."""
         near = [
             hand.next_square
@@ -86,13 +83,14 @@ class PartsFinder:
         if seen.face is None and after.face is not None:
             seen.face = self._face.find(image, [after.face.next_square])
 
-    def _find_hands(self, image: Image, body: Body, before: Seen, t: int) -> dict[Side, Hand | None]:
+    def _find_hands(self, image: Image, body: Body, before: SeenParts, t: int) -> dict[Side, Hand | None]:
         tracked = [hand.next_square for hand in before.hands.values() if hand is not None and hand.score > _FOUND]
         pool = self._hands.follow(image, tracked, least=KEPT)
         result = assigned(pool, body)
         squares: list[Square] = []
         for side in _weak(result):
-            if _holds(image, body.xy[WRISTS[side]], _MARGIN * body.square.side):
+            wrist, margin = body.xy[WRISTS[side]], _MARGIN * body.square.side
+            if (wrist > -margin).all() and (wrist < np.array(image.shape[1::-1]) + margin).all():
                 lost = before.hands[side] is not None
                 squares += self.candidates(image, body, side, palms=lost or t % _PALMS_EVERY == 0)
         return assigned([*pool, *self._hands.find(image, squares, least=KEPT)], body) if squares else result
@@ -148,7 +146,3 @@ def worth_of(hand: Hand, side: Side, body: Body) -> float:
     """Its score, less where it is far from the body's wrist or looks like one of the other side."""
     gap = float(np.linalg.norm(hand.xy[0] - body.xy[WRISTS[side]])) / body.square.side
     return hand.looks(side) * float(np.clip(2 - gap / _REACH, 0, 1))
-
-
-def _holds(image: Image, point: np.ndarray, margin: float) -> bool:
-    return bool((point > -margin).all() and (point < np.array(image.shape[1::-1]) + margin).all())

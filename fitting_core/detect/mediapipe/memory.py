@@ -9,15 +9,15 @@ from fitting_core.detect.mediapipe import face as mesh
 from fitting_core.detect.mediapipe import hands as hand_points
 from fitting_core.detect.mediapipe.body import Body
 from fitting_core.detect.mediapipe.face import Face
-from fitting_core.detect.mediapipe.following import Person
+from fitting_core.detect.mediapipe.following import Followed
 from fitting_core.detect.mediapipe.hands import SIDES, Hand
-from fitting_core.detect.mediapipe.hands_and_face import Seen
+from fitting_core.detect.mediapipe.hands_and_face import SeenParts
 from fitting_core.detect.mediapipe.squares import Square
 
 Memory = Mapping[str, np.ndarray]
 
 
-def remembered(people: Sequence[Person], seen: Mapping[int, Seen], found: int) -> dict[str, np.ndarray]:
+def remembered(people: Sequence[Followed], seen: Mapping[int, SeenParts], found: int) -> dict[str, np.ndarray]:
     """As arrays.
 
     Args:
@@ -37,12 +37,12 @@ def remembered(people: Sequence[Person], seen: Mapping[int, Seen], found: int) -
     }
 
 
-def recalled(memory: Memory) -> tuple[list[Person], dict[int, Seen], int]:
+def recalled(memory: Memory) -> tuple[list[Followed], dict[int, SeenParts], int]:
     """What `remembered` was given; of bodies only what tells where to look."""
     rows = zip(*(memory[name].tolist() for name in ("number", "last")), memory["body"], strict=True)
-    people = [Person(number=number, bodies={last: _body(row)}) for number, last, row in rows]
+    people = [Followed(number=number, bodies={last: _body(row)}) for number, last, row in rows]
     seen = {
-        int(number): Seen(hands=dict(zip(SIDES, map(_hand, np.split(pair, 2)), strict=True)), face=_face(face))
+        int(number): SeenParts(hands=dict(zip(SIDES, map(_hand, np.split(pair, 2)), strict=True)), face=_face(face))
         for number, pair, face in zip(*(memory[name] for name in ("shown", "hands", "face")), strict=True)
     }
     return people, seen, int(memory["found"])

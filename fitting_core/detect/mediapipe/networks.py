@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 LICENCE = "Apache-2.0, by Google's model cards"
 _CONVERSION = 1
-"""To be raised when ONNX files come out otherwise: those that were made before are fetched anew then."""
+"""Raise it when the conversion changes: networks that were converted before are then fetched again."""
 IMAGES = "image"
 """The input of every network."""
 _LIST = "networks.json"
@@ -239,7 +239,7 @@ def _not_there(name: str, place: Path) -> str:
     needed = f"{WHEEL.megabytes} MB to fetch"
     what = f"MediaPipe's network {name} ({NETWORKS[name].title}; {LICENCE}) is not in {place}."
     if NETWORKS[name].optional:
-        what += " It comes from npm, and pose_landmark_full does without."
+        what += " It comes from npm; pose_landmark_full is used without it."
         needed, file = f"{NETWORKS[name].package.megabytes} MB to fetch", "FILE.tgz"
     else:
         file = "FILE.whl"

@@ -5,7 +5,7 @@ numbers are those of onnx.proto3 (Apache-2.0). The package `onnx` writes the sam
 alone, also where there is no network.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -103,11 +103,8 @@ def _part(index: int, content: bytes) -> bytes:
 def _varint(value: int) -> bytes:
     """Seven bits for each byte, lowest first."""
     assert value >= 0
-    return bytes(_septets(value))
-
-
-def _septets(value: int) -> Iterator[int]:
+    septets = bytearray()
     while value > 0x7F:
-        yield value & 0x7F | 0x80
+        septets.append(value & 0x7F | 0x80)
         value >>= 7
-    yield value
+    return bytes([*septets, value])

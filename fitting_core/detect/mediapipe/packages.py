@@ -9,21 +9,16 @@ import shutil
 import signal
 import subprocess
 import sys
-import tarfile
 import time
-import zipfile
-import zlib
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from importlib.machinery import PathFinder
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import IO
 
 from fitting_core.detect.mediapipe.networks import HOLISTIC, NETWORKS, WHEEL
 from fitting_core.errors import InputError
-from fitting_core.files.regular import refusal
+from fitting_core.files.archives import open_members
 
 WHEEL_SHA256 = "05dc4a9e593655a79558d05d6227d31018c2537a4bd3362b51e230cf22aecfe3"
 """Of the wheel that pip is asked for, on every system: that for Linux. The others hold the same networks."""
@@ -41,8 +36,6 @@ _LONGEST = 1800.0
 """Seconds after which pip or npm is ended."""
 _LOOK = 0.2
 """Seconds between looks whether it has ended, or is to be."""
-_DAMAGED = (zipfile.BadZipFile, tarfile.TarError, zlib.error, EOFError, NotImplementedError, RuntimeError)
-"""What zipfile and tarfile raise on archives that are damaged, encrypted or packed in another way."""
 BY_HAND = (
     f"Without a network, give the wheel {WHEEL.name}-{WHEEL.version}-*.whl of any system to `tcfit models add`; on a "
     f"computer that has one, `pip download {WHEEL.name}=={WHEEL.version} --no-deps` gets it."
@@ -54,7 +47,7 @@ Shares = Generator[float, None, Path]
 
 @dataclass(frozen=True, kw_only=True)
 class Programs:
-    """How the programs that fetch packages are started; None: there is none."""
+    """How the programs that fetch packages are started; None where one is missing."""
 
     pip: Sequence[str] | None
     npm: Sequence[str] | None
@@ -74,7 +67,7 @@ def fetched_wheel(scratch: Path, using: Programs) -> Shares:
     """Fetch the wheel into an empty folder.
 
     Raises:
-        InputError: It cannot be had, or is another one.
+        InputError: It cannot be fetched, or has another checksum.
     """
     if using.pip is None:
         raise InputError(
@@ -91,13 +84,13 @@ def fetched_wheel(scratch: Path, using: Programs) -> Shares:
     if found != WHEEL_SHA256:
         raise InputError(
             f"Your pip index gave {wheel.name} with the SHA-256 {found}, expected {WHEEL_SHA256}. It was not used: it "
-            "may be incomplete or changed. Try again, or look at where your pip index has it from."
+            "may be incomplete or changed. Try again, or check where your pip index gets it from."
         )
     return wheel
 
 
 def fetched_holistic(scratch: Path, using: Programs) -> Shares:
-    """Fetch the npm package into an empty folder. Raises InputError if it cannot be had."""
+    """Fetch the npm package into an empty folder. Raises InputError if it cannot be fetched."""
     npm, paths = using.npm, ()
     megabytes = HOLISTIC.megabytes + (0 if npm else NODE_MEGABYTES)
     run = _Run(scratch, megabytes)
@@ -125,7 +118,7 @@ def unpack(archive: Path, folder: Path) -> set[str]:
         Names of those that were found.
 
     Raises:
-        InputError: There is no such file, or it is no archive, or a damaged one.
+        InputError: There is no such file, or it is a damaged archive.
     """
     by_sum = {known.sha256: name for name, known in NETWORKS.items()}
     found = set()
@@ -157,55 +150,19 @@ def holds_networks(path: Path) -> bool:
     if path.suffix not in (".tgz", ".zip"):
         return path.suffix == ".whl"
     try:
-        with _members(path) as members:
-            return any(member.name.endswith(".tflite") for member in members)
+        with open_members(path) as members:
+            return any(member.path.suffix == ".tflite" for member in members)
     except InputError:
         return False
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Member:
-    name: str
-    """Only ever compared."""
-    size: int
-    open: Callable[[], IO[bytes] | None]
-
-
 def _networks_in(archive: Path) -> Iterator[tuple[str, bytes]]:
     """Name and content of each .tflite file of an archive."""
-    with _members(archive) as members:
+    with open_members(archive) as members:
         for member in members:
-            if member.name.endswith(".tflite") and member.size <= _LARGEST and (stream := member.open()):
-                with stream:
-                    yield member.name, stream.read(_LARGEST)
-
-
-@contextmanager
-def _members(archive: Path) -> Iterator[Iterator[_Member]]:
-    try:
-        if why := refusal(archive, expected="a wheel or an npm package"):
-            raise InputError(f"{archive}: {why}.")
-        with archive.open("rb") as file:
-            if zipfile.is_zipfile(file):
-                with zipfile.ZipFile(file) as members:
-                    yield (
-                        _Member(name=info.filename, size=info.file_size, open=partial(members.open, info))
-                        for info in members.infolist()
-                    )
-                return
-            file.seek(0)
-            with tarfile.open(fileobj=file, mode="r:*") as members:
-                yield (
-                    _Member(name=info.name, size=info.size, open=partial(members.extractfile, info))
-                    for info in members
-                    if info.isreg()
-                )
-    except FileNotFoundError as error:
-        raise InputError(f"{archive}: does not exist. Expected a wheel or an npm package.") from error
-    except PermissionError as error:
-        raise InputError(f"{archive}: cannot be read ({error.strerror}). Correct its permissions.") from error
-    except _DAMAGED as error:
-        raise InputError(f"{archive}: is no archive, or a damaged one ({error}). Download it again.") from error
+            if member.path.suffix == ".tflite" and member.size <= _LARGEST:
+                with member.open() as stream:
+                    yield PurePosixPath(*member.path.parts[1:]).as_posix(), stream.read(_LARGEST)
 
 
 def _only_file(folder: Path, pattern: str, title: str) -> Path:
@@ -301,7 +258,7 @@ def _name(command: Sequence[str]) -> str:
 def _reason(name: str, said: str) -> str:
     """Why a program failed, by what it said."""
     if any(words in said for words in _NO_NETWORK):
-        return f"{name} finds no way to its server. Look at the network, or at {name}'s settings."
+        return f"{name} cannot reach its server. Check the network, or {name}'s settings."
     if "No space left on device" in said or "ENOSPC" in said:
         return "the disk of the temporary files is full. Free space there, or name another folder in TMPDIR."
     lines = [line.strip() for line in said.splitlines() if line.strip()]

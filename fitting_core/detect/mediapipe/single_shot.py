@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 
 from fitting_core.detect.mediapipe.networks import Network
-from fitting_core.detect.mediapipe.squares import Square, picture
+from fitting_core.detect.mediapipe.squares import Image, Square, picture
 from fitting_core.detect.topdown.boxes import intersection_over_union
 
 _OVERLAP = 0.3
@@ -61,9 +61,7 @@ class SingleShot:
         self._network = Network(self._kind.network, threads=threads)
         self._anchors = anchors(self._network.size, self._kind.strides)
 
-    def find(
-        self, image: UInt8[np.ndarray, "H W 3"], square: Square | None = None, *, threshold: float | None = None
-    ) -> list[Found]:
+    def find(self, image: Image, square: Square | None = None, *, threshold: float | None = None) -> list[Found]:
         """What an RGB image, or a square of it, shows; most certain first.
 
         Args:
@@ -83,10 +81,12 @@ class SingleShot:
         centres, sizes = pairs[:, 0] + self._anchors[sure], pairs[:, 1]
         boxes = np.concatenate([centres - sizes / 2, centres + sizes / 2], 1)
         points = pairs[:, 2:] + self._anchors[sure][:, None]
-        return [
-            Found(score=score, box=_upright(box, square, size), points=square.to_image(own, size))
-            for score, box, own in _merged(scores[sure], boxes, points)
-        ]
+        found = []
+        for score, box, own in _merged(scores[sure], boxes, points):
+            corners = square.to_image(box.reshape(2, 2), size)
+            upright = np.concatenate([corners.min(0), corners.max(0)])
+            found.append(Found(score=score, box=upright, points=square.to_image(own, size)))
+        return found
 
 
 def anchors(size: int, strides: tuple[int, ...]) -> Float[np.ndarray, "n 2"]:
@@ -97,11 +97,6 @@ def anchors(size: int, strides: tuple[int, ...]) -> Float[np.ndarray, "n 2"]:
         cells = np.stack(np.meshgrid(middles, middles), -1).reshape(-1, 2)
         found.append(np.repeat(cells, _ANCHORS * strides.count(stride), 0))
     return np.concatenate(found)
-
-
-def _upright(box: Float[np.ndarray, "4"], square: Square, size: int) -> Float[np.ndarray, "4"]:
-    corners = square.to_image(box.reshape(2, 2), size)
-    return np.concatenate([corners.min(0), corners.max(0)])
 
 
 def _merged(

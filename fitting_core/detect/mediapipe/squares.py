@@ -17,6 +17,9 @@ _WORTH_SHRINKING = 1.5
 _MOST_SHRUNK = 8
 _BYTE = np.float32(1 / 255)
 
+Image = UInt8[np.ndarray, "H W 3"]
+"""RGB."""
+
 
 @dataclass(frozen=True)
 class Square:
@@ -55,7 +58,7 @@ class Square:
         x, y = self.turned(own[..., 0], own[..., 1])
         return np.stack([x + self.x, y + self.y], -1)
 
-    def share_inside(self, image: UInt8[np.ndarray, "H W 3"]) -> float:
+    def share_inside(self, image: Image) -> float:
         """How much of it the image holds, 0 to 1."""
         low, high = np.maximum(self.box[:2], 0), np.minimum(self.box[2:], image.shape[1::-1])
         return float(np.clip(high - low, 0, None).prod() / max(self.side, 1e-9) ** 2)
@@ -85,7 +88,7 @@ def turn_from(start: Float[np.ndarray, "2"], end: Float[np.ndarray, "2"], *, sho
 
 
 def picture(
-    image: UInt8[np.ndarray, "H W 3"],
+    image: Image,
     square: Square,
     size: int,
     *,
@@ -102,9 +105,7 @@ def picture(
     return cv2.warpAffine(image, matrix, (size, size), flags=cv2.INTER_LINEAR, borderMode=border) * _BYTE
 
 
-def _shrunk(
-    image: UInt8[np.ndarray, "H W 3"], square: Square, size: int
-) -> tuple[UInt8[np.ndarray, "h w 3"], Float[np.ndarray, "2"], int]:
+def _shrunk(image: Image, square: Square, size: int) -> tuple[UInt8[np.ndarray, "h w 3"], Float[np.ndarray, "2"], int]:
     """What a square needs of an image, where it begins in it, and by what whole number it was shrunk."""
     factor = min(_MOST_SHRUNK, int(square.side / size)) if square.side > _WORTH_SHRINKING * size else 1
     if factor == 1:

@@ -19,55 +19,22 @@ _COMPRESSED = 1
 _INDEX_TYPES = {1: np.int32, 2: np.uint16, 3: np.uint8}
 
 _OPERATORS = {
-    0: "ADD",
-    2: "CONCATENATION",
-    3: "CONV_2D",
-    4: "DEPTHWISE_CONV_2D",
-    5: "DEPTH_TO_SPACE",
-    6: "DEQUANTIZE",
-    9: "FULLY_CONNECTED",
-    14: "LOGISTIC",
-    17: "MAX_POOL_2D",
-    19: "RELU",
-    22: "RESHAPE",
-    23: "RESIZE_BILINEAR",
-    34: "PAD",
-    40: "MEAN",
-    45: "STRIDED_SLICE",
-    54: "PRELU",
-    124: "DENSIFY",
-}
+    0: "ADD", 2: "CONCATENATION", 3: "CONV_2D", 4: "DEPTHWISE_CONV_2D", 5: "DEPTH_TO_SPACE", 6: "DEQUANTIZE",
+    9: "FULLY_CONNECTED", 14: "LOGISTIC", 17: "MAX_POOL_2D", 19: "RELU", 22: "RESHAPE", 23: "RESIZE_BILINEAR",
+    34: "PAD", 40: "MEAN", 45: "STRIDED_SLICE", 54: "PRELU", 124: "DENSIFY",
+}  # fmt: skip
 """By their number in the file."""
-
+_SLIDING = {"padding": (0, _BYTE, 0), "stride_width": (1, _INT, 0), "stride_height": (2, _INT, 0)}
 _OPTIONS: dict[str, dict[str, tuple[int, str, int]]] = {
     "ADD": {"activation": (0, _BYTE, 0)},
     "CONCATENATION": {"axis": (0, _INT, 0), "activation": (1, _BYTE, 0)},
-    "CONV_2D": {
-        "padding": (0, _BYTE, 0),
-        "stride_width": (1, _INT, 0),
-        "stride_height": (2, _INT, 0),
-        "activation": (3, _BYTE, 0),
-        "dilation_width": (4, _INT, 1),
-        "dilation_height": (5, _INT, 1),
-    },
-    "DEPTHWISE_CONV_2D": {
-        "padding": (0, _BYTE, 0),
-        "stride_width": (1, _INT, 0),
-        "stride_height": (2, _INT, 0),
-        "activation": (4, _BYTE, 0),
-        "dilation_width": (5, _INT, 1),
-        "dilation_height": (6, _INT, 1),
-    },
+    "CONV_2D": _SLIDING
+    | {"activation": (3, _BYTE, 0), "dilation_width": (4, _INT, 1), "dilation_height": (5, _INT, 1)},
+    "DEPTHWISE_CONV_2D": _SLIDING
+    | {"activation": (4, _BYTE, 0), "dilation_width": (5, _INT, 1), "dilation_height": (6, _INT, 1)},
     "DEPTH_TO_SPACE": {"block": (0, _INT, 0)},
     "FULLY_CONNECTED": {"activation": (0, _BYTE, 0)},
-    "MAX_POOL_2D": {
-        "padding": (0, _BYTE, 0),
-        "stride_width": (1, _INT, 0),
-        "stride_height": (2, _INT, 0),
-        "width": (3, _INT, 0),
-        "height": (4, _INT, 0),
-        "activation": (5, _BYTE, 0),
-    },
+    "MAX_POOL_2D": _SLIDING | {"width": (3, _INT, 0), "height": (4, _INT, 0), "activation": (5, _BYTE, 0)},
     "MEAN": {"keep": (0, _BYTE, 0)},
     "RESIZE_BILINEAR": {"align_corners": (2, _BYTE, 0), "half_pixels": (3, _BYTE, 0)},
     "STRIDED_SLICE": {"begin_mask": (0, _INT, 0), "end_mask": (1, _INT, 0), "shrink_mask": (4, _INT, 0)},
@@ -76,7 +43,7 @@ _OPTIONS: dict[str, dict[str, tuple[int, str, int]]] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tensor:
+class TfliteTensor:
     """One tensor; images and what is made of them are N H W C."""
 
     name: str
@@ -99,7 +66,7 @@ class Operator:
 class TfliteFile:
     """A network."""
 
-    tensors: tuple[Tensor, ...]
+    tensors: tuple[TfliteTensor, ...]
     operators: tuple[Operator, ...]
     inputs: tuple[int, ...]
     outputs: tuple[int, ...]
@@ -114,7 +81,7 @@ def read_tflite(path: Path) -> TfliteFile:
     """
     data = path.read_bytes()
     if data[4:8] != b"TFL3":
-        raise ValueError("is no .tflite file")
+        raise ValueError("is not a .tflite file")
     try:
         return _network(data)
     except (struct.error, IndexError) as error:
@@ -204,14 +171,14 @@ def _operator(operator: _Table, codes: list[str]) -> Operator:
     return Operator(name=name, inputs=operator.numbers(1), outputs=operator.numbers(2), options=options)
 
 
-def _tensor(tensor: _Table, buffers: list[_Table]) -> Tensor:
+def _tensor(tensor: _Table, buffers: list[_Table]) -> TfliteTensor:
     shape, sparsity = tensor.numbers(0), tensor.table(6)
     content = buffers[tensor.number(2, _OFFSET)].array(0, np.uint8)
     constant = None
     if len(content):
         values = content.view(_TYPES[tensor.number(1, _BYTE)])
         constant = _dense(values, shape, sparsity) if sparsity else values.reshape(shape)
-    return Tensor(name=tensor.text(3), shape=shape, constant=constant)
+    return TfliteTensor(name=tensor.text(3), shape=shape, constant=constant)
 
 
 def _dense(values: np.ndarray, shape: tuple[int, ...], sparsity: _Table) -> np.ndarray:

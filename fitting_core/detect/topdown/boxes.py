@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
-from fitting_core.detect.onnx_model import OnnxModel, Tensor, consumers
+from fitting_core.detect.onnx_model import ModelTensor, OnnxModel, consumers
 
 SCORE = 0.3
 """Boxes of a lower score are left out."""
@@ -67,7 +67,7 @@ class BoxModel:
         found = []
         for image, (_, scale), output in zip(images, prepared, outputs, strict=True):
             corners, scores = self._decode(output, self.size)
-            found.append(without_doubles(people(corners, scores, scale, (image.shape[1], image.shape[0]))))
+            found.append(non_maximum_suppressed(people(corners, scores, scale, (image.shape[1], image.shape[0]))))
         return found
 
 
@@ -80,7 +80,7 @@ def has_focus(model: OnnxModel) -> bool:
     return "Slice" in consumers(model.path, model.inputs[0].name)
 
 
-def is_end2end(outputs: tuple[Tensor, ...]) -> bool:
+def is_end2end(outputs: tuple[ModelTensor, ...]) -> bool:
     """Whether outputs are boxes after non-maximum suppression, as MMDeploy exports them."""
     by_name = {output.name: output for output in outputs}
     return {"dets", "labels"} <= set(by_name) and len(by_name["dets"].shape) == 3
@@ -129,7 +129,7 @@ def people(
     return Boxes(corners=corners[order], scores=scores[order])
 
 
-def without_doubles(boxes: Boxes) -> Boxes:
+def non_maximum_suppressed(boxes: Boxes) -> Boxes:
     """Non-maximum suppression: of boxes that overlap by more than OVERLAP only the best."""
     left = list(range(len(boxes)))
     kept = []

@@ -8,7 +8,6 @@ from jaxtyping import Float, UInt8
 from fitting_core.detect.part import Part
 from fitting_core.detect.topdown import simcc
 from fitting_core.detect.topdown.boxes import Boxes, BoxModel
-from fitting_core.detect.topdown.tracking import box_around, whole
 from fitting_core.errors import InputError
 from fitting_core.video.frames import FrameSource
 from fitting_core.wholebody import WHOLEBODY_COUNT, from_wholebody
@@ -19,8 +18,12 @@ LEAST = 0.05
 """Points of lower confidence are not reported, as with OpenPose."""
 _MOST_PEOPLE = 6
 """In a frame: the largest and surest."""
+_SURE = 0.3
+"""Points of lower confidence say nothing about where the person is."""
+_FEWEST_SURE = 6
+"""With fewer sure points a person is lost, and looked for in the whole frame again."""
 _VERSION = 1
-"""Another one whenever the same models find something else."""
+"""Raised whenever the same models would find something different."""
 _DIGITS = 12
 """Of a model's SHA-256 in the version."""
 
@@ -83,11 +86,11 @@ class TopDown:
     def _tracked(
         self, source: FrameSource, frames: range, before: Float[np.ndarray, "n 3"], highest: float
     ) -> Iterator[list[Float[np.ndarray, "P 133 3"]]]:
-        box = box_around(before, highest, source.size) if len(before) else None
+        box = _box_around(before, highest, source.size) if len(before) else None
         for frame in frames:
             image = source.frame_or_grey(frame)
             points = self._looked_for(image, highest, source.size) if box is None else self._in(image, box)
-            box = box_around(points, highest, source.size)
+            box = _box_around(points, highest, source.size)
             highest = max(highest, points[:, 2].max())
             yield [points[None] if box is not None else np.zeros((0, WHOLEBODY_COUNT, 3))]
 
@@ -95,8 +98,8 @@ class TopDown:
         self, image: UInt8[np.ndarray, "H W 3"], highest: float, size: tuple[int, int]
     ) -> Float[np.ndarray, "133 3"]:
         """Points of a person who can be anywhere: in the whole image, then again in the box that this gives."""
-        points = self._in(image, whole(size))
-        nearer = box_around(points, highest, size)
+        points = self._in(image, np.array([0.0, 0.0, *size]))
+        nearer = _box_around(points, highest, size)
         return points if nearer is None else self._in(image, nearer)
 
     def _in(self, image: UInt8[np.ndarray, "H W 3"], box: Float[np.ndarray, "4"]) -> Float[np.ndarray, "133 3"]:
@@ -106,6 +109,25 @@ class TopDown:
 def _most_prominent(boxes: Boxes) -> Float[np.ndarray, "n 4"]:
     sizes = np.linalg.norm(boxes.corners[:, 2:] - boxes.corners[:, :2], axis=1) * boxes.scores
     return boxes.corners[np.argsort(-sizes, kind="stable")[:_MOST_PEOPLE]]
+
+
+def _box_around(
+    points: Float[np.ndarray, "133 3"], highest: float, size: tuple[int, int]
+) -> Float[np.ndarray, "4"] | None:
+    """The box in which to look for a person in the next frame; None if the person is lost.
+
+    Args:
+        points: Of this frame, as `SimCC.points` gives them.
+        highest: Height of the highest peak of a point in all frames so far.
+        size: Of the image.
+    """
+    confidence = simcc.confidence(points[:, 2], highest=max(highest, points[:, 2].max()))
+    inside = ((points[:, :2] >= 0) & (points[:, :2] < size)).all(1)
+    sure = points[(confidence >= _SURE) & inside, :2]
+    if len(sure) < _FEWEST_SURE:
+        return None
+    box = np.concatenate([sure.min(0), sure.max(0)])
+    return box if (box[2:] - box[:2] > 1).all() else None
 
 
 def to_points(

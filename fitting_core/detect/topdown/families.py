@@ -33,7 +33,7 @@ def load_pose_model(path: Path, *, provider: str = "cpu", threads: int = 0) -> s
     """Open a whole-body model.
 
     Raises:
-        InputError: There is no such file, it is no ONNX model, or one of another kind, which the message names.
+        InputError: There is no such file, it is not an ONNX model, or of another kind, which the message names.
     """
     return _load(path, "points", provider, threads)
 
@@ -54,7 +54,7 @@ def _load(path: Path, finds: Literal["points", "boxes"], provider: str, threads:
     if family is not None and family.finds == finds:
         return family.make(model)
     if finds == "points":
-        raise simcc.refusal(model)
+        raise simcc.wrong_model(model)
     known = " or ".join(f.title for f in FAMILIES.values() if f.finds == "boxes")
     raise InputError(
         f"{path}: is {what_it_is(model)}. Expected a detector of people: {known}, with outputs dets and labels, or as "

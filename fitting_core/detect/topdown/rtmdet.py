@@ -14,7 +14,7 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float
 
-from fitting_core.detect.onnx_model import OnnxModel, Tensor
+from fitting_core.detect.onnx_model import ModelTensor, OnnxModel
 from fitting_core.detect.topdown.boxes import (
     PERSON,
     STRIDES,
@@ -42,7 +42,7 @@ def recognises(model: OnnxModel) -> bool:
     return any(fits(model.outputs) for fits in _FORMS) and not has_focus(model)
 
 
-def _is_pair(outputs: tuple[Tensor, ...]) -> bool:
+def _is_pair(outputs: tuple[ModelTensor, ...]) -> bool:
     return len(outputs) == 2 and all(len(o.shape) == 3 for o in outputs) and 4 in (o.shape[2] for o in outputs)
 
 
@@ -53,7 +53,7 @@ def _decode_pair(
     return corners, scores[:, PERSON]
 
 
-def _is_head(outputs: tuple[Tensor, ...]) -> bool:
+def _is_head(outputs: tuple[ModelTensor, ...]) -> bool:
     if len(outputs) != 2 * len(STRIDES) or any(len(output.shape) != 4 for output in outputs):
         return False
     return all(output.shape[1] == 4 for output in outputs[len(STRIDES) :])
@@ -72,7 +72,7 @@ def _decode_head(
     return corners, 1 / (1 + np.exp(-np.clip(logits[:, PERSON], -60, 60)))
 
 
-_FORMS: dict[Callable[[tuple[Tensor, ...]], bool], Decode] = {
+_FORMS: dict[Callable[[tuple[ModelTensor, ...]], bool], Decode] = {
     is_end2end: decode_end2end,
     _is_pair: _decode_pair,
     _is_head: _decode_head,

@@ -99,7 +99,7 @@ def recognises(model: OnnxModel) -> bool:
     return len(shapes) == 2 and all(len(shape) == 3 and shape[1] in (WHOLEBODY_COUNT, None) for shape in shapes)
 
 
-def refusal(model: OnnxModel) -> InputError:
+def wrong_model(model: OnnxModel) -> InputError:
     """Why another model cannot be used."""
     return InputError(
         f"{model.path}: is {what_it_is(model)}. Expected a whole-body model of the RTMPose, DWPose or RTMW family: two "

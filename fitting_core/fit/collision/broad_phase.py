@@ -6,7 +6,7 @@ Whatever the tree's topology, the answer is exact: it is the same as that of tes
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from fitting_core.body.bounding_tree import NO_CHILD, BoundingTree, Boxes, refitted
+from fitting_core.body.bounding_tree import NO_CHILD, BoundingTree, TriangleBoxes, refitted
 
 LEAF_SIZE = 4
 """Triangles in a leaf. 4 measured fastest on 26,972 triangles; 1 doubles the nodes to refit."""
@@ -37,13 +37,15 @@ def overlapping_triangles(
     return np.sort(tree.order[slot_pairs], axis=1)
 
 
-def _overlap(boxes: Boxes, pairs: Int[np.ndarray, "P 2"]) -> Bool[np.ndarray, "P"]:
+def _overlap(boxes: TriangleBoxes, pairs: Int[np.ndarray, "P 2"]) -> Bool[np.ndarray, "P"]:
     a, b = pairs.T
     apart = (boxes.low[a] > boxes.high[b]) | (boxes.low[b] > boxes.high[a])
     return ~(apart[:, 0] | apart[:, 1] | apart[:, 2])
 
 
-def _overlapping_leaves(tree: BoundingTree, nodes: Boxes, pairs: Int[np.ndarray, "R 2"]) -> Int[np.ndarray, "M 2"]:
+def _overlapping_leaves(
+    tree: BoundingTree, nodes: TriangleBoxes, pairs: Int[np.ndarray, "R 2"]
+) -> Int[np.ndarray, "M 2"]:
     """Descend from pairs of roots to all pairs of leaves whose boxes overlap, breadth first."""
     found = [np.zeros((0, 2), dtype=np.int64)]
     while len(pairs):

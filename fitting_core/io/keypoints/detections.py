@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from fitting_core.errors import InputError
 from fitting_core.io.keypoints.json_points import short
-from fitting_core.keypoint_noise import DETECTORS
+from fitting_core.keypoint_noise import DETECTOR_TITLES
 from fitting_core.video.frame_names import frame_numbers, split_number
 
 PIXELS, UNIT, SIGNED, SHARES = "pixels", "0..1", "-1..1", "shares"
@@ -44,7 +44,7 @@ class Detections:
     frame_rate: float | None = None
     """Frames per second, where the file tells them."""
     detector: str = ""
-    """Who found them, by its name in `keypoint_noise.DETECTORS`; empty where nobody knows."""
+    """Who found them, by its name in `keypoint_noise.DETECTOR_TITLES`; empty where nobody knows."""
     notes: tuple[str, ...] = ()
     """What a user should know of how it was read."""
 
@@ -87,13 +87,14 @@ def numbering(stems: Sequence[str]) -> tuple[str, ...]:
 
 
 def told_detector(path: Path, told: Any) -> tuple[str, tuple[str, ...]]:
-    """The detector's name in `keypoint_noise.DETECTORS` that a file tells, and a note where nothing is known of it."""
+    """The name in `keypoint_noise.DETECTOR_TITLES` that a file tells, and a note where the detector is not known."""
     name = told.strip().lower() if isinstance(told, str) else ""
-    if name in DETECTORS:
+    if name in DETECTOR_TITLES:
         return name, ()
+    known = ", ".join(DETECTOR_TITLES)
     return "", (
-        f"{path.name} says that its keypoints are of the detector {short(told)}; known are {', '.join(DETECTORS)}. "
-        "They are weighed as if they were OpenPose's.",
+        f"{path.name} says that its keypoints are of the detector {short(told)}; known are {known}. They are weighed "
+        "as if they were OpenPose's.",
     )
 
 

@@ -10,13 +10,13 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from fitting_core.body import rotations
-from fitting_core.body.files.registry import FREE_FOLDER
 from fitting_core.body.model import N_EXPRESSION, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera, FocalFrom
 from fitting_core.errors import InputError
 from fitting_core.io.motion.fitted_motion import rest_joints
 from fitting_core.io.motion.seen_points import SeenPoints
+from fitting_core.shipped import FREE_FOLDER
 from fitting_core.video.frame_names import among_images, frames_for_one
 
 _NEAREST = 0.5

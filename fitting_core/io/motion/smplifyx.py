@@ -25,11 +25,11 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from fitting_core.body.files.archives import Member, open_members
 from fitting_core.body.model import N_BETAS, N_EXPRESSION, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera, FocalFrom
 from fitting_core.errors import InputError, some_of
+from fitting_core.files.archives import Member, open_members
 from fitting_core.files.atomic import replacing
 from fitting_core.io.motion.fitted_motion import AXES
 from fitting_core.io.motion.imported_motion import ImportedMotion, body_params

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from fitting_core.body.files.archives import Member
-from fitting_core.body.files.pickles import as_array, read_pickle
 from fitting_core.body.model import N_BETAS, N_EXPRESSION
 from fitting_core.errors import InputError, some_of
+from fitting_core.files.archives import Member
+from fitting_core.files.pickles import as_array, read_pickle
 
 LATENT, BODY = 32, 63
 """Numbers of a body_pose: of VPoser, and of 21 joints' axis-angle."""

@@ -10,7 +10,7 @@ from fitting_core.fit.error_bars import ANGLES as BARRED
 from fitting_core.fit.error_bars import WIDER, ErrorBars
 from fitting_core.io.motion.fitted_motion import Motion
 from fitting_core.measure.angles.cardan import SINGULAR
-from fitting_core.measure.angles.joint_angles import ANGLES, JOINTS, UNSEEN, joint_angles
+from fitting_core.measure.angles.joint_angles import ANATOMICAL_JOINTS, ANGLES, UNSEEN, joint_angles
 from fitting_core.measure.angles.opensim import LOCKED, opensim_coordinates
 
 _DECIMALS = 4
@@ -47,7 +47,7 @@ def _conventions(motion: Motion) -> list[str]:
         "Body-fixed sequences: "
         + "; ".join(
             f"{joint.name} {'-'.join(joint.sequence)} ({joint.child} in {joint.parent or 'the world'})"
-            for joint in JOINTS
+            for joint in ANATOMICAL_JOINTS
         )
         + "; shoulder_flexion and shoulder_abduction are projections on the thorax' planes.",
         "Left and right have the same signs. Positive: ",

@@ -74,18 +74,16 @@ def nearest_turn(matrices: Float[np.ndarray, "T 3 3"], axis: Float[np.ndarray, "
     return np.arctan2(antisymmetric @ axis, np.trace(matrices, axis1=1, axis2=2) - along)
 
 
-def held(
-    matrices: Float[np.ndarray, "T 3 3"], sequence: str, *, start: tuple[float, float, float] = (0.0, 0.0, 0.0)
-) -> Float[np.ndarray, "T 3"]:
+def held(matrices: Float[np.ndarray, "T 3 3"], sequence: str) -> Float[np.ndarray, "T 3"]:
     """Angles about three different axes as `continuous`, determined or not, for what plays them must have a number.
 
     Where the first and the third axis coincide, to a tenth of a degree, the first angle stays as it was before, and the
     third one is what is left of the rotation.
     """
-    found = continuous(angles_of(matrices, sequence), sequence, start=start)
+    found = continuous(angles_of(matrices, sequence), sequence)
     third = unit_axis(sequence[2])
     for t in np.flatnonzero(abs(np.cos(np.radians(found[:, 1]))) < np.sin(np.radians(0.1))):
-        before = found[t - 1] if t else np.array(start)
+        before = found[t - 1] if t else np.zeros(3)
         found[t, 0] = before[0]
         turned = Rotation.from_euler(sequence[:2], found[t, :2], degrees=True).as_matrix()
         rest = np.degrees(nearest_turn((turned.T @ matrices[t])[None], third))[0]

@@ -11,7 +11,7 @@ from fitting_core.measure.angles.cardan import angles_of, continuous, singular
 from fitting_core.measure.angles.segments import Segments
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Angle:
     """One angle of a joint."""
 
@@ -22,139 +22,80 @@ class Angle:
     """Of the turn about the axis, on the right side of the body."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Joint:
+@dataclass(frozen=True)
+class AnatomicalJoint:
     """A joint, as the rotation of one segment against another."""
 
     name: str
     parent: str | None
     """Segment of the same side, or of the middle; None: the world, upright, of one who looks along z of y-up."""
     child: str
-    sided: bool = False
-    sequence: str
-    """Body-fixed axes: R = Rz(a) Rx(b) Ry(c) for "ZXY"."""
     angles: tuple[Angle | None, Angle | None, Angle | None]
     """About these axes; None is left out."""
+    sequence: str = "ZXY"
+    """Body-fixed axes: R = Rz(a) Rx(b) Ry(c) for "ZXY"."""
     start: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Turns about the axes, degrees, that the first frame is nearest to: the middle of what people do."""
 
-
-def _standing(child: str) -> Joint:
-    """By the sequence in which leaning does not depend on the way one faces (Baker, Hum. Mov. Sci. 20 (2001) 787)."""
-    return Joint(
-        name=child,
-        parent=None,
-        child=child,
-        sequence="YXZ",
-        angles=(
-            Angle(name="rotation", positive="turns to its left; 0 faces along z of the world y-up"),
-            Angle(name="obliquity", positive="right side goes up", sign=-1),
-            Angle(name="tilt", positive="leans forward", sign=-1),
-        ),
-    )
+    @property
+    def sides(self) -> tuple[str, ...]:
+        """What stands before its name on each side of the body; nothing for a joint of the middle."""
+        return ("",) if self.child in BONES else ("left_", "right_")
 
 
-def _trunk(name: str, parent: str, child: str) -> Joint:
-    return Joint(
-        name=name,
-        parent=parent,
-        child=child,
-        sequence="ZXY",
-        angles=(
-            Angle(name="extension", positive="leans backward"),
-            Angle(name="bending", positive="bends to the right"),
-            Angle(name="rotation", positive="turns to the left"),
-        ),
-    )
-
-
-JOINTS = (
-    _standing("pelvis"),
-    _standing("thorax"),
-    _trunk("lumbar", "pelvis", "thorax"),
-    _trunk("neck", "thorax", "head"),
-    Joint(
-        name="hip",
-        parent="pelvis",
-        child="thigh",
-        sided=True,
-        sequence="ZXY",
-        angles=(
-            Angle(name="flexion", positive="thigh goes forward"),
-            Angle(name="adduction", positive="thigh goes inward"),
-            Angle(name="rotation", positive="front of the thigh turns inward"),
-        ),
-    ),
-    Joint(
-        name="knee",
-        parent="thigh",
-        child="shank",
-        sided=True,
-        sequence="ZXY",
-        angles=(
-            Angle(name="flexion", positive="shank goes backward", sign=-1),
-            Angle(name="adduction", positive="shank goes inward (varus)"),
-            Angle(name="rotation", positive="front of the shank turns inward"),
-        ),
-    ),
-    Joint(
-        name="ankle",
-        parent="shank",
-        child="foot",
-        sided=True,
-        sequence="ZXY",
-        angles=(
-            Angle(name="dorsiflexion", positive="toes go up"),
-            Angle(name="inversion", positive="sole turns inward"),
-            Angle(name="rotation", positive="toes turn inward"),
-        ),
-    ),
-    Joint(
-        name="toes",
-        parent="foot",
-        child="toes",
-        sided=True,
-        sequence="ZXY",
-        angles=(Angle(name="extension", positive="toes go up"), None, None),
-    ),
-    Joint(
-        name="shoulder",
-        parent="thorax",
-        child="humerus",
-        sided=True,
-        sequence="YXY",
-        angles=(
-            Angle(name="plane", positive="plane of elevation: 0 sideways, 90 forward"),
-            Angle(name="elevation", positive="elbow goes away from the hanging arm's place", sign=-1),
-            Angle(name="axial", positive="upper arm turns inward"),
-        ),
-        start=(45.0, 0.0, 0.0),
-    ),
-    Joint(
-        name="elbow",
-        parent="humerus",
-        child="forearm",
-        sided=True,
-        sequence="ZXY",
-        angles=(
-            Angle(name="flexion", positive="elbow bends"),
-            Angle(name="carrying", positive="forearm goes outward", sign=-1),
-            Angle(name="pronation", positive="palm turns backward; 0 is palms forward"),
-        ),
-        start=(60.0, 0.0, 90.0),
-    ),
-    Joint(
-        name="wrist",
-        parent="forearm",
-        child="hand",
-        sided=True,
-        sequence="ZXY",
-        angles=(
-            Angle(name="flexion", positive="hand goes towards the palm"),
-            Angle(name="deviation", positive="hand goes towards the little finger (ulnar)"),
-            Angle(name="rotation", positive="hand turns as in pronation, against the forearm"),
-        ),
-    ),
+_STANDING = (
+    Angle("rotation", "turns to its left; 0 faces along z of the world y-up"),
+    Angle("obliquity", "right side goes up", -1),
+    Angle("tilt", "leans forward", -1),
+)
+"""By the sequence in which leaning does not depend on the way one faces (Baker, Hum. Mov. Sci. 20 (2001) 787)."""
+_TRUNK = (
+    Angle("extension", "leans backward"),
+    Angle("bending", "bends to the right"),
+    Angle("rotation", "turns to the left"),
+)
+_HIP = (
+    Angle("flexion", "thigh goes forward"),
+    Angle("adduction", "thigh goes inward"),
+    Angle("rotation", "front of the thigh turns inward"),
+)
+_KNEE = (
+    Angle("flexion", "shank goes backward", -1),
+    Angle("adduction", "shank goes inward (varus)"),
+    Angle("rotation", "front of the shank turns inward"),
+)
+_ANKLE = (
+    Angle("dorsiflexion", "toes go up"),
+    Angle("inversion", "sole turns inward"),
+    Angle("rotation", "toes turn inward"),
+)
+_SHOULDER = (
+    Angle("plane", "plane of elevation: 0 sideways, 90 forward"),
+    Angle("elevation", "elbow goes away from the hanging arm's place", -1),
+    Angle("axial", "upper arm turns inward"),
+)
+_ELBOW = (
+    Angle("flexion", "elbow bends"),
+    Angle("carrying", "forearm goes outward", -1),
+    Angle("pronation", "palm turns backward; 0 is palms forward"),
+)
+_WRIST = (
+    Angle("flexion", "hand goes towards the palm"),
+    Angle("deviation", "hand goes towards the little finger (ulnar)"),
+    Angle("rotation", "hand turns as in pronation, against the forearm"),
+)
+ANATOMICAL_JOINTS = (
+    AnatomicalJoint("pelvis", None, "pelvis", _STANDING, "YXZ"),
+    AnatomicalJoint("thorax", None, "thorax", _STANDING, "YXZ"),
+    AnatomicalJoint("lumbar", "pelvis", "thorax", _TRUNK),
+    AnatomicalJoint("neck", "thorax", "head", _TRUNK),
+    AnatomicalJoint("hip", "pelvis", "thigh", _HIP),
+    AnatomicalJoint("knee", "thigh", "shank", _KNEE),
+    AnatomicalJoint("ankle", "shank", "foot", _ANKLE),
+    AnatomicalJoint("toes", "foot", "toes", (Angle("extension", "toes go up"), None, None)),
+    AnatomicalJoint("shoulder", "thorax", "humerus", _SHOULDER, "YXY", (45.0, 0.0, 0.0)),
+    AnatomicalJoint("elbow", "humerus", "forearm", _ELBOW, start=(60.0, 0.0, 90.0)),
+    AnatomicalJoint("wrist", "forearm", "hand", _WRIST),
 )
 _FACING = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
 """From the world y-up into the frame of a person who looks along its z: x there, y up, z to their right."""
@@ -170,8 +111,8 @@ UNSEEN = 10.0
 
 def _columns() -> dict[str, str]:
     named = {}
-    for joint in JOINTS:
-        for side in ("left_", "right_") if joint.sided else ("",):
+    for joint in ANATOMICAL_JOINTS:
+        for side in joint.sides:
             named |= {f"{side}{joint.name}_{angle.name}": angle.positive for angle in joint.angles if angle}
             if joint.name == "shoulder":
                 named |= {f"{side}shoulder_{name}": positive for name, positive in _ARM.items()}
@@ -191,8 +132,8 @@ def joint_angles(motion: Motion) -> dict[str, Float[np.ndarray, "T"]]:
     """
     segments = Segments(motion.in_axes("y-up"))
     found = {}
-    for joint in JOINTS:
-        for side in ("left_", "right_") if joint.sided else ("",):
+    for joint in ANATOMICAL_JOINTS:
+        for side in joint.sides:
             for angle, values in zip(joint.angles, _turns(joint, segments, side).T, strict=True):
                 if angle:
                     found[f"{side}{joint.name}_{angle.name}"] = values
@@ -204,14 +145,14 @@ def joint_angles(motion: Motion) -> dict[str, Float[np.ndarray, "T"]]:
 def flexion(motion: Motion, name: str) -> Float[np.ndarray, "T"]:
     """One of `error_bars.ANGLES`, degrees from -180 to 180: each frame by itself, whatever those before it are."""
     side, joint = name.removesuffix("_flexion").split("_")
-    known = next(one for one in JOINTS if one.name == joint)
+    known = next(one for one in ANATOMICAL_JOINTS if one.name == joint)
     assert known.angles[0] is not None and known.sequence == "ZXY"
     parent = known.parent if known.parent in BONES else f"{side}_{known.parent}"
     turns = angles_of(Segments(motion).between(parent, f"{side}_{known.child}"), known.sequence)
     return known.angles[0].sign * turns[:, 0]
 
 
-def _turns(joint: Joint, segments: Segments, side: str) -> Float[np.ndarray, "T 3"]:
+def _turns(joint: AnatomicalJoint, segments: Segments, side: str) -> Float[np.ndarray, "T 3"]:
     """The three angles of a joint with their signs, in the order of its axes."""
     if joint.parent is None:
         matrices = _FACING @ segments.axes[joint.child]

@@ -36,7 +36,7 @@ _STEPS = 200
 
 
 @dataclass(frozen=True)
-class World:
+class OpenSimWorld:
     """OpenSim's world: x forward, y up, z to the right."""
 
     from_y_up: Float[np.ndarray, "3 3"]
@@ -53,7 +53,7 @@ _DIRECTIONS = (
 )
 
 
-def world_of(segments: Segments) -> World:
+def opensim_world(segments: Segments) -> OpenSimWorld:
     """The world whose x is, of the four horizontal axes of y-up, the one that the pelvis mostly faces.
 
     The model's pelvis tilts first and turns last: only for who looks along x is its tilt what one calls so. By
@@ -65,13 +65,13 @@ def world_of(segments: Segments) -> World:
     facing = segments.axes["pelvis"][:, :, 0].sum(0)
     forward, x = max(_DIRECTIONS, key=lambda direction: float(facing @ direction[1]))
     y = unit_axis("Y")
-    return World(from_y_up=np.stack([np.array(x), y, np.cross(x, y)]), forward=forward)
+    return OpenSimWorld(from_y_up=np.stack([np.array(x), y, np.cross(x, y)]), forward=forward)
 
 
-def opensim_coordinates(motion: Motion) -> tuple[dict[str, Float[np.ndarray, "T"]], World]:
+def opensim_coordinates(motion: Motion) -> tuple[dict[str, Float[np.ndarray, "T"]], OpenSimWorld]:
     """Coordinates by their names, in the model's order: degrees, and metres for pelvis_tx, _ty and _tz."""
     segments = Segments(motion.in_axes("y-up"))
-    world = world_of(segments)
+    world = opensim_world(segments)
     pelvis = world.from_y_up @ segments.axes["pelvis"]
     hips = segments.joints[:, [JOINT["left_hip"], JOINT["right_hip"]]].mean(1) @ world.from_y_up.T
     places = hips - pelvis @ _HIPS_FROM_PELVIS

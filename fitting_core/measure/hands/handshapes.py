@@ -129,7 +129,7 @@ def read_handshapes(path: Path) -> dict[str, Handshape]:
     try:
         table = parsed_toml(regular_file(path, most=_MOST_BYTES).read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise InputError(f"{path}: is no TOML that can be read ({error}). docs/linguists.md shows one.") from error
+        raise InputError(f"{path}: is not readable TOML ({error}). docs/linguists.md shows one.") from error
     found: dict[str, Handshape] = {}
     for name, written in table.items():
         found[name] = _handshape(written, HANDSHAPES | found, origin=f"{path.name}: [{name}]")

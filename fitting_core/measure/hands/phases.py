@@ -21,7 +21,7 @@ from fitting_core.measure.hands.spans import Span, spans_of, without_short
 
 Side = Literal["left", "right"]
 SIDES: tuple[Side, Side] = ("left", "right")
-REST, MOVEMENT, HOLD = PHASES = ("rest", "movement", "hold")
+REST, MOVEMENT, HOLD = ("rest", "movement", "hold")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +34,7 @@ class PhaseRule:
     """Metres per second: a movement lasts as long as the wrist is faster. One value alone would make ten movements of
     a speed that wavers about it."""
     movement: float = 0.08
-    """Seconds: shorter movements are none."""
+    """Seconds: anything shorter does not count as a movement."""
     hold: float = 0.10
     """Seconds: shorter stops between two movements are part of them, such as where a movement turns back."""
     low: float = 0.3
@@ -111,15 +111,8 @@ def _moving(speed: Float[np.ndarray, "T"], rule: PhaseRule, frame_rate: float) -
     reached = np.zeros(len(speed), bool)
     for run in runs_where(faster):
         reached[run] = speed[run].max() >= rule.fast
-    still = ~reached
-    # A stop at the clip's first or last frame goes on outside of it.
-    inner = without_short(still, math.ceil(rule.hold * frame_rate))
-    still[1:-1] = inner[1:-1] | _touching_an_end(still)[1:-1]
+    still = without_short(~reached, math.ceil(rule.hold * frame_rate))
+    for run in runs_where(~reached):
+        # A stop at the clip's first or last frame continues outside the clip.
+        still[run] |= run.start == 0 or run.stop == len(still)
     return without_short(~still, math.ceil(rule.movement * frame_rate))
-
-
-def _touching_an_end(still: Bool[np.ndarray, "T"]) -> Bool[np.ndarray, "T"]:
-    ends = np.zeros(len(still), bool)
-    for run in runs_where(still):
-        ends[run] = run.start == 0 or run.stop == len(still)
-    return ends

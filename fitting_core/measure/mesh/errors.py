@@ -116,7 +116,7 @@ class PosedBody:
 
     def volumes(self) -> Float[np.ndarray, "T"]:
         """Volume of the closed mesh of each frame, dm^3."""
-        enclosed, mesh = Enclosed.of(self.body), shared_mesh(self.body)
+        enclosed, mesh = Enclosed.of(self.body.faces), shared_mesh(self.body)
         parts = (self.params[start : start + _TOGETHER] for start in range(0, len(self.params), _TOGETHER))
         return np.concatenate([np.zeros(0), *(enclosed(mesh(part).numpy()) for part in parts)])
 

@@ -7,8 +7,6 @@ from jaxtyping import Float, Int
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from fitting_core.body.model import BodyModel
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Enclosed:
@@ -21,12 +19,7 @@ class Enclosed:
     """To which hole each edge belongs, counted from 0."""
 
     @staticmethod
-    def of(body: BodyModel) -> "Enclosed":
-        """The faces of a body."""
-        return Enclosed.of_faces(body.faces)
-
-    @staticmethod
-    def of_faces(faces: Int[np.ndarray, "F 3"]) -> "Enclosed":
+    def of(faces: Int[np.ndarray, "F 3"]) -> "Enclosed":
         """Any triangles that go round the same way, seen from outside."""
         directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
         count = int(faces.max()) + 1

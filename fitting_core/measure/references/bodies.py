@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from fitting_core.body.files.reading import load_body
-from fitting_core.body.files.registry import FREE_FOLDER, find_body, list_bodies
+from fitting_core.body.files.registry import find_body, list_bodies
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
@@ -16,6 +16,7 @@ from fitting_core.io.motion.imported_motion import ImportedMotion
 from fitting_core.io.motion.smplx_npz import read_smplx_npz
 from fitting_core.io.result_files import read_fit
 from fitting_core.measure.references.reference import BodyOf, Reference, of_body
+from fitting_core.shipped import FREE_FOLDER
 from fitting_core.synthetic.studio.world_camera import WorldCamera, in_camera
 from fitting_core.synthetic.truth import read_truth
 
@@ -98,7 +99,7 @@ def read_amass(path: Path, camera: WorldCamera | None, search: Path | None) -> R
     What tcfit exports says how its world is turned from the camera's space, so it needs no camera.
 
     Raises:
-        InputError: It is no animation, or there is no model of its kind and gender.
+        InputError: It is not an animation, or there is no model of its kind and gender.
     """
     motion = read_smplx_npz(path)
     body = _amass_body(motion, search)

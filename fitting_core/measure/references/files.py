@@ -22,7 +22,7 @@ TRUTH_NAME = "truth.npz"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Source:
+class ReferenceSource:
     """What a reader gets."""
 
     path: Path
@@ -31,7 +31,7 @@ class Source:
 
     @property
     def arrays(self) -> dict[str, np.ndarray]:
-        """All of the file's. Raises InputError if one is no plain array."""
+        """All arrays of the file. Raises InputError if one is not a plain array."""
         try:
             return read_npz(self.path)
         except (OSError, ValueError) as error:
@@ -48,10 +48,10 @@ class ReferenceForm:
     keys: tuple[str, ...]
     """Arrays by which it is known."""
     title: str
-    read: Callable[[Source], Reference]
+    read: Callable[[ReferenceSource], Reference]
 
 
-FORMS = (
+REFERENCE_FORMS = (
     ReferenceForm(
         keys=("format", "name", "points", "in_camera"),
         title="a reference stored by tcfit",
@@ -119,7 +119,7 @@ def read_reference(
     form = _form(file, markers)
 
     def read(camera: WorldCamera | None) -> Reference:
-        return form(Source(path=file, camera=camera, search=search))
+        return form(ReferenceSource(path=file, camera=camera, search=search))
 
     found = read(None if camera is None else read_world_camera(camera))
     world = None if seen_by is None or moves else seen_by.world
@@ -135,55 +135,50 @@ def _in_world(found: Reference, read: Callable[[WorldCamera], Reference], world:
         return replace(found, notes=(*found.notes, f"{where}: only form is compared."))
     up, trunk = world.up_in_world, reference_points.trunk_axis(found)
     if up is not None and trunk is not None and up @ trunk <= 0:
-        return replace(found, notes=(*found.notes, _TURNED.format(trunk=_axis(trunk), up=world.up)))
+        axis = int(np.abs(trunk).argmax())
+        along = ("-" if trunk[axis] < 0 else "") + "xyz"[axis]
+        return replace(found, notes=(*found.notes, _TURNED.format(trunk=along, up=world.up)))
     placed = read(camera)
     return replace(placed, notes=(*placed.notes, "It is taken to stand in the world of the camera's calibration."))
 
 
 _TURNED = (
-    "The trunk of whoever is in it points along {trunk}, and in the world of the camera's calibration {up} is up: only "
+    "The person's trunk points along {trunk} in it, but {up} is up in the world of the camera's calibration: only "
     "form is compared. Turn one of them, or say with --camera (in a project: --reference-camera) where the camera "
     "stands in the reference's world. Pose2Sim, for one, makes TRC files with y up from calibrations with z up: their "
     "x, y, z are the calibration's y, z, x."
 )
 
 
-def _axis(direction: np.ndarray) -> str:
-    """Such as -y."""
-    axis = int(np.abs(direction).argmax())
-    return ("-" if direction[axis] < 0 else "") + "xyz"[axis]
-
-
-def _form(file: Path, markers: MarkerSet | None) -> Callable[[Source], Reference]:
+def _form(file: Path, markers: MarkerSet | None) -> Callable[[ReferenceSource], Reference]:
     """What reads it, by its name's ending or by what is in it."""
     if read := POINT_FILES.get(file.suffix.lower()):
         return lambda source: _of_points(source, markers, *read)
     if markers is not None:
         raise InputError(f"{file}: --markers says what points of TRC and C3D are. Leave it out, or give such a file.")
     names = _names(file)
-    for form in FORMS:
+    for form in REFERENCE_FORMS:
         if all(key in names for key in form.keys):
             return lambda source: _of_arrays(source, form)
     found = some_of(names)
-    known = "; ".join(form.title for form in FORMS)
+    known = "; ".join(form.title for form in REFERENCE_FORMS)
     raise InputError(f"{file}: holds {found}; expected {known}; or a .trc or .c3d file.")
 
 
-def _of_points(source: Source, markers: MarkerSet | None, kind: str, reader: str) -> Reference:
+def _of_points(source: ReferenceSource, markers: MarkerSet | None, kind: str, reader: str) -> Reference:
     module, name = reader.split(":")
     points = getattr(import_module(f"fitting_core.io.points.{module}"), name)(source.path)
     return reference_points.reference_of_points(source.path, kind, points, source.camera, markers)
 
 
-def _of_arrays(source: Source, form: ReferenceForm) -> Reference:
+def _of_arrays(source: ReferenceSource, form: ReferenceForm) -> Reference:
     try:
         return form.read(source)
-    except (KeyError, IndexError, TypeError) as error:
-        raise InputError(f"{source.path}: is {form.title}, but damaged ({error!r}). Take it from a backup.") from error
-    except ValueError as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"{source.path}: is {form.title}, but damaged ({error}). Take it from a backup.") from error
+    except InputError:
+        raise
+    except (KeyError, IndexError, TypeError, ValueError) as error:
+        said = error if isinstance(error, ValueError) else repr(error)
+        raise InputError(f"{source.path}: is {form.title}, but damaged ({said}). Take it from a backup.") from error
 
 
 def _file(path: Path) -> Path:
@@ -201,4 +196,4 @@ def _names(file: Path) -> tuple[str, ...]:
     try:
         return npz_names(file)
     except (OSError, ValueError) as error:
-        raise InputError(f"{file}: is no npz archive ({error}); expected one, or a .trc or .c3d file.") from error
+        raise InputError(f"{file}: is not an npz archive ({error}); expected one, or a .trc or .c3d file.") from error

@@ -49,17 +49,13 @@ def _plain(name: str) -> str:
     return re.sub(r"[^a-z0-9]", "", name.lower())
 
 
-def _named() -> dict[str, int]:
-    known = {_plain(own): index for own, index in kp.INDEX.items()}
-    known |= {side[0] + part: known[side + part] for side in _SIDES for part in _SIDED}
-    return known | {name: kp.INDEX[own] for name, own in _MIDDLE.items()}
-
-
-_KEYPOINTS = _named()
+_KEYPOINTS = {_plain(own): index for own, index in kp.INDEX.items()}
+_KEYPOINTS |= {side[0] + part: _KEYPOINTS[side + part] for side in _SIDES for part in _SIDED}
+_KEYPOINTS |= {name: kp.INDEX[own] for name, own in _MIDDLE.items()}
 
 
 def keypoint_named(name: str) -> int | None:
-    """The keypoint of a marker's name, None if it is none: RShoulder, right_shoulder and R-Shoulder are one."""
+    """The keypoint of a marker's name, None if it names none: RShoulder, right_shoulder and R-Shoulder are one."""
     return _KEYPOINTS.get(_plain(name))
 
 
@@ -103,7 +99,7 @@ def matched(
             "SMPL-X's joints. Rename its points, or say with --markers what they are."
         )
     unknown = [name for name in points.names if name not in owner.values() and name not in targets]
-    notes = (f"not used, as no keypoint has its name: {some_of(unknown, most=20)}",) if unknown else ()
+    notes = (f"Not used, as no keypoint or marker has this name: {some_of(unknown, most=20)}.",) if unknown else ()
     places = points.places[:, [points.names.index(name) for name in targets]]
     return placed, MarkerSet(targets, RADIUS if own is None else own.radius), places, notes
 

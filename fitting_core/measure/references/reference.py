@@ -53,10 +53,10 @@ class Reference:
     markers: MarkerSet | None = None
     """Markers and joints that were measured beside the keypoints, or in their place."""
     marker_places: Float[np.ndarray, "T M 3"] | None = None
-    """There if `markers` is; NaN where one was not seen."""
+    """Given exactly when `markers` is; NaN where one was not seen."""
     params: BodyParams | None = None
     body: BodyOf | None = None
-    """There if `params` is."""
+    """Given exactly when `params` is."""
     others: Mapping[str, Float[np.ndarray, "T 137 3"]] = field(default_factory=dict)
     """What other systems made of the same clip, by their names, each in a space of its own: judged beside a fit."""
     notes: tuple[str, ...] = field(default=())
@@ -78,7 +78,7 @@ class Reference:
         return self.points if self.marker_places is None else np.concatenate([self.points, self.marker_places], 1)
 
     def starting_at(self, frame: int, frame_rate: float) -> "Reference":
-        """The same where its first frame is said to be this one of a video of that many frames per second."""
+        """The same reference, stated to begin at this frame of a video with that frame rate."""
         return replace(self, first_frame=round(frame * self._frames_for_one(frame_rate)), first_frame_known=True)
 
     def frames_of(self, count: int, first_frame: int, frame_rate: float) -> Int[np.ndarray, "count"]:

@@ -22,25 +22,20 @@ def joined(parts: Iterable[Markup]) -> Markup:
 
 def tag(name: str, *content: object, **attributes: object) -> Markup:
     """An element; "_" at the end of an attribute's name is left out, others become "-"; None leaves one out."""
+    texts = {key: f"{v:.2f}".rstrip("0").rstrip(".") if isinstance(v, float) else v for key, v in attributes.items()}
     given = "".join(
-        f' {key.rstrip("_").replace("_", "-")}="{escape(_value(value))}"'
-        for key, value in attributes.items()
-        if value is not None
+        f' {key.rstrip("_").replace("_", "-")}="{escape(str(text))}"' for key, text in texts.items() if text is not None
     )
     return Markup(f"<{name}{given}>{joined(map(markup, content))}</{name}>")
 
 
-def _value(value: object) -> str:
-    return f"{value:.2f}".rstrip("0").rstrip(".") if isinstance(value, float) else str(value)
-
-
-def table(head: Sequence[object], rows: Iterable[Sequence[object]], *, numbers_from: int = 1) -> Markup:
-    """A table; columns from `numbers_from` on hold numbers. A cell may be a whole <td>."""
+def table(head: Sequence[object], rows: Iterable[Sequence[object]]) -> Markup:
+    """A table; all columns but the first hold numbers. A cell may be a whole <td>."""
 
     def cell(index: int, value: object, name: str) -> Markup:
         if isinstance(value, Markup) and value.startswith("<td"):
             return value
-        return tag(name, value, class_="n" if index >= numbers_from else None)
+        return tag(name, value, class_="n" if index else None)
 
     top = tag("tr", *(cell(i, value, "th") for i, value in enumerate(head)))
     body = (tag("tr", *(cell(i, value, "td") for i, value in enumerate(row))) for row in rows)

@@ -38,10 +38,10 @@ CSS = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
 _STEPS = (1, 2, 2.5, 5, 10)
 
 
-def ticks(low: float, high: float, *, about: int = 5) -> list[float]:
-    """Round numbers from at most `low` to at least `high`, about so many."""
+def ticks(low: float, high: float) -> list[float]:
+    """About five round numbers, from at most `low` to at least `high`."""
     span = high - low if high > low else abs(high) or 1.0
-    raw = span / max(1, about - 1)
+    raw = span / 4
     power = 10.0 ** math.floor(math.log10(raw))
     step = next(s * power for s in _STEPS if s * power >= raw * (1 - 1e-9))
     first, last = math.floor(low / step + 1e-9), math.ceil((high if high > low else low + span) / step - 1e-9)
@@ -174,8 +174,18 @@ def line_plot(
         ]
         drawn.append(tag("path", tag("title", line.title), d=_path(points), class_=f"line {line.style}"))
         if dots:
-            told = [(*p, v) for p, v in zip(points, line.values, strict=True) if p and v is not None]
-            drawn += [_dot(px, py, f"{line.title}: {v:.3g}", line.style) for px, py, v in told]
+            drawn += [
+                tag(
+                    "circle",
+                    tag("title", f"{line.title}: {v:.3g}"),
+                    cx=p[0],
+                    cy=p[1],
+                    r=3.0,
+                    class_=f"fill {line.style}",
+                )
+                for p, v in zip(points, line.values, strict=True)
+                if p is not None
+            ]
     return _picture(frame, drawn, f"{y_title} over {x_title}")
 
 
@@ -266,10 +276,6 @@ def _path(points: Sequence[tuple[float, float] | None]) -> str:
             pieces.append(f"{'L' if pen_down else 'M'}{point[0]:.1f} {point[1]:.1f}")
         pen_down = point is not None
     return "".join(pieces)
-
-
-def _dot(x: float, y: float, title: str, style: str) -> Markup:
-    return tag("circle", tag("title", title), cx=x, cy=y, r=3.0, class_=f"fill {style}")
 
 
 def _bar(x: float, y: float, width: float, bottom: float, title: str, style: str) -> Markup:

@@ -92,7 +92,7 @@ def _best(value: float | None, best: bool) -> Markup:
 
 
 @dataclass(frozen=True, kw_only=True)
-class View:
+class BodyPicture:
     """A picture of one body in one frame."""
 
     title: str
@@ -106,7 +106,7 @@ class WorstFrame:
 
     title: str
     note: str
-    rows: tuple[tuple[View, ...], ...]
+    rows: tuple[tuple[BodyPicture, ...], ...]
 
 
 def section(title: str, *content: Markup, note: str = "") -> Markup:

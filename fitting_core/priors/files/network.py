@@ -54,7 +54,7 @@ class PriorNetwork:
     """A latent pose prior: poses decode from numbers that are independent and normal with variance 1.
 
     Raises:
-        InputError: The layers do not fit together, or are no network of a body pose.
+        InputError: The layers do not fit together, or are not a network of body poses.
     """
 
     decoder: tuple[Layer, ...]
@@ -109,7 +109,7 @@ def _check_chain(name: str, layers: Sequence[Layer]) -> None:
             raise InputError(f"{where} takes {weight.shape[1]} numbers, but the one before puts out {before}")
         for values in (weight, bias):
             if values.dtype.kind != "f" or not np.isfinite(values).all():
-                raise InputError(f"{where} holds values that are no finite numbers")
+                raise InputError(f"{where} holds values that are not finite numbers")
 
 
 FORMAT = "tcfit pose prior 1"
@@ -177,7 +177,7 @@ def read_network(path: Path) -> PriorNetwork:
     except KeyError as error:
         raise InputError(f"{path}: lacks {error}, expected a file of the form {FORMAT!r}.") from error
     except (msgspec.DecodeError, InputError) as error:
-        raise InputError(f"{path}: is no sound pose prior: {error}.") from error
+        raise InputError(f"{path}: is not a sound pose prior: {error}.") from error
 
 
 def _arrays(path: Path) -> dict[str, np.ndarray]:

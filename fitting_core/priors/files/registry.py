@@ -6,13 +6,11 @@ from typing import Literal
 
 import platformdirs
 
-from fitting_core.body.files.archives import open_members
 from fitting_core.errors import InputError
+from fitting_core.files.archives import open_members
 from fitting_core.priors.files.network import PriorNetwork, read_network, write_network
 from fitting_core.priors.files.vposer import read_vposer, snapshots_among
-
-SHIPPED = Path(__file__).resolve().parents[3] / "assets" / "pose_prior" / "tcfit_pose_prior.npz"
-"""The pose prior that comes with tcfit."""
+from fitting_core.shipped import POSE_PRIOR
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +33,7 @@ def user_file() -> Path:
 
 
 def read_prior(path: Path) -> PriorNetwork:
-    """A latent pose prior from an npz of our own form or, if it is none, from VPoser's files.
+    """A latent pose prior from an npz of our own form, or else from VPoser's files.
 
     Raises:
         InputError: It is missing, damaged or neither.
@@ -83,10 +81,10 @@ def register_vposer(path: Path) -> PriorFile:
 
 
 def list_priors() -> list[PriorFile]:
-    """The latent pose priors that have a name and are there, broken ones with their problem."""
+    """The installed latent pose priors, broken ones with their problem."""
     places: list[tuple[str, Path, Literal["free", "user"]]] = [
         ("vposer", user_file(), "user"),
-        ("tcfit", SHIPPED, "free"),
+        ("tcfit", POSE_PRIOR, "free"),
     ]
     return [_record(name, path, origin) for name, path, origin in places if path.exists()]
 

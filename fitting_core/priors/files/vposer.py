@@ -13,9 +13,9 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
-from fitting_core.body.files.archives import Member, open_members
 from fitting_core.errors import InputError
-from fitting_core.priors.files.checkpoints import read_checkpoint
+from fitting_core.files.archives import Member, open_members
+from fitting_core.files.torch_pickles import StoredTensor, checkpoint, numbers_of
 from fitting_core.priors.files.network import Activation, Layer, PriorNetwork
 
 SUFFIXES = (".pt", ".pth", ".ckpt")
@@ -76,7 +76,7 @@ def read_vposer(path: Path) -> PriorNetwork:
     The tensors' names tell the version, not the files'. Of several snapshots the one of the latest epoch counts.
 
     Raises:
-        InputError: There is none, or it is damaged or something else.
+        InputError: VPoser is missing or damaged, or it is something else.
     """
     with open_members(path) as members:
         snapshots = members if path.is_file() and path.suffix.lower() in SUFFIXES else snapshots_among(members)
@@ -89,7 +89,7 @@ def read_vposer(path: Path) -> PriorNetwork:
         try:
             return _network(_content(snapshots[0]))
         except InputError as error:
-            raise InputError(f"{snapshots[0].path}: is no VPoser: {error}.") from error
+            raise InputError(f"{snapshots[0].path}: is not VPoser: {error}.") from error
 
 
 def snapshots_among(members: list[Member]) -> list[Member]:
@@ -99,7 +99,7 @@ def snapshots_among(members: list[Member]) -> list[Member]:
 
 
 def _epoch(path: PurePosixPath) -> int:
-    """The epoch that a snapshot's name tells: TR00_E096, V02_05_epoch=08_val_loss=0.03; -1 if it tells none."""
+    """The epoch that a snapshot's name tells: TR00_E096, V02_05_epoch=08_val_loss=0.03; -1 without one."""
     found = re.search(r"(?:_E|epoch=)(\d+)", path.name)
     return int(found[1]) if found else -1
 
@@ -109,8 +109,14 @@ def _content(member: Member) -> dict[str, Callable[[], np.ndarray]]:
     if member.size > MAX_BYTES:
         raise InputError(f"it has {member.size / 2**30:.1f} GB, expected at most {MAX_BYTES / 2**30:.0f}")
     with member.open() as stream:
-        checkpoint = read_checkpoint(stream.read(MAX_BYTES))
-    return {name: partial(checkpoint.array, tensor) for name, tensor in checkpoint.tensors().items()}
+        content = checkpoint(stream.read(MAX_BYTES))
+    table = content.get("state_dict", content) if isinstance(content, dict) else {}  # the former as Lightning has it
+    pairs = table.items() if isinstance(table, dict) else ()
+    return {
+        name: partial(numbers_of, value)
+        for name, value in pairs
+        if isinstance(name, str) and isinstance(value, StoredTensor)
+    }
 
 
 def _network(tensors: Mapping[str, Callable[[], np.ndarray]]) -> PriorNetwork:

@@ -12,13 +12,13 @@ import platformdirs
 from jaxtyping import Bool, Float
 from scipy.spatial.transform import Rotation
 
-from assets import MOTION_SUITE
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.camera import DEFAULT_FOCAL, Camera, FocalFrom, default_focal
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
+from fitting_core.shipped import MOTION_SUITE
 from fitting_core.synthetic.motion_suite.framing import Shot, view_of
 from fitting_core.synthetic.motion_suite.measured_detector import MEASURED, MeasuredErrors, detected
 from fitting_core.synthetic.motion_suite.windows import FRAME_RATE, HALVES, MotionWindow, acted, shipped_windows

@@ -9,13 +9,13 @@ import torch
 from jaxtyping import Bool, Float, Int
 from scipy.ndimage import gaussian_filter1d
 
-from assets import MOTION_SUITE
 from fitting_core.body.mesh import shared_mesh
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.errors import InputError
 from fitting_core.files.npz import read_npz, write_npz
+from fitting_core.shipped import MOTION_SUITE
 
 HALVES = ("tuning", "untouched")
 """What methods are settled on, and what is looked at when they are."""

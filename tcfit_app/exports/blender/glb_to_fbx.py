@@ -1,4 +1,4 @@
-"""Run in Blender, or by a Python that has its module bpy: a GLB of tcfit becomes an FBX.
+"""Run in Blender, or by a Python that has its module bpy: turns a GLB of tcfit into an FBX.
 
     blender --background --factory-startup --python glb_to_fbx.py -- walk.glb walk.fbx 29.97
     python glb_to_fbx.py -- walk.glb walk.fbx 29.97

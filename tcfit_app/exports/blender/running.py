@@ -1,4 +1,4 @@
-"""FBX, which Blender writes: found on the computer, run as a process of its own, and ended when nobody wants it."""
+"""FBX, written by Blender: found on this computer, run as a separate process, and ended when it is no longer wanted."""
 
 import importlib.util
 import os
@@ -23,8 +23,8 @@ _LOOK = 0.1
 _OF_GLB = 0.6
 """Share of the whole time until the GLB is there that Blender reads."""
 _MISSING = (
-    "Blender writes FBX, and there is none on this computer. Install Blender (blender.org) so that the terminal knows "
-    "the command blender, or its module into tcfit's environment: pip install bpy==4.2.0. Then start tcfit again."
+    "FBX is written by Blender, which is not on this computer. Install Blender (blender.org) so that the command "
+    "blender works in a terminal, or its module into tcfit's environment: pip install bpy==4.2.0. Then restart tcfit."
 )
 
 
@@ -100,14 +100,14 @@ def _run(command: list[str], folder: Path, seconds: float, progress: Progress) -
 
 
 def _kill(process: subprocess.Popen[bytes]) -> None:
-    """With what it has started: the command blender may be a script."""
+    """Together with its children: the command blender may be a script."""
     if sys.platform == "win32":
         process.kill()
     else:
         os.killpg(process.pid, signal.SIGKILL)
 
 
-def _last_of(folder: Path, lines: int = 8) -> str:
-    """The end of what Blender has said."""
+def _last_of(folder: Path) -> str:
+    """The last lines of Blender's output."""
     found = (folder / "said.txt").read_text(encoding="utf-8", errors="replace").strip().splitlines()
-    return "It said:\n" + "\n".join(found[-lines:]) if found else "It said nothing."
+    return "It said:\n" + "\n".join(found[-8:]) if found else "It said nothing."

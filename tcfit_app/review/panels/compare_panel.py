@@ -15,7 +15,7 @@ from fitting_core.errors import InputError
 from fitting_core.measure.references.files import POINT_FILES, read_reference
 from fitting_core.measure.references.reference import Reference
 from tcfit_app.analysis.curves import peaks
-from tcfit_app.analysis.run_metrics import COST, Comparison, Metric, compare
+from tcfit_app.analysis.run_metrics import COST, ComparedMetric, Metric, compare
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.fitting.reports import Notice
 from tcfit_app.imports.results import kept_as
@@ -190,11 +190,11 @@ def _heads(a: Shown, b: Shown, *, parent: Run | None) -> list[Html]:
     return [heading("Fits on show", first=True), *rows, *([paragraph(_SAME, "dim")] if same else []), *more]
 
 
-def _table(rows: Iterable[Comparison]) -> Html:
+def _table(rows: Iterable[ComparedMetric]) -> Html:
     return table(map(_line, rows), ("", "A", "B", "B − A"), numbers=(1, 2, 3))
 
 
-def _line(figure: Comparison) -> Html:
+def _line(figure: ComparedMetric) -> Html:
     unit = words(f" {figure.unit}", "dim") if figure.unit else Html()
     change = "" if figure.difference is None else _number(figure.difference, sign=True)
     return line(

@@ -8,7 +8,6 @@ from typing import ClassVar
 import numpy as np
 import viser
 
-from fitting_core.keypoint_noise import DETECTORS
 from fitting_core.keypoints import COUNT, GROUPS, PARTS, PartOfPerson
 from tcfit_app.analysis.body_regions import full_name
 from tcfit_app.project.edits.corrected import Corrected
@@ -326,7 +325,7 @@ _MOST = 5
 
 def _detected_by(detector: str) -> list[Html]:
     """Whose the keypoints are, where that is known."""
-    return [paragraph(f"Detected by {DETECTORS.get(detector, detector)}.", "dim")] if detector else []
+    return [paragraph(f"Detected by {DETECTOR_TITLES.get(detector, detector)}.", "dim")] if detector else []
 
 
 _STATES = ("bad", "pinned", "corrected", "detected", "missing")

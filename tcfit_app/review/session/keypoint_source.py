@@ -83,7 +83,7 @@ class KeypointSource:
             self._begin(Detect(detector=self._detector, people=people), before)
 
     def feed(self) -> Callable[[], Fresh]:
-        """What the detection that began last has found since it was asked last; see `FitAsFound.fresh`."""
+        """What the detection that began last has found since it was asked last; see `FitEverything.fresh`."""
         going, people = self.going, self.people
         assert going is not None and people is not None
         taken: set[int] = set()

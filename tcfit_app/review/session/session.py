@@ -18,7 +18,7 @@ from tcfit_app.fitting.bodies import Bodies, record_of
 from tcfit_app.fitting.edit_follower import EditFollower
 from tcfit_app.fitting.fits import Fits, Shown
 from tcfit_app.fitting.job_progress import RunningJob
-from tcfit_app.fitting.jobs import FitAsFound, FitEverything, FitShape, Job, RerunFrames, RunJob
+from tcfit_app.fitting.jobs import FitEverything, FitShape, Job, RerunFrames, RunJob
 from tcfit_app.fitting.reports import DragEnded, ErrandEnded, JobEnded, JobReported, JobStarted, Notice, Report
 from tcfit_app.fitting.worker import Drag, Worker
 from tcfit_app.imports.elan import ElanNotes, notes_of
@@ -216,7 +216,7 @@ class Session:
         """
         body = self.bodies.find(kind=kind, gender=gender)
         self.source.detect(detector, person=person)
-        job = FitAsFound(clip=self.project.clip, body=body, config=config, fresh=self.source.feed())
+        job = FitEverything(clip=self.project.clip, body=body, config=config, fresh=self.source.feed())
         self._as_found = self._submit(job, kind="fit", start=None).id
 
     @property
@@ -325,7 +325,7 @@ class Session:
 
     def _submit(
         self,
-        job: FitEverything | FitAsFound | RerunFrames | FitShape,
+        job: FitEverything | RerunFrames | FitShape,
         *,
         kind: RunKind,
         start: Shown | None,

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from assets import BODIES
+from build_assets.free_body.face.expressions import EXPRESSIONS
+from build_assets.free_body.skin.skinning import JAW_OPENING, MAX_INFLUENCES, joint_mirror
+from build_assets.free_body.skin.surface_keypoints import SMPLX_VERTICES
 from fitting_core.body.files.forms import PARENTS
 from fitting_core.body.model import JOINT, JOINTS, SURFACE_KEYPOINTS
-from fitting_core.build_assets.free_body.face.expressions import EXPRESSIONS
-from fitting_core.build_assets.free_body.skin.skinning import JAW_OPENING, MAX_INFLUENCES, joint_mirror
-from fitting_core.build_assets.free_body.skin.surface_keypoints import SMPLX_VERTICES
+from fitting_core.shipped import FREE_FOLDER
 
 GENDERS = ("neutral", "male", "female")
 MIRROR = np.array([-1.0, 1.0, 1.0])
@@ -24,7 +24,7 @@ Arrays = dict[str, np.ndarray]
 
 @cache
 def load(gender: str) -> Arrays:
-    with np.load(BODIES / f"SMPLX_{gender.upper()}.npz", allow_pickle=False) as file:
+    with np.load(FREE_FOLDER / f"SMPLX_{gender.upper()}.npz", allow_pickle=False) as file:
         return {key: file[key] for key in file.files}
 
 
@@ -115,7 +115,7 @@ def test_keys_and_shapes_are_those_of_the_format(body: Arrays) -> None:
 
 @pytest.mark.parametrize("gender", GENDERS)
 def test_files_are_small(gender: str) -> None:
-    assert (BODIES / f"SMPLX_{gender.upper()}.npz").stat().st_size < 4e6
+    assert (FREE_FOLDER / f"SMPLX_{gender.upper()}.npz").stat().st_size < 4e6
 
 
 @pytest.mark.parametrize("key", ["f", "weights", "lmk_faces_idx", "lmk_bary_coords", "dynamic_lmk_faces_idx"])

@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fitting_core.body.files import archives, registry
+from fitting_core.body.files import registry
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import ENVIRONMENT, find_body, list_bodies, register
 from fitting_core.errors import InputError
+from fitting_core.files import archives
 from tests.samples.body_files import VERTICES, body_arrays, write_npz, write_pickle, write_smpl_pickle
 
 
@@ -93,7 +94,7 @@ def test_several_folders_in_the_variable(user: Path, tmp_path: Path, monkeypatch
 
 def test_variable_that_names_no_folder_is_refused(user: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv(ENVIRONMENT, str(tmp_path / "nowhere"))
-    with pytest.raises(InputError, match=f"nowhere: is no folder, but {ENVIRONMENT} names it"):
+    with pytest.raises(InputError, match=f"nowhere: is not a folder, but {ENVIRONMENT} names it"):
         find_body()
 
 
@@ -192,7 +193,7 @@ def test_register_tar(user: Path, downloads: Path):
 def test_register_one_file_of_any_name(user: Path, tmp_path: Path):
     register(write_npz(tmp_path / "my female body.npz", body_arrays()))
     assert _names(user) == ["SMPLX_FEMALE.npz"]
-    with pytest.raises(InputError, match=r"body\.npz: its name tells no gender.*SMPLX_NEUTRAL\.npz"):
+    with pytest.raises(InputError, match=r"body\.npz: its name does not tell the gender.*SMPLX_NEUTRAL\.npz"):
         register(write_npz(tmp_path / "body.npz", body_arrays()))
     register(write_npz(tmp_path / "body.npz", body_arrays() | {"gender": np.array("male")}))
     assert _names(user) == ["SMPLX_FEMALE.npz", "SMPLX_MALE.npz"]

@@ -76,7 +76,7 @@ def test_a_pose_prior_may_be_a_path(write, tmp_path: Path):
 
 
 BAD_FILES = {
-    "no TOML": ("solver = ", "is no TOML"),
+    "no TOML": ("solver = ", "is not TOML"),
     "unknown": ("sovler = 'lm'", "no setting 'sovler'; did you mean solver?"),
     "unknown in a table": ("[temporal]\nwieght = 3", "no setting 'temporal.wieght'; did you mean temporal.weight"),
     "in the wrong place": ("window_size = 5", "did you mean temporal.window_size?"),

@@ -157,7 +157,7 @@ def test_a_place_that_cannot_be_written(video: Path, keypoint_store: Path):
     keypoint_store.parent.mkdir(parents=True, exist_ok=True)
     keypoint_store.write_text("a file, where the folder should be")
     made = detection(video, FakeDetector(one))
-    with pytest.raises(InputError, match="Found keypoints are kept there"):
+    with pytest.raises(InputError, match="Detected keypoints are kept there"):
         next(made.events(made.store()))
 
 

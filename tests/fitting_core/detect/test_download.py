@@ -117,7 +117,7 @@ def test_a_download_that_breaks_off_goes_on(
     known: KnownModel, served: Served, tmp_path: Path, onnx_bytes: bytes, breaks_after: int
 ):
     served.breaks_after = breaks_after
-    kept = f"The first {breaks_after / 1e3:g} kB are here already, and a further try goes on after them. "
+    kept = f"The first {breaks_after / 1e3:g} kB have arrived; another attempt continues from there. "
     with pytest.raises(InputError, match="the connection broke off. " + kept * bool(breaks_after) + "Or download"):
         list(download(known, tmp_path))
     assert nothing_there(tmp_path)
@@ -217,7 +217,7 @@ def test_names_in_archives_do_not_become_paths(known: KnownModel, served: Served
 
 
 def test_servers_that_are_not_there_or_refuse(known: KnownModel, served: Served, tmp_path: Path):
-    with pytest.raises(InputError, match=r"cannot be fetched: the server takes no connection\. Or download it"):
+    with pytest.raises(InputError, match=r"cannot be fetched: the server refuses the connection\. Or download it"):
         list(download(replace(known, url="http://127.0.0.1:9/model.zip"), tmp_path))
     served.status = 404
     with pytest.raises(InputError, match="answers 404"):
@@ -227,7 +227,7 @@ def test_servers_that_are_not_there_or_refuse(known: KnownModel, served: Served,
 @pytest.mark.parametrize(
     ("reason", "words"),
     [
-        (socket.gaierror(-2, "Name or service not known"), "does not find the server's address; see whether it is on"),
+        (socket.gaierror(-2, "Name or service not known"), "the server's address cannot be found; check the internet"),
         (TimeoutError("timed out"), "the server does not answer"),
         (ConnectionResetError(104, "Connection reset by peer"), r"the connection failed \(Connection reset by peer\)"),
     ],
@@ -241,11 +241,11 @@ def test_what_keeps_a_server_away_is_told_in_words(
     monkeypatch.setattr(urllib.request, "urlopen", fail)
     with pytest.raises(InputError, match=f"cannot be fetched: .*{words}.*Or download it in a browser") as told:
         list(download(known, tmp_path))
-    assert "Errno" not in str(told.value) and "goes on after them" not in str(told.value)
+    assert "Errno" not in str(told.value) and "continues from there" not in str(told.value)
     part = tmp_path / f".{known.name}.part"
     part.write_bytes(bytes(2_500_000))
     _note(part).write_text(json.dumps({"url": known.url, "tag": '"1"'}))
-    with pytest.raises(InputError, match=r"The first 2\.5 MB are here already, and a further try goes on after them"):
+    with pytest.raises(InputError, match=r"The first 2\.5 MB have arrived; another attempt continues from there"):
         list(download(known, tmp_path))
 
 

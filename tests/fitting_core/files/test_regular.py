@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
+from build_assets.free_body.hand.recordings import read_recording
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import find_body, register
-from fitting_core.build_assets.free_body.hand.recordings import read_recording
 from fitting_core.config.toml import read_config
 from fitting_core.detect.onnx_model import OnnxModel, consumers
 from fitting_core.errors import InputError
@@ -122,5 +122,5 @@ def test_the_size(tmp_path: Path):
 def test_nothing_there_and_no_path_at_all(tmp_path: Path):
     with pytest.raises(FileNotFoundError):
         regular_file(tmp_path / "missing")
-    with pytest.raises(InputError, match="is no path, expected that of a file"):
+    with pytest.raises(InputError, match="is not a path, expected that of a file"):
         regular_file(Path("a\0b"))

@@ -7,12 +7,13 @@ import pytest
 import torch
 
 from fitting_core.body.files.reading import load_body
-from fitting_core.body.files.registry import FREE_FOLDER, find_body
+from fitting_core.body.files.registry import find_body
 from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig, Weights
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.plausibility import small_adult
+from fitting_core.shipped import FREE_FOLDER
 from tests.samples.scenes import CAMERA, keypoints_of, random_params
 
 CONFIG = FitConfig(

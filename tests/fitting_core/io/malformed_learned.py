@@ -176,7 +176,7 @@ LEARNED |= {
     ),
     "joblib lz4": case("a.pkl", b"\x04\x22\x4d\x18" + bytes(50), "is packed with lz4, which cannot be read here"),
     "joblib says 8 TB": case("a.pkl", _declared((10**12, 72)), "ends in an array of 288000000000000 bytes"),
-    "joblib of negative shape": case("a.pkl", _declared((-5, 72)), "an array whose shape is none"),
+    "joblib of negative shape": case("a.pkl", _declared((-5, 72)), "an array without a valid shape"),
     "joblib bomb": case("a.pkl", zlib.compress(_declared((10**9, 72))), "holds more than 2 GB, which no result does"),
     "nested tuples": case("a.pkl", _LOOP, "holds a tuple of nothing known, no result of GVHMR, WHAM"),
     "nested dictionaries": case("a.pkl", _DICT_LOOP, "holds a dict of a, no result of GVHMR"),

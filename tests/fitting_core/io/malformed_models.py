@@ -10,9 +10,9 @@ from typing import Any
 import cv2
 import numpy as np
 
-from fitting_core.body.files.archives import open_members
 from fitting_core.body.files.reading import load_body
 from fitting_core.config.toml import read_config
+from fitting_core.files.archives import open_members
 from fitting_core.priors.files.network import read_network
 from fitting_core.priors.files.vposer import read_vposer
 from fitting_core.video.frames import FrameSource
@@ -68,16 +68,16 @@ MODELS: dict[str, Case] = {
         content("models.zip", zipped({"/etc/SMPLX_MALE.npz": b""})), lambda p: open_members(p).__enter__(), "outside"
     ),
     "vposer empty folder": Case(directory("V02_05"), read_vposer, "holds no VPoser .found nothing"),
-    "vposer truncated": Case(content("snapshots/TR00_E096.pt", b"PK\x03\x04rest"), read_vposer, "is no VPoser"),
-    "vposer pickle bomb": Case(content("TR00_E096.pt", PICKLE_BOMB), read_vposer, "is no VPoser"),
+    "vposer truncated": Case(content("snapshots/TR00_E096.pt", b"PK\x03\x04rest"), read_vposer, "is not VPoser"),
+    "vposer pickle bomb": Case(content("TR00_E096.pt", PICKLE_BOMB), read_vposer, "is not VPoser"),
     **{
-        f"vposer of {name}": Case(content("TR00_E096.pt", hostile), read_vposer, "is no VPoser")
+        f"vposer of {name}": Case(content("TR00_E096.pt", hostile), read_vposer, "is not VPoser")
         for name, (hostile, _) in HOSTILE.items()
     },
     "vposer another network": Case(
         content("a.ckpt", zipped({"a/data.pkl": pickle.dumps({"state_dict": {}}, protocol=2)})),
         read_vposer,
-        "no VPoser",
+        "is not VPoser",
     ),
     "prior truncated": Case(content("prior.npz", npz(about="{}")[:-20]), read_network, "no complete npz archive"),
     "prior of another kind": Case(content("prior.npz", npz(about="{}")), read_network, "an npz of another kind"),
@@ -95,7 +95,7 @@ MODELS |= {
     "config unknown setting": config("window_seize = 3", "window_seize"),
     "config wrong type": config('[temporal]\nwindow_size = "many"', "window_size"),
     "config NaN": config("[temporal]\nweight = nan", "weight"),
-    "config wrong encoding": config('preset = "päper"'.encode("latin-1"), "is no text in UTF-8"),
+    "config wrong encoding": config('preset = "päper"'.encode("latin-1"), "is not UTF-8 text"),
     "config deeply nested": config("a = " + "[" * 100_000, "method.toml"),
     "config folder": Case(directory("method.toml"), read_config, "is a folder, expected a file"),
     "config of a binary": config(b"\x00" * 64, "method.toml"),

@@ -71,13 +71,13 @@ def _without_outputs(folder: Path) -> Path:
 
 
 REFERENCES: dict[str, Case] = {
-    "reference empty": reference(b"", "is no npz archive"),
-    "reference a text": reference("points", "is no npz archive"),
-    "reference truncated": reference(npz(points=_POINTS, names=_NAMES)[:-60], "is no npz archive"),
+    "reference empty": reference(b"", "is not an npz archive"),
+    "reference a text": reference("points", "is not an npz archive"),
+    "reference truncated": reference(npz(points=_POINTS, names=_NAMES)[:-60], "is not an npz archive"),
     "reference 8 TB": reference(endless_npz("points", "names"), "'points' declares the shape"),
     "reference zip bomb": reference(zip_bomb("points", "names"), "unpacks to 4.0 GB"),
     "reference pickled": reference(npz(points=np.array([{}]), names=_NAMES), "'points' is an array of Python objects"),
-    "reference a pickle": reference(PICKLE_BOMB, "is no npz archive"),
+    "reference a pickle": reference(PICKLE_BOMB, "is not an npz archive"),
     "reference of nothing known": reference(npz(x=_POINTS), "holds x; expected"),
     "reference wrong counts": reference(npz(points=_POINTS, names=_NAMES[:3]), r"shape \(3, 4, 3\) and 3 names"),
     "reference flat points": reference(npz(points=_POINTS[0], names=_NAMES), r"shape \(4, 3\)"),

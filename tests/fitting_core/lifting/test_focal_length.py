@@ -122,7 +122,7 @@ def test_the_network_comes_back(network: PerspectiveNet, weights: Path):
 def test_other_files_are_refused(tmp_path: Path, weights: Path):
     arrays = read_npz(weights, most=2**26)
     path = tmp_path / "bad.npz"
-    with pytest.raises(InputError, match="is no perspective network"):
+    with pytest.raises(InputError, match="is not a perspective network"):
         read_perspective(path)
     for wrong, says in (
         ({"about": np.array(str(arrays["about"]).replace("perspective 1", "perspective 0"))}, "expected 'tcfit persp"),

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from fitting_core.body.model import JOINT
 from fitting_core.keypoints import COUNT
-from fitting_core.measure.depth_figures import CURVES, PART_CURVES, DepthRecord, figures, measured
+from fitting_core.measure.depth_figures import DEPTH_CURVES, PART_CURVES, DepthRecord, depth_figures, measured
 from fitting_core.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
 
 
@@ -23,14 +23,14 @@ def made() -> MotionClipMade:
 
 def row(made: MotionClipMade, joints: np.ndarray) -> dict[str, float | None]:
     record = measured(made, joints, method="x", seconds=0.0)
-    return figures([record], "")["all"] | figures([record], "", PART_CURVES)["all"]
+    return depth_figures([record], "")["all"] | depth_figures([record], "", PART_CURVES)["all"]
 
 
 def test_the_truth_is_right(made: MotionClipMade):
     found = row(made, made.truth.joints)
     assert found["Slip, mm/s"] == found["True slip, mm/s"] and 0 < found.pop("Slip, mm/s") < 60
     found.pop("True slip, mm/s")
-    assert len(found) == sum(len(c.statistics) for c in (CURVES | PART_CURVES).values()) - 2
+    assert len(found) == sum(len(c.statistics) for c in (DEPTH_CURVES | PART_CURVES).values()) - 2
     assert all(value == pytest.approx(0, abs=2e-3) for value in found.values())
 
 
@@ -71,14 +71,14 @@ def test_joints_out_of_the_image_count_for_the_whole_and_not_for_their_part(made
 
 def test_frames_are_pooled_by_label():
     def record(directions: tuple[str, ...], values: tuple[float | None, ...]) -> DepthRecord:
-        curves = {name: values for name in CURVES}
+        curves = {name: values for name in DEPTH_CURVES}
         return DepthRecord(
             sequence="a", method="x", kind="dance", cut="hip", directions=directions, seconds=0.0, curves=curves
         )
 
     records = [record(("front", "side"), (1.0, 5.0)), record(("front", "front"), (3.0, None))]
-    found = figures(records, "view")
+    found = depth_figures(records, "view")
     assert found["front"]["MPJPE, mm"] == 2 and found["side"]["MPJPE, mm"] == 5
     assert found["front"]["PA-MPJPE p90, mm"] == pytest.approx(2.8)
-    assert list(figures(records, "cut")) == ["hip"] and list(figures(records, "motion")) == ["dance"]
-    assert figures(records, "")["all"]["Lean, °"] == 3
+    assert list(depth_figures(records, "cut")) == ["hip"] and list(depth_figures(records, "motion")) == ["dance"]
+    assert depth_figures(records, "")["all"]["Lean, °"] == 3

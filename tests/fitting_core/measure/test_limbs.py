@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fitting_core import keypoints as kp
-from fitting_core.measure.limbs import LIMB_FIGURES, flexion, limb_figures, pa_mpjpe
+from fitting_core.measure.limbs import LIMB_FIGURES, limb_figures, limb_flexion, pa_mpjpe
 
 STANDING = {
     **dict(shoulder=(0.2, 1.4, 0), elbow=(0.2, 1.1, 0), wrist=(0.2, 1.1, 0.3)),
@@ -23,11 +23,11 @@ def limbs(**moved: tuple[float, float, float]) -> np.ndarray:
 
 
 def test_flexion_by_hand():
-    assert flexion(limbs(), "elbow") == pytest.approx(np.full((1, 2), 90))
-    assert flexion(limbs(), "knee") == pytest.approx(np.zeros((1, 2)), abs=1e-9)
-    assert flexion(limbs(), "hip") == pytest.approx(np.full((1, 2), np.degrees(np.arctan(0.1 / 0.5))))
+    assert limb_flexion(limbs(), "elbow") == pytest.approx(np.full((1, 2), 90))
+    assert limb_flexion(limbs(), "knee") == pytest.approx(np.zeros((1, 2)), abs=1e-9)
+    assert limb_flexion(limbs(), "hip") == pytest.approx(np.full((1, 2), np.degrees(np.arctan(0.1 / 0.5))))
     bent = limbs(ankle=(0.1, 0.5 - 0.4 * np.cos(0.5), -0.4 * np.sin(0.5)))
-    assert flexion(bent, "knee") == pytest.approx(np.full((1, 2), np.degrees(0.5)))
+    assert limb_flexion(bent, "knee") == pytest.approx(np.full((1, 2), np.degrees(0.5)))
 
 
 def test_one_rotation_of_the_clip_is_no_error_and_a_second_one_is():

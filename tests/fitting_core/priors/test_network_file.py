@@ -42,7 +42,7 @@ def test_layers_that_do_not_fit_are_refused():
             "decoder": with_layer(network, 1, weight=middle[:, :6])
         },
         r"weight of shape \(6, 7\) and a bias of shape \(7,\)": {"decoder": with_layer(network, 1, weight=middle[:6])},
-        "no finite numbers": {"decoder": with_layer(network, 1, weight=middle * np.nan)},
+        "not finite numbers": {"decoder": with_layer(network, 1, weight=middle * np.nan)},
         "activation 'relu', expected one of linear": {"decoder": with_layer(network, 1, activation="relu")},
         "puts out 7 numbers, expected 126": {"decoder": network.decoder[:2]},
         "takes 7 numbers, expected one of 63, 126, 189": {"encoder": network.encoder[1:]},
@@ -70,7 +70,7 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
     "layer too few": ({"decoder_bias_1": None}, "lacks 'decoder_bias_1'"),
     "layer too many": ({"decoder_bias_3": np.zeros(3)}, "decoder_bias_3, which belongs to no layer"),
     "not finite": ({"encoder_bias_0": np.full(7, np.inf)}, "layer 0 of its encoder holds values that are no finite"),
-    "whole numbers": ({"encoder_bias_0": np.zeros(7, int)}, "no finite numbers"),
+    "whole numbers": ({"encoder_bias_0": np.zeros(7, int)}, "not finite numbers"),
     "pickled": ({"encoder_bias_0": np.array([None])}, "is no complete npz archive"),
 }
 

@@ -8,26 +8,25 @@ import numpy as np
 import pytest
 import torch
 
-from assets import FOLDER
+from build_assets.motion_capture.retarget import load
+from build_assets.pose_prior.dataset import matrices
+from build_assets.pose_prior.skeleton import Contact, Skeleton
 from fitting_core.body import rotations
 from fitting_core.body.joint_ranges import joint_ranges
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.build_assets.motion_capture.retarget import load
-from fitting_core.build_assets.pose_prior.dataset import matrices
-from fitting_core.build_assets.pose_prior.skeleton import Contact, Skeleton
 from fitting_core.config.schema import PRESETS
 from fitting_core.fit.terms.limits import AngleTable
 from fitting_core.priors.files.network import read_network
-from fitting_core.priors.files.registry import SHIPPED
 from fitting_core.priors.latent import LatentPrior
 from fitting_core.priors.pose import make_prior, relaxed_pose
+from fitting_core.shipped import POSE_PRIOR
 
 
 @pytest.fixture(scope="module")
 def prior() -> LatentPrior:
-    return LatentPrior(read_network(SHIPPED))
+    return LatentPrior(read_network(POSE_PRIOR))
 
 
 @pytest.fixture(scope="module")
@@ -37,9 +36,9 @@ def samples(prior: LatentPrior) -> torch.Tensor:
 
 
 def test_it_is_small_described_and_the_default(prior: LatentPrior):
-    assert SHIPPED.stat().st_size < 4e6
+    assert POSE_PRIOR.stat().st_size < 4e6
     assert prior.size == 32
-    card = (FOLDER / "pose_prior" / "MODEL_CARD.md").read_text()
+    card = POSE_PRIOR.with_name("MODEL_CARD.md").read_text()
     assert "mocap.cs.cmu.edu" in card and "EIA-0196217" in card
     assert {preset.pose_prior for preset in PRESETS.values()} == {"tcfit"}
     assert make_prior("tcfit", dtype=torch.float32, device="cpu").title == prior.title

@@ -208,7 +208,7 @@ def test_a_pickle_runs_nothing(tmp_path: Path, legacy: bool):
     with pytest.raises(InputError, match="none is named as VPoser's decoder"):
         read_vposer(folder)
     snapshot.write_bytes(pickle.dumps(Evil(mark)))
-    with pytest.raises(InputError, match="is no checkpoint of torch"):
+    with pytest.raises(InputError, match="is not a checkpoint of torch"):
         read_vposer(folder)
     assert not mark.exists()
     pickle.loads(snapshot.read_bytes())
@@ -244,8 +244,8 @@ DAMAGES: dict[str, tuple[Callable[[dict[str, Any]], Any], str]] = {
     "batch statistics": (replaced("bodyprior_enc_bn2.weight", torch.ones(3)), r"bn2 has \(3,\) numbers"),
     "negative variance": (replaced("bodyprior_enc_bn1.running_var", -torch.ones(63)), "negative variances"),
     "whole numbers": (replaced("bodyprior_dec_fc1.bias", torch.ones(HIDDEN, dtype=torch.int64)), "is int64 of shape"),
-    "not finite": (replaced("bodyprior_dec_fc1.bias", torch.full((HIDDEN,), torch.nan)), "no finite numbers"),
-    "an unknown type": (replaced("bodyprior_dec_fc1.bias", torch.ones(HIDDEN).bfloat16()), "no tensor bodyprior_dec_"),
+    "not finite": (replaced("bodyprior_dec_fc1.bias", torch.full((HIDDEN,), torch.nan)), "not finite numbers"),
+    "an unknown type": (replaced("bodyprior_dec_fc1.bias", torch.ones(HIDDEN) * 1j), "a storage that is none of num"),
 }  # fmt: skip
 
 
@@ -301,7 +301,7 @@ def test_a_tensor_that_looks_outside_of_its_storage_is_refused(tmp_path: Path):
     with zipfile.ZipFile(tmp_path / "TR00_E096.pt", "w") as archive:
         for name, data in (members | {pickled: forged}).items():
             archive.writestr(name, data)
-    with pytest.raises(InputError, match="does not fit into its 40 numbers"):
+    with pytest.raises(InputError, match=r"shape \(8192,\) in a storage of 40 numbers"):
         read_vposer(tmp_path)
 
 
@@ -312,7 +312,7 @@ def test_other_files_are_refused(tmp_path: Path):
     with pytest.raises(InputError, match=r"holds no VPoser \(found V02_05.yaml\), expected snapshots/TR00_E096.pt"):
         read_vposer(tmp_path)
     (tmp_path / "x.ckpt").write_text("no checkpoint")
-    with pytest.raises(InputError, match="is no checkpoint of torch"):
+    with pytest.raises(InputError, match="is not a checkpoint of torch"):
         read_vposer(tmp_path)
     with zipfile.ZipFile(tmp_path / "x.ckpt", "w") as out:
         out.writestr("a.txt", "a")

@@ -9,7 +9,7 @@ import trimesh
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.render import renderer as render
-from fitting_core.render.renderer import Renderer, Surface, off_screen_gl, scaled_camera
+from fitting_core.render.renderer import DrawnMesh, Renderer, off_screen_gl, scaled_camera
 
 needs_gl = pytest.mark.usefixtures("off_screen_gl")
 
@@ -22,14 +22,14 @@ def renderer() -> Renderer:
     return Renderer(OFF_CENTER)
 
 
-def ball() -> Surface:
+def ball() -> DrawnMesh:
     sphere = trimesh.creation.icosphere(subdivisions=5, radius=BALL_RADIUS)
-    return Surface(vertices=np.asarray(sphere.vertices) + BALL_CENTER, faces=np.asarray(sphere.faces))
+    return DrawnMesh(vertices=np.asarray(sphere.vertices) + BALL_CENTER, faces=np.asarray(sphere.faces))
 
 
-def box(center: list[float], half: float) -> Surface:
+def box(center: list[float], half: float) -> DrawnMesh:
     cube = trimesh.creation.box((2 * half,) * 3)
-    return Surface(vertices=np.asarray(cube.vertices) + center, faces=np.asarray(cube.faces))
+    return DrawnMesh(vertices=np.asarray(cube.vertices) + center, faces=np.asarray(cube.faces))
 
 
 def analytic_ball_depth(shift_x: float = 0.0, shift_y: float = 0.0) -> np.ndarray:
@@ -74,7 +74,7 @@ def test_depth_of_a_box_is_that_of_its_front_face(renderer: Renderer) -> None:
 @needs_gl
 def test_nearer_mesh_hides_the_farther_whatever_their_order(renderer: Renderer) -> None:
     near, far = box([0.0, 0.0, 2.0], 0.1), box([0.0, 0.0, 4.0], 0.4)
-    red = Surface(vertices=near.vertices, faces=near.faces, color=(0.8, 0.0, 0.0))
+    red = DrawnMesh(vertices=near.vertices, faces=near.faces, color=(0.8, 0.0, 0.0))
     pictures = [renderer.draw(order) for order in ([red, far], [far, red])]
     middle = tuple(int(c) for c in OFF_CENTER.center[::-1])
     for picture in pictures:
@@ -98,7 +98,7 @@ def test_background_shows_around_the_mesh_and_through_it(renderer: Renderer) -> 
 @needs_gl
 def test_an_inside_out_mesh_keeps_its_outline(renderer: Renderer) -> None:
     surface = ball()
-    turned = Surface(vertices=surface.vertices, faces=surface.faces[:, ::-1])
+    turned = DrawnMesh(vertices=surface.vertices, faces=surface.faces[:, ::-1])
     np.testing.assert_array_equal(renderer.draw([turned]).alpha, renderer.draw([surface]).alpha)
 
 

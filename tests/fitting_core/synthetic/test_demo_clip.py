@@ -9,13 +9,14 @@ import pytest
 import torch
 
 from fitting_core.body.files.reading import load_body
-from fitting_core.body.files.registry import FREE_FOLDER, find_body
+from fitting_core.body.files.registry import find_body
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.errors import InputError
 from fitting_core.io.clip_reader import read_clip
 from fitting_core.keypoints import INDEX, LEFT_HAND, NAMES, RIGHT_HAND, Keypoints
 from fitting_core.render.renderer import scaled_camera
+from fitting_core.shipped import FREE_FOLDER
 from fitting_core.synthetic import demo_clip
 from fitting_core.synthetic.acting.performance import perform, standing_root
 from fitting_core.synthetic.demo_clip import DemoClip, cached_demo, make_demo

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from fitting_core.body.files.reading import load_body
-from fitting_core.body.files.registry import FREE_FOLDER, find_body
+from fitting_core.body.files.registry import find_body
 from fitting_core.body.model import BodyModel
+from fitting_core.shipped import FREE_FOLDER
 from fitting_core.synthetic.acting.performance import GESTURES, expression_of, expressions
 
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from assets import MOTION_SUITE
 from fitting_core.body.mesh import shared_mesh
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.errors import InputError
 from fitting_core.keypoints import BODY, COUNT, INDEX
+from fitting_core.shipped import MOTION_SUITE
 from fitting_core.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
 from fitting_core.synthetic.motion_suite.framing import CUTS, Shot, view_of
 from fitting_core.synthetic.motion_suite.measured_detector import MEASURED, detected

@@ -16,7 +16,7 @@ from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.io.summary import summary
 from tcfit_app.analysis.curves import between_runs, vertex_distances
 from tcfit_app.analysis.posed_fit import PosedFit
-from tcfit_app.analysis.run_metrics import METRICS, Comparison, MeasuredRun, Metric, compare, run_metrics
+from tcfit_app.analysis.run_metrics import METRICS, ComparedMetric, MeasuredRun, Metric, compare, run_metrics
 from tests.samples.posed import displaced, fit_of, keypoints_of, still_fit, still_params, with_keypoints
 from tests.samples.scenes import noisy, random_params
 
@@ -114,7 +114,7 @@ def test_two_runs_side_by_side():
     a = (metric("error", 2.0), metric("score", 2.0, "higher"), metric("volume", 2.0, ""), metric("cost_data", None, ""))
     b = (metric("error", 3.0), metric("score", 3.0, "higher"), metric("volume", 3.0, ""), metric("cost_x", 1.0, ""))
     rows = compare(a, b)
-    assert rows[0] == Comparison(name="error", title="Error", unit="px", a=2.0, b=3.0, difference=1.0, better="a")
+    assert rows[0] == ComparedMetric(name="error", title="Error", unit="px", a=2.0, b=3.0, difference=1.0, better="a")
     assert [(r.name, r.difference, r.better) for r in rows[1:3]] == [("score", 1.0, "b"), ("volume", 1.0, "")]
     assert [(r.name, r.a, r.b, r.difference, r.better) for r in rows[3:]] == [
         ("cost_data", None, None, None, ""),

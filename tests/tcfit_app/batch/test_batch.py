@@ -183,7 +183,7 @@ def test_projects_get_another_run_and_lose_nothing(tmp_path: Path, free_body: Bo
         assert len(project.log) == 1
     write_clip(tmp_path / "keypoints/c000", free_body, seed=5)
     assert batch(tmp_path, "--projects") == 1
-    assert "a project already, of other keypoints" in rows(tmp_path)["fits/c000"]["reason"]
+    assert "already a project, with other keypoints" in rows(tmp_path)["fits/c000"]["reason"]
 
 
 def test_an_unforeseen_error_is_a_failure_with_its_place(tmp_path: Path, free_body: BodyModel, monkeypatch):

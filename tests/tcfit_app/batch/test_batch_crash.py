@@ -216,7 +216,7 @@ def test_a_second_run_of_the_same_list_is_refused(tmp_path: Path, free_body: Bod
         assert "another process is at work to fit this list" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("step", ["write_record", "write_log", "_put"])
+@pytest.mark.parametrize("step", ["write_json", "write_log", "_put"])
 def test_a_death_around_the_last_step_neither_loses_nor_repeats(
     tmp_path: Path, free_body: BodyModel, monkeypatch, step: str
 ):

@@ -161,7 +161,7 @@ def test_all_errors_are_told_at_once_by_line(tmp_path: Path):
 def test_what_is_no_list_is_refused(tmp_path: Path, content: bytes):
     (tmp_path / "clips.csv").write_bytes(content)
     options = BatchOptions(manifest=tmp_path / "clips.csv")
-    with pytest.raises(InputError, match=r"lists no clip|is no CSV file"):
+    with pytest.raises(InputError, match=r"lists no clips|is not a CSV file"):
         read_manifest(options, Complaints(options.manifest))
     with pytest.raises(InputError, match="is a folder, expected a file"):
         read_manifest(BatchOptions(manifest=tmp_path), Complaints(tmp_path))

@@ -44,10 +44,7 @@ def _run(arguments: list[str]) -> subprocess.CompletedProcess[str]:
     "arguments",
     [
         [],
-        *(
-            [name]
-            for name in "fit new review demo detect import export evaluate batch bench models settings doctor".split()
-        ),
+        *([name] for name in "fit new review demo detect import export evaluate batch models settings doctor".split()),
         ["models", "add"],
     ],
 )
@@ -123,8 +120,8 @@ REFUSED = {
     "person": (["--person", "4"], "person=4, but no frame of"),
     "frames": (["--first-frame", "90"], "Frames 90 to 5 were asked for (--first-frame, --last-frame)"),
     "scale": (["--keypoint-scale", "cm"], "--keypoint-scale is 'cm'; expected one of auto, pixels"),
-    "gender": (["--gender", "other"], "'other' is no gender, expected one of neutral, male, female, child"),
-    "body": (["--body-model", "scape"], "'scape' is no body model, expected one of smplx"),
+    "gender": (["--gender", "other"], "'other' is not a gender, expected one of neutral, male, female, child"),
+    "body": (["--body-model", "scape"], "'scape' is not a body model, expected one of smplx"),
     "no such body": (["--body-model", "smplh", "--models", "."], "Or leave out --body-model and --models: there is a"),
     "body file": (["--body-model", "nowhere/SMPLX_MALE.npz"], "SMPLX_MALE.npz: does not exist"),
     "folder and file": (["--body-model", "a.npz", "--models", "m"], "give one of them"),

@@ -9,9 +9,10 @@ import pytest
 
 from fitting_core.body.files import registry
 from fitting_core.fit.fused import ready
+from fitting_core.render import renderer
+from fitting_core.video import encoding
 from tcfit_app.cli import doctor as report
 from tcfit_app.cli.doctor import (
-    Outcome,
     check_bodies,
     check_folders,
     check_python,
@@ -19,12 +20,8 @@ from tcfit_app.cli.doctor import (
     check_torch,
     check_video,
     doctor,
-    probe_codec,
-    probe_rendering,
 )
 from tests.samples.body_files import body_arrays, write_npz
-
-WORKS = Outcome(works=True)
 
 
 @pytest.fixture
@@ -38,10 +35,9 @@ def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def _outcomes(monkeypatch: pytest.MonkeyPatch, **by_name: Outcome) -> None:
-    """Have the probes of these platforms and codecs end so."""
-    monkeypatch.setattr(report, "probe_rendering", by_name.__getitem__)
-    monkeypatch.setattr(report, "probe_codec", by_name.__getitem__)
+def _renders(monkeypatch: pytest.MonkeyPatch, **reasons: str | None) -> None:
+    """Have the probes of these platforms end so; None: it works."""
+    monkeypatch.setattr(renderer, "probe", reasons.__getitem__)
 
 
 FAKE_RENDERER = """
@@ -60,33 +56,34 @@ class OffscreenRenderer(Any):
 @pytest.mark.parametrize(
     ("code", "expected"),
     [
-        (FAKE_RENDERER.replace("{depth}", "2.0"), WORKS),
+        (FAKE_RENDERER.replace("{depth}", "2.0"), None),
         (FAKE_RENDERER.replace("{depth}", "0.0"), "AssertionError: 0.0"),
         ("import os; os.abort()", "exit status -6"),
         ("raise ImportError('Unable to load EGL library')", "ImportError: Unable to load EGL library"),
     ],
 )
-def test_rendering_probe(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: str, expected: Outcome | str):
+def test_rendering_probe(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: str, expected: str | None):
     (tmp_path / "pyrender.py").write_text(code)
     monkeypatch.syspath_prepend(tmp_path)
-    outcome = probe_rendering("egl")
-    assert outcome == expected if isinstance(expected, Outcome) else expected in outcome.reason and not outcome.works
-
-
-def test_codec_probe():
-    assert probe_codec("mp4v") == WORKS
-    assert not probe_codec("none").works
+    reason = renderer.probe("egl")
+    assert reason is None if expected is None else expected in (reason or "")
 
 
 def test_exit_code_is_0_if_only_rendering_and_video_are_missing(
     places: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
-    gone = Outcome(works=False, reason="cannot open shared object file")
-    _outcomes(monkeypatch, egl=gone, osmesa=gone, mp4v=gone, avc1=gone)
-    monkeypatch.setattr(report.shutil, "which", lambda name: None)
+    gone = "cannot open shared object file"
+    _renders(monkeypatch, egl=gone, osmesa=gone)
+    monkeypatch.setattr(encoding, "CODEC", "none")
     assert doctor() == 0
     out = capsys.readouterr().out
-    for part in (*report.CHECKS, "libegl1", "libosmesa6", "apt install ffmpeg", "All that tcfit fit needs works here."):
+    for part in (
+        *report.CHECKS,
+        "libegl1",
+        "libosmesa6",
+        "reinstall av",
+        "All that tcfit fit needs works here.",
+    ):
         assert part in out
     assert "failed" not in out
 
@@ -95,7 +92,7 @@ def test_exit_code_is_1_without_a_body(
     places: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
     (places / "free" / "SMPLX_NEUTRAL.npz").unlink()
-    _outcomes(monkeypatch, egl=WORKS, mp4v=WORKS, avc1=WORKS)
+    _renders(monkeypatch, egl=None)
     assert doctor() == 1
     out = capsys.readouterr().out
     assert "failed  No neutral SMPL-X body" in out and "tcfit fit cannot run yet" in out
@@ -124,32 +121,28 @@ def test_wrong_environment_variable_fails(places: Path, monkeypatch: pytest.Monk
     ],
 )
 def test_advice_on_rendering(monkeypatch: pytest.MonkeyPatch, reasons: dict[str, str], advice: str):
-    outcomes = {name: Outcome(works=False, reason=reasons.get(name, "x")) for name in ("egl", "osmesa")}
-    _outcomes(monkeypatch, **outcomes)
-    checks = dict(zip(outcomes, check_rendering(), strict=True))
+    told = {name: reasons.get(name, "x") for name in ("egl", "osmesa")}
+    _renders(monkeypatch, **told)
+    checks = dict(zip(told, check_rendering(), strict=True))
     assert advice in checks[max(reasons)].advice
     assert {check.status for check in checks.values()} == {"warning"}
 
 
 def test_osmesa_counts_where_egl_is_missing(monkeypatch: pytest.MonkeyPatch):
-    _outcomes(monkeypatch, egl=Outcome(works=False, reason="x"), osmesa=WORKS)
+    _renders(monkeypatch, egl="x", osmesa=None)
     assert [check.status for check in check_rendering()] == ["warning", "ok"]
 
 
-@pytest.mark.parametrize(
-    ("mp4v", "avc1", "ffmpeg", "statuses"),
-    [
-        (True, True, True, ["ok", "ok", "ok"]),
-        (True, True, False, ["ok", "ok"]),
-        (True, False, True, ["ok", "ok"]),
-        (True, False, False, ["ok", "warning"]),
-        (False, False, False, ["warning", "warning"]),
-    ],
-)
-def test_video(monkeypatch: pytest.MonkeyPatch, mp4v: bool, avc1: bool, ffmpeg: bool, statuses: list[str]):
-    _outcomes(monkeypatch, mp4v=Outcome(works=mp4v), avc1=Outcome(works=avc1))
-    monkeypatch.setattr(report.shutil, "which", lambda name: "/usr/bin/ffmpeg" if ffmpeg else None)
-    assert [check.status for check in check_video()] == statuses
+@pytest.mark.parametrize(("codec", "status"), [("libx264", "ok"), ("none", "warning")])
+def test_video(monkeypatch: pytest.MonkeyPatch, codec: str, status: str):
+    monkeypatch.setattr(encoding, "CODEC", codec)
+    assert [check.status for check in check_video()] == [status]
+
+
+def test_a_package_that_cannot_be_imported_fails_its_check(places: Path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "fitting_core.video.encoding", None)
+    assert doctor() == 1
+    assert "cannot be checked" in capsys.readouterr().out
 
 
 def _versions(monkeypatch: pytest.MonkeyPatch, requirements: list[str], installed: dict[str, str]) -> None:
@@ -217,7 +210,7 @@ def test_probes_leave_the_environment_alone(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.delenv("PYOPENGL_PLATFORM", raising=False)
     (tmp_path / "pyrender.py").write_text(FAKE_RENDERER.replace("{depth}", "2.0"))
     monkeypatch.syspath_prepend(tmp_path)
-    assert probe_rendering("egl") == WORKS
+    assert renderer.probe("egl") is None
     assert "PYOPENGL_PLATFORM" not in os.environ
 
 

@@ -17,7 +17,7 @@ import pytest
 from fitting_core.body.model import BodyModel
 from fitting_core.io.result_files import write_result
 from tcfit_app.batch.fingerprint import Fingerprint
-from tcfit_app.batch.local import Ended, Underway
+from tcfit_app.batch.local import TaskEnded, TaskUnderway
 from tcfit_app.batch.records import Figures, Record
 from tcfit_app.cli.batch_command import _Lines
 from tcfit_app.cli.json_lines import EVENTS, SCHEMA, AnyEvent, Progress, emit, json_lines
@@ -103,11 +103,11 @@ def test_an_export_and_an_evaluation(tmp_path: Path, free_body: BodyModel, capsy
 def test_a_batch(capsys: pytest.CaptureFixture[str]):
     tasks: list[Any] = [SimpleNamespace(name="a"), SimpleNamespace(name="b")]
     record = partial(Record, fingerprint=Fingerprint(settings="", stamp="", content=""), finished=0.0, seconds=2.0)
-    with json_lines("batch"), closing(_Lines(2, 0, tasks, "clips")) as shown:
-        shown.show(Underway(index=1, phase=1, share=0.25))
-        shown.show(Ended(index=1, record=record(state="failed", reason="No keypoints.")))
+    with json_lines(), closing(_Lines(2, 0, tasks, "clips")) as shown:
+        shown.show(TaskUnderway(index=1, phase=1, share=0.25))
+        shown.show(TaskEnded(index=1, record=record(state="failed", reason="No keypoints.")))
         figures = Figures(frames=3, reprojection_px=1.0)
-        shown.show(Ended(index=0, record=record(state="done", figures=figures)))
+        shown.show(TaskEnded(index=0, record=record(state="done", figures=figures)))
     first, second, third = (json.loads(line) for line in capsys.readouterr().out.splitlines())
     assert (first["event"], first["clip"], first["step"], first["share"]) == ("progress", "b", "phase 1", 0.25)
     assert (second["clip"], second["state"], second["reason"]) == ("b", "failed", "No keypoints.")
@@ -134,7 +134,7 @@ def test_what_cannot_be_done(given: list[str], capsys: pytest.CaptureFixture[str
 
 
 def test_progress_never_falls_and_comes_by_hundredths(capsys: pytest.CaptureFixture[str]):
-    with json_lines("fit") as end:
+    with json_lines() as end:
         for share in (0.0, 0.001, 0.5, 0.2, 0.505, 0.51, 1.0):
             emit(Progress(step="a", share=share, text=""))
         emit(Progress(step="b", share=0.1, text=""))

@@ -26,7 +26,7 @@ def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(registry, "FREE_FOLDER", tmp_path / "free")
     monkeypatch.setattr("tcfit_app.cli.models_command.user_folder", lambda: tmp_path / "data")
     monkeypatch.setattr(priors, "user_file", lambda: tmp_path / "data" / "vposer.npz")
-    monkeypatch.setattr(priors, "SHIPPED", tmp_path / "free" / "prior.npz")
+    monkeypatch.setattr(priors, "POSE_PRIOR", tmp_path / "free" / "prior.npz")
     monkeypatch.delenv(registry.ENVIRONMENT, raising=False)
     monkeypatch.setenv("TCFIT_DETECTORS", str(tmp_path / "detectors"))
     return tmp_path

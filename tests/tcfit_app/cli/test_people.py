@@ -156,7 +156,7 @@ def test_nothing_of_others_is_mixed_with_it(
     (folder / other).parent.mkdir(exist_ok=True)
     (folder / other).write_text("mine")
     assert main(["fit", *clip, "--people", "all", "--out", str(folder)]) == 2
-    assert "holds files that are no result of several people" in capsys.readouterr().err
+    assert "holds files that are not a result of several people" in capsys.readouterr().err
     assert (folder / other).read_text() == "mine" and (folder / "person-1" / "summary.json").is_file()
 
 
@@ -165,7 +165,7 @@ def test_one_person_s_fit_does_not_go_among_several(
 ):
     shutil.copytree(fitted, tmp_path / "out")
     assert main(["fit", *clip, "--out", str(tmp_path / "out")]) == 2
-    assert "holds files that are no result of tcfit" in capsys.readouterr().err
+    assert "holds files that are not a result of tcfit" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Iterator
+from contextlib import closing
 
 import numpy as np
 import pytest
@@ -34,7 +35,7 @@ def _events() -> Iterator[FitEvent]:
 
 def test_lines_where_there_is_no_terminal():
     stream = io.StringIO()
-    with ProgressBars(stream) as progress:
+    with closing(ProgressBars(stream)) as progress:
         for event in _events():
             progress.show(event)
     first, second = stream.getvalue().splitlines()
@@ -45,7 +46,7 @@ def test_lines_where_there_is_no_terminal():
 def test_bar_on_a_terminal_never_goes_back(monkeypatch: pytest.MonkeyPatch):
     stream = _Terminal()
     shares = []
-    with ProgressBars(stream) as progress:
+    with closing(ProgressBars(stream)) as progress:
         for event in _events():
             progress.show(event)
             if progress.bar is not None:
@@ -58,7 +59,7 @@ def test_bar_on_a_terminal_never_goes_back(monkeypatch: pytest.MonkeyPatch):
 def test_bar_shows_label_cost_and_times():
     stream = _Terminal()
     events = _events()
-    with ProgressBars(stream) as progress:
+    with closing(ProgressBars(stream)) as progress:
         for event in (next(events), next(events)):
             progress.show(event)
         assert progress.bar is not None
@@ -68,7 +69,7 @@ def test_bar_shows_label_cost_and_times():
 
 def test_bar_is_closed_when_a_phase_is_cut_short():
     stream = _Terminal()
-    with pytest.raises(KeyboardInterrupt), ProgressBars(stream) as progress:
+    with pytest.raises(KeyboardInterrupt), closing(ProgressBars(stream)) as progress:
         progress.show(next(_events()))
         raise KeyboardInterrupt
     assert stream.getvalue().endswith("\n")

@@ -67,7 +67,6 @@ POSITIONAL = {
     "evaluate": {"fit": "result"},
     "render": {"path": "result"},
     "batch": {"manifest": "clips.csv"},
-    "bench": {"video": "walk.mp4"},
     "models": {"paths": "body.npz"},
     "settings": {},
 }
@@ -95,7 +94,6 @@ def world(tmp_path_factory: pytest.TempPathFactory, keypoint_folder: Path) -> It
         "evaluate": ["evaluate", "result", "--reference", "result/fit.npz", "--out", "new"],
         "render": ["render", "result", "--out", "new.png"],
         "batch": ["batch", "clips.csv", "--jobs", "1", "--no-overlay", *QUICK],
-        "bench": ["bench", "walk.mp4", "--keypoints", "keypoints", "--json", "new.json"],
         "models": ["models", "add", "body.npz"],
         "settings": ["settings", "--config", "settings.toml"],
     }

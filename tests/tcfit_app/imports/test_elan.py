@@ -203,7 +203,7 @@ def test_the_command(folder: Path, exported: Path, tmp_path: Path, capsys: pytes
     assert main(["import", str(folder), str(exported)]) == 0
     assert "0 new notes, 2 here already" in capsys.readouterr().out
     assert main(["import", str(folder), str(exported), "--person", "1"]) == 2
-    assert "--person: means nothing for" in capsys.readouterr().err
+    assert "--person: has no meaning for" in capsys.readouterr().err
     assert main(["import", str(folder), str(tmp_path / "fit.npz"), "--tiers", "x"]) == 2
     assert "has no tiers" in capsys.readouterr().err
 

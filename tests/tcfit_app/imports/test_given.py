@@ -106,7 +106,7 @@ def test_what_is_of_no_use_is_told(project: Project, tiny_body: BodyModel, tmp_p
     with pytest.raises(InputError, match=r"walk\.tcfit: .* on another body model"):
         read_shape(project.folder, other)
     begun = project.runs.start(QUICK, body=whole.body, edits_seen=0)
-    with pytest.raises(InputError, match="has found nothing yet"):
+    with pytest.raises(InputError, match="has no result yet"):
         read(project, tiny_body, start=Source(run=begun.id))
     with pytest.raises(InputError, match="There is no run 99"):
         read(project, tiny_body, start=Source(run=99))

@@ -59,7 +59,7 @@ OPTIONS = {
 
 def test_the_clip_of_another_folder_is_not_taken_for_this_one(capsys: pytest.CaptureFixture[str]):
     review(images("one"))
-    with pytest.raises(InputError, match=r"walk.tcfit: is a project of another clip than .*two/walk. Give --out"):
+    with pytest.raises(InputError, match=r"walk.tcfit: is a project of a clip other than .*two/walk. Give --out"):
         review(images("two", shade=200))
     assert "Opening" not in capsys.readouterr().err
     assert review("two/walk", "--out", "second.tcfit").folder.name == "second.tcfit"
@@ -192,6 +192,6 @@ def test_a_packed_project_opens_only_what_was_unpacked_of_it(capsys: pytest.Capt
     assert review("from-one/walk.tcfit.zip").clip.name == "one"
     said = "Opening the project walk.tcfit, which was unpacked before; from-one/walk.tcfit.zip was not read again."
     assert said in capsys.readouterr().err
-    with pytest.raises(InputError, match=r"walk.tcfit: is another project than the one in from-two.*--out"):
+    with pytest.raises(InputError, match=r"walk.tcfit: is not the project in from-two.*--out"):
         review("from-two/walk.tcfit.zip")
     assert review("from-two/walk.tcfit.zip", "--out", "second.tcfit").clip.name == "two"

@@ -22,9 +22,10 @@ from typing import Any
 
 import numpy as np
 
-from fitting_core.body.files.pickles import as_array
 from fitting_core.camera import Camera, FocalFrom
 from fitting_core.errors import InputError
+from fitting_core.files.pickles import as_array
+from fitting_core.files.torch_pickles import plain
 from fitting_core.io.motion.learned.tracks import (
     SMPL_JOINTS,
     System,
@@ -42,7 +43,6 @@ from fitting_core.io.motion.learned.tracks import (
     rows,
     shape_numbers,
 )
-from fitting_core.io.motion.learned.unpickling import plain
 from fitting_core.video.frame_names import image_numbers, natural_key
 
 _VIBE_FOCAL = 5000 / 224

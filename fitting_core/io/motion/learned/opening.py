@@ -13,11 +13,11 @@ from typing import Any, BinaryIO
 
 from numpy.lib import format as npy
 
-from fitting_core.body.files.pickles import as_objects
 from fitting_core.errors import InputError
+from fitting_core.files.pickles import as_objects
 from fitting_core.files.regular import regular_file
-from fitting_core.files.restricted_pickle import Load, Stream
-from fitting_core.io.motion.learned.unpickling import MAX_BYTES, Storage, unpickled, with_storages
+from fitting_core.files.restricted_pickle import Stream
+from fitting_core.files.torch_pickles import MAX_BYTES, of_torch_zip, unpickled
 
 _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 _OBJECTS = re.compile(r"(?:.*/)?(?:hps_track_\d{1,6}|camera)\.npy|results\.npy", re.DOTALL)
@@ -122,7 +122,7 @@ def _of_packed(unpack: Callable[[BinaryIO], Any], file: BinaryIO) -> Any:
 def _of_zip(archive: zipfile.ZipFile, left: int) -> Any:
     members = {member.filename: member for member in archive.infolist()}
     if pickled := next((name for name in members if PurePosixPath(name).name == "data.pkl"), None):
-        return _of_torch(archive, members, pickled.removesuffix("data.pkl"))
+        return of_torch_zip(archive, pickled)
     found = {}
     for name in filter(_OBJECTS.fullmatch, members):
         with archive.open(name) as file:
@@ -147,32 +147,3 @@ def _of_npy(stream: Stream) -> Any:
     if shape not in ((), (1,)) or len(objects) != 1:
         raise InputError(f"holds an array of {len(objects)} objects, expected one")
     return objects[0]
-
-
-def _of_torch(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo], prefix: str) -> Any:
-    """Torch's form since 1.6: data.pkl, and each storage as a member `data/<key>`."""
-    order = ">" if _member(archive, members, f"{prefix}byteorder", 16) == b"big" else "<"
-
-    def storage(key: str, code: str, count: int) -> Storage:
-        return Storage(code, count, _load(archive, members.get(f"{prefix}data/{key}")), order=order)
-
-    with archive.open(members[f"{prefix}data.pkl"]) as stream:
-        return with_storages(Stream(stream, None, most=MAX_BYTES), storage)  # pyright: ignore[reportArgumentType]
-
-
-def _member(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo], name: str, most: int) -> bytes:
-    if name not in members:
-        return b""
-    with archive.open(members[name]) as stream:
-        return stream.read(most)
-
-
-def _load(archive: zipfile.ZipFile, member: zipfile.ZipInfo | None) -> Load | None:
-    if member is None or member.file_size > MAX_BYTES:
-        return None
-
-    def load() -> bytes:
-        with archive.open(member) as stream:
-            return stream.read(MAX_BYTES)
-
-    return load

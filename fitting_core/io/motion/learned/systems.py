@@ -17,14 +17,14 @@ from typing import Any
 import numpy as np
 import torch
 
-from fitting_core.body.files.archives import files_below
 from fitting_core.errors import InputError, some_of
+from fitting_core.files.archives import files_below
 from fitting_core.files.regular import refusal
+from fitting_core.files.torch_pickles import plain
 from fitting_core.io.motion.imported_motion import ImportedMotion, Person, body_params
 from fitting_core.io.motion.learned import crops, per_image, whole_image
 from fitting_core.io.motion.learned.opening import opened
 from fitting_core.io.motion.learned.tracks import System, Track, is_mapping_with
-from fitting_core.io.motion.learned.unpickling import plain
 
 SYSTEMS: tuple[System, ...] = (*whole_image.SYSTEMS, *crops.SYSTEMS, *per_image.SYSTEMS)
 _FILES = ("hmr4d_results.pt", "wham_output.pkl", "vibe_output.pkl", "video_results.npz", "results.pkl")

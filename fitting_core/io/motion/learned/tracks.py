@@ -9,11 +9,11 @@ import torch
 from jaxtyping import Float, Int
 
 from fitting_core.body import rotations
-from fitting_core.body.files.pickles import as_array
 from fitting_core.body.model import N_BETAS
 from fitting_core.camera import Camera, FocalFrom
 from fitting_core.errors import InputError, some_of
-from fitting_core.io.motion.learned.unpickling import plain
+from fitting_core.files.pickles import as_array
+from fitting_core.files.torch_pickles import plain
 from fitting_core.io.motion.seen_points import SeenPoints
 
 BODY = 22

@@ -9,7 +9,6 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from fitting_core.body.files.reading import load_body
-from fitting_core.body.files.registry import FREE_FOLDER
 from fitting_core.body.markers.files import read_marker_set
 from fitting_core.body.markers.marker_set import STANDARD, MarkerSet, marker_places
 from fitting_core.body.markers.places import PLACES, standard_vertices
@@ -17,6 +16,7 @@ from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.errors import InputError
+from fitting_core.shipped import FREE_FOLDER
 from tests.samples.scenes import random_params
 
 GENDERS = ("NEUTRAL", "MALE", "FEMALE")
@@ -160,7 +160,7 @@ BROKEN = {
     "radius": ("radius = -3\n[markers]\nA = 1\n", "its radius is -3; expected millimetres"),
     "radius as text": ('radius = "7 mm"\n[markers]\nA = 1\n', "its radius is '7 mm'"),
     "another key": ("units = 1\n[markers]\nA = 1\n", "has 'units'; expected"),
-    "a name with a tab": ('[markers]\n"A\\tB" = 1\n', "a marker is called"),
+    "a name with a tab": ('[markers]\n"A\\tB" = 1\n', "a marker is named"),
     "a name of umlauts": ('[markers]\n"Hüfte" = 1\n', "signs of ASCII"),
     "many": ("[markers]\n" + "".join(f"M{i} = {i}\n" for i in range(201)), "has 201 in"),
     "nested": ('{"markers": ' + "[" * 100000, "cannot be read"),

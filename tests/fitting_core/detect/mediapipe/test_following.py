@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from fitting_core.detect.mediapipe.body import Body, square_of
-from fitting_core.detect.mediapipe.following import LOOK_EVERY, Followers, Person, Stretch
+from fitting_core.detect.mediapipe.following import LOOK_EVERY, Followed, Followers, Stretch
 from fitting_core.detect.mediapipe.squares import Square
 from tests.fitting_core.detect.mediapipe.seen import body_at
 
@@ -33,11 +33,11 @@ class World:
         return [square_of(body.circle) for body in self.where(int(image)).values()]
 
 
-def followed(where: Where, lengths: list[int]) -> tuple[list[Person], World]:
+def followed(where: Where, lengths: list[int]) -> tuple[list[Followed], World]:
     """Everybody through stretches of some lengths, as the detector goes through them."""
     world = World(where)
     followers = Followers(world.body, world.people)
-    everybody: dict[int, Person] = {}
+    everybody: dict[int, Followed] = {}
     waiting, start = None, 0
     for length in lengths:
         frames = range(start, start + length)
@@ -46,7 +46,7 @@ def followed(where: Where, lengths: list[int]) -> tuple[list[Person], World]:
         followers.backwards([stretch] if waiting is None else [waiting, stretch])
         for part in (waiting, stretch):
             for number, bodies in (part.bodies() if part else {}).items():
-                everybody.setdefault(number, Person(number)).bodies.update(bodies)
+                everybody.setdefault(number, Followed(number)).bodies.update(bodies)
         followers.forget(before=start)
         waiting, start = stretch, start + length
     return [everybody[number] for number in sorted(everybody)], world

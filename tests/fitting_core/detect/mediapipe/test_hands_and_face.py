@@ -5,9 +5,9 @@ import pytest
 
 from fitting_core.detect.mediapipe import body as blaze
 from fitting_core.detect.mediapipe.face import Face
-from fitting_core.detect.mediapipe.following import Person
+from fitting_core.detect.mediapipe.following import Followed
 from fitting_core.detect.mediapipe.hands import different, square_at_wrist
-from fitting_core.detect.mediapipe.hands_and_face import KEPT, Seen, assigned, worth_of
+from fitting_core.detect.mediapipe.hands_and_face import KEPT, SeenParts, assigned, worth_of
 from fitting_core.detect.mediapipe.memory import recalled, remembered
 from tests.fitting_core.detect.mediapipe.seen import body_at, hand_at
 
@@ -68,13 +68,13 @@ def test_where_to_look_next_is_around_the_hand():
 
 
 def test_memory_comes_back_as_it_was():
-    people = [Person(3, {8: body_at(100, 200, 300), 9: body_at(110, 200, 300)}), Person(5, {4: BODY})]
+    people = [Followed(3, {8: body_at(100, 200, 300), 9: body_at(110, 200, 300)}), Followed(5, {4: BODY})]
     face = Face(xy=np.random.default_rng(0).normal(size=(468, 2)), score=0.7)
-    seen = {3: Seen(hands={"left": hand_at(10, 20), "right": None}, face=face), 7: Seen()}
+    seen = {3: SeenParts(hands={"left": hand_at(10, 20), "right": None}, face=face), 7: SeenParts()}
     back, shown, found = recalled(remembered(people, seen, 8))
     assert found == 8 and [(one.number, one.last) for one in back] == [(3, 9), (5, 4)]
     assert back[0].bodies[9].square == people[0].bodies[9].square
     assert np.array_equal(back[1].bodies[4].next_square.box, BODY.next_square.box)
-    assert list(shown) == [3, 7] and shown[7] == Seen() and shown[3].hands["right"] is None
+    assert list(shown) == [3, 7] and shown[7] == SeenParts() and shown[3].hands["right"] is None
     assert np.array_equal(shown[3].face.xy, face.xy) and shown[3].hands["left"].score == 0.9
     assert recalled(remembered([], {}, 0)) == ([], {}, 0)

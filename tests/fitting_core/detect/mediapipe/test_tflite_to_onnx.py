@@ -249,7 +249,11 @@ def test_files_that_are_none(tmp_path: Path):
         convert(path, tmp_path / "a.onnx")
     net = TfliteWriter(SIZE)
     whole = net.write(path, [relu(net)[0]]).read_bytes()
-    for content, words in ((b"PK\3\4" + whole[4:], "damaged"), (b"", "is no .tflite file"), (whole[:300], "damaged")):
+    for content, words in (
+        (b"PK\3\4" + whole[4:], "damaged"),
+        (b"", "is not a .tflite file"),
+        (whole[:300], "damaged"),
+    ):
         path.write_bytes(content)
         with pytest.raises(ValueError, match=words):
             convert(path, tmp_path / "a.onnx")

@@ -13,7 +13,7 @@ from fitting_core.detect.topdown.boxes import (
     grid,
     intersection_over_union,
     letterboxed,
-    without_doubles,
+    non_maximum_suppressed,
 )
 from fitting_core.detect.topdown.families import FAMILIES, family_of, load_box_model
 from fitting_core.errors import InputError
@@ -116,7 +116,7 @@ def test_overlaps():
     boxes = Boxes(
         corners=np.array([[0.0, 0, 10, 10], [0, 1, 10, 10], [8, 0, 20, 10]]), scores=np.array([0.9, 0.8, 0.7])
     )
-    assert without_doubles(boxes).scores.tolist() == [0.9, 0.7]
+    assert non_maximum_suppressed(boxes).scores.tolist() == [0.9, 0.7]
 
 
 def test_every_family_recognises_its_models_alone(tmp_path: Path):

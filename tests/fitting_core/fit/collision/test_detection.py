@@ -2,7 +2,6 @@
 
 from fractions import Fraction
 from itertools import combinations, product
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,8 +17,6 @@ from fitting_core.fit.collision.broad_phase import LEAF_SIZE, overlapping_triang
 from fitting_core.fit.collision.detection import body_collision_finder, collision_finder
 from fitting_core.fit.collision.intersection import orientation, triangles_intersect
 from fitting_core.fit.collision.parts import body_parts, neighbouring_parts, parts_of_faces
-
-BODY = Path(__file__).parents[4] / "assets" / "bodies" / "SMPLX_NEUTRAL.npz"
 
 grid_pairs = hnp.arrays(np.int64, (2, 3, 3), elements=st.integers(-2, 2))
 
@@ -275,9 +272,8 @@ def pose_body(body, rotations):
     return np.einsum("vab,vb->va", blended[:, :3, :3], body["v_template"]) + blended[:, :3, 3]
 
 
-@pytest.mark.skipif(not BODY.exists(), reason=f"no free body at assets/bodies/{BODY.name}")
 def test_free_body_with_its_hand_in_its_thigh():
-    with np.load(BODY, allow_pickle=False) as body:
+    with np.load(find_body(search=FREE_FOLDER), allow_pickle=False) as body:
         body = dict(body)
     faces, parents = body["f"].astype(np.int64), body["kintree_table"][0].astype(np.int64)
     parts = parts_of_faces(body["weights"], faces)

@@ -9,10 +9,10 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
+from build_assets.motion_capture.retarget import load
 from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.build_assets.motion_capture.retarget import load
 from fitting_core.camera import Camera
 from fitting_core.fit.evidence.sides import PAIRED, other_side, unswapped
 from fitting_core.keypoints import Keypoints

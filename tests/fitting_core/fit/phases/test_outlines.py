@@ -59,7 +59,7 @@ def test_the_volume_and_the_clothes_are_found(free_body: BodyModel, clothes: flo
     shape = found(free_body, truth, silhouettes_of(free_body, truth, clothes))
     assert shape is not None and shape.frames == FRAMES and shape.clothes == pytest.approx(clothes, abs=0.005)
     betas = shape.state.vector[0, -10:].numpy()
-    volume = Enclosed.of(free_body)
+    volume = Enclosed.of(free_body.faces)
     true, before, after = (volume(free_body.with_shape(b).template[None])[0] for b in (STOUT, np.zeros(10), betas))
     assert true - before > 20 and abs(after - true) < 0.25 * (true - before)
     # Neither the height nor, with it, the distance follows.

@@ -14,7 +14,7 @@ from fitting_core.io.keypoints.coco_wholebody import write_coco_wholebody
 from fitting_core.io.keypoints.openpose import write_openpose
 from fitting_core.io.keypoints.pose_file import write_pose
 from fitting_core.io.people_reader import read_people
-from fitting_core.keypoint_noise import DETECTORS
+from fitting_core.keypoint_noise import DETECTOR_TITLES
 from fitting_core.keypoints import COUNT, Keypoints
 from tests.fitting_core.io.keypoints.test_pose_file import holistic
 
@@ -54,7 +54,7 @@ def test_results_of_mmpose_are_of_coco_wholebody(tmp_path: Path):
     assert read_detections(file).detector == "coco-wholebody"
 
 
-@pytest.mark.parametrize("detector", DETECTORS)
+@pytest.mark.parametrize("detector", DETECTOR_TITLES)
 def test_what_was_written_says_who_it_was(tmp_path: Path, detector: str):
     write_openpose(tmp_path / "walk", SEEN, name="walk", detector=detector)
     found = read_detections(tmp_path / "walk")

@@ -12,7 +12,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fitting_core.body import rotations
-from fitting_core.body.files.pickles import as_array, read_pickle
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space
@@ -20,6 +19,7 @@ from fitting_core.camera import Camera, FocalFrom
 from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS
 from fitting_core.errors import InputError
+from fitting_core.files.pickles import as_array, read_pickle
 from fitting_core.fit.result import FitResult, PhaseResult
 from fitting_core.ground.level import Level, upright
 from fitting_core.io import read_motion

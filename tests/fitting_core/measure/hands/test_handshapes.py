@@ -9,13 +9,14 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from fitting_core.body.files.reading import load_body
-from fitting_core.body.files.registry import FREE_FOLDER, find_body
+from fitting_core.body.files.registry import find_body
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.errors import InputError
 from fitting_core.measure.hands.handshapes import FARTHEST, HandshapeSet, finger_bones, read_handshapes
 from fitting_core.measure.hands.phases import SIDES, Side
+from fitting_core.shipped import FREE_FOLDER
 from fitting_core.synthetic.acting.handshapes import HANDSHAPES, Handshape, finger_angles
 
 
@@ -88,7 +89,7 @@ def test_the_user_s_own_set(free_body: BodyModel, tmp_path: Path):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("[B", "is no TOML"),
+        ("[B", "is not readable TOML"),
         ("", "has no handshapes"),
         ('[B]\nlike = "flet"', r"\[B\]: there is no handshape 'flet'; expected one of relaxed, flat"),
         ("[B]\nspread = 1", r"\[B\]: .*like"),

@@ -9,11 +9,11 @@ from scipy.spatial.transform import Rotation
 from fitting_core.body.model import JOINT
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.measure.hands.phases import SIDES, hand_phases, wrist_height, wrist_speed
-from fitting_core.measure.hands.scripted import agreement, scripted_phases
 from fitting_core.measure.hands.spans import Span, spans_of
 from fitting_core.synthetic.acting.script import Build
 from fitting_core.synthetic.motions.signing import signing
 from fitting_core.synthetic.suite import SEQUENCES, subject_body, world_params
+from tests.samples.scripted_phases import agreement, scripted_phases
 
 RATE = 50.0
 

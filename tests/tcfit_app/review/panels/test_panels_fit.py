@@ -204,7 +204,7 @@ def test_all_settings_as_a_text(tested: LonePage):
     assert "hand_components is 99" in tested.notices[-1].text
     tested.enter("TOML", "[weights\n")
     tested.click("Use these settings")
-    assert "is no TOML" in tested.notices[-1].text
+    assert "is not TOML" in tested.notices[-1].text
     assert tested.page.tab.state.settings.config == replace(QUICK, hand_components=6)
 
 

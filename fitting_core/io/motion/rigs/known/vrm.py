@@ -18,7 +18,6 @@ import pygltflib as gltf
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from fitting_core.body.files.registry import FREE_FOLDER
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.files.atomic import replacing
 from fitting_core.io.motion.fitted_motion import Motion, Progress, stated
@@ -29,6 +28,7 @@ from fitting_core.io.motion.rigs.known.known_rigs import VRM
 from fitting_core.io.motion.rigs.known.rig_glb import FIRST_JOINT, MESH, animation_of, joint_nodes, skinned_document
 from fitting_core.io.motion.rigs.known.standard import bent
 from fitting_core.io.motion.rigs.retargeting.retarget import RigMotion
+from fitting_core.shipped import FREE_FOLDER
 
 UNITS = 3.0
 """Of an expression's component, at a weight of 1."""

@@ -1,0 +1,32 @@
+"""All motion capture that something is trained on, and what is kept apart."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from build_assets.motion_capture.overlap import unlike
+from build_assets.motion_capture.retarget import MotionClip, load
+from build_assets.motion_capture.standing import standing_straight
+
+HELD_OUT = ("cmu05", "cmu13", "cmu14", "prmd s10")
+"""Subjects that training never sees."""
+_OTHERS = ("cmu_dance", "ui_prmd")
+"""Sources of other people than CMU's clips are of."""
+
+
+def captured_motion(folder: Path) -> list[MotionClip]:
+    """Everything that a folder holds, with standing people's knees straight.
+
+    Raises:
+        InputError: There is none, or a file is broken.
+    """
+    clips = load(folder)
+    if (folder / "cmu_expmap").is_dir():
+        clips += unlike(load(folder, ("cmu_expmap",)), split(clips)[1])
+    there = [name for name in _OTHERS if (folder / name).is_dir()]
+    return standing_straight([*clips, *(load(folder, there) if there else [])])
+
+
+def split(clips: Sequence[MotionClip]) -> tuple[list[MotionClip], list[MotionClip]]:
+    """Clips to train on, and those of the subjects held out."""
+    held = [clip for clip in clips if clip.subject in HELD_OUT]
+    return [clip for clip in clips if clip.subject not in HELD_OUT], held

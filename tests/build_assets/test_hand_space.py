@@ -1,0 +1,224 @@
+"""The hand space: its angles against the body's own kinematics, how it is learnt, and what twelve components reach."""
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial.transform import Rotation
+
+from build_assets.free_body.hand.hand_space import (
+    _best_span,
+    hand_of,
+    left_hand_basis,
+    main,
+    position_metric,
+    postures,
+    read_hand_space,
+)
+from build_assets.free_body.hand.recordings import aligned, joint_angles, read_recording
+from fitting_core import keypoints as kp
+from fitting_core.body.files.reading import load_body
+from fitting_core.body.geometry import unit
+from fitting_core.body.hand_skeleton import FINGERS, HandSkeleton, axis_angle_of
+from fitting_core.body.model import BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.body.points.positions import keypoints_in_space
+from fitting_core.errors import InputError
+from fitting_core.shipped import FREE_FOLDER
+from fitting_core.synthetic.acting.handshapes import HANDSHAPES
+from tests.samples.hand_spaces import named_shapes, nearest
+
+_OURS = [("thumb", "index", "middle", "ring", "pinky").index(finger) for finger in FINGERS]
+RECORDINGS = (
+    Path(os.environ.get("TCFIT_SHARED_DATA", Path(__file__).parents[3] / "shared" / "data")) / "mocap/leap_hands/npz"
+)
+
+
+@pytest.fixture(scope="module")
+def body() -> BodyModel:
+    return load_body(FREE_FOLDER / "SMPLX_NEUTRAL.npz")
+
+
+@pytest.fixture(scope="module")
+def hand(body: BodyModel) -> HandSkeleton:
+    return hand_of(body)
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> Iterator[None]:
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
+def posed(hand: HandSkeleton, angles: np.ndarray) -> np.ndarray:
+    return hand.pose(torch.as_tensor(angles).view(-1, 5, 3, 3)).numpy()
+
+
+def drawn(count: int) -> np.ndarray:
+    return postures(count, np.random.default_rng(3))
+
+
+def test_a_posed_skeleton_is_the_posed_body(body: BodyModel, hand: HandSkeleton) -> None:
+    angles = drawn(6)
+    axis_angle = torch.as_tensor(axis_angle_of(angles, hand.axes) - body.hand_mean[0])
+    params = BodyParams.neutral(6, hand_components=45)
+    keypoints, _ = keypoints_in_space(body, BodyParams(**{**vars(params), "left_hand_pose": axis_angle}))
+    fingers = (keypoints[:, kp.LEFT_HAND][:, 1:] - keypoints[:, kp.LEFT_HAND.start, None]).reshape(6, 5, 4, 3)
+    apart = np.linalg.norm(fingers[:, _OURS] - posed(hand, angles), axis=-1)
+    assert apart[:, :, :3].max() < 1e-9
+    assert apart[:, :, 3].max() < 4e-3, "tips are skin: correctives and blending move them a little"
+
+
+def test_positive_angles_flex_and_spread(hand: HandSkeleton) -> None:
+    def moved(axis: int) -> np.ndarray:
+        angles = np.zeros((5, 3, 3))
+        angles[:, 0, axis] = 0.3
+        return posed(hand, angles)[0][:, 3] - hand.points[:, 3]
+
+    assert (moved(0)[:4, 1] < -0.01).all(), "flexing takes fingertips down, to where the palm faces"
+    assert moved(0)[FINGERS.index("thumb"), 2] < -0.01, "and the thumb's across the palm"
+    assert (moved(1)[:4, 2] < -0.01).all(), "spreading takes fingers away from the thumb"
+
+
+def test_turning_angles_to_the_bodys_axes_keeps_lengths(hand: HandSkeleton) -> None:
+    assert np.allclose(axis_angle_of(np.eye(45), hand.axes) @ axis_angle_of(np.eye(45), hand.axes).T, np.eye(45))
+
+
+def test_joint_angles_are_found_from_directions(hand: HandSkeleton) -> None:
+    angles = drawn(40)
+    bones = unit(np.diff(posed(hand, angles), axis=2))
+    found = joint_angles(bones, hand)
+    assert len(found) == 40
+    again = unit(np.diff(posed(hand, found), axis=2))
+    assert np.degrees(np.arccos(np.clip((again * bones).sum(-1), -1, 1))).max() < 3
+    flexion = (slice(None), slice(0, 4), slice(None), 0)
+    off = found.reshape(-1, 5, 3, 3)[flexion] - angles.reshape(-1, 5, 3, 3)[flexion]
+    assert np.degrees(np.abs(off)).max() < 5
+
+
+def test_directions_that_no_hand_has_are_left_out(hand: HandSkeleton) -> None:
+    bones = np.tile(unit(np.diff(hand.points, axis=1)), (2, 1, 1, 1))
+    bones[1, 1, 2] = [0, 0, 1]  # a middle finger's tip that points at the thumb
+    assert len(joint_angles(bones, hand)) == 1
+
+
+def _write_recording(path: Path, hand: HandSkeleton, turn: Rotation, *, right: bool) -> None:
+    """The rest pose seen by a sensor, as the left or the right hand; the second of two frames is not confident."""
+    mirror = np.array([1, 1, -1.0 if right else 1.0])
+    points = turn.apply((1000 * hand.points * mirror).reshape(-1, 3)).reshape(5, 4, 3)
+    palm = turn.apply([[0.0, 0, 0], [0, -1, 0], [1, 0, 0]])
+    order = np.argsort(_OURS)  # from ours to the sensor's
+    np.savez(
+        path,
+        joints_mm=np.tile(points[order], (2, 1, 1, 1)),
+        palm_pos_normal_dir=np.tile(palm, (2, 1, 1)),
+        is_right=np.full(2, right),
+        confidence=np.array([0.9, 0.1]),
+    )
+
+
+@pytest.mark.parametrize("right", [False, True])
+def test_recordings_become_left_hands(tmp_path: Path, hand: HandSkeleton, right: bool) -> None:
+    _write_recording(tmp_path / "one.npz", hand, Rotation.from_rotvec([0.4, -1.0, 0.7]), right=right)
+    recording = read_recording(tmp_path / "one.npz")
+    assert recording.directions.shape == (1, 5, 3, 3)
+    assert np.allclose(recording.directions[0], unit(np.diff(hand.points, axis=1)), atol=1e-6)
+
+
+def test_palms_are_aligned_by_middle_fingers(tmp_path: Path, hand: HandSkeleton) -> None:
+    _write_recording(tmp_path / "one.npz", hand, Rotation.identity(), right=False)
+    straight = read_recording(tmp_path / "one.npz")
+    turn = Rotation.from_euler("y", 9, degrees=True).as_matrix()
+    turned = type(straight)(name="turned", directions=straight.directions @ turn.T)
+    assert np.allclose(aligned([turned])[0].directions, aligned([straight])[0].directions, atol=1e-9)
+    assert aligned([turned])[0].directions[0, FINGERS.index("middle"), 0, 2] == pytest.approx(0)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"nonsense", "is no hand recording"),
+        ({"joints_mm": np.zeros((2, 5, 4, 3))}, "is no hand recording"),
+        (
+            dict(joints_mm=np.zeros((2, 4, 3)), palm_pos_normal_dir=np.zeros((2, 3, 3)), is_right=0, confidence=0),
+            r"shape \(2, 4, 3\), expected \(frames, 5, 4, 3\)",
+        ),
+    ],
+)
+def test_broken_recordings_are_named(tmp_path: Path, content: bytes | dict, message: str) -> None:
+    path = tmp_path / "broken.npz"
+    if isinstance(content, bytes):
+        path.write_bytes(content)
+    else:
+        np.savez(path, **content)
+    with pytest.raises(InputError, match=message) as error:
+        read_recording(path)
+    assert str(path) in str(error.value)
+
+
+def test_the_command_names_a_folder_without_recordings(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([str(tmp_path), "--out", str(tmp_path / "space.npz")]) == 2
+    assert "holds no .npz files" in capsys.readouterr().err
+    assert not (tmp_path / "space.npz").exists()
+
+
+def test_the_best_span_is_found_under_each_samples_own_metric() -> None:
+    random = np.random.default_rng(0)
+    basis = np.linalg.qr(random.normal(size=(45, 3)))[0].T
+    inside = random.normal(size=(200, 3)) @ basis
+    blind = np.abs(random.normal(size=(200, 45, 1)))
+    blind[np.arange(200), np.arange(200) % 45] = 0  # each sample's metric does not see one angle ...
+    metric = blind * np.eye(45)
+    samples = inside.copy()
+    samples[np.arange(200), np.arange(200) % 45] += 5 * random.normal(size=200)  # ... in which it is far off
+    rows, coefficients = _best_span(samples, np.full(200, 1 / 200), metric, 3)
+    assert np.allclose(rows @ rows.T, np.eye(3))
+    assert np.linalg.norm(basis - basis @ rows.T @ rows) < 1e-3
+    assert np.abs(coefficients @ rows - inside).max() < 1e-2
+
+
+def test_the_metric_is_how_far_joints_move(hand: HandSkeleton) -> None:
+    angles, step = drawn(1), 1e-6 * np.random.default_rng(1).normal(size=45)
+    moved = np.linalg.norm(posed(hand, angles + step) - posed(hand, angles - step)) / 2
+    assert step @ position_metric(hand, angles)[0] @ step == pytest.approx(moved**2, rel=1e-5)
+
+
+def test_the_shipped_space_is_complete_and_in_the_bodies(body: BodyModel) -> None:
+    space = read_hand_space()
+    assert np.allclose(space.components @ space.components.T, np.eye(45), atol=1e-5)
+    basis = left_hand_basis(body.joint_regressor @ body.template, space)
+    for side, own in enumerate((basis, basis.mirrored())):
+        assert np.allclose(body.hand_components[side], own.components, atol=1e-4)
+        assert np.allclose(body.hand_mean[side], own.mean, atol=1e-4)
+
+
+def test_twelve_components_reach_handshapes(hand: HandSkeleton) -> None:
+    space = read_hand_space()
+    errors = nearest(hand, named_shapes(hand), (space.mean, space.components), 12)[:, :, 3].mean(1)
+    by_name = dict(zip(HANDSHAPES, errors, strict=True))
+    assert errors.mean() < 1.7 and errors.max() < 4
+    for name in ("fist", "flat", "point", "pinch", "spread", "victory"):
+        assert by_name[name] < 2.5, name
+
+
+def test_twelve_components_reach_every_combination_of_fingers(hand: HandSkeleton) -> None:
+    """On postures like those of the training, drawn anew; a random space of twelve is five times as far."""
+    space, angles = read_hand_space(), drawn(60)
+    errors = nearest(hand, angles, (space.mean, space.components), 12)[:, :, 3].mean(1)
+    assert errors.mean() < 3
+    random = np.linalg.qr(np.random.default_rng(0).normal(size=(45, 45)))[0]
+    assert nearest(hand, angles[:10], (space.mean, random), 12)[:, :, 3].mean() > 5 * errors.mean()
+
+
+@pytest.mark.skipif(not RECORDINGS.is_dir(), reason="the hand recordings are not here: set TCFIT_SHARED_DATA")
+def test_recorded_hands_are_reached(hand: HandSkeleton) -> None:
+    recording = aligned([read_recording(RECORDINGS / "gun.npz"), read_recording(RECORDINGS / "grab.npz")])[0]
+    angles = joint_angles(recording.directions, hand)
+    assert len(angles) > 0.9 * len(recording.directions) > 50
+    space = read_hand_space()
+    assert nearest(hand, angles[::4], (space.mean, space.components), 12)[:, :, 3].mean() < 3

@@ -1,0 +1,161 @@
+"""Readers of motion capture against poses whose geometry is known."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from build_assets.motion_capture.mocap import read_motions
+from build_assets.motion_capture.skeleton import SourceMotion
+from fitting_core.errors import InputError
+from tests.build_assets.captured import (
+    CMU_JOINTS,
+    cmu_channels,
+    deepmimic_frames,
+    euler,
+    random_deepmimic,
+    write_cmu,
+    write_deepmimic,
+)
+
+
+def only(folder: Path) -> SourceMotion:
+    (motion,) = read_motions(folder)
+    return motion
+
+
+def test_a_cmu_clip_at_rest_stands_on_its_offsets(tmp_path: Path):
+    motion = only(write_cmu(tmp_path, {"07_01": cmu_channels(frames=4)}))
+    assert (motion.name, motion.subject, motion.source, motion.fps) == ("07_01", "cmu07", "cmu", 30.0)
+    assert motion.description == "made up, for a test"
+    assert len(motion) == 3, "the first frame is the figure's own T-pose"
+    expected, joint = np.zeros(3), "lHand"
+    while joint is not None:
+        parent, offset = CMU_JOINTS[joint]
+        expected, joint = expected + np.array(offset) / 100, parent
+    hand = motion.positions[0, motion.skeleton.index("lHand")]
+    np.testing.assert_allclose(hand, expected, atol=1e-12)
+    np.testing.assert_array_equal(motion.rotations, np.broadcast_to(np.eye(3), motion.rotations.shape))
+
+
+def test_cmu_channels_turn_in_their_order(tmp_path: Path):
+    """BVH: the first channel is the outermost, and the root has another order than the other joints."""
+    channels = cmu_channels({"hip": (30, 40, 50), "lShldr": (10, 20, 70)})
+    channels[:, :3] = [100, 200, 300]
+    motion = only(write_cmu(tmp_path, {"07_01": channels}))
+    z, y, x = (Rotation.from_euler(axis, a, degrees=True).as_matrix() for axis, a in (("z", 30), ("y", 40), ("x", 50)))
+    np.testing.assert_allclose(motion.world("hip")[0], z @ y @ x, atol=1e-12)
+    local = [Rotation.from_euler(axis, a, degrees=True).as_matrix() for axis, a in (("z", 10), ("x", 20), ("y", 70))]
+    np.testing.assert_allclose(motion.world("lForeArm")[0], z @ y @ x @ np.linalg.multi_dot(local), atol=1e-12)
+    np.testing.assert_allclose(motion.positions[0, 0], [1, 2, 3], atol=1e-12)
+
+
+@pytest.mark.parametrize("side, sign", [("left", 1), ("right", -1)])
+def test_a_deepmimic_figure_bends_its_limbs_as_people_do(tmp_path: Path, side: str, sign: int):
+    frames = deepmimic_frames({f"{side}_knee": [-1.2], f"{side}_elbow": [1.2]})
+    motion = only(write_deepmimic(tmp_path, {"sit": frames}))
+    at = {name: motion.positions[0, i] for i, name in enumerate(motion.skeleton.joints)}
+    assert at[f"{side}_hip"][0] * sign > 0.05, "the left is at +x"
+    assert at["neck"][1] > at["chest"][1] > at["root"][1]
+    assert at[f"{side}_ankle"][2] < at[f"{side}_knee"][2] - 0.3, "shanks fold backward"
+    assert at[f"{side}_wrist"][2] > at[f"{side}_elbow"][2] + 0.2, "forearms fold forward"
+
+
+def test_a_deepmimic_figure_walks_towards_positive_z(tmp_path: Path):
+    """Its axes: x forward, y up, z to the right."""
+    frames = deepmimic_frames()
+    frames[:, 1:4] = [[0, 1, 0], [1, 1, 0], [1, 1, 1]]
+    motion = only(write_deepmimic(tmp_path, {"walk": frames}))
+    np.testing.assert_allclose(motion.positions[:, 0], [[0, 1, 0], [0, 1, 1], [-1, 1, 1]], atol=1e-12)
+    assert motion.fps == pytest.approx(30)
+
+
+def test_bones_keep_their_lengths(tmp_path: Path):
+    motion = only(write_deepmimic(tmp_path, {"any": random_deepmimic(np.random.default_rng(0), 20)}))
+    skeleton = motion.skeleton
+    for joint, parent in enumerate(skeleton.parents[1:], 1):
+        length = np.linalg.norm(motion.positions[:, joint] - motion.positions[:, parent], axis=1)
+        np.testing.assert_allclose(length, np.linalg.norm(skeleton.offsets[joint]), atol=1e-9)
+
+
+def test_both_sources_are_read_from_one_folder(tmp_path: Path):
+    write_cmu(tmp_path, {"07_01": cmu_channels(), "08_01": cmu_channels()})
+    write_deepmimic(tmp_path, {"walk": deepmimic_frames()})
+    assert [motion.name for motion in read_motions(tmp_path)] == ["07_01", "08_01", "walk"]
+    assert [motion.source for motion in read_motions(tmp_path)] == ["cmu", "cmu", "deepmimic"]
+
+
+def test_a_folder_without_motion_capture_is_refused(tmp_path: Path):
+    with pytest.raises(InputError, match="holds no motion capture"):
+        list(read_motions(tmp_path / "missing"))
+    (tmp_path / "deepmimic").mkdir()
+    with pytest.raises(InputError, match="humanoid3d_walk"):
+        list(read_motions(tmp_path))
+
+
+@pytest.mark.parametrize("file", ["skeleton.json", "manifest.csv", "clips/07_01.npz"])
+def test_a_missing_or_broken_cmu_file_is_named(tmp_path: Path, file: str):
+    write_cmu(tmp_path, {"07_01": cmu_channels()})
+    (tmp_path / "cmu" / file).write_bytes(b"\xff\xfe nonsense")
+    with pytest.raises(InputError, match=Path(file).name):
+        list(read_motions(tmp_path))
+    (tmp_path / "cmu" / file).unlink()
+    with pytest.raises(InputError):
+        list(read_motions(tmp_path))
+
+
+@pytest.mark.parametrize("change", [{"parents": [3, 4]}, {"channels": [["Wrotation"]] * 21}, {"joint_names": None}])
+def test_a_skeleton_that_is_no_tree_is_refused(tmp_path: Path, change: dict):
+    write_cmu(tmp_path, {"07_01": cmu_channels()})
+    path = tmp_path / "cmu" / "skeleton.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | change))
+    with pytest.raises(InputError, match=r"skeleton\.json"):
+        list(read_motions(tmp_path))
+
+
+def test_a_joint_that_is_missing_is_named(tmp_path: Path):
+    with pytest.raises(InputError, match="no joint lTail"):
+        only(write_cmu(tmp_path, {"07_01": cmu_channels()})).world("lTail")
+
+
+def test_cmu_clips_of_another_skeleton_are_refused(tmp_path: Path):
+    channels = cmu_channels()
+    write_cmu(tmp_path / "a", {"07_01": channels[:, :-3]})
+    with pytest.raises(InputError, match=r"has channels \(3, \d+\)"):
+        list(read_motions(tmp_path / "a"))
+    channels[1, 7] = np.nan
+    write_cmu(tmp_path / "b", {"07_01": channels})
+    with pytest.raises(InputError, match="not finite"):
+        list(read_motions(tmp_path / "b"))
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "no json",
+        json.dumps([1, 2]),
+        json.dumps({"Frames": [[0.0] * 43]}),
+        json.dumps({"Frames": [[0.0] * 44, [0.0] * 3]}),
+        json.dumps({"Frames": []}),
+        json.dumps({"Frames": [[0.0] * 44]}),
+    ],
+)
+def test_broken_deepmimic_files_are_refused(tmp_path: Path, content: str):
+    write_deepmimic(tmp_path, {"walk": deepmimic_frames()})
+    (tmp_path / "deepmimic" / "humanoid3d_walk.txt").write_text(content)
+    with pytest.raises(InputError, match="humanoid3d_walk"):
+        list(read_motions(tmp_path))
+
+
+def test_a_quaternion_of_zero_is_refused(tmp_path: Path):
+    write_deepmimic(tmp_path, {"walk": deepmimic_frames({"left_hip": [0.0, 0.0, 0.0, 0.0]})})
+    with pytest.raises(InputError, match="quaternion"):
+        list(read_motions(tmp_path))
+
+
+def test_euler_of_the_test_data_is_the_readers(tmp_path: Path):
+    turn = Rotation.from_rotvec([0.3, -0.5, 0.9])
+    motion = only(write_cmu(tmp_path, {"07_01": cmu_channels({"lShldr": euler(turn)})}))
+    np.testing.assert_allclose(motion.world("lShldr")[0], turn.as_matrix(), atol=1e-12)

@@ -1,0 +1,261 @@
+"""Retargeting: what must be as in the source, what must be as in the body, and what must be left out."""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from jaxtyping import Float
+from scipy.spatial.transform import Rotation
+
+from build_assets.motion_capture.mocap import read_motions
+from build_assets.motion_capture.plausible import plausible
+from build_assets.motion_capture.retarget import collar_rotation, load, mirrored, retarget
+from build_assets.motion_capture.rigs import RIGS, SIDES
+from build_assets.motion_capture.skeleton import SourceMotion
+from fitting_core.body.mesh import Mesh
+from fitting_core.body.model import JOINT, BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.errors import InputError
+from tests.build_assets.captured import (
+    cmu_channels,
+    deepmimic_frames,
+    euler,
+    random_deepmimic,
+    write_cmu,
+    write_deepmimic,
+)
+
+SIGNS = list(SIDES.items())
+CMU_HINGE = np.array(RIGS["cmu"].arm.hinge) / np.linalg.norm(RIGS["cmu"].arm.hinge)
+
+
+def joint(pose: Float[np.ndarray, "T 63"], name: str) -> Float[np.ndarray, "T 3"]:
+    return pose.reshape(len(pose), 21, 3)[:, JOINT[name] - 1]
+
+
+def posed(body: BodyModel, pose: np.ndarray, root: np.ndarray | None = None) -> Float[np.ndarray, "T 55 3"]:
+    params = vars(BodyParams.neutral(len(pose)))
+    orient = np.zeros((len(pose), 3)) if root is None else Rotation.from_matrix(root).as_rotvec()
+    params |= {"body_pose": torch.as_tensor(pose), "global_orient": torch.as_tensor(orient)}
+    return Mesh(body, dtype=torch.float64).joints(BodyParams(**params)).numpy()
+
+
+def direction(points: np.ndarray, start: int, end: int) -> np.ndarray:
+    bone = points[:, end] - points[:, start]
+    return bone / np.linalg.norm(bone, axis=1, keepdims=True)
+
+
+@pytest.fixture
+def random_motion(tmp_path: Path) -> SourceMotion:
+    (motion,) = read_motions(write_deepmimic(tmp_path, {"any": random_deepmimic(np.random.default_rng(1), 40)}))
+    return motion
+
+
+@pytest.mark.parametrize("side", SIDES)
+def test_arms_and_thighs_point_where_the_source_points(free_body: BodyModel, random_motion: SourceMotion, side: str):
+    """Whatever the collars do: the whole chain, through spine and collar, ends in the source's directions."""
+    body = posed(free_body, retarget(random_motion), random_motion.world("root"))
+    index = random_motion.skeleton.index
+    for bone, largest in ((("shoulder", "elbow"), 0.3), (("elbow", "wrist"), 0.3), (("hip", "knee"), 0.5)):
+        ours = direction(body, *(JOINT[f"{side}_{name}"] for name in bone))
+        theirs = direction(random_motion.positions, *(index(f"{side}_{name}") for name in bone))
+        angle = np.degrees(np.arccos(np.clip((ours * theirs).sum(1), -1, 1)))
+        assert angle.max() < largest, bone
+
+
+@pytest.mark.parametrize("side, sign", SIGNS)
+def test_hinges_bend_about_their_own_axes_alone(random_motion: SourceMotion, side: str, sign: float):
+    pose = retarget(random_motion)
+    elbow, knee = joint(pose, f"{side}_elbow"), joint(pose, f"{side}_knee")
+    assert (elbow[:, 1] * sign < -0.09).all() and (knee[:, 0] > 0.09).all()
+    assert abs(elbow[:, [0, 2]]).max() < 1e-9 and abs(knee[:, 1:]).max() < 1e-9
+
+
+def test_head_chest_and_feet_turn_as_in_the_source(random_motion: SourceMotion):
+    pose = Rotation.from_rotvec(retarget(random_motion).reshape(-1, 3)).as_matrix().reshape(-1, 21, 3, 3)
+    local = dict(zip(list(JOINT)[1:22], np.moveaxis(pose, 1, 0), strict=True))
+    chest = random_motion.world("root") @ local["spine1"] @ local["spine2"] @ local["spine3"]
+    foot = random_motion.world("root") @ local["left_hip"] @ local["left_knee"] @ local["left_ankle"]
+    np.testing.assert_allclose(chest, random_motion.world("chest"), atol=1e-9)
+    np.testing.assert_allclose(chest @ local["neck"] @ local["head"], random_motion.world("neck"), atol=1e-9)
+    np.testing.assert_allclose(foot, random_motion.world("left_ankle"), atol=1e-9)
+
+
+def test_a_mirrored_source_gives_the_mirrored_pose(random_motion: SourceMotion):
+    names = random_motion.skeleton.joints
+    swapped = [n.replace("left", "R").replace("right", "left").replace("R", "right") for n in names]
+    order, flip = [names.index(n) for n in swapped], np.diag([-1.0, 1.0, 1.0])
+    image = SourceMotion(
+        **{
+            **vars(random_motion),
+            "rotations": flip @ random_motion.rotations[:, order] @ flip,
+            "positions": random_motion.positions[:, order] @ flip,
+        }
+    )
+    np.testing.assert_allclose(retarget(image), mirrored(retarget(random_motion)), atol=1e-9)
+
+
+def test_mirrored_poses_are_mirror_images(free_body: BodyModel):
+    pose = np.random.default_rng(2).normal(0, 0.4, (5, 63))
+    ours, image = posed(free_body, pose), posed(free_body, mirrored(pose))
+    left, right = (JOINT[f"{side}_wrist"] for side in SIDES)
+    # The free body's joints are symmetric to a millimetre.
+    np.testing.assert_allclose(image[:, left], ours[:, right] * [-1, 1, 1], atol=4e-3)
+    np.testing.assert_allclose(image[:, JOINT["head"]], ours[:, JOINT["head"]] * [-1, 1, 1], atol=4e-3)
+    np.testing.assert_array_equal(mirrored(mirrored(pose)), pose)
+    assert abs(mirrored(pose) - pose).max() > 0.1
+
+
+@pytest.mark.parametrize("side, sign", SIGNS)
+def test_the_scapula_takes_a_third_beyond_thirty_degrees(side: str, sign: float):
+    elevation = np.radians([0.0, 60.0, 90.0, 120.0, 180.0])
+    arm = np.stack([sign * np.sin(elevation), -np.cos(elevation), np.zeros(5)], -1)
+    lift = sign * np.degrees(Rotation.from_matrix(collar_rotation(arm, side)).as_rotvec()[:, 2])
+    assert lift[3] - lift[1] == pytest.approx(20, abs=0.2)
+    np.testing.assert_allclose(lift[[0, 2, 4]], [-20, 0, 30], atol=0.2)
+
+
+@pytest.mark.parametrize("side, sign", SIGNS)
+def test_reaching_forward_and_across_protracts(side: str, sign: float):
+    arm = np.array([[0, 0, 1], [-sign * 0.6, 0, 0.8], [sign * 0.6, 0, -0.8]])
+    shoulder = collar_rotation(arm, side) @ [sign, 0, 0]
+    assert (shoulder[:2, 2] > 0.19).all() and shoulder[2, 2] < -0.1
+
+
+def test_the_t_pose_stays_one(tmp_path: Path):
+    (motion,) = read_motions(write_cmu(tmp_path, {"07_01": cmu_channels()}))
+    pose = retarget(motion)
+    # Upper arms and thighs of the two figures rest up to 4 degrees apart, arms and hands are rolled against each other.
+    for name in ("spine2", "head", "left_knee", "right_knee", "left_ankle", "right_ankle", "left_hip", "left_collar"):
+        assert np.degrees(np.linalg.norm(joint(pose, name), axis=1)).max() < 4, name
+    hand = np.eye(3)
+    for name in ("left_collar", "left_shoulder", "left_elbow", "left_wrist"):
+        hand = hand @ Rotation.from_rotvec(joint(pose, name)[0]).as_matrix()
+    assert np.degrees(Rotation.from_matrix(hand).magnitude()) < 5, "the palm faces down"
+
+
+@pytest.mark.parametrize("bend", [70.0, -70.0])
+def test_cmu_elbows_bend_forward_even_where_the_clip_bends_them_backward(tmp_path: Path, bend: float):
+    turn = Rotation.from_rotvec(np.radians(bend) * CMU_HINGE)
+    (motion,) = read_motions(write_cmu(tmp_path, {"13_18": cmu_channels({"lForeArm": euler(turn)})}))
+    pose = retarget(motion)
+    elbow = Rotation.from_rotvec(joint(pose, "left_elbow")[0])
+    untwisted = elbow * Rotation.from_euler("x", 15, degrees=True).inv()
+    np.testing.assert_allclose(np.degrees(untwisted.as_rotvec()), [0, -70, 0], atol=1e-6)
+
+
+def test_pronation_is_shared_by_elbow_and_wrist(tmp_path: Path):
+    turn = euler(Rotation.from_euler("x", 40, degrees=True))
+    (motion,) = read_motions(write_cmu(tmp_path, {"07_01": cmu_channels({"lHand": turn, "rHand": turn})}))
+    pose = retarget(motion)
+    for side in SIDES:
+        expected = [(RIGS["cmu"].pronation + 40) / 2, 0, 0]
+        for name in ("elbow", "wrist"):
+            np.testing.assert_allclose(np.degrees(joint(pose, f"{side}_{name}")[0]), expected, atol=1e-6)
+
+
+def crouching(*knees: float) -> np.ndarray:
+    """CMU channels with both knees bent by these degrees, frame by frame, after the figure's T-pose."""
+    return np.concatenate([cmu_channels(frames=1)] + [cmu_channels({"lShin": (0, k, 0)}, 1) for k in knees])
+
+
+def test_legs_too_long_are_straightened(tmp_path: Path):
+    standing = [24.0, 26.0, 90.0]
+    (motion,) = read_motions(write_cmu(tmp_path, {"13_26": crouching(*standing)}))
+    pose = retarget(motion)
+    knee = np.degrees(joint(pose, "left_knee")[:, 0])
+    assert knee[0] < 14 and (knee < standing).all() and knee[2] > 83
+    # The ankle stays in its direction from the hip: the hip takes the shank's part back.
+    hip = Rotation.from_rotvec(joint(pose, "left_hip"))
+    upper, lower = 36.8, np.hypot(45.1, 5.1)
+    line = hip.apply([0, -upper, 0]) + (hip * Rotation.from_euler("x", knee[:, None], degrees=True)).apply(
+        [0, -lower, 0]
+    )
+    bent = np.radians(standing)
+    np.testing.assert_allclose(
+        np.degrees(np.arctan2(-line[:, 2], -line[:, 1])),
+        np.degrees(np.arctan2(lower * np.sin(bent), upper + lower * np.cos(bent))),
+        atol=1.5,
+    )
+
+
+def test_legs_that_reach_stay_as_they_are(tmp_path: Path):
+    (motion,) = read_motions(write_cmu(tmp_path, {"13_09": crouching(*[4.0] * 10, 60.0)}))
+    np.testing.assert_allclose(np.degrees(joint(retarget(motion), "left_knee")[[0, -1], 0]), [4, 60], atol=1e-6)
+
+
+def still(frames: int = 6) -> Float[np.ndarray, "T 63"]:
+    pose = np.zeros((frames, 63))
+    for side, sign in SIGNS:
+        joint(pose, f"{side}_shoulder")[:] = [0, 0, -1.1 * sign]
+        joint(pose, f"{side}_elbow")[:] = [0, -0.6 * sign, 0]
+    return pose
+
+
+def test_a_quiet_clip_is_kept_whole():
+    assert plausible(still(), 30).all()
+    assert plausible(still(1), 30).all()
+
+
+@pytest.mark.parametrize(
+    "name, rotation",
+    [
+        ("left_elbow", [0, 0.5, 0]),
+        ("right_elbow", [0, -0.5, 0]),
+        ("left_knee", [-0.4, 0, 0]),
+        ("left_wrist", [1.0, 0, 0]),
+        ("right_ankle", [0, 1.4, 0]),
+        ("left_shoulder", [2.5, 0, 0]),
+        ("spine1", [0.7, 0, 0]),
+    ],
+)
+def test_what_no_body_can_do_is_dropped(name: str, rotation: list[float]):
+    pose = still()
+    joint(pose, name)[:] = rotation
+    assert not plausible(pose, 30).any()
+    assert not plausible(mirrored(pose), 30).any()
+
+
+def test_frames_beside_a_jump_are_dropped():
+    pose = still()
+    joint(pose, "left_hip")[3:] = [-1.3, 0, 0]
+    assert plausible(pose, 30).tolist() == [True, True, False, False, True, True]
+    assert plausible(pose, 10).all(), "in a tenth of a second a leg gets there"
+
+
+def test_load_leaves_out_what_is_wrong_or_there_twice(tmp_path: Path):
+    good, twisted = deepmimic_frames(frames=5), deepmimic_frames({"left_ankle": [0, 0, 1, 0]}, frames=5)
+    write_deepmimic(tmp_path, {"a": good, "b": good, "c": twisted, "d": np.concatenate([good, twisted[:1]])})
+    clips = load(tmp_path)
+    assert [(clip.name, len(clip.body_pose), clip.dropped) for clip in clips] == [("a", 5, 0), ("d", 4, 2)]
+    assert clips[0].body_pose.dtype == np.float64
+    write_deepmimic(tmp_path / "bad", {"c": twisted})
+    with pytest.raises(InputError, match="none of its frames"):
+        load(tmp_path / "bad")
+
+
+def test_real_motion_capture(shared_data: Path, tmp_path: Path):
+    """A walk, boxing with backward elbows, and floor poses: elbows bend forward, hinges alone, nothing turns wildly."""
+    source = shared_data / "mocap"
+    if not source.is_dir():
+        pytest.skip(f"there is no motion capture at {source}")
+    for file in ("skeleton.json", "manifest.csv", "clips/07_01.npz", "clips/13_18.npz"):
+        (tmp_path / "cmu" / file).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(source / "cmu" / file, tmp_path / "cmu" / file)
+    (tmp_path / "deepmimic").mkdir()
+    shutil.copy(source / "deepmimic" / "humanoid3d_crawl.txt", tmp_path / "deepmimic")
+    clips = {clip.name: clip for clip in load(tmp_path)}
+    assert set(clips) == {"07_01", "13_18", "crawl"}
+    assert len(clips["07_01"].body_pose) == 79 and clips["07_01"].dropped == 0
+    for clip in clips.values():
+        assert np.isfinite(clip.body_pose).all() and len(clip.body_pose) > 70
+        for side, sign in SIGNS:
+            assert np.median(joint(clip.body_pose, f"{side}_elbow")[:, 1]) * sign < -0.2
+            assert np.median(joint(clip.body_pose, f"{side}_knee")[:, 0]) > 0.1
+    walk = clips["07_01"].body_pose
+    # A walker's arms hang; his thighs swing against each other.
+    arm = Rotation.from_rotvec(joint(walk, "left_collar")) * Rotation.from_rotvec(joint(walk, "left_shoulder"))
+    assert arm.apply([1, 0, 0])[:, 1].max() < -0.8
+    assert np.corrcoef(joint(walk, "left_hip")[:, 0], joint(walk, "right_hip")[:, 0])[0, 1] < -0.5
