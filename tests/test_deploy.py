@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from fitting_core.fit.fused.jit import FOLDER_VARIABLE
+from fitting_core.fit.compiled.jit import FOLDER_VARIABLE
 from fitting_core.io.people_file import PEOPLE_NAME
 from tcfit_app.cli.main import parse
 from tcfit_app.server.gate import Entry

@@ -25,12 +25,17 @@ def axis_angle(vector: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3 3"]
 def shortest_rotation(
     source: Float[np.ndarray, "*n 3"], target: Float[np.ndarray, "*n 3"]
 ) -> Float[np.ndarray, "*n 3 3"]:
-    """The rotations by the smallest angle that turn directions to others (not to their opposites)."""
-    source, target = unit(source), unit(target)
+    """The rotations by the smallest angle from directions to others.
+
+    To the opposite direction that is half a turn about any axis across; none where a vector has no length.
+    """
+    source, target = (v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-12) for v in (source, target))
     axis = np.cross(source, target)
-    sine = np.linalg.norm(axis, axis=-1, keepdims=True)
-    angle = np.arctan2(sine, (source * target).sum(-1, keepdims=True))
-    return axis_angle(np.where(sine > 1e-12, axis / np.maximum(sine, 1e-12), 0.0) * angle)
+    sine, cosine = np.linalg.norm(axis, axis=-1, keepdims=True), (source * target).sum(-1, keepdims=True)
+    across = np.cross(source, np.where(abs(source[..., :1]) < 0.6, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
+    axis = np.where((sine < 1e-9) & (cosine < 0), across, axis)
+    axis = axis / np.maximum(np.linalg.norm(axis, axis=-1, keepdims=True), 1e-12)
+    return axis_angle(np.arctan2(sine, cosine) * axis)
 
 
 def twist(rotations: Rotation, axis: Float[np.ndarray, "3"]) -> Float[np.ndarray, "n"]:

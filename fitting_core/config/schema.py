@@ -3,53 +3,10 @@
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from fitting_core.config.weights import SMPLIFYX, TCFIT, Weights
+
 POSE_PRIORS = ("axis_angle", "relaxed", "tcfit", "vposer")
 """Names of pose priors; `priors.pose.PRIORS` says what they are."""
-Five = tuple[float, float, float, float, float]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Weights:
-    """Weights by stage 1 to 5. A term's coefficient is the square of its weight; 0 switches it off.
-
-    The defaults are the paper's table (METHOD: "The per-frame objective").
-    """
-
-    body_pose: Five = (404.0, 404.0, 57.4, 4.78, 4.78)
-    """Body pose prior."""
-    hand_pose: Five = (404.0, 404.0, 57.4, 4.78, 4.78)
-    """L2 of the hand components."""
-    shape: Five = (100.0, 50.0, 10.0, 5.0, 5.0)
-    """L2 of betas; in phase 2 of the shared betas too."""
-    expression: Five = (100.0, 50.0, 10.0, 5.0, 5.0)
-    """L2 of the expression."""
-    jaw_open: Five = (63.6, 63.6, 24.0, 6.9, 6.9)
-    """Jaw about its x axis."""
-    jaw_sideways: Five = (201.0, 201.0, 75.7, 21.9, 21.9)
-    """Jaw about its y and z axes."""
-    bending: Five = (35.8, 35.8, 13.5, 3.9, 3.9)
-    """Exponential penalty on elbows and knees that bend the wrong way."""
-    collision: Five = (0.0, 0.0, 0.0, 0.1, 1.0)
-    """Self-intersection of the mesh."""
-    lean: Five = (0.0, 0.0, 0.0, 0.0, 0.0)
-    """Lean of the root against the image's vertical, where no leg is seen (beyond the paper)."""
-    turn: Five = (0.0, 0.0, 0.0, 0.0, 0.0)
-    """Turn of the root away from the camera, where no leg is seen (beyond the paper)."""
-    rest: Five = (0.0, 0.0, 0.0, 0.0, 0.0)
-    """Distance of joints that nothing in the image turns from the prior's neutral pose (beyond the paper)."""
-    limits: Five = (0.0, 0.0, 0.0, 0.0, 0.0)
-    """Joints of body and fingers beyond their anatomical range, per radian (beyond the paper)."""
-    relative_position: Five = (0.0, 0.0, 0.0, 0.0, 0.0)
-    """Depth of body keypoints, and the whole place of those that are not detected, relative to the pelvis against what
-    the lifter says, per standard deviation (beyond the paper)."""
-    held_position: Five = (0.0, 0.0, 0.0, 0.0, 0.0)
-    """Feet that stand, in phase 3, against the place where they do, per standard deviation (beyond the paper)."""
-    body_keypoints: Five = (1.0, 1.0, 1.0, 1.0, 1.0)
-    """BODY_25 keypoints in the data term."""
-    hand_keypoints: Five = (0.0, 0.0, 0.0, 0.1, 2.0)
-    """Hand keypoints in the data term."""
-    face_keypoints: Five = (0.0, 0.0, 0.0, 0.0, 2.0)
-    """Face keypoints in the data term."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,32 +125,13 @@ class FitConfig:
 
 
 _PAPER = FitConfig()
-_SMPLIFYX_WEIGHTS = replace(
-    _PAPER.weights, jaw_open=(4040.0, 4040.0, 574.0, 47.8, 47.8), jaw_sideways=(40400.0, 40400.0, 5740.0, 478.0, 478.0)
-)
-_TCFIT_WEIGHTS = replace(
-    _PAPER.weights,
-    lean=(30.0,) * 5,
-    turn=(15.0,) * 5,
-    rest=(0.0, 0.0, 0.0, 15.0, 15.0),
-    limits=(100.0,) * 5,
-    bending=(0.0,) * 5,  # limits cover it: PA-MPJPE with and without 65.7 and 65.8, 56.0 and 55.8 mm on two views
-    collision=(0.0,) * 5,
-    # What the lifter says, and feet that stand: a fifth off PA-MPJPE and a quarter off MPJPE of the motion suite
-    # (docs/accuracy.md). More weight takes along people who move unlike those the lifter learned from.
-    relative_position=(6.0,) * 5,
-    held_position=(10.0,) * 5,
-    # 68 landmarks at weight 2 outvoted the body: betas went to the face's proportions and made a signer's body thin
-    # (beta 3 at -1.0 instead of -0.3); reprojection is the same.
-    face_keypoints=(0.0, 0.0, 0.0, 0.0, 0.5),
-)
 
 PRESETS: dict[str, FitConfig] = {
-    "smplifyx": replace(_PAPER, weights=_SMPLIFYX_WEIGHTS, camera_frozen=True),
+    "smplifyx": replace(_PAPER, weights=SMPLIFYX, camera_frozen=True),
     "paper": _PAPER,
     "tcfit": replace(
         _PAPER,
-        weights=_TCFIT_WEIGHTS,
+        weights=TCFIT,
         hip_weight=1.0,
         robust_pixels_fine=15.0,
         start_deviation=0.03,

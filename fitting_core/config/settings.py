@@ -1,6 +1,6 @@
 """Every setting of a FitConfig by its dotted name: type, meaning, range, and how a text becomes its value.
 
-The command line, TOML files and the settings' listing all go through this table, which is read off config.py.
+The command line, TOML files and the settings' listing all go through this table, which is read off their classes.
 """
 
 import ast
@@ -16,7 +16,7 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import msgspec
 
-from fitting_core.config import schema as config_module
+from fitting_core.config import schema, weights
 from fitting_core.config.schema import POSE_PRIORS, FitConfig
 from fitting_core.errors import InputError
 from fitting_core.files.regular import at_home
@@ -100,7 +100,7 @@ LARGEST = 1e12
 
 @cache
 def settings() -> dict[str, Setting]:
-    """All settings by dotted name, in the order of config.py."""
+    """All settings by dotted name, in the order of their classes."""
     return {setting.name: setting for setting in _settings_of(FitConfig, "")}
 
 
@@ -125,10 +125,11 @@ def _settings_of(kind: type, prefix: str) -> Iterator[Setting]:
 
 @cache
 def _field_docs() -> dict[str, dict[str, str]]:
-    """The strings below the fields of config.py's classes: by class, by field."""
-    tree = ast.parse(Path(config_module.__file__).read_text(encoding="utf-8"))
+    """The strings below the fields of the configuration's classes: by class, by field."""
+    paths = (Path(weights.__file__), Path(schema.__file__))
+    trees = [ast.parse(path.read_text(encoding="utf-8")) for path in paths]
     found: dict[str, dict[str, str]] = {}
-    for kind in (node for node in tree.body if isinstance(node, ast.ClassDef)):
+    for kind in (node for tree in trees for node in tree.body if isinstance(node, ast.ClassDef)):
         pairs = zip(kind.body, kind.body[1:], strict=False)
         found[kind.name] = {
             field.target.id: " ".join(ast.literal_eval(text.value).split())

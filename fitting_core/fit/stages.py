@@ -16,14 +16,14 @@ from fitting_core.body.points.pairs import Point, keypoint_points
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
+from fitting_core.fit.collision.colliding_body import CollidingBody
 from fitting_core.fit.evidence.given_start import beside
 from fitting_core.fit.evidence.observations import LIFTED_HEIGHT, Observations
 from fitting_core.fit.evidence.stances import Stances
 from fitting_core.fit.objective import FrameObjective
-from fitting_core.fit.terms.collision.term import CollidingBody
-from fitting_core.fit.terms.data import Data
-from fitting_core.fit.terms.positions import HeldPosition, RelativePosition
-from fitting_core.fit.terms.table import Setting, camera_terms, stage_terms
+from fitting_core.fit.terms.positions import evidence_weight
+from fitting_core.fit.terms.setting import Looked, Setting
+from fitting_core.fit.terms.table import camera_terms, stage_terms
 from fitting_core.fit.variables.estimate import View
 from fitting_core.fit.variables.state import Free, Parametrisation, State
 from fitting_core.keypoints import Keypoints
@@ -111,27 +111,8 @@ def _turning(body: BodyModel) -> Int[np.ndarray, "137 55"]:
 IMAGE_SCALE = 1000.0
 """The data term's pixels are scaled as if the image were so high."""
 N_STAGES = 5
-
-_TOLD_WEIGHT = 6.0
-"""Of what a person says of depth, in every stage and configuration: the lifter's in those that ask it. An elbow or a
-wrist that is 10 cm off costs as much as some 30 px in the image without the robust function, and a prior gives way."""
-_TOLD_FAR = 200.0
-"""rho for that, in standard deviations: 4 m, so that it pulls from wherever the limb is. A person is no outlier."""
-_START_FAR = 4.0
-"""rho for what a given start says, with the lifter's say in it: with 2 as for the lifter alone a fit left a good start
-of somebody who is cut off at the chest (PA-MPJPE 52.7 -> 57.5 mm instead of 53.6)."""
-_HELD_FAR = 30.0
-"""rho for feet that are held, in their standard deviations: phase 3 starts some 0.2 m from where they will stand."""
 _TORSO = [kp.INDEX[n] for n in ("neck", "right_shoulder", "left_shoulder", "mid_hip", "right_hip", "left_hip")]
 _HEAD = [kp.INDEX[n] for n in ("nose", "right_eye", "left_eye", "right_ear", "left_ear")]
-
-
-@dataclass(frozen=True)
-class _Selection:
-    """Keypoints that one objective looks at."""
-
-    indices: Int[Tensor, "N"]
-    weight: Float[Tensor, "T N"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -283,35 +264,20 @@ class Stages:
         return self.fitted.known & self.observations.shown
 
     @cached_property
-    def _is_depth(self) -> Bool[Tensor, "3"]:
-        return torch.tensor([False, False, True], device=self.device)
-
-    def _told(self, stage: int) -> Bool[Tensor, "137"]:
-        """Keypoints of which anything but the image says in this stage where they are, in any frame."""
-        o = self.observations
-        known = o.relative_position_deviation.isfinite().any(2)
-        return (known if self._position_weight(stage) else o.told).any(0)
-
-    def _position_weight(self, stage: int) -> float:
-        """Of what the lifter and a given start say; where no stage asks the lifter, the start alone has it."""
-        weights = self.config.weights.relative_position
-        return weights[stage - 1] if any(weights) else _TOLD_WEIGHT
-
-    @cached_property
     def setting(self) -> Setting:
         """What the terms are made from."""
-        told = self.observations.relative_position_deviation.isfinite().any(2)
+        positioned = self.observations.relative_position_deviation.isfinite().any(2)
         return Setting(
             config=self.config,
             body=self.body,
             parametrisation=self.parametrisation,
-            xy=self.xy,
-            leg_seen=self.observations.leg_seen | self.near_start,
+            observations=self.observations,
+            camera=self.camera,
+            pelvis=self.fitted.rest_joints[0],
+            near_start=self.near_start,
             hands_shown=self.has(kp.HANDS),
-            turned=self.fitted.turned_by(self.observations.seen | told),
+            turned=self.fitted.turned_by(self.observations.seen | positioned),
             temporal_weight=self.temporal_weight,
-            turn=self.observations.turn,
-            path=self.camera.path,
             colliding=lambda: self.fitted.colliding,
         )
 
@@ -328,19 +294,23 @@ class Stages:
         weights[kp.FACE] = w.face_keypoints[stage - 1]
         return weights
 
-    def _select(self, joint_weights: Float[Tensor, "T 137"], chosen: Bool[Tensor, "137"]) -> _Selection:
+    def _looked(self, joint_weights: Float[Tensor, "T 137"], chosen: Bool[Tensor, "137"]) -> Looked:
         weight = self.observations.confidence * joint_weights * (IMAGE_SCALE / self.camera.size[1])
         used = ((joint_weights > 0).any(0) & chosen).nonzero()[:, 0]
-        return _Selection(used, weight[:, used])
+        return Looked(used, weight[:, used])
 
-    def _selection(self, stage: int) -> _Selection:
-        """Keypoints that are shown, or of which anything else tells where they are."""
-        chosen = self._shown | (self._told(stage) & self.fitted.known)
-        return self._select(self._joint_weights(stage).expand(len(self), -1), chosen)
+    def _looked_in(self, stage: int) -> Looked:
+        """Keypoints that any frame shows, or of which anything but the image says in this stage where they are."""
+        o = self.observations
+        known = o.relative_position_deviation.isfinite().any(2)
+        elsewhere = (known if evidence_weight(self.config, stage - 1) else o.told).any(0)
+        return self._looked(
+            self._joint_weights(stage).expand(len(self), -1), self._shown | (elsewhere & self.fitted.known)
+        )
 
     def looked_at(self, stage: int) -> Int[Tensor, "N"]:
         """Which keypoints a stage's data term and relative positions are of."""
-        return self._selection(stage).indices
+        return self._looked_in(stage).indices
 
     def view(self, indices: Int[Tensor, "N"], state: State | None) -> View:
         """These keypoints on the body, before the camera; `state` decides the face contour's tables, if it is given."""
@@ -348,34 +318,6 @@ class Stages:
         focal, center = self.xy.new_tensor(self.camera.focal), self.xy.new_tensor(self.camera.center)
         bins = None if state is None or not points.has_contour else self.fitted.contour_bins(points, state)
         return View(self.parametrisation, points, focal, center, bins)
-
-    def _data(self, selection: _Selection) -> Data:
-        i, o, config = selection.indices, self.observations, self.config
-        scale = self.camera.size[1] / config.robust_at_height if config.robust_at_height else 1.0
-        fine = (i >= kp.HANDS.start)[:, None]
-        rho = scale * torch.where(fine, config.robust_pixels_fine, config.robust_pixels).to(o.xy)
-        return Data(o.xy[:, i], selection.weight, o.side[:, i], rho)
-
-    def _relative_position(self, selection: _Selection, stage: int) -> list[RelativePosition]:
-        """Of the same keypoints, as far as it is known."""
-        i, o, config = selection.indices, self.observations, self.config
-        known, robust = self.xy.new_tensor([self._position_weight(stage), config.robust_deviations])
-        deviation, told = o.relative_position_deviation[:, i], o.told[:, i, None] & self._is_depth
-        weight = torch.where(told, _TOLD_WEIGHT, known) / deviation
-        if not bool(weight.any()):
-            return []
-        far = torch.where(told, _TOLD_FAR, torch.where(self.near_start[:, None, None], _START_FAR, robust))
-        rho = torch.where(deviation.isfinite(), far * deviation, 1.0)
-        return [RelativePosition(o.relative_position[:, i], weight, rho, self.fitted.rest_joints[0])]
-
-    def _held_position(self, selection: _Selection, stage: int) -> list[HeldPosition]:
-        """Of the same keypoints, where they are held."""
-        i, o, weight = selection.indices, self.observations, self.config.weights.held_position[stage - 1]
-        deviation = o.held_position_deviation[:, i, None].expand(-1, -1, 3)
-        if not weight or not bool(deviation.isfinite().any()):
-            return []
-        rho = torch.where(deviation.isfinite(), _HELD_FAR * deviation, 1.0)
-        return [HeldPosition(o.held_position[:, i], weight / deviation, rho)]
 
     def free(self, stage: int, *, betas: bool, resting: bool = False, translation: bool = True) -> Free:
         """What moves in a stage.
@@ -403,10 +345,8 @@ class Stages:
             state: all frames of the clip; where it stands decides the face contour's tables, which then stay.
             free: what moves.
         """
-        selection = self._selection(stage)
-        positions = [*self._relative_position(selection, stage), *self._held_position(selection, stage)]
-        terms = [self._data(selection), *positions, *stage_terms(self.setting, stage)]
-        return FrameObjective(terms, self.view(selection.indices, state), free)
+        looked = self._looked_in(stage)
+        return FrameObjective(stage_terms(self.setting, looked, stage), self.view(looked.indices, state), free)
 
     def camera_objective(self, depth: Float[Tensor, "T"]) -> FrameObjective:
         """The camera step: orientation and translation on the torso, depth held near its guess.
@@ -418,7 +358,6 @@ class Stages:
         headed = torch.zeros_like(weights)
         headed[:, _HEAD] = 1
         weights = torch.where(self.observations.hips_seen[:, None], weights, weights + headed)
-        selection = self._select(weights, self._shown)
-        terms = [self._data(selection), *camera_terms(self.setting, depth)]
+        looked = self._looked(weights, self._shown)
         free = Free(body=False, hands=False, face=False, betas=False)
-        return FrameObjective(terms, self.view(selection.indices, None), free)
+        return FrameObjective(camera_terms(self.setting, looked, depth), self.view(looked.indices, None), free)

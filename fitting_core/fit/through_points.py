@@ -1,6 +1,6 @@
 """A body posed so that points of it lie where they are known to lie in space: keypoints, or vertices of its own mesh.
 
-Levenberg-Marquardt on the closed-form derivatives of `BodyPoints`, every frame with its own damping. A weak pull to the
+Levenberg-Marquardt on the closed-form derivatives of `BodyPoints`. A weak pull to the
 rest pose decides what the points leave open, such as the twist of a straight finger.
 """
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from fitting_core.body import rotations
@@ -17,13 +17,14 @@ from fitting_core.body.model import JOINT, N_BETAS, N_JOINTS, POSE_JOINTS, BodyM
 from fitting_core.body.params import BodyParams, full_pose
 from fitting_core.body.points.body_points import N_COEFFICIENTS, BodyPoints, Posed
 from fitting_core.body.points.pairs import Contour, Offset, Point, Surface
+from fitting_core.least_squares import Descent, Step, dense_step
 
 _AT_ONCE = 32
 """Frames: the Jacobian of one has up to 2 MB."""
 _FOR_SHAPE = 24
 """Frames that tell a shape that all have."""
 _ITERATIONS = 60
-_DAMPING, _LARGEST = 1e-5, 1e6
+_DAMPING = 1e-5
 _MOSTLY = 0.8
 """Of a joint's largest share in a vertex, the share that counts as carried by it."""
 _TORSO = [JOINT[name] for name in ("pelvis", "spine1", "spine2", "spine3", "left_collar", "right_collar")]
@@ -120,7 +121,7 @@ class _State:
     coefficients: Float[Tensor, "B 20"]
     translation: Float[Tensor, "B 3"]
 
-    def __getitem__(self, frames: Tensor) -> "_State":
+    def __getitem__(self, frames: Tensor | slice) -> "_State":
         return _State(*(getattr(self, f.name)[frames] for f in fields(self)))
 
     def moved(self, step: Float[Tensor, "B 188"]) -> "_State":
@@ -236,43 +237,25 @@ class _Solver:
         free = self.shaped.clone()
         if not shape:
             free[3 * N_JOINTS : -3] = False
-        parts = [self._descended(start[i], places[i], free) for i in torch.arange(len(places)).split(_AT_ONCE)]
+        parts = []
+        for i in torch.arange(len(places)).split(_AT_ONCE):
+            descent = Descent(_Posing(self, places[i], free), start[i], torch.arange(len(i)), damping=_DAMPING)
+            parts.append(descent.run(_ITERATIONS, self.pull.tolerance))
         return _State(*(torch.cat([getattr(part, f.name) for part in parts]) for f in fields(_State)))
-
-    def _descended(self, state: _State, places: Tensor, free: Tensor) -> _State:
-        damping, active = torch.full((len(places),), _DAMPING, dtype=places.dtype), torch.arange(len(places))
-        for _ in range(_ITERATIONS):
-            now, there = state[active], places[active]
-            cost, matrix, gradient = self._normal(now, there, free)
-            scale = damping[active, None] * matrix.diagonal(dim1=1, dim2=2).mean(1, keepdim=True)
-            step = torch.zeros(len(active), len(free), dtype=places.dtype)
-            damped, failed = torch.linalg.cholesky_ex(matrix + torch.diag_embed(scale.expand_as(gradient)))
-            found = -torch.cholesky_solve(gradient[..., None], damped)[..., 0]
-            step[:, free] = torch.where(failed[:, None] == 0, found, 0.0)
-            trial = now.moved(step)
-            lower = self._cost(trial, there)
-            better = lower < cost
-            ended = (better & (cost - lower <= self.pull.tolerance * cost)) | (~better & (damping[active] > _LARGEST))
-            state = state.put(active[better], trial[better])
-            damping[active] *= torch.where(better, 0.1, 8.0)
-            active = active[~ended]
-            if not len(active):
-                break
-        return state
 
     def _bent(self, state: _State) -> Float[Tensor, "B 188"]:
         """What is pulled to zero; the root's turn and the translation are not."""
         root, place = state.translation.new_zeros(len(state.pose), 3), torch.zeros_like(state.translation)
         return torch.cat([root, (state.pose - self.mean).flatten(1), state.coefficients, place], 1)
 
-    def _cost(self, state: _State, places: Tensor) -> Float[Tensor, "B"]:
+    def cost(self, state: _State, places: Tensor) -> Float[Tensor, "B"]:
         error = self._posed(state).points + state.translation[:, None] - places
         return error.square().sum((1, 2)) + (self.precision * self._bent(state).square()).sum(1)
 
-    def _normal(
+    def normal(
         self, state: _State, places: Tensor, free: Tensor
-    ) -> tuple[Float[Tensor, "B"], Float[Tensor, "B f f"], Float[Tensor, "B f"]]:
-        """Cost, matrix and gradient (both halved) in the free numbers."""
+    ) -> tuple[Float[Tensor, "B"], Float[Tensor, "B f"], Float[Tensor, "B f f"]]:
+        """Cost, gradient and matrix (both halved) in the free numbers."""
         posed, frames = self._posed(state), len(places)
         error, bent = posed.points + state.translation[:, None] - places, self._bent(state)
         jacobian = error.new_zeros(frames, self.count, 3, len(free))
@@ -286,7 +269,7 @@ class _Solver:
         rows = jacobian.flatten(1, 2)[..., free]
         gradient = (self.precision * bent)[:, free] + (rows.mT @ error.flatten(1)[..., None])[..., 0]
         cost = error.square().sum((1, 2)) + (self.precision * bent.square()).sum(1)
-        return cost, rows.mT @ rows + torch.diag(self.precision[free]), gradient
+        return cost, gradient, rows.mT @ rows + torch.diag(self.precision[free])
 
     def params(self, state: _State) -> BodyParams:
         """As BodyParams has them."""
@@ -306,3 +289,28 @@ class _Solver:
             camera_translation=state.translation,
             **parts,
         )
+
+
+@dataclass(frozen=True, eq=False)
+class _Posing:
+    """Frames that are posed through places, each a group of its own."""
+
+    solver: _Solver
+    places: Float[Tensor, "B N 3"]
+    free: Bool[Tensor, "188"]
+
+    def rows(self, groups: Tensor) -> Tensor:
+        return groups
+
+    def cost(self, state: _State, groups: Tensor) -> Tensor:
+        return self.solver.cost(state, self.places[groups])
+
+    def normal(self, state: _State, groups: Tensor) -> tuple[Tensor, ...]:
+        return self.solver.normal(state, self.places[groups], self.free)
+
+    def solve(self, normal: tuple[Tensor, ...], damping: Tensor) -> Step:
+        _, gradient, matrix = normal
+        step = dense_step(gradient, matrix, damping)
+        move = gradient.new_zeros(len(gradient), len(self.free))
+        move[:, self.free] = step.move
+        return replace(step, move=move)

@@ -12,14 +12,41 @@ _MEDIAN, _SMOOTH = 0.17, 0.07
 """Seconds: of the running median over the places, and of the Gaussian after it."""
 _LEAST_DEVIATION = 0.02
 """Metres."""
-_HARDLY = 1e-6
-_NEAREST = 0.2
-"""Metres before the camera."""
+_HARDLY = 1e-9
+"""Added to the diagonal: frames of which nothing is seen have a solution too."""
+NEAREST = 0.2
+"""Metres from the camera to the pelvis of a body that is before it."""
 
 
 def rays_of(xy: Float[np.ndarray, "T n 2"], camera: Camera) -> Float[np.ndarray, "T n 2"]:
     """x / z and y / z in camera space of pixels."""
     return (xy - np.array(camera.center)) / np.array(camera.focal)
+
+
+def behind(
+    points: Float[np.ndarray, "T n 3"], rays: Float[np.ndarray, "T n 2"], precision: Float[np.ndarray, "T n"]
+) -> tuple[Float[np.ndarray, "T 3"], Float[np.ndarray, "T n"]]:
+    """Where the origin of points must stand to be seen along rays, by weighted least squares.
+
+    A point p of a body at t is seen along ray (u, v) = ((t_x + p_x) / (t_z + p_z), ...), which is linear in t:
+    t_x - u t_z = u p_z - p_x, and so for y and v.
+
+    Args:
+        points: From their origin, metres in camera axes.
+        rays: x / z and y / z in camera space, see `rays_of`.
+        precision: Squared weights.
+
+    Returns:
+        t, metres in camera space, and how far each point lies off its ray at the point's depth, metres.
+    """
+    rows = np.zeros((*rays.shape, 3))
+    rows[..., 0, 0] = rows[..., 1, 1] = 1.0
+    rows[..., 2] = -rays
+    wanted = rays * points[..., 2:] - points[..., :2]
+    weighted = rows * precision[..., None, None]
+    normal = np.einsum("tnkp,tnkq->tpq", weighted, rows) + _HARDLY * np.eye(3)
+    found = np.linalg.solve(normal, np.einsum("tnkp,tnk->tp", weighted, wanted)[..., None])[..., 0]
+    return found, np.linalg.norm(np.einsum("tnkp,tp->tnk", rows, found) - wanted, axis=-1)
 
 
 def places(
@@ -45,15 +72,8 @@ def places(
     count = points.shape[1]
     rays, certain = rays_of(xy[:, :count], camera), confidence[:, :count]
     weight = np.where(certain > SEEN, certain, 0.0) / np.maximum(lifted.depth_deviation, _LEAST_DEVIATION)
-    # (x + px) - ray_x (z + pz) = 0 and the same for y, for the pelvis (x, y, z) and each point p.
-    rows = np.zeros((len(points), count, 2, 3))
-    rows[..., 0, 0] = rows[..., 1, 1] = 1.0
-    rows[..., 2] = -rays
-    wanted = rays * points[..., 2:] - points[..., :2]
-    square = (weight**2)[..., None, None]
-    normal = np.einsum("tnkp,tnkq->tpq", rows * square, rows) + _HARDLY * np.eye(3)
-    found = np.linalg.solve(normal, np.einsum("tnkp,tnk->tp", rows * square, wanted)[..., None])[..., 0]
-    usable = ((weight > 0).sum(1) >= 4) & (found[:, 2] > _NEAREST)
+    found, _ = behind(points, rays, weight**2)
+    usable = ((weight > 0).sum(1) >= 4) & (found[:, 2] > NEAREST)
     if not usable.any():
         return np.tile([0.0, 0.0, 1.0], (len(points), 1))
     frames = np.arange(len(points))

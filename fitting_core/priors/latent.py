@@ -190,6 +190,7 @@ class LatentPrior:
         cost, rest_cost = self._distance(z, target), self._distance(rest, target)
         better = ~(cost <= rest_cost)
         z, cost = torch.where(better[:, None], rest, z), torch.where(better, rest_cost, cost)
+        # Not by `least_squares`: there a step lowers the damping to a fifth at most, and a rough encoding has five.
         damping, done = torch.full_like(cost, 1e-2), torch.zeros_like(better)
         for _ in range(steps):
             trial = z + self._step(z, target, damping)

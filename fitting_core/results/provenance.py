@@ -2,14 +2,9 @@
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Int, UInt8
-
-Ending = Literal["converged", "iterations", "stalled", "failed"]
-"""Why a minimisation ended: it converged, the limit of iterations was reached, no step lowered the cost although the
-slope promised more (a staircase, a wrong derivative), or there was no finite cost to start from."""
 
 
 class Start(IntEnum):

@@ -12,6 +12,7 @@ from torch import Tensor
 
 from fitting_core import keypoints as kp
 from fitting_core.body import rotations
+from fitting_core.body.geometry import shortest_rotation
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import body_keypoints_in_space
@@ -250,18 +251,9 @@ def _seen_by(body: BodyModel, params: BodyParams, theirs: Camera, ours: Camera) 
     pixels = pelvis[:, :2] / pelvis[:, 2:] * theirs.focal + theirs.center
     depth = pelvis[:, 2:] * np.mean(ours.focal) / np.mean(theirs.focal)
     moved = np.concatenate([(pixels - ours.center) / ours.focal * depth, depth], 1)
-    turn = torch.as_tensor(_between(pelvis, moved))
+    turn = torch.as_tensor(shortest_rotation(pelvis, moved))
     orient = rotations.log(turn @ rotations.exp(params.global_orient.double()))
     return replace(params, global_orient=orient, camera_translation=torch.as_tensor(moved - rest))
-
-
-def _between(one: Float[np.ndarray, "T 3"], other: Float[np.ndarray, "T 3"]) -> Float[np.ndarray, "T 3 3"]:
-    """The smallest rotations from some directions to others."""
-    a, b = (v / np.linalg.norm(v, axis=1, keepdims=True) for v in (one, other))
-    axis = np.cross(a, b)
-    sine = np.linalg.norm(axis, axis=1, keepdims=True)
-    angle = np.arctan2(sine, (a * b).sum(1, keepdims=True))
-    return rotations.exp(torch.as_tensor(axis * np.where(sine > 1e-12, angle / sine.clip(1e-12), 1.0))).numpy()
 
 
 def _turned_as(points: Float[np.ndarray, "T 25 3"], before: BodyParams, after: BodyParams) -> np.ndarray:

@@ -6,9 +6,9 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from fitting_core.animation.retargeting.rest_pose import shortest
 from fitting_core.animation.retargeting.retarget import RigMotion
 from fitting_core.animation.retargeting.target import Target
+from fitting_core.body.geometry import shortest_rotation
 from fitting_core.body.model import JOINT
 
 _LONGEST = 0.9995
@@ -48,7 +48,7 @@ def reached(moving: RigMotion, limb: Limb, goal: Float[np.ndarray, "T 3"]) -> Ri
     now, wished = _bend(first, second, before), _bend(first, second, far)
     opened = Rotation.from_rotvec((wished - now)[:, None] * axis).as_matrix()
     bent = b + (opened @ (c - b)[..., None])[..., 0]
-    aimed = shortest(bent - a, goal - a)
+    aimed = shortest_rotation(bent - a, goal - a)
     return moving.with_moved(
         {limb.upper: aimed @ moved[:, limb.upper], limb.middle: aimed @ opened @ moved[:, limb.middle]}
     )

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.spatial.transform import Rotation
 
+from fitting_core.body.geometry import shortest_rotation
 from fitting_core.body.model import JOINTS
 
 FINGERS = ("index", "middle", "pinky", "ring", "thumb")
@@ -52,20 +52,8 @@ def rest_turns(
         turns[j] = above
         if name in directions:
             bone = joints[JOINTS.index(ALONG[name])] - joints[j]
-            turns[j] = shortest(above @ bone, np.asarray(directions[name], float)) @ above
+            turns[j] = shortest_rotation(above @ bone, np.asarray(directions[name], float)) @ above
     return turns
-
-
-def shortest(start: Float[np.ndarray, "*n 3"], end: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 3 3"]:
-    """The turns by the smallest angle from one direction to another; none where one has no length."""
-    start, end = (v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-12) for v in (start, end))
-    axis = np.cross(start, end)
-    sine, cosine = np.linalg.norm(axis, axis=-1, keepdims=True), (start * end).sum(-1, keepdims=True)
-    aside = np.cross(start, np.where(abs(start[..., :1]) < 0.6, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)))  # for half a turn
-    axis = np.where((sine < 1e-9) & (cosine < 0), aside, axis)
-    axis /= np.maximum(np.linalg.norm(axis, axis=-1, keepdims=True), 1e-12)
-    turns = Rotation.from_rotvec((np.arctan2(sine, cosine) * axis).reshape(-1, 3)).as_matrix()
-    return turns.reshape(*start.shape[:-1], 3, 3)
 
 
 def frame(first: np.ndarray, hint: np.ndarray, order: str) -> Float[np.ndarray, "3 3"]:

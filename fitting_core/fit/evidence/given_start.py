@@ -15,6 +15,7 @@ from fitting_core.camera import Camera
 from fitting_core.fit.evidence.observations import USABLE
 from fitting_core.fit.variables.state import Parametrisation, State
 from fitting_core.frame_runs import runs_where
+from fitting_core.ground.placing import NEAREST, behind, rays_of
 from fitting_core.image_border import seen_confidence
 from fitting_core.keypoints import SEEN, Keypoints
 from fitting_core.results.given_start import GivenStart, StartRecord
@@ -30,8 +31,6 @@ with it: 31 in place of 22 mm/frame² with starts of single images, and it would
 windows of the motion suite). Over 0.4 s the errors grow."""
 _PARABOLA = 2
 """Its degree."""
-_NEAREST = 0.2
-"""Metres from the camera to the pelvis of a body that is before it."""
 
 
 def beside(start: GivenStart, keypoints: Keypoints, camera: Camera) -> GivenStart:
@@ -102,7 +101,8 @@ class Placed:
 def placed(points: Float[np.ndarray, "T 25 3"], keypoints: Keypoints, camera: Camera) -> Placed:
     """Place bodies in front of a camera by their keypoints; how they stand and bend stays.
 
-    Linear least squares of f (x + t_x) = (u - c)(z + t_z), and so for y, weighted anew by the Geman-McClure function.
+    Least squares, weighted anew after each solution by the Geman-McClure function of how far points are off their rays:
+    the gradient of rho^2 r^2 / (rho^2 + r^2) is that of r^2 times (rho^2 / (rho^2 + r^2))^2.
 
     Args:
         points: BODY_25 relative to the pelvis, metres in camera axes; NaN where there is none.
@@ -112,25 +112,12 @@ def placed(points: Float[np.ndarray, "T 25 3"], keypoints: Keypoints, camera: Ca
     known = np.asarray(np.isfinite(points).all(-1))
     confidence = seen_confidence(keypoints, camera)[:, kp.BODY]
     counted = np.where(known & (confidence > SEEN), confidence, 0.0)
-    enough = (counted > 0).sum(1) >= USABLE
-    p, focal = np.where(known[..., None], points, 0.0), np.array(camera.focal)
-    rays = (keypoints.xy[:, kp.BODY] - camera.center) / focal
-    # Rows of x and of y: t_x - ray t_z = ray z - x.
-    rows = np.zeros((*points.shape[:2], 2, 3))
-    rows[..., 0, 0], rows[..., 1, 1], rows[..., 2] = 1.0, 1.0, -rays
-    right = rays * p[..., 2:] - p[..., :2]
-    weight, pelvis = counted, np.full((len(points), 3), np.nan)
-    for _ in range(_PLACING_STEPS):
-        normal = np.einsum("tk,tkai,tkaj->tij", weight, rows, rows) + 1e-9 * np.eye(3)
-        pelvis = np.linalg.solve(normal, np.einsum("tk,tkai,tka->ti", weight, rows, right)[..., None])[..., 0]
-        residual = np.linalg.norm(np.einsum("tkai,ti->tka", rows, pelvis) - right, axis=-1)
-        weight = counted * (_ROBUST**2 / (_ROBUST**2 + residual**2)) ** 2
-    good = np.asarray(enough & (pelvis[:, 2] > _NEAREST))
-    residual = np.linalg.norm(np.einsum("tkai,ti->tka", rows, pelvis) - right, axis=-1)
-    return Placed(
-        pelvis=np.where(good[:, None], pelvis, np.nan),
-        off=np.where(good[:, None] & (counted > 0), residual, np.nan),
-    )
+    from_pelvis, rays = np.where(known[..., None], points, 0.0), rays_of(keypoints.xy[:, kp.BODY], camera)
+    pelvis, off = behind(from_pelvis, rays, counted)
+    for _ in range(_PLACING_STEPS - 1):
+        pelvis, off = behind(from_pelvis, rays, counted * (_ROBUST**2 / (_ROBUST**2 + off**2)) ** 2)
+    good = np.asarray(((counted > 0).sum(1) >= USABLE) & (pelvis[:, 2] > NEAREST))[:, None]
+    return Placed(pelvis=np.where(good, pelvis, np.nan), off=np.where(good & (counted > 0), off, np.nan))
 
 
 def given_start(

@@ -1,114 +1,99 @@
-"""What kernels look at and never change.
-
-A solver's number is a column of a frame's state. The kernels work in *turn columns*, where every body joint has three
-numbers: how it turns about its own axes (or, without a latent pose prior, its axis-angle). Turn columns stand in this
-order: root (turns about the axes of camera space), 21 body joints, left hand, right hand, jaw, expression, translation,
-betas. Those behind the body stand `shift` places earlier in the state.
+"""What kernels look at and never change: of the body, the camera, and whatever terms declare (`terms.entry.Kernel`).
 
 Arrays of records, and not an array for each field: the compiler takes a third of the time.
 """
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
-N_JOINTS = 55
-N_BODY = 21
-BODY, HANDS = 3, 66
-"""First turn columns."""
-JAW_JOINT, FIRST_FINGER = 22, 25
-N_COEFFICIENTS = 20
-MOST_LATENT = 63
-MOST_HAND = 45
-MOST_COLUMNS = HANDS + 2 * MOST_HAND + 26
+from fitting_core.fit.compiled.layout import (
+    INTEGER,
+    MOST_COLUMNS,
+    MOST_HAND,
+    N_COEFFICIENTS,
+    N_JOINTS,
+    NUMBER,
+)
+from fitting_core.fit.terms.entry import Kernel
+from fitting_core.fit.terms.table import TERMS
+from fitting_core.fit.terms.term import Term
 
-LINEAR, LEAKY_RELU, ELU, SILU, SOFTPLUS, TANH = range(6)
+KERNELS: dict[type[Term], Kernel] = {entry.kind: entry.kernel for entry in TERMS.values() if entry.kernel is not None}
+"""By kind of term: a kind is known by itself alone, as what is derived from it may differ."""
 
-_I, _F = np.int64, np.float64
 
-FIXED = np.dtype(
+def _declared(record: Literal["clip", "frame", "point", "keypoint"]) -> list[tuple]:
+    """The fields that terms have in a record."""
+    return [field for kernel in KERNELS.values() for field in getattr(kernel, record)]
+
+
+CLIP = np.dtype(
     [
         # columns: numbers of one hand, first turn columns, numbers of the pose prior (63 for axis-angle)
-        *[(name, _I) for name in ("hand", "jaw", "expression", "translation", "betas", "width", "latent", "shift")],
+        *[
+            (name, INTEGER)
+            for name in ("hand", "jaw", "expression", "translation", "betas", "width", "latent", "shift")
+        ],
         # what moves besides the root and the translation, and how many columns of the state are free
         *[(name, np.bool_) for name in ("free_body", "free_hands", "free_face", "free_betas")],
-        ("free", _I),
-        ("index", _I, MOST_COLUMNS),
+        ("free", INTEGER),
+        ("index", INTEGER, MOST_COLUMNS),
         # the body at rest; directions by betas, then expression, and those of a bone relative to its parent
-        ("parents", _I, N_JOINTS),
-        ("rest", _F, (N_JOINTS, 3)),
-        ("rest_directions", _F, (N_JOINTS, 3, N_COEFFICIENTS)),
-        ("bone_directions", _F, (N_JOINTS, 3, N_COEFFICIENTS)),
-        ("hand_mean", _F, 90),
-        ("hand_basis", _F, (90, MOST_HAND)),
+        ("parents", INTEGER, N_JOINTS),
+        ("rest", NUMBER, (N_JOINTS, 3)),
+        ("rest_directions", NUMBER, (N_JOINTS, 3, N_COEFFICIENTS)),
+        ("bone_directions", NUMBER, (N_JOINTS, 3, N_COEFFICIENTS)),
+        ("hand_mean", NUMBER, 90),
+        ("hand_basis", NUMBER, (90, MOST_HAND)),
         # the camera
-        ("focal", _F, 2),
-        ("center", _F, 2),
-        # terms: joint limits (see terms.limits), rest, bending, and quadratic terms by columns of the state
-        ("limited", _I),
-        ("limit_weight", _F),
-        ("held", np.bool_),
-        ("rest_pose", _F, 3 * N_BODY),
-        ("bending", _F),
-        ("bent", _F, 3 * N_BODY),  # the sign with which elbows and knees bend, 0 elsewhere
-        ("upright", np.bool_),
-        ("pelvis", _F, 3),  # from which relative positions are measured
-        ("taller", _F, 10),  # weight x what each beta adds to the height, and weight x what all are to add
-        ("height", _F),
-        ("columns_held", _I),
-        ("weight", _F, MOST_COLUMNS),
+        ("focal", NUMBER, 2),
+        ("center", NUMBER, 2),
+        *_declared("clip"),
     ]
 )
 """All that has one size whatever the clip."""
 
-LIMIT = np.dtype([("joint", _I), ("frame", _F, (4, 4)), ("offset", _F, 3), ("low", _F, 3), ("high", _F, 3)])
-"""A joint with limits, see `terms.limits.AngleTable`."""
-
-LAYER = np.dtype([("inputs", _I), ("outputs", _I), ("activation", _I), ("below", _F)])
+LAYER = np.dtype([("inputs", INTEGER), ("outputs", INTEGER), ("activation", INTEGER), ("below", NUMBER)])
 """Of the pose prior's decoder; `below` is the slope of a leaky ReLU below zero."""
 
-PAIR = np.dtype([("bone", _I), ("weight", _F), ("template", _F, 3), ("directions", _F, (3, N_COEFFICIENTS))])
+PAIR = np.dtype(
+    [("bone", INTEGER), ("weight", NUMBER), ("template", NUMBER, 3), ("directions", NUMBER, (3, N_COEFFICIENTS))]
+)
 """Of a point and a bone, see `body.points.pairs`."""
 
 POINT = np.dtype(
     [
-        ("joint", _I),  # of a point that is one, else -1
-        ("first_pair", _I),  # pairs that add up to the point
-        ("last_pair", _I),
-        ("first_entry", _I),  # entries: joints whose turn moves the point
-        ("last_entry", _I),
-        ("rho", _F),
+        ("joint", INTEGER),  # of a point that is one, else -1
+        ("first_pair", INTEGER),  # pairs that add up to the point
+        ("last_pair", INTEGER),
+        ("first_entry", INTEGER),  # entries: joints whose turn moves the point
+        ("last_entry", INTEGER),
+        *_declared("point"),
     ]
 )
 
-ENTRY = np.dtype([("joint", _I), ("first_arm", _I), ("last_arm", _I)])
+ENTRY = np.dtype([("joint", INTEGER), ("first_arm", INTEGER), ("last_arm", INTEGER)])
 """A free joint whose turn moves a point, and the pairs of the point that turn with it: places in `arms`."""
 
 GROUP = np.dtype(
-    [("first", _I), ("last", _I), ("width", _I), ("column", _I, MOST_COLUMNS), ("place", _I, MOST_COLUMNS)]
+    [
+        ("first", INTEGER),
+        ("last", INTEGER),
+        ("width", INTEGER),
+        ("column", INTEGER, MOST_COLUMNS),
+        ("place", INTEGER, MOST_COLUMNS),
+    ]
 )
 """Points (places in `order`) that share the columns on which they depend, those of a limb: these turn columns, and the
 place of each turn column among them."""
 
-KEYPOINT = np.dtype(
-    [
-        *[("xy", _F, 2), ("side", _F, 2), ("weight", _F)],  # see `terms.data.Data`
-        *[("place", _F, 3), ("place_weight", _F, 3), ("place_rho", _F, 3)],  # RelativePosition, see `terms.positions`
-        *[("spot", _F, 3), ("spot_weight", _F, 3), ("spot_rho", _F, 3)],  # HeldPosition
-    ]
-)
+KEYPOINT = np.dtype(_declared("keypoint"))
+"""What terms know of a point in a frame."""
 
-HELD = np.dtype(
-    [
-        ("variant", _I),  # of the second table of pairs
-        ("rest", _F, 3 * N_BODY),
-        ("lean", _F),
-        ("turn", _F),
-        ("target", _F, MOST_COLUMNS),
-    ]
-)
-"""What terms know of a frame besides its keypoints: weights, and the targets of the quadratic terms."""
+FRAME = np.dtype([("variant", INTEGER), *_declared("frame")])
+"""Which variant of the second table of pairs a frame has, and what terms know of it besides its keypoints."""
 
 
 class Pairs(NamedTuple):
@@ -123,10 +108,8 @@ class Pairs(NamedTuple):
 class Constants(NamedTuple):
     """Everything; arrays are C-contiguous."""
 
-    fixed: np.record
-    """FIXED."""
-    limits: np.ndarray
-    """LIMIT, (n,)."""
+    clip: np.record
+    """CLIP."""
     layers: np.ndarray
     """LAYER, (L,); none for axis-angle."""
     weights: Float[np.ndarray, "w"]
@@ -145,6 +128,6 @@ class Constants(NamedTuple):
     groups: np.ndarray
     """GROUP, (G,)."""
     keypoints: np.ndarray
-    """KEYPOINT, (T, N): what terms know of a point in a frame."""
-    held: np.ndarray
-    """HELD, (T,)."""
+    """KEYPOINT, (T, N)."""
+    frames: np.ndarray
+    """FRAME, (T,)."""

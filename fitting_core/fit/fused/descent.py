@@ -1,18 +1,22 @@
-"""What Python calls: whole descents of single frames, and normal equations."""
+"""What Python calls: whole descents of single frames, and normal equations.
+
+The Levenberg-Marquardt here is that of `least_squares` once more, because compiled code can call nothing outside, and
+a step that went back to Python would cost more than all the rest of it.
+"""
 
 import math
 
+from fitting_core.fit.compiled.jit import helper, kernel
+from fitting_core.fit.compiled.turns import exponential, multiply
 from fitting_core.fit.fused.frame import cost_of, derive
-from fitting_core.fit.fused.jit import helper, kernel
 from fitting_core.fit.fused.motion import joints_of
-from fitting_core.fit.fused.turns import exponential, multiply
 
 CONVERGED, ITERATIONS, STALLED, FAILED = range(4)
-"""Why a descent ended, as in `solvers.solution.Ending`."""
+"""Why a descent ended, as in `least_squares.Ending`."""
 _START, _SMALLEST, _LARGEST, _GROWTH = 1e-3, 1e-7, 1e8, 2.0
 _FLOOR = 1e-9
 _EPSILON = 2.0**-52
-"""As in `solvers.levenberg_marquardt` and `solvers.problem`: a descent takes the same steps here and there."""
+"""As in `least_squares`: a descent takes the same steps here and there."""
 
 
 @helper
@@ -46,17 +50,48 @@ def solve_damped(s, size, extra):
     return True
 
 
+@helper
+def _copy_normal(s, size, gradient, matrix):
+    for a in range(size):
+        gradient[a] = s.free_gradient[a]
+        for b in range(a + 1):
+            matrix[a, b] = matrix[b, a] = s.free_matrix[a, b]
+
+
+@helper
+def _damping_diagonal(s, size, damping):
+    mean, largest = 0.0, 0.0
+    for k in range(size):
+        mean += s.free_matrix[k, k]
+        largest = max(largest, s.free_matrix[k, k])
+    return damping * mean / size + _FLOOR * largest
+
+
+@helper
+def _try_step(c, orient, x, extra, s, trial):
+    """Puts the state after a step into `trial_orient` and `trial`; what the step promises."""
+    predicted = 0.0
+    trial[:] = x
+    for k in range(c.clip.free):
+        predicted += extra * s.move[k] * s.move[k] - s.free_gradient[k] * s.move[k]
+        if k >= 3:
+            trial[c.clip.index[k]] += s.move[k]
+    exponential(s.move[:3], s.m, s.chart[0])
+    multiply(s.m, orient, s.trial_orient)
+    return predicted
+
+
 @kernel
 def descend(
     c, frames, orient, x, scratch, iterations, tolerance, cost, ending, evaluations, gradient, matrix, joints, rows
 ):
-    """Levenberg-Marquardt of each frame, in place; the rule is that of `solvers.levenberg_marquardt`.
+    """Levenberg-Marquardt of each frame, in place; the rule is that of `least_squares.Descent`.
 
     With 0 iterations only the costs are filled in, and gradients and matrices where there is room for them; where there
     is room for joints, these alone. One kernel for all of it, in which cost and derivatives stand once: compiling them
     is what takes long.
     """
-    s, size = scratch.frame, c.fixed.free
+    s, size = scratch.frame, c.clip.free
     for i in range(len(joints)):
         joints_of(c, frames[i], orient[i], x[i], scratch, joints[i], rows[i])
     if len(joints):
@@ -102,34 +137,3 @@ def descend(
                     break
         if len(gradient) and cost[i] < math.inf:
             _copy_normal(s, size, gradient[i], matrix[i])
-
-
-@helper
-def _copy_normal(s, size, gradient, matrix):
-    for a in range(size):
-        gradient[a] = s.free_gradient[a]
-        for b in range(a + 1):
-            matrix[a, b] = matrix[b, a] = s.free_matrix[a, b]
-
-
-@helper
-def _damping_diagonal(s, size, damping):
-    mean, largest = 0.0, 0.0
-    for k in range(size):
-        mean += s.free_matrix[k, k]
-        largest = max(largest, s.free_matrix[k, k])
-    return damping * mean / size + _FLOOR * largest
-
-
-@helper
-def _try_step(c, orient, x, extra, s, trial):
-    """Puts the state after a step into `trial_orient` and `trial`; what the step promises."""
-    predicted = 0.0
-    trial[:] = x
-    for k in range(c.fixed.free):
-        predicted += extra * s.move[k] * s.move[k] - s.free_gradient[k] * s.move[k]
-        if k >= 3:
-            trial[c.fixed.index[k]] += s.move[k]
-    exponential(s.move[:3], s.m, s.chart[0])
-    multiply(s.m, orient, s.trial_orient)
-    return predicted

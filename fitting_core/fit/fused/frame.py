@@ -1,8 +1,14 @@
-"""The objective E_o of one frame: cost, gradient and Gauss-Newton matrix, as `objective.FrameObjective` has them."""
+"""The objective E_o of one frame: cost, gradient and Gauss-Newton matrix, as `objective.FrameObjective` has them.
+
+With residuals r and their Jacobian J the gradient is J^T r, the matrix J^T J; both are halves, as in `terms.term.Rows`.
+Terms on points share their rows: what all points of a limb give to the matrix is one product. Each other term adds its
+own (`terms.entry.Kernel`).
+"""
 
 import math
+from functools import reduce
 
-from fitting_core.fit.fused.body import (
+from fitting_core.fit.compiled.body import (
     add_through_correctives,
     move_by_coefficients,
     pose_points,
@@ -10,12 +16,48 @@ from fitting_core.fit.fused.body import (
     turn_axes,
     turn_joints,
 )
-from fitting_core.fit.fused.constants import BODY, FIRST_FINGER, HANDS, JAW_JOINT, N_BODY
-from fitting_core.fit.fused.jit import helper
-from fitting_core.fit.fused.network import latent_gradient, turns_by_latent
-from fitting_core.fit.fused.products import half_products, products
+from fitting_core.fit.compiled.jit import helper
+from fitting_core.fit.compiled.layout import BODY, FIRST_FINGER, HANDS, JAW_JOINT, N_BODY
+from fitting_core.fit.compiled.network import latent_gradient, turns_by_latent
+from fitting_core.fit.compiled.products import half_products, products
+from fitting_core.fit.fused.constants import KERNELS
 from fitting_core.fit.fused.scratch import LANES
-from fitting_core.fit.fused.terms import add_upright, column_cost, limit_cost, point_cost, pose_cost, taller_by
+from fitting_core.fit.terms.data import data_cost, set_data_rows
+from fitting_core.fit.terms.positions import position_cost, set_position_row
+from fitting_core.fit.variables.estimate import NEAREST
+
+
+@helper
+def _no_cost(c, frame, orient, x, s, derivatives):
+    return 0.0
+
+
+@helper
+def _nothing_added(c, frame, x, s):
+    pass
+
+
+def _and_cost(first, second):
+    """The costs of two kernels in one; numba unrolls no loop over functions."""
+
+    @helper
+    def both(c, frame, orient, x, s, derivatives):
+        return first(c, frame, orient, x, s, derivatives) + second(c, frame, orient, x, s, derivatives)
+
+    return both
+
+
+def _and_columns(first, second):
+    @helper
+    def both(c, frame, x, s):
+        first(c, frame, x, s)
+        second(c, frame, x, s)
+
+    return both
+
+
+_terms_cost = reduce(_and_cost, [kernel.cost for kernel in KERNELS.values() if kernel.cost], _no_cost)
+_add_columns = reduce(_and_columns, [k.add_columns for k in KERNELS.values() if k.add_columns], _nothing_added)
 
 
 @helper
@@ -28,73 +70,84 @@ def cost_of(c, frame, orient, x, scratch, everything):
     turn_joints(c, orient, x, s, everything)
     pose_skeleton(c, x, s)
     pose_points(c, frame, x, scratch)
-    cost = point_cost(c, frame, x, scratch)
+    cost = _points_cost(c, frame, x, scratch)
     if cost == math.inf:
         return cost
-    return cost + column_cost(c, frame, orient, x) + limit_cost(c, s, False) + pose_cost(c, frame, x, s, False)
+    return cost + _terms_cost(c, frame, orient, x, s, False)
+
+
+@helper
+def _points_cost(c, frame, x, scratch):
+    """Of the keypoints, in the image and in space; infinite where a point lies behind the camera. Leaves the errors in
+    `scratch.error`."""
+    cost, clip, pelvis = 0.0, c.clip, scratch.frame.v
+    for d in range(3):  # the root turns about the pelvis: only the translation moves it
+        pelvis[d] = x[clip.translation - clip.shift + d] + clip.pelvis[d]
+    for i in range(len(scratch.points)):
+        if not scratch.points[i, 2] > NEAREST:
+            return math.inf
+        cost = data_cost(c, frame, i, scratch, cost)
+        cost = position_cost(c, frame, i, scratch, cost)
+    return cost
 
 
 @helper
 def derive(c, frame, orient, x, scratch):
     """Gradient (`free_gradient`) and lower triangle of the matrix (`free_matrix`), right after `cost_of`."""
-    s, f = scratch.frame, c.fixed
-    for a in range(f.width):
+    s, clip = scratch.frame, c.clip
+    for a in range(clip.width):
         s.gradient[a], line = 0.0, s.matrix[a]
         for b in range(a + 1):
             line[b] = 0.0
     turn_axes(s)
-    low, high = 0 if f.free_betas else 10, 20 if f.free_face else 10
+    low, high = 0 if clip.free_betas else 10, 20 if clip.free_face else 10
     if low < high:
         move_by_coefficients(c, frame, low, high, scratch)
-    for p in range(len(scratch.pull)):
+    for p in range(len(scratch.pair_gradient)):
         for d in range(3):
-            scratch.pull[p, d] = 0.0
+            scratch.pair_gradient[p, d] = 0.0
     for g in range(len(c.groups)):
-        _add_group(c, frame, c.groups[g], scratch)
+        _add_limb(c, frame, c.groups[g], scratch)
     add_through_correctives(c, frame, scratch)
-    limit_cost(c, s, True)
-    pose_cost(c, frame, x, s, True)
-    if f.upright:
-        add_upright(c, frame, orient, s)
+    _terms_cost(c, frame, orient, x, s, True)
     _to_state_columns(c, s)
-    _take_free(c, frame, x, s)
+    for a in range(clip.free):
+        at, out = clip.index[a], s.free_matrix[a]
+        line, s.free_gradient[a] = s.state_matrix[at], s.state_gradient[at]
+        for b in range(a + 1):
+            out[b] = line[clip.index[b]]
+    _add_columns(c, frame, x, s)
 
 
 @helper
-def _add_group(c, frame, group, scratch):
-    """The keypoints of one limb."""
-    s, f, count = scratch.frame, c.fixed, 0
+def _add_limb(c, frame, group, scratch):
+    """The keypoints of one limb: their rows side by side, a column each in `scratch.rows`, and the product of these.
+
+    A point has up to eight: x and y in the image, and three coordinates each relative to the pelvis and where it is
+    held. Those in the image and where it is held move with the translation; relative to the pelvis they do not.
+    """
+    s, count = scratch.frame, 0
     for o in range(group.first, group.last):
         i = c.order[o]
-        keypoint = c.keypoints[frame, i]
+        keypoint, error = c.keypoints[frame, i], scratch.error[i]
         # Across the line of sight there is a place of what is not detected, and of all that a given start knows.
-        weight, across, along = keypoint.weight, keypoint.place_weight[0] > 0.0, keypoint.place_weight[2] > 0.0
-        if keypoint.spot_weight[0] > 0.0:
-            for k in range(3):
-                e, far = scratch.error[i, 5 + k], keypoint.spot_rho[k] * keypoint.spot_rho[k]
-                s.left[k, 0] = s.left[k, 1] = s.left[k, 2] = 0.0
-                s.left[k, k] = keypoint.spot_weight[k] * far / (e * e + far)
-                s.pulls[k] = s.left[k, k] * e
+        across, along = keypoint.relative_weight[0] > 0.0, keypoint.relative_weight[2] > 0.0
+        if keypoint.held_weight[0] > 0.0:
+            for d in range(3):
+                set_position_row(keypoint.held_weight[d], keypoint.held_rho[d], error[5 + d], d, s)
             count = _add_rows(c, c.points[i], group, 3, 3, count, scratch)
         if across:
-            for k in range(3):
-                _set_place_row(keypoint, scratch.error[i, 2 + k], k, s)
+            for d in range(3):
+                set_position_row(keypoint.relative_weight[d], keypoint.relative_rho[d], error[2 + d], d, s)
             count = _add_rows(c, c.points[i], group, 3, 0, count, scratch)
-        if weight == 0.0 and (across or not along):
+        if keypoint.weight == 0.0 and (across or not along):
             continue
-        squared, depth = c.points[i].rho * c.points[i].rho, scratch.points[i, 2]
-        for k in range(2):
-            e = scratch.error[i, k]
-            scale = weight * squared / (e * e + squared)
-            s.left[k, 1 - k] = 0.0
-            s.left[k, k] = scale * f.focal[k] / depth
-            s.left[k, 2] = -scale * f.focal[k] * scratch.points[i, k] / (depth * depth)
-            s.pulls[k] = scale * e
-        ranks = 2
+        set_data_rows(c, frame, i, scratch)
+        rows = 2
         if along and not across:  # with the two of the image: half of the work of its own
-            _set_place_row(keypoint, scratch.error[i, 4], 2, s)
-            ranks = 3
-        count = _add_rows(c, c.points[i], group, ranks, 2, count, scratch)
+            set_position_row(keypoint.relative_weight[2], keypoint.relative_rho[2], error[4], 2, s)
+            rows = 3
+        count = _add_rows(c, c.points[i], group, rows, 2, count, scratch)
     for k in range(group.width):
         for extra in range(count, count + -count % LANES):
             scratch.rows[k, extra] = 0.0
@@ -107,36 +160,28 @@ def _add_group(c, frame, group, scratch):
 
 
 @helper
-def _set_place_row(keypoint, e, k, s):
-    """The derivative and the pull of a known position along an axis."""
-    far = keypoint.place_rho[k] * keypoint.place_rho[k]
-    s.left[k, 0] = s.left[k, 1] = s.left[k, 2] = 0.0
-    s.left[k, k] = keypoint.place_weight[k] * far / (e * e + far)
-    s.pulls[k] = s.left[k, k] * e
-
-
-@helper
-def _add_rows(c, point, group, ranks, moving, count, scratch):
+def _add_rows(c, point, group, rows, moving, count, scratch):
     """Rows of a keypoint: into the gradient, and to the `count` that wait to be multiplied. Returns how many wait."""
     s = scratch.frame
-    _set_rows(c, point, group, ranks, moving, scratch)
-    for r in range(ranks):
+    _set_rows(c, point, group, rows, moving, scratch)
+    for r in range(rows):
         for k in range(group.width):
             scratch.rows[k, count + r] = s.three[r, k]
-            s.gradient[group.column[k]] += s.three[r, k] * s.pulls[r]
-    return count + ranks
+            s.gradient[group.column[k]] += s.three[r, k] * s.residual[r]
+    return count + rows
 
 
 @helper
-def _set_rows(c, point, group, ranks, moving, scratch):
-    """Two or three rows of a keypoint in its group's columns, in `three`; the first ones move with the translation."""
-    s, f = scratch.frame, c.fixed
-    for p in range(point.first_pair, point.last_pair):
+def _set_rows(c, point, group, rows, moving, scratch):
+    """Two or three rows of a keypoint in its group's columns, in `three`: the chain rule, `by_point` times the point's
+    own derivatives. Only the first `moving` ones move with the translation."""
+    s, clip = scratch.frame, c.clip
+    for p in range(point.first_pair, point.last_pair):  # by_point^T residual, for the pose correctives
         for d in range(3):
-            scratch.pull[p, d] += s.left[0, d] * s.pulls[0] + s.left[1, d] * s.pulls[1]
-            if ranks == 3:
-                scratch.pull[p, d] += s.left[2, d] * s.pulls[2]
-    for k in range(ranks):
+            scratch.pair_gradient[p, d] += s.by_point[0, d] * s.residual[0] + s.by_point[1, d] * s.residual[1]
+            if rows == 3:
+                scratch.pair_gradient[p, d] += s.by_point[2, d] * s.residual[2]
+    for k in range(rows):
         row = s.three[k]
         for a in range(group.width):
             row[a] = 0.0
@@ -145,29 +190,31 @@ def _set_rows(c, point, group, ranks, moving, scratch):
         _lever_arm(c, point.joint, entry, scratch)
         axes, finger = s.axes[entry.joint], entry.joint - FIRST_FINGER
         if finger >= 0:
-            at = group.place[HANDS + (f.hand if finger >= 15 else 0)]
+            at = group.place[HANDS + (clip.hand if finger >= 15 else 0)]
         else:
-            at = group.place[f.jaw if entry.joint == JAW_JOINT else 3 * entry.joint]
-        for k in range(ranks):
-            l0, l1, l2 = s.left[k, 0], s.left[k, 1], s.left[k, 2]
+            at = group.place[clip.jaw if entry.joint == JAW_JOINT else 3 * entry.joint]
+        for k in range(rows):
+            # A turn d moves the point by d x arm, so the row by d is (arm x by_point[k])^T; `axes` are those of the
+            # joint's columns in camera space.
+            l0, l1, l2 = s.by_point[k, 0], s.by_point[k, 1], s.by_point[k, 2]
             c0, c1, c2 = s.v[1] * l2 - s.v[2] * l1, s.v[2] * l0 - s.v[0] * l2, s.v[0] * l1 - s.v[1] * l0
             q0 = c0 * axes[0, 0] + c1 * axes[1, 0] + c2 * axes[2, 0]
             q1 = c0 * axes[0, 1] + c1 * axes[1, 1] + c2 * axes[2, 1]
             q2 = c0 * axes[0, 2] + c1 * axes[1, 2] + c2 * axes[2, 2]
-            if finger >= 0:
-                b = f.hand_basis
-                row = s.three[k, at : at + f.hand]
+            if finger >= 0:  # a finger's axis-angle is linear in its hand's numbers
+                b = clip.hand_basis
+                row = s.three[k, at : at + clip.hand]
                 _add_three(row, q0, q1, q2, b[3 * finger], b[3 * finger + 1], b[3 * finger + 2])
             else:
                 s.three[k, at], s.three[k, at + 1], s.three[k, at + 2] = q0, q1, q2
-    translation = group.place[f.translation]
+    translation = group.place[clip.translation]
     for k in range(moving):
         for d in range(3):
-            s.three[k, translation + d] = s.left[k, d]
-    if f.free_betas:
-        _add_coefficients(point, 0, group.place[f.betas], ranks, scratch)
-    if f.free_face:
-        _add_coefficients(point, 10, group.place[f.expression], ranks, scratch)
+            s.three[k, translation + d] = s.by_point[k, d]
+    if clip.free_betas:
+        _add_coefficients(point, 0, group.place[clip.betas], rows, scratch)
+    if clip.free_face:
+        _add_coefficients(point, 10, group.place[clip.expression], rows, scratch)
 
 
 @helper
@@ -179,7 +226,11 @@ def _add_three(row, w0, w1, w2, l0, l1, l2):
 
 @helper
 def _lever_arm(c, joint, entry, scratch):
-    """What of a point turns with a joint, from this joint on (see `body.points`), into `v`."""
+    """The arm about which a joint turns a point, in camera axes, into `v`.
+
+    It is the sum of weight x (the bone's place of the point - the joint's place) over the pairs (point, bone) that turn
+    with the joint, see `body.points`.
+    """
     s, turning = scratch.frame, entry.joint
     if joint >= 0:
         for d in range(3):
@@ -197,11 +248,11 @@ def _lever_arm(c, joint, entry, scratch):
 
 
 @helper
-def _add_coefficients(point, low, at, ranks, scratch):
+def _add_coefficients(point, low, at, rows, scratch):
     """The columns of betas or expression."""
     s, last = scratch.frame, low + 10
-    for k in range(ranks):
-        row, l0, l1, l2 = s.three[k, at : at + 10], s.left[k, 0], s.left[k, 1], s.left[k, 2]
+    for k in range(rows):
+        row, l0, l1, l2 = s.three[k, at : at + 10], s.by_point[k, 0], s.by_point[k, 1], s.by_point[k, 2]
         if point.joint >= 0:
             m = s.joint_motion[point.joint]
             _add_three(row, l0, l1, l2, m[0, low:last], m[1, low:last], m[2, low:last])
@@ -212,22 +263,26 @@ def _add_coefficients(point, low, at, ranks, scratch):
 
 @helper
 def _to_state_columns(c, s):
-    """From turn columns to those of the state (lower triangle): the body's go through the pose prior."""
-    f, size, count = c.fixed, c.fixed.latent, 3 * N_BODY + 1  # the last one 0 in `by_latent`, see LANES
-    for a in range(f.width):
+    """From turn columns to those of the state (lower triangle): the body's go through the pose prior.
+
+    With D = d turns / d latent the gradient of the body becomes D^T g, its own block D^T M D, and the blocks that it
+    shares with others M D or D^T M; all else moves to its place in the state.
+    """
+    clip, size, count = c.clip, c.clip.latent, 3 * N_BODY + 1  # the last one 0 in `by_latent`, see LANES
+    for a in range(clip.width):
         if BODY <= a < HANDS and len(c.layers):
             continue
-        at = a if a < BODY else a - f.shift
+        at = a if a < BODY else a - clip.shift
         s.state_gradient[at], line, out = s.gradient[a], s.matrix[a], s.state_matrix[at]
         for b in range(min(a + 1, BODY)):
             out[b] = line[b]
         for b in range(BODY if len(c.layers) == 0 else HANDS, a + 1):
-            out[b - f.shift] = line[b]
-    if not f.free_body or not len(c.layers):
+            out[b - clip.shift] = line[b]
+    if not clip.free_body or not len(c.layers):
         return
     turns_by_latent(c, s)
     latent_gradient(c, s.gradient[BODY:HANDS], s, s.state_gradient[BODY : BODY + size])
-    for a in range(f.width):
+    for a in range(clip.width):  # by_body = M's columns of the body, in all rows: the lower triangle, mirrored
         line, own = s.matrix[a], s.by_body[a]
         for n in range(min(max(a + 1 - BODY, 0), 3 * N_BODY)):
             own[n] = line[BODY + n]
@@ -235,37 +290,18 @@ def _to_state_columns(c, s):
         line = s.matrix[BODY + n]
         for a in range(BODY + n):
             s.by_body[a, n] = line[a]
-    products(s.by_latent, size, s.by_body, f.width, count, 0.0, s.chained)
+    products(s.by_latent, size, s.by_body, clip.width, count, 0.0, s.chained)  # chained = M D
     for k in range(size):
         for n in range(3 * N_BODY):
             s.transposed[k, n] = s.chained[BODY + n, k]
-    half_products(s.by_latent, size, s.transposed, count, s.small)
+    half_products(s.by_latent, size, s.transposed, count, s.small)  # small = D^T (M D), of the body's own rows
     for k in range(size):
         line = s.state_matrix[BODY + k]
         for b in range(BODY):
             line[b] = s.chained[b, k]
         for b in range(k + 1):
             line[BODY + b] = s.small[b, k]
-    for a in range(HANDS, f.width):
-        line, chained = s.state_matrix[a - f.shift, BODY : BODY + size], s.chained[a]
+    for a in range(HANDS, clip.width):
+        line, chained = s.state_matrix[a - clip.shift, BODY : BODY + size], s.chained[a]
         for k in range(size):
             line[k] = chained[k]
-
-
-@helper
-def _take_free(c, frame, x, s):
-    """The free columns, with the terms that look at columns of the state."""
-    f, target = c.fixed, c.held[frame].target
-    for a in range(f.free):
-        at = f.index[a]
-        weight, line, out = f.weight[at] * f.weight[at], s.state_matrix[at], s.free_matrix[a]
-        s.free_gradient[a] = s.state_gradient[at] + weight * (x[at] - target[at])
-        for b in range(a + 1):
-            out[b] = line[f.index[b]]
-        out[a] += weight
-    if f.free_betas:
-        first, missing = f.free - 10, taller_by(c, x)
-        for k in range(10):
-            s.free_gradient[first + k] += missing * f.taller[k]
-            for n in range(k + 1):
-                s.free_matrix[first + k, first + n] += f.taller[k] * f.taller[n]

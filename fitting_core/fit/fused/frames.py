@@ -10,15 +10,15 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from fitting_core.fit.compiled.layout import N_JOINTS
 from fitting_core.fit.fused import constants as k
 from fitting_core.fit.fused import descent, known
-from fitting_core.fit.fused.constants import N_JOINTS
 from fitting_core.fit.fused.scratch import Scratch, scratch_for
 from fitting_core.fit.terms.data import Data
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import View
 from fitting_core.fit.variables.state import Free, State
-from fitting_core.results.provenance import Ending
+from fitting_core.least_squares import Ending
 
 _PIECE = 8
 """Frames that a thread takes at a time: some tens of milliseconds of a descent."""
@@ -75,7 +75,7 @@ class FusedFrames:
 
     def _evaluated(self, state: State, frames: Tensor, derivatives: int) -> tuple[Tensor, Tensor, Tensor]:
         """Costs, and the derivatives of all frames or of none."""
-        size, result = int(self._constants.fixed["free"]), _Results.of(len(frames))
+        size, result = int(self._constants.clip["free"]), _Results.of(len(frames))
         gradient, matrix = np.zeros((derivatives, size)), np.zeros((derivatives, size, size))
         orient, vector = state.orient.numpy().copy(), state.vector.numpy().copy()
 
@@ -93,9 +93,9 @@ class FusedFrames:
     ) -> tuple[Float[Tensor, "B 55 3"], Float[Tensor, "B 165 d"]]:
         """The joints without camera translation, and their derivatives by the free columns, for which the translation
         is held; without `derivatives` no rows of these."""
-        assert not self._constants.fixed["free_betas"], "the betas of frames that are fitted together are held"
+        assert not self._constants.clip["free_betas"], "the betas of frames that are fitted together are held"
         joints = np.zeros((len(frames), N_JOINTS, 3))
-        width = int(self._constants.fixed["free"])
+        width = int(self._constants.clip["free"])
         rows = np.zeros((len(frames), 3 * N_JOINTS, width) if derivatives else (len(frames), 0, 0))
         orient, vector = state.orient.numpy(), state.vector.numpy()
 
@@ -178,8 +178,7 @@ def compile_all() -> None:
     """Call every kernel with no frame, for which it is compiled."""
     pairs = k.Pairs(np.zeros((1, 0), k.PAIR), np.zeros(0, np.int64), np.zeros((1, 0, 0)))
     constants = k.Constants(
-        fixed=np.zeros(1, k.FIXED).view(np.recarray)[0],
-        limits=np.zeros(0, k.LIMIT),
+        clip=np.zeros(1, k.CLIP).view(np.recarray)[0],
         layers=np.zeros(0, k.LAYER),
         weights=np.zeros(0),
         weights32=np.zeros(0, np.float32),
@@ -191,7 +190,7 @@ def compile_all() -> None:
         order=np.zeros(0, np.int64),
         groups=np.zeros(0, k.GROUP),
         keypoints=np.zeros((0, 0), k.KEYPOINT),
-        held=np.zeros(0, k.HELD),
+        frames=np.zeros(0, k.FRAME),
     )
     start = np.zeros(0, np.int64), np.zeros((0, 3, 3)), np.zeros((0, 1))
     descent.descend(constants, *start, scratch_for(constants), 1, 0.0, *_Results.of(0)[:], *_NO_NORMAL, *_NO_JOINTS)

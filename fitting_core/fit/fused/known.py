@@ -1,7 +1,6 @@
-"""From the terms of an objective to the constants of the kernels: the KNOWN table."""
+"""From the terms of an objective to the constants of the kernels."""
 
-from collections.abc import Callable, Mapping
-from types import MappingProxyType
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -11,12 +10,11 @@ from torch import Tensor
 
 from fitting_core.body.points.body_points import BodyPoints
 from fitting_core.body.points.pairs import PairTable
+from fitting_core.fit.compiled import layout
 from fitting_core.fit.fused import constants as k
 from fitting_core.fit.fused.scratch import MOST_LAYERS, WIDEST
 from fitting_core.fit.terms.data import Data
-from fitting_core.fit.terms.limits import Limits
-from fitting_core.fit.terms.positions import HeldPosition, RelativePosition
-from fitting_core.fit.terms.priors import BENDING, Bending, Height, Quadratic, Rest, Upright
+from fitting_core.fit.terms.quadratic import Quadratic
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import View
 from fitting_core.fit.variables.state import Columns, Free
@@ -25,21 +23,25 @@ from fitting_core.priors.latent import LatentPrior
 from fitting_core.priors.pose import AxisAnglePrior
 
 _ACTIVATIONS: dict[Activation, tuple[int, float]] = {
-    "linear": (k.LINEAR, 1.0),
-    "leaky_relu_0.01": (k.LEAKY_RELU, 0.01),
-    "leaky_relu_0.2": (k.LEAKY_RELU, 0.2),
-    "elu": (k.ELU, 1.0),
-    "silu": (k.SILU, 1.0),
-    "softplus": (k.SOFTPLUS, 1.0),
-    "tanh": (k.TANH, 1.0),
+    "linear": (layout.LINEAR, 1.0),
+    "leaky_relu_0.01": (layout.LEAKY_RELU, 0.01),
+    "leaky_relu_0.2": (layout.LEAKY_RELU, 0.2),
+    "elu": (layout.ELU, 1.0),
+    "silu": (layout.SILU, 1.0),
+    "softplus": (layout.SOFTPLUS, 1.0),
+    "tanh": (layout.TANH, 1.0),
 }
 """Number and slope below zero."""
 _LIMBS = (12, 13, 14, 1, 2)
 """Neck, both collars, both hips: points beyond one of them share their columns."""
 
 
+def _plain(values: Any) -> np.ndarray:
+    return np.asarray(values.detach() if isinstance(values, Tensor) else values)
+
+
 def _floats(values: Any) -> np.ndarray:
-    return np.ascontiguousarray(values.detach() if isinstance(values, Tensor) else values, np.float64)
+    return np.ascontiguousarray(_plain(values), np.float64)
 
 
 def _ints(values: Any) -> np.ndarray:
@@ -50,7 +52,7 @@ def _records(kind: np.dtype, shape: tuple[int, ...], **fields: Any) -> np.ndarra
     """An array of records with these fields filled in, the others zero; narrower values fill the front."""
     made = np.zeros(shape, kind)
     for name, value in fields.items():
-        value = np.asarray(value.detach() if isinstance(value, Tensor) else value)
+        value = _plain(value)
         wide = value.shape[value.ndim - kind[name].ndim :] if value.ndim else ()
         made[name][(..., *(slice(n) for n in wide))] = value
     return made
@@ -62,7 +64,7 @@ def network_of(prior: object) -> tuple[Layer, ...] | None:
         return ()
     layers = tuple(prior.network.decoder) if isinstance(prior, LatentPrior) else ()
     shapes = [layer.weight.shape for layer in layers]
-    known = 1 < len(layers) <= MOST_LAYERS and max(map(max, shapes)) <= WIDEST and shapes[0][1] <= k.MOST_LATENT
+    known = 1 < len(layers) <= MOST_LAYERS and max(map(max, shapes)) <= WIDEST and shapes[0][1] <= layout.MOST_LATENT
     return layers if known else None
 
 
@@ -102,7 +104,7 @@ def _new_network(prior: object) -> _Network:
 
 
 def _columns(c: Columns) -> dict[str, Any]:
-    jaw = k.HANDS + 2 * c.hand
+    jaw = layout.HANDS + 2 * c.hand
     names = ("hand", "jaw", "expression", "translation", "betas", "width", "latent", "shift")
     return dict(zip(names, (c.hand, jaw, jaw + 3, jaw + 13, jaw + 16, jaw + 26, c.pose, 63 - c.pose), strict=True))
 
@@ -140,11 +142,11 @@ def _new_tables(points: BodyPoints, columns: Columns, free: Free) -> _Laid:
     starts = [0, *(int(t.point.max()) + 1 if len(t.point) else 0 for t in points.tables[:-1])]
     owner = np.concatenate([t.point.numpy() + at for t, at in zip(points.tables, starts, strict=True)])
     pick = points.pick.numpy()
-    surface = pick >= k.N_JOINTS
-    pairs = [np.where(surface, np.searchsorted(owner, pick - k.N_JOINTS + end), 0) for end in (0, 1)]
+    surface = pick >= layout.N_JOINTS
+    pairs = [np.where(surface, np.searchsorted(owner, pick - layout.N_JOINTS + end), 0) for end in (0, 1)]
     kept = np.flatnonzero(_free_joints(free)[points.entry_joint.numpy()])
     point, joint = points.entry_point.numpy()[kept], points.entry_joint.numpy()[kept]
-    arms = [np.flatnonzero(row == 1) for row in points.incidence.numpy()[kept][:, k.N_JOINTS :]]
+    arms = [np.flatnonzero(row == 1) for row in points.incidence.numpy()[kept][:, layout.N_JOINTS :]]
     arm_ends = np.cumsum([0, *map(len, arms)])
     limb = _limbs(points)
     groups = np.zeros(len(set(limb)), k.GROUP)
@@ -184,11 +186,11 @@ def _limbs(points: BodyPoints) -> np.ndarray:
 
 
 def _free_joints(free: Free) -> np.ndarray:
-    moves = np.zeros(k.N_JOINTS, bool)
+    moves = np.zeros(layout.N_JOINTS, bool)
     moves[0] = True
-    moves[1 : k.N_BODY + 1] = free.body
-    moves[k.JAW_JOINT] = free.face
-    moves[k.FIRST_FINGER :] = free.hands
+    moves[1 : layout.N_BODY + 1] = free.body
+    moves[layout.JAW_JOINT] = free.face
+    moves[layout.FIRST_FINGER :] = free.hands
     return moves
 
 
@@ -199,85 +201,26 @@ def _moving_columns(joints: set[int], columns: Columns, free: Free) -> set[int]:
     found |= set(range(at["betas"], at["width"])) if free.betas else set()
     found |= set(range(at["expression"], at["translation"])) if free.face else set()
     for joint in joints:
-        if joint >= k.FIRST_FINGER:
-            first = k.HANDS + (columns.hand if joint >= k.FIRST_FINGER + 15 else 0)
+        if joint >= layout.FIRST_FINGER:
+            first = layout.HANDS + (columns.hand if joint >= layout.FIRST_FINGER + 15 else 0)
             found |= set(range(first, first + columns.hand))
         else:
-            first = at["jaw"] if joint == k.JAW_JOINT else 3 * joint
+            first = at["jaw"] if joint == layout.JAW_JOINT else 3 * joint
             found |= set(range(first, first + 3))
     return found
-
-
-class _Fields(NamedTuple):
-    """What a term fills in."""
-
-    fixed: Mapping[str, Any]
-    held: Mapping[str, Any] = MappingProxyType({})
-    limits: np.ndarray = np.zeros(0, k.LIMIT)
-    keypoints: Mapping[str, Any] = MappingProxyType({})
-
-
-def _limits(term: Limits) -> _Fields:
-    table, count = term.table, len(term.low)
-    limits = _records(
-        k.LIMIT, (count,), joint=table.joint, frame=table.frame, offset=table.offset, low=term.low, high=term.high
-    )
-    return _Fields(fixed={"limited": count, "limit_weight": term.weight}, limits=limits)
-
-
-def _rest(term: Rest) -> _Fields:
-    return _Fields(fixed={"held": True, "rest_pose": term.target}, held={"rest": term.weight})
-
-
-def _bending(term: Bending) -> _Fields:
-    sign = np.zeros(3 * k.N_BODY)
-    for column, bend in BENDING:
-        sign[column] = bend
-    return _Fields(fixed={"bending": term.weight, "bent": sign})
-
-
-def _height(term: Height) -> _Fields:
-    return _Fields(fixed={"taller": term.weight * term.by_betas, "height": term.weight * term.target})
-
-
-def _upright(term: Upright) -> _Fields:
-    return _Fields(fixed={"upright": True}, held={"lean": term.lean, "turn": term.turn})
-
-
-def _relative_position(term: RelativePosition) -> _Fields:
-    fields = {"place": term.target, "place_weight": term.weight, "place_rho": term.rho}
-    return _Fields(fixed={"pelvis": term.pelvis}, keypoints=fields)
-
-
-def _held_position(term: HeldPosition) -> _Fields:
-    fields = {"spot": term.target, "spot_weight": term.weight, "spot_rho": term.rho}
-    return _Fields(fixed={}, keypoints=fields)
-
-
-KNOWN: dict[type[Term], Callable[[Any], _Fields]] = {
-    Limits: _limits,
-    Rest: _rest,
-    Bending: _bending,
-    Upright: _upright,
-    Height: _height,
-    RelativePosition: _relative_position,
-    HeldPosition: _held_position,
-}
-"""What a term fills in, by its kind. Data and Quadratic are known as well; of each other kind an objective has at most
-one. Terms of kinds that are not here are evaluated in torch, and added to what the kernels know."""
 
 
 def served(view: View) -> bool:
     """Whether the kernels know the body's points and the pose prior."""
     p = view.parametrisation
-    fits = p.dtype == torch.float64 and p.device.type == "cpu" and p.columns.hand <= k.MOST_HAND
+    fits = p.dtype == torch.float64 and p.device.type == "cpu" and p.columns.hand <= layout.MOST_HAND
     return fits and network_of(p.prior) is not None
 
 
 def divided(terms: list[Term]) -> tuple[list[Term], list[Term]]:
     """Terms that the kernels evaluate, and the others: of unknown kinds, and those for which another one has the place.
 
-    A kind is known by itself alone: what is derived from it may differ.
+    Quadratic terms share a kernel as far as no two hold the same column; of each other kind the kernels know one.
     """
     known: list[Term] = []
     columns: set[int] = set()
@@ -287,7 +230,7 @@ def divided(terms: list[Term]) -> tuple[list[Term], list[Term]]:
             free = not mine & columns
             columns |= mine
         else:
-            free = (type(term) is Data or type(term) in KNOWN) and type(term) not in map(type, known)
+            free = type(term) in k.KERNELS and type(term) not in map(type, known)
         if free:
             known.append(term)
     return known, [term for term in terms if not any(term is one for one in known)]
@@ -298,10 +241,13 @@ def constants_of(terms: list[Term], view: View, free: Free, index: Tensor) -> k.
     p, points = view.parametrisation, view.points
     laid = _laid(points, p.columns, free)
     data = next(term for term in terms if isinstance(term, Data))
-    given = [KNOWN[type(term)](term) for term in terms if type(term) in KNOWN]
-    weight, target = _quadratic([term for term in terms if isinstance(term, Quadratic)], p.columns.total)
-    fixed = _records(
-        k.FIXED,
+    given: dict[str, np.ndarray] = {}
+    for term in terms:
+        for name, value in k.KERNELS[type(term)].constants(term).items():
+            value = _plain(value)
+            given[name] = given[name] + value if name in given else value
+    clip = _records(
+        k.CLIP,
         (1,),
         **_columns(p.columns),
         free_body=free.body,
@@ -318,45 +264,31 @@ def constants_of(terms: list[Term], view: View, free: Free, index: Tensor) -> k.
         hand_basis=p.hand_basis.flatten(0, 1),
         focal=view.focal,
         center=view.center,
-        columns_held=p.columns.total,
-        weight=weight,
-        **{name: value for fields in given for name, value in fields.fixed.items()},
+        **_in(k.CLIP, given),
     )
-    held = {name: value for fields in given for name, value in fields.held.items()}
-    known = {name: value for fields in given for name, value in fields.keypoints.items()}
     assert view.contour_bin is not None or not points.has_contour, "contour landmarks need each frame's yaw table"
     variant = 0 if view.contour_bin is None else view.contour_bin
     made = k.Constants(
-        fixed=fixed.view(np.recarray)[0],
-        limits=np.concatenate([np.zeros(0, k.LIMIT), *[fields.limits for fields in given]]),
+        clip=clip.view(np.recarray)[0],
         **_network(p.prior)._asdict(),
         **laid._asdict(),
-        keypoints=_records(k.KEYPOINT, tuple(data.weight.shape), **known),
-        held=_records(k.HELD, (len(data.xy),), variant=variant, target=target, **held),
+        keypoints=_records(k.KEYPOINT, tuple(data.weight.shape), **_in(k.KEYPOINT, given)),
+        frames=_records(k.FRAME, (len(data.xy),), variant=variant, **_in(k.FRAME, given)),
     )
     return with_data(made, data)
 
 
 def with_data(constants: k.Constants, data: Data) -> k.Constants:
     """The same with other keypoints."""
-    points = constants.points.copy()
-    points["rho"] = data.rho[:, 0]
-    keypoints = constants.keypoints.copy()
-    for name, values in (("xy", data.xy), ("side", data.side), ("weight", data.weight)):
-        keypoints[name] = values
+    given = k.KERNELS[Data].constants(data)
+    points, keypoints = constants.points.copy(), constants.keypoints.copy()
+    for records in (points, keypoints):
+        for name, values in _in(records.dtype, given).items():
+            records[name] = values
     return constants._replace(points=points, keypoints=keypoints)
 
 
-def _quadratic(terms: list[Quadratic], total: int) -> tuple[np.ndarray, np.ndarray]:
-    """Weights and targets by columns of the state; the targets of all frames, or of each."""
-    weight, targets = np.zeros(total), []
-    for term in terms:
-        assert not weight[term.where].any(), f"{term.name} holds columns that another term holds"
-        weight[term.where] = _floats(term.weight)
-        if term.target is not None:
-            targets.append((term.where, _floats(term.target)))
-    rows = max((len(values) for _, values in targets if values.ndim == 2), default=1)
-    target = np.zeros((rows, total))
-    for where, values in targets:
-        target[:, where] = values
-    return weight, target
+def _in(record: np.dtype, given: Mapping[str, Any]) -> dict[str, Any]:
+    """What stands in a record."""
+    assert record.names is not None, "records have fields"
+    return {name: value for name, value in given.items() if name in record.names}

@@ -1,9 +1,9 @@
 """How the joints of one frame move with the free columns, for terms over time."""
 
-from fitting_core.fit.fused.body import move_by_coefficients, pose_skeleton, turn_axes, turn_joints
-from fitting_core.fit.fused.constants import BODY, FIRST_FINGER, JAW_JOINT, N_BODY, N_JOINTS
-from fitting_core.fit.fused.jit import helper
-from fitting_core.fit.fused.network import turns_by_latent
+from fitting_core.fit.compiled.body import move_by_coefficients, pose_skeleton, turn_axes, turn_joints
+from fitting_core.fit.compiled.jit import helper
+from fitting_core.fit.compiled.layout import BODY, FIRST_FINGER, JAW_JOINT, N_BODY, N_JOINTS
+from fitting_core.fit.compiled.network import turns_by_latent
 
 
 @helper
@@ -18,7 +18,7 @@ def joints_of(c, frame, orient, x, scratch, joints, rows):
             joints[j, d] = s.joints[j, d]
     if len(rows):
         turn_axes(s)
-        if c.fixed.free_body and len(c.layers):
+        if c.clip.free_body and len(c.layers):
             turns_by_latent(c, s)
         _set_rows(c, frame, scratch, rows)
 
@@ -26,7 +26,7 @@ def joints_of(c, frame, orient, x, scratch, joints, rows):
 @helper
 def _set_rows(c, frame, scratch, rows):
     """Down the tree: a joint moves with its parent, and turns about it with all that the parent turns with."""
-    s, f = scratch.frame, c.fixed
+    s, f = scratch.frame, c.clip
     hands = BODY + (f.latent if f.free_body else 0)
     jaw = hands + (2 * f.hand if f.free_hands else 0)
     for k in range(f.free):
@@ -55,7 +55,7 @@ def _set_rows(c, frame, scratch, rows):
 @helper
 def _add_own_turn(c, joint, hands, jaw, s):
     """What a joint turns with by itself; `hands` and `jaw` are their first free columns."""
-    f, here, axes = c.fixed, s.turning_by[joint], s.axes[joint]
+    f, here, axes = c.clip, s.turning_by[joint], s.axes[joint]
     if joint <= N_BODY:
         if not f.free_body:
             return

@@ -78,7 +78,7 @@ def say_if_slow() -> None:
 
 def _compiled() -> bool:
     if not _Use.compiled:
-        from fitting_core.fit.fused.jit import kept_in
+        from fitting_core.fit.compiled.jit import kept_in
 
         _Use.compiled = (kept_in() / _MARK).is_file()
     return _Use.compiled
@@ -89,8 +89,8 @@ def prepare(say: Callable[[str], None]) -> None:
     if _missing() or _compiled():
         return
     _Use.told = True
+    from fitting_core.fit.compiled.jit import kept_in
     from fitting_core.fit.fused.frames import compile_all
-    from fitting_core.fit.fused.jit import kept_in
 
     say(f"Compiling the solver's kernels, which happens once and takes about {SECONDS} seconds ...")
     try:

@@ -5,15 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from fitting_core.fit.fused.constants import (
-    MOST_COLUMNS,
-    MOST_HAND,
-    MOST_LATENT,
-    N_BODY,
-    N_COEFFICIENTS,
-    N_JOINTS,
-    Constants,
-)
+from fitting_core.fit.compiled.layout import MOST_COLUMNS, MOST_HAND, MOST_LATENT, N_BODY, N_COEFFICIENTS, N_JOINTS
+from fitting_core.fit.fused.constants import Constants
 
 MOST_LAYERS, WIDEST = 6, 512
 """Of a network."""
@@ -44,8 +37,8 @@ FRAME = np.dtype(
         ("turning_by", _F, (N_JOINTS, 3, MOST_COLUMNS)),
         ("features", _F, 9 * N_JOINTS),
         ("by_feature", _F, 9 * N_JOINTS),
-        ("left", _F, (3, 3)),
-        ("pulls", _F, 3),
+        ("by_point", _F, (3, 3)),  # derivative of weighted residuals by a point in camera space
+        ("residual", _F, 3),  # these residuals
         ("q", _F, 4),
         ("u", _F, 4),
         ("v", _F, 3),
@@ -79,7 +72,8 @@ class Scratch(NamedTuple):
     pairs: Float[np.ndarray, "P 3"]
     weight: Float[np.ndarray, "P"]
     pair_motion: Float[np.ndarray, "P 3 20"]
-    pull: Float[np.ndarray, "P 3"]
+    pair_gradient: Float[np.ndarray, "P 3"]
+    """Of the terms on points, by each pair's place in camera space."""
     points: Float[np.ndarray, "N 3"]
     """In camera space."""
     error: Float[np.ndarray, "N 8"]
@@ -98,7 +92,7 @@ def scratch_for(constants: Constants) -> Scratch:
         pairs=np.zeros((pairs, 3)),
         weight=np.zeros(pairs),
         pair_motion=np.zeros((pairs, 3, N_COEFFICIENTS)),
-        pull=np.zeros((pairs, 3)),
+        pair_gradient=np.zeros((pairs, 3)),
         points=np.zeros((points, 3)),
         error=np.zeros((points, 8)),
         rows=np.zeros((MOST_COLUMNS, 8 * points + LANES)),

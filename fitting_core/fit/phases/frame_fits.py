@@ -9,7 +9,8 @@ from torch import Tensor
 from fitting_core.body import rotations
 from fitting_core.fit.solvers.solution import Solution
 from fitting_core.fit.variables.state import State
-from fitting_core.results.provenance import Ending, Provenance, Start, Stopped
+from fitting_core.least_squares import Ending
+from fitting_core.results.provenance import Provenance, Start, Stopped
 
 _STOPPED: dict[Ending, Stopped] = {
     "converged": Stopped.CONVERGED,

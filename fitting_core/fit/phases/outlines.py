@@ -25,7 +25,7 @@ from fitting_core.body.mesh import shared_mesh
 from fitting_core.body.model import JOINTS, N_BETAS, BodyModel
 from fitting_core.fit.solvers.problem import Sample, SharedShape
 from fitting_core.fit.stages import IMAGE_SCALE, N_STAGES, Stages
-from fitting_core.fit.terms.table import HEIGHT_DEVIATION
+from fitting_core.fit.terms.height import HEIGHT_DEVIATION
 from fitting_core.fit.variables.state import Free, State
 from fitting_core.lens import filmed
 

@@ -1,28 +1,23 @@
-"""Levenberg-Marquardt on the closed-form normal equations, every independent group with its own damping."""
+"""Levenberg-Marquardt on the closed-form normal equations of a problem."""
 
 from collections.abc import Generator, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import torch
-from torch import Tensor
 
 from fitting_core.config.schema import SolverSettings
 from fitting_core.fit.solvers.problem import Problem
 from fitting_core.fit.solvers.solution import Progress, Solution
 from fitting_core.fit.variables.state import State
-from fitting_core.results.provenance import Ending
+from fitting_core.least_squares import Descent, Ending
 
 if TYPE_CHECKING:
     from fitting_core.fit.fused.frames import Descents
 
-_START, _SMALLEST, _LARGEST = 1e-3, 1e-7, 1e8
-_GROWTH = 2.0
-"""Of the damping at the first refused step; it doubles with every further one."""
-
 
 class LevenbergMarquardt:
-    """Nielsen's damping rule (K. Madsen, H. B. Nielsen, O. Tingleff, Methods for Non-Linear Least Squares, 2004)."""
+    """`least_squares.Descent` of all groups, or of the kernels where these know all terms."""
 
     def __init__(self, settings: SolverSettings) -> None:
         self.settings, self.iterations = settings, settings.iterations
@@ -57,7 +52,7 @@ class LevenbergMarquardt:
         descents = problem.descents(start, iterations=self.iterations, tolerance=tolerance)
         if descents is not None:
             return (yield from self._collected(problem, start, descents))
-        run = _Run(problem, start)
+        run = Descent(problem, start, torch.arange(problem.groups, device=start.vector.device))
         for iteration in range(self.iterations):
             if not len(run.active):
                 break
@@ -66,7 +61,7 @@ class LevenbergMarquardt:
                 iteration=iteration + 1,
                 cost=run.cost.clone(),
                 running=len(run.active),
-                terms=lambda: run.problem.terms(run.state),
+                terms=lambda: problem.terms(run.state),
             )
         return Solution(state=run.state, cost=run.cost, reason=tuple(run.reason), evaluations=run.evaluations)
 
@@ -100,65 +95,3 @@ def _lower(problem: Problem, start: State, other: State) -> State:
         return start
     rows = problem.rows(everyone[better])
     return start.put(rows, other[rows])
-
-
-class _Run:
-    """The moving parts of one minimisation."""
-
-    def __init__(self, problem: Problem, start: State) -> None:
-        self.problem, self.state = problem, start
-        everyone = torch.arange(problem.groups, device=start.vector.device)
-        self.cost, *self.system = problem.normal(start, everyone)
-        self.active = everyone[self.cost.isfinite()]
-        self.damping = torch.full_like(self.cost, _START)
-        self.growth = torch.full_like(self.cost, _GROWTH)
-        self.promised = torch.zeros_like(self.cost)
-        """What the first step promised that was refused since one was last taken."""
-        self.rounding = torch.finfo(self.cost.dtype).eps * self.cost
-        self.reason: list[Ending] = ["iterations" if finite else "failed" for finite in self.cost.isfinite().tolist()]
-        self.evaluations = problem.groups
-
-    def iterate(self, tolerance: float) -> None:
-        """One damped step of every active group."""
-        groups = self.active
-        rows = self.problem.rows(groups)
-        step = self.problem.solve((self.cost[groups], *(a[groups] for a in self.system)), self.damping[groups])
-        trial = self.state[rows].moved(step.move)
-        cost = self.problem.cost(trial, groups)
-        self.evaluations += len(groups)
-        before = self.cost[groups]
-        better = step.solved & cost.isfinite() & (cost < before)
-        refused_first = ~better & (self.growth[groups] == _GROWTH)
-        self.promised[groups[refused_first]] = torch.where(step.solved, step.predicted, torch.inf)[refused_first]
-        self._update_damping(groups, better, (before - cost) / step.predicted.clamp_min(1e-300))
-        done = better & (before - cost < tolerance * before)
-        self._accept(groups[better], groups[better & ~done], rows, trial, cost[better], better)
-        stuck = ~done & (self.damping[groups] > _LARGEST)
-        # Where next to nothing was left to gain, to gain nothing is the end of the way and no wall.
-        at_end = self.promised[groups] <= torch.maximum(tolerance * before, self.rounding[groups])
-        self._end(groups[done | (stuck & at_end)], "converged")
-        self._end(groups[stuck & ~at_end], "stalled")
-        self.active = groups[~(done | stuck)]
-
-    def _end(self, groups: Tensor, reason: Ending) -> None:
-        for group in groups.tolist():
-            self.reason[group] = reason
-
-    def _update_damping(self, groups: Tensor, better: Tensor, gain: Tensor) -> None:
-        growth, damping = self.growth[groups], self.damping[groups]
-        shrunk = damping * (1 - (2 * gain.nan_to_num(0.0).clamp(0, 1) - 1) ** 3).clamp_min(0.2)
-        self.damping[groups] = torch.where(better, shrunk.clamp_min(_SMALLEST), damping * growth)
-        self.growth[groups] = torch.where(better, _GROWTH, growth * 2)
-
-    def _accept(
-        self, accepted: Tensor, refreshed: Tensor, rows: Tensor, trial: State, cost: Tensor, better: Tensor
-    ) -> None:
-        if not len(accepted):
-            return
-        keep = better if len(better) == len(rows) else slice(None)  # one coupled group owns all rows
-        self.state = self.state.put(rows[keep], trial[keep])
-        self.cost[accepted] = cost
-        if len(refreshed):
-            _, *fresh = self.problem.normal(self.state[self.problem.rows(refreshed)], refreshed)
-            for old, new in zip(self.system, fresh, strict=True):
-                old[refreshed] = new

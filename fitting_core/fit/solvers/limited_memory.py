@@ -11,7 +11,7 @@ from fitting_core.fit.solvers.lbfgs import Limits, Reason, Standing, lbfgs_steps
 from fitting_core.fit.solvers.problem import Problem
 from fitting_core.fit.solvers.solution import Progress, Solution
 from fitting_core.fit.variables.state import State
-from fitting_core.results.provenance import Ending
+from fitting_core.least_squares import Ending
 
 _ITERATIONS = 30
 """Steps of a round."""

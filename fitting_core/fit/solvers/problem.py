@@ -2,25 +2,23 @@
 
 from collections.abc import Iterator
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol, Self
 
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from fitting_core.body.model import N_BETAS
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.variables.state import State
+from fitting_core.least_squares import LeastSquares, Step, damping_diagonal, dense_step
 
 if TYPE_CHECKING:
     from fitting_core.fit.fused.frames import Descents
 
-DIAGONAL_FLOOR = 1e-9
-"""Share of the largest diagonal entry that keeps parameters regular which no residual sees."""
 
-
-class Problem(Protocol):
+class Problem(LeastSquares[State], Protocol):
     """A least squares problem over the frames of a State, in groups that are independent of each other."""
 
     objective: FrameObjective
@@ -35,24 +33,8 @@ class Problem(Protocol):
         """Levenberg-Marquardt of every group by the kernels; None where these do not know all of it."""
         ...
 
-    def rows(self, groups: Int[Tensor, "g"]) -> Int[Tensor, "r"]:
-        """Rows of the state that belong to these groups, in order."""
-        ...
-
     def spread(self, x: Float[Tensor, "g unknowns"]) -> Float[Tensor, "r total"]:
         """The groups' unknowns as a step of their rows, for `State.moved`."""
-        ...
-
-    def cost(self, state: State, groups: Int[Tensor, "g"]) -> Float[Tensor, "g"]:
-        """Cost of each group; `state` holds the groups' rows only. Infinite for invalid states."""
-        ...
-
-    def normal(self, state: State, groups: Int[Tensor, "g"]) -> tuple[Tensor, ...]:
-        """Cost (g,) and whatever `solve` needs, every tensor with the groups first."""
-        ...
-
-    def solve(self, normal: tuple[Tensor, ...], damping: Float[Tensor, "g"]) -> "Step":
-        """The damped Gauss-Newton step of each group."""
         ...
 
     def terms(self, state: State) -> dict[str, float]:
@@ -88,24 +70,6 @@ def mean_costs(costs: dict[str, Float[Tensor, "B"]]) -> dict[str, float]:
     """Of each term over the frames where it is finite; infinite where it is so nowhere."""
     finite = {name: cost[cost.isfinite()] for name, cost in costs.items()}
     return {name: float(cost.mean()) if len(cost) else float("inf") for name, cost in finite.items()}
-
-
-@dataclass(frozen=True)
-class Step:
-    """A step of the state's rows, what it promises, and whether its matrix was positive definite."""
-
-    move: Float[Tensor, "r total"]
-    predicted: Float[Tensor, "g"]
-    solved: Bool[Tensor, "g"]
-
-
-def damping_diagonal(diagonal: Float[Tensor, "*g d"], damping: Float[Tensor, "*g"]) -> Float[Tensor, "*g d"]:
-    """What is added to the diagonal: damping x its mean.
-
-    Not damping x the diagonal itself, which crept along single hand components: E 10438 against 8913.
-    """
-    floor = DIAGONAL_FLOOR * diagonal.amax(-1, keepdim=True)
-    return (damping[..., None] * diagonal.mean(-1, keepdim=True) + floor).expand_as(diagonal)
 
 
 class IndependentFrames(OnFrames):
@@ -146,15 +110,10 @@ class IndependentFrames(OnFrames):
         return n.cost, n.gradient, n.matrix
 
     def solve(self, normal: tuple[Tensor, ...], damping: Tensor) -> Step:
-        """One dense Cholesky factorisation for each frame."""
+        """Dense."""
         _, gradient, matrix = normal
-        extra = damping_diagonal(matrix.diagonal(dim1=1, dim2=2), damping)
-        damped = matrix.clone()
-        damped.diagonal(dim1=1, dim2=2).add_(extra)
-        factor, info = torch.linalg.cholesky_ex(damped)
-        move = -torch.cholesky_solve(gradient[..., None], factor)[..., 0]
-        predicted = -(gradient * move).sum(1) + (extra * move * move).sum(1)
-        return Step(self.objective.step(move), predicted, info == 0)
+        step = dense_step(gradient, matrix, damping)
+        return replace(step, move=self.objective.step(step.move))
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,11 +9,12 @@ from torch import Tensor
 
 from fitting_core.fit.objective import FrameObjective, jacobians_at_once
 from fitting_core.fit.solvers.banded import solve_block_banded
-from fitting_core.fit.solvers.problem import OnFrames, Step, damping_diagonal, mean_costs
+from fitting_core.fit.solvers.problem import OnFrames, mean_costs
 from fitting_core.fit.terms.temporal import Evenness
 from fitting_core.fit.terms.term import Derivative, Term
 from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.state import State
+from fitting_core.least_squares import Step, damping_diagonal
 
 if TYPE_CHECKING:
     from fitting_core.fit.fused.frames import FusedFrames

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from fitting_core.fit.variables.state import State
-from fitting_core.results.provenance import Ending
+from fitting_core.least_squares import Ending
 
 
 @dataclass(frozen=True, kw_only=True)

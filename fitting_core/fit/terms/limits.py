@@ -3,18 +3,25 @@
 The angles that have limits are swing and twist of a joint; their derivatives by the axis-angle pose have a closed form.
 """
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import cached_property
-from typing import ClassVar
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from fitting_core.body.joint_ranges import JointRange
-from fitting_core.body.model import JOINT
+from fitting_core.body.joint_ranges import JointRange, joint_ranges
+from fitting_core.body.model import JOINT, BodyModel
+from fitting_core.fit.compiled.body import add_row, joint_row
+from fitting_core.fit.compiled.jit import helper
+from fitting_core.fit.compiled.layout import INTEGER, N_BODY, N_JOINTS, NUMBER
+from fitting_core.fit.compiled.turns import quaternion as quaternion_of_matrix
+from fitting_core.fit.terms.entry import Entry, Kernel, Weight, every_stage
+from fitting_core.fit.terms.setting import Looked, Setting
 from fitting_core.fit.terms.term import Derivative, Rows, Term
 from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.point_jacobian import PointJacobian
@@ -197,3 +204,113 @@ def _stretch_slope(sine2: Float[Tensor, "*b"], cosine2: Float[Tensor, "*b"]) -> 
     """Derivative of `_stretch` by the squared sine, from (1 - x^2) y' = x y + 1 for y = arcsin(x) / sqrt(1 - x^2)."""
     above = 2 + (2 * sine2 - 1) * _stretch(sine2, cosine2)
     return above / (2 * (sine2 + _TINY) * cosine2.clamp(min=_NEARLY_OPPOSITE))
+
+
+@helper
+def _cost(c, frame, orient, x, s, derivatives):
+    """As `AngleTable.angles` and `slopes` have it, joint by joint."""
+    cost, clip = 0.0, c.clip
+    weight = clip.limit_weight * clip.limit_weight
+    for n in range(clip.limited):
+        joint, turned = clip.limit_joint[n], clip.limit_frame[n]
+        quaternion_of_matrix(s.local[joint], s.q)
+        for k in range(4):
+            s.u[k] = turned[k, 0] * s.q[0] + turned[k, 1] * s.q[1] + turned[k, 2] * s.q[2] + turned[k, 3] * s.q[3]
+        w, t, p, q = s.u[0], s.u[1], s.u[2], s.u[3]
+        sine2, cosine2 = p * p + q * q, max(w * w + t * t, _NEARLY_OPPOSITE)
+        sine, cosine = math.sqrt(sine2 + _TINY), math.sqrt(cosine2)
+        stretch = 2 * math.atan2(sine, cosine) / (sine * cosine)
+        for angle in range(3):
+            if angle == 0:
+                value = stretch * (p * w - q * t)
+            elif angle == 1:
+                value = stretch * (p * t + q * w)
+            else:
+                value = 2 * math.atan(t / w)
+            value += clip.limit_offset[n, angle]
+            excess = value - min(max(value, clip.limit_low[n, angle]), clip.limit_high[n, angle])
+            if excess == 0.0:
+                continue
+            cost += weight * excess * excess
+            if derivatives and (clip.free_body if joint <= N_BODY else clip.free_hands):
+                rise = (2 + (2 * sine2 - 1) * stretch) / ((sine2 + _TINY) * cosine2)
+                by_turn = _slope(angle, w, t, p, q, stretch, rise, 2 / cosine2, turned, s.q)
+                first, count = joint_row(c, joint, by_turn, s)
+                add_row(s, first, s.wide, count, weight, excess)
+    return cost
+
+
+@helper
+def _slope(angle, w, t, p, q, stretch, rise, turn, frame, unit):
+    """How an angle changes as the joint turns about its own axes: by its quaternion, dq = q (0, d) / 2."""
+    if angle == 0:
+        ahead = rise * (p * w - q * t)
+        a0, a1, a2, a3 = stretch * p, -stretch * q, stretch * w + ahead * p, ahead * q - stretch * t
+    elif angle == 1:
+        aside = rise * (p * t + q * w)
+        a0, a1, a2, a3 = stretch * q, stretch * p, stretch * t + aside * p, stretch * w + aside * q
+    else:
+        a0, a1, a2, a3 = -turn * t, turn * w, 0.0, 0.0
+    b0 = a0 * frame[0, 0] + a1 * frame[1, 0] + a2 * frame[2, 0] + a3 * frame[3, 0]
+    b1 = a0 * frame[0, 1] + a1 * frame[1, 1] + a2 * frame[2, 1] + a3 * frame[3, 1]
+    b2 = a0 * frame[0, 2] + a1 * frame[1, 2] + a2 * frame[2, 2] + a3 * frame[3, 2]
+    b3 = a0 * frame[0, 3] + a1 * frame[1, 3] + a2 * frame[2, 3] + a3 * frame[3, 3]
+    return (
+        0.5 * (-b0 * unit[1] + b1 * unit[0] + b2 * unit[3] - b3 * unit[2]),
+        0.5 * (-b0 * unit[2] - b1 * unit[3] + b2 * unit[0] + b3 * unit[1]),
+        0.5 * (-b0 * unit[3] + b1 * unit[2] - b2 * unit[1] + b3 * unit[0]),
+    )
+
+
+def _constants(term: Limits) -> Mapping[str, Any]:
+    table = term.table
+    return {
+        "limited": len(term.low),
+        "limit_weight": term.weight,
+        "limit_joint": table.joint,
+        "limit_frame": table.frame,
+        "limit_offset": table.offset,
+        "limit_low": term.low,
+        "limit_high": term.high,
+    }
+
+
+def _make(setting: Setting, looked: Looked, s: int) -> Term | None:
+    weight, like = setting.config.weights.limits[s], setting.parametrisation.betas
+    if not weight:
+        return None
+    return replace(_of_weight_1(setting.body, setting.hands_shown, like.dtype, like.device), weight=weight)
+
+
+@lru_cache(maxsize=4)
+def _of_weight_1(body: BodyModel, fingers: bool, dtype: torch.dtype, device: torch.device) -> Limits:
+    """Remembered, as each stage and each drag of a keypoint would wait for it."""
+    return Limits.of(1.0, joint_ranges(body), fingers=fingers, like=torch.zeros(0, dtype=dtype, device=device))
+
+
+ENTRY = Entry(
+    name="limits",
+    kind=Limits,
+    about="joints of body and fingers stay within their anatomical range",
+    make=_make,
+    weights=(
+        Weight(
+            "limits",
+            "Joints of body and fingers beyond their anatomical range, per radian (beyond the paper).",
+            tcfit=every_stage(100.0),
+        ),
+    ),
+    kernel=Kernel(
+        constants=_constants,
+        clip=(
+            ("limited", INTEGER),
+            ("limit_weight", NUMBER),
+            ("limit_joint", INTEGER, N_JOINTS),
+            ("limit_frame", NUMBER, (N_JOINTS, 4, 4)),
+            ("limit_offset", NUMBER, (N_JOINTS, 3)),
+            ("limit_low", NUMBER, (N_JOINTS, 3)),
+            ("limit_high", NUMBER, (N_JOINTS, 3)),
+        ),
+        cost=_cost,
+    ),
+)

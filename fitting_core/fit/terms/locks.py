@@ -3,16 +3,22 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
 from fitting_core.body.model import JOINT
+from fitting_core.fit.terms.entry import Entry
 from fitting_core.fit.terms.limits import by_axis_angle, quaternion
+from fitting_core.fit.terms.setting import Looked, Setting
 from fitting_core.fit.terms.term import Derivative, Rows, Term
 from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.point_jacobian import PointJacobian
+from fitting_core.keypoints import LOCKABLE
 
+LOCK_WEIGHT = 6.0 / np.radians(2.0)
+"""Per radian: what a person says, as of depths, and within two degrees."""
 _FIRST = JOINT["left_hip"]
 """Of the joints of the body's pose."""
 
@@ -59,3 +65,17 @@ class Locks(Term):
         by_joint[:, each, :, self.joint] = slopes.transpose(0, 1)
         rows = jacobian.in_free_columns(by_joint.flatten(0, 2))
         return Rows(residual.flatten(1), rows.view(len(pose), -1, jacobian.width))
+
+
+def _make(setting: Setting, looked: Looked, s: int) -> Term | None:
+    """In every stage and configuration: whoever locks a joint means it."""
+    names, turn = LOCKABLE.values(), setting.observations.turn[:, list(LOCKABLE)]
+    locked = turn.isfinite().all(-1)
+    used = locked.any(0)
+    if not bool(used.any()):
+        return None
+    joint = torch.tensor([JOINT[name] for name in names], device=used.device)[used]
+    return Locks(joint, turn[:, used].nan_to_num(), LOCK_WEIGHT * locked[:, used].to(turn))
+
+
+ENTRY = Entry(name="locks", kind=Locks, about="a joint that a person has locked is turned as it was then", make=_make)

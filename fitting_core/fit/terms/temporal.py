@@ -12,6 +12,8 @@ from fitting_core.body.model import N_JOINTS, BodyModel
 from fitting_core.body.points.body_points import BodyPoints
 from fitting_core.body.points.pairs import Joint
 from fitting_core.camera import CameraPath
+from fitting_core.fit.terms.entry import Entry
+from fitting_core.fit.terms.setting import Looked, Setting
 from fitting_core.fit.terms.term import Derivative, Rows, Stencil, Term
 from fitting_core.fit.variables.estimate import Estimate, View
 from fitting_core.fit.variables.point_jacobian import PointJacobian
@@ -104,3 +106,20 @@ class Evenness(Term):
         left = identity.expand(len(e.state), N_JOINTS, 3, 3)
         by_columns = jacobian.on(self.joints.view.points)(own.posed, left, translation=self.joints.in_camera)
         return Rows(self.joints.of(own).flatten(1), self.joints.still_rows(by_columns, e.frames))
+
+
+def _make(setting: Setting, looked: Looked, s: int) -> Term | None:
+    if not setting.temporal_weight:
+        return None
+    in_camera = setting.config.temporal.space == "camera"
+    joints = JointPositions(setting.body, setting.parametrisation, in_camera=in_camera, path=setting.camera.path)
+    return Evenness(setting.temporal_weight, joints)
+
+
+ENTRY = Entry(
+    name="temporal",
+    kind=Evenness,
+    about="phase 3: joints move evenly; the residual is `(2 J[i] - J[i-1] - J[i+1]) / 3` for the joints J of frame i, "
+    "in metres; its weight is `temporal.weight`",
+    make=_make,
+)

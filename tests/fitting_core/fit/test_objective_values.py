@@ -12,10 +12,10 @@ from fitting_core.body.model import JOINT
 from fitting_core.body.params import BodyParams
 from fitting_core.config.schema import PRESETS, Temporal
 from fitting_core.errors import InputError
+from fitting_core.fit.collision.detection import body_collision_finder
+from fitting_core.fit.collision.distance_field import penetration
 from fitting_core.fit.objective_values import evaluate_objective
 from fitting_core.fit.phase_figures import evaluated
-from fitting_core.fit.terms.collision.detection import body_collision_finder
-from fitting_core.fit.terms.collision.distance_field import penetration
 from tests.samples.posed_clips import CAMERA, clip_of, motion, shipped_body
 
 FRAMES = 3

@@ -10,8 +10,9 @@ from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.config.schema import PRESETS, FitConfig
 from fitting_core.fit.stages import Stages
+from fitting_core.fit.terms.bending import Bending
 from fitting_core.fit.terms.data import Data
-from fitting_core.fit.terms.priors import Bending, Quadratic
+from fitting_core.fit.terms.quadratic import Quadratic
 from fitting_core.fit.variables.state import Free
 from fitting_core.keypoints import Keypoints
 from tests.samples.scenes import hidden, keypoints_of, random_params, stages_of

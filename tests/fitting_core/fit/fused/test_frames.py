@@ -20,7 +20,8 @@ from fitting_core.fit.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting_core.fit.solvers.problem import IndependentFrames
 from fitting_core.fit.solvers.sequence import Sequence
 from fitting_core.fit.stages import Stages
-from fitting_core.fit.terms.priors import Bending, Quadratic
+from fitting_core.fit.terms.bending import Bending
+from fitting_core.fit.terms.quadratic import Quadratic
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.state import Free, State

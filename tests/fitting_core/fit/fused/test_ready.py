@@ -19,7 +19,8 @@ ready.prepare(said.append)
 assert not said and "numba" in ready.problem(), ready.problem()
 """
 ELSEWHERE = """
-from fitting_core.fit.fused import jit, ready
+from fitting_core.fit.compiled import jit
+from fitting_core.fit.fused import ready
 assert ready.problem() == "the kernels are not compiled yet", ready.problem()
 assert str(jit.kept_in()).startswith(sys.argv[1]), jit.kept_in()
 """
@@ -46,7 +47,7 @@ def test_a_folder_that_cannot_be_made(tmp_path: Path):
 
 
 def test_a_folder_that_may_only_be_read_is_copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    from fitting_core.fit.fused import jit
+    from fitting_core.fit.compiled import jit
 
     (tmp_path / "kept").mkdir()
     (tmp_path / "kept" / "kernel.nbi").write_text("made before")

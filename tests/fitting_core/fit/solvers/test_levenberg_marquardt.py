@@ -11,17 +11,11 @@ from fitting_core.body.model import BodyModel
 from fitting_core.config.schema import FitConfig, SolverSettings
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.solvers.levenberg_marquardt import LevenbergMarquardt
-from fitting_core.fit.solvers.problem import (
-    DIAGONAL_FLOOR,
-    IndependentFrames,
-    Sample,
-    SharedShape,
-    Step,
-    damping_diagonal,
-)
+from fitting_core.fit.solvers.problem import IndependentFrames, Sample, SharedShape
 from fitting_core.fit.solvers.solution import Progress, Solution
-from fitting_core.fit.terms.priors import Quadratic
+from fitting_core.fit.terms.quadratic import Quadratic
 from fitting_core.fit.variables.state import Free, State
+from fitting_core.least_squares import DIAGONAL_FLOOR, Step, damping_diagonal
 from tests.samples.scenes import finished, keypoints_of, noisy, random_params, random_state, stages_of
 
 EXACT = SolverSettings(final_tolerance=1e-14, stage_tolerance=1e-14, iterations=300)

@@ -15,7 +15,7 @@ from fitting_core.fit.solvers.problem import IndependentFrames, Problem, Sample,
 from fitting_core.fit.solvers.sequence import Sequence
 from fitting_core.fit.solvers.solution import Progress, Solution
 from fitting_core.fit.stages import Stages
-from fitting_core.fit.terms.priors import Quadratic
+from fitting_core.fit.terms.quadratic import Quadratic
 from fitting_core.fit.terms.temporal import Evenness, JointPositions
 from fitting_core.fit.variables.state import State
 from tests.samples.posed_clips import clip_of, motion, shipped_body

@@ -16,13 +16,13 @@ from fitting_core.camera import CameraPath, path_of
 from fitting_core.config.schema import FitConfig, SolverSettings
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.solvers.levenberg_marquardt import LevenbergMarquardt
-from fitting_core.fit.solvers.problem import DIAGONAL_FLOOR
 from fitting_core.fit.solvers.sequence import Coupling, Sequence
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.terms.temporal import OFF_MEAN, Evenness, JointPositions
 from fitting_core.fit.terms.term import Derivative, Term
 from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.state import Free, State
+from fitting_core.least_squares import DIAGONAL_FLOOR
 from tests.samples.scenes import differentiated, finished, hidden, keypoints_of, random_params, random_state, stages_of
 
 WEIGHT = 70.0

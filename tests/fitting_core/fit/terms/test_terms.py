@@ -17,11 +17,11 @@ from fitting_core.body.points.pairs import Contour, Joint, Surface
 from fitting_core.config.schema import PRESETS, FitConfig, Weights
 from fitting_core.fit.objective import FrameObjective, Normal
 from fitting_core.fit.stages import Stages
-from fitting_core.fit.terms.collision.term import Collision
+from fitting_core.fit.terms.collision import Collision
 from fitting_core.fit.terms.data import Data
 from fitting_core.fit.terms.limits import Limits
 from fitting_core.fit.terms.positions import HeldPosition, RelativePosition
-from fitting_core.fit.terms.priors import Quadratic
+from fitting_core.fit.terms.quadratic import Quadratic
 from fitting_core.fit.terms.table import TERMS
 from fitting_core.fit.terms.temporal import Evenness
 from fitting_core.fit.terms.term import Derivative, Term
@@ -389,8 +389,8 @@ NEEDED = {
 def test_terms_are_what_the_table_says_and_have_what_they_declare(free_body: BodyModel, name: str):
     weights = replace(CONFIG.weights, limits=(37.0,) * 5, collision=(1.0,) * 5)
     detections = replace(hidden(keypoints_of(free_body, random_params(2, 5)), *LEGS), turn=LOCKED[:2])
-    stages = stages_of(free_body, detections, replace(CONFIG, weights=weights))
-    term = TERMS[name].make(stages.setting, 4)
+    stages = with_positions(stages_of(free_body, detections, replace(CONFIG, weights=weights)))
+    term = TERMS[name].make(stages.setting, stages._looked_in(5), 4)
     assert type(term) is TERMS[name].kind and term.name == name
     own = {method for kind in type(term).mro() if kind is not Term for method in vars(kind)}
     closed = {method for methods in NEEDED.values() for method in methods}
@@ -398,12 +398,12 @@ def test_terms_are_what_the_table_says_and_have_what_they_declare(free_body: Bod
     assert (term.reach > 0) == (term.derivative is Derivative.STENCIL)
 
 
-@pytest.mark.parametrize("name", ["temporal", "bending", "upright", "limits", "rest", "collision"])
+@pytest.mark.parametrize("name", ["temporal", "bending", "upright", "limits", "rest", "collision", "held_position"])
 def test_terms_of_weight_zero_are_not_made(tiny_body: BodyModel, name: str):
-    zero = dict.fromkeys(("lean", "turn", "rest", "limits", "bending", "collision"), (0.0,) * 5)
+    zero = dict.fromkeys(("lean", "turn", "rest", "limits", "bending", "collision", "held_position"), (0.0,) * 5)
     config = replace(CONFIG, weights=replace(CONFIG.weights, **zero), temporal=replace(CONFIG.temporal, weight=0.0))
-    stages = stages_of(tiny_body, hidden(keypoints_of(tiny_body, random_params(2, 5)), *LEGS), config)
-    assert TERMS[name].make(stages.setting, 4) is None
+    stages = with_positions(stages_of(tiny_body, hidden(keypoints_of(tiny_body, random_params(2, 5)), *LEGS), config))
+    assert TERMS[name].make(stages.setting, stages._looked_in(5), 4) is None
 
 
 @pytest.mark.parametrize("name", BY_HAND)

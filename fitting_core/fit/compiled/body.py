@@ -1,16 +1,16 @@
 """A body's points of one frame and their derivatives by turn columns; the formulas are those of `body.points`."""
 
-from fitting_core.fit.fused.constants import BODY, FIRST_FINGER, HANDS, JAW_JOINT, N_BODY, N_COEFFICIENTS, N_JOINTS
-from fitting_core.fit.fused.jit import helper
-from fitting_core.fit.fused.network import decode
-from fitting_core.fit.fused.products import product
-from fitting_core.fit.fused.turns import exponential, multiply
+from fitting_core.fit.compiled.jit import helper
+from fitting_core.fit.compiled.layout import BODY, FIRST_FINGER, HANDS, JAW_JOINT, N_BODY, N_COEFFICIENTS, N_JOINTS
+from fitting_core.fit.compiled.network import decode
+from fitting_core.fit.compiled.products import product
+from fitting_core.fit.compiled.turns import exponential, inverse_chart, logarithm, multiply
 
 
 @helper
 def turn_joints(c, orient, x, s, everything):
     """The joints' own rotations, and how they turn with their columns (`chart`); or only of those that are free."""
-    f = c.fixed
+    f = c.clip
     for row in range(3):
         for column in range(3):
             s.local[0, row, column] = orient[row, column]
@@ -35,7 +35,7 @@ def turn_joints(c, orient, x, s, everything):
 @helper
 def pose_skeleton(c, x, s):
     """The joints in the world, without translation."""
-    f = c.fixed
+    f = c.clip
     for k in range(10):
         s.coefficients[k], s.coefficients[10 + k] = x[f.betas - f.shift + k], x[f.expression - f.shift + k]
     for j in range(N_JOINTS):
@@ -65,9 +65,9 @@ def pose_points(c, frame, x, scratch):
     s, first = scratch.frame, 0
     for table in c.tables:
         if table.pair.shape[1]:
-            _pose_pairs(table, c.held[frame].variant if len(table.pair) > 1 else 0, first, scratch)
+            _pose_pairs(table, c.frames[frame].variant if len(table.pair) > 1 else 0, first, scratch)
             first += table.pair.shape[1]
-    translation = x[c.fixed.translation - c.fixed.shift :]
+    translation = x[c.clip.translation - c.clip.shift :]
     for i in range(len(c.points)):
         point = c.points[i]
         for d in range(3):
@@ -114,7 +114,7 @@ def turn_axes(s):
 @helper
 def move_by_coefficients(c, frame, low, high, scratch):
     """d joints and d pairs / d coefficients low to high."""
-    s, f = scratch.frame, c.fixed
+    s, f = scratch.frame, c.clip
     for j in range(N_JOINTS):
         p = f.parents[j]
         w, up = s.world[j], s.world[p] if j else s.axes[0]  # the root's bone rests in the world: axes[0] is I
@@ -129,7 +129,7 @@ def move_by_coefficients(c, frame, low, high, scratch):
                 offset[k] = motion - (w0 * r0[k] + w1 * r1[k] + w2 * r2[k])
     first = 0
     for table in c.tables:
-        variant = c.held[frame].variant if len(table.pair) > 1 else 0
+        variant = c.frames[frame].variant if len(table.pair) > 1 else 0
         for p in range(table.pair.shape[1]):
             pair = table.pair[variant, p]
             w, weight = s.world[pair.bone], pair.weight
@@ -144,19 +144,19 @@ def move_by_coefficients(c, frame, low, high, scratch):
 
 @helper
 def add_through_correctives(c, frame, scratch):
-    """Gradient of the pulls on the pairs through the pose correctives, which the rows leave out."""
+    """Adds to the gradient what goes through the pose correctives, which the rows leave out."""
     s, first = scratch.frame, 0
     for table in c.tables:
-        variant = c.held[frame].variant if len(table.pair) > 1 else 0
+        variant = c.frames[frame].variant if len(table.pair) > 1 else 0
         correctives, count = table.correctives[variant], 9 * len(table.driving)
         for e in range(count):
             s.by_feature[e] = 0.0
         for p in range(table.pair.shape[1]):
-            w, pull = s.world[table.pair[variant, p].bone], scratch.pull[first + p]
-            if pull[0] == 0.0 and pull[1] == 0.0 and pull[2] == 0.0:
+            w, g = s.world[table.pair[variant, p].bone], scratch.pair_gradient[first + p]
+            if g[0] == 0.0 and g[1] == 0.0 and g[2] == 0.0:
                 continue
             for d in range(3):
-                along, row = w[0, d] * pull[0] + w[1, d] * pull[1] + w[2, d] * pull[2], correctives[3 * p + d]
+                along, row = w[0, d] * g[0] + w[1, d] * g[1] + w[2, d] * g[2], correctives[3 * p + d]
                 for e in range(count):
                     s.by_feature[e] += row[e] * along
         first += table.pair.shape[1]
@@ -188,7 +188,7 @@ def by_column(chart, by_turn, column):
 @helper
 def joint_row(c, joint, by_turn, s):
     """A row by a joint's turn about its own axes as one by its turn columns, in `wide`: the first and how many."""
-    f = c.fixed
+    f = c.clip
     if joint < FIRST_FINGER:
         for column in range(3):
             s.wide[column] = by_column(s.chart[joint], by_turn, column)
@@ -210,3 +210,26 @@ def _add_turn_gradient(c, joint, by_turn, s):
     first, count = joint_row(c, joint, by_turn, s)
     for k in range(count):
         s.gradient[first + k] += s.wide[k]
+
+
+@helper
+def add_row(s, first, row, count, weight, residual):
+    """Adds a weighted row, which depends on `count` turn columns from the `first` on: weight x row^T residual to the
+    gradient, weight x row^T row to the lower triangle of the matrix."""
+    for a in range(count):
+        s.gradient[first + a] += weight * residual * row[a]
+        for b in range(a + 1):
+            s.matrix[first + a, first + b] += weight * row[a] * row[b]
+
+
+@helper
+def axis_angle_of(c, joint, x, s):
+    """The axis-angle of a body joint into `v`, and its derivative by the joint's turn columns into `m`."""
+    if len(c.layers):
+        logarithm(s.local[joint], s.q, s.v)
+        inverse_chart(s.v, s.m)
+        return
+    for d in range(3):
+        s.v[d] = x[3 * joint + d]
+        for k in range(3):
+            s.m[d, k] = 1.0 if d == k else 0.0

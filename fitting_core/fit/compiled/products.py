@@ -1,6 +1,6 @@
 """Products of many vectors, eight at once: what is read is used several times, and the compiler fills its lanes."""
 
-from fitting_core.fit.fused.jit import helper
+from fitting_core.fit.compiled.jit import helper
 
 
 @helper

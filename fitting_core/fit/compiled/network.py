@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
-from fitting_core.fit.fused.constants import ELU, LEAKY_RELU, N_BODY, SILU, SOFTPLUS, TANH
-from fitting_core.fit.fused.jit import helper
-from fitting_core.fit.fused.products import products
+from fitting_core.fit.compiled.jit import helper
+from fitting_core.fit.compiled.layout import ELU, LEAKY_RELU, N_BODY, SILU, SOFTPLUS, TANH
+from fitting_core.fit.compiled.products import products
 
 
 @helper
@@ -76,7 +76,7 @@ def turns_by_latent(c, s):
 
     In float32: it shapes the steps of a solver and not where these end.
     """
-    size, zero, last = c.fixed.latent, np.float32(0), len(c.layers) - 1
+    size, zero, last = c.clip.latent, np.float32(0), len(c.layers) - 1
     at, inputs = 0, size
     for n in range(last):
         outputs, slope = c.layers[n].outputs, s.slope32

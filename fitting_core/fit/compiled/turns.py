@@ -2,7 +2,7 @@
 
 import math
 
-from fitting_core.fit.fused.jit import helper
+from fitting_core.fit.compiled.jit import helper
 
 
 @helper

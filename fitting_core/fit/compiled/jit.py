@@ -12,8 +12,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import llvmlite.binding
-import numba
 import platformdirs
 
 from fitting_core.files.atomic import scratch_folder
@@ -23,6 +21,11 @@ from fitting_core.files.regular import at_home
 _OPTIONS: dict[str, Any] = {"fastmath": {"contract", "reassoc", "nsz", "arcp"}, "error_model": "numpy"}
 FOLDER_VARIABLE = "TCFIT_KERNELS"
 """Names another folder for what was compiled: one that several users share, or that comes with an image."""
+_SOURCES = ("compiled", "terms", "fused")
+"""Folders of `fit` whose files hold functions that are compiled."""
+_helpers: list[Callable] = []
+"""Those that numba does not know yet. It is imported with the first kernel: that takes 0.7 s, and whoever only looks at
+a term shall not wait for it."""
 
 
 @cache
@@ -32,10 +35,13 @@ def kept_in() -> Path:
     A folder for each installation, Python, processor and state of the sources: numba itself tells all these
     apart, but looks at the file of a kernel alone, and not at the helpers that are compiled into it.
     """
-    sources = Path(__file__).resolve().parent
+    import llvmlite.binding
+    import numba
+
+    sources = Path(__file__).resolve().parents[1]
     processor = llvmlite.binding.get_host_cpu_name(), llvmlite.binding.get_host_cpu_features().flatten()
     digest = hashlib.sha256(f"{numba.__version__} {sys.implementation.cache_tag} {processor} {sources}".encode())
-    for source in sorted(sources.glob("*.py")):
+    for source in sorted(path for folder in _SOURCES for path in (sources / folder).glob("*.py")):
         digest.update(source.read_bytes())
     given = os.environ.get(FOLDER_VARIABLE)
     parent = at_home(given) if given else platformdirs.user_cache_path("tcfit") / "kernels"
@@ -60,12 +66,21 @@ def _folder() -> Path:
 
 
 def helper(function: Callable) -> Any:
-    """A function that kernels call; it is compiled with each of them."""
-    return numba.njit(**_OPTIONS)(function)
+    """A function that kernels call; it is compiled with each of them, and stays a plain one for Python."""
+    _helpers.append(function)
+    return function
 
 
 def kernel(function: Callable) -> Any:
-    """A function that Python calls: compiled once and kept, and other threads run meanwhile."""
+    """A function that Python calls: compiled once and kept, and other threads run meanwhile.
+
+    It stands behind all helpers that it calls: numba is told of them here.
+    """
+    import numba
+    from numba.extending import register_jitable
+
+    while _helpers:
+        register_jitable(**_OPTIONS)(_helpers.pop())
     config: Any = numba.config  # pyright: ignore[reportPrivateImportUsage]
     before, config.CACHE_DIR = config.CACHE_DIR, str(_folder())
     try:

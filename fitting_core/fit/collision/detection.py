@@ -7,9 +7,9 @@ from jaxtyping import Bool, Float, Int
 
 from fitting_core.body.bounding_tree import BoundingTree, build_tree
 from fitting_core.body.model import BodyModel
-from fitting_core.fit.terms.collision.broad_phase import LEAF_SIZE, overlapping_triangles
-from fitting_core.fit.terms.collision.intersection import triangles_intersect
-from fitting_core.fit.terms.collision.parts import body_parts, neighbouring_parts
+from fitting_core.fit.collision.broad_phase import LEAF_SIZE, overlapping_triangles
+from fitting_core.fit.collision.intersection import triangles_intersect
+from fitting_core.fit.collision.parts import body_parts, neighbouring_parts
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

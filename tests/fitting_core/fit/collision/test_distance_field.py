@@ -5,8 +5,8 @@ import pytest
 import torch
 import trimesh
 
-from fitting_core.fit.terms.collision.detection import collision_finder
-from fitting_core.fit.terms.collision.distance_field import (
+from fitting_core.fit.collision.detection import collision_finder
+from fitting_core.fit.collision.distance_field import (
     SIGMA,
     pair_vertices,
     penetration,

@@ -1,0 +1,1 @@
+"""Self-collision of the body mesh: which triangles intersect, and how deep they intrude."""

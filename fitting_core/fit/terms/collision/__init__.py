@@ -1,1 +1,0 @@
-"""Self-collision of the body mesh: which triangles intersect, how deep they intrude, and the term made of it."""

@@ -1,0 +1,70 @@
+"""What a term's file declares beside its residuals: its weights, the docs' row, how it is made, and its kernel."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from fitting_core.fit.terms.setting import Looked, Setting
+from fitting_core.fit.terms.term import Term
+
+Five = tuple[float, float, float, float, float]
+OFF: Five = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def every_stage(weight: float) -> Five:
+    """The same weight in all stages."""
+    return (weight, weight, weight, weight, weight)
+
+
+@dataclass(frozen=True)
+class Weight:
+    """A setting of `Weights` with its values in the presets, of stages 1 to 5. A term's coefficient is its square."""
+
+    name: str
+    about: str
+    """The settings' listing says this of it."""
+    paper: Five = OFF
+    smplifyx: Five | None = None
+    tcfit: Five | None = None
+    """None: as in the paper, as of smplifyx."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kernel:
+    """How compiled code (`fit/fused/`) evaluates a term of single frames.
+
+    What it reads stands in records that all terms share: no two fields have the same name. A field is declared as numpy
+    does it: name, type, and shape if it is no single number.
+    """
+
+    constants: Callable[[Any], Mapping[str, Any]]
+    """From a term, the values of its fields; narrower ones fill the front. Terms of one kind have theirs added up."""
+    clip: tuple[tuple, ...] = ()
+    """Fields of one value for all frames, `c.clip` in kernels."""
+    frame: tuple[tuple, ...] = ()
+    """Fields of a value for each frame, `c.frames[frame]`."""
+    point: tuple[tuple, ...] = ()
+    """Fields of a value for each point looked at, `c.points[i]`."""
+    keypoint: tuple[tuple, ...] = ()
+    """Fields of a value for each point in each frame, `c.keypoints[frame, i]`."""
+    cost: Callable | None = None
+    """(c, frame, orient, x, s, derivatives) -> cost; with `derivatives`, rows in turn columns are added to gradient and
+    matrix. None: a term on points, which `fused.frame` evaluates with the others on the same point."""
+    add_columns: Callable | None = None
+    """(c, frame, x, s): adds what depends on columns of the state alone to the gradient and matrix of the free ones."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Entry:
+    """A term of the objective."""
+
+    name: str
+    """Under which its cost is reported."""
+    kind: type[Term]
+    about: str
+    """The docs' row: what it says, in one sentence."""
+    make: Callable[[Setting, Looked, int], Term | None]
+    """From what is constant over a fit, the keypoints looked at, and the index (0 to 4) of a stage; None: not in it."""
+    weights: tuple[Weight, ...] = ()
+    kernel: Kernel | None = None
+    """None: evaluated in torch, and added to what kernels know."""

@@ -1,0 +1,178 @@
+"""Quadratic terms: the L2 priors of pose, hands, jaw, expression and shape, and the depth of the camera step."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from fitting_core.fit.compiled.jit import helper
+from fitting_core.fit.compiled.layout import MOST_COLUMNS, NUMBER
+from fitting_core.fit.terms.entry import Entry, Five, Kernel, Weight
+from fitting_core.fit.terms.setting import Looked, Setting
+from fitting_core.fit.terms.term import Derivative, Term
+from fitting_core.fit.variables.estimate import Estimate
+from fitting_core.fit.variables.state import Columns, Parametrisation
+
+DEPTH_WEIGHT = 100.0
+"""Of the camera step: (1e2)^2 (tz - tz_0)^2."""
+
+
+@dataclass(frozen=True)
+class Quadratic(Term):
+    """weight x (columns - target): the L2 priors, E_beta', and the depth of the camera step."""
+
+    name: str
+    where: slice
+    """In the prior's own space."""
+    weight: Float[Tensor, "n"]
+    target: Float[Tensor, "n"] | Float[Tensor, "T n"] | None = None
+    once: bool = False
+    derivative: ClassVar = Derivative.COLUMNS
+
+    def residual(self, e: Estimate) -> Tensor:
+        """Weighted distance from the target."""
+        value = e.state.vector[:, self.where]
+        if self.target is not None:
+            value = value - (self.target[e.frames] if self.target.ndim == 2 else self.target)
+        return self.weight * value
+
+    def columns(self, e: Estimate) -> Tensor:
+        """The slice's columns."""
+        return torch.arange(self.where.start, self.where.stop, device=self.weight.device)
+
+    def slope(self, e: Estimate) -> Tensor:
+        """The weights."""
+        return self.weight.expand(len(e.frames), -1)
+
+
+@helper
+def _cost(c, frame, orient, x, s, derivatives):
+    """Of all quadratic terms, by columns of the state."""
+    cost, clip, target = 0.0, c.clip, c.frames[frame].target
+    for k in range(0 if derivatives else clip.width - clip.shift):
+        away = clip.column_weight[k] * (x[k] - target[k])
+        cost += away * away
+    return cost
+
+
+@helper
+def _add_columns(c, frame, x, s):
+    clip, target = c.clip, c.frames[frame].target
+    for a in range(clip.free):
+        at = clip.index[a]
+        weight = clip.column_weight[at] * clip.column_weight[at]
+        s.free_gradient[a] += weight * (x[at] - target[at])
+        s.free_matrix[a, a] += weight
+
+
+def _constants(term: Quadratic) -> Mapping[str, Any]:
+    weight, target = np.zeros(MOST_COLUMNS), np.zeros((1, MOST_COLUMNS))
+    weight[term.where] = term.weight.detach()
+    if term.target is not None:
+        target = np.zeros((len(term.target) if term.target.ndim == 2 else 1, MOST_COLUMNS))
+        target[:, term.where] = term.target.detach()
+    return {"column_weight": weight, "target": target}
+
+
+KERNEL = Kernel(
+    constants=_constants,
+    clip=(("column_weight", NUMBER, MOST_COLUMNS),),
+    frame=(("target", NUMBER, MOST_COLUMNS),),
+    cost=_cost,
+    add_columns=_add_columns,
+)
+
+
+def _l2(
+    name: str,
+    about: str,
+    where: Callable[[Columns], slice],
+    *weights: Weight,
+    target: Callable[[Parametrisation], Tensor | None] = lambda p: None,
+) -> Entry:
+    """Distance of columns from a target (None: zero). Each of the first has a weight; the last holds all others."""
+
+    def make(setting: Setting, looked: Looked, s: int) -> Term:
+        p = setting.parametrisation
+        values, columns = [getattr(setting.config.weights, weight.name)[s] for weight in weights], where(p.columns)
+        values += values[-1:] * (columns.stop - columns.start - len(values))
+        return Quadratic(name, columns, p.betas.new_tensor(values), target(p))
+
+    return Entry(name=name, kind=Quadratic, about=about, make=make, weights=weights, kernel=KERNEL)
+
+
+def held_depth(setting: Setting, depth: Float[Tensor, "T"]) -> Quadratic:
+    """Of the camera step: the body stays near a guess of its distance (metres)."""
+    p = setting.parametrisation
+    z = p.columns.translation.stop - 1
+    return Quadratic("depth", slice(z, z + 1), p.betas.new_tensor([DEPTH_WEIGHT]), depth[:, None])
+
+
+_POSE: Five = (404.0, 404.0, 57.4, 4.78, 4.78)
+_COEFFICIENTS: Five = (100.0, 50.0, 10.0, 5.0, 5.0)
+_SHAPE = _l2(
+    "shape",
+    "the shape's betas are small",
+    lambda columns: columns.betas,
+    Weight("shape", "L2 of betas; in phase 2 of the shared betas too.", _COEFFICIENTS),
+    target=lambda p: p.betas,
+)
+
+
+def _shared_shape(setting: Setting, looked: Looked, s: int) -> Term:
+    """E_beta'."""
+    shape = _SHAPE.make(setting, looked, s)
+    assert isinstance(shape, Quadratic), "the shape has a term in every stage"
+    return replace(shape, name="shared_shape", once=True)
+
+
+ENTRIES = (
+    _l2(
+        "body_pose",
+        "the pose is likely under the [pose prior](bodies.md#pose-priors)",
+        lambda columns: columns.body,
+        Weight("body_pose", "Body pose prior.", _POSE),
+        target=lambda p: p.prior.neutral.to(p.betas),
+    ),
+    _l2(
+        "hand_pose",
+        "the coefficients of the hands' pose are small",
+        lambda columns: columns.hands,
+        Weight("hand_pose", "L2 of the hand components.", _POSE),
+    ),
+    _l2(
+        "jaw",
+        "the jaw is not turned far",
+        lambda columns: columns.jaw,
+        Weight(
+            "jaw_open",
+            "Jaw about its x axis.",
+            (63.6, 63.6, 24.0, 6.9, 6.9),
+            smplifyx=(4040.0, 4040.0, 574.0, 47.8, 47.8),
+        ),
+        Weight(
+            "jaw_sideways",
+            "Jaw about its y and z axes.",
+            (201.0, 201.0, 75.7, 21.9, 21.9),
+            smplifyx=(40400.0, 40400.0, 5740.0, 478.0, 478.0),
+        ),
+    ),
+    _l2(
+        "expression",
+        "the coefficients of the expression are small",
+        lambda columns: columns.expression,
+        Weight("expression", "L2 of the expression.", _COEFFICIENTS),
+    ),
+    _SHAPE,
+    replace(
+        _SHAPE,
+        name="shared_shape",
+        about="phase 2: the betas that frames share are small, counted once with the weight of `shape`",
+        make=_shared_shape,
+        weights=(),
+    ),
+)

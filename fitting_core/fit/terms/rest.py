@@ -1,0 +1,89 @@
+"""The term of joints of which nothing is known (beyond the paper)."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from fitting_core.body.model import POSE_COLUMNS, POSE_JOINTS
+from fitting_core.fit.compiled.body import add_row, axis_angle_of
+from fitting_core.fit.compiled.jit import helper
+from fitting_core.fit.compiled.layout import BODY, N_BODY, NUMBER
+from fitting_core.fit.terms.entry import Entry, Kernel, Weight
+from fitting_core.fit.terms.setting import Looked, Setting
+from fitting_core.fit.terms.term import Derivative, Term
+from fitting_core.fit.variables.estimate import Estimate
+
+
+@dataclass(frozen=True)
+class Rest(Term):
+    """weight x (axis-angle pose - target) on joints that nothing in the image turns.
+
+    E_T knows accelerations only: without it an arm that leaves the image goes on in a straight line and comes back.
+    """
+
+    weight: Float[Tensor, "T 63"]
+    target: Float[Tensor, "63"]
+    name: str = "rest"
+    derivative: ClassVar = Derivative.POSE_COLUMNS
+
+    def residual(self, e: Estimate) -> Tensor:
+        """Weighted distance from the target."""
+        return self.weight[e.frames] * (e.body_pose - self.target)
+
+    def columns(self, e: Estimate) -> Tensor:
+        """The whole axis-angle pose."""
+        body = POSE_COLUMNS["body_pose"]
+        return torch.arange(body.start, body.stop, device=self.weight.device)
+
+    def slope(self, e: Estimate) -> Tensor:
+        """The weights."""
+        return self.weight[e.frames]
+
+
+@helper
+def _cost(c, frame, orient, x, s, derivatives):
+    cost, clip, weights = 0.0, c.clip, c.frames[frame].rest_weight
+    for j in range(N_BODY):
+        weight = weights[3 * j : 3 * j + 3]
+        if weight[0] == 0.0:
+            continue
+        axis_angle_of(c, j + 1, x, s)
+        for d in range(3):
+            away = s.v[d] - clip.rest_pose[3 * j + d]
+            cost += weight[d] * weight[d] * away * away
+            if derivatives:
+                add_row(s, BODY + 3 * j, s.m[d], 3, weight[d] * weight[d], away)
+    return cost
+
+
+def _make(setting: Setting, looked: Looked, s: int) -> Term | None:
+    p, weight = setting.parametrisation, setting.config.weights.rest[s]
+    if not weight:
+        return None
+    turned = torch.as_tensor(setting.turned[:, POSE_JOINTS["body_pose"]], device=p.device)
+    unknown = ~turned.repeat_interleave(3, 1)
+    return Rest(weight * unknown.to(p.betas), p.prior.decode(p.prior.neutral.to(p.betas)[None])[0])
+
+
+ENTRY = Entry(
+    name="rest",
+    kind=Rest,
+    about="joints of which nothing is known stay at ease",
+    make=_make,
+    weights=(
+        Weight(
+            "rest",
+            "Distance of joints that nothing in the image turns from the prior's neutral pose (beyond the paper).",
+            tcfit=(0.0, 0.0, 0.0, 15.0, 15.0),
+        ),
+    ),
+    kernel=Kernel(
+        constants=lambda term: {"rest_pose": term.target, "rest_weight": term.weight},
+        clip=(("rest_pose", NUMBER, 3 * N_BODY),),
+        frame=(("rest_weight", NUMBER, 3 * N_BODY),),
+        cost=_cost,
+    ),
+)

@@ -1,0 +1,51 @@
+"""What terms are made from: what is constant over a fit, and the keypoints that an objective looks at."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from fitting_core.body.model import BodyModel
+from fitting_core.camera import Camera
+from fitting_core.config.schema import FitConfig
+from fitting_core.fit.collision.colliding_body import CollidingBody
+from fitting_core.fit.evidence.observations import Observations
+from fitting_core.fit.variables.state import Parametrisation
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Setting:
+    """What is constant over a fit, as far as terms look at it."""
+
+    config: FitConfig
+    """Weights and all other settings."""
+    body: BodyModel
+    """What is fitted."""
+    parametrisation: Parametrisation
+    """How a solver's numbers become the body's pose."""
+    observations: Observations
+    """What is known of each frame."""
+    camera: Camera
+    pelvis: Float[Tensor, "3"]
+    """Of the likeliest shape at rest, metres: the root turns about it."""
+    near_start: Bool[Tensor, "T"]
+    """Frames that are held near a given start, which tells how the root stands and where the legs are."""
+    hands_shown: bool
+    """Whether the clip shows any keypoint of the hands."""
+    turned: Bool[np.ndarray, "T 55"]
+    """Joints that the image turns, or what is known of relative positions."""
+    temporal_weight: float
+    """w_T for this clip."""
+    colliding: Callable[[], CollidingBody]
+    """Makes the whole mesh the first time."""
+
+
+@dataclass(frozen=True)
+class Looked:
+    """Keypoints that one objective looks at."""
+
+    indices: Int[Tensor, "N"]
+    weight: Float[Tensor, "T N"]
+    """In the image: confidence x joint weight x IMAGE_SCALE / image height."""
