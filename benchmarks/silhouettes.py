@@ -268,6 +268,7 @@ def means(people: Sequence[Person], which: str) -> Iterator[Row]:
                 "outside by mm": f"{1e3 * np.mean([one.outside for one in found]):+.1f}",
                 "|volume error| before": float(np.mean([abs(one.volume) for one in before])),
                 "after dm³": float(np.mean([abs(one.errors.volume) for one in found])),
+                "beyond height": float(np.mean([abs(one.errors.volume - one.errors.by_height) for one in found])),
                 "distance before": float(np.mean([one.distance for one in before])),
                 "after %": float(np.mean([one.errors.distance for one in found])),
                 "s": float(np.mean([one.seconds for one in found])),
