@@ -401,7 +401,12 @@ def test_what_is_no_reference(tmp_path: Path):
     np.savez(tmp_path / "shape.npz", points=np.zeros((3, 4, 3)), names=np.array(["Nose"]))
     np.savez(tmp_path / "half.npz", points=POINTS, names=np.array(NAMES), first_frame=np.array(0.5))
     said = {"half.npz": "first_frame is 0.5; expected a whole number"}
-    said |= {"x.npz": "no npz archive", "other.npz": "holds a", "objects.npz": "Python objects", "shape.npz": "1 names"}
+    said |= {
+        "x.npz": "not an npz archive",
+        "other.npz": "holds a",
+        "objects.npz": "Python objects",
+        "shape.npz": "1 names",
+    }
     for name, words in said.items():
         with pytest.raises(InputError, match=words):
             read_reference(tmp_path / name)

@@ -69,7 +69,7 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
     "unknown entry": ({"about": {"wheels": 4}}, "unknown field `wheels`"),
     "layer too few": ({"decoder_bias_1": None}, "lacks 'decoder_bias_1'"),
     "layer too many": ({"decoder_bias_3": np.zeros(3)}, "decoder_bias_3, which belongs to no layer"),
-    "not finite": ({"encoder_bias_0": np.full(7, np.inf)}, "layer 0 of its encoder holds values that are no finite"),
+    "not finite": ({"encoder_bias_0": np.full(7, np.inf)}, "layer 0 of its encoder holds values that are not finite"),
     "whole numbers": ({"encoder_bias_0": np.zeros(7, int)}, "not finite numbers"),
     "pickled": ({"encoder_bias_0": np.array([None])}, "is no complete npz archive"),
 }

@@ -155,7 +155,7 @@ def test_a_project_without_a_video_is_told_by_its_keypoints():
     assert review("--keypoints", points).folder.name == "walk.tcfit"
     with pytest.raises(InputError, match="other keypoints"):
         review("--keypoints", keypoints("new/walk", seed=1))
-    with pytest.raises(InputError, match="another clip"):
+    with pytest.raises(InputError, match="a clip other than"):
         review(images("one"), "--keypoints", points)
 
 

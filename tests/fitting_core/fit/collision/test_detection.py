@@ -12,11 +12,13 @@ from hypothesis.extra import numpy as hnp
 from scipy.spatial.transform import Rotation
 
 from fitting_core.body.bounding_tree import build_tree
+from fitting_core.body.files.registry import find_body
 from fitting_core.body.model import JOINT, JOINTS, N_JOINTS, BodyModel
 from fitting_core.fit.collision.broad_phase import LEAF_SIZE, overlapping_triangles
 from fitting_core.fit.collision.detection import body_collision_finder, collision_finder
 from fitting_core.fit.collision.intersection import orientation, triangles_intersect
 from fitting_core.fit.collision.parts import body_parts, neighbouring_parts, parts_of_faces
+from fitting_core.shipped import FREE_FOLDER
 
 grid_pairs = hnp.arrays(np.int64, (2, 3, 3), elements=st.integers(-2, 2))
 
