@@ -163,7 +163,7 @@ def test_a_project_of_an_older_tcfit_is_opened(capsys: pytest.CaptureFixture[str
     video = images("one")
     review(video)
     with sqlite3.connect(Path("walk.tcfit", database.NAME)) as connection:
-        for column in ("runs.kind", "runs.moment", "runs.given", "marks.last_edit", "marks.last_moment"):
+        for column in ("clip.height", "runs.kind", "runs.moment", "runs.given", "marks.last_edit", "marks.last_moment"):
             connection.execute("ALTER TABLE {} DROP COLUMN {}".format(*column.split(".")))
         connection.execute(f"PRAGMA user_version = {_BEFORE_KINDS}")
     connection.close()
