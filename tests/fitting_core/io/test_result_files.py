@@ -147,8 +147,10 @@ def test_error_bars_read_back_and_old_files_open_without(tmp_path: Path, result:
 def test_error_bars_of_six_angles_are_those_of_earlier_versions(tmp_path: Path, result: Callable[..., Result]):
     fit, clip, body = result()
     bars = sample_error_bars(1, FRAMES)
-    arrays = fit_arrays(replace(fit, phases=(*fit.phases[:-1], replace(fit.last, error_bars=bars))), clip, body)
-    np.savez(tmp_path / "fit.npz", **arrays | {"angle_error_bars": bars.angles[:, :6]})
+    known = replace(fit, phases=(*fit.phases[:-1], replace(fit.last, error_bars=bars)))
+    arrays: dict = fit_arrays(known, clip, body)
+    arrays["angle_error_bars"] = bars.angles[:, :6]
+    np.savez(tmp_path / "fit.npz", **arrays)
     stored = read_fit(tmp_path).error_bars
     assert stored is not None and np.isnan(stored.angles[:, 6:]).all()
     np.testing.assert_array_equal(stored.angles[:, :6], bars.angles[:, :6])
