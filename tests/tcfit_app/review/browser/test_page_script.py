@@ -67,7 +67,7 @@ def opened(server: ReviewServer, browser: "Browser") -> Tab:
 @pytest.fixture
 def tab(opened: Tab) -> Iterator[Tab]:
     """The page with its states as at the start."""
-    for name in ("notice", "chips", "legend", "marks", "suspicions", "fit", "provenance", "range"):
+    for name in ("notice", "chips", "legend", "marks", "suspicions", "fit", "provenance", "range", "selection"):
         opened.send(name, None)
     opened.send("skeleton", states.Skeleton())
     opened.send("style", states.Style(bones=False))
