@@ -23,7 +23,10 @@ class Faults:
         """What went wrong, by what was done, and when that is tried again."""
 
     def attempt(self, what: str, do: Callable[[], object], now: float) -> None:
-        """Do something, unless it has just failed.
+        """Do something, unless it has just failed, and twice if need be.
+
+        viser's queue may stumble where two threads wake its sender at once (it sets an asyncio event outside of the
+        event's loop), so only what fails at the second attempt too is told.
 
         Args:
             what: in words, after "could not".
@@ -34,7 +37,10 @@ class Faults:
         if now < again:
             return
         try:
-            do()
+            try:
+                do()
+            except Exception:
+                do()
         except Exception as error:
             text = f"{type(error).__name__}: {error}"
             self._known[what] = (text, now + AGAIN)

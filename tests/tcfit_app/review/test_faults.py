@@ -29,7 +29,7 @@ def test_a_fault_is_told_once_and_tried_again_a_little_later(caplog: pytest.LogC
 
     for tick in range(61):  # a second of the loop, and a little more
         attempt(tick / 60 * AGAIN)
-    assert tried == [0.0, AGAIN] and len(told) == 1 and "ValueError: one" in told[0].text
+    assert tried == [0.0, 0.0, AGAIN, AGAIN] and len(told) == 1 and "ValueError: one" in told[0].text
     assert [record.levelno for record in caplog.records] == [logging.ERROR], "nor does the terminal fill"
     wrong[0] = KeyError("two")
     attempt(2 * AGAIN)
@@ -39,6 +39,22 @@ def test_a_fault_is_told_once_and_tried_again_a_little_later(caplog: pytest.LogC
     wrong[0] = KeyError("two")
     attempt(3 * AGAIN)
     assert len(told) == 3, "and so is one that comes back"
+
+
+def test_what_goes_well_at_the_second_attempt_is_no_fault(caplog: pytest.LogCaptureFixture):
+    told: list[Notice] = []
+    left = [RuntimeError("deque mutated during iteration")]
+
+    def draw() -> None:
+        if left:
+            raise left.pop()
+
+    faults = Faults(told.append)
+    faults.attempt("draw", draw, 0.0)
+    assert not left and not told and not caplog.records
+    left.append(RuntimeError("deque mutated during iteration"))
+    faults.attempt("draw", draw, 0.0)
+    assert not left, "nor does it have to wait"
 
 
 @pytest.fixture
