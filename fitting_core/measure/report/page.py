@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 from fitting_core.measure.records import Evaluation, sequences
-from fitting_core.measure.report.ablations import Ablation, ablation_plots
 from fitting_core.measure.report.markup import Markup, joined, tag
 from fitting_core.measure.report.plots import CSS
 from fitting_core.measure.report.sections import (
@@ -37,13 +36,13 @@ _HEAD = '<!doctype html><html lang="en"><head><meta charset="utf-8">'
 _VIEWPORT = '<meta name="viewport" content="width=device-width, initial-scale=1">'
 
 
-def report_page(evaluation: Evaluation, *, worst: Sequence[WorstFrame] = (), ablations: Sequence[Ablation] = ()) -> str:
+def report_page(evaluation: Evaluation, *, worst: Sequence[WorstFrame] = (), sections: Sequence[Markup] = ()) -> str:
     """HTML that shows itself without a network.
 
     Args:
-        evaluation: What was measured; with no records only the ablations are shown.
+        evaluation: What was measured.
         worst: Pictures.
-        ablations: Settings varied one at a time.
+        sections: What else there is to show, as `section` makes it.
     """
     parts = [tag("h1", evaluation.title)]
     parts += [tag("p", note, class_="dim") for note in evaluation.notes]
@@ -55,8 +54,7 @@ def report_page(evaluation: Evaluation, *, worst: Sequence[WorstFrame] = (), abl
         parts += _plots(evaluation)
     if worst:
         parts.append(section("Worst frames", worst_frames(worst), note=_WORST))
-    if ablations:
-        parts.append(section("Settings varied one at a time", ablation_plots(ablations)))
+    parts += sections
     if evaluation.records:
         parts.append(section("All figures", all_figures(evaluation), note="Over all frames of a motion."))
     parts.append(section("How this was measured", provenance(evaluation)))
