@@ -24,11 +24,12 @@ from fitting_core.fit.grounded import grounding_of_params
 from fitting_core.frame_runs import runs_where
 from fitting_core.ground.feet import sole_heights, stance_of
 from fitting_core.ground.gravity import angles, robust_mean, rolled_views
-from fitting_core.ground.grounding import Grounding, grounding_before_fit
+from fitting_core.ground.grounding import Grounding
 from fitting_core.ground.placing import places
 from fitting_core.ground.plane import lowest
 from fitting_core.image_border import seen_confidence
 from fitting_core.io.result_files import read_fit
+from tests.samples.before_fit import grounding_before_fit
 
 _UP = np.array([0.0, 1.0, 0.0])
 _SHORTEST = 0.1
