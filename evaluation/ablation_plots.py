@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from evaluation.suite_plots import bar_plot
 from fitting_core.measure.report.markup import Markup, joined, number, table, tag
-from fitting_core.measure.report.plots import Series, bar_plot, legend, line_plot
+from fitting_core.measure.report.plots import Series, legend, line_plot
 
 _SIZE = (580.0, 190.0)
 """Of a plot, CSS pixels: two of them stand side by side."""

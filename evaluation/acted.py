@@ -11,6 +11,7 @@ import msgspec
 from evaluation.ablation_plots import ablation_plots
 from evaluation.ablations import Setting, run_ablations
 from evaluation.options import ActedOptions
+from evaluation.suite_plots import plots
 from evaluation.suite_runs import (
     SuiteTask,
     done_tasks,
@@ -62,7 +63,7 @@ def run(options: ActedOptions, command: str) -> None:
         notes=(_NOTE,) if options.collisions else (_NOTE, "All fits are without the term of self-collision."),
     )
     worst = worst_frames(evaluation.records, lambda name: _drawable(tasks, name), count=options.pictures)
-    varied = []
+    sections = plots(evaluation)
     if options.ablations:
         setting = Setting(
             folder=folder,
@@ -75,8 +76,8 @@ def run(options: ActedOptions, command: str) -> None:
         ablations = run_ablations(setting, jobs=options.jobs)
         with replacing(folder / ABLATIONS_NAME) as draft:
             draft.write_bytes(msgspec.json.format(msgspec.json.encode(ablations), indent=1) + b"\n")
-        varied.append(section("Settings varied one at a time", ablation_plots(ablations)))
-    write_evaluation(folder, evaluation, worst=worst, sections=varied)
+        sections.append(section("Settings varied one at a time", ablation_plots(ablations)))
+    write_evaluation(folder, evaluation, worst=worst, sections=sections)
     print_table(evaluation.records)
     print(f"Wrote metrics.csv, metrics.json and {REPORT_NAME} into {folder}")
 
