@@ -64,7 +64,7 @@ def test_windows_come_back_from_their_file(tmp_path: Path):
         np.testing.assert_allclose(after.pose, before.pose, atol=1e-4)
         np.testing.assert_array_equal(after.standing, before.standing)
     (tmp_path / "some.npz").write_bytes(b"no archive")
-    with pytest.raises(InputError, match="Install tcfit again"):
+    with pytest.raises(InputError, match="Take that of the checkout"):
         read_windows(tmp_path / "some.npz")
 
 
