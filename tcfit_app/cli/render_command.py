@@ -12,6 +12,7 @@ import torch
 
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
+from fitting_core.io.result_files import video_of
 from fitting_core.motion import Motion
 from fitting_core.render.motion_views import ANGLES, Image, Look, Shown, camera_picture, outside_pictures
 from fitting_core.render.overlay import PANEL_COLORS
