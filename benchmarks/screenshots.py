@@ -344,7 +344,7 @@ def starting(review: Reviewing) -> Iterator[str]:
     settle(review)
     review.tab.get_by_text("Import from this path").wait_for()
     yield "start"
-    choose_model(review, "An ONNX file of yours")
+    choose_model(review, "Your own ONNX file")
     yield "own-model"
     review.app.post(lambda: review.session.source.begin(ImportFiles(path=Path("no/such/folder"))))
     until(lambda: not review.session.source.busy, "the failure")

@@ -29,7 +29,7 @@ class SecondLook:
     """Of the straightened picture, in which it is; None: wherever the person is."""
 
     def run(self, clip: Clip, report: Callable[[str, float | None], None]) -> DetectAgain | None:
-        """Look for it, near where the clip's keypoints are. Slow: for a thread of its own.
+        """Detect it, near where the clip's keypoints are. Slow: for a thread of its own.
 
         `report` takes what is being done, and how far it is (0 to 1, or unknown); it raises to end the search.
 

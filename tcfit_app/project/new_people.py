@@ -1,4 +1,4 @@
-"""New projects of the people of one clip: a folder with people.json, one copy of the video, and a project for each."""
+"""New projects for the people of a clip: a folder with people.json, one copy of the video, and a project for each."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,15 +15,15 @@ from tcfit_app.project.storage.clip import write_clip
 
 
 def create_people(folder: Path, people: Sequence[PersonInClip], *, copy_media: bool = False) -> None:
-    """Make the folder, whole or not at all; `opened_people` opens it.
+    """Create the folder, completely or not at all; `opened_people` opens it.
 
     Args:
-        folder: Does not exist yet, or is empty.
-        people: Of one clip, one at least.
-        copy_media: Copy the clip's source into the folder, once for all; else it is linked.
+        folder: Must not exist, or be empty.
+        people: Of one clip, at least one.
+        copy_media: Copy the clip's source into the folder, once; otherwise it is linked.
 
     Raises:
-        InputError: The folder holds something, or cannot be written; the source cannot be read.
+        InputError: The folder is not empty, or cannot be written; the source cannot be read.
     """
     folder = folder.resolve()
     with accessing(folder):

@@ -236,7 +236,7 @@ def test_a_project_of_each_and_one_copy_of_the_images(two: Path, tmp_path: Path,
             assert copied.clip.source and copied.clip.source.resolve() == tmp_path / "elsewhere" / "media" / "images"
             assert len(copied.clip) == one.frames[1] + 1 and not copied.media.problem
     assert main([*arguments, "--out", str(tmp_path / "linked")]) == 2
-    assert "is a folder of several people already" in capsys.readouterr().err
+    assert "is already a folder of several people" in capsys.readouterr().err
     # Keypoints of everybody, from the projects.
     assert main(["export", str(tmp_path / "linked"), "--out", str(tmp_path / "k"), "--formats", "coco"]) == 0
     assert len(list((tmp_path / "k").iterdir())) == 2

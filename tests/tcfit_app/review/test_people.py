@@ -231,7 +231,7 @@ def test_who_cannot_be_opened_is_told_and_left_out(folder: Path, capsys: pytest.
     assert "person 1 is left out" in capsys.readouterr().out
     shutil.rmtree(folder / "person-2")
     (folder / "person-2").mkdir()
-    with pytest.raises(InputError, match="none of its people"), open_two(folder):
+    with pytest.raises(InputError, match="no person's project"), open_two(folder):
         pass
 
 
@@ -414,8 +414,8 @@ def taken(xy: np.ndarray, confidence: np.ndarray) -> bytes:
     ("changes", "told"),
     [
         ({"packed": b"nothing"}, "cannot be unpacked"),
-        ({"packed": taken(np.zeros((1, 1, 2)), np.zeros((1, 1)))}, "has not one position"),
-        ({"packed": zlib.compress(bytes(10**7))}, "has not one position"),
+        ({"packed": taken(np.zeros((1, 1, 2)), np.zeros((1, 1)))}, "does not have one position"),
+        ({"packed": zlib.compress(bytes(10**7))}, "does not have one position"),
         ({"packed": taken(np.full((2, 1, 2), np.nan), np.zeros((2, 1)))}, "a position is not a number"),
         ({"packed": taken(np.zeros((2, 1, 2)), np.full((2, 1), 1.5))}, "a confidence"),
         ({"packed": taken(np.zeros((2, 1, 2)), np.full((2, 1), np.nan))}, "a confidence"),
@@ -506,7 +506,7 @@ def test_everybody_is_exported_in_one_glb(folder: Path, panel_server: viser.Vise
         assert note.count("keys (") == 2 and "talk person 2: " in note
         app.pages[1].tab.set(frames=range(LATE))
         name, note, player = tested.read()
-        assert note.endswith("person 2 is not there in these frames") and len(player.document.skins) == 1
+        assert note.endswith("person 2 is not present in these frames") and len(player.document.skins) == 1
 
 
 def test_everybody_is_exported_as_the_tab_shows_them(folder: Path, panel_server: viser.ViserServer, tmp_path: Path):
@@ -537,14 +537,14 @@ def test_everybody_is_exported_as_the_tab_shows_them(folder: Path, panel_server:
 
 def test_who_has_no_fit_is_left_out_and_told(free_body: BodyModel, panel_server: viser.ViserServer, tmp_path: Path):
     nobody = two_people(tmp_path / "nobody", free_body, fitted=False)
-    with reviewed(nobody, panel_server) as app, pytest.raises(InputError, match="Nobody has a fit"):
+    with reviewed(nobody, panel_server) as app, pytest.raises(InputError, match="There is no fit to export"):
         Exporting(app, tmp_path).begin()
     folder = two_people(tmp_path / "again", free_body)
     with Project.open(folder / "person-2") as other:
         other.runs.delete(1)
     with reviewed(folder, panel_server) as app:
         _, note, player = Exporting(app, tmp_path).read()
-        assert note == "talk person 1. person 2 has no fit yet and is left out" and len(player.document.skins) == 1
+        assert note == "talk person 1. person 2 has no fit yet and was left out" and len(player.document.skins) == 1
 
 
 def test_no_panel_of_several_people_stumbles_over_a_strange_value(

@@ -657,7 +657,7 @@ def test_a_fit_that_finds_no_room_on_the_disk_is_written_later(
     full = False
     session.take_news()
     kept = session.fits.run(run.id)
-    assert kept is not None and kept.state == "finished" and "is written after all" in told(session)[-1].title
+    assert kept is not None and kept.state == "finished" and "was saved after all" in told(session)[-1].title
     assert newest(session).run.id == run.id and torch.equal(
         session.project.runs.load(run.id).last.params.body_pose, newest(session).params.body_pose
     )

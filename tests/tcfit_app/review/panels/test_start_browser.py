@@ -199,7 +199,7 @@ def test_what_fails_is_told_in_the_panel(review: Reviewing, tmp_path: Path):
     (tmp_path / "text.onnx").write_text("hello")
     unfold(review, "How keypoints are found", "Detector")
     field(review, "Detector").click()
-    review.tab.get_by_role("option", name="An ONNX file of yours").click()
+    review.tab.get_by_role("option", name="Your own ONNX file").click()
     field(review, "Model file").fill(str(tmp_path / "text.onnx"))
     review.tab.get_by_text("Find keypoints only").click()
     review.tab.get_by_text("cannot be opened as an ONNX model").first.wait_for()
