@@ -392,7 +392,7 @@ def without_video(project: Path, folder: Path) -> Path:
     with Project.open(copy) as opened:
         source = opened.media.path
         if source is None or not source.is_file():
-            raise InputError("This project's video is not there: give a project that finds its video file.")
+            raise InputError("This project's video is missing: give a project that finds its video file.")
         moved = folder / source.name
         shutil.copy(source, moved)
         opened.relink(moved)

@@ -210,7 +210,7 @@ def test_a_limb_that_stands_still_while_the_others_move(fine: PosedFit):
     arm = [kp.INDEX["left_elbow"], WRIST]
     (entry,) = queue_of(frozen(shaken(fine), range(12, 21), arm), kinds=["frozen"])
     assert (entry.frames, set(entry.joints), entry.score) == (range(12, 21), set(arm), 2.0)
-    assert entry.reason == "left arm detections stand still for 10 frames" and entry.frame > 15
+    assert entry.reason == "left arm keypoints frozen for 10 frames" and entry.frame > 15
 
 
 def test_what_may_stand_still(fine: PosedFit):
@@ -250,7 +250,7 @@ def test_swapped_sides_are_the_cause_that_is_told(fine: PosedFit, pair: str):
     fit = displaced(with_keypoints(fine, xy=xy), 30, "nose", (20.0, 10.0))
     first, second = review_queue(fit).left
     assert first.frame == 30, "what the fit has put right is not as bad as what is off"
-    assert second.reason == f"{pair} were swapped, and put right in the fit" and second.score == 1
+    assert second.reason == f"{pair} were swapped, but corrected in the fit" and second.score == 1
     assert second.kind == "swap" and set(second.joints) == {*one, *other}
     assert second.frames == range(18, 22) and second.also == ()
 
@@ -284,7 +284,7 @@ def test_a_pose_that_costs_more_than_its_errors_explain(fine: PosedFit):
     assert queue_of(replace(fine, frame_cost=cost), kinds=["cost"]) == ()
     cost[9] += 6 * np.median(cost)
     (entry,) = queue_of(replace(fine, frame_cost=cost), kinds=["cost"])
-    assert entry.frame == 9 and entry.joints == () and entry.reason.startswith("unlikely pose: costs")
+    assert entry.frame == 9 and entry.joints == () and entry.reason.startswith("unlikely pose: cost")
 
 
 def test_a_frame_whose_fit_failed(fine: PosedFit):

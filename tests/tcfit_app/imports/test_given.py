@@ -98,12 +98,12 @@ def test_what_is_of_no_use_is_told(project: Project, tiny_body: BodyModel, tmp_p
     with pytest.raises(InputError, match="has no fit yet"):
         read_shape(project.folder, tiny_body)
     first, whole = run_of(project, tiny_body, phase=1), run_of(project, tiny_body)
-    with pytest.raises(InputError, match="no shape of the whole clip yet"):
+    with pytest.raises(InputError, match="no shape for the whole clip yet"):
         read(project, tiny_body, shape=Source(run=first.id))
     other = replace(tiny_body, hash="another")
-    with pytest.raises(InputError, match="on another body model"):
+    with pytest.raises(InputError, match="uses another body model"):
         read(project, other, shape=Source(run=whole.id))
-    with pytest.raises(InputError, match=r"walk\.tcfit: .* on another body model"):
+    with pytest.raises(InputError, match=r"walk\.tcfit: .* uses another body model"):
         read_shape(project.folder, other)
     begun = project.runs.start(QUICK, body=whole.body, edits_seen=0)
     with pytest.raises(InputError, match="has no result yet"):

@@ -293,7 +293,7 @@ def test_the_drawing_thread_does_not_wait_for_detections_to_be_written(
         (lambda source: source.begin(ImportFiles(path=Path("/no/such/folder"))), "there is no such file or folder"),
         (
             lambda source: source.begin(ImportUpload(name="a.exe", content=b"x")),
-            "and its name is not that of a keypoint file",
+            "and its name is not a keypoint file's",
         ),
         (lambda source: source.detect("/no/model.onnx"), "there is no such model file"),
     ],

@@ -229,7 +229,7 @@ def test_without_a_video_nothing_is_offered(panel_server: viser.ViserServer, tmp
     with Project.create(tmp_path / "walk.tcfit", clip) as project, lone_page(panel_server, project) as page:
         page.only(KeypointsPanel)
         assert "not found" not in page.html() and "Detect again" not in page.html()
-        with pytest.raises(InputError, match="video is not there"):
+        with pytest.raises(InputError, match="video is missing"):
             page.page.gestures.again.look("face")
 
 
