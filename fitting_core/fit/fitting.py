@@ -410,6 +410,6 @@ def _swap_notes(stages: Stages, first_frame: int) -> list[str]:
     """What was swapped back, for the user."""
     swapped = {name: spans((first_frame + frames).tolist()) for name, frames in stages.observations.swaps.items()}
     return [
-        f"left and right {name} were swapped in the keypoints and were swapped back: frames {numbers}"
+        f"left and right {name} were swapped in the keypoints and have been unswapped: frames {numbers}"
         for name, numbers in swapped.items()
     ]

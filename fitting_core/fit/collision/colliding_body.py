@@ -1,4 +1,4 @@
-"""The triangles of a posed body that collide with each other, found anew for each pose."""
+"""The colliding triangles of a posed body, found again for each pose."""
 
 from collections import OrderedDict
 from dataclasses import dataclass
@@ -17,11 +17,11 @@ from fitting_core.fit.collision.distance_field import pair_vertices
 from fitting_core.fit.variables.estimate import Estimate
 
 LARGEST = 10.0
-"""Metres from end to end: what is larger is no body but a step gone wild, and its pairs would be millions."""
+"""Metres from end to end: anything larger is a diverged step, and would have millions of pairs."""
 CHUNK = 8
 """Poses whose vertices are evaluated together: the gathered correctives of 300 vertices are 3.5 MB."""
 _REMEMBERED = 1024
-"""Poses whose pairs are kept at least; as many as were asked for at once, if that is more."""
+"""Minimum number of poses whose pairs are cached; at least as many as were requested at once."""
 
 
 @dataclass(frozen=True)
@@ -31,29 +31,29 @@ class Contacts:
     frame: Int[Tensor, "P"]
     """Of each pair, ascending."""
     rank: Int[Tensor, "P"]
-    """Which of its frame's pairs it is."""
+    """The index of each pair among its frame's."""
     ids: Int[Tensor, "B K"]
-    """The vertices of each frame's pairs; vertex 0 fills up."""
+    """The vertices of each frame's pairs, padded with vertex 0."""
     corner: Int[Tensor, "P 6"]
-    """Places of each pair's vertices among its frame's."""
+    """Indices of each pair's vertices among its frame's."""
 
     @property
     def pairs(self) -> Int[Tensor, "P 2"]:
-        """Pairs as `penetration` wants them, for the triangles of `faces`."""
+        """Pairs for `penetration`, indexing the triangles of `faces`."""
         return torch.arange(2 * len(self.frame), device=self.frame.device).view(-1, 2)
 
     @property
     def faces(self) -> Int[Tensor, "2P 3"]:
-        """Corners of the two triangles of each pair, as places among all frames' vertices, one after another."""
+        """Corners of the two triangles of each pair, as indices into all frames' vertices, concatenated."""
         return (self.frame[:, None] * self.ids.shape[1] + self.corner).view(-1, 3)
 
 
 class CollidingBody:
-    """What is constant over a fit: mesh and search trees; and the pairs of the poses seen last.
+    """Mesh and search trees, constant over a fit, and the pairs of the most recent poses.
 
     Args:
         body: the model.
-        dtype: type of the fit. The mesh is evaluated in it as well, so that pairs and residuals see the same vertices;
+        dtype: type of the fit. The mesh is evaluated in it too, so that pairs and residuals use the same vertices;
             float32 would take 9 instead of 12 ms a frame.
         device: where vertices are computed. Pairs are searched on the CPU.
     """
@@ -63,8 +63,8 @@ class CollidingBody:
         self.chosen = ChosenVertices(self.mesh)
         self.faces = torch.as_tensor(body.faces.astype(np.int64))
         self.finder = body_collision_finder(body)
-        # A solver evaluates the cost of a point and then, if it takes it, the normal equations at the same point.
-        # Kept by the pose itself and not by the frame, of which a batch may hold several poses.
+        # A solver evaluates the cost of a point and then, if it accepts it, the normal equations at the same point. The
+        # key is the pose itself, not the frame, because a batch may hold several poses of a frame.
         self._found: OrderedDict[bytes, Tensor | None] = OrderedDict()
         self._kept = _REMEMBERED
 
