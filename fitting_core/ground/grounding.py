@@ -13,7 +13,7 @@ from jaxtyping import Float
 from fitting_core.camera import Camera
 from fitting_core.ground.contacts import FOOT_POINTS, Contacts, contacts_of
 from fitting_core.ground.gravity import Gravity, RolledView, gravity_before_fit, told_gravity, with_trunk
-from fitting_core.ground.placing import places
+from fitting_core.ground.placing import pelvis_positions
 from fitting_core.ground.plane import Ground, ground_under
 from fitting_core.lifting.clip_lifting import LiftedClip
 
@@ -73,7 +73,7 @@ def grounding_before_fit(
         frame_rate: Frames per second.
         rolled: As for `grounding_of`.
     """
-    placed = camera.to_still(lifted.points + places(xy, confidence, lifted, camera, frame_rate)[:, None])
+    placed = camera.to_still(lifted.points + pelvis_positions(xy, confidence, lifted, camera, frame_rate)[:, None])
     return grounding_of(
         xy, confidence, lifted, camera, frame_rate, feet=placed[:, FOOT_POINTS], soles=USUAL_SOLES, rolled=rolled
     )

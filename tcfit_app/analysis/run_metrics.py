@@ -11,7 +11,7 @@ from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.measure import comparison
 from fitting_core.measure.comparison import FigureKind, number_of
-from fitting_core.measure.pairing import Estimate
+from fitting_core.measure.pairing import PosedMotion
 from fitting_core.measure.references.reference import Reference
 from fitting_core.metrics import jitter, torso_lean
 from fitting_core.plugins import added
@@ -218,7 +218,7 @@ def reference_metrics(
     `truth_body` reads the reference's body, which takes a second.
     """
     every = max(1, -(-len(fit) // SURFACES))
-    estimate = Estimate(
+    estimate = PosedMotion(
         body=fit.meshes.body,
         params=fit.params,
         camera=fit.clip.camera,

@@ -13,9 +13,9 @@ from fitting_core.results.given_start import GivenStart
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.fitting.fits import Fits, Shown
 from tcfit_app.fitting.jobs import CorrectionJob, RerunFrames, around
-from tcfit_app.fitting.live import REACH, Correction, Target
+from tcfit_app.fitting.live import LIVE_REACH, Correction, Target
 from tcfit_app.fitting.reports import DragEnded, DragMoved, ErrandEnded, Notice
-from tcfit_app.fitting.worker import Drag, Worker
+from tcfit_app.fitting.worker import LiveDrag, Worker
 from tcfit_app.project.edits.edit_log import LogEntry
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.project.project import Project
@@ -58,7 +58,7 @@ class EditFollower:
         self.after_edits = True
         """Whether the fit follows edits automatically."""
         self._project, self._bodies, self._fits, self._worker = project, bodies, fits, worker
-        self._drags: dict[int, tuple[Drag, Run]] = {}
+        self._drags: dict[int, tuple[LiveDrag, Run]] = {}
         self._revisions = count(1)
         self._recent: dict[int, _Recent] = {}
         self._settled: dict[int, _Recent] = {}
@@ -97,7 +97,7 @@ class EditFollower:
 
     def begin_drag(
         self, shown: Shown, frame: int, joints: tuple[int, ...], target: Target, *, in_depth: bool = False
-    ) -> Drag | None:
+    ) -> LiveDrag | None:
         """Make the fit follow a drag; None if it cannot: without a temporal phase, or if its body model is missing."""
         if shown.phase != 3 or shown.result is None or self._project.read_only:
             return None
@@ -243,7 +243,7 @@ class EditFollower:
                 waiting.edits |= recent.edits
 
     def _windows(self, edits: Iterable[int]) -> tuple[range, ...]:
-        return around(self._frames(edits), REACH, len(self._project.detections))
+        return around(self._frames(edits), LIVE_REACH, len(self._project.detections))
 
     def _job(self, run: Run, edits: dict[int, bool]) -> CorrectionJob:
         body = self._bodies.of(run.body)

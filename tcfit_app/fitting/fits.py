@@ -29,13 +29,15 @@ KEPT_FITS = 8
 """Number of results in memory: of the runs shown last."""
 IN_USE = 5.0
 """Seconds after its last request until a result counts as no longer on show."""
-TITLES = {1: "per frame", 2: "shared shape", 3: "temporal"}
+SHORT_TITLES = {1: "per frame", 2: "shared shape", 3: "temporal"}
 """Titles of the phases, for any run."""
 
 
 def phase_title(run: Run, phase: int) -> str:
     """Title of a run's phase, on buttons and legends and in file names."""
-    return "SMPLify-X" if phase == 1 and run.kind != "imported" and fits_as_smplifyx(run.config) else TITLES[phase]
+    return (
+        "SMPLify-X" if phase == 1 and run.kind != "imported" and fits_as_smplifyx(run.config) else SHORT_TITLES[phase]
+    )
 
 
 _OWN: dict[str, tuple[int, ...]] = {"frames": (3,), "shape": (2, 3), "corrections": (), "imported": ()}
@@ -44,7 +46,7 @@ _OWN: dict[str, tuple[int, ...]] = {"frames": (3,), "shape": (2, 3), "correction
 def own_phases(run: Run) -> tuple[int, ...]:
     """Phases that a run computed itself, with its own times; the others are its parent's. Corrections are patches of
     their parent's phase 3."""
-    return _OWN.get(run.kind, tuple(TITLES))
+    return _OWN.get(run.kind, tuple(SHORT_TITLES))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -41,7 +41,7 @@ from fitting_core.image_border import cut_off
 from fitting_core.keypoints import Keypoints
 from fitting_core.results.given_start import GivenStart
 
-REACH = 3
+LIVE_REACH = 3
 """Frames that follow on each side of the dragged one: a window of seven."""
 Target = Float[np.ndarray, "n 2"] | Float[np.ndarray, "n"]
 """Positions of dragged keypoints: pixels, or for a drag in depth metres behind the pelvis (`Keypoints.depth`)."""
@@ -70,7 +70,7 @@ class Correction:
     """The start of the result's fit, which applies to the window too."""
     in_depth: bool = False
     """Whether they are dragged in depth instead of in the image."""
-    reach: int = REACH
+    reach: int = LIVE_REACH
     origin: int | None = None
     """The run of `params`, for storing the correction."""
     edits_seen: int = 0

@@ -101,7 +101,7 @@ Report = JobStarted | JobReported | JobEnded | DragEnded | ErrandEnded
 
 
 @dataclass(frozen=True, kw_only=True)
-class News:
+class WorkerNews:
     """The reports since the last call."""
 
     progress: JobProgress | None = None
@@ -142,9 +142,9 @@ class Reports:
             self._reports.append(report)
         self.arrived()
 
-    def take(self) -> News:
+    def take(self) -> WorkerNews:
         """Everything since the last call."""
         with self._lock:
-            news = News(progress=self._progress, moved=tuple(self._moved.values()), reports=self._reports)
+            news = WorkerNews(progress=self._progress, moved=tuple(self._moved.values()), reports=self._reports)
             self._progress, self._moved, self._reports = None, {}, []
             return news

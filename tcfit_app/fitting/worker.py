@@ -40,7 +40,7 @@ class Sink(Protocol):
         ...
 
 
-class Drag:
+class LiveDrag:
     """A drag in progress. Only the newest move counts."""
 
     def __init__(self, number: int, correction: Correction, target: Target, changed: threading.Condition) -> None:
@@ -93,7 +93,7 @@ class Worker:
         self._changed = threading.Condition()
         self._numbers = count(1)
         self._queue: deque[tuple[int, Job]] = deque()
-        self._drags: deque[Drag] = deque()
+        self._drags: deque[LiveDrag] = deque()
         self._errands: deque[tuple[int, Callable[[], None]]] = deque()
         self._running: int | None = None
         self._cancelled = self._closing = False
@@ -132,11 +132,11 @@ class Worker:
             self._changed.notify_all()
         return number
 
-    def drag(self, correction: Correction, target: Target) -> Drag:
+    def drag(self, correction: Correction, target: Target) -> LiveDrag:
         """Start following a drag; a running job waits for it."""
         with self._changed:
             self._refuse_if_closing()
-            drag = Drag(next(self._numbers), correction, target, self._changed)
+            drag = LiveDrag(next(self._numbers), correction, target, self._changed)
             self._drags.append(drag)
             self._changed.notify_all()
         return drag
@@ -181,7 +181,7 @@ class Worker:
                 _log.warning("An errand failed", exc_info=not isinstance(error, InputError))
             self.reports.tell(ErrandEnded(errand=number, reason=reason))
 
-    def _waiting_drag(self) -> Drag | None:
+    def _waiting_drag(self) -> LiveDrag | None:
         return None if self._closing else next((drag for drag in self._drags if drag.wants), None)
 
     def _run(self, number: int, job: Job) -> None:
@@ -255,7 +255,7 @@ class Worker:
                     self._drags.remove(drag)
                 self.reports.tell(ended)
 
-    def _followed(self, drag: Drag, target: Target | None) -> DragEnded | None:
+    def _followed(self, drag: LiveDrag, target: Target | None) -> DragEnded | None:
         """One step of a drag; returns its end, if it has ended."""
         try:
             if drag.abandoned:
@@ -270,7 +270,7 @@ class Worker:
         self.reports.show(DragMoved(drag=drag.number, frames=drag.correction.frames, params=params))
         return None
 
-    def _aimed(self, drag: Drag, target: Target | None) -> LiveCorrection:
+    def _aimed(self, drag: LiveDrag, target: Target | None) -> LiveCorrection:
         """The drag's correction, created on first use."""
         if drag.live is None:
             assert target is not None, "a drag begins somewhere"
@@ -279,7 +279,7 @@ class Worker:
             drag.live.move(target)
         return drag.live
 
-    def _released(self, drag: Drag, live: LiveCorrection) -> DragEnded:
+    def _released(self, drag: LiveDrag, live: LiveCorrection) -> DragEnded:
         """The window converged, unless the drag is abandoned meanwhile."""
         with closing(live.release()) as events:
             while not (self._closing or drag.abandoned):

@@ -23,7 +23,7 @@ from tcfit_app.project.storage.run_record import Given, Run, Source, newest
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Known:
+class KnownInputs:
     """What was read."""
 
     given: Given = field(default_factory=Given)
@@ -32,11 +32,11 @@ class Known:
     shape: KnownShape | None = None
 
 
-NOTHING = Known()
+NOTHING = KnownInputs()
 """For a fit that is given only its clip."""
 
 
-def read_given(given: Given, project: Project, clip: Clip, body: BodyModel, bodies: Bodies) -> Known:
+def read_given(given: Given, project: Project, clip: Clip, body: BodyModel, bodies: Bodies) -> KnownInputs:
     """Read the user's choice for a fit of `clip` with `body`. Slow.
 
     Raises:
@@ -44,7 +44,7 @@ def read_given(given: Given, project: Project, clip: Clip, body: BodyModel, bodi
     """
     start = None if given.start is None else _start(given.start, project, clip, body, bodies)
     shape = None if given.shape is None else _shape(given.shape, project, body)
-    return Known(given=given, start=start, shape=shape)
+    return KnownInputs(given=given, start=start, shape=shape)
 
 
 def _start(source: Source, project: Project, clip: Clip, body: BodyModel, bodies: Bodies) -> GivenStart:

@@ -27,7 +27,7 @@ from tcfit_app.imports.found_people import FoundPeople
 if TYPE_CHECKING:
     from fitting_core.detect.detecting import Detected
 
-Report = Callable[[str, float | None], None]
+ProgressReport = Callable[[str, float | None], None]
 """Receives the current step and the progress (0 to 1, or unknown). Raises to end the job."""
 
 
@@ -55,7 +55,7 @@ class KeypointJob(Protocol):
         """For the user."""
         ...
 
-    def run(self, clip: Clip, report: Report) -> FoundKeypoints | None:
+    def run(self, clip: Clip, report: ProgressReport) -> FoundKeypoints | None:
         """Do it, and return the keypoints if that is its purpose. Raises InputError."""
         ...
 
@@ -68,7 +68,7 @@ class ImportFiles:
 
     title: str = field(default="Importing keypoints", init=False)
 
-    def run(self, clip: Clip, report: Report) -> FoundKeypoints:
+    def run(self, clip: Clip, report: ProgressReport) -> FoundKeypoints:
         """See `KeypointJob.run`."""
         from fitting_core.clips.reading import read_keypoints
 
@@ -86,7 +86,7 @@ class ImportUpload:
 
     title: str = field(default="Importing keypoints", init=False)
 
-    def run(self, clip: Clip, report: Report) -> FoundKeypoints:
+    def run(self, clip: Clip, report: ProgressReport) -> FoundKeypoints:
         """See `KeypointJob.run`."""
         report("Unpacking the upload", None)
         with scratch_folder() as folder:
@@ -107,7 +107,7 @@ class Detect:
 
     title: str = field(default="Detecting keypoints", init=False)
 
-    def run(self, clip: Clip, report: Report) -> FoundKeypoints:
+    def run(self, clip: Clip, report: ProgressReport) -> FoundKeypoints:
         """See `KeypointJob.run`."""
         from fitting_core.detect.detecting import Detected, Detection, DetectionProgress
         from fitting_core.detect.detectors import find_detector
@@ -169,7 +169,7 @@ class FetchNetworks:
 
     title: str = field(default="Fetching the detector", init=False)
 
-    def run(self, clip: Clip, report: Report) -> None:
+    def run(self, clip: Clip, report: ProgressReport) -> None:
         """See `KeypointJob.run`."""
         from fitting_core.detect.mediapipe.fetching import FetchProgress, fetch
 
@@ -190,7 +190,7 @@ class Download:
         """For the user."""
         return f"Downloading {self.name}"
 
-    def run(self, clip: Clip, report: Report) -> None:
+    def run(self, clip: Clip, report: ProgressReport) -> None:
         """See `KeypointJob.run`."""
         from fitting_core.detect.download import Downloaded, download
         from fitting_core.detect.known_models import KNOWN_MODELS

@@ -7,7 +7,7 @@ import msgspec
 
 from fitting_core.clips.people import PersonInClip, people_of
 from fitting_core.files.atomic import drafting, put_folder
-from fitting_core.io.people_file import write_people
+from fitting_core.io.people_file import write_people_file
 from tcfit_app.project.project import check_free
 from tcfit_app.project.storage import media
 from tcfit_app.project.storage.accessing import accessing
@@ -41,7 +41,7 @@ def create_people(folder: Path, people: Sequence[PersonInClip], *, copy_media: b
                     link = media.link(source, folder / own)
                 (draft / own).mkdir()
                 write_clip(draft / own, one.clip, link=link)
-            write_people(draft, people_of(people))
+            write_people_file(draft, people_of(people))
             check_free(folder)
             if folder.exists():
                 folder.rmdir()

@@ -57,7 +57,7 @@ _ATTEMPTS = 3
 """A project gets its detections only once, so at most the first attempt can be disturbed."""
 
 
-class About(msgspec.Struct, frozen=True, kw_only=True):
+class PackageAbout(msgspec.Struct, frozen=True, kw_only=True):
     """The header of a packed project."""
 
     format: str
@@ -103,7 +103,7 @@ def pack(folder: Path, path: Path, *, with_media: bool = False, progress: Progre
             *_media_files(folder, copy, with_media=with_media),
         ]
         with zipfile.ZipFile(draft, "w", zipfile.ZIP_STORED) as archive:
-            archive.writestr(ABOUT, msgspec.json.encode(About(format=FORMAT, version=VERSION)))
+            archive.writestr(ABOUT, msgspec.json.encode(PackageAbout(format=FORMAT, version=VERSION)))
             _add(archive, files, progress)
 
 
@@ -145,7 +145,7 @@ def _media_files(folder: Path, copy: Path, *, with_media: bool) -> list[tuple[Pa
             return []
         own = media.is_own(link)
         path = _own_video(folder, link) if own else _video_elsewhere(folder, link)
-        files = _files(path) if own else media.frames_of(path)
+        files = _files(path) if own else media.frame_files(path)
         packed = msgspec.structs.replace(link, relative=f"{media.FOLDER}/{portable(path.name)}")
         if not own and path.is_dir():
             packed = msgspec.structs.replace(packed, fingerprint=fingerprint_of_images(files))
@@ -252,7 +252,7 @@ def _extract(path: Path, draft: Path, *, only: str | None = None) -> None:
 def _check_about(path: Path, archive: zipfile.ZipFile) -> None:
     try:
         with archive.open(ABOUT) as file:
-            about = msgspec.json.decode(file.read(_BLOCK), type=About)
+            about = msgspec.json.decode(file.read(_BLOCK), type=PackageAbout)
     except (KeyError, msgspec.DecodeError) as error:
         raise InputError(f"{path}: not a packed project; expected one made by `tcfit export --formats project`.") from (
             error

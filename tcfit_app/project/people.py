@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fitting_core.errors import InputError
-from fitting_core.io.people_file import People, Person, read_people
+from fitting_core.io.people_file import People, Person, read_people_file
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.database import is_project
 
@@ -54,7 +54,7 @@ def opened_people(folder: Path, opened: Callable[[Path], Project], tell: Callabl
     Raises:
         InputError: There is no valid people.json, or none of the projects can be opened.
     """
-    file = read_people(folder)
+    file = read_people_file(folder)
     problems: list[str] = []
     with ExitStack() as stack:
         projects: list[tuple[Person, Project]] = []

@@ -43,8 +43,8 @@ from fitting_core.measure.references.reference import Reference
 from fitting_core.silhouettes import Silhouettes
 from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.project.edits.edit_log import (
-    Action,
     EditHistory,
+    LogAction,
     LogEntry,
     Marking,
     Note,
@@ -53,7 +53,7 @@ from tcfit_app.project.edits.edit_log import (
     Undo,
     decode,
     encode,
-    frames_of,
+    frames_changed,
 )
 from tcfit_app.project.storage import database, media
 from tcfit_app.project.storage.accessing import accessing
@@ -67,8 +67,8 @@ from tcfit_app.project.storage.clip import (
 )
 from tcfit_app.project.storage.columns import UNKNOWN_TIME, Columns, Count, of, text, time
 from tcfit_app.project.storage.database import Database
-from tcfit_app.project.storage.lock import Lock
-from tcfit_app.project.storage.marks import Marks
+from tcfit_app.project.storage.lock import ProjectLock
+from tcfit_app.project.storage.marks import MarkStore
 from tcfit_app.project.storage.media import Media
 from tcfit_app.project.storage.reference import store_reference, stored_reference
 from tcfit_app.project.storage.runs import Runs
@@ -79,14 +79,14 @@ _LEFT_OUT = "ignored"
 class Project:
     """An open project; a context manager. Thread-safe."""
 
-    def __init__(self, folder: Path, store: Database, held: Lock | None) -> None:
+    def __init__(self, folder: Path, store: Database, held: ProjectLock | None) -> None:
         """Use `create` or `open`."""
         self.folder = folder
         stored, link = read_clip(folder, store)
         self.media: Media = media.find(link, folder)
         """Where the video or images were found on opening, and what is wrong with them."""
         self.runs = Runs(folder, store, len(stored))
-        self.marks = Marks(
+        self.marks = MarkStore(
             store, len(stored), self._marks_done, lambda action, author: self.append(action, author=author)
         )
         self._stored, self._database, self._lock = stored, store, held
@@ -166,7 +166,7 @@ class Project:
             if not (folder / database.NAME).is_file():
                 refuse_several(folder)
                 raise InputError(f"{folder}: not a tcfit project: it has no {database.NAME}. `tcfit new` creates one.")
-            held = None if read_only else Lock(folder)
+            held = None if read_only else ProjectLock(folder)
         store = None
         try:
             store = Database(folder / database.NAME, read_only=read_only)
@@ -434,7 +434,7 @@ class Project:
         """The frames whose keypoints each log entry after the entry `seen` changes, as in `edit_log.frames_of`."""
         with self._guard:
             first = bisect_right(self._log, seen, key=lambda entry: entry.id)
-            return frames_of(self._log[first:], self._history.standing.said)
+            return frames_changed(self._log[first:], self._history.standing.said)
 
     def edits_since(self, seen: int) -> int:
         """How many edits stand now but did not after the entry `seen`, or vice versa."""
@@ -462,7 +462,7 @@ class Project:
         with self._guard:
             return self._history.standing.stood_by(seen, later)
 
-    def frames_of(self, edit: int) -> tuple[int, ...]:
+    def frames_changed(self, edit: int) -> tuple[int, ...]:
         """The frames that the edit with this id changes."""
         with self._guard:
             return self._history.standing.said(edit).frames
@@ -499,7 +499,7 @@ class Project:
                 self.append(Redo(edit=edit.id), author=author)
             return edit
 
-    def append(self, action: Action, *, author: str = "") -> LogEntry:
+    def append(self, action: LogAction, *, author: str = "") -> LogEntry:
         """Make an edit or a mark; it is on disk when this returns.
 
         Raises:

@@ -16,16 +16,16 @@ from fitting_core.fit.collision.detection import body_collision_finder
 from fitting_core.fit.collision.distance_field import pair_vertices
 from fitting_core.fit.variables.estimate import Estimate
 
-LARGEST = 10.0
+LARGEST_EXTENT = 10.0
 """Metres from end to end: anything larger is a diverged step, and would have millions of pairs."""
-CHUNK = 8
+POSES_AT_ONCE = 8
 """Poses whose vertices are evaluated together: the gathered correctives of 300 vertices are 3.5 MB."""
 _REMEMBERED = 1024
 """Minimum number of poses whose pairs are cached; at least as many as were requested at once."""
 
 
 @dataclass(frozen=True)
-class Contacts:
+class CollidingPairs:
     """The colliding pairs of some frames, held fixed while residuals are differentiated."""
 
     frame: Int[Tensor, "P"]
@@ -74,8 +74,8 @@ class CollidingBody:
         keys = [pose.tobytes() for pose in poses]
         self._kept = max(self._kept, len(keys))
         unknown = list({key: i for i, key in enumerate(keys) if key not in self._found}.values())
-        for start in range(0, len(unknown), CHUNK):
-            part = unknown[start : start + CHUNK]
+        for start in range(0, len(unknown), POSES_AT_ONCE):
+            part = unknown[start : start + POSES_AT_ONCE]
             for i, vertices in zip(part, self._vertices(e, part), strict=True):
                 self._found[keys[i]] = self._find(vertices)
         for key in keys:
@@ -92,15 +92,17 @@ class CollidingBody:
 
     def _find(self, vertices: Float[np.ndarray, "V 3"]) -> Tensor | None:
         extent = np.ptp(vertices, axis=0).max()
-        return torch.as_tensor(self.finder.find(vertices)) if extent < LARGEST else None  # NaN is not less either
+        return (
+            torch.as_tensor(self.finder.find(vertices)) if extent < LARGEST_EXTENT else None
+        )  # NaN is not less either
 
-    def contacts(self, pairs: list[Tensor | None]) -> Contacts:
+    def contacts(self, pairs: list[Tensor | None]) -> CollidingPairs:
         """The pairs of some frames, with the vertices that they need."""
         known = [torch.zeros(0, 2, dtype=torch.long) if p is None else p for p in pairs]
         ids, corner = zip(*(pair_vertices(self.faces, p).unique(return_inverse=True) for p in known), strict=True)
         counts = torch.tensor([len(p) for p in known])
         device = self.mesh.device
-        return Contacts(
+        return CollidingPairs(
             frame=torch.arange(len(known)).repeat_interleave(counts).to(device),
             rank=torch.cat([torch.arange(n) for n in counts.tolist()]).to(device),
             ids=torch.nn.utils.rnn.pad_sequence(list(ids), batch_first=True).to(device),

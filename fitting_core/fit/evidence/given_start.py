@@ -15,7 +15,7 @@ from fitting_core.camera import Camera
 from fitting_core.fit.evidence.observations import USABLE
 from fitting_core.fit.variables.state import Parametrisation, State
 from fitting_core.frame_runs import runs_where
-from fitting_core.ground.placing import NEAREST, behind, rays_of
+from fitting_core.ground.placing import NEAREST, place_on_rays, rays_of
 from fitting_core.image_border import seen_confidence
 from fitting_core.keypoints import SEEN, Keypoints
 from fitting_core.results.given_start import GivenStart, StartRecord
@@ -33,7 +33,7 @@ _PARABOLA = 2
 """Its degree."""
 
 
-def beside(start: GivenStart, keypoints: Keypoints, camera: Camera) -> GivenStart:
+def corrected_start(start: GivenStart, keypoints: Keypoints, camera: Camera) -> GivenStart:
     """Update a start to corrected keypoints: where a person has moved some, the start is off by that much.
 
     A held start must yield to corrections. All other frames keep the distances measured when the fit started.
@@ -46,7 +46,7 @@ def beside(start: GivenStart, keypoints: Keypoints, camera: Camera) -> GivenStar
     edited = np.flatnonzero(keypoints.placed[:, kp.BODY].any(1) & start.there)
     if not len(edited):
         return start
-    found = placed(start.points[edited], keypoints[edited], camera).off
+    found = place_by_keypoints(start.points[edited], keypoints[edited], camera).off
     off = start.off.copy()
     off[edited] = np.where(np.isfinite(found), found, off[edited])
     return replace(start, off=off)
@@ -98,7 +98,7 @@ class Placed:
         return found
 
 
-def placed(points: Float[np.ndarray, "T 25 3"], keypoints: Keypoints, camera: Camera) -> Placed:
+def place_by_keypoints(points: Float[np.ndarray, "T 25 3"], keypoints: Keypoints, camera: Camera) -> Placed:
     """Place bodies in front of a camera by their keypoints; their poses are unchanged.
 
     Iteratively reweighted least squares for the Geman-McClure function of the distances from the viewing rays: the
@@ -113,9 +113,9 @@ def placed(points: Float[np.ndarray, "T 25 3"], keypoints: Keypoints, camera: Ca
     confidence = seen_confidence(keypoints, camera)[:, kp.BODY]
     counted = np.where(known & (confidence > SEEN), confidence, 0.0)
     from_pelvis, rays = np.where(known[..., None], points, 0.0), rays_of(keypoints.xy[:, kp.BODY], camera)
-    pelvis, off = behind(from_pelvis, rays, counted)
+    pelvis, off = place_on_rays(from_pelvis, rays, counted)  # without robust weights, for the first residuals
     for _ in range(_PLACING_STEPS - 1):
-        pelvis, off = behind(from_pelvis, rays, counted * (_ROBUST**2 / (_ROBUST**2 + off**2)) ** 2)
+        pelvis, off = place_on_rays(from_pelvis, rays, counted * (_ROBUST**2 / (_ROBUST**2 + off**2)) ** 2)
     good = np.asarray(((counted > 0).sum(1) >= USABLE) & (pelvis[:, 2] > NEAREST))[:, None]
     return Placed(pelvis=np.where(good, pelvis, np.nan), off=np.where(good & (counted > 0), off, np.nan))
 
@@ -145,7 +145,7 @@ def given_start(
     """
     params = with_whole_hands(body, params.to(dtype=torch.float64))
     points = from_pelvis(body, params) if points is None else points
-    found = placed(points, keypoints, camera)
+    found = place_by_keypoints(points, keypoints, camera)
     follows = np.asarray(there & (found.median_off < FOLLOWS))
     there = np.asarray(there & (follows | np.isinf(found.median_off)) & follows.any())
     translation, off = params.camera_translation.numpy().copy(), np.zeros_like(found.off)

@@ -174,8 +174,11 @@ def _add_rows(c, point, group, rows, moving, count, scratch):
 
 @helper
 def _set_rows(c, point, group, rows, moving, scratch):
-    """Two or three rows of a keypoint in its group's columns, in `three`: the chain rule, `by_point` times the point's
-    own derivatives. Only the first `moving` ones move with the translation."""
+    """Two or three rows of a keypoint in its group's columns, in `three`.
+
+    The chain rule: with g = d residual / d point (a row of `by_point`, camera space), a row is g . d point / d column.
+    Only the first `moving` rows depend on the translation.
+    """
     s, clip = scratch.frame, c.clip
     for p in range(point.first_pair, point.last_pair):  # by_point^T residual, for the pose correctives
         for d in range(3):
@@ -195,19 +198,19 @@ def _set_rows(c, point, group, rows, moving, scratch):
         else:
             at = group.place[clip.jaw if entry.joint == JAW_JOINT else 3 * entry.joint]
         for k in range(rows):
-            # A turn d moves the point by d x arm, so the row by d is (arm x by_point[k])^T; `axes` are those of the
-            # joint's columns in camera space.
-            l0, l1, l2 = s.by_point[k, 0], s.by_point[k, 1], s.by_point[k, 2]
-            c0, c1, c2 = s.v[1] * l2 - s.v[2] * l1, s.v[2] * l0 - s.v[0] * l2, s.v[0] * l1 - s.v[1] * l0
-            q0 = c0 * axes[0, 0] + c1 * axes[1, 0] + c2 * axes[2, 0]
-            q1 = c0 * axes[0, 1] + c1 * axes[1, 1] + c2 * axes[2, 1]
-            q2 = c0 * axes[0, 2] + c1 * axes[1, 2] + c2 * axes[2, 2]
+            # A small rotation w of the joint (camera axes) moves the point by w x arm, and the residual by
+            # g . (w x arm) = (arm x g) . w. With w = axes t, t the joint's turn columns, the row is (arm x g)^T axes.
+            g0, g1, g2 = s.by_point[k, 0], s.by_point[k, 1], s.by_point[k, 2]
+            by_w0, by_w1, by_w2 = s.v[1] * g2 - s.v[2] * g1, s.v[2] * g0 - s.v[0] * g2, s.v[0] * g1 - s.v[1] * g0
+            by_t0 = by_w0 * axes[0, 0] + by_w1 * axes[1, 0] + by_w2 * axes[2, 0]
+            by_t1 = by_w0 * axes[0, 1] + by_w1 * axes[1, 1] + by_w2 * axes[2, 1]
+            by_t2 = by_w0 * axes[0, 2] + by_w1 * axes[1, 2] + by_w2 * axes[2, 2]
             if finger >= 0:  # a finger's axis-angle is linear in its hand's numbers
                 b = clip.hand_basis
                 row = s.three[k, at : at + clip.hand]
-                _add_three(row, q0, q1, q2, b[3 * finger], b[3 * finger + 1], b[3 * finger + 2])
+                _add_three(row, by_t0, by_t1, by_t2, b[3 * finger], b[3 * finger + 1], b[3 * finger + 2])
             else:
-                s.three[k, at], s.three[k, at + 1], s.three[k, at + 2] = q0, q1, q2
+                s.three[k, at], s.three[k, at + 1], s.three[k, at + 2] = by_t0, by_t1, by_t2
     translation = group.place[clip.translation]
     for k in range(moving):
         for d in range(3):
@@ -250,16 +253,16 @@ def _lever_arm(c, joint, entry, scratch):
 
 @helper
 def _add_coefficients(point, low, at, rows, scratch):
-    """The columns of betas or expression."""
+    """The columns of betas or expression: g . d point / d coefficient, summed over the point's pairs."""
     s, last = scratch.frame, low + 10
     for k in range(rows):
-        row, l0, l1, l2 = s.three[k, at : at + 10], s.by_point[k, 0], s.by_point[k, 1], s.by_point[k, 2]
+        row, g0, g1, g2 = s.three[k, at : at + 10], s.by_point[k, 0], s.by_point[k, 1], s.by_point[k, 2]
         if point.joint >= 0:
             m = s.joint_motion[point.joint]
-            _add_three(row, l0, l1, l2, m[0, low:last], m[1, low:last], m[2, low:last])
+            _add_three(row, g0, g1, g2, m[0, low:last], m[1, low:last], m[2, low:last])
         for p in range(point.first_pair, point.last_pair):
             m = scratch.pair_motion[p]
-            _add_three(row, l0, l1, l2, m[0, low:last], m[1, low:last], m[2, low:last])
+            _add_three(row, g0, g1, g2, m[0, low:last], m[1, low:last], m[2, low:last])
 
 
 @helper

@@ -16,7 +16,7 @@ from fitting_core.fit.fused import descent, known
 from fitting_core.fit.fused.scratch import Scratch, scratch_for
 from fitting_core.fit.terms.data import Data
 from fitting_core.fit.terms.term import Term
-from fitting_core.fit.variables.estimate import View
+from fitting_core.fit.variables.estimate import SolverView
 from fitting_core.fit.variables.state import Free, State
 from fitting_core.least_squares import Ending
 
@@ -49,7 +49,7 @@ class FusedFrames:
         threads: how many threads share the frames.
     """
 
-    def __init__(self, terms: list[Term], view: View, free: Free, index: Tensor, *, threads: int) -> None:
+    def __init__(self, terms: list[Term], view: SolverView, free: Free, index: Tensor, *, threads: int) -> None:
         mine, others = known.divided(terms)
         self.others = others
         """Terms without kernels."""

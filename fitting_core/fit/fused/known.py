@@ -16,7 +16,7 @@ from fitting_core.fit.fused.scratch import MOST_LAYERS, WIDEST
 from fitting_core.fit.terms.data import Data
 from fitting_core.fit.terms.quadratic import Quadratic
 from fitting_core.fit.terms.term import Term
-from fitting_core.fit.variables.estimate import View
+from fitting_core.fit.variables.estimate import SolverView
 from fitting_core.fit.variables.state import Columns, Free
 from fitting_core.priors.files.network import Activation, Layer
 from fitting_core.priors.latent import LatentPrior
@@ -210,7 +210,7 @@ def _moving_columns(joints: set[int], columns: Columns, free: Free) -> set[int]:
     return found
 
 
-def served(view: View) -> bool:
+def served(view: SolverView) -> bool:
     """Whether the kernels support the body's points and the pose prior."""
     p = view.parametrisation
     fits = p.dtype == torch.float64 and p.device.type == "cpu" and p.columns.hand <= layout.MOST_HAND
@@ -236,7 +236,7 @@ def divided(terms: list[Term]) -> tuple[list[Term], list[Term]]:
     return known, [term for term in terms if not any(term is one for one in known)]
 
 
-def constants_of(terms: list[Term], view: View, free: Free, index: Tensor) -> k.Constants:
+def constants_of(terms: list[Term], view: SolverView, free: Free, index: Tensor) -> k.Constants:
     """The constants of terms with kernels, one of them the data term."""
     p, points = view.parametrisation, view.points
     laid = _laid(points, p.columns, free)

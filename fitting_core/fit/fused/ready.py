@@ -13,7 +13,7 @@ from torch import Tensor
 
 from fitting_core.fit.terms.data import Data
 from fitting_core.fit.terms.term import Term
-from fitting_core.fit.variables.estimate import View
+from fitting_core.fit.variables.estimate import SolverView
 from fitting_core.fit.variables.state import Free
 
 if TYPE_CHECKING:
@@ -106,7 +106,7 @@ def prepare(say: Callable[[str], None]) -> None:
         say(f"They cannot be kept in {kept_in()}; TCFIT_KERNELS names another folder.")
 
 
-def fused_frames(terms: list[Term], view: View, free: Free, index: Tensor) -> "FusedFrames | None":
+def fused_frames(terms: list[Term], view: SolverView, free: Free, index: Tensor) -> "FusedFrames | None":
     """The kernels for an objective; None if they are not ready, or do not support the body's points or its prior."""
     if problem() or not any(isinstance(term, Data) for term in terms):
         return None

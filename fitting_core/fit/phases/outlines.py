@@ -156,7 +156,7 @@ def outlined_shape(used: Sequence[tuple[Stages, torch.Tensor]], sampled: State) 
             )
             # The root's orientation, the first three columns, stays as the rest of the pose does.
             moves, betas, more = _solved(
-                (gradient[:, 3:], matrix[:, 3:, 3:], held + height.pull(sampled), holding + height.matrix),
+                (gradient[:, 3:], matrix[:, 3:, 3:], held + height.gradient(sampled), holding + height.matrix),
                 {row: _rows(outline, sampled, row, clothes) for row, outline in outlines.items()},
                 clothes,
                 used[0][0].config.weights.shape[N_STAGES - 1],
@@ -187,7 +187,7 @@ class _HeldHeight:
     def matrix(self) -> Float[np.ndarray, "10 10"]:
         return np.outer(self.by_betas, self.by_betas)
 
-    def pull(self, sampled: State) -> Float[np.ndarray, "10"]:
+    def gradient(self, sampled: State) -> Float[np.ndarray, "10"]:
         return self.matrix @ (_betas(sampled, self.columns) - self.before)
 
 
@@ -296,7 +296,7 @@ def _outline(sight: _Sight, sampled: State, row: int) -> _Outline | None:
     mask = sight.distance > 0
     if (covered & mask).sum() < _ALIKE * (covered | mask).sum():
         return None
-    edges = topology.edges[front[topology.beside].sum(1) == 1]
+    edges = topology.edges[front[topology.edge_faces].sum(1) == 1]
     length = np.linalg.norm(np.diff(xy[edges], axis=1)[:, 0], axis=1)
     share = np.bincount(edges.ravel(), np.repeat(length / 2, 2), minlength=len(xy))
     chosen = np.flatnonzero((share > 0) & topology.told)
@@ -314,7 +314,7 @@ class _Topology:
 
     faces: Int[np.ndarray, "F 3"]
     edges: Int[np.ndarray, "E 2"]
-    beside: Int[np.ndarray, "E 2"]
+    edge_faces: Int[np.ndarray, "E 2"]
     """The two faces of each edge."""
     parts: tuple[Int[np.ndarray, "n"], ...]
     """Faces by the joint with the greatest skinning weight."""
@@ -330,14 +330,14 @@ def _topology(body: BodyModel) -> _Topology:
     order = np.argsort(which.ravel(), kind="stable")
     first, twice = np.searchsorted(which.ravel()[order], np.arange(len(edges))), count == 2
     face = order % len(faces)
-    beside = np.stack([face[first[twice]], face[first[twice] + 1]], 1)
+    edge_faces = np.stack([face[first[twice]], face[first[twice] + 1]], 1)
     carried = body.skinning_weights.argmax(1)
     bare = np.array([any(part in name for part in _BARE) for name in JOINTS])
     of_face = carried[faces[:, 0]]
     return _Topology(
         faces=faces,
         edges=edges[twice],
-        beside=beside,
+        edge_faces=edge_faces,
         parts=tuple(np.flatnonzero(of_face == joint) for joint in np.unique(of_face)),
         told=~bare[carried],
     )

@@ -102,8 +102,8 @@ Remark = MarkFrames | WriteNote | WriteNotes
 """Statements about frames; keypoints are unchanged."""
 Said = Edit | Remark
 """Everything that can be undone."""
-Action = Said | Undo | Redo
-_DECODER = msgspec.json.Decoder(Action)
+LogAction = Said | Undo | Redo
+_DECODER = msgspec.json.Decoder(LogAction)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,7 +115,7 @@ class LogEntry:
     time: datetime
     author: str
     """Who did it, by the name that the app gives authors."""
-    action: Action
+    action: LogAction
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,7 +130,7 @@ class Note:
     author: str
 
 
-def frames_of(log: Iterable[LogEntry], said: Callable[[int], Said]) -> dict[int, tuple[int, ...]]:
+def frames_changed(log: Iterable[LogEntry], said: Callable[[int], Said]) -> dict[int, tuple[int, ...]]:
     """The frames whose keypoints each entry changes, by its id: for Undo and Redo those of their edit, for remarks
     none.
 
@@ -145,12 +145,12 @@ def frames_of(log: Iterable[LogEntry], said: Callable[[int], Said]) -> dict[int,
     return found
 
 
-def encode(action: Action) -> str:
+def encode(action: LogAction) -> str:
     """The action as JSON."""
     return msgspec.json.encode(action).decode()
 
 
-def decode(text: str | bytes) -> Action:
+def decode(text: str | bytes) -> LogAction:
     """Decode the result of `encode`.
 
     Raises:
@@ -169,7 +169,7 @@ Marking = Literal["told", "bad", "key"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class News:
+class KeypointsNews:
     """A change of keypoints, or their state in a clip of any length."""
 
     before: Keypoints
@@ -304,7 +304,7 @@ class EditHistory:
         """What computes `keypoints`, which takes longer in a long clip: for callers that cannot wait."""
         frames = sorted(self._changed)
         rows = Corrected(records=self._now.records[frames])
-        return News(before=self._keypoints, frames=frames, rows=rows, version=self._version)
+        return KeypointsNews(before=self._keypoints, frames=frames, rows=rows, version=self._version)
 
     def keep(self, news: "News", made: Keypoints) -> Keypoints:
         """Store the result of `news`, so that later news are relative to it."""
@@ -314,7 +314,7 @@ class EditHistory:
                 self._changed.clear()
         return made
 
-    def check(self, action: Action) -> None:
+    def check(self, action: LogAction) -> None:
         """Raise InputError if this cannot be the next action."""
         if isinstance(action, WriteNotes):
             return self._check_notes(action)
@@ -442,7 +442,7 @@ def note_id(entry: int, place: int) -> int:
     return entry + (place << 32)
 
 
-def _texts(action: Action) -> list[tuple[range, str, int | None]]:
+def _texts(action: LogAction) -> list[tuple[range, str, int | None]]:
     """The frames and text of each note, and the note it replaces."""
     if isinstance(action, WriteNote):
         return [(range(action.frames[0], action.frames[-1] + 1), action.text, action.replaces)]

@@ -11,11 +11,11 @@ _SAME = 1e-6
 """Shifts smaller than this, in pixels, are rounding errors of sums: the keypoint is at its detection."""
 
 
-REACH = 30
+LONGEST_GAP = 30
 """Maximum distance between two keyframes that are interpolated, in frames."""
 
 
-def joined(now: Corrected, joints: tuple[int, ...], at: range, reach: int = REACH) -> range:
+def joined(now: Corrected, joints: tuple[int, ...], at: range, reach: int = LONGEST_GAP) -> range:
     """All frames that a change of these keypoints' keyframes in the frames `at` may change: `frames` of the edits.
 
     They end before the next keyframes on both sides. Keyframes farther away than `reach` count only if frames are

@@ -51,7 +51,7 @@ def _mirrored(joint: int) -> int:
 
 MIRRORED = {joint: _mirrored(joint) for joint in range(FACE.start)}
 """The same keypoint on the other side, for body and hands; the nose and other central ones map to themselves."""
-SIDES = {
+SWAPPABLE = {
     "body": tuple(j for j in range(len(BODY_25)) if MIRRORED[j] != j),
     "hands": tuple(range(COUNT)[HANDS]),
     "arms": tuple(INDEX[f"{side}_{n}"] for side in _OTHER_SIDE for n in ("elbow", "wrist")),

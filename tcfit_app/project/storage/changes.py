@@ -4,7 +4,7 @@
 |---|---|---|
 | phase3_... | (n, ...) | as in `run_files`, for the frames of `windows`, concatenated |
 | gravity, ground, contacts, ... | | for the whole clip; see fitting_core/ground/arrays.py |
-| about | () | JSON: see `About` |
+| about | () | JSON: see `ChangeAbout` |
 
 An undone change holds its own result, so that redo can restore it. An unreadable file is treated as missing: the fit
 then follows the edit like any other.
@@ -84,7 +84,7 @@ class Frames:
         return replace(fit, phases=(*fit.phases[:-1], phase), grounding=self.grounding)
 
 
-class About(msgspec.Struct, frozen=True, kw_only=True):
+class ChangeAbout(msgspec.Struct, frozen=True, kw_only=True):
     """The description of a change."""
 
     format: str
@@ -106,7 +106,7 @@ class Change:
     """A change on disk."""
 
     number: int
-    about: About
+    about: ChangeAbout
 
 
 class Changes:
@@ -137,14 +137,14 @@ class Changes:
 
         Args:
             before: the frames.
-            seen: As in `About`, like the rest.
-            edits: as in `About`.
-            frames: as in `About`.
+            seen: As in `ChangeAbout`, like the rest.
+            edits: as in `ChangeAbout`.
+            frames: as in `ChangeAbout`.
 
         Raises:
             InputError: It cannot be written.
         """
-        about = About(
+        about = ChangeAbout(
             format=_FORMAT,
             seen=seen,
             edits=edits,
@@ -157,7 +157,7 @@ class Changes:
         self._write_last(about, before)
         self._make_room()
 
-    def _write_last(self, about: About, before: Frames) -> None:
+    def _write_last(self, about: ChangeAbout, before: Frames) -> None:
         number = 1 + max((change.number for change in (*self.made, *self.taken_back)), default=0)
         change = Change(number=number, about=about)
         self._write(change, before)
@@ -218,14 +218,14 @@ def file_name(number: int) -> str:
     return f"{int(number):06d}.npz"
 
 
-def _turned(about: About, frames: Frames, *, taken_back: bool) -> About:
+def _turned(about: ChangeAbout, frames: Frames, *, taken_back: bool) -> ChangeAbout:
     phase, seen = PhaseRecord.of(frames.phase), frames.edits_seen
     return msgspec.structs.replace(about, taken_back=taken_back, edits_seen=seen, phase=phase)
 
 
-def _about(file: Path) -> About | None:
+def _about(file: Path) -> ChangeAbout | None:
     try:
-        about = msgspec.json.decode(str(read_npz(file, ["about"])["about"]), type=About)
+        about = msgspec.json.decode(str(read_npz(file, ["about"])["about"]), type=ChangeAbout)
         if about.format != _FORMAT:
             raise ValueError(f"it is a {about.format!r}, expected {_FORMAT!r}")
     except (OSError, ValueError, KeyError, InputError) as error:

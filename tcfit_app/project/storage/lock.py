@@ -14,7 +14,7 @@ class ProjectLocked(InputError):
     """Another process, or another part of this one, is writing to the project; it can still be opened read-only."""
 
 
-class Lock:
+class ProjectLock:
     """Held from its creation until `release`, or the end of the process."""
 
     def __init__(self, folder: Path) -> None:

@@ -26,7 +26,7 @@ class Mark:
     """The largest `Run.moment` at the time, 0 without any."""
 
 
-class Marks:
+class MarkStore:
     """At most one mark per frame of a clip, frames counted from its first. Thread-safe.
 
     They are stored in the log of edits, so that they can be undone. Earlier versions had a table, which is still read.

@@ -67,7 +67,7 @@ def check_decodes(path: Path) -> None:
             raise InputError(f"{image}: cannot be decoded as an image. Remove it from its folder.")
 
 
-def frames_of(path: Path) -> list[Path]:
+def frame_files(path: Path) -> list[Path]:
     """The files of a clip's frames: the video, or only the images in a folder.
 
     Raises:

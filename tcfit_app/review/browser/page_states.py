@@ -84,7 +84,7 @@ class Bodies(_State, frozen=True, kw_only=True):
     """The floor: metres along it from the camera."""
 
 
-class Side(_State, frozen=True, kw_only=True):
+class SidePlate(_State, frozen=True, kw_only=True):
     """How the side view's plate maps camera space, in pixels as in `Layout`."""
 
     plate: tuple[Triple, Triple]
@@ -571,7 +571,7 @@ class Legend(_State, frozen=True, kw_only=True):
 STATES: dict[str, type[_State]] = {
     "layout": Layout,
     "bodies": Bodies,
-    "side": Side,
+    "side": SidePlate,
     "space": Space,
     "other_people": OtherPeople,
     "skeleton": Skeleton,
@@ -609,7 +609,7 @@ STATES: dict[str, type[_State]] = {
 PageState = (
     (
         Layout
-        | Side
+        | SidePlate
         | Skeleton
         | Keypoints
         | Style

@@ -7,11 +7,11 @@ from fitting_core.camera import Camera
 from fitting_core.keypoints import COUNT, GROUPS
 from tcfit_app.review.browser.page_states import Focus, Path, Trail, pixel_pairs
 from tcfit_app.review.scene.layers import RUN_COLORS, css
-from tcfit_app.review.tab.on_show import SIDES, OnShow, Side
+from tcfit_app.review.tab.on_show import SLOTS, OnShow, Slot
 from tcfit_app.review.tab.state import Part
 from tcfit_app.review.tab.tab import Tab
 
-REACH = 5
+TRAIL_REACH = 5
 """Frames on a path before and after the one on show."""
 _SMOOTHED = 2.0
 """Standard deviation in frames of the smoothing that steadies a close-up: detections jitter."""
@@ -57,13 +57,13 @@ class AroundPart:
         tab.channel.send("trail", tab.once("trail", key, lambda: self._trail(shown, joints)))
 
     def _trail(self, shown: OnShow, joints: tuple[int, ...]) -> Trail:
-        frames = _frames(shown.frame, REACH, self._tab.length)
+        frames = _frames(shown.frame, TRAIL_REACH, self._tab.length)
         fitted = [self._fitted(shown, place[0], frames) for place in shown.places]
         return Trail(
             now=shown.frame - frames.start,
             detected=tuple(self._detected(joint, frames) for joint in joints),
             fitted=tuple(tuple(_path(points[:, joint]) for joint in joints) for points in fitted),
-            colors=tuple(css(RUN_COLORS[SIDES.index(place[0])]) for place in shown.places),
+            colors=tuple(css(RUN_COLORS[SLOTS.index(place[0])]) for place in shown.places),
         )
 
     def _detected(self, joint: int, frames: range) -> Path:
@@ -71,7 +71,7 @@ class AroundPart:
         xy = corrected.xy[part, joint].astype(float)
         return _path(np.where(corrected.confidence[part, joint, None] > 0, xy, np.nan))
 
-    def _fitted(self, shown: OnShow, side: Side, frames: range) -> Float[np.ndarray, "t 137 2"]:
+    def _fitted(self, shown: OnShow, side: Slot, frames: range) -> Float[np.ndarray, "t 137 2"]:
         """Pixels of a body's keypoints, NaN where missing."""
         fit = shown.fit(side)
         pixels = np.full((len(frames), COUNT, 2), np.nan)

@@ -8,7 +8,7 @@ from tcfit_app.fitting.fits import Shown
 from tcfit_app.review.browser.page_states import Bodies, FitBody, points_in_space
 from tcfit_app.review.scene.layers import BodyLayer, css
 from tcfit_app.review.scene.room import Room
-from tcfit_app.review.tab.on_show import OnShow, Side
+from tcfit_app.review.tab.on_show import OnShow, Slot
 from tcfit_app.review.tab.tab import Tab
 
 _OTHERWISE_NAMED = {"nose": "head", "left_big_toe": "left_foot", "right_big_toe": "right_foot"}
@@ -24,16 +24,16 @@ class JointsPart:
     def __init__(self, tab: Tab) -> None:
         self._tab, self._data = tab, tab.data
 
-    def tell(self, shown: OnShow, bodies: dict[Side, BodyLayer], room: Room | None) -> None:
+    def tell(self, shown: OnShow, bodies: dict[Slot, BodyLayer], room: Room | None) -> None:
         """Send the keypoints of these bodies, even if hidden; not until the floor is known."""
         if room is None:
             return
-        there: dict[Side, Shown] = {side: fit for side in drawn(bodies) if (fit := shown.with_body(side)) is not None}
+        there: dict[Slot, Shown] = {side: fit for side in drawn(bodies) if (fit := shown.with_body(side)) is not None}
         key = shown.frame, shown.revision, room, tuple((side, fit.version) for side, fit in there.items())
         state = self._tab.once("bodies", key, lambda: self._state(shown, there, bodies, room) if there else None)
         self._tab.channel.send("bodies", state)
 
-    def _state(self, shown: OnShow, there: dict[Side, Shown], bodies: dict[Side, BodyLayer], room: Room) -> Bodies:
+    def _state(self, shown: OnShow, there: dict[Slot, Shown], bodies: dict[Slot, BodyLayer], room: Room) -> Bodies:
         made = []
         for side, fit in there.items():
             points = self._data.body_points(fit, shown.frame, shown.live_of(side))
@@ -58,6 +58,6 @@ def error_bars_of(fit: Shown, frame: int) -> tuple[tuple[float, float] | None, .
     return tuple(None if joint is None else bars[joint] for joint in _JOINTS)
 
 
-def drawn(bodies: dict[Side, BodyLayer]) -> list[Side]:
+def drawn(bodies: dict[Slot, BodyLayer]) -> list[Slot]:
     """Sides with a body that can be drawn, the one being corrected last."""
     return sorted(side for side, body in bodies.items() if body.problem is None)

@@ -23,7 +23,7 @@ from tcfit_app.review.scene.room import Room
 from tcfit_app.review.scene.side_view import direction_text
 from tcfit_app.review.scene.space import Space, offsets
 from tcfit_app.review.shared.drawing_data import Drawn
-from tcfit_app.review.tab.on_show import SIDES, OnShow, Side
+from tcfit_app.review.tab.on_show import SLOTS, OnShow, Slot
 from tcfit_app.review.tab.playback import coming
 from tcfit_app.review.tab.tab import Tab
 
@@ -36,8 +36,8 @@ _SIDE_COLOR = "#8a94a3"
 """Colour of the side view's name."""
 _UNSEEN = 0.4
 """Relative opacity of a body filled in from neighbouring frames."""
-_COLORS: dict[Side, RGB] = dict(zip(SIDES, RUN_COLORS, strict=True))
-_OTHER: dict[Side, Side] = {"a": "b", "b": "a"}
+_COLORS: dict[Slot, RGB] = dict(zip(SLOTS, RUN_COLORS, strict=True))
+_OTHER: dict[Slot, Slot] = {"a": "b", "b": "a"}
 
 
 class Picture:
@@ -97,19 +97,19 @@ class Picture:
 
     # --- bodies ---
 
-    def _bodies(self, shown: OnShow) -> dict[Side, BodyLayer]:
+    def _bodies(self, shown: OnShow) -> dict[Slot, BodyLayer]:
         """The bodies on show; if they are hidden, those whose keypoints the side view or 3D shows."""
         state = self._tab.state
         if self._data.warming or not (state.bodies or self._side.wanted(shown) or state.mode == "space"):
             return {}
-        sides: list[Side] = [side for place in shown.places for side in place]
+        sides: list[Slot] = [side for place in shown.places for side in place]
         try:
             return {side: self._body(shown, side, fit) for side in sides if (fit := shown.with_body(side)) is not None}
         except InputError as error:
             self.problem = str(error)
             return {}
 
-    def _body(self, shown: OnShow, side: Side, fit: Shown) -> BodyLayer:
+    def _body(self, shown: OnShow, side: Slot, fit: Shown) -> BodyLayer:
         state, data = self._tab.state, self._data
         drawn = data.body(fit, shown.frame, shown.live_of(side))
         compared = self._compared_with(shown, _OTHER[side], drawn) if state.difference else None
@@ -137,7 +137,7 @@ class Picture:
         project = self._tab.session.project
         return not project.has_detections or bool(project.corrected[frame].present.any())
 
-    def _compared_with(self, shown: OnShow, other: Side, drawn: Drawn) -> Drawn | None:
+    def _compared_with(self, shown: OnShow, other: Slot, drawn: Drawn) -> Drawn | None:
         """The other side's body, if it has the same topology."""
         fit = shown.with_body(other)
         found = None if fit is None else self._data.body(fit, shown.frame, shown.live_of(other))
@@ -145,7 +145,7 @@ class Picture:
 
     # --- the scene ---
 
-    def _draw_scene(self, image: FrameImage, shown: OnShow, bodies: dict[Side, BodyLayer]) -> None:
+    def _draw_scene(self, image: FrameImage, shown: OnShow, bodies: dict[Slot, BodyLayer]) -> None:
         tab, mode = self._tab, self._tab.state.mode
         if bodies and shown.held is not None:  # without bodies the model may be missing, which is reported
             self._room = self._data.room(shown.held, shown.held) or self._room
@@ -184,7 +184,7 @@ class Picture:
         others: tuple[BodyLayer, ...],
         room: Room | None,
     ) -> Space:
-        there = [fit for side in SIDES if (fit := shown.with_body(side)) is not None] if layers else []
+        there = [fit for side in SLOTS if (fit := shown.with_body(side)) is not None] if layers else []
         rooms = [self._data.room(fit, shown.held or fit) for fit in there]
         return Space(
             camera=shown.camera,
@@ -199,7 +199,7 @@ class Picture:
             apart=self._tab.state.apart,
         )
 
-    def _tell_space(self, space: Space, bodies: dict[Side, BodyLayer]) -> None:
+    def _tell_space(self, space: Space, bodies: dict[Slot, BodyLayer]) -> None:
         count = sum(body.problem is None for body in bodies.values())
         x, y, z = (triple(row) for row in space.turn)
         state = SpaceState(turn=(x, y, z), place=triple(space.place), offsets=offsets(count, space.apart))
@@ -212,7 +212,7 @@ class Picture:
         for problem in scene.show(snapshot):
             self.problem = problem
 
-    def _label(self, shown: OnShow, side: Side) -> str:
+    def _label(self, shown: OnShow, side: Slot) -> str:
         fit = shown.fit(side)
         if fit is None:
             title = "no fit yet"

@@ -11,7 +11,7 @@ from tcfit_app.fitting.fits import Shown
 from tcfit_app.review.browser import page_states as states
 from tcfit_app.review.browser.page_states import curve_values
 from tcfit_app.review.scene.layers import RUN_COLORS, css
-from tcfit_app.review.tab.on_show import SIDES, Side
+from tcfit_app.review.tab.on_show import SLOTS, Slot
 from tcfit_app.review.tab.tab import Tab
 
 Value = TypeVar("Value", Curve, HeatMap)
@@ -87,7 +87,7 @@ class _Found:
     """The content of a row. Equal to another while nothing has changed: curves are compared by identity."""
 
     name: str
-    curves: tuple[tuple[Side, Curve], ...] = ()
+    curves: tuple[tuple[Slot, Curve], ...] = ()
     heat: HeatMap | None = None
     empty: str = ""
     """Why there are none; empty: they are being computed, or there is no fit yet."""
@@ -98,7 +98,7 @@ class Rows:
 
     def __init__(self, tab: Tab) -> None:
         self._tab = tab
-        self._last: dict[tuple[str, Side], tuple[Hashable, Any]] = {}
+        self._last: dict[tuple[str, Slot], tuple[Hashable, Any]] = {}
         """By name and side, with the fit's origin: they stay on show until newer ones are ready."""
 
     def draw(self) -> None:
@@ -115,11 +115,11 @@ class Rows:
         return a is not None and b is not None and (a.run.id, a.phase) == (b.run.id, b.phase)
 
     @property
-    def _sides(self) -> tuple[Side, ...]:
+    def _sides(self) -> tuple[Slot, ...]:
         """The fits that have their own line."""
-        return ("b",) if self._same else tuple(side for side in SIDES if self._tab.shown.fit(side) is not None)
+        return ("b",) if self._same else tuple(side for side in SLOTS if self._tab.shown.fit(side) is not None)
 
-    def _label(self, side: Side) -> str:
+    def _label(self, side: Slot) -> str:
         return "A and B" if self._same else side.upper()
 
     def _fits(self) -> tuple[states.FitName, ...]:
@@ -133,7 +133,7 @@ class Rows:
         return _WAYS[PLOTS[name].how](self, name)
 
     def _each(self, name: str) -> _Found:
-        curves: list[tuple[Side, Curve]] = []
+        curves: list[tuple[Slot, Curve]] = []
         for side in self._sides:
             curve = self._curve(PLOTS[name].curve, side)
             if curve is not None:
@@ -153,7 +153,7 @@ class Rows:
         if problem := self._nothing_to_compare():
             return _Found(name=name, empty=problem)
         found = self._each(name)
-        return found if len(found.curves) == len(SIDES) else replace(found, curves=())
+        return found if len(found.curves) == len(SLOTS) else replace(found, curves=())
 
     def _between(self, name: str) -> _Found:
         a, b = self._tab.shown.a, self._tab.shown.b
@@ -167,13 +167,13 @@ class Rows:
             return _MISSING
         return _SAME if self._same else ""
 
-    def _curve(self, name: str, side: Side) -> Curve | None:
+    def _curve(self, name: str, side: Slot) -> Curve | None:
         shown = self._tab.shown.fit(side)
         if shown is None:
             return None
         return self._latest(name, side, _origin(shown), self._tab.data.curve(name, shown))
 
-    def _latest(self, name: str, side: Side, of: Hashable, found: Value | None) -> Value | None:
+    def _latest(self, name: str, side: Slot, of: Hashable, found: Value | None) -> Value | None:
         """The value; until it is ready, the last one of the same name and fit."""
         if found is not None:
             self._last[name, side] = (of, found)
@@ -228,5 +228,5 @@ def _origin(shown: Shown) -> Hashable:
     return run.parent if run.kind == "corrections" and run.parent is not None else run.id, shown.phase
 
 
-def _color(side: Side) -> str:
-    return css(RUN_COLORS[SIDES.index(side)])
+def _color(side: Slot) -> str:
+    return css(RUN_COLORS[SLOTS.index(side)])

@@ -3,14 +3,14 @@
 import numpy as np
 
 from fitting_core.camera import Camera
-from tcfit_app.review.browser.page_states import Side as SideState
+from tcfit_app.review.browser.page_states import Slot as SideState
 from tcfit_app.review.browser.page_states import pixel_pairs, triple
 from tcfit_app.review.drawing.joints import drawn
 from tcfit_app.review.scene.layers import BodyLayer
 from tcfit_app.review.scene.poster import SidePoster
 from tcfit_app.review.scene.room import Room
 from tcfit_app.review.scene.side_view import SideView, side_view
-from tcfit_app.review.tab.on_show import OnShow, Side
+from tcfit_app.review.tab.on_show import OnShow, Slot
 from tcfit_app.review.tab.tab import Tab
 
 _UNKNOWN = Room(turn=np.eye(3), floor=1.0, boxes=np.array([[(-1.0, -1.0, 2.0), (1.0, 1.0, 4.0)]]))
@@ -29,7 +29,7 @@ class SidePart:
         return state.side and state.mode != "space" and shown.held is not None
 
     def poster(
-        self, shown: OnShow, bodies: dict[Side, BodyLayer], others: tuple[BodyLayer, ...], room: Room | None
+        self, shown: OnShow, bodies: dict[Slot, BodyLayer], others: tuple[BodyLayer, ...], room: Room | None
     ) -> SidePoster:
         """The plate with the pictures' bodies; empty until their extent over the clip is known."""
         assert shown.held is not None
@@ -37,9 +37,9 @@ class SidePart:
         view = self._view(room or _UNKNOWN, shown.held.camera, shown.frame)
         return SidePoster(view=view, bodies=there, others=others if there else ())
 
-    def tell(self, shown: OnShow, view: SideView, bodies: dict[Side, BodyLayer]) -> None:
+    def tell(self, shown: OnShow, view: SideView, bodies: dict[Slot, BodyLayer]) -> None:
         """Send how the plate maps these bodies."""
-        there: list[Side] = [side for side in drawn(bodies) if shown.with_body(side) is not None]
+        there: list[Slot] = [side for side in drawn(bodies) if shown.with_body(side) is not None]
         fit = shown.with_body(there[-1]) if there else None
         layers = [bodies[side] for side in there]
         key = shown.frame, shown.revision, view, tuple(there)

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from tcfit_app.fitting.fits import TITLES
+from tcfit_app.fitting.fits import SHORT_TITLES
 from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.review.browser.page_states import Chip, Chips, Notice
 from tcfit_app.review.gestures.actions import Gestures
@@ -87,7 +87,7 @@ def progress_chip(job: RunningJob) -> Chip:
     if progress is None:
         return Chip(text=f"{job.title}: starting", kind="busy")
     left = "" if progress.remaining is None else f", {duration(progress.remaining)} left"
-    text = f"{job.title}: {TITLES[progress.phase]}, {progress.label}{left}"
+    text = f"{job.title}: {SHORT_TITLES[progress.phase]}, {progress.label}{left}"
     return Chip(text=text, kind="busy", progress=round(progress.share, 2))
 
 

@@ -20,7 +20,7 @@ class Thumbnails:
 
     def __init__(self, tab: Tab) -> None:
         self._tab = tab
-        self._frames = frames_of(tab.length)
+        self._frames = evenly_spread(tab.length)
         self._found: dict[int, str] = {}
         self._video: SharedVideo | None = None
         """The video they show."""
@@ -46,7 +46,7 @@ class Thumbnails:
         return states.Thumbnails(frames=frames, images=tuple(self._found[frame] for frame in frames))
 
 
-def frames_of(length: int) -> tuple[int, ...]:
+def evenly_spread(length: int) -> tuple[int, ...]:
     """Frames spread evenly over a clip."""
     count = min(length, MOST)
     return tuple(((np.arange(count) + 0.5) * length / count).astype(int).tolist())

@@ -11,11 +11,11 @@ from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT, GROUPS
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.fitting.live import Target
-from tcfit_app.fitting.worker import Drag
+from tcfit_app.fitting.worker import LiveDrag
 from tcfit_app.project.edits.edit_log import LogEntry, Redo, Remark, Undo
 from tcfit_app.project.edits.kinds import (
     MAX_DEPTH,
-    SIDES,
+    SWAPPABLE,
     CopyFrom,
     Edit,
     Interpolate,
@@ -29,8 +29,8 @@ from tcfit_app.project.edits.kinds import (
     SwapSides,
 )
 from tcfit_app.project.frame_words import in_words
-from tcfit_app.review.browser.page_events import Drag as DragEvent
 from tcfit_app.review.browser.page_events import DragDepth as DragDepthEvent
+from tcfit_app.review.browser.page_events import LiveDrag as DragEvent
 from tcfit_app.review.gestures.edit_words import FEW, describe, whose
 from tcfit_app.review.gestures.keyframing import depth_edit, filled, keys_in, moved, placed, removed, with_hands
 from tcfit_app.review.tab.tab import Tab
@@ -48,7 +48,7 @@ class _Dragging:
     """Current positions."""
     in_depth: bool = False
     shown: Shown | None
-    drag: Drag | None = None
+    drag: LiveDrag | None = None
     """The live fit that follows; None if there is none."""
 
 
@@ -182,7 +182,7 @@ class Correcting:
 
     def swap_sides(self, name: str) -> None:
         """Exchange left and right of a part of PAIRED_PARTS."""
-        self.make(SwapSides(frames=self._tab.frames_to_change, joints=SIDES[name]))
+        self.make(SwapSides(frames=self._tab.frames_to_change, joints=SWAPPABLE[name]))
 
     def copy_previous(self) -> None:
         """Copy the selected keypoints from the frame before this one, or before the selected ones."""

@@ -17,11 +17,11 @@ from fitting_core.keypoints import INDEX, Keypoints
 
 Way = Literal["mirror", "front", "behind"]
 """Mirrored, or on the side nearer to or farther from the camera."""
-Limb = tuple[int, int, int]
+LimbPoints = tuple[int, int, int]
 """Keypoints of an arm or a leg: its root (shoulder or hip), its elbow or knee, its wrist or ankle."""
 
 _PARTS = {"arm": ("shoulder", "elbow", "wrist"), "leg": ("hip", "knee", "ankle")}
-_LIMBS: tuple[Limb, ...] = tuple(
+_LIMBS: tuple[LimbPoints, ...] = tuple(
     (INDEX[f"{side}_{root}"], INDEX[f"{side}_{middle}"], INDEX[f"{side}_{end}"])
     for side in ("left", "right")
     for root, middle, end in _PARTS.values()
@@ -37,7 +37,7 @@ _IN_PLANE = 0.05
 limb's depth, only its length in the image does."""
 
 
-def limbs_of(joints: Collection[int]) -> tuple[Limb, ...]:
+def limbs_of(joints: Collection[int]) -> tuple[LimbPoints, ...]:
     """The arms and legs with any keypoint but the root among these. Raises InputError if there are none."""
     chosen = {_FEET.get(joint, joint) for joint in joints}
     found = tuple(limb for limb in _LIMBS if chosen & set(limb[1:]))
@@ -60,7 +60,7 @@ class SeenBody:
     swapped: Sequence[Collection[str]]
     """For each frame the pairs of limbs whose sides the fit unswapped (names of `sides.PAIRED`)."""
 
-    def sent(self, limb: Limb, way: Way) -> Float[np.ndarray, "F 2"]:
+    def sent(self, limb: LimbPoints, way: Way) -> Float[np.ndarray, "F 2"]:
         """Depths of elbow and wrist, or of knee and ankle, that keep the length of each bone and the pixels.
 
         Each bone then has two solutions, nearer or farther. "mirror" takes the other one of both; the other ways take,
@@ -87,7 +87,7 @@ class SeenBody:
         found = np.maximum(reached[np.arange(len(poses)), chosen], 0)
         return points[:, :1, 2] + side * found - self.pelvis[:, None]
 
-    def _rays(self, limb: Limb) -> Float[np.ndarray, "F 2 3"]:
+    def _rays(self, limb: LimbPoints) -> Float[np.ndarray, "F 2 3"]:
         """Viewing rays through the keypoints of elbow and wrist, at z = 1."""
         xy = (self.keypoints.xy[:, limb[1:]] - self.camera.center) / self.camera.focal
         return np.concatenate([xy, np.ones((*xy.shape[:2], 1))], 2)

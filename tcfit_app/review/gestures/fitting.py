@@ -11,7 +11,7 @@ from fitting_core.config.settings import check
 from fitting_core.errors import InputError
 from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.fitting.jobs import around
-from tcfit_app.imports.given import NOTHING, Known
+from tcfit_app.imports.given import NOTHING, KnownInputs
 from tcfit_app.project.storage.run_record import Given, Run, Source
 from tcfit_app.review.session.tasks import Task
 from tcfit_app.review.tab.state import FitSettings
@@ -26,7 +26,7 @@ class Fitting:
 
     def __init__(self, tab: Tab) -> None:
         self._tab = tab
-        self._reading: Task[Known] | None = None
+        self._reading: Task[KnownInputs] | None = None
         """The task that reads what the next fit is given."""
 
     def everything(self) -> None:
@@ -45,7 +45,7 @@ class Fitting:
             camera_of(settings, session.project.footage.camera),
         )
 
-        def begin(known: Known) -> None:
+        def begin(known: KnownInputs) -> None:
             before = tab.look().b
             session.fit_everything(settings.config, **body, camera=camera, known=known)
             start = known.given.start
@@ -67,7 +67,7 @@ class Fitting:
             if source is not None and source.run is None:
                 self._tab.files.path(source.path)
 
-    def _read(self, read: Callable[[], Known], then: Callable[[Known], None]) -> None:
+    def _read(self, read: Callable[[], KnownInputs], then: Callable[[KnownInputs], None]) -> None:
         """Read what a fit is given, off the drawing thread, and then start it."""
         if self._reading is not None and self._reading.state == "running":
             raise InputError("Still loading the previous fit's start and shape: wait for it.")
@@ -95,7 +95,7 @@ class Fitting:
         """Re-estimate B's shape, and refit with it. Raises InputError as `everything`."""
         before, settings, session = self.base(), self._checked(), self._tab.session
 
-        def begin(known: Known) -> None:
+        def begin(known: KnownInputs) -> None:
             run = session.rerun_shape(before, settings.config, known=known)
             self._show_beside(before, FitChoice(run=run.id))
             self._tab.say("Re-run shape: started")

@@ -9,7 +9,7 @@ from numpy import ndarray
 from fitting_core.errors import InputError
 from fitting_core.keypoints import INDEX, LEFT_HAND, RIGHT_HAND
 from tcfit_app.project.edits.corrected import Corrected
-from tcfit_app.project.edits.keyframes import REACH, joined
+from tcfit_app.project.edits.keyframes import LONGEST_GAP, joined
 from tcfit_app.project.edits.kinds import MAX_DEPTH, MoveKey, MoveKeypoint, PlaceKey, RemoveKey, SetDepth
 
 HANDS_OF = {INDEX["left_wrist"]: LEFT_HAND, INDEX["right_wrist"]: RIGHT_HAND}
@@ -53,8 +53,8 @@ def filled(
         depths: The new depths of these frames.
     """
     known = np.flatnonzero(np.isfinite(told).all(1))
-    before = max((f for f in known.tolist() if frames[0] - REACH <= f < frames[0]), default=frames[0])
-    after = min((f for f in known.tolist() if frames[-1] < f <= frames[-1] + REACH), default=frames[-1])
+    before = max((f for f in known.tolist() if frames[0] - LONGEST_GAP <= f < frames[0]), default=frames[0])
+    after = min((f for f in known.tolist() if frames[-1] < f <= frames[-1] + LONGEST_GAP), default=frames[-1])
     every = np.array(sorted({*frames, *range(before + 1, frames[0]), *range(frames[-1] + 1, after)}))
     ends = [*([before] if before < frames[0] else []), *frames, *([after] if after > frames[-1] else [])]
     values = np.stack([depths[frames.index(f)] if f in frames else told[f] for f in ends])

@@ -5,7 +5,7 @@ from jaxtyping import Bool, Float
 
 from fitting_core.errors import InputError
 from fitting_core.keypoints import GROUPS
-from tcfit_app.review.tab.on_show import SIDES
+from tcfit_app.review.tab.on_show import SLOTS
 from tcfit_app.review.tab.state import CLOSE_UPS, Part
 from tcfit_app.review.tab.tab import Tab
 
@@ -39,7 +39,7 @@ def zoom_to_selection(tab: Tab) -> None:
 
 def _zoom_in_space(tab: Tab) -> None:
     shown, joints = tab.look(), list(tab.state.selection)
-    bodies = [(fit, shown.live_of(side)) for side in SIDES if (fit := shown.with_body(side)) is not None]
+    bodies = [(fit, shown.live_of(side)) for side in SLOTS if (fit := shown.with_body(side)) is not None]
     points = [tab.data.keypoints(fit, shown.frame, live)[joints] for fit, live in bodies]
     if not any(np.isfinite(found).all(-1).any() for found in points):
         raise InputError("No fit on show has one of the selected keypoints: there is nothing to zoom to.")

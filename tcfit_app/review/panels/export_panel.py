@@ -38,7 +38,7 @@ from tcfit_app.review.tab.on_show import OnShow, on_show
 from tcfit_app.review.tab.people import Someone
 from tcfit_app.review.tab.state import TabState
 
-Side = Literal["A", "B"]
+Letter = Literal["A", "B"]
 _AXES = {"": "by format", "camera": "camera", "y-up": "y up", "z-up": "z up", OWN_WORLD: "calibration's"}
 """The last of them only where the clip's camera has a calibrated world."""
 _FRAMES = {"all": False, "selected": True}
@@ -58,7 +58,7 @@ _AXES_HINT = "As the target programs expect; each button's tooltip says which"
 class _Wishes:
     """What to export, and how."""
 
-    side: Side = "B"
+    side: Letter = "B"
     selected: bool = False
     """Only the selected frames."""
     axes: str = ""
@@ -88,7 +88,7 @@ class ExportPanel:
         tab.buttons.on("export.begin", self._begin, lambda name: exports()[name])
         tab.buttons.on("export.everybody", lambda _: self._begin_everybody())
         tab.buttons.on("export.cancel", lambda _: self._stop())
-        tab.buttons.on("export.side", lambda side: self._wish(side=side), one_of(get_args(Side)))
+        tab.buttons.on("export.side", lambda side: self._wish(side=side), one_of(get_args(Letter)))
         tab.buttons.on("export.frames", lambda on: self._wish(selected=on), _FRAMES.__getitem__)
         tab.buttons.on("export.axes", lambda axes: self._wish(axes=axes), one_of(_AXES))
         tab.buttons.on("export.keys", lambda keys: self._wish(keys=keys), one_of(_KEYS))
@@ -223,13 +223,13 @@ class ExportPanel:
         tab, fits = self._tab, _fits(self._tab.shown)
         if tab.state.frames is None and self._wishes.selected:
             self._wish(selected=False)
-        titles: dict[Side, str] = {side: fit.title for side, fit in fits.items()}
+        titles: dict[Letter, str] = {side: fit.title for side, fit in fits.items()}
         self._files.show(*self._choices(titles), *self._groups(titles))
         self._own_rig.draw(there=self._wishes.side in titles)
         if self.running is not None:
             self._said.show(heading("Last file"), *_said(self.running, self._size, self._note))
 
-    def _choices(self, titles: dict[Side, str]) -> list[Html]:
+    def _choices(self, titles: dict[Letter, str]) -> list[Html]:
         """Which run, which frames, which axes."""
         wishes, tab = self._wishes, self._tab
         sides = [
@@ -242,7 +242,7 @@ class ExportPanel:
                 kind="left",
                 hint=titles.get(side, ""),
             )
-            for side, color in zip(get_args(Side), RUN_COLORS, strict=True)
+            for side, color in zip(get_args(Letter), RUN_COLORS, strict=True)
         ]
         selected = tab.state.frames
         some = "selected" if selected is None else in_words(selected, tab.first_frame)
@@ -274,7 +274,7 @@ class ExportPanel:
             row(choice(*keys), label="Keys"),
         ]
 
-    def _groups(self, titles: dict[Side, str]) -> list[Html]:
+    def _groups(self, titles: dict[Letter, str]) -> list[Html]:
         """The formats, by group."""
         there = self._wishes.side in titles
         rows = []
@@ -298,13 +298,13 @@ class ExportPanel:
         return [heading("Formats"), *rows]
 
 
-def _fits(shown: OnShow) -> dict[Side, Shown]:
+def _fits(shown: OnShow) -> dict[Letter, Shown]:
     """A and B, where available."""
-    both: dict[Side, Shown | None] = {"A": shown.a, "B": shown.b}
+    both: dict[Letter, Shown | None] = {"A": shown.a, "B": shown.b}
     return {side: fit for side, fit in both.items() if fit is not None}
 
 
-def _named(side: Side, title: str) -> list[Html]:
+def _named(side: Letter, title: str) -> list[Html]:
     """A fit as a button's label. If the run's name is too long, the phase stays visible."""
     name, _, phase = title.rpartition(" · ")
     return [words(f"{side}: ", "phase"), words(name or phase, "name"), words(f" · {phase}" if name else "", "phase")]

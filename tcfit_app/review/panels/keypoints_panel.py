@@ -13,8 +13,8 @@ from fitting_core.keypoints import COUNT, GROUPS, PARTS, PartOfPerson
 from tcfit_app.analysis.body_regions import full_name
 from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.project.edits.edit_log import LogEntry, Redo, Remark, Said, Undo
-from tcfit_app.project.edits.keyframes import REACH
-from tcfit_app.project.edits.kinds import SIDES
+from tcfit_app.project.edits.keyframes import LONGEST_GAP
+from tcfit_app.project.edits.kinds import SWAPPABLE
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.project.project import Project
 from tcfit_app.review.browser.page_states import GROUP_COLORS
@@ -45,7 +45,7 @@ from tcfit_app.review.tab.buttons import one_of
 from tcfit_app.review.tab.tab import Tab
 
 _NOTHING = "Select by name"
-_KEYFRAMES = f"Between two frames at most {REACH} apart in which a keypoint was moved, it is interpolated"
+_KEYFRAMES = f"Between two frames at most {LONGEST_GAP} apart in which a keypoint was moved, it is interpolated"
 _SWAPPED = ("arms", "legs")
 """Swaps that have no key."""
 _JOINTS = {full_name(joint): joint for joint in range(COUNT)}
@@ -77,7 +77,7 @@ class KeypointsPanel:
 
     def _listen(self) -> None:
         tab, correcting = self._tab, self._gestures.correcting
-        tab.buttons.on("keypoints.swap", correcting.swap_sides, one_of(SIDES))
+        tab.buttons.on("keypoints.swap", correcting.swap_sides, one_of(SWAPPABLE))
         tab.buttons.on("keypoints.move", lambda _: correcting.nudge(*self._by.value))
         tab.buttons.on("keypoints.confidence", lambda _: correcting.set_confidence(self._confidence.value))
         tab.buttons.on("keypoints.bad", correcting.mark_group_bad, one_of(GROUPS))

@@ -8,7 +8,7 @@ import viser
 
 from fitting_core.errors import InputError
 from fitting_core.keypoints import GROUPS
-from tcfit_app.fitting.fits import TITLES, FitChoice, Shown, phase_title
+from tcfit_app.fitting.fits import SHORT_TITLES, FitChoice, Shown, phase_title
 from tcfit_app.project.storage.run_record import Run
 from tcfit_app.review.browser.page_states import GROUP_COLORS
 from tcfit_app.review.gestures.actions import ACTIONS, Gestures
@@ -31,7 +31,7 @@ from tcfit_app.review.scene.poses import SPACE_FROM
 from tcfit_app.review.scene.side_view import angle_of
 from tcfit_app.review.scene.windows import ARRANGEMENTS
 from tcfit_app.review.tab.buttons import one_of
-from tcfit_app.review.tab.on_show import SIDES
+from tcfit_app.review.tab.on_show import SLOTS
 from tcfit_app.review.tab.state import CLOSE_UPS, MODES, OPACITIES, SIDES_SEEN, SPEEDS, Part
 
 _SWITCHES = {"video", "bones", "detections", "others", "error_bars"}
@@ -259,9 +259,9 @@ _LONGEST, _END = 28, 11
 """Characters of a run's name that are shown, and those of its end among them: longer ones do not fit the field."""
 _HINTS = {"a": "Left of A | B, and what blinking shows", "b": "Right of A | B; corrections are made to it"}
 _LEGEND = joined(dot(css(RUN_COLORS[0])), text("A"), Html("&emsp;"), dot(css(RUN_COLORS[1])), text("B"))
-_PHASES: tuple[int | None, ...] = (*TITLES, None)
+_PHASES: tuple[int | None, ...] = (*SHORT_TITLES, None)
 """Choices for a run's phase; None: its last."""
-_PHASE_CHOICES = {f"{side} {phase or ''}": (side, phase) for side in SIDES for phase in _PHASES}
+_PHASE_CHOICES = {f"{side} {phase or ''}": (side, phase) for side in SLOTS for phase in _PHASES}
 """By the button's value."""
 
 
@@ -276,7 +276,7 @@ class RunsShown:
         self._head = Board(tab)
         self._runs: dict[str, Dropdown] = {}
         self._phases: dict[str, Board] = {}
-        for side in SIDES:
+        for side in SLOTS:
             handle = tab.client.gui.add_dropdown(f"{side.upper()} shows", (NEWEST,), hint=_HINTS[side])
             self._runs[side] = Dropdown(tab, handle, partial(self._choose_run, side))
             self._phases[side] = Board(tab)
@@ -300,10 +300,10 @@ class RunsShown:
         """Update from the tab's state."""
         tab, state = self._tab, self._tab.state
         fits = tab.session.fits
-        showable, chosen = fits.showable(), {self._choice(side).run for side in SIDES}
+        showable, chosen = fits.showable(), {self._choice(side).run for side in SLOTS}
         runs = [run for run in fits.runs if run in showable or run.id in chosen]
-        shown = {side: fits.meant(self._choice(side)) for side in SIDES}
-        there = {side: self._phases_of(shown[side]) for side in SIDES}
+        shown = {side: fits.meant(self._choice(side)) for side in SLOTS}
+        there = {side: self._phases_of(shown[side]) for side in SLOTS}
         self._head.show(
             heading("Fits on show", _LEGEND),
             row(
@@ -313,7 +313,7 @@ class RunsShown:
         )
         names = run_names(runs)
         self._numbers = {NEWEST: None, **{name: run.id for run, name in zip(runs, names, strict=True)}}
-        for side in SIDES:
+        for side in SLOTS:
             self._draw_side(side, runs, shown[side], there[side])
 
     def _phases_of(self, run: Run | None) -> tuple[int, ...]:
@@ -333,7 +333,7 @@ class RunsShown:
     def _phase_buttons(self, side: str, now: FitChoice, run: Run | None, there: tuple[int, ...]) -> list[Html]:
         return [
             button(
-                "last" if phase is None else TITLES[phase] if run is None else phase_title(run, phase),
+                "last" if phase is None else SHORT_TITLES[phase] if run is None else phase_title(run, phase),
                 "runs.phase",
                 f"{side} {phase or ''}",
                 pressed=now.phase == phase,

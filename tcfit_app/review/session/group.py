@@ -6,7 +6,7 @@ from itertools import combinations
 
 import msgspec
 
-from fitting_core.io.people_file import Person, Span, read_people, write_people
+from fitting_core.io.people_file import Person, Span, read_people_file, write_people_file
 from tcfit_app.project.edits.edit_log import LogEntry
 from tcfit_app.project.edits.kinds import TakeOver
 from tcfit_app.project.people import OpenPeople
@@ -102,7 +102,7 @@ class Group:
         Raises:
             InputError: people.json can no longer be read or written; nothing has changed then.
         """
-        file = read_people(self.folder)  # again: another process may have settled others
+        file = read_people_file(self.folder)  # again: another process may have settled others
         folder = self.members[doubt.owner].person.folder
         people = tuple(
             msgspec.structs.replace(one, uncertain=tuple(span for span in one.uncertain if span != doubt.listed))
@@ -110,7 +110,7 @@ class Group:
             else one
             for one in file.people
         )
-        write_people(self.folder, msgspec.structs.replace(file, people=people))
+        write_people_file(self.folder, msgspec.structs.replace(file, people=people))
         by_folder = {one.folder: one for one in people}
         for member in self.members:
             member.person = by_folder.get(member.person.folder, member.person)

@@ -20,9 +20,9 @@ from tcfit_app.fitting.fits import Fits, Shown
 from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.fitting.jobs import FitEverything, FitShape, Job, RerunFrames, RunJob
 from tcfit_app.fitting.reports import DragEnded, ErrandEnded, JobEnded, JobReported, JobStarted, Notice, Report
-from tcfit_app.fitting.worker import Drag, Worker
+from tcfit_app.fitting.worker import LiveDrag, Worker
 from tcfit_app.imports.elan import ElanNotes, notes_of
-from tcfit_app.imports.given import NOTHING, Known, read_given
+from tcfit_app.imports.given import NOTHING, KnownInputs, read_given
 from tcfit_app.imports.results import ImportChoices, import_run, kept_as, upload
 from tcfit_app.project.edits.edit_log import LogEntry, Remark, WriteNote, WriteNotes
 from tcfit_app.project.edits.kinds import Edit, MoveKeypoint, PlaceKey, SetDepth
@@ -152,7 +152,7 @@ class Session:
         return replace(self.project.clip, camera=camera)
 
     def fit_everything(
-        self, config: FitConfig, *, kind: str, gender: str, camera: Camera | None = None, known: Known = NOTHING
+        self, config: FitConfig, *, kind: str, gender: str, camera: Camera | None = None, known: KnownInputs = NOTHING
     ) -> Run:
         """Submit a whole fit.
 
@@ -213,7 +213,9 @@ class Session:
         yet."""
         return self.source.can_choose and not (self.project.has_detections and self.fits.runs)
 
-    def reading(self, given: Given, *, kind: str, gender: str, camera: Camera | None = None) -> Callable[[], Known]:
+    def reading(
+        self, given: Given, *, kind: str, gender: str, camera: Camera | None = None
+    ) -> Callable[[], KnownInputs]:
         """A function that reads a start and a shape for a whole fit with that body and camera, for another thread.
 
         Raises:
@@ -223,7 +225,7 @@ class Session:
         body, clip = self.bodies.find(kind=kind, gender=gender), self.clip_of(camera or self.project.footage.camera)
         return lambda: read_given(given, self.project, clip, body, self.bodies)
 
-    def reading_shape(self, given: Given, shown: Shown) -> Callable[[], Known]:
+    def reading_shape(self, given: Given, shown: Shown) -> Callable[[], KnownInputs]:
         """The same for a shape with which a run is refitted."""
         body, clip, only = self.bodies.of(shown.run.body), self.clip_of(shown.camera), Given(shape=given.shape)
         return lambda: read_given(only, self.project, clip, body, self.bodies)
@@ -288,7 +290,7 @@ class Session:
         job = RerunFrames(clip=self.clip_of(start.camera), body=body, config=config, start=start, windows=windows)
         return self._submit(job, kind="frames", start=shown, windows=windows)
 
-    def rerun_shape(self, shown: Shown, config: FitConfig, *, known: Known = NOTHING) -> Run:
+    def rerun_shape(self, shown: Shown, config: FitConfig, *, known: KnownInputs = NOTHING) -> Run:
         """Submit phases 2 and 3 again, as a new run, with a known shape if given. Raises InputError as
         `fit_everything`."""
         start = self._start_of(shown)
@@ -394,7 +396,7 @@ class Session:
     # --- live correction ---
 
     def release(
-        self, drag: Drag | None, edit: MoveKeypoint | PlaceKey | SetDepth, *, author: str, shown: Shown | None
+        self, drag: LiveDrag | None, edit: MoveKeypoint | PlaceKey | SetDepth, *, author: str, shown: Shown | None
     ) -> None:
         """End a drag: store the edit first, then let the fit converge. Raises InputError as `edit`."""
         followed = drag is not None and not drag.failed

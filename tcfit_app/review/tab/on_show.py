@@ -11,8 +11,8 @@ from tcfit_app.review.session.session import Session
 from tcfit_app.review.session.stored_fits import StoredFits
 from tcfit_app.review.tab.state import TabState
 
-Side = Literal["a", "b"]
-SIDES: tuple[Side, ...] = ("a", "b")
+Slot = Literal["a", "b"]
+SLOTS: tuple[Slot, ...] = ("a", "b")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,14 +28,14 @@ class OnShow:
     """The live result of a drag in the frames around this one for A, drawn instead of the stored one."""
     live_b: LiveWindow | None
     """The same for B."""
-    places: tuple[tuple[Side, ...], ...]
+    places: tuple[tuple[Slot, ...], ...]
     """The bodies on each poster, or in the room."""
     camera: Camera
     """The camera of the video: the clip's; in 3D the fit's, whose focal length may differ."""
     problem: str = ""
     """Why A or B cannot be read; empty if both can."""
 
-    def fit(self, side: Side) -> Shown | None:
+    def fit(self, side: Slot) -> Shown | None:
         """A or B."""
         return self.a if side == "a" else self.b
 
@@ -44,12 +44,12 @@ class OnShow:
         """The fit that determines the camera's tilt and the floor; stays the same when A is shown in B's place."""
         return self.b or self.a
 
-    def with_body(self, side: Side) -> Shown | None:
+    def with_body(self, side: Slot) -> Shown | None:
         """A or B, if it has a body in this frame."""
         fit = self.fit(side)
         return fit if fit is not None and fit.has(self.frame) else None
 
-    def live_of(self, side: Side) -> LiveWindow | None:
+    def live_of(self, side: Slot) -> LiveWindow | None:
         """The live window that this side's body is drawn from, if any."""
         return self.live_a if side == "a" else self.live_b
 
@@ -98,9 +98,9 @@ def live_window(session: Session, fit: Shown | None, frame: int) -> LiveWindow |
     return session.edit_follower.window(fit.run.id, frame)
 
 
-def _places(state: TabState) -> tuple[tuple[Side, ...], ...]:
+def _places(state: TabState) -> tuple[tuple[Slot, ...], ...]:
     if state.mode == "space":
-        return (SIDES,)
+        return (SLOTS,)
     if state.mode == "edit":
         return (("a",),) if state.blinked else (("b",),)
     return (("b",), ("a",)) if state.blinked else (("a",), ("b",))

@@ -17,7 +17,7 @@ from fitting_core.lifting.clip_lifting import LiftedClip
 from tcfit_app.analysis.findings import FINDINGS, scores
 from tcfit_app.analysis.posed_fit import PosedFit
 from tcfit_app.analysis.suspicion import Suspect, review_queue, still_checked
-from tcfit_app.project.edits.edit_log import Action, LogEntry, Redo, Undo, frames_of
+from tcfit_app.project.edits.edit_log import LogAction, LogEntry, Redo, Undo, frames_changed
 from tcfit_app.project.edits.kinds import MarkBad
 from tcfit_app.project.storage.marks import Mark, MarkState
 from tests.samples.posed import displaced, fit_of, keypoints_of, still_fit, still_params, with_keypoints
@@ -306,14 +306,14 @@ def test_frames_that_were_checked_are_left_out(fine: PosedFit):
 def test_a_check_holds_until_the_frame_changes():
     time: Any = None  # says nothing: clocks are set back
 
-    def entry(number: int, action: Action) -> LogEntry:
+    def entry(number: int, action: LogAction) -> LogEntry:
         return LogEntry(id=number, time=time, author="", action=action)
 
     def mark(state: MarkState) -> Mark:
         return Mark(state=state, time=time, author="", last_edit=2, last_moment=5)
 
     def checked(log: list[LogEntry], **given: Any) -> frozenset[int]:
-        return still_checked(marks, frames_of(log, {1: first, 2: second}.__getitem__), **given)
+        return still_checked(marks, frames_changed(log, {1: first, 2: second}.__getitem__), **given)
 
     marks = {frame: mark("checked") for frame in (1, 2, 3, 4)} | {6: mark("flag")}
     first, second = MarkBad(frames=(1,), joints=(0,)), MarkBad(frames=(2,), joints=(0,))

@@ -14,7 +14,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
 from fitting_core.results.fit_result import FitResult, PhaseResult
 from tcfit_app.fitting.bodies import record_of
-from tcfit_app.imports.given import Known, read_given, read_shape
+from tcfit_app.imports.given import KnownInputs, read_given, read_shape
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_record import Given, Run, Source
 from tests.samples.scenes import arms_in_motion
@@ -43,7 +43,7 @@ def run_of(project: Project, body: BodyModel, *, kind: Any = "fit", phase: int =
     return project.runs.finish(run.id, fit, summary=summary or None)
 
 
-def read(project: Project, body: BodyModel, **given: Source) -> Known:
+def read(project: Project, body: BodyModel, **given: Source) -> KnownInputs:
     return read_given(Given(**given), project, project.clip, body, OneBody(body))  # pyright: ignore
 
 

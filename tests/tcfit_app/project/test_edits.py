@@ -15,7 +15,7 @@ from tcfit_app.project.edits.edit_log import EditHistory, LogEntry, decode, enco
 from tcfit_app.project.edits.kinds import (
     KINDS,
     MIRRORED,
-    SIDES,
+    SWAPPABLE,
     ClearDepth,
     CopyFrom,
     DetectAgain,
@@ -115,17 +115,17 @@ def test_nudge_moves_what_is_there(detected: Keypoints):
 
 def test_swap_exchanges_left_and_right_with_their_confidence(detected: Keypoints):
     left, right = INDEX["left_wrist"], INDEX["right_wrist"]
-    once = after(detected, SwapSides(frames=(2,), joints=SIDES["arms"]))
+    once = after(detected, SwapSides(frames=(2,), joints=SWAPPABLE["arms"]))
     assert np.array_equal(once.keypoints.xy[2, left], detected.xy[2, right])
     assert once.keypoints.confidence[2, left] == detected.confidence[2, right]
-    assert untouched(once, detected, [2], list(SIDES["arms"]))
+    assert untouched(once, detected, [2], list(SWAPPABLE["arms"]))
     sides = np.zeros_like(once.corrected.edited)
-    sides[2, list(SIDES["arms"])] = True
+    sides[2, list(SWAPPABLE["arms"])] = True
     assert np.array_equal(once.corrected.edited, sides)
-    hands = after(detected, SwapSides(frames=(2,), joints=SIDES["hands"])).keypoints
+    hands = after(detected, SwapSides(frames=(2,), joints=SWAPPABLE["hands"])).keypoints
     assert np.array_equal(hands.xy[2, LEFT_HAND], detected.xy[2, RIGHT_HAND])
     assert np.array_equal(hands.confidence[2, RIGHT_HAND], detected.confidence[2, LEFT_HAND])
-    bad = after(detected, MarkBad(frames=(2,), joints=(left,)), SwapSides(frames=(2,), joints=SIDES["arms"]))
+    bad = after(detected, MarkBad(frames=(2,), joints=(left,)), SwapSides(frames=(2,), joints=SWAPPABLE["arms"]))
     assert bad.corrected.bad[2, right] and not bad.corrected.bad[2, left]
 
 
@@ -135,8 +135,8 @@ def test_the_other_side_of_a_keypoint():
         swapped = {"left": "right", "right": "left"}.get(NAMES[joint].split("_")[0])
         assert NAMES[other] == (NAMES[joint] if swapped is None else f"{swapped}_{NAMES[joint].split('_', 1)[1]}")
         assert (joint in range(137)[BODY]) == (other in range(137)[BODY])
-    assert {NAMES[j].partition("_")[2] for j in SIDES["arms"]} == {"elbow", "wrist"}, "shoulders are not mixed up"
-    assert len(SIDES["body"]) == 22 and set(SIDES["hands"]) == set(range(137)[HANDS])
+    assert {NAMES[j].partition("_")[2] for j in SWAPPABLE["arms"]} == {"elbow", "wrist"}, "shoulders are not mixed up"
+    assert len(SWAPPABLE["body"]) == 22 and set(SWAPPABLE["hands"]) == set(range(137)[HANDS])
 
 
 def test_copy_takes_over_what_another_frame_has(detected: Keypoints):
@@ -200,7 +200,7 @@ def test_the_depth_of_a_bad_keypoint_counts_once_it_is_restored(detected: Keypoi
 
 
 def test_depths_change_sides_with_their_keypoints(detected: Keypoints):
-    found = after(detected, FARTHER, SwapSides(frames=(1,), joints=SIDES["arms"])).keypoints.told_depth
+    found = after(detected, FARTHER, SwapSides(frames=(1,), joints=SWAPPABLE["arms"])).keypoints.told_depth
     assert found[1, RIGHT] == 0.75 and np.isnan(found[1, LEFT]) and found[4, LEFT] == 0.25
 
 
@@ -257,7 +257,7 @@ def test_joints_are_locked_until_they_are_unlocked_or_reset(detected: Keypoints)
     assert untouched(history, detected, [], []) and history.corrected.locked.sum() == 6
     assert history.keypoints.turn is not None
     np.testing.assert_allclose(history.keypoints.turn[2, [4, 7]], [(0.1, 0.2, 0.3), (1, 0, 0)], atol=1e-7)
-    stays = SwapSides(frames=(0,), joints=SIDES["arms"]), Nudge(frames=(0,), joints=(4,), by=(1.0, 1.0))
+    stays = SwapSides(frames=(0,), joints=SWAPPABLE["arms"]), Nudge(frames=(0,), joints=(4,), by=(1.0, 1.0))
     moved = after(detected, lock, *stays, MarkBad(frames=(0,), joints=(4,)))
     np.testing.assert_array_equal(moved.corrected.turn, history.corrected.turn)
     freed = after(detected, lock, Unlock(frames=(0, 1), joints=(4,)), Reset(frames=(2,), joints=(4, 7)))
@@ -398,7 +398,7 @@ def test_an_edit_reads_back_from_its_text(edit: Edit):
 
 def test_every_kind_is_drawn_in_these_tests():
     assert set(KINDS.values()) == set(get_args(Edit)) and len(KINDS) == 19
-    assert set(get_args(edit_log.Action)) == {
+    assert set(get_args(edit_log.LogAction)) == {
         *KINDS.values(),
         edit_log.MarkFrames,
         edit_log.WriteNote,

@@ -15,7 +15,7 @@ from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT, Keypoints
 from tcfit_app.cli.main import main
 from tcfit_app.fitting.bodies import Bodies
-from tcfit_app.project.edits.kinds import SIDES, MoveKeypoint, SwapSides
+from tcfit_app.project.edits.kinds import SWAPPABLE, MoveKeypoint, SwapSides
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage import clip as clip_storage
 from tcfit_app.project.storage.database import Database
@@ -48,7 +48,7 @@ def test_nothing_is_corrected_before_there_is_something(folder: Path):
     with Project.open(folder) as project:
         session = Session(project, Bodies())
         with pytest.raises(InputError, match="no keypoints yet: detect them first"):
-            session.edit(SwapSides(frames=(0,), joints=SIDES["arms"]), author="test")
+            session.edit(SwapSides(frames=(0,), joints=SWAPPABLE["arms"]), author="test")
         session.close()
         assert not project.log
 

@@ -24,7 +24,7 @@ from fitting_core.errors import InputError
 from fitting_core.io.cameras.reading import CameraFile
 from fitting_core.keypoints import COUNT, INDEX, Keypoints
 from tcfit_app.fitting.fits import FitChoice
-from tcfit_app.imports.keypoint_jobs import FoundKeypoints, ImportFiles, ImportUpload, Report
+from tcfit_app.imports.keypoint_jobs import FoundKeypoints, ImportFiles, ImportUpload, ProgressReport
 from tcfit_app.project import project as project_module
 from tcfit_app.project.edits.kinds import MarkBad
 from tcfit_app.project.project import Project
@@ -71,7 +71,7 @@ class Waits:
 
     title: str = "Waiting"
 
-    def run(self, clip: Clip, report: Report) -> FoundKeypoints | None:
+    def run(self, clip: Clip, report: ProgressReport) -> FoundKeypoints | None:
         while True:
             report("waits", 0.5)
             time.sleep(0.005)

@@ -20,7 +20,7 @@ import viser
 
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
-from fitting_core.io.people_file import read_people, write_people
+from fitting_core.io.people_file import read_people_file, write_people_file
 from tcfit_app.cli.main import main
 from tcfit_app.cli.review_command import open_project
 from tcfit_app.fitting.bodies import Bodies
@@ -348,12 +348,12 @@ def test_half_an_exchange_is_told_and_can_be_undone(folder: Path, panel_server: 
 
 
 def test_what_is_uncertain_later_goes_with_whom_it_is_about(folder: Path, panel_server: viser.ViserServer):
-    file = read_people(folder)
+    file = read_people_file(folder)
     spans = ((6, 7), (9, 11)), ((5, 7),)
     people = tuple(
         msgspec.structs.replace(one, uncertain=uncertain) for one, uncertain in zip(file.people, spans, strict=True)
     )
-    write_people(folder, msgspec.structs.replace(file, people=people))
+    write_people_file(folder, msgspec.structs.replace(file, people=people))
     with reviewed(folder, panel_server) as app:
         hello(app, "mine")
         exchanged(app, 6)
@@ -362,7 +362,7 @@ def test_what_is_uncertain_later_goes_with_whom_it_is_about(folder: Path, panel_
         gestures = app.pages[1].gestures
         gestures.exchanging.confirm(gestures.exchanging.doubts[0])
         assert [someone.uncertain for someone in app.people] == [(), ()]
-        assert [one.uncertain for one in read_people(folder).people] == [((6, 7),), ((5, 7),)]
+        assert [one.uncertain for one in read_people_file(folder).people] == [((6, 7),), ((5, 7),)]
         gestures.correcting.undo()
         assert [someone.uncertain for someone in app.people] == [((6, 7),), ((5, 7),)]
 
@@ -394,7 +394,7 @@ def test_what_is_right_is_uncertain_no_more(folder: Path, panel_server: viser.Vi
         page.receive(Press("people.go", "0"))
         assert page.tab.state.frames == range(9 - LATE, FRAMES - LATE) and page.tab.state.frame == 9 - LATE
         page.receive(Press("people.right", "0"))
-        assert page.tab.someone.uncertain == () and read_people(folder).people[1].uncertain == ()
+        assert page.tab.someone.uncertain == () and read_people_file(folder).people[1].uncertain == ()
         panel.draw()
         assert not page.tab.buttons.on_show("people.go", "0")
         page.receive(Press("people.exchange", "0"))
@@ -432,8 +432,8 @@ def test_keypoints_that_make_no_sense_are_not_taken_over(changes: dict[str, Any]
 
 
 def test_the_second_person_may_be_the_first_at_the_end(talk: Path):
-    assert [person.uncertain for person in read_people(talk).people] == [(), ((9, FRAMES - 1),)]
-    assert np.all([len(person.frames) == 2 for person in read_people(talk).people])
+    assert [person.uncertain for person in read_people_file(talk).people] == [(), ((9, FRAMES - 1),)]
+    assert np.all([len(person.frames) == 2 for person in read_people_file(talk).people])
 
 
 class Exporting:

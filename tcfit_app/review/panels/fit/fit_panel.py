@@ -8,7 +8,7 @@ import viser
 from viser import uplot
 
 from fitting_core.errors import InputError
-from tcfit_app.fitting.fits import TITLES, Shown
+from tcfit_app.fitting.fits import SHORT_TITLES, Shown
 from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.project.frame_words import numbers
 from tcfit_app.project.storage.run_record import Given
@@ -45,8 +45,8 @@ class FitPanel:
         self._inputs.add("temporal.weight", "temporal.mode", "temporal.window_size", "temporal.space")
         self._everything = Board(tab)
         self._again = Board(tab)
-        hint = f"Frames refitted before and after each edited or flagged one. {REACH.range.capitalize()}."
-        reach = gui.add_text(REACH.label, REACH.shown(tab.state.settings.reach), hint=hint)
+        hint = f"Frames refitted before and after each edited or flagged one. {MARGIN.range.capitalize()}."
+        reach = gui.add_text(MARGIN.label, MARGIN.shown(tab.state.settings.reach), hint=hint)
         self._reach = NumberField(tab, reach, self._take_reach)
         self._progress = FitProgress(tab)  # below all buttons, so that they do not move when a fit begins
         with gui.add_folder("Start, person", expand_by_default=False):
@@ -74,7 +74,7 @@ class FitPanel:
 
     def _draw_buttons(self) -> None:
         tab, state = self._tab, self._tab.state
-        self._reach.show(REACH.shown(state.settings.reach), wrong="reach" in dict(state.settings.problems))
+        self._reach.show(MARGIN.shown(state.settings.reach), wrong="reach" in dict(state.settings.problems))
         fit = tab.shown.b
         told = paragraph(self._told(state.settings), "dim") if state.settings.given != Given() else Html()
         self._everything.show(row(action(self._gestures, "fit", kind="main")), told)
@@ -117,14 +117,14 @@ class FitPanel:
         return f"Re-run around edits: {numbers(frames, self._tab.first_frame, most=2)}"
 
 
-REACH = Number(label="Margin (frames)", low=0, high=1000, whole=True)
+MARGIN = Number(label="Margin (frames)", low=0, high=1000, whole=True)
 
 
 def with_reach(settings: FitSettings, typed: str) -> FitSettings:
     """Settings with another margin around edits, or with the reason why the value is invalid."""
     problems = {name: why for name, why in settings.problems if name != "reach"}
     try:
-        reach = int(REACH.read(typed))
+        reach = int(MARGIN.read(typed))
     except InputError as error:
         return replace(settings, problems=(*problems.items(), ("reach", str(error))))
     return replace(settings, reach=reach, problems=tuple(problems.items()))
@@ -256,7 +256,7 @@ def _progress(job: RunningJob) -> list[Html]:
     if progress is None:
         return [paragraph(words(job.title, "strong")), paragraph("starting", "dim"), progress_bar(0.0)]
     part = job.phases.index(progress.phase) + 1 if progress.phase in job.phases else 1
-    where = f"phase {part} of {len(job.phases)}: {TITLES[progress.phase]}, {progress.label}"
+    where = f"phase {part} of {len(job.phases)}: {SHORT_TITLES[progress.phase]}, {progress.label}"
     left = "" if progress.remaining is None else f", about {duration(progress.remaining)} left"
     return [
         paragraph(words(job.title, "strong")),

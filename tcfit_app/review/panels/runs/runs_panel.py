@@ -18,7 +18,7 @@ from tcfit_app.review.panels.runs.import_run import ImportRun
 from tcfit_app.review.panels.runs.parents import parent_of, show_beside_parent
 from tcfit_app.review.panels.runs.run_texts import Listed, details, result_of, run_line
 from tcfit_app.review.tab.buttons import one_of
-from tcfit_app.review.tab.on_show import SIDES
+from tcfit_app.review.tab.on_show import SLOTS
 from tcfit_app.review.tab.tab import Tab
 
 LISTED = 30
@@ -191,7 +191,7 @@ class RunsPanel:
             row(
                 *(
                     show(f"Show as {side.upper()}", value=f"{side} {number}", pressed=side.upper() in chosen.shown_as)
-                    for side in SIDES
+                    for side in SLOTS
                 )
             ),
             row(
@@ -220,7 +220,7 @@ class RunsPanel:
 def _side_and_run(value: str) -> tuple[str, int]:
     """Where to show which run: "a 5"."""
     side, number = value.split(" ")
-    return one_of(SIDES)(side), int(number)
+    return one_of(SLOTS)(side), int(number)
 
 
 _BUTTONS = row(button("Restore", "deleted.restore"), button("Remove all permanently …", "deleted.ask", kind="danger"))
