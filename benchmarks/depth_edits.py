@@ -26,7 +26,7 @@ from fitting_core.fit.events import drained
 from fitting_core.fit.fitting import fit_clip, rerun_events
 from fitting_core.fit.fused import ready
 from fitting_core.fit.phases.limb_flips import LIMBS, LimbFlips
-from fitting_core.fit.phases.limb_flips import LimbPoints as TwoBones
+from fitting_core.fit.phases.limb_flips import Limb as TwoBones
 from fitting_core.fit.stages import Stages
 from fitting_core.keypoints import INDEX
 from fitting_core.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences

@@ -52,7 +52,7 @@ class JointLimits(Term):
     derivative: ClassVar = Derivative.ROWS
 
     @staticmethod
-    def of(weight: float, ranges: Mapping[str, JointRange], *, fingers: bool, like: Tensor) -> "Limits":
+    def of(weight: float, ranges: Mapping[str, JointRange], *, fingers: bool, like: Tensor) -> "JointLimits":
         """The term for these ranges, in the type and on the device of `like`; `fingers`: not of the body alone."""
         ranges = {name: joint for name, joint in ranges.items() if fingers or JOINT[name] in _BODY}
         table = AngleTable.of(ranges, like)

@@ -300,13 +300,13 @@ class EditHistory:
         news = self.news()
         return self.keep(news, news.keypoints())
 
-    def news(self) -> "News":
+    def news(self) -> "KeypointsNews":
         """What computes `keypoints`, which takes longer in a long clip: for callers that cannot wait."""
         frames = sorted(self._changed)
         rows = Corrected(records=self._now.records[frames])
         return KeypointsNews(before=self._keypoints, frames=frames, rows=rows, version=self._version)
 
-    def keep(self, news: "News", made: Keypoints) -> Keypoints:
+    def keep(self, news: "KeypointsNews", made: Keypoints) -> Keypoints:
         """Store the result of `news`, so that later news are relative to it."""
         if news.before is self._keypoints:
             self._keypoints = made
