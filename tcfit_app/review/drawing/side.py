@@ -3,7 +3,7 @@
 import numpy as np
 
 from fitting_core.camera import Camera
-from tcfit_app.review.browser.page_states import Slot as SideState
+from tcfit_app.review.browser.page_states import SidePlate as SideState
 from tcfit_app.review.browser.page_states import pixel_pairs, triple
 from tcfit_app.review.drawing.joints import drawn
 from tcfit_app.review.scene.layers import BodyLayer
