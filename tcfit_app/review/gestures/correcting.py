@@ -29,8 +29,8 @@ from tcfit_app.project.edits.kinds import (
     SwapSides,
 )
 from tcfit_app.project.frame_words import in_words
-from tcfit_app.review.browser.page_events import DragDepth as DragDepthEvent
 from tcfit_app.review.browser.page_events import Drag as DragEvent
+from tcfit_app.review.browser.page_events import DragDepth as DragDepthEvent
 from tcfit_app.review.gestures.edit_words import FEW, describe, whose
 from tcfit_app.review.gestures.keyframing import depth_edit, filled, keys_in, moved, placed, removed, with_hands
 from tcfit_app.review.tab.tab import Tab
