@@ -20,7 +20,7 @@ from fitting_core.clips.options import ClipOptions
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
-from fitting_core.io.people_file import holds_people, read_people
+from fitting_core.io.people_file import holds_people, read_people_file
 from tcfit_app.options.fit import NO_KEYPOINTS, ReferenceOptions, ReviewOptions, ServerOptions, height_of
 from tcfit_app.project.storage.database import NAME, Database, is_project
 from tcfit_app.project.storage.lock import ProjectLocked
@@ -46,7 +46,7 @@ def run_review(options: ReviewOptions) -> None:
     fit = PRESETS[DEFAULT_PRESET] if options.fit else None
     find = None if options.keypoints == NO_KEYPOINTS else options.clip
     if options.video is not None and holds_people(options.video):
-        with _served(read_people(options.video).name, options.server) as server:
+        with _served(read_people_file(options.video).name, options.server) as server:
             load_app()
             with _people(options) as people:
                 project = people.chosen(options.clip.person)
