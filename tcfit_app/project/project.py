@@ -5,11 +5,11 @@ A project is a folder:
 | file | |
 |---|---|
 | project.sqlite | clip, log of edits, marks and notes, runs and settings (`storage/database.py` has the tables) |
-| detections.npz | the detected keypoints, xy (T, 137, 2) in pixels, confidence (T, 137), and the detector; never changed \
-once there are any |
+| detections.npz | the detected keypoints, xy (T, 137, 2) in pixels, confidence (T, 137), and the detector; never \
+changed once there are any |
 | runs/000001.npz | a run's result (`storage/run_files.py` has the keys) |
-| runs/000002/000001.npz | what a correction replaced in a run, for undo (`storage/changes.py`); not in a packed project, \
-where the fit follows an undo like any other edit |
+| runs/000002/000001.npz | what a correction replaced in a run, for undo (`storage/changes.py`); not in a packed \
+project, where the fit follows an undo like any other edit |
 | reference.npz | the reference that fits are compared with, if any |
 | handshapes.toml | the user's own set of handshapes, if any |
 | rig/ | the user's own rig and its mapping file, if any; not in a packed project |
