@@ -55,7 +55,7 @@ def read_npz(path: Path, keys: Collection[str] | None = None, *, most: int = MAX
         raise
     # A changed byte makes zipfile, zlib and numpy raise any of a dozen types: all mean the same to the user.
     except Exception as error:
-        raise ValueError(f"is no complete npz archive, it is damaged or was cut off ({error})") from error
+        raise ValueError(f"is not a complete npz archive, it is damaged or was cut off ({error})") from error
 
 
 def npz_names(path: Path) -> tuple[str, ...]:

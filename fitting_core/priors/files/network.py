@@ -186,7 +186,7 @@ def _arrays(path: Path) -> dict[str, np.ndarray]:
     except FileNotFoundError as error:
         raise InputError(f"{path}: does not exist. Give VPoser or the npz file of a pose prior.") from error
     except (OSError, ValueError) as error:
-        raise InputError(f"{path}: is no complete npz archive ({error}). Get it again.") from error
+        raise InputError(f"{path}: is not a complete npz archive ({error}). Get it again.") from error
     try:
         found = msgspec.json.decode(str(arrays["about"]))["format"]
     except (KeyError, TypeError, msgspec.DecodeError):

@@ -211,10 +211,10 @@ LEARNED |= {
     "torch of a list": case("a.pt", torch_bytes([torch.zeros(3)]), "holds a list of nothing known, no result of GVHMR"),
     "torch of weights": case("a.pt", torch_bytes(torch.nn.Linear(2, 2).state_dict()), "holds a dict of weight, bias"),
     "torch of a module": case("a.pt", torch_bytes(torch.nn.Linear(2, 2)), "asks for torch.nn.modules.linear.Linear"),
-    "npy of numbers": case("a.npy", _numbers.getvalue(), "is no result of a fit that can be read"),
+    "npy of numbers": case("a.npy", _numbers.getvalue(), "is not a readable result of a fit"),
     "npy of two objects": case("a.npy", npy_bytes([{}, {}]), "holds an array of 2 objects, expected one"),
     "npy truncated": case("a.npy", npy_bytes({"pred_rotmat": 1})[:-20], "cannot be read, it is damaged"),
-    "npy header cut off": case("a.npy", npy_bytes({"a": 1})[:30], "is no npy array"),
+    "npy header cut off": case("a.npy", npy_bytes({"a": 1})[:30], "is not an npy array"),
     "gvhmr without a camera": case(
         "a.pt",
         torch_bytes({k: v for k, v in gvhmr(truth()).items() if k != "K_fullimg"}),
@@ -258,14 +258,16 @@ LEARNED |= {
     "vibe of an endless image": of_vibe("was found on images of", orig_cam=np.full((5, 4), 1e-6)),
     "vibe without a whole image": of_vibe("'orig_cam' has the shape", orig_cam=np.zeros((5, 3))),
     "phalp with no rotations": of_phalp(
-        "'smpl' holds matrices that are no rotations", smpl={"body_pose": np.zeros((23, 3, 3))}
+        "'smpl' holds matrices that are not rotations", smpl={"body_pose": np.zeros((23, 3, 3))}
     ),
     "phalp mirrored": of_phalp(
-        "'smpl' holds matrices that are no rotations", smpl={"global_orient": -np.eye(3, dtype=np.float32)[None]}
+        "'smpl' holds matrices that are not rotations", smpl={"global_orient": -np.eye(3, dtype=np.float32)[None]}
     ),
     "phalp with too few cameras": of_phalp("'camera' has no entry for each person", camera=[]),
     "phalp whose tracks are no list": of_phalp("'tid' is no list", tid=3),
-    "phalp whose tracks are names": of_phalp("'tid' holds what is no number of a person", tid=["a"], tracked_time=[0]),
+    "phalp whose tracks are names": of_phalp(
+        "'tid' holds something other than numbers of people", tid=["a"], tracked_time=[0]
+    ),
     "phalp with nobody": of_phalp("with nobody in it", tid=[], tracked_time=[]),
     "phalp without times": of_phalp("'time' has|'time' holds", time=None),
     "phalp with a person twice": case(
@@ -303,6 +305,6 @@ LEARNED |= {
     "romp with nobody": case("a.npz", npz_bytes(results={}), "is a result of ROMP or BEV with nobody in it"),
     "romp of a list": case("a.npz", npz_bytes(results=np.zeros(3)), "holds an array of 3 objects|'results' is a"),
     "romp truncated": case(
-        "a.npz", npz_bytes(results={"cam": np.zeros(9)})[:-40], "is no complete npz archive|no result"
+        "a.npz", npz_bytes(results={"cam": np.zeros(9)})[:-40], "is not a complete npz archive|no result"
     ),
 }

@@ -84,7 +84,7 @@ PER_IMAGE: dict[str, Case] = {
         "has smplx/00003_0.npz and no meta/00003_0.json", lambda f: (f / "meta" / "00003_0.json").unlink()
     ),
     "smplerx with a cut camera": of_smplerx(
-        "is no JSON", lambda f: (f / "meta" / "00002_0.json").write_text('{"focal": [1')
+        "is not JSON", lambda f: (f / "meta" / "00002_0.json").write_text('{"focal": [1')
     ),
     "smplerx with a camera of a list": of_smplerx(
         "meta/00002_0.json is a list, expected a dictionary", lambda f: (f / "meta" / "00002_0.json").write_text("[1]")
@@ -115,8 +115,8 @@ PER_IMAGE: dict[str, Case] = {
     "sam behind the camera": of_sam("'pred_cam_t' holds -3", pred_cam_t=np.array([0, 0, -3.0])),
     "sam with a text": of_sam("'pred_cam_t' ", pred_cam_t="here"),
     "sam asks for code": of_sam("asks for .*could run code", mask=Bomb()),
-    "json cut off": of_json('[[{"pred_cam_t": [0', "is no JSON"),
-    "json nested": of_json("[" * 10**5, "is no JSON"),
+    "json cut off": of_json('[[{"pred_cam_t": [0', "is not JSON"),
+    "json nested": of_json("[" * 10**5, "is not JSON"),
     "json of another": of_json(json.dumps({"people": [1]}), "holds a dict of people, no result of GVHMR"),
     "json of lists without end": of_json(
         json.dumps([[{"pred_keypoints_3d": [[]] * 70, "pred_cam_t": [[[[1]]]], "focal_length": 1}]]), "pred_"

@@ -293,7 +293,7 @@ def test_a_folder_without_keypoint_files(tmp_path):
 @pytest.mark.parametrize("name", ["clip.csv", "coco.json"])
 def test_an_unknown_format(tmp_path, name):
     (tmp_path / name).write_text('{"frames": []}')
-    with pytest.raises(InputError, match=f"{name} is no keypoint format that can be read: it starts as none"):
+    with pytest.raises(InputError, match=f"{name} is not a readable keypoint format: it starts as none"):
         read_detections(tmp_path / name)
 
 
