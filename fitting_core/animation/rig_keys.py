@@ -1,4 +1,4 @@
-"""A rig with fewer keys: which points are held, which frames keep their keys, and what is played between keys.
+"""A rig with fewer keys: the constrained points, the frames that keep their keys, and what is played between keys.
 
 The points are all joints, and of the joints at which a chain ends, and of the head, the outermost vertices: finger
 tips, toes, nose, crown. The weights of the shapes are one channel more. They get half of the bound for the whole
@@ -19,7 +19,7 @@ from fitting_core.ground.contacts import SIDES, Contacts
 from fitting_core.motion import CHUNK, Motion, Progress
 
 _OF_SHAPES = 0.5
-"""Share of the bound that the shapes' weights get."""
+"""Share of the bound for the morph weights."""
 _TRIED = 24
 """Vertices of each shape, those that it moves most, on which keys of the weights are tried."""
 _PASSES = 6
@@ -35,7 +35,7 @@ def with_fewer_keys(rig: Rig, motion: Motion, within: float, progress: Progress 
         progress: See `Progress`.
 
     Raises:
-        InputError: The bound is none.
+        InputError: The bound is invalid.
     """
     joints = np.arange(len(rig.joints))
     vertices, ends = _outermost(rig)

@@ -173,7 +173,6 @@ def _speed(
 def _velocity(
     values: Float[np.ndarray, "T 2 4 n"], weight: Float[np.ndarray, "T 2 4"], frame_rate: float
 ) -> Float[np.ndarray, "T 2 4 n"]:
-    """Derivative of smoothed values, per second."""
     sigma = _SMOOTH * frame_rate
     level = gaussian_filter1d(weight, sigma, axis=0, mode="nearest")
     smooth = gaussian_filter1d(values * weight[..., None], sigma, axis=0, mode="nearest") / level[..., None]

@@ -134,7 +134,6 @@ def _note_doubts(
     unmatched: list[int],
     new: list[Followed],
 ) -> None:
-    """Note who else each match could be."""
     taken = {j: k for k, j in enumerate(place) if j is not None}
     unseen = [frame - last > 1 for last in lost_at]
     for j, k in taken.items():

@@ -144,7 +144,6 @@ def _keypoints(detections: Detections, entries: tuple[int | None, ...]) -> Keypo
 
 
 def _entry(track: _Track, frame: int) -> int | None:
-    """The person's place in a frame's list."""
     seen = track.sightings.get(frame)
     return None if seen is None else seen.entry
 

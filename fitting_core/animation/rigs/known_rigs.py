@@ -1,4 +1,4 @@
-"""The tables of the rigs that everybody knows; `standard` says where their facts come from."""
+"""The tables of the well-known rigs; `standard` gives the sources of their facts."""
 
 from collections.abc import Iterator
 

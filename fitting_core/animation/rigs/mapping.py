@@ -1,4 +1,4 @@
-"""Which joints of a rig stand for which parts of a body: guessed, and checked before a motion goes onto the rig."""
+"""Which joints of a rig are which parts of a body: guessed, and checked before a motion is put on the rig."""
 
 from collections.abc import Mapping
 from itertools import pairwise
@@ -24,7 +24,7 @@ def guess_joints(skeleton: Skeleton) -> dict[str, tuple[str, ...]]:
 
 
 def check_joints(joints: Joints, skeleton: Skeleton) -> None:
-    """Check that a mapping can be used.
+    """Check that a mapping is usable.
 
     Raises:
         InputError: A part or a joint is not known, a joint stands for two parts, a part that is needed is missing, or

@@ -1,5 +1,4 @@
-"""A motion on the user's own rig: the rig as a target, by its rest pose and size; then feet onto the floor, hands to
-where they touch."""
+"""A motion on the user's own rig: the rig as a target, by its rest pose and size; then feet and hands are corrected."""
 
 from collections.abc import Sequence
 
@@ -37,10 +36,10 @@ def on_own(motion: Motion, skeleton: Skeleton, joints: Joints) -> RigMotion:
     Args:
         motion: In any axes.
         skeleton: The rig.
-        joints: What stands for what; checked.
+        joints: The mapping, checked.
 
     Raises:
-        InputError: The rest pose is none that a body can have.
+        InputError: The rest pose is not one that a body can have.
     """
     upright = motion.in_axes("y-up").one_shape
     posed, body = Posed.of(upright), upright.shaped_body
@@ -53,7 +52,7 @@ def own_target(skeleton: Skeleton, joints: Joints, body: BodyModel) -> Target:
 
     Args:
         skeleton: The rig.
-        joints: What stands for what; checked.
+        joints: The mapping, checked.
         body: Its mean shape is the person's.
 
     Raises:
@@ -83,7 +82,7 @@ def own_target(skeleton: Skeleton, joints: Joints, body: BodyModel) -> Target:
 
 
 def _body_of(skeleton: Skeleton, joints: Joints) -> set[int]:
-    """The joints that hang on the pelvis."""
+    """The pelvis and its descendants."""
     root = skeleton.index(joints["pelvis"][0])
     return {k for k in range(len(skeleton)) if k == root or skeleton.is_below(k, root)}
 
@@ -148,7 +147,7 @@ def _height(where: dict[str, np.ndarray]) -> float:
 
 
 def _upright(up: np.ndarray) -> Float[np.ndarray, "3 3"]:
-    """The turn by quarters that makes y up."""
+    """The rotation by quarter turns that makes y up."""
     return np.round(Rotation.align_vectors(up[None], [[0.0, 1.0, 0.0]])[0].as_matrix()) if up[1] < 1 else np.eye(3)
 
 

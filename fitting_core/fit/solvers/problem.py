@@ -155,7 +155,6 @@ class SharedShape(OnFrames):
         return SharedShape(*(Sample(objective or sample.objective, sample.frames) for objective, sample in pairs))
 
     def _parts(self, state: State) -> Iterator[tuple[Sample, State]]:
-        """Each sample with its rows."""
         first = 0
         for sample in self.samples:
             yield sample, state[first : (first := first + len(sample.frames))]

@@ -123,7 +123,6 @@ def _of_joints(
 def _of_angles(
     objective: FrameObjective, joints: Estimate, covariance: Float[Tensor, "B d d"]
 ) -> Float[Tensor, "B 13"]:
-    """Degrees."""
     with torch.enable_grad():
         pose = joints.body_pose.detach().requires_grad_()
         angles = _angles(joints, pose)

@@ -278,7 +278,6 @@ def _stem(url: str) -> str:
 
 
 def _of(element: ET.Element, name: str) -> str:
-    """An attribute that must be there."""
     value = element.get(name)
     if value is None:
         raise ValueError(f"a <{element.tag}> has no {name}")
@@ -295,7 +294,6 @@ def _time(slot: ET.Element) -> int | None:
 
 
 def _held(annotation: ET.Element) -> ET.Element:
-    """What an <ANNOTATION> holds."""
     kinds = ("ALIGNABLE_ANNOTATION", "REF_ANNOTATION")
     if len(annotation) != 1 or annotation[0].tag not in kinds:
         raise ValueError(f"an <ANNOTATION> holds {[child.tag for child in annotation][:3]}, expected one of {kinds}")

@@ -57,7 +57,6 @@ def _annotation_file(path: Path, content: dict[str, Any]) -> CocoContent:
 
 
 def _image(path: Path, k: int, entry: Any) -> tuple[Any, str, tuple[int, int] | None]:
-    """Id, stem of the name, and size."""
     if not isinstance(entry, dict) or type(entry.get("id")) not in (int, str):
         raise InputError(f"{path}: image {k} has no id; expected an object with 'id' and 'file_name'.")
     name = entry.get("file_name")

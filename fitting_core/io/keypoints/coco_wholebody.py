@@ -186,7 +186,6 @@ def _annotation(image: int, points: Float[np.ndarray, "133 3"]) -> dict[str, Any
 
 
 def _raw_points(where: str, entry: dict[str, Any]) -> Float[np.ndarray, "133 3"]:
-    """Positions and scores as in the file."""
     points = np.zeros((layout.WHOLEBODY_COUNT, 3))
     if "keypoints" not in entry:
         raise InputError(f"{where} has no 'keypoints' (it has {some_of(entry)}).")
@@ -209,7 +208,6 @@ def _raw_points(where: str, entry: dict[str, Any]) -> Float[np.ndarray, "133 3"]
 
 @cache
 def _labels(key: str, first: int) -> list[str]:
-    """Names of a list's points, for messages."""
     return [f"{name} ({key})" for name in _NAMES[first:]]
 
 

@@ -305,7 +305,6 @@ def _points(where: str, key: str, values: list[Any], places: list[int]) -> Float
 
 
 def _confidences(found: Sequence[_Frame]) -> Float[np.ndarray, "n"]:
-    """All third numbers, as in the files."""
     lists = [_list(entry, key) or () for one in found for entry in one.people for key in PARTS]
     return np.array([confidence for values in lists for confidence in values[2::3]], float)
 

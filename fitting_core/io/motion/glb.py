@@ -275,7 +275,6 @@ def _mesh(rig: Rig, buffer: Buffer, person: int) -> gltf.Mesh:
 
 
 def _normals(rig: Rig) -> Float[np.ndarray, "V 3"]:
-    """Unit normals of the rest pose."""
     normals = vertex_normals(rig.vertices.astype(float), rig.faces)
     return np.where(normals.any(1, keepdims=True), normals, (0.0, 1.0, 0.0)).astype(np.float32)
 

@@ -120,7 +120,7 @@ def test_who_comes_back_far_off_beside_others_may_be_one_of_them(figure):
     choice = choose_person(clip(*_after_a_gap(figure, 90, beside=True)), first_frame=100)
     assert all(entry == 0 for t, entry in enumerate(choice.entries) if not 20 <= t < 27)
     assert choice.doubtful == (range(19, 28),)
-    assert "Over frames 119-127 the person may have become one of the others" in choice.note
+    assert "Over frames 119-127 the person may be confused with another" in choice.note
 
 
 @pytest.mark.parametrize("moved, beside", [(5, True), (90, False)])

@@ -104,7 +104,6 @@ def _list(values: Mapping[Any, Any], key: str) -> list[Any]:
 
 
 def _entry(values: Mapping[Any, Any], key: str, place: int) -> Any:
-    """A person's entry."""
     found = values.get(key)
     if not isinstance(found, list) or place >= len(found):
         raise InputError(f"'{key}' has no entry for each person in 'tid'")

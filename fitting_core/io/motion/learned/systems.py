@@ -154,7 +154,6 @@ def _chosen(people: tuple[PersonTrack, ...], number: int | None) -> PersonTrack:
 
 @contextmanager
 def _checked(path: Path) -> Iterator[None]:
-    """Adds the file to error messages."""
     try:
         yield
     except InputError as error:

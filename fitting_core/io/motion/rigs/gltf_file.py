@@ -89,7 +89,6 @@ def said_of(error: Exception) -> str:
 
 
 def _parts(content: bytes) -> tuple[dict[str, Any], bytes]:
-    """JSON and binary chunk."""
     if content[:4] != b"glTF":
         return _json(content), b""
     if len(content) < _HEADER:

@@ -182,7 +182,6 @@ def _avatar(motion: Motion, moving: RigMotion, still: Motion) -> Surface:
 
 
 def _opened(body: BodyModel, moving: RigMotion) -> Float[np.ndarray, "V 3"]:
-    """The surface at rest with the jaw open."""
     target = moving.target
     places = np.stack([target.places[target.of_joint[name]] for name in JOINT])
     turns = target.rest.copy()
