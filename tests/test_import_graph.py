@@ -38,6 +38,7 @@ FLOORS = {
         evaluation server
         exports
         review batch plugin_api
+        home
         cli
         __main__
     """,

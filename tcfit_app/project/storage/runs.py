@@ -27,7 +27,16 @@ from tcfit_app.project.storage.columns import UNKNOWN_TIME, Columns, Count, json
 from tcfit_app.project.storage.database import Database
 from tcfit_app.project.storage.names import checked_name
 from tcfit_app.project.storage.run_files import read_run, write_run
-from tcfit_app.project.storage.run_record import BodyRecord, Ended, Given, Run, RunKind, RunState
+from tcfit_app.project.storage.run_record import (
+    LAST_MOMENT,
+    BodyRecord,
+    Ended,
+    Given,
+    Run,
+    RunKind,
+    RunState,
+    largest,
+)
 
 ENTRY = r"runs/\d{6,}\.npz"
 """What the paths of results in a project's folder look like, as a regular expression."""
@@ -37,16 +46,8 @@ _ORPHANS = "orphans"
 """In _FOLDER: files without a row, as an older copy of the database would leave them. They are never deleted."""
 
 
-def _largest(column: str, table: str) -> str:
-    """The largest of some moments that are none the worse for damage, 0 without any, in SQL."""
-    sound = f"typeof(m) = 'integer' AND m BETWEEN 0 AND {2**52}"
-    return f"(SELECT coalesce(max(m), 0) FROM (SELECT {column} AS m FROM {table}) WHERE {sound})"
-
-
-LAST_MOMENT = _largest("moment", "runs")
-"""The largest `Run.moment`, 0 without any, in SQL."""
 _SAID = "CASE WHEN typeof(action) = 'text' AND json_valid(action) THEN json_extract(action, '$.moment') END"
-_NEXT = f"1 + max({LAST_MOMENT}, {_largest(_SAID, 'edits')}, {_largest('last_moment', 'marks')})"
+_NEXT = f"1 + max({LAST_MOMENT}, {largest(_SAID, 'edits')}, {largest('last_moment', 'marks')})"
 """The next `Run.moment`; marks remember those of runs that have been purged."""
 
 
