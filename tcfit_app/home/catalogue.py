@@ -34,6 +34,8 @@ class Entry:
     """As of `Glance`."""
     first_frame: int = 0
     """As of `Glance`."""
+    by: str = ""
+    """Who has it open, as of `busy`."""
 
 
 class Catalogue:
@@ -96,10 +98,13 @@ class Catalogue:
     def _entry(self, found: Found, before: Entry | None) -> Entry:
         new = _stamp(found)
         entry = before if before is not None and before.stamp == new else _read(found, new)
-        row = msgspec.structs.replace(entry.row, work=self._work_on(found.key))
+        work = self._work_on(found.key)
+        # A fit of our own has the project open: that is told already.
+        by = "" if work is not None and not work.ended else entry.by
+        row = msgspec.structs.replace(entry.row, work=work, busy=by)
         if found.kind == "video" and (length := self._videos.get(found.key)):
             row = msgspec.structs.replace(row, frames=length[0], seconds=length[1])
-        return Entry(found=found, stamp=new, row=row, media=entry.media, first_frame=entry.first_frame)
+        return Entry(found=found, stamp=new, row=row, media=entry.media, first_frame=entry.first_frame, by=entry.by)
 
 
 def _stamp(found: Found) -> Stamp:
@@ -117,16 +122,17 @@ def _read(found: Found, new: Stamp) -> Entry:
     row = Row(
         key=found.key, name="".join(c if c.isprintable() else "?" for c in name), place=found.place, kind=found.kind
     )
-    media, first_frame = tuple[Path, ...](), 0
+    media, first_frame, by = tuple[Path, ...](), 0, ""
     try:
         if found.kind == "project":
             seen = glance(found.path)
             row, media, first_frame = _of_project(row, seen), seen.media, seen.first_frame
+            by = busy(seen.holder)
         elif found.kind == "result":
             row = _of_result(row, found.path / SUMMARY)
     except InputError as error:
         row = msgspec.structs.replace(row, problem=str(error))
-    return Entry(found=found, stamp=new, row=row, media=media, first_frame=first_frame)
+    return Entry(found=found, stamp=new, row=row, media=media, first_frame=first_frame, by=by)
 
 
 def _of_project(row: Row, seen: Glance) -> Row:
@@ -149,7 +155,6 @@ def _of_project(row: Row, seen: Glance) -> Row:
         altered=review.altered,
         note=review.note,
         notes=seen.notes,
-        busy=busy(seen.holder),
     )
 
 

@@ -140,12 +140,8 @@ class WriteNote(_Asked, frozen=True, kw_only=True, tag="note"):
 
 FromPage = Look | Open | Fit | Cancel | Approve | WriteNote
 _DECODER = msgspec.json.Decoder(FromPage)
-MESSAGE_BYTES = 1 << 20
-"""The longest that a page sends."""
 
 
 def decode(message: str | bytes) -> FromPage:
     """Raises msgspec.DecodeError for what no page of ours sends."""
-    if len(message) > MESSAGE_BYTES:
-        raise msgspec.DecodeError(f"{len(message)} bytes")
     return _DECODER.decode(message)

@@ -177,8 +177,9 @@ class Gate:
             return _answer(HTTPStatus.OK, page, {"Content-Type": "text/html; charset=utf-8"})
         if path in self._scripts and not websocket:
             return _answer(HTTPStatus.OK, self._scripts[path], {"Content-Type": "text/javascript; charset=utf-8"})
-        if path.startswith("/?") and not websocket:
-            return _page(HTTPStatus.SEE_OTHER, "", {"Location": HOME})
+        plain, asked, _ = path.partition("?")
+        if asked and not websocket and (plain == HOME or self._has_review(plain)):
+            return _page(HTTPStatus.SEE_OTHER, "", {"Location": plain})  # viser adds a query of its own
         if path == "/favicon.ico" and not websocket:  # browsers ask by themselves, and complain of a 404
             return Response(HTTPStatus.NO_CONTENT, HTTPStatus.NO_CONTENT.phrase, Headers({"Connection": "close"}))
         return _page(HTTPStatus.NOT_FOUND, "There is nothing here. <a href='/'>To the beginning.</a>")

@@ -368,7 +368,6 @@ _FRAMES: tuple[_Row, ...] = (
     ("previous_suspect", "Previous suspicious frame", "Shift+n", lambda g: g.reviewing.go(-1), (_suspects,)),
     ("fine", "Looks fine, or not", "o", lambda g: g.reviewing.dismiss(), (writable, frames)),
     ("flag", "Flag, or not", "t", lambda g: g.reviewing.flag(), (writable, frames)),
-    ("approve", "Approve the clip, or take it back", "Shift+o", lambda g: g.reviewing.approve(), (writable,)),
     ("note", "Write a note", "y", lambda g: g.noting.begin(), (writable, frames)),
     ("copy_link", "Copy a link to this frame and fit", "", lambda g: g.noting.copy_link(), ()),
 )
@@ -380,6 +379,7 @@ _FIT: tuple[_Row, ...] = (
     ("cancel", "Cancel all fitting", "", lambda g: g.tab.session.cancel(), ()),
 )
 _CLIPS: tuple[_Row, ...] = (
+    ("approve", "Approve the clip, or take it back", "Shift+o", lambda g: g.reviewing.approve(), (writable,)),
     ("next_clip", "Next clip of the list", "PageDown", lambda g: g.reviewing.leave("next"), (_listed,)),
     ("previous_clip", "Previous clip of the list", "PageUp", lambda g: g.reviewing.leave("previous"), (_listed,)),
     ("list", "All clips", "Shift+Home", lambda g: g.reviewing.leave("list"), (_listed,)),

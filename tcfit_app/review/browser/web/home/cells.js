@@ -51,11 +51,12 @@ function state(cell, row) {
   const box = element("div", "", cell);
   if (work && !work.ended) {
     element("div", "one", box, work.step);
+    if (work.share == null) return;
     const track = element("div", "track", box);
     track.setAttribute("role", "progressbar");
     track.setAttribute("aria-label", work.step);
-    if (work.share != null) track.setAttribute("aria-valuenow", String(Math.round(100 * work.share)));
-    element("div", "", track).style.width = `${100 * (work.share ?? 0)}%`;
+    track.setAttribute("aria-valuenow", String(Math.round(100 * work.share)));
+    element("div", "", track).style.width = `${100 * work.share}%`;
     return;
   }
   const word = stateOf(row);

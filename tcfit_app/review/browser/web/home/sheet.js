@@ -9,7 +9,8 @@ export const LIST_SHEET = `
 html { color-scheme: dark light; }
 body { margin: 0; height: 100vh; display: flex; flex-direction: column; background: var(--tcfit-surface);
   color: var(--tcfit-text); font: 14px/1.4 ${FONT}; font-variant-numeric: tabular-nums; }
-header { display: flex; flex-wrap: wrap; align-items: center; gap: 8px 14px; padding: 10px 18px; border-bottom: 1px solid var(--tcfit-rule); }
+header.tcfit-panel { display: flex; flex-wrap: wrap; align-items: center; gap: 8px 12px; padding: 10px 18px;
+  border-bottom: 1px solid var(--tcfit-rule); }
 h1 { flex: none; max-width: 30vw; margin: 0 6px 0 0; font-size: 18px; font-weight: 600; color: var(--tcfit-strong);
   overflow: hidden; text-overflow: ellipsis; white-space: nowrap; }
 header.tcfit-panel button { flex: none; height: 30px; padding: 0 12px; }
@@ -24,15 +25,17 @@ header .tcfit-told { flex: 1 1 auto; text-align: right; color: var(--tcfit-dim);
 tr:focus-visible { outline-offset: -2px; }
 main { flex: 1 1 0; min-height: 0; overflow: auto; scrollbar-gutter: stable; }
 table { width: 100%; border-collapse: separate; border-spacing: 0; table-layout: fixed; }
-thead th { position: sticky; top: 0; z-index: 1; height: 34px; padding: 0 10px; border-bottom: 1px solid var(--tcfit-rule);
+thead th { position: sticky; top: 0; z-index: 1; height: 34px; padding: 0 10px; overflow: hidden; border-bottom: 1px solid var(--tcfit-rule);
   background: var(--tcfit-surface); font-weight: 500; text-align: left; color: var(--tcfit-dim); white-space: nowrap; }
 thead button { padding: 4px 0; border: 0; background: none; color: inherit; font: inherit; cursor: pointer; }
 thead button:hover { color: var(--tcfit-strong); }
 th[aria-sort] button { color: var(--tcfit-strong); }
 th[aria-sort=ascending] button::after { content: " ▲"; font-size: 10px; }
 th[aria-sort=descending] button::after { content: " ▼"; font-size: 10px; }
-.check { width: 22px; } .picture { width: 56px; } .name { width: 23%; } .length { width: 92px; } .state { width: 17%; }
-.error { width: 62px; } .reviewer { width: 12%; } .note { width: 17%; }
+:is(th, td) { box-sizing: border-box; }
+:is(th, td).check { padding-left: 18px; }
+.check { width: 42px; } .picture { width: 60px; } .name { width: 20%; } .length { width: 104px; } .state { width: 14%; }
+.error { width: 82px; } .reviewer { width: 12%; } .note { width: 15%; }
 .number { text-align: right; }
 tbody tr.clip { height: ${ROW}px; cursor: default; }
 tbody td { height: ${ROW - 1}px; padding: 0 10px; border-bottom: 1px solid var(--tcfit-rule); overflow: hidden; vertical-align: middle; }
