@@ -1,7 +1,7 @@
 """Fits that wait for their turn, one after the other."""
 
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from multiprocessing.connection import wait
 from pathlib import Path
 
@@ -26,7 +26,7 @@ class FitQueue:
     def __init__(
         self,
         place: Callable[[str], tuple[Path, Path | None]],
-        changed: Callable[[Iterable[str]], None],
+        changed: Callable[[Collection[str]], None],
         models: Path | None = None,
     ) -> None:
         self._place, self._changed, self._models = place, changed, models

@@ -12,7 +12,8 @@ from typing import Any
 import msgspec
 import pytest
 from websockets.exceptions import InvalidStatus
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import connect
+from websockets.sync.connection import Connection
 
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
@@ -47,7 +48,7 @@ class Served:
         client.close()
         return answer.status, answer.headers.get("Location") or text
 
-    def socket(self, path: str = SOCKET, cookie: str | None = None, origin: str | None = None) -> ClientConnection:
+    def socket(self, path: str = SOCKET, cookie: str | None = None, origin: str | None = None) -> Connection:
         address = self.server.address.url
         return connect(
             address.replace("http", "ws", 1) + path,
@@ -87,7 +88,7 @@ def until(condition: Callable[[], Any]) -> Any:
     return found
 
 
-def received(socket: ClientConnection, kind: str, so: Callable[[dict[str, Any]], Any] = lambda message: True) -> Any:
+def received(socket: Connection, kind: str, so: Callable[[dict[str, Any]], Any] = lambda message: True) -> Any:
     """The next message of a kind of which something is so."""
     end = time.monotonic() + PATIENCE
     while time.monotonic() < end:
@@ -97,7 +98,7 @@ def received(socket: ClientConnection, kind: str, so: Callable[[dict[str, Any]],
     raise AssertionError(f"no {kind}")
 
 
-def send(socket: ClientConnection, **message: object) -> None:
+def send(socket: Connection, **message: object) -> None:
     socket.send(msgspec.json.encode(message).decode())
 
 
