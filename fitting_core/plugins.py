@@ -15,6 +15,8 @@ from typing import Generic, Literal, TypeVar, get_args
 Group = Literal["tcfit.readers", "tcfit.exports", "tcfit.findings", "tcfit.metrics"]
 GROUPS: tuple[Group, ...] = get_args(Group)
 
+FAILURES = (Exception, SystemExit)
+"""What a stranger's code raises and only that is to end by; a plugin is no program, so `sys.exit` is a fault too."""
 _NAME = re.compile(r"[a-z0-9][a-z0-9_-]*")
 _log = logging.getLogger(__name__)
 Thing = TypeVar("Thing")
@@ -117,7 +119,7 @@ def loaded(group: Group) -> tuple[Plugin[object], ...]:
             continue
         try:
             thing = point.load()
-        except (Exception, SystemExit) as error:  # whatever a stranger's module does when it is imported
+        except FAILURES as error:  # whatever a stranger's module does when it is imported
             plugin.reports(f"{point.value} cannot be imported ({_in_words(error)})")
             continue
         found.append(Plugin(group=group, name=point.name, package=package, thing=thing))

@@ -20,6 +20,8 @@ _KINDS: dict[Callable[[int], bool], str] = {
     stat.S_ISCHR: "a device",
     stat.S_ISBLK: "a device",
 }
+_KERNEL = (("proc",), ("sys",))
+"""Roots whose files say that they are empty, and may never be read to an end."""
 
 
 def refusal(path: Path, *, most: int | None = MAX_BYTES, expected: str = "a file") -> str:
@@ -40,6 +42,8 @@ def refusal(path: Path, *, most: int | None = MAX_BYTES, expected: str = "a file
     if not stat.S_ISREG(found.st_mode):
         kind = next((name for is_kind, name in _KINDS.items() if is_kind(found.st_mode)), "something else")
         return f"is {kind}, expected {expected}"
+    if not found.st_size and path.resolve().parts[1:2] in _KERNEL:
+        return f"is a file of the kernel, expected {expected}"
     if most is not None and found.st_size > most:
         unit, name = (2**30, "GB") if most >= 2**30 else (2**20, "MB")
         return f"has {found.st_size / unit:.1f} {name}, expected at most {most / unit:.1f} {name}"

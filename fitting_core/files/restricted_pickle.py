@@ -39,7 +39,7 @@ class Stream:
         if self._size is not None:
             count = min(count, max(self._size - self._file.tell(), 0))
         if count > self.left:
-            raise InputError(f"holds more than {self._most / 2**30:.0f} GB, which no result does")
+            raise InputError(f"holds more than {self._most / 2**30:.1f} GB, which no result of its size does")
         data = self._file.read(count)
         self.left -= len(data)
         return data

@@ -15,7 +15,7 @@ from fitting_core.measure.limbs import LIMB_FIGURES, Limbs, limb_figures, pa_mpj
 from fitting_core.measure.mesh.errors import MeshErrors, PosedBody, mesh_errors
 from fitting_core.measure.pairing import BODY_JOINTS, Estimate, Pair
 from fitting_core.measure.references.reference import Reference
-from fitting_core.plugins import Plugin, added
+from fitting_core.plugins import FAILURES, Plugin, added
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,7 +112,7 @@ def number_of(plugin: Plugin, value: Callable[[Measured], float | None]) -> Call
         try:
             found = value(of)
             number = None if found is None else float(found)
-        except Exception as error:
+        except FAILURES as error:
             plugin.reports(error)
             return None
         return number if number is None or np.isfinite(number) else None

@@ -19,7 +19,7 @@ from fitting_core.fit.evidence.sides import PAIRED, unswapped
 from fitting_core.frame_runs import runs_where
 from fitting_core.image_border import seen_confidence
 from fitting_core.keypoints import SEEN
-from fitting_core.plugins import Plugin, added
+from fitting_core.plugins import FAILURES, Plugin, added
 from tcfit_app.analysis.body_regions import KEYPOINT_OF_JOINT, LIMB_OF, REGION_OF, REGIONS, spoken, spoken_bone
 from tcfit_app.analysis.posed_fit import GROUPS, PosedFit
 
@@ -323,7 +323,7 @@ def _reported(plugin: Plugin[Callable[[PosedFit], Iterable[Finding]]], fit: Pose
                 plugin.reports(wrong)
                 return
             yield finding
-    except Exception as error:
+    except FAILURES as error:
         plugin.reports(error)
 
 

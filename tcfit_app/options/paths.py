@@ -12,6 +12,8 @@ from fitting_core.files.regular import legible
 
 _LONGEST_NAME, _LONGEST = 255, 4095
 """Bytes of a file's name and of a path, as Linux has them."""
+_NAMES_OR_PATHS = ("body_model", "pose_prior", "detector")
+"""Options that take the name of something known, or a path."""
 
 
 def check_paths(options: Any) -> None:
@@ -39,7 +41,8 @@ def _paths_in(options: Any) -> Iterator[Path]:
             yield from _paths_in(value)
     elif is_dataclass(options):
         for field in fields(options):
-            yield from _paths_in(getattr(options, field.name))
+            value = getattr(options, field.name)
+            yield from _paths_in(Path(value) if field.name in _NAMES_OR_PATHS and value else value)
 
 
 def _fault(path: Path) -> str:

@@ -182,12 +182,15 @@ def test_an_export_that_cannot_be_used_is_left_out(
     assert [check.status for check in doctor.check_plugins()] == ["warning"]
 
 
-def test_an_export_that_fails_while_it_writes(odd, tmp_path: Path, free_body: BodyModel, capsys: pytest.CaptureFixture):
-    odd(EXPORT.format("lambda source, path, progress: path.write_text('half') / 0"), exports="mine = odd:E")
+@pytest.mark.parametrize(("fault", "name"), [("/ 0", "ZeroDivisionError"), ("and exit(7)", "SystemExit: 7")])
+def test_an_export_that_fails_while_it_writes(
+    odd, fault: str, name: str, tmp_path: Path, free_body: BodyModel, capsys: pytest.CaptureFixture
+):
+    odd(EXPORT.format(f"lambda source, path, progress: path.write_text('half') {fault}"), exports="mine = odd:E")
     write_result(tmp_path / "fit", waving_fit(2.0), sample_clip(), free_body)
     assert main(["export", str(tmp_path / "fit"), "--formats", "mine", "--out", str(tmp_path)]) == 2
     said = capsys.readouterr().err
-    assert "T cannot be written" in said and "ZeroDivisionError" in said and "odd 0.1" in said
+    assert "T cannot be written" in said and name in said and "odd 0.1" in said
     assert not list(tmp_path.glob("*.t"))
 
 
@@ -213,6 +216,7 @@ SOUND = "frame=1, score=9.0, reason='r', joints=()"
     ("code", "reason"),
     [
         (FINDING.format(SOUND) + "    1 / 0\n", "ZeroDivisionError"),
+        (FINDING.format(SOUND) + "    raise SystemExit(7)\n", "SystemExit: 7"),
         (FINDING.format(SOUND) + "    yield 3\n", "it found int; expected Finding"),
         (FINDING.format(SOUND) + f"    yield Finding({SOUND.replace('1,', '99,')})\n", "something in frame 99"),
         (
@@ -232,7 +236,7 @@ def test_a_finding_that_fails_finds_no_more(odd, code: str, reason: str, tiny_bo
 
 
 def test_metrics_that_fail_have_no_value(odd, tiny_body: BodyModel):
-    code = API + "F = FigureKind(title='', unit='', value=lambda pair: 1 / 0)\n"
+    code = API + "F = FigureKind(title='', unit='', value=lambda pair: exit(7))\n"
     odd(code + "M = MetricKind(title='', unit='', value=lambda run: 'many')\n", metrics="a = odd:F\nb = odd:M")
     fit = fit_of(tiny_body, still_params(4))
     found = {m.name: m.value for m in run_metrics(MeasuredRun(fit=fit, phase=phase_of(fit.params), seconds=1.0))}
@@ -241,7 +245,7 @@ def test_metrics_that_fail_have_no_value(odd, tiny_body: BodyModel):
 
 
 def test_a_reader_that_fails_leaves_the_formats_of_tcfit(odd, tmp_path: Path):
-    code = API + "R = KeypointReader(title='R', recognises=lambda path, start: 1 / 0, read=print)\n"
+    code = API + "R = KeypointReader(title='R', recognises=lambda path, start: exit(7), read=print)\n"
     code += "S = KeypointReader(title='S', recognises=lambda path, start: path.suffix == '.s', read=print)\n"
     odd(code, readers="r = odd:R\ns = odd:S")
     with pytest.raises(InputError, match="is no keypoint format"):

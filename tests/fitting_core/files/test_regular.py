@@ -101,6 +101,13 @@ def test_the_kind_is_told(tmp_path: Path, make: Callable[[Path], None], says: st
         regular_file(path)
 
 
+@pytest.mark.skipif(not Path("/proc/kmsg").exists(), reason="this system has no such files")
+def test_a_file_of_the_kernel():
+    """It says that it is a plain file without content, and whoever reads it waits for ever."""
+    with pytest.raises(InputError, match="/proc/kmsg: is a file of the kernel, expected a file"):
+        regular_file(Path("/proc/kmsg"))
+
+
 def test_a_socket(tmp_path: Path, listening: socket.socket, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)  # a socket's name has at most 108 bytes
     listening.bind("here")

@@ -416,3 +416,9 @@ def test_models_are_listed_and_added(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert "none.zip" in capsys.readouterr().err
     assert main(["models", "add"]) == 2
     assert "no path given" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("option", ["--body-model", "--pose-prior", "--detector"])
+def test_a_path_that_is_too_long_where_a_name_may_be(option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    assert main(["fit", "clip.mp4", "--out", str(tmp_path / "out"), option, "a" * 5000]) == 2
+    assert "is too long; expected names of at most 255 bytes" in capsys.readouterr().err

@@ -2,6 +2,7 @@
 
 import bz2
 import gzip
+import io
 import lzma
 import re
 import zipfile
@@ -24,6 +25,9 @@ _OBJECTS = re.compile(r"(?:.*/)?(?:hps_track_\d{1,6}|camera)\.npy|results\.npy",
 """Members of archives that are arrays of objects: TRAM's and ROMP's. Others are not looked at."""
 _LZ4 = b"\x04\x22\x4d\x18"
 _PICKLE, _NPY = b"\x80", b"\x93NUMPY"
+_FREE, _RATIO = 2**28, 50
+"""Bytes that a packed pickle may always unpack to, and how many times its own size more. Poses and vertices shrink to a
+tenth at best; a bomb, to a thousandth."""
 
 
 class _Inflated:
@@ -115,8 +119,9 @@ def _of_packed(unpack: Callable[[BinaryIO], Any], file: BinaryIO) -> Any:
         holds_pickle = unpack(file).read(1) == _PICKLE
     except (OSError, EOFError, zlib.error, lzma.LZMAError):
         return None
+    most = min(_FREE + _RATIO * file.seek(0, io.SEEK_END), MAX_BYTES)
     file.seek(0)
-    return unpickled(Stream(unpack(file), None, most=MAX_BYTES)) if holds_pickle else None
+    return unpickled(Stream(unpack(file), None, most=most)) if holds_pickle else None
 
 
 def _of_zip(archive: zipfile.ZipFile, left: int) -> Any:
