@@ -3,7 +3,6 @@
 torch and what needs it are imported late: they take two seconds, in which the browser loads its page.
 """
 
-import threading
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, closing
 from dataclasses import replace
@@ -118,9 +117,8 @@ def _review_many(options: ReviewOptions) -> None:
     home = Home(root, files=options.server.files, models=options.models)
     try:
         with _served(home.catalogue.root.name, options.server, home) as server:
-            threading.Thread(target=_load_all, daemon=True).start()
             log_warnings()
-            home.run(server)
+            home.run(server, _load_all)
     except KeyboardInterrupt:
         tell("Ending the review ...")
     finally:
@@ -129,7 +127,7 @@ def _review_many(options: ReviewOptions) -> None:
 
 
 def _load_all() -> None:
-    """While the list is read and looked at."""
+    """While the list is looked at: reading it would take twice as long beside this."""
     load_app()
     prepare_fits()
 

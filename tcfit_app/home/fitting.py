@@ -2,6 +2,7 @@
 be stopped at any moment. What it has stored by then stays; keypoints go on where they were."""
 
 import logging
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from multiprocessing.connection import Connection
@@ -29,13 +30,15 @@ from tcfit_app.project.project import Project
 from tcfit_app.project.storage.database import is_project
 
 Report = Callable[[Work], None]
+_BETWEEN = 0.5
+"""Seconds."""
 
 
-def serve(pipe: Connection, folder: Path, video: Path | None, models: Path | None) -> None:
+def serve(pipe: Connection, folder: Path, models: Path | None) -> None:
     """What the process does: it sends `Work` through the pipe, and at its end None, or one that has ended."""
     child_processes.end_with_parent()
     try:
-        fit_project(folder, video, pipe.send, models=models)
+        fit_project(folder, _seldom(pipe.send), models=models)
         pipe.send(None)
     except InputError as error:
         pipe.send(Work(step=str(error), ended=True))
@@ -51,14 +54,24 @@ def make_project(folder: Path, video: Path) -> None:
         Project.create(folder, read_footage(video)).close()
 
 
-def fit_project(
-    folder: Path, video: Path | None, report: Report, *, models: Path | None = None, config: FitConfig | None = None
-) -> None:
+def _seldom(report: Report) -> Report:
+    """The same, told of a step that goes on twice a second."""
+    step, told = "", 0.0
+
+    def seldom(work: Work) -> None:
+        nonlocal step, told
+        if work.step != step or time.monotonic() > told + _BETWEEN:
+            step, told = work.step, time.monotonic()
+            report(work)
+
+    return seldom
+
+
+def fit_project(folder: Path, report: Report, *, models: Path | None = None, config: FitConfig | None = None) -> None:
     """Fit a project with the default preset; keypoints are found if it has none.
 
     Args:
-        folder: Of the project, which is made if there is a video.
-        video: Of which.
+        folder: Of the project.
         report: Is told how far it is.
         models: Folder of body models.
         config: In place of the default.
@@ -66,8 +79,6 @@ def fit_project(
     Raises:
         InputError: Somebody has it open, nobody is found, the body is missing, or it cannot be read or written.
     """
-    if video is not None:
-        make_project(folder, video)
     with Project.open(folder) as project:
         body = load_body(body_file(BodyOptions(models=models)))
         _find_keypoints(project, report)
@@ -100,7 +111,7 @@ def _find_keypoints(project: Project, report: Report) -> None:
     if project.has_detections:
         return
     found = Detect(detector=ClipOptions().detector).run(
-        project.clip, lambda step, share: report(Work(step=f"Keypoints: {step}", share=share))
+        project.clip, lambda step, share: report(Work(step="Finding keypoints", share=share))
     )
     project.take_detections(
         found.keypoints, found.notes, detector=found.detector, silhouettes=found.silhouettes, camera=found.camera

@@ -161,20 +161,29 @@ class Home:
     def _open(self, watcher: _Watcher, asked: Open) -> None:
         entry = self._entry(asked.key)
         if entry.found.kind == "video":
-            from tcfit_app.home.fitting import make_project
+            entry = self._made_of(entry)
+        self.reviews.open(entry.found.key)
+        watcher.send(Opened(key=entry.found.key))
 
-            folder = _project_of(entry)
-            make_project(folder, entry.found.path)
-            self.look()
-            entry = next(e for e in map(self.catalogue.get, self._keys()) if e is not None and e.found.path == folder)
-        key = entry.found.key
-        self.reviews.open(key)
-        watcher.send(Opened(key=key))
+    def _made_of(self, video: Entry) -> Entry:
+        """The project that is made of a video, beside it, without keypoints yet."""
+        from tcfit_app.home.fitting import make_project
+
+        folder = video.found.path.with_suffix(".tcfit")
+        make_project(folder, video.found.path)
+        self.look()
+        entries = (self.catalogue.get(row.key) for row in self.catalogue.rows())
+        return next(entry for entry in entries if entry is not None and entry.found.path == folder)
 
     def _fit(self, watcher: _Watcher, asked: Fit) -> None:
-        if results := [e.row.name for e in map(self._entry, asked.keys) if e.found.kind == "result"]:
+        entries = list(map(self._entry, asked.keys))
+        if results := [entry.row.name for entry in entries if entry.found.kind == "result"]:
             raise InputError(f"{results[0]}: is a result; make a project of its clip, to fit it again.")
-        self._queue.add(asked.keys)
+        for entry in entries:
+            try:
+                self._queue.add([(self._made_of(entry) if entry.found.kind == "video" else entry).found.key])
+            except InputError as error:  # the others are fitted all the same
+                watcher.send(Told(text=str(error)))
 
     def _cancel(self, watcher: _Watcher, asked: Cancel) -> None:
         self._queue.cancel(asked.keys)
@@ -204,9 +213,6 @@ class Home:
 
     # --- clips ---
 
-    def _keys(self) -> list[str]:
-        return [row.key for row in self.catalogue.rows()]
-
     def _entry(self, key: str) -> Entry:
         entry = self.catalogue.get(key)
         if entry is None:
@@ -219,14 +225,12 @@ class Home:
             raise InputError(f"{entry.row.name}: is no project. Open it from the list.")
         return entry.found.path
 
-    def _place_of(self, key: str) -> tuple[Path, Path | None]:
+    def _place_of(self, key: str) -> Path:
         """See `FitQueue`."""
-        entry = self._entry(key)
-        if entry.found.kind == "video":
-            return _project_of(entry), entry.found.path
+        folder = self._folder_of(key)
         if not self.reviews.release(key):
             raise InputError(f"{self.reviews.viewers(key) or 'Somebody'} has it open: fit it there.")
-        return entry.found.path, None
+        return folder
 
     # --- news ---
 
@@ -245,10 +249,11 @@ class Home:
 
     # --- life ---
 
-    def run(self, server: ReviewServer) -> None:
-        """Serve until Ctrl-C."""
+    def run(self, server: ReviewServer, then: Callable[[], None] = lambda: None) -> None:
+        """Serve until Ctrl-C; `then` is run by a thread of its own once the list is there."""
         self.reviews.serve(server.viser)
         self.look()
+        threading.Thread(target=then, daemon=True).start()
         rest = 0.0
         while not self._stop:
             self._wake.wait(max(EVERY, rest) if self._watchers else EVERY)
@@ -271,11 +276,6 @@ class Home:
         self.reviews.close()
         self._pool.shutdown(cancel_futures=True)
         self._drawing.shutdown(cancel_futures=True)
-
-
-def _project_of(video: Entry) -> Path:
-    """Where a video's project is made: beside it."""
-    return video.found.path.with_suffix(".tcfit")
 
 
 _RECEIVERS: dict[type, Callable[[Home, _Watcher, Any], None]] = {

@@ -17,15 +17,15 @@ class FitQueue:
     """Thread-safe.
 
     Args:
-        place: Tells, when the turn of a key has come, of what folder a project is to be fitted, and of what video it is
-            to be made. Raises ValueError, with what the user is told, if that cannot be now.
+        place: Tells, when the turn of a key has come, the project's folder. Raises ValueError, with what the user is
+            told, if it cannot be fitted now.
         changed: Is told of keys about which there is news, from a thread of its own.
         models: Folder of body models.
     """
 
     def __init__(
         self,
-        place: Callable[[str], tuple[Path, Path | None]],
+        place: Callable[[str], Path],
         changed: Callable[[Collection[str]], None],
         models: Path | None = None,
     ) -> None:
@@ -73,7 +73,7 @@ class FitQueue:
     def _run(self) -> None:
         while (key := self._next()) is not None:
             try:
-                ended = self._fitted(key, *self._place(key))
+                ended = self._fitted(key, self._place(key))
             except ValueError as error:
                 ended = Work(step=str(error), ended=True)
             with self._guard:
@@ -94,12 +94,12 @@ class FitQueue:
                 self._guard.wait()
         return None
 
-    def _fitted(self, key: str, folder: Path, video: Path | None) -> Work | None:
+    def _fitted(self, key: str, folder: Path) -> Work | None:
         """Fit it; None if that went well, or was cancelled."""
         from tcfit_app.home.fitting import serve  # torch's two seconds are not for the list
 
         ours, theirs = child_processes.CONTEXT.Pipe()
-        process = child_processes.CONTEXT.Process(target=serve, args=(theirs, folder, video, self._models), daemon=True)
+        process = child_processes.CONTEXT.Process(target=serve, args=(theirs, folder, self._models), daemon=True)
         process.start()
         theirs.close()
         try:

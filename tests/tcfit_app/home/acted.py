@@ -8,7 +8,7 @@ from pathlib import Path
 from tcfit_app.home.messages import Work
 
 
-def acted(pipe: Connection, folder: Path, video: Path | None, models: Path | None) -> None:
+def acted(pipe: Connection, folder: Path, models: Path | None) -> None:
     """In place of a fit: what the folder's name says."""
     pipe.send(Work(step="Phase 1 of 3", share=0.5))
     if folder.name == "fails":

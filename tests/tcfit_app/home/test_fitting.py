@@ -31,20 +31,20 @@ def _quick(monkeypatch: pytest.MonkeyPatch, tiny_body: BodyModel) -> None:
 def test_a_fit_its_worst_place_and_its_picture(tmp_path: Path, tiny_body: BodyModel):
     folder, told = tmp_path / "walk.tcfit", list[Work]()
     Project.create(folder, small_clip(tiny_body)).close()
-    fit_project(folder, None, told.append, config=QUICK)
+    fit_project(folder, told.append, config=QUICK)
     seen = glance(folder)
     assert (seen.state, seen.fit) == ("fitted", 1) and seen.error is not None
     assert seen.review.worst is not None and seen.review.worst.run == 1
     assert (folder / NAME).read_bytes().startswith(b"\xff\xd8")
     assert any(work.step.startswith("Phase 1 of 3") and work.share for work in told)
-    fit_project(folder, None, told.append, config=QUICK)
+    fit_project(folder, told.append, config=QUICK)
     assert glance(folder).fit == 2
 
 
 def test_a_project_that_somebody_has_open_is_left_alone(tmp_path: Path, tiny_body: BodyModel):
     folder = tmp_path / "walk.tcfit"
     with Project.create(folder, small_clip(tiny_body)) as project, pytest.raises(ProjectLocked):
-        fit_project(folder, None, lambda work: None, config=QUICK)
+        fit_project(folder, lambda work: None, config=QUICK)
     assert project.runs is not None and glance(folder).fit is None
 
 
@@ -64,12 +64,14 @@ def test_a_video_gets_a_project_and_its_keypoints(
     monkeypatch.setattr(fitting, "Detect", Found)
     monkeypatch.setattr(fitting, "fit_events", stop)
     video, folder, told = write_video(tmp_path / "walk.mp4", frames=FRAMES), tmp_path / "walk.tcfit", list[Work]()
+    make_project(folder, video)
+    assert glance(folder).state == "new"
     with pytest.raises(InputError, match="far enough"):
-        fit_project(folder, video, told.append)
+        fit_project(folder, told.append)
     with Project.open(folder) as project:
         assert project.has_detections and project.media.path is not None and project.media.path.samefile(video)
         assert [run.state for run in project.runs.all()] == ["failed"]
-    assert Work(step="Keypoints: 3 of 8 frames", share=0.4) in told
+    assert Work(step="Finding keypoints", share=0.4) in told
 
 
 def test_a_project_that_is_there_stays(tmp_path: Path, tiny_body: BodyModel):

@@ -18,10 +18,10 @@ PATIENCE = 120.0
 def queue(monkeypatch: pytest.MonkeyPatch) -> Iterator[FitQueue]:
     monkeypatch.setattr(fitting, "serve", acted)
 
-    def place(key: str) -> tuple[Path, None]:
+    def place(key: str) -> Path:
         if key == "open":
             raise ValueError("anna has it open: fit it there.")
-        return Path(key), None
+        return Path(key)
 
     made = FitQueue(place, lambda keys: None)
     try:
