@@ -139,6 +139,7 @@ def _of_project(row: Row, seen: Glance) -> Row:
     review, worst = seen.review, seen.review.worst
     if worst is not None and worst.run != seen.fit:
         worst = None
+    begun = seen.state in ("in review", "approved")  # who has only looked in is no reviewer
     return msgspec.structs.replace(
         row,
         name=seen.name,
@@ -150,8 +151,8 @@ def _of_project(row: Row, seen: Glance) -> Row:
         words="" if worst is None else worst.words,
         frame=None if worst is None or not worst.left else seen.first_frame + worst.frame,
         error=seen.error,
-        reviewer=review.reviewer,
-        spent=sum(review.seconds.values()),
+        reviewer=review.reviewer if begun else "",
+        spent=sum(review.seconds.values()) if begun else 0.0,
         altered=review.altered,
         note=review.note,
         notes=seen.notes,
