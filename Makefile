@@ -27,7 +27,7 @@ help: ## This list
 
 install: $(INSTALLED) $(NETWORKS) ## Set up .venv, fetch the networks that detect keypoints, and nothing else
 
-demo: $(INSTALLED) $(NETWORKS) ## Make a clip, fit it, and open it in the browser
+demo: $(INSTALLED) $(NETWORKS) ## Open the demo clip in the browser, with its fit coming in
 	@$(VENV)/bin/tcfit demo $(ARGS)
 
 # Compiled modules are kept even where the environment asks for none: tests start dozens of processes.

@@ -21,9 +21,9 @@ from tyro.conf import OmitArgPrefixes, UseAppendAction
 
 from benchmarks.accuracy_sets import COLUMNS, KEPT_APART, SETS, Figures, Setting
 from benchmarks.report import Common, Row, number, progress, report, start
+from evaluation.suite_runs import done_tasks
 from fitting_core.errors import InputError
 from fitting_core.fit.fused import ready
-from tcfit_app.evaluation.suite_runs import done_tasks
 from tcfit_app.options.fit import MethodOptions, fit_config
 
 _TITLE = "Accuracy"

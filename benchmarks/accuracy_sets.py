@@ -9,6 +9,8 @@ import numpy as np
 
 from benchmarks.clips import data_folder, read
 from benchmarks.standing import bend, case, lean
+from evaluation.synthetic.motion_suite.clips import make_motion, motion_sequences
+from evaluation.synthetic.motion_suite.depth_figures import DepthRecord, depth_figures, measured
 from fitting_core import keypoints as kp
 from fitting_core import metrics
 from fitting_core.body.model import JOINT, BodyModel
@@ -25,8 +27,6 @@ from fitting_core.measure.limbs import HIPS, Limbs, limb_figures, pa_mpjpe
 from fitting_core.measure.references.points import read_points
 from fitting_core.measure.references.reference import Reference
 from fitting_core.measure.references.resampling import at_frames_of
-from fitting_core.synthetic.motion_suite.clips import make_motion, motion_sequences
-from fitting_core.synthetic.motion_suite.depth_figures import DepthRecord, depth_figures, measured
 from tests.samples.carried import CARRIED, carried_clip, gesturing, pixel_errors
 
 Figures = dict[str, float]

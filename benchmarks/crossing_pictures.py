@@ -12,6 +12,10 @@ from tyro.conf import OmitArgPrefixes
 
 from benchmarks.crossing_people import row
 from benchmarks.report import Common, Row, progress, report, start
+from evaluation.synthetic.motion_suite.windows import FRAME_RATE
+from evaluation.synthetic.studio.clothing import Outfit
+from evaluation.synthetic.studio.studio import Studio
+from evaluation.synthetic.studio.view import View
 from fitting_core.body.geometry import vertex_normals
 from fitting_core.body.mesh import shared_mesh
 from fitting_core.body.points.positions import keypoints_in_space
@@ -21,10 +25,6 @@ from fitting_core.detect.detectors import DEFAULT, find_detector
 from fitting_core.detect.found import found_detections
 from fitting_core.detect.stored import StoredDetection
 from fitting_core.keypoints import BODY
-from fitting_core.synthetic.motion_suite.windows import FRAME_RATE
-from fitting_core.synthetic.studio.clothing import Outfit
-from fitting_core.synthetic.studio.studio import Studio
-from fitting_core.synthetic.studio.view import View
 from fitting_core.video.frames import FrameSource
 from tests.samples.company.filmed import CAMERA, Acting, Company, rehearsed
 from tests.samples.company.scenes import SCENES

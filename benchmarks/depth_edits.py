@@ -17,6 +17,7 @@ from jaxtyping import Float
 from tyro.conf import OmitArgPrefixes
 
 from benchmarks.report import Common, Row, progress, report, start
+from evaluation.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
@@ -29,7 +30,6 @@ from fitting_core.fit.phases.limb_flips import LIMBS, LimbFlips
 from fitting_core.fit.phases.limb_flips import Limb as TwoBones
 from fitting_core.fit.stages import Stages
 from fitting_core.keypoints import INDEX
-from fitting_core.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
 from tcfit_app.fitting.jobs import around
 from tcfit_app.fitting.live import REACH
 from tcfit_app.review.gestures.depths import Limb, SeenBody, Way, limbs_of

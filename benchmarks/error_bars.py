@@ -18,6 +18,7 @@ from scipy.optimize import minimize
 from tyro.conf import OmitArgPrefixes
 
 from benchmarks.report import Common, Row, progress, report, start
+from evaluation.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space
@@ -31,7 +32,6 @@ from fitting_core.fit.uncertainty.deviations import deviations
 from fitting_core.measure.angles.joint_angles import joint_angles
 from fitting_core.motion import Motion
 from fitting_core.results.error_bars import ANGLES, DIRECTIONS, JOINTS, WIDER, ErrorBars
-from fitting_core.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
 
 PELVIS = JOINT["pelvis"]
 INSIDE = np.array([0.68, 0.95])

@@ -10,13 +10,13 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.hard_poses import Arm, HardPose, Leg, Vector
 from build_assets.motion_capture.retarget import collar_rotation
+from evaluation.synthetic.acting.limbs import LIMBS, Figure, hand_rotation
 from fitting_core.body.handshapes import HANDSHAPES, finger_angles
 from fitting_core.body.model import N_HAND_COMPONENTS, N_JOINTS, POSE_JOINTS, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.camera import Camera
 from fitting_core.keypoints import COUNT, Keypoints
-from fitting_core.synthetic.acting.limbs import LIMBS, Figure, hand_rotation
 
 CAMERA = Camera(focal=(1150.0, 1150.0), center=(500.0, 500.0), size=(1000, 1000), source="given")
 DISTANCE = 3.5

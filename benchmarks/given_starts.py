@@ -23,6 +23,9 @@ from torch import Tensor
 from tyro.conf import OmitArgPrefixes
 
 from benchmarks.report import Common, Row, progress, report, start
+from evaluation.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
+from evaluation.synthetic.motion_suite.depth_figures import LIMB_JOINTS
+from evaluation.synthetic.motion_suite.windows import HALVES
 from fitting_core.body import rotations
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
@@ -37,9 +40,6 @@ from fitting_core.measure.pairing import BODY_JOINTS
 from fitting_core.metrics import mpjpe, pa_mpjpe
 from fitting_core.results.given_start import GivenStart
 from fitting_core.starts.reading import read_start
-from fitting_core.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
-from fitting_core.synthetic.motion_suite.depth_figures import LIMB_JOINTS
-from fitting_core.synthetic.motion_suite.windows import HALVES
 from tests.samples.excerpts import picked
 
 _HIPS = [LIMB_JOINTS.index(JOINT[f"{side}_hip"]) for side in ("left", "right")]

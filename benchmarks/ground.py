@@ -16,19 +16,20 @@ from scipy.spatial.distance import pdist
 from tyro.conf import OmitArgPrefixes, arg
 
 from benchmarks.report import Common, Row, progress, report, start
+from evaluation.suite_runs import fitted_body
+from evaluation.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
 from fitting_core.body.model import JOINT
 from fitting_core.fit.evidence.observations import lifted_keypoints
 from fitting_core.fit.grounded import grounding_of_params
 from fitting_core.frame_runs import runs_where
 from fitting_core.ground.feet import sole_heights, stance_of
 from fitting_core.ground.gravity import angles, robust_mean, rolled_views
-from fitting_core.ground.grounding import Grounding, grounding_before_fit
+from fitting_core.ground.grounding import Grounding
 from fitting_core.ground.placing import places
 from fitting_core.ground.plane import lowest
 from fitting_core.image_border import seen_confidence
 from fitting_core.io.result_files import read_fit
-from fitting_core.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
-from tcfit_app.evaluation.suite_runs import fitted_body
+from tests.samples.before_fit import grounding_before_fit
 
 _UP = np.array([0.0, 1.0, 0.0])
 _SHORTEST = 0.1
@@ -42,7 +43,7 @@ class GroundOptions:
     half: Literal["tuning", "untouched"] = "tuning"
     focal: Literal["true", "default"] = "true"
     fits: Annotated[Path | None, arg(metavar="FOLDER")] = None
-    """Fits of `tcfit evaluate --suite motion`: its folder fits/<focal>/<preset>. Without it, only what is known before
+    """Fits of `python -m evaluation motion`: its folder fits/<focal>/<preset>. Without it, only what is known before
     a fit is measured."""
     common: OmitArgPrefixes[Common] = field(default_factory=Common)
 

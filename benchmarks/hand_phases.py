@@ -19,6 +19,9 @@ from tyro.conf import OmitArgPrefixes, Positional
 
 from benchmarks.handshapes import Handshapes, captioned, hand_picture, scene
 from benchmarks.report import Common, Row, progress, report, start
+from evaluation.synthetic.acting.script import ArmKey, Build
+from evaluation.synthetic.studio.view import View
+from evaluation.synthetic.suite import MOTIONS, SEQUENCES, SUBJECTS, SuiteSequence, make_sequence, subject_body
 from fitting_core.body.handshapes import HANDSHAPES
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
@@ -30,9 +33,6 @@ from fitting_core.fit.fitting import fit_clip
 from fitting_core.keypoints import LEFT_HAND
 from fitting_core.measure.hands.handshapes import HandshapeSet
 from fitting_core.measure.hands.phases import HOLD, SIDES, Side, hand_phases
-from fitting_core.synthetic.acting.script import ArmKey, Build
-from fitting_core.synthetic.studio.view import View
-from fitting_core.synthetic.suite import MOTIONS, SEQUENCES, SUBJECTS, SuiteSequence, make_sequence, subject_body
 from tcfit_app.analysis.hand_tiers import handshapes, visible_frames
 from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.analysis.posed_fit import PosedFit

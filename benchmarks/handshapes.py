@@ -21,6 +21,8 @@ from tyro.conf import OmitArgPrefixes, Positional
 from benchmarks.real_clips import config_of
 from benchmarks.report import Common, Row, progress, report, start
 from benchmarks.solvers import solved
+from evaluation.synthetic.acting.limbs import LIMBS, Figure, hand_rotation
+from evaluation.synthetic.acting.performance import standing_root
 from fitting_core import keypoints as kp
 from fitting_core.body.handshapes import FINGERS, HANDSHAPES, finger_angles
 from fitting_core.body.mesh import Mesh
@@ -38,8 +40,6 @@ from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.variables.state import Free
 from fitting_core.keypoints import Keypoints
 from fitting_core.render.renderer import Renderer
-from fitting_core.synthetic.acting.limbs import LIMBS, Figure, hand_rotation
-from fitting_core.synthetic.acting.performance import standing_root
 from fitting_core.world_camera import WorldCamera, in_camera
 
 SIDES = {"left": (1.0, kp.LEFT_HAND), "right": (-1.0, kp.RIGHT_HAND)}

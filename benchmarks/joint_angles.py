@@ -13,12 +13,12 @@ from jaxtyping import Bool, Float
 from tyro.conf import OmitArgPrefixes, arg
 
 from benchmarks.report import Common, Row, progress, report, start
+from evaluation.suite_runs import fitted_body
+from evaluation.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
 from fitting_core.body.model import JOINT
 from fitting_core.io.result_files import read_fit
 from fitting_core.measure.angles.joint_angles import joint_angles
 from fitting_core.motion import Motion
-from fitting_core.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
-from tcfit_app.evaluation.suite_runs import fitted_body
 
 _ANGLES = {
     # By angle: the joints that are in the image. Captured knees are hinges, so nothing is told of their turning.
@@ -40,7 +40,7 @@ class AngleOptions:
     """What to measure."""
 
     fits: Annotated[Path, arg(metavar="FOLDER")]
-    """Fits of `tcfit evaluate --suite motion`: its folder fits/<focal>/<preset>."""
+    """Fits of `python -m evaluation motion`: its folder fits/<focal>/<preset>."""
     half: Literal["tuning", "untouched"] = "untouched"
     common: OmitArgPrefixes[Common] = field(default_factory=Common)
 

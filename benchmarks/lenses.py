@@ -13,10 +13,14 @@ from jaxtyping import Float
 from tyro.conf import OmitArgPrefixes
 
 from benchmarks.report import Common, Row, progress, report, start
+from evaluation.synthetic.motions import demo_script
+from evaluation.synthetic.simulated_detector import detect
+from evaluation.synthetic.studio.studio import VIEW
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.camera import Camera, Lens, World, project
 from fitting_core.clip import Clip
+from fitting_core.clips.demo import demo_clip
 from fitting_core.config.schema import PRESETS
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.fused import ready
@@ -25,10 +29,6 @@ from fitting_core.keypoints import Keypoints
 from fitting_core.lens import filmed, straightened_keypoints
 from fitting_core.metrics import mpjpe, pa_mpjpe
 from fitting_core.motion import OWN_WORLD, Motion
-from fitting_core.synthetic.demo_clip import cached_demo
-from fitting_core.synthetic.motions import demo_script
-from fitting_core.synthetic.simulated_detector import detect
-from fitting_core.synthetic.studio.studio import VIEW
 
 LENSES: dict[str, tuple[float, ...]] = {
     "straight": (),
@@ -64,7 +64,7 @@ class Lenses:
 def run(options: Lenses) -> None:
     """Fit all, and report."""
     ready.use(threads=options.common.threads)
-    body, truth = options.common.load_body(), read_truth(cached_demo().truth)
+    body, truth = options.common.load_body(), read_truth(demo_clip().truth)
     rows: list[Row] = []
     straight = None
     for name, distortion in LENSES.items():

@@ -17,8 +17,8 @@ from fitting_core.body.joint_ranges import joint_ranges
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
+from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.fit.terms.limits import AngleTable
-from fitting_core.synthetic.demo_clip import keypoints_in_space
 
 CONFIDENT = 0.3
 """Detections above it count as seen."""

@@ -15,6 +15,7 @@ import tyro
 from jaxtyping import Float, UInt8
 from tyro.conf import Positional
 
+from evaluation.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import find_body
 from fitting_core.body.mesh import shared_mesh
@@ -25,7 +26,6 @@ from fitting_core.keypoints import BODY, BONES
 from fitting_core.render.renderer import Renderer
 from fitting_core.render.sheets import Cell, beside, write_sheet
 from fitting_core.shipped import FREE_FOLDER
-from fitting_core.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
 from tests.samples.body_pictures import body_picture, fitted_views
 
 _HEIGHT = 300
@@ -43,7 +43,7 @@ class Options:
     names: Positional[tuple[str, ...]] = ()
     """Sequences; none: all."""
     fits: tuple[Path, ...] = ()
-    """Folders with a fit for each sequence, as `tcfit evaluate --suite motion` leaves them; none: the truth alone."""
+    """Folders with a fit for each sequence, as `python -m evaluation motion` leaves them; none: the truth alone."""
     moments: tuple[float, ...] = field(default=(0.5,))
     """Where in each clip, 0 to 1."""
 

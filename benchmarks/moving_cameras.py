@@ -23,6 +23,10 @@ from tyro.conf import OmitArgPrefixes, arg
 
 from benchmarks.lenses import LENSES
 from benchmarks.report import Common, Row, progress, report, start
+from evaluation.synthetic.motion_suite.clips import motion_sequences
+from evaluation.synthetic.motion_suite.measured_detector import detected
+from evaluation.synthetic.motion_suite.windows import FRAME_RATE, MotionWindow, acted, shipped_windows
+from evaluation.synthetic.suite import in_view, subject_body
 from fitting_core.body.mesh import shared_mesh
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
@@ -38,10 +42,6 @@ from fitting_core.metrics import jitter, mpjpe, pa_mpjpe
 from fitting_core.motion import OWN_WORLD, Motion
 from fitting_core.render.renderer import DEFAULT_COLOR, DrawnMesh, Renderer
 from fitting_core.render.sheets import View
-from fitting_core.synthetic.motion_suite.clips import motion_sequences
-from fitting_core.synthetic.motion_suite.measured_detector import detected
-from fitting_core.synthetic.motion_suite.windows import FRAME_RATE, MotionWindow, acted, shipped_windows
-from fitting_core.synthetic.suite import in_view, subject_body
 
 WINDOWS = ("05_02_1", "14_07_1", "13_30_1")
 """A dance, reaching and sport. In the last one no foot rests."""

@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 from tyro.conf import OmitArgPrefixes, Positional
 
 from benchmarks.report import Common, Row, progress, report, start
+from evaluation.synthetic.motion_suite.windows import FRAME_RATE, MotionWindow, acted, shipped_windows
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
@@ -26,7 +27,6 @@ from fitting_core.measure.angles.angle_files import write_mot
 from fitting_core.measure.angles.opensim import ARM_FRAMES, opensim_world
 from fitting_core.measure.angles.segments import MIRROR_SIDES, Segments
 from fitting_core.motion import Motion
-from fitting_core.synthetic.motion_suite.windows import FRAME_RATE, MotionWindow, acted, shipped_windows
 
 _EVERY = 5
 """Frames."""

@@ -18,8 +18,8 @@ from benchmarks.report import Common, Row, progress, repeated, report, start
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.camera import Camera
+from fitting_core.clips.demo import demo_clip
 from fitting_core.io.truth import read_truth
-from fitting_core.synthetic.demo_clip import cached_demo
 from fitting_core.video.frames import FrameSource
 from tcfit_app.review.scene.layers import BodyLayer, FrameImage
 from tcfit_app.review.scene.poster import Poster, Posters
@@ -60,7 +60,7 @@ def cameras(demo: Camera) -> dict[str, Camera]:
 
 def meshes(body: BodyModel, frames: int) -> np.ndarray:
     """The demo's true bodies (T, V, 3), spread over the clip, in camera space."""
-    truth = read_truth(cached_demo().truth)
+    truth = read_truth(demo_clip().truth)
     chosen = torch.linspace(0, len(truth.params) - 1, frames).long()
     return Mesh(body)(truth.params[chosen]).numpy()
 
@@ -123,7 +123,7 @@ def layouts(body: BodyLayer, camera: Camera, image: FrameImage, moved: BodyLayer
 
 def cost_rows(shown: Screen, options: Exactness, body: BodyModel) -> list[Row]:
     """One row for each kind of frame."""
-    demo = cached_demo()
+    demo = demo_clip()
     vertices = meshes(body, options.frames)
     with FrameSource(demo.video) as video:
         images = [FrameImage.encode(video.frame(i)) for i in range(options.frames)]
@@ -176,7 +176,7 @@ def play(shown: Screen, what: str, snapshots: list[Posters | Space], pace: float
 def run(options: Exactness) -> None:
     """Measures and prints both tables."""
     body = options.common.load_body()
-    demo = cached_demo().camera
+    demo = demo_clip().camera
     vertices = meshes(body, 3)[1]
     rows: list[Row] = []
     with chromium() as browser, screen(browser) as shown:

@@ -25,6 +25,10 @@ from tyro.conf import OmitArgPrefixes
 
 from benchmarks.injected_errors import ERRORS, Injected, Seen, clear_places, inject, trunk_of
 from benchmarks.report import Common, Row, progress, report, start
+from evaluation.suite_runs import done_tasks, fitted_body
+from evaluation.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
+from evaluation.synthetic.simulated_detector import Detector, detect
+from evaluation.synthetic.suite import LEVELS
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
@@ -37,15 +41,11 @@ from fitting_core.fit.fused import ready
 from fitting_core.fit.phases.limb_flips import LIMBS, LimbFlips
 from fitting_core.fit.stages import Stages
 from fitting_core.keypoints import BODY, COUNT, HANDS, INDEX
-from fitting_core.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
-from fitting_core.synthetic.simulated_detector import Detector, detect
-from fitting_core.synthetic.suite import LEVELS
 from tcfit_app.analysis.body_regions import LIMB_OF
 from tcfit_app.analysis.findings import FINDINGS
 from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.analysis.posed_fit import PosedFit
 from tcfit_app.analysis.suspicion import Suspect, review_queue
-from tcfit_app.evaluation.suite_runs import done_tasks, fitted_body
 from tcfit_app.fitting.jobs import around
 from tcfit_app.fitting.live import REACH
 

@@ -18,6 +18,9 @@ from jaxtyping import Bool, Float, UInt8
 from tyro.conf import OmitArgPrefixes
 
 from benchmarks.report import Common, Row, progress, report, start
+from evaluation.synthetic.studio.clothing import Outfit
+from evaluation.synthetic.studio.studio import Studio
+from evaluation.synthetic.suite import SEQUENCES, SUBJECTS, SuiteClip, make_sequence
 from fitting_core.body.geometry import vertex_normals
 from fitting_core.body.mesh import shared_mesh
 from fitting_core.body.model import BodyModel
@@ -35,9 +38,6 @@ from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.variables.state import State
 from fitting_core.measure.mesh.volume import Enclosed
 from fitting_core.silhouettes import Silhouettes, silhouette_size
-from fitting_core.synthetic.studio.clothing import Outfit
-from fitting_core.synthetic.studio.studio import Studio
-from fitting_core.synthetic.suite import SEQUENCES, SUBJECTS, SuiteClip, make_sequence
 
 LOOKED_AT = (1, 2, 6)
 """People by number; the others are kept apart."""

@@ -19,13 +19,13 @@ from tyro.conf import OmitArgPrefixes
 from benchmarks.real_clips import config_of
 from benchmarks.report import Common, Row, progress, report, start
 from fitting_core.clip import Clip
+from fitting_core.clips.demo import demo_clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.config.settings import changed
 from fitting_core.errors import InputError
 from fitting_core.fit.events import PhaseFinished
 from fitting_core.fit.fitting import fit_clip, fit_events
 from fitting_core.fit.fused import ready
-from fitting_core.synthetic.demo_clip import cached_demo
 from tcfit_app.cli.demo_command import read_demo
 from tcfit_app.fitting.child_processes import CONTEXT
 from tcfit_app.options.preparing import compile_kernels
@@ -85,7 +85,7 @@ def run(options: Speed) -> None:
     """Fits in turns, and prints medians."""
     if min(options.lengths) < 3:
         raise InputError(f"--lengths {min(options.lengths)}: expected 3 frames or more.")
-    demo = read_demo(cached_demo())
+    demo = read_demo(demo_clip())
     clips = {frames: mirrored(demo, min(options.lengths), frames) for frames in options.lengths}
     found: dict[tuple[int, str], dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
     compile_kernels(config_of(options.preset))

@@ -12,6 +12,8 @@ from jaxtyping import Float
 from tyro.conf import OmitArgPrefixes
 
 from benchmarks.report import Common, progress, report, start
+from evaluation.synthetic.studio.view import View
+from evaluation.synthetic.suite import SUBJECTS, Subject, SuiteClip, SuiteSequence, make_sequence, subject_body
 from fitting_core.body.model import BodyModel
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.config.schema import PRESETS
@@ -23,8 +25,6 @@ from fitting_core.measure.mesh.volume import Enclosed
 from fitting_core.metrics import mpjpe, pa_mpjpe
 from fitting_core.results.fit_result import FitResult
 from fitting_core.results.known_shape import KnownShape
-from fitting_core.synthetic.studio.view import View
-from fitting_core.synthetic.suite import SUBJECTS, Subject, SuiteClip, SuiteSequence, make_sequence, subject_body
 
 _VIEWS = {
     "simple": (View(azimuth=22, height=1.35, distance=3.4, looking_at=(0.0, 0.86, -0.05)), 1330.0),

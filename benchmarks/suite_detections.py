@@ -13,8 +13,8 @@ import tyro
 from jaxtyping import Float
 
 from benchmarks import clips
+from evaluation.synthetic.suite import LEVELS, SEQUENCES, make_sequence
 from fitting_core.keypoints import BODY, Keypoints
-from fitting_core.synthetic.suite import LEVELS, SEQUENCES, make_sequence
 
 _REAL = ("cam03", "cam04")
 _PERSON = 520.0

@@ -12,12 +12,12 @@ import tyro
 from jaxtyping import Float
 from scipy.spatial import KDTree
 
+from evaluation.synthetic.suite import SEQUENCES, SuiteSequence, subject_body, world_params
 from fitting_core.body.geometry import vertex_normals
 from fitting_core.body.joint_ranges import joint_ranges
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, POSE_JOINTS, BodyModel
 from fitting_core.fit.terms.limits import AngleTable
-from fitting_core.synthetic.suite import SEQUENCES, SuiteSequence, subject_body, world_params
 
 _BODY_JOINTS = 22
 _TOUCHING = 0.004

@@ -13,12 +13,12 @@ import tyro
 from jaxtyping import UInt8
 from tqdm import tqdm
 
+from evaluation.synthetic.studio.view import View
+from evaluation.synthetic.suite import LEVELS, SEQUENCES, SuiteClip, make_sequence
 from fitting_core.camera import Camera
 from fitting_core.io.keypoints.openpose import write_openpose
 from fitting_core.io.truth import write_truth
 from fitting_core.keypoints import BODY, BONES
-from fitting_core.synthetic.studio.view import View
-from fitting_core.synthetic.suite import LEVELS, SEQUENCES, SuiteClip, make_sequence
 from fitting_core.video.encoding import video_writer
 from tests.samples.suite_pictures import render_frames
 

@@ -20,22 +20,22 @@ from benchmarks.figures import figure_of
 from benchmarks.hard_poses import HARD_POSES
 from benchmarks.report import Common, Row, progress, report, start
 from build_assets.motion_capture.retarget import MotionClip, load
+from evaluation.synthetic.acting.script import Build, Failure, failures
+from evaluation.synthetic.motions import demo_script
+from evaluation.synthetic.simulated_detector import Detector, detect, visible
+from evaluation.synthetic.studio.view import View
+from evaluation.synthetic.suite import LEVELS, MOTIONS, SEQUENCES, make_sequence, subject_body
 from fitting_core.body.mesh import shared_mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.camera import Camera
+from fitting_core.clips.demo import demo_clip
 from fitting_core.clips.reading import read_clip
 from fitting_core.fit.evidence.sides import PAIRED, unswapped
 from fitting_core.io.truth import read_truth
 from fitting_core.keypoints import INDEX, Keypoints
-from fitting_core.synthetic.acting.script import Build, Failure, failures
-from fitting_core.synthetic.demo_clip import cached_demo
-from fitting_core.synthetic.motions import demo_script
-from fitting_core.synthetic.simulated_detector import Detector, detect, visible
-from fitting_core.synthetic.studio.rasterize import rasterize
-from fitting_core.synthetic.studio.view import View
-from fitting_core.synthetic.suite import LEVELS, MOTIONS, SEQUENCES, make_sequence, subject_body
+from fitting_core.render.rasterize import rasterize
 from fitting_core.world_camera import in_camera
 
 CAMERA = Camera(focal=(900.0, 900.0), center=(480.0, 360.0), size=(960, 720), source="given")
@@ -283,7 +283,7 @@ def _truth(happened: tuple[Failure, ...], frames: int, frame_rate: float) -> dic
 
 def own_cases() -> Iterator[Case]:
     """The demo clip and the suite, as they come."""
-    demo = cached_demo(progress=False)
+    demo = demo_clip()
     keypoints, truth = read_clip(demo.video, demo.keypoints).keypoints, read_truth(demo.truth)
     yield Case(
         name="demo",

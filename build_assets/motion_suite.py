@@ -19,13 +19,20 @@ from tyro.conf import Positional, arg
 
 from build_assets.motion_capture.collections import HELD_OUT
 from build_assets.motion_capture.retarget import MotionClip, load
+from evaluation.synthetic.motion_suite.windows import (
+    FRAME_RATE,
+    MOTION_SUITE,
+    MotionWindow,
+    acted,
+    speeds,
+    write_windows,
+)
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import find_body
 from fitting_core.body.model import JOINT
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.errors import InputError
-from fitting_core.shipped import FREE_FOLDER, MOTION_SUITE
-from fitting_core.synthetic.motion_suite.windows import FRAME_RATE, MotionWindow, acted, speeds, write_windows
+from fitting_core.shipped import FREE_FOLDER
 
 PLAN: dict[str, tuple[str, str]] = {
     "dance": ("05_02 05_07 05_09 05_13 05_18", "05_04 05_08 05_10 05_12 05_20"),

@@ -30,6 +30,7 @@ if TYPE_CHECKING:  # the table of public names, which `lazy_names` reads
     from fitting_core.body.points.positions import keypoints_in_space as keypoints_in_space
     from fitting_core.camera import Camera as Camera
     from fitting_core.clip import Clip as Clip
+    from fitting_core.clips.demo import demo_clip as demo_clip
     from fitting_core.clips.options import CameraOptions as CameraOptions
     from fitting_core.clips.options import ClipOptions as ClipOptions
     from fitting_core.clips.people import read_people as read_people
@@ -81,8 +82,6 @@ if TYPE_CHECKING:  # the table of public names, which `lazy_names` reads
     from fitting_core.results.fit_result import PhaseResult as PhaseResult
     from fitting_core.results.known_shape import KnownShape as KnownShape
     from fitting_core.starts.reading import read_start as read_start
-    from fitting_core.synthetic.demo_clip import cached_demo as cached_demo
-    from fitting_core.synthetic.demo_clip import make_demo as make_demo
 
 
 # A folder's name must not be among them: once imported, the folder would hide it.

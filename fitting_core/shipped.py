@@ -5,12 +5,12 @@ from pathlib import Path
 
 _FOLDER = Path(str(files("fitting_core.assets")))
 
+DEMO_FOLDER = _FOLDER / "demo"
+"""The demo clip."""
 FREE_FOLDER = _FOLDER / "bodies"
 """The free bodies, of SMPL-X's form: SMPLX_NEUTRAL.npz, SMPLX_MALE.npz, SMPLX_FEMALE.npz and SMPLX_CHILD.npz."""
 LIFTER = _FOLDER / "lifter" / "tcfit_lifter.npz"
 """The network that tells how deep keypoints lie."""
-MOTION_SUITE = _FOLDER / "motion_suite" / "motion_suite.npz"
-"""Sixty windows of captured motion that the motion suite is made of."""
 PERSPECTIVE = _FOLDER / "perspective" / "tcfit_perspective.npz"
 """The network that tells how near a camera stood."""
 POSE_PRIOR = _FOLDER / "pose_prior" / "tcfit_pose_prior.npz"

@@ -131,8 +131,8 @@ def test_the_steps_make_a_server_in_a_clean_environment(tmp_path: Path):
     assert done.returncode == 0, done.stdout + done.stderr
     assert "All that tcfit fit needs works here." in done.stdout
     environment |= {"PATH": f"{installed / 'bin'}:{os.environ['PATH']}", "TCFIT_PROJECTS": str(tmp_path)}
-    make = "from fitting_core import cached_demo, read_clip; from tcfit_app.project.project import Project; "
-    make += "from pathlib import Path; d = cached_demo(progress=False); "
+    make = "from fitting_core import demo_clip, read_clip; from tcfit_app.project.project import Project; "
+    make += "from pathlib import Path; d = demo_clip(); "
     make += "Project.create(Path('demo.tcfit'), read_clip(d.video, d.keypoints), copy_media=True).close()"
     subprocess.run([installed / "bin" / "python", "-c", make], cwd=tmp_path, env=os.environ | environment, check=True)
     (tmp_path / "password").write_text("correct horse battery\n")

@@ -12,7 +12,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 MODULES = {
     ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
-    for package in ("fitting_core", "tcfit_app", "build_assets")
+    for package in ("fitting_core", "tcfit_app", "build_assets", "evaluation")
     for path in sorted((ROOT / package).rglob("*.py"))
 }
 FLOORS = {
@@ -28,7 +28,6 @@ FLOORS = {
         starts clips
         render
         measure
-        synthetic
     """,
     "tcfit_app": """
         options
@@ -145,7 +144,7 @@ def test_the_core_knows_no_viewer_and_no_app():
 
 def test_what_is_installed_uses_nothing_that_is_not():
     beside = {path.name for path in ROOT.iterdir() if any(path.glob("*.py"))} - FLOORS.keys()
-    assert {"assets", "benchmarks", "build_assets", "tests"} <= beside
+    assert {"assets", "benchmarks", "build_assets", "evaluation", "tests"} <= beside
     installed = [module for module in MODULES if module.split(".")[0] in FLOORS]
     assert not [(m, name) for m in installed for name in imports_of(m) if name.split(".")[0] in beside]
 
@@ -169,7 +168,7 @@ def test_pyrender_is_imported_in_one_place():
 
 def test_a_fit_loads_only_what_it_needs():
     used = {module.split(".")[1] for module in reached(graph(), "fitting_core.fit.fitting")}
-    assert not used & {"io", "people", "animation", "detect", "clips", "starts", "render", "synthetic", "measure"}
+    assert not used & {"io", "people", "animation", "detect", "clips", "starts", "render", "measure"}
 
 
 def test_reading_and_writing_estimates_nothing():

@@ -44,7 +44,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A wheel built from a copy of the sources, for building leaves files in the tree."""
     pytest.importorskip("setuptools", reason="setuptools is not installed, which builds the wheel")
     source = tmp_path_factory.mktemp("source")
-    for folder in (*FOLDERS, "benchmarks", "build_assets"):
+    for folder in (*FOLDERS, "benchmarks", "build_assets", "evaluation"):
         shutil.copytree(ROOT / folder, source / folder, ignore=shutil.ignore_patterns("__pycache__"))
     for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE", "NOTICE"):
         shutil.copy(ROOT / name, source)
@@ -85,7 +85,7 @@ def test_an_installed_wheel_finds_its_data_and_takes_no_other_names(wheel: Path,
     code = """
 from fitting_core import shipped
 from fitting_core.body.files.registry import find_body
-for path in (find_body(), shipped.LIFTER, shipped.MOTION_SUITE, shipped.PERSPECTIVE, shipped.POSE_PRIOR):
+for path in (find_body(), shipped.DEMO_FOLDER / "video.mp4", shipped.LIFTER, shipped.PERSPECTIVE, shipped.POSE_PRIOR):
     assert path.is_file()
     print(path)
 """

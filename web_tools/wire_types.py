@@ -11,7 +11,7 @@ from msgspec import inspect
 from tcfit_app.review.browser import page_events, page_states
 from tcfit_app.review.browser.page_states import STATES
 
-PATH = Path(page_states.__file__).with_name("web") / "wire.d.ts"
+PATH = Path(__file__).parent / "types" / "wire.d.ts"
 _HEAD = """/** What travels between server and page, by page_states.py and page_events.py, which explain everything.
  * Made by `python -m web_tools.wire_types`. */
 """

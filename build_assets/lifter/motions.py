@@ -15,10 +15,10 @@ from build_assets.lifter.figure import N_JOINTS, Figure
 from build_assets.motion_capture.collections import captured_motion, split
 from build_assets.motion_capture.retarget import MotionClip
 from build_assets.pose_prior.synthesis import SYNTHESIS, group_rows
+from evaluation.synthetic.motion_suite.windows import shipped_windows
 from fitting_core.body import rotations
 from fitting_core.body.model import JOINT, other_side
 from fitting_core.lifting.network import FRAMES, RATE
-from fitting_core.synthetic.motion_suite.windows import shipped_windows
 
 _SHORTEST = 14
 """Frames of a stretch that is worth using."""

@@ -1,20 +1,4 @@
-"""Which foot stands still on the ground, from keypoints and the lifter, before anything is fitted.
-
-The functions that a fit's terms call:
-
-    lifted = lift(xy, confidence, camera, frame_rate, calibrated=camera.calibrated)
-    rolled = rolled_views(xy, confidence, camera, frame_rate)                 # fitting_core/ground/gravity.py
-    gravity = gravity_before_fit(lifted, confidence, camera, rolled)
-    contacts = contacts_before_fit(xy, confidence, lifted, gravity, camera, frame_rate)
-    contacts.probability    # (T, 2), left and right; 0 where the foot is not in the image
-    contacts.standing       # (T, 2), the same as yes or no, without flicker
-    contacts.points         # BODY_25 keypoints of each foot: (2, 4), ankle, heel, big toe, small toe
-    gravity.up, gravity.deviation                                       # unit vector in camera axes, degrees
-
-and all at once, with a floor through the feet of the lifter's body, `grounding_before_fit` in grounding.py.
-`confidence` is 0 for what the image cuts off, as in `Observations.lifted`. All of it takes 6 ms for 100 frames
-beside `lift`.
-"""
+"""Which foot stands still on the ground, from keypoints, the lifter, and where the feet are in space."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -105,28 +89,6 @@ class Contacts:
         return ", ".join(found)
 
 
-def contacts_before_fit(
-    xy: Float[np.ndarray, "T K 2"],
-    confidence: Float[np.ndarray, "T K"],
-    lifted: LiftedClip,
-    gravity: Gravity,
-    camera: Camera,
-    frame_rate: float,
-) -> Contacts:
-    """Contacts from keypoints and the lifter alone.
-
-    Args:
-        xy: Pixels, the first 25 of K are BODY_25.
-        confidence: 0 for what is not seen or cut off by the image.
-        lifted: What the lifter says of them.
-        gravity: Of the clip.
-        camera: Of the clip.
-        frame_rate: Frames per second.
-    """
-    placed = camera.to_still(lifted.points + places(xy, confidence, lifted, camera, frame_rate)[:, None])
-    return contacts_of(xy, confidence, lifted, gravity, camera, frame_rate, placed[:, FOOT_POINTS])
-
-
 def contacts_of(
     xy: Float[np.ndarray, "T K 2"],
     confidence: Float[np.ndarray, "T K"],
@@ -139,12 +101,12 @@ def contacts_of(
     """Contacts where the feet's points are known in space, the lifter's or a fitted body's.
 
     Args:
-        xy: As for `contacts_before_fit`.
-        confidence: As there.
-        lifted: As there.
-        gravity: As there.
-        camera: As there.
-        frame_rate: As there.
+        xy: Pixels, the first 25 of K are BODY_25.
+        confidence: 0 for what is not seen or cut off by the image, as in `Observations.lifted`.
+        lifted: What the lifter says of them.
+        gravity: Of the clip.
+        camera: Of the clip.
+        frame_rate: Frames per second.
         feet: Still space, metres: points as in FOOT_POINTS.
     """
     certain = np.where(confidence[:, FOOT_POINTS] > SEEN, confidence[:, FOOT_POINTS], 0.0)

@@ -1,7 +1,4 @@
-"""Gravity, contacts and floor of a clip together: before a fit, from the lifter's body, and after it, from the fit's.
-
-`grounding_before_fit` needs keypoints and the lifter only; contacts.py says how its parts are called one by one.
-"""
+"""Gravity, contacts and floor of a clip together."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,14 +8,10 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core.camera import Camera
-from fitting_core.ground.contacts import FOOT_POINTS, Contacts, contacts_of
+from fitting_core.ground.contacts import Contacts, contacts_of
 from fitting_core.ground.gravity import Gravity, RolledView, gravity_before_fit, told_gravity, with_trunk
-from fitting_core.ground.placing import places
 from fitting_core.ground.plane import Ground, ground_under
 from fitting_core.lifting.clip_lifting import LiftedClip
-
-USUAL_SOLES = np.tile([0.09, 0.025, 0.015, 0.015], (2, 1))
-"""Metres of a foot's keypoints above its sole, of the free body."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,31 +47,6 @@ def _percent(share: float) -> str:
     return f"{100 * share:.0f} %"
 
 
-def grounding_before_fit(
-    xy: Float[np.ndarray, "T K 2"],
-    confidence: Float[np.ndarray, "T K"],
-    lifted: LiftedClip,
-    camera: Camera,
-    frame_rate: float,
-    *,
-    rolled: Sequence[RolledView] = (),
-) -> Grounding:
-    """From keypoints and the lifter alone, with a floor under the lifter's body where its keypoints put it.
-
-    Args:
-        xy: Pixels, the first 25 of K are BODY_25.
-        confidence: 0 for what is not seen or cut off by the image.
-        lifted: What the lifter says of them.
-        camera: Of the clip.
-        frame_rate: Frames per second.
-        rolled: As for `grounding_of`.
-    """
-    placed = camera.to_still(lifted.points + places(xy, confidence, lifted, camera, frame_rate)[:, None])
-    return grounding_of(
-        xy, confidence, lifted, camera, frame_rate, feet=placed[:, FOOT_POINTS], soles=USUAL_SOLES, rolled=rolled
-    )
-
-
 def grounding_of(
     xy: Float[np.ndarray, "T K 2"],
     confidence: Float[np.ndarray, "T K"],
@@ -94,11 +62,11 @@ def grounding_of(
     """With feet in space, such as a fitted body's.
 
     Args:
-        xy: As for `grounding_before_fit`.
-        confidence: As there.
-        lifted: As there.
-        camera: As there.
-        frame_rate: As there.
+        xy: Pixels, the first 25 of K are BODY_25.
+        confidence: 0 for what is not seen or cut off by the image.
+        lifted: What the lifter says of them.
+        camera: Of the clip.
+        frame_rate: Frames per second.
         feet: Still space, metres: ankle, heel, big and small toe of the left and the right foot.
         soles: How high these are above the sole of a flat foot, metres.
         trunk: From pelvis to neck, still space; it has a say where there is no ground.

@@ -32,6 +32,7 @@ in files of earlier versions |
 The arrays have SMPL-X's layout whatever the body's kind was, so surface_model_type is always "smplx".
 """
 
+import os
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -49,6 +50,7 @@ from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.files.npz import read_npz, write_npz
+from fitting_core.files.regular import legible, regular_file
 from fitting_core.ground.arrays import grounding_arrays, grounding_from
 from fitting_core.ground.grounding import Grounding
 from fitting_core.io.camera_arrays import camera_arrays, camera_from
@@ -60,6 +62,7 @@ from fitting_core.results.fit_result import FitResult
 from fitting_core.results.provenance import STARTS, STOPS, Provenance
 
 FIT_NAME, SUMMARY_NAME, OVERLAY_NAME = "fit.npz", "summary.json", "overlay.mp4"
+_SUMMARY_BYTES = 2**24
 FORMAT = "tcfit fit 1"
 AXES = (
     "Camera space in metres: x right, y down, z away from the camera. Angles are axis-angle in radians. Vertices are "
@@ -128,13 +131,28 @@ def write_result(
         (folder / OVERLAY_NAME).unlink(missing_ok=True)
         write_npz(folder / FIT_NAME, fit_arrays(fit, clip, body, complete=complete))
         with replacing(folder / SUMMARY_NAME) as draft:
-            content = summary(fit, clip, body, complete=complete, command=command)
+            content = summary(fit, clip, body, complete=complete, command=command) | {"video": _relative(clip, folder)}
             draft.write_bytes(msgspec.json.format(msgspec.json.encode(content), indent=2) + b"\n")
             return content
     except OSError as error:
         raise InputError(
             f"{folder}: cannot be written ({error.strerror or error}). Free space, or choose another --out."
         ) from error
+
+
+def _relative(clip: Clip, folder: Path) -> str | None:
+    """From a result to its video, so that both can be moved together."""
+    return None if clip.source is None else legible(os.path.relpath(clip.source.resolve(), folder.resolve()))
+
+
+def video_of(folder: Path) -> Path | None:
+    """The video or images of a result, if its summary.json tells them and they are there."""
+    try:
+        told = msgspec.json.decode(regular_file(folder / SUMMARY_NAME, most=_SUMMARY_BYTES).read_bytes())
+        path = folder / told["video"]
+        return path if path.exists() else None
+    except (OSError, ValueError, KeyError, TypeError, InputError):  # an earlier version's, or none of ours
+        return None
 
 
 def is_result(folder: Path) -> bool:

@@ -10,13 +10,12 @@ from fitting_core.body.model import JOINT
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.clip import Clip
+from fitting_core.clips.demo import DemoClip, demo_clip
 from fitting_core.clips.options import CameraOptions
 from fitting_core.clips.reading import read_clip
-from fitting_core.errors import InputError
 from fitting_core.io.truth import Truth, read_truth
 from fitting_core.measure.references.files import read_reference
 from fitting_core.metrics import jitter, mpjpe, pa_mpjpe
-from fitting_core.synthetic.demo_clip import DemoClip, cached_demo
 from tcfit_app.cli.fit_command import Outcome, run_fit
 from tcfit_app.options.fit import DemoOptions, FitOptions, fit_config
 from tcfit_app.options.preparing import check_out, prepare_solver
@@ -30,10 +29,10 @@ _COLUMNS = ("in the camera", "pelvis aligned", "PA", "jitter mm/frame²")
 
 
 def review_demo(options: DemoOptions) -> None:
-    """Make the demo clip if it is not in the cache, a project of it if there is none, and review that until Ctrl-C.
+    """Make a project of the demo clip if there is none, and review that until Ctrl-C.
 
     Raises:
-        InputError: As `review`, or the cache or the project cannot be written.
+        InputError: As `review`, or the project cannot be written.
     """
     # viser, which a fit in the terminal does not need
     from tcfit_app.cli.review_command import check_folders, review
@@ -54,12 +53,11 @@ def review_demo(options: DemoOptions) -> None:
 
 
 def run_demo(options: DemoOptions, *, command: str = "") -> Outcome:
-    """Make the demo clip if it is not in the cache, fit it, write the result, and print the errors against the truth.
+    """Fit the demo clip, write the result, and print the errors against the truth.
 
     Raises:
-        InputError: As `run_fit`, or the cache cannot be written.
+        InputError: As `run_fit`.
     """
-    fit_config(options.method)  # Wrong options should not wait for the clip.
     out = options.out or _RESULT
     check_out(out, overwrite=options.overwrite)
     clip = demo_clip()
@@ -79,17 +77,6 @@ def run_demo(options: DemoOptions, *, command: str = "") -> Outcome:
     print("\n".join(truth_table(outcome, truth)))
     print(YOUR_OWN, file=sys.stderr)
     return outcome
-
-
-def demo_clip() -> DemoClip:
-    """The demo clip, with a word to who waits for it. Raises InputError if the cache cannot be written."""
-    try:
-        said = "Making the demo clip (once, half a minute) ..."
-        return cached_demo(progress=sys.stderr.isatty(), making=lambda: print(said, file=sys.stderr, flush=True))
-    except OSError as error:
-        raise InputError(
-            f"The demo clip cannot be written into the cache ({error}): free space, or set XDG_CACHE_HOME."
-        ) from error
 
 
 def read_demo(demo: DemoClip) -> Clip:

@@ -12,6 +12,7 @@ import torch
 
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
+from fitting_core.io.result_files import video_of
 from fitting_core.motion import Motion
 from fitting_core.render.motion_views import ANGLES, Image, Look, Shown, camera_picture, outside_pictures
 from fitting_core.render.overlay import PANEL_COLORS
@@ -182,17 +183,21 @@ def _look(view: str, options: RenderOptions) -> Look:
 def _video(options: RenderOptions, source: ExportSource) -> Iterator[Draw | None]:
     """From a frame of the fit to the image behind it; None where there is none, or none is wanted."""
     clip, motion = source.known_clip, _motion(source)
-    path = options.video_file or (None if clip is None else clip.source)
+    path = options.video_file or (_video_beside(options.path) if clip is None else clip.source)
     if path is None and options.video and "picture" in options.view:
         raise InputError(
-            f"--view picture: {source.name} knows no video. Name it with --video-file, or give --no-video for the body "
-            "alone."
+            f"--view picture: {source.name} has no video, or not where it was. Name it with --video-file, or give "
+            "--no-video for the body alone."
         )
     if path is None or not options.video:
         yield None
         return
     with FrameSource(path, lens=motion.camera.lens) as frames:
         yield lambda i: frames.frame_or_grey(motion.first_frame + i)
+
+
+def _video_beside(result: Path | None) -> Path | None:
+    return None if result is None else video_of(result if result.is_dir() else result.parent)
 
 
 def _vertices(motion: Motion, frames: Sequence[int]) -> Iterator[np.ndarray]:

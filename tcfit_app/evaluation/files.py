@@ -16,8 +16,7 @@ from fitting_core.files.atomic import replacing
 from fitting_core.measure.comparison import figure_names, figure_titles
 from fitting_core.measure.limbs import LIMB_FIGURES
 from fitting_core.measure.records import Evaluation, Record, methods, motions, of, overall
-from fitting_core.measure.report.ablations import Ablation
-from fitting_core.measure.report.markup import number
+from fitting_core.measure.report.markup import Markup, number
 from fitting_core.measure.report.page import report_page
 from fitting_core.measure.report.sections import WorstFrame
 
@@ -39,19 +38,19 @@ _PRINTED = (
 
 
 def write_evaluation(
-    folder: Path, evaluation: Evaluation, *, worst: Sequence[WorstFrame] = (), ablations: Sequence[Ablation] = ()
+    folder: Path, evaluation: Evaluation, *, worst: Sequence[WorstFrame] = (), sections: Sequence[Markup] = ()
 ) -> None:
-    """Write the three files, all of them whole or none.
+    """Write the three files, all of them whole or none; the report with these further sections.
 
     Raises:
         InputError: The folder cannot be written.
     """
     content = {"format": FORMAT, "title": evaluation.title, "settings": evaluation.settings}
-    content |= {"notes": evaluation.notes, "records": evaluation.records, "ablations": ablations}
+    content |= {"notes": evaluation.notes, "records": evaluation.records}
     files = {
         CSV_NAME: as_csv(evaluation.records).encode(),
         JSON_NAME: msgspec.json.format(msgspec.json.encode(content), indent=1) + b"\n",
-        REPORT_NAME: report_page(evaluation, worst=worst, ablations=ablations).encode(),
+        REPORT_NAME: report_page(evaluation, worst=worst, sections=sections).encode(),
     }
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -22,8 +22,8 @@ from fitting_core.measure.curves import CURVES
 from fitting_core.measure.records import Record, baseline_of, methods, of, sequences
 from fitting_core.measure.report.plots import style_of
 from fitting_core.measure.report.sections import BodyPicture, WorstFrame
+from fitting_core.render.rasterize import rasterize
 from fitting_core.render.renderer import Renderer
-from fitting_core.synthetic.studio.rasterize import rasterize
 
 _RANKED = ("vertex_to_surface", "pa_mpjpe", "reprojection")
 """What makes a frame bad: the first of these that was measured."""

@@ -104,5 +104,5 @@ def write_report(source: ExportSource, path: Path, progress: Progress) -> None:
     evaluation = evaluation_of(fit, reference, every=every, done=done)
     drawn = drawable(fit, reference, None)
     worst = worst_frames(evaluation.records, lambda sequence: drawn, count=PICTURES)
-    path.write_text(report_page(evaluation, worst=worst, ablations=()), encoding="utf-8")
+    path.write_text(report_page(evaluation, worst=worst), encoding="utf-8")
     progress(1.0)

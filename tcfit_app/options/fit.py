@@ -288,7 +288,7 @@ class ReviewOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class DemoOptions:
-    """Make the demo clip (once), and open it in the browser with its fit coming in.
+    """Open the demo clip in the browser with its fit coming in.
 
     With --no-review it is fitted here, the result written to files and compared with the truth.
     """

@@ -46,8 +46,8 @@ class RenderOptions:
     """Draw a floor of half-metre squares, but in the picture."""
     video: bool = True
     """Draw the video's frames in the picture; else the body alone."""
-    video_file: Annotated[Path | None, shown("PATH", "the project's")] = None
-    """The video or images, for a result, which does not know them."""
+    video_file: Annotated[Path | None, shown("PATH", "the one that was fitted")] = None
+    """The video or images, where they are not where they were."""
     run: RunName = None
     phase: Phase = None
     against: Annotated[str | None, shown("NAME", "nothing")] = None

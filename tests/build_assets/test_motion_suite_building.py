@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from build_assets import motion_suite
 from build_assets.motion_capture.retarget import MotionClip, load
 from build_assets.motion_suite import Options, at_rest, main, picked
+from evaluation.synthetic.motion_suite.windows import FRAME_RATE, read_windows, shipped_windows
 from fitting_core.errors import InputError
-from fitting_core.synthetic.motion_suite.windows import FRAME_RATE, read_windows, shipped_windows
 
 
 def clip(frames: int = 130, fps: float = 60.0) -> MotionClip:

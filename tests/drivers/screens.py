@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 from viser import _messages
 
 from fitting_core.camera import Camera
-from fitting_core.synthetic.studio.rasterize import rasterize
+from fitting_core.render.rasterize import rasterize
 from tcfit_app.review.browser.channel import Channel, web_files
 from tcfit_app.review.browser.page_states import Layout
 from tcfit_app.review.drawing.picture import poster_layout

@@ -7,9 +7,9 @@ from itertools import pairwise
 import numpy as np
 from jaxtyping import Float
 
+from evaluation.synthetic.acting.script import ArmKey
 from fitting_core.measure.hands.phases import HOLD, MOVEMENT, REST
 from fitting_core.measure.hands.spans import Span, spans_of
-from fitting_core.synthetic.acting.script import ArmKey
 
 _SAME_PLACE = 0.03
 """Metres between two keys of a stop."""

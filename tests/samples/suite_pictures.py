@@ -5,13 +5,13 @@ from collections.abc import Iterator
 import numpy as np
 from jaxtyping import UInt8
 
+from evaluation.synthetic.studio.clothing import Outfit
+from evaluation.synthetic.studio.studio import Studio
+from evaluation.synthetic.studio.view import View
+from evaluation.synthetic.suite import SuiteClip
 from fitting_core.body.geometry import vertex_normals
 from fitting_core.body.mesh import shared_mesh
 from fitting_core.camera import Camera
-from fitting_core.synthetic.studio.clothing import Outfit
-from fitting_core.synthetic.studio.studio import Studio
-from fitting_core.synthetic.studio.view import View
-from fitting_core.synthetic.suite import SuiteClip
 
 
 def render_frames(

@@ -9,8 +9,9 @@ from scipy.spatial.transform import Rotation
 from fitting_core import keypoints as kp
 from fitting_core.camera import Camera
 from fitting_core.ground.contacts import FOOT_POINTS
-from fitting_core.ground.grounding import Grounding, grounding_before_fit
+from fitting_core.ground.grounding import Grounding
 from fitting_core.lifting.clip_lifting import LiftedClip
+from tests.samples.before_fit import grounding_before_fit
 
 RATE = 30.0
 CAMERA = Camera(focal=(1100.0, 1100.0), center=(640.0, 360.0), size=(1280, 720), source="given")

@@ -12,6 +12,7 @@ import pytest
 import torch
 import viser
 
+from evaluation.synthetic.demo_clip import make_demo
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
@@ -23,7 +24,6 @@ from fitting_core.fit.events import Finished, FitEvent, PhaseFinished
 from fitting_core.fit.fitting import fit_events
 from fitting_core.io.keypoints.openpose import write_openpose
 from fitting_core.keypoints import BODY, COUNT, Keypoints
-from fitting_core.synthetic.demo_clip import make_demo
 from tcfit_app.cli import fit_command
 from tcfit_app.cli.main import main
 from tcfit_app.project.project import Project
@@ -130,7 +130,7 @@ DEMO_RATE = 4.0
 def demo_project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A project of the demo clip without a fit; not to be changed."""
     folder = tmp_path_factory.mktemp("demo")
-    demo = make_demo(folder / "clip", progress=False, frame_rate=DEMO_RATE)
+    demo = make_demo(folder / "clip", frame_rate=DEMO_RATE)
     camera = CameraOptions(focal_length=demo.camera.focal[0], center=demo.camera.center)
     clip = replace(read_clip(demo.video, demo.keypoints, camera=camera), name="demo")
     Project.create(folder / "demo.tcfit", clip, copy_media=True).close()

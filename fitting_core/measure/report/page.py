@@ -3,16 +3,12 @@
 from collections.abc import Sequence
 
 from fitting_core.measure.records import Evaluation, sequences
-from fitting_core.measure.report.ablations import Ablation, ablation_plots
 from fitting_core.measure.report.markup import Markup, joined, tag
 from fitting_core.measure.report.plots import CSS
 from fitting_core.measure.report.sections import (
     SURFACE,
-    VOLUME,
     WorstFrame,
     all_figures,
-    bars,
-    over_time,
     paper_table,
     provenance,
     section,
@@ -26,24 +22,25 @@ _TABLE = (
     "rigidly (ICP), then the distances of its vertices from the closest points of the true surface are averaged. "
     "Volume error: mean absolute difference of the closed meshes' volumes."
 )
-_OVER_TIME = (
+OVER_TIME = (
     (SURFACE, "", "Error over the frames"),
     ("volume", "true_volume", "Volume over time"),
     ("pa_mpjpe", "", "PA-MPJPE over the frames"),
     ("joint_error", "", "Joint error in the camera over the frames"),
     ("reprojection", "", "Reprojection error over the frames"),
 )
+"""Curves, those of the truth beside them, and titles where each has a section."""
 _HEAD = '<!doctype html><html lang="en"><head><meta charset="utf-8">'
 _VIEWPORT = '<meta name="viewport" content="width=device-width, initial-scale=1">'
 
 
-def report_page(evaluation: Evaluation, *, worst: Sequence[WorstFrame] = (), ablations: Sequence[Ablation] = ()) -> str:
+def report_page(evaluation: Evaluation, *, worst: Sequence[WorstFrame] = (), sections: Sequence[Markup] = ()) -> str:
     """HTML that shows itself without a network.
 
     Args:
-        evaluation: What was measured; with no records only the ablations are shown.
+        evaluation: What was measured.
         worst: Pictures.
-        ablations: Settings varied one at a time.
+        sections: What else there is to show, as `section` makes it.
     """
     parts = [tag("h1", evaluation.title)]
     parts += [tag("p", note, class_="dim") for note in evaluation.notes]
@@ -52,11 +49,11 @@ def report_page(evaluation: Evaluation, *, worst: Sequence[WorstFrame] = (), abl
             verdict(evaluation.records),
             section("Errors", paper_table(evaluation.records), note=_TABLE),
         ]
-        parts += _plots(evaluation)
+        if len(sequences(evaluation.records)) == 1:
+            parts.append(section("Over the frames", together(evaluation, [(c, truth) for c, truth, _ in OVER_TIME])))
     if worst:
         parts.append(section("Worst frames", worst_frames(worst), note=_WORST))
-    if ablations:
-        parts.append(section("Settings varied one at a time", ablation_plots(ablations)))
+    parts += sections
     if evaluation.records:
         parts.append(section("All figures", all_figures(evaluation), note="Over all frames of a motion."))
     parts.append(section("How this was measured", provenance(evaluation)))
@@ -68,15 +65,3 @@ _WORST = (
     "The frames with the largest errors, one of each sequence. Above as the clip's camera sees them, below from the "
     "side, pelvis on pelvis: what is wrong in depth shows there alone."
 )
-
-
-def _plots(evaluation: Evaluation) -> list[Markup]:
-    shown = [
-        (title, bars(evaluation, curve))
-        for curve, title in ((SURFACE, "Error by sequence"), (VOLUME, "Volume error by sequence"))
-    ]
-    if len(sequences(evaluation.records)) == 1:
-        shown.append(("Over the frames", together(evaluation, [(curve, truth) for curve, truth, _ in _OVER_TIME])))
-    else:
-        shown += [(title, over_time(evaluation, curve, truth=truth)) for curve, truth, title in _OVER_TIME]
-    return [section(title, content) for title, content in shown if content]

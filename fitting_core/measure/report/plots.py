@@ -1,4 +1,4 @@
-"""Plots as SVG: lines and bars with axes, round ticks and units, in the page's colours.
+"""Plots as SVG: lines with axes, round ticks and units, in the page's colours.
 
 Colours are classes: one set for light and one for dark, both readable with red-green blindness (report.css).
 """
@@ -133,7 +133,7 @@ Values = Sequence[float | None]
 
 @dataclass(frozen=True, kw_only=True)
 class Series:
-    """One line of a plot, or one bar of each group."""
+    """One line of a plot."""
 
     title: str
     style: str
@@ -166,7 +166,7 @@ def line_plot(
     """
     frame = Frame(width=size[0], height=size[1])
     across = _across(x, frame, logarithmic, every=dots)
-    up = _up(series, frame, from_zero)
+    up = y_scale(series, frame, from_zero)
     drawn = [frame.y_axis(up, y_title), frame.x_axis(_places(across), x_title)]
     for line in series:
         points = [
@@ -186,39 +186,7 @@ def line_plot(
                 for p, v in zip(points, line.values, strict=True)
                 if p is not None
             ]
-    return _picture(frame, drawn, f"{y_title} over {x_title}")
-
-
-def bar_plot(
-    groups: Sequence[str],
-    series: Sequence[Series],
-    *,
-    y_title: str,
-    x_title: str = "",
-    size: tuple[float, float] = (780.0, 240.0),
-) -> Markup:
-    """Bars beside each other, a group for each name.
-
-    Args:
-        groups: What stands below them.
-        series: Each with a value for every group.
-        y_title: What the values are, with their unit.
-        x_title: What the groups are.
-        size: Of the picture; it scales.
-    """
-    frame = Frame(width=size[0], height=size[1])
-    up = _up(series, frame, True)
-    room = (size[0] - frame.left - frame.right) / max(1, len(groups))
-    wide = min(26.0, 0.76 * room / max(1, len(series)))
-    drawn = [frame.y_axis(up, y_title)]
-    middles = [frame.left + (i + 0.5) * room for i in range(len(groups))]
-    for k, one in enumerate(series):
-        for middle, group, value in zip(middles, groups, one.values, strict=True):
-            if value is not None:
-                x = middle + (k - len(series) / 2) * wide
-                drawn.append(_bar(x, up(value), wide - 1.5, up(0.0), f"{group}, {one.title}: {value:.3g}", one.style))
-    drawn.append(frame.x_axis(list(zip(middles, groups, strict=True)), x_title))
-    return _picture(frame, drawn, f"{y_title} by {x_title or 'group'}")
+    return picture(frame, drawn, f"{y_title} over {x_title}")
 
 
 def legend(series: Sequence[tuple[str, str]]) -> Markup:
@@ -262,7 +230,8 @@ def _places(scale: Scale) -> list[tuple[float, str]]:
     return [place for place in told[:-1] if told[-1][0] - place[0] > 28] + told[-1:]
 
 
-def _up(series: Sequence[Series], frame: Frame, from_zero: bool) -> Scale:
+def y_scale(series: Sequence[Series], frame: Frame, from_zero: bool) -> Scale:
+    """Upwards in a plot, with room for all values."""
     values = [value for one in series for value in one.values if value is not None]
     return scale_of(values or [0.0, 1.0], frame.height - frame.bottom, frame.top, from_zero=from_zero)
 
@@ -278,11 +247,7 @@ def _path(points: Sequence[tuple[float, float] | None]) -> str:
     return "".join(pieces)
 
 
-def _bar(x: float, y: float, width: float, bottom: float, title: str, style: str) -> Markup:
-    height = max(0.0, bottom - y)
-    return tag("rect", tag("title", title), x=x, y=y, width=width, height=height, class_=f"fill {style}")
-
-
-def _picture(frame: Frame, parts: Sequence[Markup], described: str) -> Markup:
+def picture(frame: Frame, parts: Sequence[Markup], described: str) -> Markup:
+    """A plot of its parts; who does not see it is told what it is."""
     box = f"0 0 {frame.width:g} {frame.height:g}"
     return tag("svg", joined(parts), viewBox=box, role="img", aria_label=described, class_="plot")

@@ -6,8 +6,6 @@ from dataclasses import dataclass
 from fitting_core.measure.comparison import figure_titles
 from fitting_core.measure.curves import CURVES
 from fitting_core.measure.records import (
-    BASELINE,
-    PHASE_1,
     Evaluation,
     Record,
     baseline_of,
@@ -20,7 +18,7 @@ from fitting_core.measure.records import (
     wins,
 )
 from fitting_core.measure.report.markup import Markup, joined, markup, number, table, tag
-from fitting_core.measure.report.plots import Series, bar_plot, legend, line_plot, style_of
+from fitting_core.measure.report.plots import Series, legend, line_plot, style_of
 
 SURFACE, VOLUME = "vertex_to_surface", "volume_error"
 MOTION_TITLES = {"simple": "Simple Motion", "complex": "Complex Motion", "signing": "Signing", "": "This clip"}
@@ -114,64 +112,22 @@ def section(title: str, *content: Markup, note: str = "") -> Markup:
     return joined([tag("h2", title), tag("p", note, class_="dim") if note else Markup(), *content])
 
 
-def bars(evaluation: Evaluation, curve: str) -> Markup:
-    """Means by sequence, one plot for each motion."""
+def together(evaluation: Evaluation, curves: Sequence[tuple[str, str]]) -> Markup:
+    """All curves of an evaluation of one sequence; arguments of `timed` in pairs."""
     records = evaluation.records
-    if len(sequences(records)) < 2:
-        return Markup()
-    names, kind = methods(records), CURVES[curve]
-    figures = []
-    for motion in motions(records):
-        some = of(records, motion=motion)
-        groups = sequences(some)
-        drawn = [
-            Series(
-                title=name, style=style_of(name, names), values=[_mean(some, name, group, curve) for group in groups]
-            )
-            for name in names
-        ]
-        if any(value is not None for series in drawn for value in series.values):
-            title = f"Mean {kind.title.lower()}, {kind.unit}"
-            caption = tag("figcaption", MOTION_TITLES.get(motion, motion))
-            width = 96.0 + len(groups) * max(40, 17 * len(names) + 22)
-            plot = bar_plot(groups, drawn, y_title=title, size=(max(width, 380.0), 230.0))
-            figures.append(tag("figure", caption, plot, style=f"flex: 0 1 {max(width, 380.0):.0f}px"))
-    return joined([_legend(names), tag("div", *figures, class_="row")]) if figures else Markup()
+    figures = [figure for curve, truth in curves for figure in timed(records, curve, truth, size=(580.0, 210.0))]
+    return joined([legend_of(methods(records), truth=True), tag("div", *figures, class_="grid pair")])
 
 
-def _mean(records: Sequence[Record], method: str, sequence: str, curve: str) -> float | None:
-    found = of(records, method=method, sequence=sequence)
-    return found[0].comparison.figures.get(f"{curve}_mean") if found else None
-
-
-def over_time(evaluation: Evaluation, curve: str, *, truth: str = "") -> Markup:
-    """A curve over the frames of every sequence.
+def timed(records: Sequence[Record], curve: str, truth: str, *, size: tuple[float, float]) -> list[Markup]:
+    """A curve over the frames, a plot for each sequence.
 
     Args:
-        evaluation: Of which.
+        records: Of all sequences.
         curve: One of CURVES.
-        truth: Another of CURVES, which is the truth's own and is drawn once.
+        truth: Another of CURVES, which is the truth's own and is drawn once; empty: none.
+        size: Of each plot.
     """
-    records = _compared(evaluation.records)
-    figures = _all_timed(records, curve, truth, size=(380.0, 200.0))
-    names = [name for name in methods(records) if any(r.curve(curve) is not None for r in of(records, method=name))]
-    return joined([_legend(names, truth=bool(truth)), tag("div", *figures, class_="grid")]) if figures else Markup()
-
-
-def together(evaluation: Evaluation, curves: Sequence[tuple[str, str]]) -> Markup:
-    """All curves of an evaluation of one sequence; arguments of `over_time` in pairs."""
-    records = evaluation.records
-    figures = [figure for curve, truth in curves for figure in _all_timed(records, curve, truth, size=(580.0, 210.0))]
-    return joined([_legend(methods(records), truth=True), tag("div", *figures, class_="grid pair")])
-
-
-def _compared(records: Sequence[Record]) -> list[Record]:
-    """Where there is a baseline, first phases of other presets would only crowd a plot of many lines."""
-    names = methods(records)
-    return [r for r in records if BASELINE not in names or not r.method.endswith(PHASE_1)]
-
-
-def _all_timed(records: Sequence[Record], curve: str, truth: str, *, size: tuple[float, float]) -> list[Markup]:
     groups = [of(records, sequence=sequence) for sequence in sequences(records)]
     return [
         _timed(own, methods(records), curve, truth, size)
@@ -203,7 +159,8 @@ def _timed(records: Sequence[Record], names: list[str], curve: str, truth: str, 
     return tag("figure", tag("figcaption", first.sequence, note), plot)
 
 
-def _legend(names: Sequence[str], *, truth: bool = False) -> Markup:
+def legend_of(names: Sequence[str], *, truth: bool = False) -> Markup:
+    """What the methods' colours are."""
     entries = [(name, style_of(name, list(names))) for name in names]
     return legend([*([("truth", "truth")] if truth else []), *entries])
 

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fitting_core.ground.contacts import FOOT_POINTS, Contacts, contacts_before_fit, contacts_of, decided
+from fitting_core.ground.contacts import FOOT_POINTS, Contacts, contacts_of, decided
 from fitting_core.ground.gravity import gravity_before_fit
+from tests.samples.before_fit import contacts_before_fit
 from tests.samples.walkers import CAMERA, RATE, Walker, walker
 
 

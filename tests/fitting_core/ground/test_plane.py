@@ -11,11 +11,12 @@ from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.frame_runs import runs_where
-from fitting_core.ground.contacts import FOOT_POINTS, Contacts, contacts_before_fit
+from fitting_core.ground.contacts import FOOT_POINTS, Contacts
 from fitting_core.ground.feet import has_feet, sole_heights, stance_of
 from fitting_core.ground.gravity import Gravity, angles
-from fitting_core.ground.grounding import USUAL_SOLES, Grounding, grounding_before_fit, grounding_of
+from fitting_core.ground.grounding import Grounding, grounding_of
 from fitting_core.ground.plane import Ground, ground_under
+from tests.samples.before_fit import USUAL_SOLES, contacts_before_fit, grounding_before_fit
 from tests.samples.walkers import CAMERA, HEIGHT, RATE, SOLES, Walker, walker
 
 

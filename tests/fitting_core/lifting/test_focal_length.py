@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 import torch
 
+from evaluation.synthetic.motion_suite import clips
+from evaluation.synthetic.motion_suite.clips import make_motion, motion_sequences
 from fitting_core.camera import Camera, FocalFrom, default_focal
 from fitting_core.errors import InputError
 from fitting_core.files.npz import read_npz, write_npz
@@ -22,8 +24,6 @@ from fitting_core.lifting.perspective import (
     write_perspective,
 )
 from fitting_core.lifting.rays import N_FEATURES, POINTS
-from fitting_core.synthetic.motion_suite import clips
-from fitting_core.synthetic.motion_suite.clips import make_motion, motion_sequences
 
 CAMERA = Camera(focal=(1000.0, 1000.0), center=(400.0, 300.0), size=(800, 600), focal_from=FocalFrom.DIAGONAL)
 SHARE = torch.full((len(LOG_EXTENTS),), 1 / len(LOG_EXTENTS))

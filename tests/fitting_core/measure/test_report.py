@@ -6,11 +6,12 @@ from xml.etree import ElementTree
 
 import pytest
 
+from evaluation.ablation_plots import Ablation, Trial, ablation_plots
+from evaluation.suite_plots import bar_plot, plots
 from fitting_core.measure.comparison import Comparison, figure_titles
 from fitting_core.measure.records import BASELINE, Evaluation, Record, overall, pooled, wins
-from fitting_core.measure.report.ablations import Ablation, Trial
 from fitting_core.measure.report.page import report_page
-from fitting_core.measure.report.plots import Series, bar_plot, label, line_plot, scale_of, ticks
+from fitting_core.measure.report.plots import Series, label, line_plot, scale_of, ticks
 
 
 def record(sequence: str, method: str, errors: list[float | None], motion: str = "simple") -> Record:
@@ -85,7 +86,7 @@ def test_the_page_needs_nothing_but_itself():
     other = Trial(label="5", place=5.0, variant="", errors={"Error <cm>": None})
     ablation = Ablation(title="Windows & more", x_title="frames", note="", trials=(trial, other))
     evaluation = Evaluation(title="<script>alert(1)</script>", records=RECORDS, settings={"Command": "a & b <c>"})
-    page = report_page(evaluation, ablations=[ablation])
+    page = report_page(evaluation, sections=[*plots(evaluation), ablation_plots([ablation])])
     assert "<script" not in page and "a &amp; b &lt;c&gt;" in page and "Error &lt;cm&gt;" in page
     assert not re.findall(r"(?:https?:)?//|@import|<link|src=\"(?!data:)|url\(", page)
     assert "1 of 2" in page and "3.67" in page and "prefers-color-scheme: dark" in page

@@ -7,16 +7,16 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.ndimage import gaussian_filter1d
 
+from evaluation.synthetic.motion_suite.measured_detector import detected
+from evaluation.synthetic.motion_suite.windows import FRAME_RATE, acted, shipped_windows
+from evaluation.synthetic.studio.view import View
+from evaluation.synthetic.suite import SUBJECTS, subject_body
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.camera import Camera
 from fitting_core.detections import Detections
 from fitting_core.keypoints import BODY, COUNT, INDEX
-from fitting_core.synthetic.motion_suite.measured_detector import detected
-from fitting_core.synthetic.motion_suite.windows import FRAME_RATE, acted, shipped_windows
-from fitting_core.synthetic.studio.view import View
-from fitting_core.synthetic.suite import SUBJECTS, subject_body
 from tests.samples.company.scenes import SCENES, SECONDS, Way
 
 CAMERA = Camera(focal=(1100.0, 1100.0), center=(640.0, 360.0), size=(1280, 720), source="the scene's own camera")

@@ -1,6 +1,5 @@
 """`tcfit demo`: the clip's own camera, and errors against the truth that are what they say."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,13 +8,12 @@ import numpy as np
 import pytest
 import torch
 
+from evaluation.synthetic.demo_clip import DemoClip
 from fitting_core.body.model import BodyModel
 from fitting_core.body.points.positions import joints_in_space
-from fitting_core.errors import InputError
 from fitting_core.io.truth import Truth
-from fitting_core.synthetic.demo_clip import DemoClip
 from tcfit_app.cli import demo_command
-from tcfit_app.cli.demo_command import demo_clip, joint_errors
+from tcfit_app.cli.demo_command import joint_errors
 from tcfit_app.cli.fit_command import Outcome
 from tcfit_app.cli.main import main
 from tests.tcfit_app.conftest import CAMERA, FRAMES, QUICK, motion
@@ -39,8 +37,8 @@ def demo(keypoint_folder: Path, free_body: BodyModel, monkeypatch: pytest.Monkey
         frame_rate=25.0,
         body_hash=free_body.hash,
     )
-    clip = DemoClip(folder=tmp_path, video=video, keypoints=keypoint_folder, truth=tmp_path / "t.npz", camera=CAMERA)
-    monkeypatch.setattr(demo_command, "cached_demo", lambda **_: clip)
+    clip = DemoClip(video=video, keypoints=keypoint_folder, truth=tmp_path / "t.npz", camera=CAMERA)
+    monkeypatch.setattr(demo_command, "demo_clip", lambda: clip)
     monkeypatch.setattr(demo_command, "read_truth", lambda path: truth)
     return truth
 
@@ -68,24 +66,11 @@ def test_errors_are_in_millimetres(demo: Truth, free_body: BodyModel):
     assert absolute == pytest.approx(50) and aligned < 1e-6 and pa < 1e-6
 
 
-def test_who_waits_for_the_clip_is_told(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture):
-    def making(making: Callable[[], None], **_: object) -> None:
-        making()
-        raise OSError("no space left")
+def test_wrong_options_are_found_first(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture):
+    def never(*_: object) -> None:
+        raise AssertionError("the clip was read")
 
-    monkeypatch.setattr(demo_command, "cached_demo", making)
-    with pytest.raises(InputError, match=r"no space left.*free space"):
-        demo_clip()
-    assert "Making the demo clip" in capsys.readouterr().err
-
-
-def test_wrong_options_do_not_wait_for_the_clip(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture
-):
-    def never(**_: object) -> None:
-        raise AssertionError("the clip was made")
-
-    monkeypatch.setattr(demo_command, "cached_demo", never)
+    monkeypatch.setattr(demo_command, "read_clip", never)
     assert main(["demo", "--out", str(tmp_path / "out"), "--solver", "adam"]) == 2
     (tmp_path / "mine").write_text("x")
     assert main(["demo", "--out", str(tmp_path)]) == 2

@@ -15,6 +15,7 @@ from fitting_core.render import renderer
 from fitting_core.render.sheets import View
 from fitting_core.video.frames import FrameSource
 from tcfit_app.cli.main import main
+from tests.samples.media import write_video
 from tests.samples.project_samples import sample_clip
 from tests.samples.waving import waving_fit, waving_project
 
@@ -61,6 +62,23 @@ def test_the_picture_has_the_body_where_the_camera_saw_it(result: Path, tmp_path
     assert np.mean(inside) > 0.97
     columns, rows = np.flatnonzero(seen.any(0)), np.flatnonzero(seen.any(1))
     assert abs(columns[0] - pixels[:, 0].min()) < 2 and abs(rows[0] - pixels[:, 1].min()) < 2
+
+
+@needs_gl
+def test_a_result_is_drawn_over_its_video_wherever_both_go(tmp_path: Path, free_body: BodyModel):
+    (tmp_path / "made").mkdir()
+    video = write_video(tmp_path / "made" / "walk.mp4", frames=20, size=(640, 480))
+    write_result(tmp_path / "made" / "fit", waving_fit(2.0), replace(sample_clip(), source=video), free_body)
+    (tmp_path / "made").rename(tmp_path / "moved")
+    over = drawn(tmp_path / "moved" / "fit", tmp_path / "a.png", "--size", "240", "240")
+    bare = drawn(
+        tmp_path / "moved" / "fit", tmp_path / "b.png", "--size", "240", "240", "--no-video", "--view", "picture"
+    )
+    assert over.shape == bare.shape and not np.array_equal(over[0, 0], bare[0, 0])
+    (tmp_path / "moved" / "walk.mp4").unlink()
+    assert drawn(tmp_path / "moved" / "fit", tmp_path / "c.png", "--size", "240", "240").shape == (240, 240, 3)
+    (tmp_path / "moved" / "fit" / "summary.json").write_text('{"video": 3}')
+    assert drawn(tmp_path / "moved" / "fit", tmp_path / "d.png", "--size", "240", "240").shape == (240, 240, 3)
 
 
 @needs_gl
@@ -158,7 +176,7 @@ def test_two_fits_beside_each_other(result: Path, project_folder: Path, tmp_path
         (["RESULT", "--distance", "-1"], "--distance -1: expected metres"),
         (["RESULT", "--background", "blau"], "--background blau: expected white"),
         (["RESULT", "--count", "0"], "--count 0: expected 1"),
-        (["RESULT", "--view", "picture"], "knows no video. Name it with --video-file"),
+        (["RESULT", "--view", "picture"], "has no video, or not where it was. Name it with --video-file"),
         (["RESULT", "--frames", "99", "--view", "front"], "--frames 99: expected frames from 7 to 12"),
         (["RESULT", "--run", "x"], "leave out --run"),
         (["nowhere"], "is neither a project nor a result"),

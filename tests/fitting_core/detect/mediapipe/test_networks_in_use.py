@@ -7,6 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
+from evaluation.synthetic.demo_clip import make_demo
+from fitting_core.clips.demo import DemoClip
 from fitting_core.clips.reading import read_clip
 from fitting_core.detect.detecting import Detected, Detection, FramesDetected
 from fitting_core.detect.detectors import find_detector
@@ -16,7 +18,6 @@ from fitting_core.detect.mediapipe.detector import Effort, MediaPipe
 from fitting_core.detect.second_look import look_again
 from fitting_core.detect.stored import StoredDetection
 from fitting_core.keypoints import BODY, FACE, INDEX, LEFT_HAND, RIGHT_HAND, Keypoints
-from fitting_core.synthetic.demo_clip import DemoClip, make_demo
 from fitting_core.video.frames import FrameSource
 
 pytestmark = [
@@ -27,7 +28,7 @@ pytestmark = [
 
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory: pytest.TempPathFactory) -> DemoClip:
-    return make_demo(tmp_path_factory.mktemp("demo") / "demo", progress=False, frame_rate=6.0)
+    return make_demo(tmp_path_factory.mktemp("demo") / "demo", frame_rate=6.0)
 
 
 @pytest.fixture(scope="module")

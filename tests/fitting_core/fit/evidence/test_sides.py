@@ -10,6 +10,13 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from build_assets.motion_capture.retarget import load
+from evaluation.synthetic.acting.performance import perform, standing_root
+from evaluation.synthetic.acting.script import Build, Failure, Script, failures
+from evaluation.synthetic.motions import demo_script
+from evaluation.synthetic.simulated_detector import Detector, detect
+from evaluation.synthetic.studio import studio
+from evaluation.synthetic.studio.view import View
+from evaluation.synthetic.suite import LEVELS, MOTIONS, SEQUENCES, subject_body
 from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
@@ -17,13 +24,6 @@ from fitting_core.camera import Camera
 from fitting_core.fit.evidence.sides import PAIRED, other_side, unswapped
 from fitting_core.io.truth import Truth, truth_of
 from fitting_core.keypoints import Keypoints
-from fitting_core.synthetic.acting.performance import perform, standing_root
-from fitting_core.synthetic.acting.script import Build, Failure, Script, failures
-from fitting_core.synthetic.motions import demo_script
-from fitting_core.synthetic.simulated_detector import Detector, detect
-from fitting_core.synthetic.studio import studio
-from fitting_core.synthetic.studio.view import View
-from fitting_core.synthetic.suite import LEVELS, MOTIONS, SEQUENCES, subject_body
 from fitting_core.world_camera import in_camera
 from tests.samples.standing import by_hand, standing
 

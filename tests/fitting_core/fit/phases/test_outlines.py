@@ -7,6 +7,7 @@ import pytest
 import torch
 from jaxtyping import Float
 
+from evaluation.synthetic.studio.clothing import Outfit
 from fitting_core.body.geometry import vertex_normals
 from fitting_core.body.mesh import shared_mesh
 from fitting_core.body.model import BodyModel
@@ -15,9 +16,8 @@ from fitting_core.config.schema import FitConfig
 from fitting_core.fit.phases.outlines import OutlinedShape, border_distance, outlined_shape
 from fitting_core.fit.stages import Stages
 from fitting_core.measure.mesh.volume import Enclosed
+from fitting_core.render.rasterize import rasterize
 from fitting_core.silhouettes import Silhouettes, silhouette_size
-from fitting_core.synthetic.studio.clothing import Outfit
-from fitting_core.synthetic.studio.rasterize import rasterize
 from tests.samples.scenes import CAMERA, keypoints_of, random_params
 
 FRAMES = 4

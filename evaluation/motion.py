@@ -1,0 +1,132 @@
+"""`python -m evaluation motion`: how right fits are in the third dimension, on captured motion from all sides."""
+
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import date
+from pathlib import Path
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+from evaluation.motion_runs import MotionTask, motions_named, run_motion, write_records
+from evaluation.options import MotionOptions
+from evaluation.suite_runs import done_tasks
+from evaluation.synthetic.motion_suite.depth_figures import (
+    DEPTH_CURVES,
+    GROUPINGS,
+    PART_CURVES,
+    DepthRecord,
+    depth_figures,
+    titled,
+)
+from fitting_core.config.schema import DEFAULT_PRESET, FitConfig, without_collisions
+from fitting_core.files.atomic import replacing
+from fitting_core.measure.report.markup import number
+from tcfit_app.options.fit import MethodOptions, fit_config
+from tcfit_app.options.preparing import compile_kernels
+
+JSON_NAME, TABLES_NAME = "motion.json", "motion.md"
+_TOLD = "MPJPE, mm"
+"""The figure that is told as fits are done."""
+Rows = dict[str, dict[str, float | None]]
+
+
+def run(options: MotionOptions, command: str) -> None:
+    """Fit and measure a half of the motion suite; print tables and write the files.
+
+    Raises:
+        InputError: Options cannot be used, or the folder cannot be written.
+    """
+    folder = options.out or Path("tcfit-motion-suite")
+    names = motions_named(options.sequences, options.half)
+    presets = options.presets or (DEFAULT_PRESET,)
+    configs = {preset: _config(preset, options) for preset in presets}
+    compile_kernels(configs[presets[-1]])
+    label = "-".join(text.replace("=", "_") for text in options.set)
+    tasks = [
+        MotionTask(
+            sequence=name,
+            focal=options.focal,
+            variant=preset,
+            config=config,
+            folder=folder / "fits" / options.focal / "-".join(filter(None, (preset, _file_name(label)))) / name,
+        )
+        for name in names
+        for preset, config in configs.items()
+    ]
+    records = _done(tasks, options.jobs)
+    settings = {"Command": command, "Half": options.half, "Focal length": options.focal, "Date": f"{date.today()}"}
+    write_records(folder / JSON_NAME, records, settings)
+    methods = list(dict.fromkeys(record.method for record in records))
+    tables = {method: _tables([record for record in records if record.method == method]) for method in methods}
+    with replacing(folder / TABLES_NAME) as draft:
+        draft.write_text(_markdown(tables, settings))
+    for method, own in tables.items():
+        for title, rows in own.items():
+            _print(f"{method}: {title}", rows)
+    print(f"Wrote {JSON_NAME} and {TABLES_NAME} into {folder}")
+
+
+def _config(preset: str, options: MotionOptions) -> FitConfig:
+    config = fit_config(MethodOptions(preset=preset, set=options.set))
+    config = config if options.collisions else without_collisions(config)
+    return replace(config, last_phase=1) if preset == "smplifyx" else config
+
+
+def _file_name(text: str) -> str:
+    return "".join(c if c.isalnum() or c in "-_.," else "-" for c in text)[:100]
+
+
+def _done(tasks: Sequence[MotionTask], jobs: int) -> list[DepthRecord]:
+    found: dict[Path, tuple[DepthRecord, ...]] = {}
+    for task, records in done_tasks(run_motion, tasks, jobs=jobs):
+        found[task.folder] = records
+        value = depth_figures(records[-1:], "")["all"][_TOLD]
+        told = f"{task.sequence}, {task.variant}: {_TOLD.replace(',', f' {number(value)}')}"
+        print(f"{len(found)} of {len(tasks)}: {told}", file=sys.stderr, flush=True)
+    return [record for task in tasks for record in found[task.folder]]
+
+
+def _tables(records: Sequence[DepthRecord]) -> dict[str, Rows]:
+    """By title: rows by label."""
+    rows: Rows = {}
+    for grouping in GROUPINGS:
+        rows |= {_row(grouping, label): own for label, own in depth_figures(records, grouping).items()}
+    parts: Rows = {}
+    for grouping in ("", "view"):
+        parts |= {_row(grouping, label): own for label, own in depth_figures(records, grouping, PART_CURVES).items()}
+    return {"figures over all frames": rows, "errors of the limb joints in the image, hips aligned": parts}
+
+
+def _row(grouping: str, label: str) -> str:
+    return f"{grouping}: {label}" if grouping else label
+
+
+_DIGITS = {titled(curve, s): curve.digits for curve in (DEPTH_CURVES | PART_CURVES).values() for s in curve.statistics}
+
+
+def _cells(row: dict[str, float | None]) -> list[str]:
+    return [number(value, _DIGITS[title]) for title, value in row.items()]
+
+
+def _markdown(tables: dict[str, dict[str, Rows]], settings: dict[str, str]) -> str:
+    lines = [f"- {name}: {value}" for name, value in settings.items()]
+    for method, own in tables.items():
+        for title, rows in own.items():
+            head = next(iter(rows.values()))
+            lines += ["", f"{method}: {title}", "", f"| | {' | '.join(head)} |", "|---" * (len(head) + 1) + "|"]
+            lines += [f"| {label} | {' | '.join(_cells(row))} |" for label, row in rows.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _print(title: str, rows: Rows) -> None:
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
+    table.add_column("", no_wrap=True)
+    for name in next(iter(rows.values())):
+        table.add_column(name.replace(", ", "\n"), justify="right")
+    for label, row in rows.items():
+        table.add_row(label, *_cells(row))
+    # Tables that are wider than a terminal are wanted whole in a log.
+    Console(width=None if sys.stdout.isatty() else 180).print(table)

@@ -1,0 +1,40 @@
+"""The demo clip that comes with tcfit: a video, keypoints as a detector would give them, and the truth."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from fitting_core.camera import Camera
+from fitting_core.io.truth import read_truth
+from fitting_core.shipped import DEMO_FOLDER
+
+
+@dataclass(frozen=True, kw_only=True)
+class DemoClip:
+    """Where the parts of a demo clip lie."""
+
+    video: Path
+    keypoints: Path
+    """OpenPose JSON, one file with a list of the frames."""
+    truth: Path
+    """Read it with `fitting_core.io.truth.read_truth`."""
+    camera: Camera
+
+
+def demo_clip() -> DemoClip:
+    """The demo clip: 145 frames of a person who signs, and sits down on a stool.
+
+    Raises:
+        InputError: It is not there, or damaged.
+    """
+    return clip_in(DEMO_FOLDER)
+
+
+def clip_in(folder: Path) -> DemoClip:
+    """A demo clip in the folder that it was made in. Raises InputError if its truth cannot be read."""
+    truth = folder / "truth.npz"
+    return DemoClip(
+        video=folder / "video.mp4",
+        keypoints=folder / "demo_keypoints.json",
+        truth=truth,
+        camera=read_truth(truth).camera,
+    )

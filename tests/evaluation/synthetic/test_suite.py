@@ -1,0 +1,237 @@
+"""The synthetic suite at a fifth of its frame rate and a quarter of its size: bodies, motions, detections."""
+
+from collections import Counter
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from evaluation.synthetic import suite
+from evaluation.synthetic.acting.script import Hazard, Mishaps, failures
+from evaluation.synthetic.suite import (
+    LEVELS,
+    SEQUENCES,
+    SuiteClip,
+    SuiteSequence,
+    make_sequence,
+    subject_body,
+    world_params,
+)
+from fitting_core.body.mesh import Mesh
+from fitting_core.body.model import JOINT
+from fitting_core.errors import InputError
+from fitting_core.keypoints import BODY, FACE, INDEX, LEFT_HAND
+from tests.samples.suite_pictures import render_frames
+
+COMPLEX, SIMPLE = SEQUENCES["complex_1"], SEQUENCES["simple_1"]
+
+
+def small(sequence: SuiteSequence, rate: float = 5.0) -> SuiteSequence:
+    """The same motion in fewer and smaller frames."""
+    frames = round(sequence.seconds * rate) + 1
+    return replace(sequence, frames=frames, frame_rate=rate, scale=0.25)
+
+
+@lru_cache
+def made(sequence: SuiteSequence, level: str) -> SuiteClip:
+    clip = _made_truth(sequence)
+    return clip if level == "normal" else make_sequence(sequence, level, cached=False)
+
+
+@lru_cache
+def _made_truth(sequence: SuiteSequence) -> SuiteClip:
+    return make_sequence(sequence, "normal", cached=False)
+
+
+@lru_cache
+def world(sequence: SuiteSequence) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and joints, y up, the floor at 0."""
+    body = subject_body(sequence.subject)
+    params = world_params(sequence, body)
+    return Mesh(body)(params).numpy(), Mesh(body).joints(params).numpy()
+
+
+def part(sequence: SuiteSequence, *joints: str) -> np.ndarray:
+    """Vertices that mostly follow these joints."""
+    weights = subject_body(sequence.subject).skinning_weights[:, [JOINT[j] for j in joints]]
+    return weights.sum(1) > 0.6
+
+
+def body_errors(clip: SuiteClip) -> np.ndarray:
+    """Pixels between reported body points and the truth."""
+    errors = np.linalg.norm(clip.clip.keypoints.xy - clip.truth.keypoints, axis=2)[:, BODY]
+    return errors[clip.clip.keypoints.confidence[:, BODY] > 0]
+
+
+def test_the_table_has_the_papers_shape() -> None:
+    assert Counter(s.motion for s in SEQUENCES.values()) == {"simple": 6, "complex": 6, "signing": 1}
+    for name, sequence in SEQUENCES.items():
+        low, high = {"simple": (50, 100), "complex": (175, 250), "signing": (75, 250)}[sequence.motion]
+        assert sequence.name == name and low <= sequence.frames <= high and sequence.frame_rate == 25
+    assert len({(s.view, s.focal) for s in SEQUENCES.values()}) == len({s.seed for s in SEQUENCES.values()}) == 13
+    assert all(5 < abs(s.view.azimuth) < 40 for s in SEQUENCES.values())
+    people = {s.subject for s in SEQUENCES.values() if s.motion != "signing"}
+    assert Counter(person.gender for person in people) == {"male": 3, "female": 3}
+
+
+def test_three_bodies_are_average_two_heavier_and_one_lighter() -> None:
+    volumes = []
+    for i in range(6):
+        subject = SEQUENCES[f"simple_{i + 1}"].subject
+        assert subject == SEQUENCES[f"complex_{i + 1}"].subject
+        body = subject_body(subject)
+        shaped = body.template + body.shape_directions @ np.array(subject.betas)
+        a, b, c = (shaped[body.faces[:, k]] for k in range(3))
+        volumes.append(1e3 * np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+    share = np.array(volumes) / np.mean(volumes)
+    assert (abs(share[[0, 2, 3]] - 1) < 0.1).all()
+    assert (share[[1, 4]] > 1.18).all() and share[5] < 0.7
+
+
+@pytest.mark.parametrize("name", ["complex_1", "complex_6"])
+def test_people_sit_down_cross_legged_with_a_hand_on_the_floor_and_stand_up_again(name: str) -> None:
+    sequence = small(SEQUENCES[name])
+    vertices, joints = world(sequence)
+    hips = joints[:, JOINT["pelvis"], 1]
+    assert hips[0] > 0.8 and hips[-1] > 0.8 and hips.min() < 0.2
+    assert -0.012 < vertices[..., 1].min() < 0.0
+    middle = len(joints) // 2
+    left, right = joints[middle, JOINT["left_ankle"], 0], joints[middle, JOINT["right_ankle"], 0]
+    assert left < right, "seated, the ankles are crossed"
+    hands = [
+        vertices[:, part(sequence, f"{side}_wrist", *list(JOINT)[first : first + 15]), 1].min(1)
+        for side, first in (("left", 25), ("right", 40))
+    ]
+    lowest = np.minimum(*hands)
+    for half in (slice(0, middle), slice(middle, None)):
+        assert -0.012 < lowest[half].min() < 0.012
+    assert lowest[middle] > 0.05
+
+
+def test_what_stands_on_the_floor_does_not_slide() -> None:
+    # At the full frame rate, for a slow frame rate would hide it.
+    vertices, _ = world(COMPLEX)
+    for side in ("left", "right"):
+        foot = vertices[:, part(COMPLEX, f"{side}_ankle", f"{side}_foot")]
+        low = foot[..., 1] < foot[..., 1].min(1, keepdims=True) + 0.004
+        steps = np.linalg.norm(np.diff(foot[..., [0, 2]], axis=0), axis=2)
+        standing = (foot[:-1, :, 1].min(1) < 0.004) & (foot[1:, :, 1].min(1) < 0.004)
+        slips = [
+            np.median(steps[i][low[i] & low[i + 1]]) for i in np.flatnonzero(standing) if (low[i] & low[i + 1]).any()
+        ]
+        assert len(slips) > 100 and max(slips) < 0.005
+
+
+def test_people_who_wave_stand_still_and_raise_one_hand() -> None:
+    for i in range(6):
+        sequence = small(SEQUENCES[f"simple_{i + 1}"])
+        vertices, joints = world(sequence)
+        soles = vertices[:, part(sequence, "left_foot", "right_foot")]
+        assert np.ptp(soles, axis=0).max() < 1e-4
+        above = joints[:, [JOINT["left_wrist"], JOINT["right_wrist"]], 1] - joints[:, [JOINT["neck"]], 1]
+        assert above[0].max() < -0.3 and above.max() > 0.02
+        assert sorted(above.max(0))[0] < -0.3
+
+
+def test_motion_is_as_smooth_as_a_persons() -> None:
+    _, joints = world(COMPLEX)
+    velocity, acceleration = np.diff(joints[:, :22], axis=0) * 25, np.diff(joints[:, :22], 2, axis=0) * 625
+    assert 1.0 < np.linalg.norm(velocity, axis=2).max() < 3.0
+    assert np.linalg.norm(acceleration, axis=2).max() < 60
+
+
+def test_the_truth_is_what_the_camera_sees(tmp_path: Path) -> None:
+    clip = made(small(SIMPLE), "normal")
+    assert clip.clip.camera == clip.truth.camera == clip.sequence.camera and clip.truth.camera.size == (180, 240)
+    assert len(clip.clip) == len(clip.truth.params) == clip.sequence.frames
+    hip = clip.truth.joints[:, JOINT["left_hip"]]
+    pixels = hip[:, :2] / hip[:, 2:] * clip.truth.camera.focal + clip.truth.camera.center
+    np.testing.assert_allclose(pixels, clip.truth.keypoints[:, INDEX["left_hip"]], atol=1e-6)
+    picture = next(iter(render_frames(clip, [0])))
+    x, y = clip.truth.keypoints[0, [INDEX["neck"], INDEX["mid_hip"]]].mean(0).astype(int)
+    assert picture[y, x, 2] > picture[y, x, 0] + 20, "a blue shirt between neck and hips"
+
+
+def test_the_same_seed_gives_the_same_and_another_seed_another() -> None:
+    sequence = small(SIMPLE, rate=2.0)
+    first, second = (make_sequence(sequence, "hard", cached=False) for _ in range(2))
+    np.testing.assert_array_equal(first.clip.keypoints.xy, second.clip.keypoints.xy)
+    np.testing.assert_array_equal(first.truth.joints, second.truth.joints)
+    other = make_sequence(replace(sequence, seed=7), "hard", cached=False)
+    assert not np.array_equal(other.truth.joints, first.truth.joints)
+
+
+def test_levels_differ_in_the_detections_and_not_in_the_truth() -> None:
+    clips = [made(small(COMPLEX), level) for level in LEVELS]
+    for clip in clips[1:]:
+        np.testing.assert_array_equal(clip.truth.joints, clips[0].truth.joints)
+        np.testing.assert_array_equal(clip.truth.visible, clips[0].truth.visible)
+    medians = [np.median(body_errors(clip)) for clip in clips]
+    tails = [np.percentile(body_errors(clip), 95) for clip in clips]
+    assert medians[1] > 3 * medians[0] and medians[2] > 1.4 * medians[1]
+    assert tails[1] > 3 * tails[0] and tails[2] > 1.4 * tails[1]
+
+
+def test_clean_detections_are_what_is_in_view_and_nearly_exact() -> None:
+    clip = made(small(COMPLEX), "clean")
+    seen, confidence = clip.truth.visible[:, BODY], clip.clip.keypoints.confidence[:, BODY]
+    assert confidence[seen].min() > 0.2 and (confidence[~seen] < 0.6).all() and (confidence[~seen] == 0).mean() > 0.5
+    assert np.median(body_errors(clip)) < 0.2  # of 240 pixels
+
+
+def test_more_is_hidden_on_the_floor_than_while_standing() -> None:
+    visible = made(small(COMPLEX), "normal").truth.visible[:, BODY].mean(1)
+    standing, sitting = visible[[0, 1, -2, -1]].mean(), visible[len(visible) // 2 - 3 : len(visible) // 2 + 3].mean()
+    assert standing > sitting > 0.6 and visible.min() < 0.8
+
+
+def test_stout_peoples_own_flesh_hides_nothing() -> None:
+    for name in ("simple_2", "simple_5"):
+        visible = made(small(SEQUENCES[name], rate=2.0), "normal").truth.visible[:, INDEX["mid_hip"]]
+        assert visible.all()
+
+
+def test_all_137_keypoints_are_detected() -> None:
+    clip = made(small(SIMPLE), "normal")
+    confidence = clip.clip.keypoints.confidence
+    assert (confidence[:, FACE][:, :68] > 0).mean() > 0.9 and (confidence[:, LEFT_HAND] > 0).mean() > 0.5
+    assert (confidence[:, ~clip.truth.exists] == 0).all()
+
+
+def test_the_truth_is_cached_and_the_same_from_the_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(suite.platformdirs, "user_cache_path", lambda *_, **__: tmp_path)
+    sequence = small(SIMPLE, rate=2.0)
+    first = make_sequence(sequence)
+
+    def fail(*_: object) -> None:
+        raise AssertionError("it should be in the cache")
+
+    monkeypatch.setattr(suite, "make_truth", fail)
+    second = make_sequence(sequence)
+    np.testing.assert_array_equal(first.clip.keypoints.xy, second.clip.keypoints.xy)
+    assert torch.equal(first.truth.params.body_pose, second.truth.params.body_pose)
+    assert second.truth.camera == first.truth.camera
+    with pytest.raises(AssertionError, match="in the cache"):
+        make_sequence(replace(sequence, seed=8))
+
+
+def test_an_unknown_level_is_explained() -> None:
+    with pytest.raises(InputError, match="clean, normal, hard"):
+        make_sequence(SIMPLE, "easy")
+
+
+def test_failures_lie_in_their_stretch_and_grow_with_the_chance() -> None:
+    hazards = [Hazard("dropped", float(i), i + 0.5, ("left_hand",)) for i in range(40)]
+    hazards.append(Hazard("swapped", 50.0, 51.0, ("legs",), likely=0.0))
+    few, many = (
+        failures(hazards, Mishaps(chance=chance, seconds=(0.1, longest)), np.random.default_rng(1))
+        for chance, longest in ((0.4, 0.3), (0.8, 0.9))
+    )
+    assert 8 < len(few) < 24 < len(many) < 39
+    for failure in many:
+        assert int(failure.start) <= failure.start <= failure.stop <= int(failure.start) + 0.5 + 1e-9
+    assert {int(f.start) for f in few} <= {int(f.start) for f in many}
+    assert all(f.kind == "dropped" for f in many)

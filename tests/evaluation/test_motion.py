@@ -1,0 +1,97 @@
+"""`python -m evaluation motion`: fitted once, told by view, cut and motion; settings and focal length of its own."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from evaluation import motion, motion_runs
+from evaluation.__main__ import main
+from evaluation.synthetic.motion_suite import clips
+from evaluation.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
+from fitting_core.body.model import BodyModel
+from fitting_core.camera import FocalFrom
+from fitting_core.clip import Clip
+from fitting_core.config.schema import FitConfig
+from fitting_core.results.fit_result import FitResult, PhaseResult
+
+NAME = "backflip_1"
+ARGUMENTS = ["motion", "--sequences", NAME]
+
+
+@pytest.fixture
+def fitted(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Clip, FitConfig]]:
+    """Fits that are the truth, 10 cm too far away in phase 1; the list has what was fitted."""
+    found: list[tuple[Clip, FitConfig]] = []
+    made: list[MotionClipMade] = []
+    monkeypatch.setattr(clips, "in_view", lambda body, params, camera: np.ones((len(params), 137), bool))
+    monkeypatch.setattr(motion, "compile_kernels", lambda config: None)
+
+    def make(sequence: clips.MotionSequence, *, focal: str) -> MotionClipMade:
+        made.append(make_motion(sequence, focal=focal, cached=False))
+        return made[-1]
+
+    def fit(clip: Clip, body: BodyModel, config: FitConfig) -> FitResult:
+        found.append((clip, config))
+        true = made[-1].truth.params
+        away = replace(true, camera_translation=true.camera_translation + true.betas.new_tensor([0, 0, 0.1]))
+        phases = tuple(
+            PhaseResult(phase=n, params=params, objective={"total": 1.0}, frame_cost=np.ones(len(params)), seconds=1.0)
+            for n, params in ((1, away), (3, true))
+        )
+        observed = np.ones((len(true), 55), bool)
+        return FitResult(phases=phases, camera=clip.camera, config=config, observed=observed)
+
+    monkeypatch.setattr(motion_runs, "make_motion", make)
+    monkeypatch.setattr(motion_runs, "fit_clip", fit)
+    return found
+
+
+def test_a_half_is_fitted_once_and_told(
+    fitted: list[tuple[Clip, FitConfig]], tmp_path: Path, capsys: pytest.CaptureFixture
+):
+    for _ in range(2):
+        assert main([*ARGUMENTS, "--out", str(tmp_path)]) == 0 and len(fitted) == 1
+    told = capsys.readouterr()
+    assert "tcfit, phase 1: figures over all frames" in told.out and "motion: acrobatics" in told.out
+    assert f"{NAME}, tcfit: MPJPE" in told.err
+    content = json.loads((tmp_path / "motion.json").read_bytes())
+    assert content["settings"]["Focal length"] == "true" and content["settings"]["Half"] == "tuning"
+    first, final = content["records"]
+    assert (first["method"], final["method"]) == ("tcfit, phase 1", "tcfit")
+    # The fit is of the neutral body, whose joints are not quite the true body's.
+    assert np.mean(first["curves"]["depth"]) > 60 and np.mean(final["curves"]["depth"]) < 40
+    lines = (tmp_path / "motion.md").read_text().splitlines()
+    widths = {line.count("|") for line in lines if line.startswith("| ")}
+    assert len(widths) == 2, "two forms of tables, each of equal rows"
+
+
+def test_settings_and_the_focal_length_make_fits_of_their_own(fitted: list[tuple[Clip, FitConfig]], tmp_path: Path):
+    out = ["--out", str(tmp_path)]
+    assert main([*ARGUMENTS, *out, "--set", "temporal.weight=7"]) == 0
+    assert main([*ARGUMENTS, *out, "--focal", "default"]) == 0
+    assert main([*ARGUMENTS, *out, "--focal", "auto"]) == 0
+    (clip, config), (other, plain), (estimated, _) = fitted
+    assert config.temporal.weight == 7 != plain.temporal.weight
+    assert not other.camera.calibrated and other.camera.focal[0] == pytest.approx(np.hypot(*other.camera.size))
+    np.testing.assert_array_equal(clip.keypoints.xy, other.keypoints.xy)
+    assert clip.camera == motion_sequences()[NAME].shot.camera
+    assert estimated.camera.focal_from is FocalFrom.ESTIMATED and not estimated.camera.calibrated
+    assert len(list(tmp_path.glob("fits/*/*/*/fit.key"))) == 3
+
+
+WRONG = {
+    "half": (["--half", "untouched", "--sequences", NAME], "this half has no backflip_1"),
+    "preset": (["--presets", "best"], "best"),
+    "setting": (["--set", "weight=1"], "weight"),
+}
+
+
+@pytest.mark.parametrize("kind", WRONG)
+def test_wrong_options(kind: str, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    monkeypatch.chdir(tmp_path)
+    arguments, said = WRONG[kind]
+    assert main(["motion", *arguments]) == 2
+    assert said in capsys.readouterr().err and not list(tmp_path.iterdir())

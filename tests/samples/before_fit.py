@@ -1,0 +1,63 @@
+"""Contacts, gravity and floor before a fit: of keypoints and the lifter's body, where its keypoints put it."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float
+
+from fitting_core.camera import Camera
+from fitting_core.ground.contacts import FOOT_POINTS, Contacts, contacts_of
+from fitting_core.ground.gravity import Gravity, RolledView
+from fitting_core.ground.grounding import Grounding, grounding_of
+from fitting_core.ground.placing import places
+from fitting_core.lifting.clip_lifting import LiftedClip
+
+USUAL_SOLES = np.tile([0.09, 0.025, 0.015, 0.015], (2, 1))
+"""Metres of a foot's keypoints above its sole, of the free body."""
+
+
+def contacts_before_fit(
+    xy: Float[np.ndarray, "T K 2"],
+    confidence: Float[np.ndarray, "T K"],
+    lifted: LiftedClip,
+    gravity: Gravity,
+    camera: Camera,
+    frame_rate: float,
+) -> Contacts:
+    """Contacts from keypoints and the lifter alone.
+
+    Args:
+        xy: Pixels, the first 25 of K are BODY_25.
+        confidence: 0 for what is not seen or cut off by the image.
+        lifted: What the lifter says of them.
+        gravity: Of the clip.
+        camera: Of the clip.
+        frame_rate: Frames per second.
+    """
+    placed = camera.to_still(lifted.points + places(xy, confidence, lifted, camera, frame_rate)[:, None])
+    return contacts_of(xy, confidence, lifted, gravity, camera, frame_rate, placed[:, FOOT_POINTS])
+
+
+def grounding_before_fit(
+    xy: Float[np.ndarray, "T K 2"],
+    confidence: Float[np.ndarray, "T K"],
+    lifted: LiftedClip,
+    camera: Camera,
+    frame_rate: float,
+    *,
+    rolled: Sequence[RolledView] = (),
+) -> Grounding:
+    """From keypoints and the lifter alone, with a floor under the lifter's body where its keypoints put it.
+
+    Args:
+        xy: Pixels, the first 25 of K are BODY_25.
+        confidence: 0 for what is not seen or cut off by the image.
+        lifted: What the lifter says of them.
+        camera: Of the clip.
+        frame_rate: Frames per second.
+        rolled: As for `grounding_of`.
+    """
+    placed = camera.to_still(lifted.points + places(xy, confidence, lifted, camera, frame_rate)[:, None])
+    return grounding_of(
+        xy, confidence, lifted, camera, frame_rate, feet=placed[:, FOOT_POINTS], soles=USUAL_SOLES, rolled=rolled
+    )
