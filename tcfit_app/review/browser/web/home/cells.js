@@ -3,10 +3,10 @@
 import { element } from "../element.js";
 
 /**
- * @typedef {{ step: string, share?: number | null, ended?: boolean }} Work
- * @typedef {{ key: string, name: string, place: string, kind: "project" | "result" | "video", state?: State, frames?: number,
- *   seconds?: number, score?: number | null, left?: number, words?: string, frame?: number | null, error?: number | null,
- *   reviewer?: string, spent?: number, altered?: boolean, note?: string, notes?: number, busy?: string, work?: Work | null,
+ * @typedef {{ step: string, share?: number, ended?: boolean }} Work
+ * @typedef {{ key: string, name: string, place: string, kind: "project" | "result" | "video", state?: State,
+ *   frames?: number, seconds?: number, score?: number, left?: number, words?: string, frame?: number, error?: number,
+ *   reviewer?: string, spent?: number, altered?: boolean, note?: string, notes?: number, busy?: string, work?: Work,
  *   problem?: string }} Row
  * @typedef {"new" | "fitted" | "in review" | "approved"} State
  * @typedef {{ title: string, name: string, number?: boolean, order?: (row: Row) => string | number | undefined,
@@ -51,7 +51,7 @@ function state(cell, row) {
   const box = element("div", "", cell);
   if (work && !work.ended) {
     element("div", "one", box, work.step);
-    if (work.share == null) return;
+    if (work.share === undefined) return;
     const track = element("div", "track", box);
     track.setAttribute("role", "progressbar");
     track.setAttribute("aria-label", work.step);
@@ -73,7 +73,7 @@ function worst(cell, row) {
   if (row.problem) {
     element("div", "two wrong", box, row.problem);
     cell.title = row.problem;
-  } else if (row.score == null) {
+  } else if (row.score === undefined) {
     if (row.kind === "project" && stateOf(row) !== "new") element("div", "dim", box, "not looked for yet");
   } else if (!row.left) {
     element("div", "score good", box, "Nothing suspicious");
@@ -108,13 +108,13 @@ export const COLUMNS = [
   { title: "Clip", name: "name", order: (row) => row.place, fill: name },
   { title: "Length", name: "length", number: true, order: (row) => row.seconds || undefined, fill: length },
   { title: "State", name: "state", order: (row) => STATES.indexOf(stateOf(row)), fill: state },
-  { title: "Worst place", name: "worst", number: true, order: (row) => row.score ?? undefined, fill: worst },
+  { title: "Worst place", name: "worst", number: true, order: (row) => row.score, fill: worst },
   {
     title: "Error",
     name: "error",
     number: true,
-    order: (row) => row.error ?? undefined,
-    fill: (cell, row) => void (cell.textContent = row.error == null ? "" : `${row.error.toFixed(1)} px`),
+    order: (row) => row.error,
+    fill: (cell, row) => void (cell.textContent = row.error === undefined ? "" : `${row.error.toFixed(1)} px`),
   },
   { title: "Reviewer", name: "reviewer", order: (row) => row.reviewer || undefined, fill: reviewer },
   { title: "Note", name: "note", order: (row) => row.note || undefined, fill: note },

@@ -34,7 +34,7 @@ let arrived = false;
 
 // --- the page ---
 
-const header = element("header", "tcfit-panel");
+const header = element("header", "tcfit-panel", document.body);
 header.append(/** @type {HTMLElement} */ (document.getElementById("title")));
 const filters = element("div", "tcfit-joined", header);
 filters.setAttribute("role", "group");
@@ -61,22 +61,24 @@ const buttons = {
   approve: action("Approve", "A", "Say that it is done, or take that back", () => approve()),
   cancel: action("Cancel", "C", "Not fit them; take away what is told of those that failed", () => cancel()),
 };
-const main = element("main");
+const main = element("main", "", document.body);
 const nothing = element("p", "nothing", main);
-const footer = element("footer");
-for (const [keys, what] of [["↑ ↓", "go"], ["Space", "select"], ["Ctrl+A", "select all"], ["N", "note"], ["Esc", "select none"],
-  ["PageDown PageUp", "next and previous clip, in a clip"]]) {
+const footer = element("footer", "", document.body);
+const KEYS_TOLD = [
+  ["↑ ↓", "go"], ["Space", "select"], ["Ctrl+A", "select all"], ["N", "note"], ["Esc", "select none"],
+  ["PageDown PageUp", "next and previous clip, in a clip"],
+];
+for (const [keys, what] of KEYS_TOLD) {
   element("kbd", "", footer, keys);
   footer.append(` ${what}   `);
 }
-const alert = element("div", "alert tcfit-panel");
+const alert = element("div", "alert tcfit-panel", document.body);
 alert.setAttribute("role", "alert");
 const alertText = element("div", "", alert);
 const alertEnd = element("button", "", alert, "Close");
 alertEnd.type = "button";
 alertEnd.onclick = () => void (alert.hidden = true);
 alert.hidden = true;
-document.body.append(header, main, footer, alert);
 
 /** @param {string} text */
 function tell(text) {
@@ -105,7 +107,8 @@ function compared(a, b) {
   const order = COLUMNS.find((column) => column.name === kept.by)?.order ?? ((row) => row.place);
   const [one, other] = [order(a), order(b)];
   const natural = a.place.localeCompare(b.place, "en", { numeric: true });
-  if (one === undefined || other === undefined) return Number(one === undefined) - Number(other === undefined) || natural;
+  const missing = Number(one === undefined) - Number(other === undefined);
+  if (one === undefined || other === undefined) return missing || natural;
   const difference = typeof one === "number" && typeof other === "number"
     ? one - other : String(one).localeCompare(String(other), "en", { numeric: true });
   return (kept.down ? -difference : difference) || natural;

@@ -3,7 +3,7 @@
 import { FONT } from "../style.js";
 
 export const ROW = 72; // CSS pixels of a row, all of which are alike: what is out of sight is not there
-const STATE_COLORS = { new: "--tcfit-dim", fitted: "--tcfit-detected", review: "--tcfit-flagged", approved: "--tcfit-checked" };
+const STATE_COLORS = { new: "dim", fitted: "detected", review: "flagged", approved: "checked" }; // of the theme
 
 export const LIST_SHEET = `
 html { color-scheme: dark light; }
@@ -51,7 +51,7 @@ tr[aria-selected=true] .dim { color: var(--tcfit-text); }
 td a { color: var(--tcfit-strong); font-weight: 600; text-decoration: none; }
 td a:hover { text-decoration: underline; }
 .badge::before { content: ""; display: inline-block; width: 9px; height: 9px; margin-right: 7px; border-radius: 50%; background: var(--dot); }
-${Object.entries(STATE_COLORS).map(([state, color]) => `.badge.${state} { --dot: var(${color}); }`).join(" ")}
+${Object.entries(STATE_COLORS).map(([state, color]) => `.badge.${state} { --dot: var(--tcfit-${color}); }`).join(" ")}
 .score { font-weight: 600; color: var(--tcfit-strong); }
 .score.good { color: var(--tcfit-good); } .score.doubtful { color: var(--tcfit-flagged); } .score.worst { color: var(--tcfit-wrong); }
 .wrong { color: var(--tcfit-wrong); }

@@ -137,7 +137,10 @@ export class Table {
   take(key, data) {
     this.pictures.delete(key);
     this.pictures.set(key, data);
-    while (this.pictures.size > MOST_PICTURES) this.pictures.delete(/** @type {string} */ (this.pictures.keys().next().value));
+    for (const oldest of this.pictures.keys()) {
+      if (this.pictures.size <= MOST_PICTURES) break;
+      this.pictures.delete(oldest);
+    }
     this.draw();
   }
 
