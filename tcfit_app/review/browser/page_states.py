@@ -633,7 +633,7 @@ PageState = (
         | OtherPeople
     )
     | (Timeline | Rows | Thumbnails | Marks | Keyframes | Suspicions | FrameMenus | PictureMenus | Fit | Provenance)
-    | (ChosenRange | Cursor | Keys | Notice | Chips | Beat | Saving | Typing | Linking | Hints)
+    | (ChosenRange | Cursor | Keys | Notice | Chips | Beat | Saving | Typing | Linking | Leaving | Hints)
 )
 
 
