@@ -31,8 +31,8 @@ from fitting_core.fit.phases.limb_flips import Limb as TwoBones
 from fitting_core.fit.stages import Stages
 from fitting_core.keypoints import INDEX
 from tcfit_app.fitting.jobs import around
-from tcfit_app.fitting.live import REACH
-from tcfit_app.review.gestures.depths import Limb, SeenBody, Way, limbs_of
+from tcfit_app.fitting.live import LIVE_REACH
+from tcfit_app.review.gestures.depths import LimbPoints, SeenBody, Way, limbs_of
 from tests.samples.excerpts import picked
 
 DEEP = 0.15
@@ -61,7 +61,7 @@ class _Case:
     clip: Clip
     body: BodyModel
     config: FitConfig
-    limb: Limb
+    limb: LimbPoints
     params: BodyParams
     frames: range
     """In which it is there."""
@@ -92,7 +92,7 @@ class _Case:
     def followed(self, clip: Clip, frames: range) -> BodyParams:
         """The fit of these frames and those around, again."""
         params = self.params
-        for window in around(frames, REACH, len(clip)):
+        for window in around(frames, LIVE_REACH, len(clip)):
             params = drained(rerun_events(clip, self.body, self.config, params, window)).params
         return params
 
@@ -157,7 +157,7 @@ def _measured(case: _Case, before: BodyParams) -> dict[str, float]:
     """Mean errors in centimetres, by what was done and where they are taken."""
     worst = case.frames.start + int(case.errors(case.params)[case.frames.start : case.frames.stop].argmax())
     frame = range(worst, worst + 1)
-    (window,) = around(frame, REACH, len(case.clip))
+    (window,) = around(frame, LIVE_REACH, len(case.clip))
     one = case.followed(case.sent(frame, "mirror"), frame)
     whole = case.followed(case.sent(case.frames, case.side), case.frames)
     errors = {

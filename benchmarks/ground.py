@@ -25,7 +25,7 @@ from fitting_core.frame_runs import runs_where
 from fitting_core.ground.feet import sole_heights, stance_of
 from fitting_core.ground.gravity import angles, robust_mean, rolled_views
 from fitting_core.ground.grounding import Grounding
-from fitting_core.ground.placing import places
+from fitting_core.ground.placing import pelvis_positions
 from fitting_core.ground.plane import lowest
 from fitting_core.image_border import seen_confidence
 from fitting_core.io.result_files import read_fit
@@ -158,7 +158,7 @@ def _of_sequence(made: MotionClipMade, fits: Path | None) -> list[Measured]:
     lifted = lifted_keypoints(clip.keypoints, camera, rate)
     rolled = rolled_views(xy, confidence, camera, rate)
     before = grounding_before_fit(xy, confidence, lifted, camera, rate, rolled=rolled)
-    pelvis = places(xy, confidence, lifted, camera, rate)
+    pelvis = pelvis_positions(xy, confidence, lifted, camera, rate)
     alone = lifted.contact[before.contacts.seen] > 0.5
     lifted_only = _measured("the lifter alone", made, before, pelvis, alone)
     trunk = lifted.points[:, 1]

@@ -27,7 +27,7 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS, FitConfig
 from fitting_core.fit.events import drained
 from fitting_core.fit.fitting import fit_clip, rerun_events
-from tcfit_app.fitting.live import REACH, Correction, LiveCorrection
+from tcfit_app.fitting.live import LIVE_REACH, Correction, LiveCorrection
 from tests.samples.excerpts import mirrored
 
 
@@ -47,7 +47,7 @@ class Live:
     """In how many moves."""
     reruns: int = 5
     """How many of the moves a plain re-run follows too."""
-    reaches: tuple[int, ...] = (REACH, 2)
+    reaches: tuple[int, ...] = (LIVE_REACH, 2)
     """Frames that follow on each side."""
     common: OmitArgPrefixes[Common] = field(default_factory=Common)
 

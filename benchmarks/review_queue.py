@@ -47,7 +47,7 @@ from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.analysis.posed_fit import PosedFit
 from tcfit_app.analysis.suspicion import Suspect, review_queue
 from tcfit_app.fitting.jobs import around
-from tcfit_app.fitting.live import REACH
+from tcfit_app.fitting.live import LIVE_REACH
 
 _DETECTORS = {"good": Detector(), "measured": LEVELS["normal"].detector}
 FLIP = "flip"
@@ -249,7 +249,7 @@ def _flipped(clean: Judged, seen: Seen, params: BodyParams, rng: np.random.Gener
         state = stages.parametrisation.from_params(params[list(frames)])
         pose = LimbFlips(stages).flipped(state, groups[joints], upper=True, lower=True)
         found = params.with_frames(frames, replace(params[list(frames)], body_pose=pose.to(params.body_pose)))
-        for window in around(frames, REACH, len(clip)):
+        for window in around(frames, LIVE_REACH, len(clip)):
             found = drained(rerun_events(clip, body, config, found, window)).params
         judged = _judged(clean.made, clip, found, None, clean.fit.meshes)
         if _harm(judged, clean, frames, joints[1:]) > _HARM:

@@ -344,7 +344,7 @@ def starting(review: Reviewing) -> Iterator[str]:
     settle(review)
     review.tab.get_by_text("Import from this path").wait_for()
     yield "start"
-    choose_model(review, "An ONNX file of yours")
+    choose_model(review, "Your own ONNX file")
     yield "own-model"
     review.app.post(lambda: review.session.source.begin(ImportFiles(path=Path("no/such/folder"))))
     until(lambda: not review.session.source.busy, "the failure")
@@ -392,7 +392,7 @@ def without_video(project: Path, folder: Path) -> Path:
     with Project.open(copy) as opened:
         source = opened.media.path
         if source is None or not source.is_file():
-            raise InputError("This project's video is not there: give a project that finds its video file.")
+            raise InputError("This project's video is missing: give a project that finds its video file.")
         moved = folder / source.name
         shutil.copy(source, moved)
         opened.relink(moved)

@@ -32,7 +32,7 @@ from fitting_core.io.result_files import SUMMARY_NAME, read_fit, write_result
 from fitting_core.io.summary import versions
 from fitting_core.io.truth import Truth
 from fitting_core.measure.comparison import Comparison, compare
-from fitting_core.measure.pairing import Estimate
+from fitting_core.measure.pairing import PosedMotion
 from fitting_core.measure.records import BASELINE, PHASE_1, Record
 from fitting_core.measure.references.bodies import reference_of
 from fitting_core.measure.references.reference import Reference
@@ -236,7 +236,7 @@ def _measured(task: SuiteTask, made: SuiteClip, body: BodyModel) -> tuple[Record
 def _compared(
     task: SuiteTask, made: SuiteClip, body: BodyModel, reference: Reference, params: BodyParams, surfaces: bool
 ) -> Comparison:
-    estimate = Estimate(
+    estimate = PosedMotion(
         body=body, params=params, camera=made.clip.camera, frame_rate=made.clip.frame_rate, clip=made.clip
     )
     return compare(estimate, reference, truth_body=made.body, meshes=surfaces, every=task.every)

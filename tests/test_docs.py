@@ -1,5 +1,6 @@
 """README and documentation: short where it must be, every link leads somewhere, and every command and example works."""
 
+import ast
 import importlib
 import io
 import re
@@ -33,6 +34,7 @@ PAGES = sorted(DOCS.rglob("*.md"))
 TEXTS = [*(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")), *PAGES]
 BYTES_OF_README = 8000
 
+_SOURCES = {".py", ".js", ".ts", ".css", ".md"}
 _LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 _HEADING = re.compile(r"^#+ +(.*)$", re.MULTILINE)
 _FENCED = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
@@ -134,6 +136,53 @@ def test_the_version_of_torch_that_is_named_is_the_tested_one(page: Path):
     assert named and all(f"\ntorch=={version}\n" in text_of(ROOT / "constraints.txt") for version in named)
 
 
+def docstrings() -> Iterator[tuple[str, str]]:
+    """Each file of the packages with each of its docstrings."""
+    for package in ("fitting_core", "tcfit_app", "benchmarks", "build_assets", "web_tools", "tests"):
+        for path in sorted((ROOT / package).rglob("*.py")):
+            nodes = ast.walk(ast.parse(text_of(path)))
+            texts = (
+                node.value for node in nodes if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+            )
+            yield from ((name_of(path), str(text.value)) for text in texts)
+
+
+_FILE = re.compile(r"(?<![\w./~-])((?:[\w-]+/)+[\w-]+\.(?:py|js|ts|css|md))(?![\w/])")
+_MODULE = re.compile(r"(?<![\w./])(?:fitting_core|tcfit_app|benchmarks|build_assets|web_tools|tests)(?:\.\w+)+")
+_CITING = "fitting_core/io/motion/learned/", "fitting_core/files/torch_pickles.py"
+"""They name the files of other projects that document a format."""
+
+
+def test_every_file_that_is_named_exists():
+    """By the end of its path."""
+    there = [f"/{path.relative_to(ROOT).as_posix()}" for path in ROOT.rglob("*") if path.suffix in _SOURCES]
+    named = [(name_of(page), text_of(page)) for page in TEXTS if page.name != "CHANGELOG.md"]
+    named += [(name, text) for name, text in docstrings() if not name.startswith(_CITING)]
+    found = {(name, path) for name, text in named for path in _FILE.findall(text)}
+    assert len(found) > 50
+    assert not {(name, path) for name, path in found if not any(known.endswith(f"/{path}") for known in there)}
+
+
+def exists(dotted: str) -> bool:
+    """Whether this is a module or package, or a name in one."""
+    *parents, name = dotted.split(".")
+    place = ROOT.joinpath(*parents, name)
+    if place.is_dir() or place.with_suffix(".py").is_file():
+        return True
+    return any(
+        path.is_file() and re.search(rf"\b{name}\b", text_of(path))
+        for path in (ROOT.joinpath(*parents).with_suffix(".py"), ROOT.joinpath(*parents, "__init__.py"))
+    )
+
+
+def test_every_module_that_is_named_exists():
+    named = [(name_of(page), text_of(page)) for page in TEXTS if page.name != "CHANGELOG.md"]
+    found = {(name, dotted) for name, text in [*named, *docstrings()] for dotted in _MODULE.findall(text)}
+    assert len(found) > 30
+    known = {"benchmarks.NAME", "fitting_core.assets"}  # any of them; mapped by setup.py
+    assert not {(name, dotted) for name, dotted in found if dotted not in known and not exists(dotted)}
+
+
 # --- commands ---
 
 
@@ -152,10 +201,10 @@ def subcommands() -> list[str]:
 
 
 @cache
-def help_of_benchmark(name: str) -> str:
-    """What `python -m NAME --help` prints."""
+def help_of_benchmark(name: str, *rest: str) -> str:
+    """What `python -m NAME [COMMAND] --help` prints, of a whole command line."""
     with pytest.MonkeyPatch.context() as patch, redirect_stdout(io.StringIO()) as printed:
-        patch.setattr(sys, "argv", [name, "--help"])
+        patch.setattr(sys, "argv", [name, *(rest[:1] if name == "evaluation" else ()), "--help"])
         patch.delitem(sys.modules, name, raising=False)
         with pytest.raises(SystemExit) as end:
             runpy.run_module(name, run_name="__main__", alter_sys=True)
@@ -192,11 +241,11 @@ def benchmarks() -> list[tuple[str, ...]]:
 @pytest.mark.parametrize("arguments", benchmarks(), ids=" ".join)
 def test_a_benchmark_has_the_options_that_are_shown(arguments: tuple[str, ...]):
     given = {word for word in arguments if word.startswith("--")}
-    assert given <= set(_OPTION.findall(help_of_benchmark(arguments[0])))
+    assert given <= set(_OPTION.findall(help_of_benchmark(*arguments)))
 
 
 def test_every_option_that_is_named_exists():
-    helps = [*map(help_of, subcommands()), *(help_of_benchmark(name) for name, *_ in benchmarks())]
+    helps = [*map(help_of, subcommands()), *(help_of_benchmark(*line) for line in benchmarks())]
     known = _FOREIGN.union(["--help"], *map(_OPTION.findall, helps))
     assert not {(page, option) for page, span in spans() for option in _OPTION.findall(span) if option not in known}
 

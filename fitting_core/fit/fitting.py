@@ -49,7 +49,7 @@ from fitting_core.video.frame_names import spans
 P = ParamSpec("P")
 Outcome = TypeVar("Outcome")
 """What a phase returns."""
-TITLES = {1: "every frame on its own", 2: "one shape", 3: "consistency over time"}
+PHASE_TITLES = {1: "every frame on its own", 2: "one shape", 3: "consistency over time"}
 
 
 def _on_one_thread(
@@ -270,7 +270,7 @@ class _Fit:
         return result
 
     def _first(self) -> Generator[FitEvent, None, Sight]:
-        yield PhaseStarted(phase=1, title=TITLES[1])
+        yield PhaseStarted(phase=1, title=PHASE_TITLES[1])
         start = time.perf_counter()
         fits = yield from _events(fit_frames(self.stages, self.solver, first_frame=self.clip.first_frame), 1)
         self.provenance = fits.provenance
@@ -278,7 +278,7 @@ class _Fit:
         return Sight.of(self.stages, fits.state, fits.cost.isfinite())
 
     def _second(self, sight: Sight, *, poses: BodyParams | None = None) -> Generator[FitEvent, None, State]:
-        yield PhaseStarted(phase=2, title=TITLES[2])
+        yield PhaseStarted(phase=2, title=PHASE_TITLES[2])
         start, state = time.perf_counter(), sight.state
         betas = self.stages.parametrisation.columns.betas
         if self.shape is not None:
@@ -293,7 +293,7 @@ class _Fit:
         return state
 
     def _third(self, state: State) -> Generator[FitEvent, None, None]:
-        yield PhaseStarted(phase=3, title=TITLES[3])
+        yield PhaseStarted(phase=3, title=PHASE_TITLES[3])
         start = time.perf_counter()
         consistency = Consistency(self.stages, self.solver)
         mode = {"global": consistency.all_at_once, "sliding_window": consistency.sliding_window}
@@ -410,6 +410,6 @@ def _swap_notes(stages: Stages, first_frame: int) -> list[str]:
     """What was swapped back, for the user."""
     swapped = {name: spans((first_frame + frames).tolist()) for name, frames in stages.observations.swaps.items()}
     return [
-        f"left and right {name} were swapped in the keypoints and were swapped back: frames {numbers}"
+        f"left and right {name} were swapped in the keypoints and have been unswapped: frames {numbers}"
         for name, numbers in swapped.items()
     ]

@@ -16,7 +16,7 @@ from fitting_core.fit.fused.ready import fused_frames
 from fitting_core.fit.terms.data import Data
 from fitting_core.fit.terms.positions import RelativePosition
 from fitting_core.fit.terms.term import Derivative, Rows, Term
-from fitting_core.fit.variables.estimate import Estimate, View
+from fitting_core.fit.variables.estimate import Estimate, SolverView
 from fitting_core.fit.variables.point_jacobian import PointJacobian
 from fitting_core.fit.variables.state import Free, State
 
@@ -50,7 +50,7 @@ class FrameObjective:
         free: the groups that may move; the rest of a state's columns stay.
     """
 
-    def __init__(self, terms: Sequence[Term], view: View, free: Free) -> None:
+    def __init__(self, terms: Sequence[Term], view: SolverView, free: Free) -> None:
         self.view, self.free = view, free
         self.terms = [term for term in terms if not term.reach and not term.once]
         """What is summed in each frame."""

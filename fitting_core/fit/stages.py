@@ -17,14 +17,14 @@ from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.collision.colliding_body import CollidingBody
-from fitting_core.fit.evidence.given_start import beside
+from fitting_core.fit.evidence.given_start import corrected_start
 from fitting_core.fit.evidence.observations import LIFTED_HEIGHT, Observations
 from fitting_core.fit.evidence.stances import Stances
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.terms.positions import evidence_weight
 from fitting_core.fit.terms.setting import Looked, Setting
 from fitting_core.fit.terms.table import camera_terms, stage_terms
-from fitting_core.fit.variables.estimate import View
+from fitting_core.fit.variables.estimate import SolverView
 from fitting_core.fit.variables.state import Free, Parametrisation, State
 from fitting_core.keypoints import Keypoints
 from fitting_core.priors.pose import make_prior
@@ -41,8 +41,8 @@ class FittedBody:
     """
 
     def __init__(self, model: BodyModel, config: FitConfig) -> None:
-        told = config.height
-        self.betas = np.zeros(N_BETAS) if told is None else model.betas_of_height(told / 100)
+        height = config.height
+        self.betas = np.zeros(N_BETAS) if height is None else model.betas_of_height(height / 100)
         """The likeliest shape before anything is seen."""
         self.model = model
         self.dtype, self.device = getattr(torch, config.precision), torch.device(config.device)
@@ -162,7 +162,7 @@ class Stages:
         if any(config.weights.relative_position):
             observations = observations.lifted(camera, frame_rate, size=fitted.size)
         if start is not None and config.start_deviation is not None:
-            start = beside(start, keypoints, camera)
+            start = corrected_start(start, keypoints, camera)
             observations = observations.near(start.points, start.deviation(config.start_deviation))
         return Stages(
             observations=observations,
@@ -312,12 +312,12 @@ class Stages:
         """Which keypoints a stage's data term and relative positions are of."""
         return self._looked_in(stage).indices
 
-    def view(self, indices: Int[Tensor, "N"], state: State | None) -> View:
+    def view(self, indices: Int[Tensor, "N"], state: State | None) -> SolverView:
         """These keypoints on the body, before the camera; `state` decides the face contour's tables, if it is given."""
         points = self.fitted.points(indices)
         focal, center = self.xy.new_tensor(self.camera.focal), self.xy.new_tensor(self.camera.center)
         bins = None if state is None or not points.has_contour else self.fitted.contour_bins(points, state)
-        return View(self.parametrisation, points, focal, center, bins)
+        return SolverView(self.parametrisation, points, focal, center, bins)
 
     def free(self, stage: int, *, betas: bool, resting: bool = False, translation: bool = True) -> Free:
         """What moves in a stage.

@@ -33,7 +33,7 @@ _LITTLE = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)
-class Pull:
+class Regularisation:
     """How far from the rest pose and the mean shape counts as much as a metre between points."""
 
     body: float
@@ -46,9 +46,9 @@ class Pull:
     """Share of the cost by which a step must lower it for another one."""
 
 
-KEYPOINTS = Pull(body=0.02, fingers=0.002, shape=0.005)
+KEYPOINTS = Regularisation(body=0.02, fingers=0.002, shape=0.005)
 """For keypoints of another body: their joints lie centimetres from ours."""
-VERTICES = Pull(body=1e-4, fingers=1e-4, shape=1e-4, tolerance=1e-6)
+VERTICES = Regularisation(body=1e-4, fingers=1e-4, shape=1e-4, tolerance=1e-6)
 """For vertices of the very same mesh."""
 
 
@@ -84,7 +84,7 @@ def pose_through(
     points: Sequence[Point],
     places: Float[np.ndarray, "T N 3"],
     *,
-    pull: Pull,
+    regularisation: Regularisation,
     expression: bool = False,
     one_shape: bool = True,
 ) -> PosedThrough:
@@ -94,13 +94,16 @@ def pose_through(
         body: Which body.
         points: Of it; none of the face's contour.
         places: Where they are, camera space, metres; NaN where it is not known, the same points in all frames.
-        pull: What decides where the points do not.
+        regularisation: What decides where the points do not.
         expression: Whether the points tell the face's expression.
         one_shape: Whether all frames have one shape, the median of what some of them tell; else each has its own.
     """
     known = np.asarray(np.isfinite(places).all((0, 2)))
     solver = _Solver(
-        body, [point for point, there in zip(points, known, strict=True) if there], pull, expression=expression
+        body,
+        [point for point, there in zip(points, known, strict=True) if there],
+        regularisation,
+        expression=expression,
     )
     there = torch.as_tensor(places[:, known])
     start = solver.begun(there)
@@ -164,12 +167,14 @@ def _turn(
 class _Solver:
     """One body, with one list of points."""
 
-    def __init__(self, body: BodyModel, points: Sequence[Point], pull: Pull, *, expression: bool) -> None:
+    def __init__(
+        self, body: BodyModel, points: Sequence[Point], regularisation: Regularisation, *, expression: bool
+    ) -> None:
         self.body, self.owner = body, np.array([_carrier(body, point) for point in points])
-        self.pull, self.points, self.count = pull, BodyPoints(body, points), len(points)
-        weight = torch.full((N_JOINTS, 3), pull.fingers, dtype=torch.float64)
-        weight[POSE_JOINTS["body_pose"]], weight[0] = pull.body, 0.0
-        shape = torch.full((N_COEFFICIENTS,), pull.shape, dtype=torch.float64)
+        self.regularisation, self.points, self.count = regularisation, BodyPoints(body, points), len(points)
+        weight = torch.full((N_JOINTS, 3), regularisation.fingers, dtype=torch.float64)
+        weight[POSE_JOINTS["body_pose"]], weight[0] = regularisation.body, 0.0
+        shape = torch.full((N_COEFFICIENTS,), regularisation.shape, dtype=torch.float64)
         self.precision = torch.cat([weight.flatten(), shape, torch.zeros(3, dtype=torch.float64)]) ** 2
         self.shaped = torch.ones(len(self.precision), dtype=torch.bool)
         if not expression:
@@ -240,7 +245,7 @@ class _Solver:
         parts = []
         for i in torch.arange(len(places)).split(_AT_ONCE):
             descent = Descent(_Posing(self, places[i], free), start[i], torch.arange(len(i)), damping=_DAMPING)
-            parts.append(descent.run(_ITERATIONS, self.pull.tolerance))
+            parts.append(descent.run(_ITERATIONS, self.regularisation.tolerance))
         return _State(*(torch.cat([getattr(part, f.name) for part in parts]) for f in fields(_State)))
 
     def _bent(self, state: _State) -> Float[Tensor, "B 188"]:

@@ -11,7 +11,7 @@ from fitting_core import keypoints as kp
 from fitting_core.camera import Camera
 from fitting_core.frame_runs import runs_where
 from fitting_core.ground.gravity import Gravity
-from fitting_core.ground.placing import places, rays_of
+from fitting_core.ground.placing import pelvis_positions, rays_of
 from fitting_core.ground.staying import going_on
 from fitting_core.keypoints import SEEN
 from fitting_core.lifting.clip_lifting import LiftedClip, lift
@@ -137,7 +137,7 @@ def _contact(
     """
     if camera.path is None or np.ptp(camera.path.places, axis=0).max() < _STEP:
         return lifted.contact
-    depth = lifted.points[..., 2] + places(xy, confidence, lifted, camera, frame_rate)[:, 2:]
+    depth = lifted.points[..., 2] + pelvis_positions(xy, confidence, lifted, camera, frame_rate)[:, 2:]
     return lift(xy, confidence, camera, frame_rate, calibrated=camera.calibrated, depth=np.maximum(depth, 0.2)).contact
 
 

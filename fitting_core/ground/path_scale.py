@@ -6,7 +6,7 @@ from jaxtyping import Bool, Float
 from fitting_core import keypoints as kp
 from fitting_core.camera import Camera, PathScale
 from fitting_core.ground.contacts import FOOT_POINTS
-from fitting_core.ground.placing import places
+from fitting_core.ground.placing import pelvis_positions
 from fitting_core.keypoints import SEEN
 from fitting_core.lifting.clip_lifting import LiftedClip, lift
 
@@ -56,7 +56,7 @@ def estimate_path_scale(
     feet, standing = _feet(lifted, confidence)
     by_feet = standing.any(1).mean() >= _FEET_SEEN
     points, seen = (feet, standing) if by_feet else (lifted.points[:, _TRUNK], confidence[:, _TRUNK] > SEEN)
-    placed = camera.turned_to_still(points + places(xy, confidence, lifted, camera, frame_rate)[:, None])
+    placed = camera.turned_to_still(points + pelvis_positions(xy, confidence, lifted, camera, frame_rate)[:, None])
     both = seen[lag:] & seen[:-lag]
     if not both.any():
         return None

@@ -58,11 +58,11 @@ def holds_people(folder: Path) -> bool:
 def refuse_several(folder: Path) -> None:
     """Raise InputError for a folder of several people, where one's is wanted."""
     if holds_people(folder):
-        one = folder / read_people(folder).people[0].folder
+        one = folder / read_people_file(folder).people[0].folder
         raise InputError(f"{folder}: is of several people. Give the folder of one of them, such as {one}.")
 
 
-def read_people(folder: Path) -> People:
+def read_people_file(folder: Path) -> People:
     """The people of a folder. Their own folders may be missing, but none is a link.
 
     Raises:
@@ -87,7 +87,7 @@ def read_people(folder: Path) -> People:
     return found
 
 
-def write_people(folder: Path, people: People) -> None:
+def write_people_file(folder: Path, people: People) -> None:
     """Write people.json into a folder that is there, whole or not at all.
 
     Raises:

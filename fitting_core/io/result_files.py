@@ -20,7 +20,7 @@ there where it is not known, as of an imported motion |
 | joint_error_bars | (N, 22, 2) | how far off the body's joints may be relative to the pelvis, metres, along the ray \
 of the camera through the joint and across it: 68 % of errors lie within, 95 % within 2.2 times as much; not there of \
 phases 1 and 2, of fits without the lifter, and in files of earlier versions |
-| angle_error_bars | (N, 13) | the same of joint angles (`fit/error_bars.py` names them), degrees |
+| angle_error_bars | (N, 13) | the same of joint angles (`results/error_bars.py` names them), degrees |
 | gravity, gravity_deviation, ground, ground_deviation, ground_text, contacts, contact_probability | | what is known \
 of the world: see fitting_core/ground/arrays.py; not there in files of earlier versions |
 | camera_*, image_size, lens_*, world_*, path_* | | the camera: see fitting_core/io/camera_arrays.py |

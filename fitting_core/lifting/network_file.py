@@ -15,7 +15,7 @@ from fitting_core.files.npz import read_npz, write_npz
 from fitting_core.lifting.network import FRAMES, RATE, LifterSize
 
 
-class About(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
+class NetworkAbout(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     """What the file of any network says of itself."""
 
     format: str
@@ -40,10 +40,10 @@ class About(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
         return self.width % max(self.heads, 1) == 0
 
 
-Told = TypeVar("Told", bound=About)
+Told = TypeVar("Told", bound=NetworkAbout)
 
 
-def write_network(path: Path, arrays: Mapping[str, Tensor], about: About) -> None:
+def write_network(path: Path, arrays: Mapping[str, Tensor], about: NetworkAbout) -> None:
     """Write a network, whole or not at all, with half the digits that it was trained with."""
     halves = {name: values.detach().cpu().numpy().astype(np.float16) for name, values in arrays.items()}
     write_npz(path, {"about": np.array(msgspec.json.encode(about).decode()), **halves})

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from fitting_core.lifting.network import FRAMES, RATE, Lifter, LifterSize
-from fitting_core.lifting.network_file import About, fill, read_network, write_network
+from fitting_core.lifting.network_file import NetworkAbout, fill, read_network, write_network
 from fitting_core.lifting.rays import POINTS, seen
 from fitting_core.shipped import PERSPECTIVE
 
@@ -27,7 +27,7 @@ _OF_LIFTER = ("trunk.points", "trunk.error", "trunk.others")
 """Parts of the lifter that are not used here."""
 
 
-class AboutPerspective(About, kw_only=True):
+class AboutPerspective(NetworkAbout, kw_only=True):
     """What the file says of itself."""
 
     seen_share: list[float]

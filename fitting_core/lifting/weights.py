@@ -6,13 +6,13 @@ from functools import lru_cache
 from pathlib import Path
 
 from fitting_core.lifting.network import FRAMES, RATE, Lifter
-from fitting_core.lifting.network_file import About, fill, read_network, write_network
+from fitting_core.lifting.network_file import NetworkAbout, fill, read_network, write_network
 from fitting_core.shipped import LIFTER
 
 FORMAT = "tcfit lifter 1"
 
 
-class AboutLifter(About, kw_only=True):
+class AboutLifter(NetworkAbout, kw_only=True):
     """What the file says of itself."""
 
     error_factor: float

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 from scipy.signal import fftconvolve
 
 from fitting_core.errors import InputError
-from fitting_core.measure.pairing import Estimate, comparable
+from fitting_core.measure.pairing import PosedMotion, comparable
 from fitting_core.measure.references.reference import Reference
 from fitting_core.measure.references.resampling import interpolated
 
@@ -59,7 +59,7 @@ class ClockOffset:
         )
 
 
-def found_offset(estimate: Estimate, reference: Reference) -> ClockOffset:
+def found_offset(estimate: PosedMotion, reference: Reference) -> ClockOffset:
     """When a reference begins, by its movement and the fit's.
 
     Args:

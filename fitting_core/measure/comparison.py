@@ -13,7 +13,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.measure.curves import CURVES
 from fitting_core.measure.limbs import LIMB_FIGURES, Limbs, limb_figures, pa_mpjpe
 from fitting_core.measure.mesh.errors import MeshErrors, PosedBody, mesh_errors
-from fitting_core.measure.pairing import BODY_JOINTS, Estimate, Pair
+from fitting_core.measure.pairing import BODY_JOINTS, Pair, PosedMotion
 from fitting_core.measure.references.reference import Reference
 from fitting_core.plugins import FAILURES, Plugin, added
 
@@ -151,7 +151,7 @@ def statistic_of(values: Float[np.ndarray, "n"], statistic: str) -> float | None
 
 
 def compare(
-    estimate: Estimate,
+    estimate: PosedMotion,
     reference: Reference | None,
     *,
     truth_body: BodyModel | None = None,
@@ -190,7 +190,7 @@ def compare(
     )
 
 
-def compare_other(name: str, estimate: Estimate, reference: Reference) -> Comparison:
+def compare_other(name: str, estimate: PosedMotion, reference: Reference) -> Comparison:
     """What another system made of the clip, whose points are in the reference, in the frames of a fit.
 
     Args:
@@ -219,7 +219,7 @@ def _plain(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _paired(estimate: Estimate, reference: Reference | None, truth_body: BodyModel | None) -> Pair:
+def _paired(estimate: PosedMotion, reference: Reference | None, truth_body: BodyModel | None) -> Pair:
     volumes = PosedBody(body=estimate.body, params=estimate.params).volumes()
     pair = Pair(estimate=estimate, reference=reference, truth_body=truth_body, volumes=volumes)
     if reference is None or reference.params is None or truth_body is None:

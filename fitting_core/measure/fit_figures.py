@@ -6,7 +6,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.measure.comparison import Comparison, compare
-from fitting_core.measure.pairing import Estimate
+from fitting_core.measure.pairing import PosedMotion
 from fitting_core.measure.references.bodies import body_of
 from fitting_core.measure.references.files import read_reference
 from fitting_core.measure.references.reference import Reference
@@ -48,7 +48,7 @@ def evaluate_fit(
             f"The fit has no phase {phase}; expected one of {', '.join(str(p.phase) for p in fit.phases)}."
         )
     known = read_reference(reference) if isinstance(reference, Path) else reference
-    estimate = Estimate(
+    estimate = PosedMotion(
         body=body,
         params=chosen.params,
         camera=fit.camera,

@@ -29,7 +29,7 @@ _PELVIS = (("pelvis",), ("left_hip", "right_hip"), ("LASI", "RASI", "LPSI", "RPS
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Estimate:
+class PosedMotion:
     """T frames of a fit."""
 
     body: BodyModel
@@ -78,7 +78,7 @@ def pixels_of(camera: Camera, points: Float[np.ndarray, "T K 3"]) -> Float[np.nd
 
 
 def comparable(
-    estimate: Estimate, reference: Reference
+    estimate: PosedMotion, reference: Reference
 ) -> tuple[Float[np.ndarray, "T K 3"], Float[np.ndarray, "R K 3"], list[int]]:
     """The points that both have, each at its own moments, and which of them are the root.
 
@@ -107,7 +107,7 @@ def comparable(
 class Pair:
     """A fit and, where there is one, its reference; positions are evaluated when asked for."""
 
-    estimate: Estimate
+    estimate: PosedMotion
     reference: Reference | None
     truth_body: BodyModel | None
     """Of the reference, if that is a body."""

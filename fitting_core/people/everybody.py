@@ -9,7 +9,7 @@ from fitting_core.detections import Detections
 from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT, Keypoints
 from fitting_core.people.following import Followed, apart, follow_all
-from fitting_core.people.returning import Person, joined
+from fitting_core.people.returning import FollowedPerson, joined
 from fitting_core.people.sightings import Sighting, sightings
 from fitting_core.video.frame_names import runs, spans
 
@@ -112,13 +112,13 @@ def without_doubles(people: Sequence[Sighting]) -> list[Sighting]:
     return [people[k] for k in kept]
 
 
-def _order(person: Person, frame_rate: float) -> tuple[int, float]:
+def _order(person: FollowedPerson, frame_rate: float) -> tuple[int, float]:
     """By when they appear, to a quarter of a second; then from left to right."""
     first = person.parts[0].first
     return int(first / max(_SHORTEST_SECONDS * frame_rate, 1)), float(person.parts[0].sightings[first].centre[0])
 
 
-def _found(person: Person, detections: Detections, kept: frozenset[Followed], frame_rate: float) -> FoundPerson:
+def _found(person: FollowedPerson, detections: Detections, kept: frozenset[Followed], frame_rate: float) -> FoundPerson:
     entries: list[int | None] = [None] * len(detections)
     points = np.zeros((len(detections), COUNT, 3))
     for part in person.parts:
@@ -133,7 +133,7 @@ def _found(person: Person, detections: Detections, kept: frozenset[Followed], fr
     )
 
 
-def _uncertain(person: Person, kept: frozenset[Followed], frame_rate: float) -> tuple[range, ...]:
+def _uncertain(person: FollowedPerson, kept: frozenset[Followed], frame_rate: float) -> tuple[range, ...]:
     """Where it could be somebody else from then on: beside others, and over absences."""
     frames: set[int] = set()
     own = set(person.parts)

@@ -20,7 +20,7 @@ _TELLS = 4.0
 
 
 @dataclass(eq=False)
-class Person:
+class FollowedPerson:
     """One person of a clip, followed through all absences."""
 
     parts: list[Followed] = field(default_factory=list)
@@ -37,7 +37,7 @@ class Person:
         return sum(seen.prominence for part in self.parts for seen in part.sightings.values())
 
 
-def joined(followed: Sequence[Followed], frame_rate: float) -> list[Person]:
+def joined(followed: Sequence[Followed], frame_rate: float) -> list[FollowedPerson]:
     """People, of whom those who come back are one with those who went.
 
     Who comes while exactly one person is away who can be there by then, and is of that size, is that person. While
@@ -48,7 +48,7 @@ def joined(followed: Sequence[Followed], frame_rate: float) -> list[Person]:
         followed: In the order in which they appear.
         frame_rate: Frames per second.
     """
-    people: list[Person] = []
+    people: list[FollowedPerson] = []
     for one in followed:
         away = [person for person in people if person.last < one.first]
         costs = np.array([_unlike(person.parts[-1], one, frame_rate) for person in away])
@@ -57,7 +57,7 @@ def joined(followed: Sequence[Followed], frame_rate: float) -> list[Person]:
         if fits == 1 or (fits > 1 and costs[best[1]] - costs[best[0]] > _TELLS):
             away[best[0]].parts.append(one)
         else:
-            people.append(Person(parts=[one]))
+            people.append(FollowedPerson(parts=[one]))
     return people
 
 

@@ -42,7 +42,9 @@ def _through_keypoints(body: BodyModel, keypoints: Float[np.ndarray, "T 137 3"])
     """Hands as 45 numbers over the mean hand; and what the user should know of it."""
     points = keypoint_points(body)[: kp.HANDS.stop]
     chosen = [i for i, point in enumerate(points) if point is not None]
-    found = pose_through(body, [point for point in points if point is not None], keypoints[:, chosen], pull=KEYPOINTS)
+    found = pose_through(
+        body, [point for point in points if point is not None], keypoints[:, chosen], regularisation=KEYPOINTS
+    )
     off = 1000 * float(np.median(found.off))
     return found.params, f"It is of another body: the pose is one whose keypoints lie {off:.0f} mm off its (median)."
 
@@ -50,6 +52,6 @@ def _through_keypoints(body: BodyModel, keypoints: Float[np.ndarray, "T 137 3"])
 def _through_vertices(body: BodyModel, vertices: Float[np.ndarray, "T V 3"]) -> tuple[BodyParams, str]:
     chosen = spread_vertices(body)
     points = [vertex(i) for i in chosen]
-    found = pose_through(body, points, vertices[:, chosen], pull=VERTICES, expression=True, one_shape=False)
+    found = pose_through(body, points, vertices[:, chosen], regularisation=VERTICES, expression=True, one_shape=False)
     off = 1000 * float(found.off.max())
     return found.params, f"It has meshes and no poses: the poses were found by these, to {off:.2g} mm at worst."

@@ -24,7 +24,7 @@ from fitting_core.fit.evidence.given_start import (
     Placed,
     from_pelvis,
     given_start,
-    placed,
+    place_by_keypoints,
     steadied,
     with_whole_hands,
 )
@@ -230,7 +230,7 @@ class _Candidate:
             ),
         )  # fmt: skip
         if not found.there.any():
-            far = placed(found.points, clip.keypoints, clip.camera).median_off[self.covered.there]
+            far = place_by_keypoints(found.points, clip.keypoints, clip.camera).median_off[self.covered.there]
             raise InputError(_follows_nobody(motion, far, person))
         return steadied(found, clip.frame_rate)
 
@@ -266,7 +266,7 @@ def _turned_to_follow(body: BodyModel, params: BodyParams, clip: Clip) -> BodyPa
     """A motion that no camera saw, turned as a whole about the vertical until it looks most like the keypoints."""
     points, like = from_pelvis(body, params), params.global_orient.double()
     turns = [_about_one_axis(rotations.yaw(float(degrees), like), clip.camera) for degrees in _TURNS]
-    found = [placed(points @ turn.mT.numpy(), clip.keypoints, clip.camera) for turn in turns]
+    found = [place_by_keypoints(points @ turn.mT.numpy(), clip.keypoints, clip.camera) for turn in turns]
     best = turns[int(np.argmin([_total_off(one) for one in found]))]
     return replace(params, global_orient=rotations.log(best @ rotations.exp(like)))
 

@@ -1,4 +1,4 @@
-"""Parts of the body as a reviewer calls them, and the names of keypoints in words."""
+"""Body regions in reviewers' words, and keypoint names in words."""
 
 import re
 
@@ -18,7 +18,7 @@ REGIONS: dict[str, tuple[int, ...]] = {
     "right hand": tuple(range(kp.COUNT)[kp.RIGHT_HAND]),
     "face": tuple(range(kp.COUNT)[kp.FACE]),
 }
-"""Every keypoint in one region."""
+"""Every keypoint is in exactly one region."""
 REGION_OF: dict[int, str] = {joint: region for region, joints in REGIONS.items() for joint in joints}
 _LIMBS = {
     f"{side} {end}": f"{side} {limb}" for side in ("left", "right") for end, limb in (("hand", "arm"), ("foot", "leg"))
@@ -26,14 +26,14 @@ _LIMBS = {
 LIMB_OF: dict[int, str] = {
     joint: (_LIMBS | {"face": "head"}).get(region, region) for joint, region in REGION_OF.items()
 }
-"""The same with hands and feet as parts of their limb, and the face as a part of the head."""
+"""The same with hands and feet as parts of their limb, and the face as part of the head."""
 _KEYPOINT_NAMES = {
     **{f"{side}_collar": f"{side}_shoulder" for side in ("left", "right")},
     **{f"{side}_foot": f"{side}_big_toe" for side in ("left", "right")},
     **{"pelvis": "mid_hip", "spine3": "neck", "head": "nose", "jaw": "nose"},
 }
 KEYPOINT_OF_JOINT: tuple[int | None, ...] = tuple(kp.INDEX.get(_KEYPOINT_NAMES.get(name, name)) for name in JOINTS)
-"""For each of SMPL-X's joints the keypoint at it or nearest to it on the same part; None for spine1 and spine2."""
+"""For each SMPL-X joint the keypoint at it, or nearest to it on the same part; None for spine1 and spine2."""
 
 
 def spoken(joint: int) -> str:
@@ -46,11 +46,11 @@ def spoken(joint: int) -> str:
 
 
 def full_name(joint: int) -> str:
-    """A keypoint in words that are no other's: as `spoken`, but with the number of a point of the face."""
+    """A unique name in words: like `spoken`, with the number of a face point."""
     name = kp.NAMES[joint]
     return spoken(joint) if joint < kp.FACE.start else re.sub(r"(?<=\D)(?=\d)", " ", name).replace("_", " ")
 
 
 def spoken_bone(joint: int) -> str:
-    """One of SMPL-X's joints in words."""
+    """An SMPL-X joint in words."""
     return re.sub(r"(?<=\D)(?=\d)", " ", JOINTS[joint]).replace("_", " ")

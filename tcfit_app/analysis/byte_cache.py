@@ -1,4 +1,4 @@
-"""A cache that is limited in bytes and drops what was asked for longest ago."""
+"""A least-recently-used cache limited in bytes."""
 
 import threading
 from collections import OrderedDict
@@ -12,8 +12,8 @@ class ByteCache(Generic[Value]):
     """Values by key. Thread-safe.
 
     Args:
-        limit: Bytes that all values may take together. A value that is larger by itself is not kept.
-        size: Bytes of a value.
+        limit: Total bytes of all values. A single larger value is not stored.
+        size: Returns the bytes of a value.
     """
 
     def __init__(self, limit: int, size: Callable[[Value], int]) -> None:
@@ -29,26 +29,26 @@ class ByteCache(Generic[Value]):
 
     @property
     def limit(self) -> int:
-        """Bytes that all values may take."""
+        """Maximum bytes of all values."""
         return self._limit
 
     def __len__(self) -> int:
         return len(self._values)
 
     def __contains__(self, key: Hashable) -> bool:
-        """Whether it is there; does not count as asking for it."""
+        """Whether it is stored; does not count as a use."""
         with self._guard:
             return key in self._values
 
     def get(self, key: Hashable) -> Value | None:
-        """The value, which is now the last one to be dropped; None if it is not there."""
+        """The value, which becomes the most recently used; None if it is not stored."""
         with self._guard:
             if key in self._values:
                 self._values.move_to_end(key)
             return self._values.get(key)
 
     def put(self, key: Hashable, value: Value) -> None:
-        """Keep a value in the place of an older one, and drop others until all fit."""
+        """Store or replace a value, evicting others until all fit."""
         size = self._size(value)
         with self._guard:
             self._take(key)

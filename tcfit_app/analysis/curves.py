@@ -1,4 +1,4 @@
-"""Values over the frames of a clip: the curves of the timeline, by name; and how far two runs are apart."""
+"""Values over the frames of a clip: the timeline's curves by name, and the distance between two runs."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -25,21 +25,21 @@ class Curve:
     title: str
     unit: str
     values: Float[np.ndarray, "T"]
-    """NaN where there is none."""
+    """NaN where missing."""
     error_bars: Float[np.ndarray, "T"] | None = None
-    """How far off the values may be: 68 % of errors lie within; None where nobody knows."""
+    """Error bars: 68 % of errors lie within; None if unknown."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CurveKind:
-    """How a curve is made."""
+    """How a curve is computed."""
 
     title: str
     unit: str
     values: Callable[[PosedFit], Float[np.ndarray, "T"]]
-    """A frame's value may depend on its neighbours and on no other frame."""
+    """A frame's value may depend on its neighbours, and on no other frames."""
     angle: int | None = None
-    """Whose error bars the curve has, of `error_bars.ANGLES`."""
+    """The error bars it uses, one of `error_bars.ANGLES`."""
 
 
 def curve(name: str, fit: PosedFit) -> Curve:
@@ -51,7 +51,7 @@ def curve(name: str, fit: PosedFit) -> Curve:
 
 
 def weighted_mean(values: Float[np.ndarray, "T K"], weights: Float[np.ndarray, "T K"]) -> Float[np.ndarray, "T"]:
-    """Mean over K of what is not NaN; NaN where nothing is."""
+    """Mean over K ignoring NaN; NaN if all are."""
     weights = np.where(np.isfinite(values), weights, 0)
     total = weights.sum(1)
     mean = (np.nan_to_num(values) * weights).sum(1) / np.where(total > 0, total, 1)
@@ -60,7 +60,7 @@ def weighted_mean(values: Float[np.ndarray, "T K"], weights: Float[np.ndarray, "
 
 def _reprojection(group: slice) -> Callable[[PosedFit], Float[np.ndarray, "T"]]:
     fitted = np.arange(kp.COUNT)[group]
-    # No preset fits the neck: the body's lies elsewhere, 52 px off in each frame of a 640 x 480 clip.
+    # The neck is excluded: no preset fits it, and the body's is 52 px off in each frame of a 640 x 480 clip.
     fitted = fitted[fitted != kp.INDEX["neck"]]
     return lambda fit: weighted_mean(fit.errors[:, fitted], fit.clip.keypoints.confidence[:, fitted])
 
@@ -111,11 +111,11 @@ CURVES: dict[str, CurveKind] = {
         for i, name in enumerate(ANGLES)
     },
 }
-"""By name; "volume" is the slow one, as it needs whole meshes.
+"""By name; "volume" is slow because it needs whole meshes.
 
-Reprojection errors are means over counted keypoints but the neck, weighted with their confidence; the mean confidence
-is over keypoints that were detected in some frame; the temporal residual is the root mean square over joints of what
-E_T punishes, in the space in which the fit compares joints; wrists are as fast as they are against the chest.
+Reprojection errors are confidence-weighted means over the counted keypoints except the neck; the mean confidence is
+over keypoints detected in any frame; the temporal residual is the root mean square over joints of what E_T penalises,
+in the space in which the fit compares joints; wrist speeds are relative to the chest.
 """
 
 
@@ -124,15 +124,15 @@ E_T punishes, in the space in which the fit compares joints; wrists are as fast 
 BETWEEN = "between_runs"
 """Name of the curve."""
 PEAKS = 5
-"""Frames that are marked as those where runs differ most."""
+"""Frames marked as those where runs differ most."""
 _APART = 20
-"""So many of them fit into a clip: neighbours of one peak are not peaks of their own."""
+"""Minimum distance between two peaks, as a fraction 1/n of the clip: neighbours of a peak are not peaks."""
 
 
 def vertex_distances(one: Float32[np.ndarray, "V 3"], other: Float32[np.ndarray, "V 3"]) -> Float32[np.ndarray, "V"]:
-    """Distance between the same vertex of two runs in one frame, in millimetres: what a mesh is coloured by.
+    """Distance between the same vertex of two runs in one frame, in millimetres, for colouring a mesh.
 
-    Both are what `Meshes.vertices` gives, in metres. Raises InputError if the bodies have different meshes.
+    Both are from `Meshes.vertices`, in metres. Raises InputError if the bodies have different meshes.
     """
     if len(one) != len(other):
         raise InputError(
@@ -149,7 +149,7 @@ def between_runs(a: PosedFit, b: PosedFit) -> Curve:
 
 
 def peaks(values: Float[np.ndarray, "T"]) -> list[int]:
-    """The frames of the largest values, largest first, none close to another; only those above zero."""
+    """The frames of the largest positive values, largest first, none close to another."""
     left = np.nan_to_num(np.array(values, float))
     reach = max(1, len(left) // _APART)
     found: list[int] = []

@@ -1,7 +1,7 @@
-"""What can look wrong in a frame of a fit: one function for each kind, and the table of them.
+"""Possible problems in a frame of a fit: one function for each kind, and the table of them.
 
-A value is judged against the same clip. Its score is how far it lies above the median, in units of a threshold: five
-robust standard deviations, or a distance that no reviewer would mind if that is larger. From 1 on it is reported.
+A value is judged relative to the same clip. Its score is the distance above the median in units of a threshold: five
+robust standard deviations, or if larger a distance that no reviewer would mind. From a score of 1 it is reported.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -26,70 +26,72 @@ from tcfit_app.analysis.posed_fit import GROUPS, PosedFit
 _SIGMAS = 5.0
 _MAD_TO_SIGMA = 1.4826
 _MOST = 3.0
-"""Times the least distance: so far a clip's own median and spread can excuse a value. The neck's offset from the body's
-is 90 mm in each frame, and nothing to look at; half of a clip that is far off is."""
+"""Multiple of the least distance up to which a clip's own median and spread can excuse a value. The neck is 90 mm from
+the body's in every frame, which is nothing to review; a fit that is far off in half of the clip is."""
 _OFF_MM = {"body": 40.0, "hands": 20.0, "face": 20.0}
-"""Smaller reprojection errors are not worth a look, whatever the median; lengths at the pelvis' distance."""
+"""Smaller reprojection errors are not worth reviewing, whatever the median; as lengths at the pelvis' distance."""
 _DETECTION_JUMP_MM = 60.0
-"""Distance of a detection from the middle of the ones before and after it, likewise."""
+"""Distance of a detection from the midpoint of the ones before and after it, likewise."""
 _JUMP = 40.0
-"""m/s^2: what a joint must reach to be worth a look, four times the acceleration of free fall."""
+"""m/s^2: the least acceleration worth reviewing, four times free fall."""
 _LEAST_JUMP_MM = 12.0
-"""mm/frame^2: no less is a jump at high frame rates, where the joints' noise is as large as their acceleration."""
+"""mm/frame^2: the same at high frame rates, where the joints' noise is as large as their acceleration."""
 _HANDS = JOINT["left_index1"]
 """The first of the fingers' joints."""
 _MANY = JOINT["right_wrist"] // 2
-"""More joints than these, of all but the fingers, are the whole body."""
+"""More joints than this, not counting fingers, are the whole body."""
 _USUAL, _LOW = 0.3, 0.4
-"""A region's confidence is low below this share of what it has around that frame, if it has at least so much there."""
+"""A region's confidence is low if below this fraction of its usual value around that frame, if that is at least so
+much."""
 _AROUND = 75
-"""Frames: what is lost for less than half of them is missed."""
+"""Frames: a part lost for less than half of them is missed."""
 _STILL = 0.05
-"""Of a keypoint's usual way from frame to frame: what moves less stands still. Noise alone moves it more."""
+"""Fraction of a keypoint's usual movement per frame below which it stands still. Noise alone moves it more."""
 _STILL_FRAMES, _STILL_JOINTS, _OTHERS_MOVE = 5, 2, 0.5
-"""Frames and keypoints of a limb that make it frozen, while what else is seen moves at least this share of its usual
-way."""
+"""Minimum frames and keypoints of a frozen limb, while everything else moves at least this fraction of its usual
+movement."""
 _STILL_MOST = 2.0
-"""Score of a limb that is frozen for so long that it makes no difference."""
+"""Score of a limb frozen for so long that longer makes no difference."""
 _SWAP_MM = 150.0
-"""By which each of the telling keypoints must come nearer to the fit, on average, when its side is changed."""
+"""Minimum average factor by which the informative keypoints must come closer to the fit when sides are exchanged."""
 _SWAP_SCORE, _SWAPPED_BACK_SCORE, _FAILED_SCORE = 3.0, 1.0, 5.0
-"""What the fit has already put right is worth a look, but needs no correction."""
+"""Already corrected by the fit: worth reviewing, but needs no correction."""
 _DEPTH = 0.2
-"""Metres by which a keypoint's depth must be expected to be off: on the motion suite's tuning half 5 % of limbs'
-keypoints are, and 44 % of them are off by more than 0.15 m, as 8 % of all are."""
+"""Minimum expected depth error in metres: on the motion suite's tuning half 5 % of limb keypoints have it, and 44 % of
+those are off by more than 0.15 m, compared with 8 % of all."""
 _ONLY_UNSURE = 0.8
-"""Of the score of a depth that is unsure, but not off: there 15 % are off by more than 0.15 m, and else 45 %."""
+"""Relative score of a depth that is uncertain but not off: 15 % of these are off by more than 0.15 m, of the others 45
+%."""
 _ENDS = [kp.INDEX[f"{side}_{name}"] for name in ("elbow", "wrist", "knee", "ankle") for side in ("left", "right")]
-"""Keypoints of limbs, whose depth and whose loss matter one by one: the others are held by their neighbours."""
+"""Limb keypoints, whose depth and loss matter individually: the others are constrained by their neighbours."""
 _FEWEST = 25
-"""Frames of which one can say what is usual."""
+"""Minimum number of frames for usual values."""
 _COST_RATIO = 1.5
-"""Times the usual cost by which a frame must exceed it."""
+"""Factor by which a frame must exceed the usual cost."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """Something about one frame."""
+    """A possible problem in one frame."""
 
     frame: int
     score: float
-    """From 1 on."""
+    """From 1."""
     reason: str
-    """A few words for the user."""
+    """A few words for users."""
     joints: tuple[int, ...]
-    """Keypoints that it concerns, the worst first."""
+    """Keypoints concerned, worst first."""
 
 
 def scores(values: Float[np.ndarray, "T K"], least: Float[np.ndarray, "T K"] | float) -> Float[np.ndarray, "T K"]:
     """How suspicious values are, each column relative to its own median; 0 for NaN.
 
     Args:
-        values: Larger is worse; NaN where there is none.
-        least: Distance from the median that must be exceeded at least.
+        values: Larger is worse; NaN where missing.
+        least: Minimum distance from the median to exceed.
     """
     known = np.isfinite(values)
-    filled = np.where(known.any(0), values, 0)  # Columns without any value have no median.
+    filled = np.where(known.any(0), values, 0)  # columns without any value have no median
     middle = np.nanmedian(filled, 0)
     sigma = _MAD_TO_SIGMA * np.nanmedian(abs(filled - middle), 0)
     threshold = np.clip(_SIGMAS * sigma, least, _MOST * least)
@@ -97,7 +99,7 @@ def scores(values: Float[np.ndarray, "T K"], least: Float[np.ndarray, "T K"] | f
 
 
 def _pixels_per_mm(fit: PosedFit) -> Float[np.ndarray, "T 1"]:
-    """Of a length across the view at the pelvis' distance."""
+    """Of a length perpendicular to the view at the pelvis' distance."""
     focal = sum(fit.clip.camera.focal) / 2
     return focal / np.maximum(fit.root[:, 2:], 0.1) / 1e3
 
@@ -150,7 +152,7 @@ def _jumps(fit: PosedFit) -> Iterator[Finding]:
 
 
 def _jumping(bones: list[int]) -> str:
-    """What jumps: a joint; a hand, whose fingers hang on one wrist; or all of the body at once."""
+    """What jumps: a joint; a hand, whose fingers follow one wrist; or the whole body."""
     worst = bones[0]
     if sum(bone < _HANDS for bone in bones) > _MANY:
         return "whole body jumps up to"
@@ -166,7 +168,7 @@ def _low_confidence(fit: PosedFit) -> Iterator[Finding]:
             continue
         confidence = fit.clip.keypoints.confidence[:, tracked].mean(1)
         usual = median_filter(confidence, _AROUND, mode="nearest")
-        # A person who has marked keypoints as bad knows that they are.
+        # Whoever marked keypoints as bad knows that they are.
         most = SEEN if region in alone else np.inf
         low = (usual > _USUAL) & (confidence < np.minimum(_LOW * usual, most)) & ~fit.bad[:, tracked].any(1)
         for frame in np.flatnonzero(low).tolist():
@@ -181,7 +183,7 @@ def _low_confidence(fit: PosedFit) -> Iterator[Finding]:
 
 
 def _lost(frame: int, parts: list[tuple[float, str, list[int]]], *, nobody: bool) -> Finding:
-    """Parts with their scores, reasons and keypoints, the worst first."""
+    """Parts with their scores, reasons and keypoints, worst first."""
     score, reason, _ = parts[0]
     more = f" ({len(parts) - 1} more)" if len(parts) > 1 else ""
     joints = tuple(joint for _, _, tracked in parts for joint in tracked)
@@ -197,26 +199,26 @@ def _swaps(fit: PosedFit) -> Iterator[Finding]:
         for frame in sorted(by_detector | put_right):
             score, reason = _SWAP_SCORE, f"{name} may be swapped"
             if frame in put_right:
-                score, reason = _SWAPPED_BACK_SCORE, f"{name} were swapped, and put right in the fit"
+                score, reason = _SWAPPED_BACK_SCORE, f"{name} were swapped, but corrected in the fit"
             yield Finding(frame=frame, score=score, reason=reason, joints=joints)
 
 
 def _crossed(fit: PosedFit, left: list[int], right: list[int]) -> list[int]:
-    """Frames in which left and right would fit clearly better the other way round."""
+    """Frames in which exchanging left and right would fit clearly better."""
     seen = (fit.clip.keypoints.confidence[:, left + right] > SEEN).all(1)
     xy, projected = fit.clip.keypoints.xy, fit.projected
     straight = np.linalg.norm(xy[:, left + right] - projected[:, left + right], axis=-1).sum(1)
     crossed = np.linalg.norm(xy[:, left + right] - projected[:, right + left], axis=-1).sum(1)
-    # Sums over all four; a body behind the camera has NaN, which no comparison holds for.
+    # Sums over all four; for a body behind the camera NaN, for which every comparison is false.
     better = (crossed < 0.5 * straight) & (straight - crossed > 2 * len(left) * _SWAP_MM * _pixels_per_mm(fit)[:, 0])
     return np.flatnonzero(seen & better).tolist()
 
 
 def _depths(fit: PosedFit) -> Iterator[Finding]:
-    """Limbs of which the image does not tell how far away they are, or that are not where the lifter expects them; but
-    for those of which a person has said it.
+    """Limbs whose depth the image does not determine, or that are far from the lifter's estimate; except for depths set
+    by a person.
 
-    What is expected of an error is both: how far the fit is from the lifter, and how unsure that is.
+    The expected error combines both: the distance between fit and lifter, and the lifter's uncertainty.
     """
     keypoints = unswapped(fit.clip.keypoints)[0]
     lifted = lifted_keypoints(keypoints, fit.clip.camera, fit.clip.frame_rate)
@@ -230,7 +232,7 @@ def _depths(fit: PosedFit) -> Iterator[Finding]:
         worst = columns[0]
         off, most = 100 * farther[frame, worst], 100 * np.hypot(farther, unsure)[frame, worst]
         joint = spoken(_ENDS[worst])
-        where = "farther away" if off < 0 else "nearer"
+        where = "farther away" if off < 0 else "closer"
         apart = f"{joint} may be {abs(off):.0f} cm {where}" if abs(off) > 100 * unsure[frame, worst] else ""
         reason = apart or f"{joint} depth unsure by {most:.0f} cm"
         joints = tuple(_ENDS[column] for column in columns)
@@ -238,7 +240,7 @@ def _depths(fit: PosedFit) -> Iterator[Finding]:
 
 
 def _frozen(fit: PosedFit) -> Iterator[Finding]:
-    """Limbs whose detections stay where they were while the rest of the body goes on: a tracker has lost them."""
+    """Limbs whose detections stay in place while the rest of the body moves: a tracker has lost them."""
     keypoints, steps = fit.clip.keypoints, np.full(fit.clip.keypoints.confidence.shape, np.nan)
     seen = keypoints.confidence > SEEN
     ways = np.linalg.norm(np.diff(keypoints.xy, axis=0), axis=-1)
@@ -256,7 +258,7 @@ def _frozen(fit: PosedFit) -> Iterator[Finding]:
             if len(run) < _STILL_FRAMES or not len(shares) or np.median(shares) < _OTHERS_MOVE:
                 continue
             joints = tuple(joint for joint in own if still[frames, joint].mean() > 0.5)
-            reason = f"{limb} detections stand still for {len(run) + 1} frames"
+            reason = f"{limb} keypoints frozen for {len(run) + 1} frames"
             for waited, frame in enumerate(frames):  # the longer, the farther off
                 score = min(1 + waited / _STILL_FRAMES, _STILL_MOST)
                 yield Finding(frame=frame, score=score, reason=reason, joints=joints)
@@ -265,10 +267,10 @@ def _frozen(fit: PosedFit) -> Iterator[Finding]:
 def _costs(fit: PosedFit) -> Iterator[Finding]:
     """Frames whose cost is not explained by their reprojection errors: an unlikely pose.
 
-    The cost of the data term depends on how many keypoints there are (with hands it is five times as large), so what
-    the squared errors of body, hands and face explain is taken off first, by least squares.
+    The cost of the data term depends on the number of keypoints (with hands it is five times as large), so the part
+    explained by the squared errors of body, hands and face is subtracted first, by least squares.
     """
-    from scipy.optimize import nnls  # 0.15 s, which no app needs to start with
+    from scipy.optimize import nnls  # 0.15 s that the app's start need not wait for
 
     if fit.frame_cost is None:
         return
@@ -283,12 +285,12 @@ def _costs(fit: PosedFit) -> Iterator[Finding]:
     usual = np.maximum(explaining @ nnls(explaining, cost)[0], 1e-9)
     found = scores((cost - usual)[:, None], _COST_RATIO * usual[:, None])[:, 0]
     for i in np.flatnonzero(found >= 1).tolist():
-        reason = f"unlikely pose: costs {cost[i] / usual[i]:.1f} times the usual"
+        reason = f"unlikely pose: cost {cost[i] / usual[i]:.1f} times the usual"
         yield Finding(frame=int(frames[i]), score=float(found[i]), reason=reason, joints=())
 
 
 def _above(found: Float[np.ndarray, "T K"]) -> Iterator[tuple[int, list[int]]]:
-    """Frames with a score of at least 1, and its columns with such, the worst first."""
+    """Frames with a score of at least 1, and their columns with one, worst first."""
     for frame in np.flatnonzero((found >= 1).any(1)).tolist():
         order = np.argsort(-found[frame], kind="stable")
         yield frame, [int(column) for column in order if found[frame, column] >= 1]
@@ -304,14 +306,14 @@ FINDINGS: dict[str, Callable[[PosedFit], Iterator[Finding]]] = {
     "cost": _costs,
     "confidence": _low_confidence,
 }
-"""By kind. Of findings with the same score the earlier kind is told."""
+"""By kind. Of findings with equal scores the earlier kind is reported."""
 
 
 # --- of plugins ---
 
 
 def added_findings() -> dict[str, Callable[[PosedFit], Iterator[Finding]]]:
-    """Those that plugins add, by kind. One that fails is reported and finds nothing more."""
+    """Those added by plugins, by kind. One that fails is reported and yields nothing more."""
     plugins = added("tcfit.findings", Callable, taken=FINDINGS)  # pyright: ignore[reportArgumentType]
     return {kind: partial(_reported, plugin) for kind, plugin in plugins.items()}
 
@@ -332,9 +334,9 @@ def _wrong(finding: object, frames: int) -> str:
     if not isinstance(finding, Finding):
         return f"it found {type(finding).__name__}; expected Finding"
     if not (isinstance(finding.frame, int) and 0 <= finding.frame < frames):
-        return f"it found something in frame {finding.frame!r}; expected an int from 0 to {frames - 1}"
+        return f"it reported frame {finding.frame!r}; expected an int from 0 to {frames - 1}"
     if not (isinstance(finding.score, float) and np.isfinite(finding.score)):
-        return f"its score is {finding.score!r}; expected a float, from 1 on"
+        return f"its score is {finding.score!r}; expected a float of at least 1"
     if not all(isinstance(joint, int) and 0 <= joint < kp.COUNT for joint in finding.joints):
         return f"its joints are {finding.joints!r}; expected ints from 0 to {kp.COUNT - 1}"
     return ""

@@ -1,4 +1,4 @@
-"""What a fit's hands do, as tiers of annotations: when each is seen, moves, is held and rests, and in which shape."""
+"""A fit's hands as tiers of annotations: visibility; movement, hold and rest; and handshape."""
 
 from collections.abc import Iterator, Sequence
 
@@ -16,19 +16,19 @@ from tcfit_app.analysis.posed_fit import PosedFit
 _HANDS = {"left": LEFT_HAND, "right": RIGHT_HAND}
 VISIBLE = "visible"
 UNCLEAR = "unclear"
-"""A handshape that is near none of the set."""
+"""A handshape close to none of the set."""
 _CONFIDENT = 0.3
-"""As of the keypoints that count in the reprojection error."""
+"""Minimum confidence, as for keypoints counted in the reprojection error."""
 _SHARE = 0.5
-"""Of a hand's keypoints that are found where it is visible."""
+"""Minimum fraction of a hand's keypoints detected where it is visible."""
 _FLICKER = 0.1
-"""Seconds: a hand that is gone, or seen, for less has not changed: detectors lose a hand in single frames."""
+"""Seconds: shorter gaps and appearances are ignored, because detectors lose a hand in single frames."""
 _END = 0.1
-"""Seconds: the end of a movement, whose shape is told where no hold follows."""
+"""Seconds: the end of a movement, used for its shape if no hold follows."""
 _PHASES = {
-    MOVEMENT: "The wrist moves against the trunk",
-    HOLD: "The wrist stays where it is, above the hips",
-    REST: "The wrist stays where it is, near the hips, the lap or the thighs",
+    MOVEMENT: "The wrist moves relative to the trunk",
+    HOLD: "The wrist is still, above the hips",
+    REST: "The wrist is still, near the hips, the lap or the thighs",
 }
 
 
@@ -73,7 +73,7 @@ def annotations(fit: PosedFit, spans: Sequence[Span]) -> tuple[Annotation, ...]:
 
 
 def visible_frames(fit: PosedFit, side: Side) -> Bool[np.ndarray, "T"]:
-    """Where at least half of a hand's keypoints are found, without flicker."""
+    """Where at least half of a hand's keypoints are detected, without flicker."""
     shortest = max(1, round(_FLICKER * fit.clip.frame_rate))
     seen = (fit.clip.keypoints.confidence[:, _HANDS[side]] > _CONFIDENT).mean(1) >= _SHARE
     return without_short(~without_short(~seen, shortest), shortest)
@@ -84,8 +84,8 @@ def handshapes(
 ) -> list[tuple[range, Nearest]]:
     """The shape of a hand in each hold, and at the end of each movement that no hold follows.
 
-    A shape is that of the frames in which the hand is seen, and none is told where it is seen in fewer than half of
-    them: the fit then says what is likely, not what was there.
+    Only frames in which the hand is visible count, and there is no shape if it is visible in fewer than half of them:
+    the fit then says what is likely, not what was there.
     """
     bones, found = finger_bones(fit.points, side), []
     for frames in _told(phases, max(1, round(_END * fit.clip.frame_rate))):
@@ -107,5 +107,5 @@ def _told(phases: Sequence[Span], end: int) -> Iterator[range]:
 
 
 def _in_words(nearest: Nearest) -> str:
-    """Its distance; of one that is near none, from which it is the least."""
+    """The distance in words; if no shape is near, also the nearest one."""
     return f"{nearest.degrees:.0f}°" if nearest.near else f"{nearest.degrees:.0f}° from {nearest.name}"

@@ -1,4 +1,4 @@
-"""Values by part of the body over the frames of a clip: the heat maps of the timeline, by name."""
+"""Values by part of the body over the frames of a clip: the timeline's heat maps by name."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ from tcfit_app.analysis.curves import weighted_mean
 from tcfit_app.analysis.posed_fit import PosedFit
 
 _TOP = 99.0
-"""Percentile of the values at which colours end: a single outlier would leave all else dark."""
+"""Percentile of the values at the top of the colour scale: a single outlier would leave the rest dark."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -24,9 +24,9 @@ class HeatMap:
     name: str
     parts: tuple[str, ...]
     values: Float[np.ndarray, "T R"]
-    """NaN where there is none."""
+    """NaN where missing."""
     top: float
-    """Where colours end, which start at 0."""
+    """The top of the colour scale, which starts at 0."""
 
 
 PARTS: dict[str, tuple[int, ...]] = {
@@ -42,26 +42,26 @@ assert set(PARTS) == set(REGIONS)
 
 @dataclass(frozen=True, kw_only=True)
 class HeatKind:
-    """How a heat map is made."""
+    """How a heat map is computed."""
 
     title: str
     unit: str
     worse: Literal["high", "low"]
-    """Which values are to be looked at."""
+    """Which values need attention."""
     values: Callable[[PosedFit], Float[np.ndarray, "T 137"]]
-    """Of each keypoint; NaN where there is none."""
+    """For each keypoint; NaN where missing."""
     top: float | None = None
-    """Where colours end; None: as suits the values."""
+    """The top of the colour scale; None: from the values."""
     parts: Mapping[str, tuple[int, ...]] = field(default_factory=lambda: PARTS)
     weighted: bool = False
-    """With the confidence of the detections."""
+    """By the detections' confidence."""
     words: tuple[str, ...] = ()
-    """What the values 0, 1 and so on stand for, if they are no amounts."""
+    """What the values 0, 1 and so on mean, if they are categories."""
 
 
 def _errors(fit: PosedFit) -> Float[np.ndarray, "T 137"]:
     errors = fit.errors.copy()
-    errors[:, kp.INDEX["neck"]] = np.nan  # no preset fits it: see the curve of the reprojection error
+    errors[:, kp.INDEX["neck"]] = np.nan  # no preset fits it: see the reprojection error's curve
     return errors
 
 
@@ -89,7 +89,7 @@ HEAT_MAPS: dict[str, HeatKind] = {
         title="Hand phases, B", unit="", worse="high", values=_phases, top=2.0, parts=_HANDS, words=_LEVELS
     ),
 }
-"""By name. A part's value is the mean over its keypoints; errors are weighted with the confidence of the detections."""
+"""By name. A part's value is the mean over its keypoints; errors are weighted by the detections' confidence."""
 
 
 def heat_map(name: str, fit: PosedFit) -> HeatMap:

@@ -1,4 +1,4 @@
-"""The vertices of fitted bodies, frame by frame, as fast as a view wants to draw them; their joints and keypoints."""
+"""The vertices of fitted bodies, frame by frame and fast enough for drawing; their joints and keypoints."""
 
 import threading
 from collections import deque
@@ -16,17 +16,17 @@ from fitting_core.body.points.positions import body_keypoints_in_space, joints_i
 from tcfit_app.analysis.byte_cache import ByteCache
 
 _LIMIT = 96 * 2**20
-"""Six hundred frames of the free body: a loop that is played twice."""
+"""Six hundred frames of the free body: a loop played twice."""
 
 
 class Meshes:
     """All vertices of one body in any pose, with a cache; its joints and keypoints. Thread-safe.
 
-    A version stands for one value of BodyParams: whoever changes parameters (a new run, a live correction) gives
-    another version, any hashable value; old ones are dropped when memory is needed.
+    A version identifies a BodyParams value: whoever changes parameters (a new run, a live correction) passes another
+    version, any hashable value; old ones are evicted when memory is needed.
 
     Args:
-        body: Of all versions.
+        body: Common to all versions.
         limit: Bytes of the cache; a frame of the free body takes 162 kB.
     """
 
@@ -35,9 +35,9 @@ class Meshes:
         self._mesh = shared_mesh(body)
         self._cache: ByteCache[np.ndarray] = ByteCache(limit, lambda vertices: vertices.nbytes)
         self.joints = FrameByFrame(lambda params: joints_in_space(body, params))
-        """(T, 55, 3) of parameters: the kinematic joints in camera space, metres."""
+        """(T, 55, 3) for parameters: the kinematic joints in camera space, metres."""
         self.keypoints = FrameByFrame(lambda params: _keypoints(body, params))
-        """(T, 137, 3) of parameters: the keypoints in camera space (metres), NaN where the body has none."""
+        """(T, 137, 3) for parameters: the keypoints in camera space (metres), NaN where the body has none."""
 
     @property
     def faces(self) -> Int[np.ndarray, "F 3"]:
@@ -45,7 +45,7 @@ class Meshes:
         return self.body.faces
 
     def vertices(self, version: Hashable, params: BodyParams, frame: int) -> Float32[np.ndarray, "V 3"]:
-        """One frame of `params`, for which `version` stands, in camera space (metres); the array cannot be written."""
+        """One frame of `params`, identified by `version`, in camera space (metres); a read-only array."""
         found = self._cache.get((version, frame))
         if found is None:
             found = self.batch(params[[frame]])[0]
@@ -58,11 +58,11 @@ class Meshes:
         return body_keypoints_in_space(self.body, params)
 
     def points(self, params: BodyParams) -> Float[np.ndarray, "T 137 3"]:
-        """What `keypoints` gives of a few frames, which are not remembered."""
+        """Like `keypoints` for a few frames, but not cached."""
         return _keypoints(self.body, params)
 
     def batch(self, params: BodyParams) -> Float32[np.ndarray, "T V 3"]:
-        """All frames of the parameters, in camera space (metres), past the cache."""
+        """All frames of the parameters, in camera space (metres), bypassing the cache."""
         with torch.no_grad():
             return self._mesh(params).numpy()
 
@@ -74,17 +74,17 @@ def _keypoints(body: BodyModel, params: BodyParams) -> Float[np.ndarray, "T 137 
 
 
 KEPT = 3
-"""Parameters whose values are remembered: those of two runs on show, and of a correction of one."""
+"""Number of cached parameters: two runs on show, and a correction of one."""
 
 
 class FrameByFrame:
-    """A function of parameters that looks at each frame alone. Thread-safe.
+    """A function of parameters, evaluated per frame. Thread-safe.
 
-    A correction changes a few of thousands of frames: of parameters that were never asked for, only those frames are
-    evaluated in which they differ from others that were.
+    A correction changes a few of thousands of frames: for new parameters, only frames that differ from cached
+    parameters are evaluated.
 
     Args:
-        evaluate: (T, ...) of T frames.
+        evaluate: Returns (T, ...) for T frames.
     """
 
     def __init__(self, evaluate: Callable[[BodyParams], np.ndarray]) -> None:
@@ -93,7 +93,7 @@ class FrameByFrame:
         self._lock = threading.Lock()
 
     def __call__(self, params: BodyParams) -> np.ndarray:
-        """The values, in an array that cannot be written."""
+        """The values, in a read-only array."""
         with self._lock:
             known = list(self._known)
         values = self._found(params, known)
@@ -118,7 +118,7 @@ class FrameByFrame:
 
 
 def _differing(a: BodyParams, b: BodyParams) -> Bool[Tensor, "T"]:
-    """Frames in which two results of the same length are not the same."""
+    """Frames in which two results of the same length differ."""
     changed = torch.zeros(len(a), dtype=torch.bool)
     for name, ours in vars(a).items():
         theirs = getattr(b, name)

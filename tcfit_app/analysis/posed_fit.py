@@ -1,4 +1,4 @@
-"""A fit beside the keypoints that it explains: the input of curves, review queue and tables of figures."""
+"""A fit together with its keypoints: the input of curves, review queue and figures."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -23,36 +23,36 @@ from fitting_core.results.fit_result import FitResult, PhaseResult
 from tcfit_app.analysis.meshes import Meshes
 
 _NEAR = 0.01
-"""Metres: points nearer to the camera's plane, or behind it, are in no image."""
+"""Metres: points closer to the camera's plane, or behind it, are not visible."""
 _TOGETHER = 16
 """Frames whose meshes are in memory at once."""
 GROUPS = {"body": kp.BODY, "hands": kp.HANDS, "face": kp.FACE}
-"""Keypoints whose errors are told apart: their sizes and their detectors differ."""
+"""Keypoints with separate errors: their sizes and detectors differ."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PosedFit:
-    """The poses of a fit over a clip, or over consecutive frames of one. Positions are evaluated when asked for.
+    """The poses of a fit over a clip, or over consecutive frames of one. Positions are evaluated lazily.
 
-    Thread-safe: two threads that ask at once evaluate twice and get the same.
+    Thread-safe: two concurrent requests evaluate twice, with the same result.
     """
 
     clip: Clip
-    """With the keypoints as they stand, and the camera of the fit."""
+    """With the current keypoints, and the fit's camera."""
     params: BodyParams
     meshes: Meshes
     space: Literal["body", "camera"] = "camera"
     """In which the fit's temporal term compares joints (`Temporal.space`)."""
     tracked: Bool[np.ndarray, "137"]
-    """Keypoints that were detected in some frame of the whole clip."""
+    """Keypoints detected in any frame of the whole clip."""
     bad: Bool[np.ndarray, "T 137"]
-    """Keypoints that a person has marked as wrong (`Corrected.bad`); their confidence is 0."""
+    """Keypoints marked bad by a person (`Corrected.bad`); their confidence is 0."""
     frame_cost: Float[np.ndarray, "T"] | None = None
-    """E_o of each frame, where the phase that gave the parameters has told it."""
+    """E_o of each frame, if the phase of these parameters recorded it."""
     error_bars: ErrorBars | None = None
-    """How far off joints and angles may be; None where nobody knows."""
+    """Error bars of joints and angles; None if unknown."""
     there: Bool[np.ndarray, "T"] | None = None
-    """Frames of which there is a pose; None: all. In the others nothing is measured."""
+    """Frames with a pose; None: all. Nothing is measured in the others."""
 
     @staticmethod
     def of(
@@ -67,12 +67,12 @@ class PosedFit:
         """One phase of a run, by default its last.
 
         Args:
-            clip: `Project.clip`: its keypoints with all corrections.
-            fit: The run; its camera counts.
-            meshes: Of the body that it was fitted with.
+            clip: `Project.clip`, with corrected keypoints.
+            fit: The run; its camera is used.
+            meshes: For the body it was fitted with.
             phase: One of the fit's.
-            bad: `Project.corrected.bad`; None: nothing is marked.
-            there: Frames of which it has a pose; None: all.
+            bad: `Project.corrected.bad`; None: no keypoints are bad.
+            there: Frames with a pose; None: all.
         """
         chosen = phase or fit.last
         space = fit.config.temporal.space
@@ -94,7 +94,7 @@ class PosedFit:
         bad: Bool[np.ndarray, "T 137"] | None = None,
         frame_cost: Float[np.ndarray, "T"] | None = None,
     ) -> "PosedFit":
-        """Any parameters over a whole clip, such as those of a window that has just been fitted."""
+        """Any parameters over a whole clip, such as those of a window just fitted."""
         assert len(clip) == len(params)
         tracked = np.asarray((clip.keypoints.confidence > 0).any(0))
         marked = np.zeros(clip.keypoints.confidence.shape, bool) if bad is None else bad
@@ -112,7 +112,7 @@ class PosedFit:
         return len(self.params)
 
     def __getitem__(self, frames: slice) -> "PosedFit":
-        """Consecutive frames, to be measured alone: nothing is evaluated outside of them."""
+        """Consecutive frames, measured on their own: nothing outside is evaluated."""
         cost = None if self.frame_cost is None else self.frame_cost[frames]
         clip = replace(self.clip, keypoints=self.clip.keypoints[frames], camera=self.clip.camera[frames])
         there = None if self.there is None else self.there[frames]
@@ -133,12 +133,12 @@ class PosedFit:
 
     @property
     def joints_in_body(self) -> Float[np.ndarray, "T 55 3"]:
-        """The same without the camera's translation; turned into still space (see `CameraPath`)."""
+        """The same without the camera's translation; rotated to still space (see `CameraPath`)."""
         return self.clip.camera.turned_to_still(self.joints - self.params.camera_translation.numpy()[:, None])
 
     @property
     def still_joints(self) -> Float[np.ndarray, "T 55 3"]:
-        """The joints in still space, in which a camera that moves does not move them; metres."""
+        """The joints in still space, which does not move with the camera; metres."""
         return self.clip.camera.to_still(self.joints)
 
     @property
@@ -148,12 +148,12 @@ class PosedFit:
 
     @cached_property
     def points(self) -> Float[np.ndarray, "T 137 3"]:
-        """The body's keypoints in camera space, metres; NaN for those that it lacks."""
+        """The body's keypoints in camera space, metres; NaN for missing ones."""
         return self.meshes.keypoints(self.params)
 
     @cached_property
     def projected(self) -> Float[np.ndarray, "T 137 2"]:
-        """Pixels of the body's keypoints; NaN for those that the body lacks and those behind the camera."""
+        """Pixels of the body's keypoints; NaN for missing ones and those behind the camera."""
         hidden = ~(self.points[..., 2] >= _NEAR)
         pixels = project(self.clip.camera, torch.as_tensor(np.where(hidden[..., None], 1.0, self.points))).numpy()
         pixels[hidden] = np.nan
@@ -161,7 +161,7 @@ class PosedFit:
 
     @cached_property
     def counted(self) -> Bool[np.ndarray, "T 137"]:
-        """Keypoints that errors are measured on: those of summary.json that the body has."""
+        """Keypoints with errors: those of summary.json that the body has."""
         return counted_keypoints(self.clip, self.meshes.body) & np.isfinite(self.projected).all(-1)
 
     @cached_property
@@ -173,7 +173,7 @@ class PosedFit:
 
     @cached_property
     def swapped_back(self) -> dict[str, Int[np.ndarray, "n"]]:
-        """Frames in which a detector took left limbs for right ones and the fit lies the other way, by pair."""
+        """Frames in which the detector swapped left and right limbs and the fit unswapped them, by pair."""
         found = {}
         for name, frames in unswapped(self.clip.keypoints)[1].items():
             left, right, _ = PAIRED[name]
@@ -184,7 +184,7 @@ class PosedFit:
         return found
 
     def _apart(self, frames: np.ndarray, found: list[int], fitted: list[int]) -> Float[np.ndarray, "n"]:
-        """Distances of detections from fitted keypoints, those that there are, summed for each frame; pixels."""
+        """Distances between detected and fitted keypoints, where both exist, summed per frame; pixels."""
         keypoints = self.clip.keypoints[frames]
         seen = keypoints.confidence[:, found] > 0
         off = keypoints.xy[:, found] - self.projected[frames][:, fitted]
@@ -192,7 +192,7 @@ class PosedFit:
 
     @cached_property
     def with_own_sides(self) -> "PosedFit":
-        """The same beside keypoints whose limbs are swapped back where the fit lies so."""
+        """The same with keypoints unswapped where the fit did so."""
         keypoints, back = self.clip.keypoints, unswapped(self.clip.keypoints)[0]
         xy, confidence = keypoints.xy.copy(), keypoints.confidence.copy()
         for name, frames in self.swapped_back.items():

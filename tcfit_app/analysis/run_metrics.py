@@ -1,4 +1,4 @@
-"""Figures of a run, by itself and against the project's reference, and two runs side by side."""
+"""Figures of a run, by itself and against the project's reference, and comparisons of two runs."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -11,7 +11,7 @@ from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.measure import comparison
 from fitting_core.measure.comparison import FigureKind, number_of
-from fitting_core.measure.pairing import Estimate
+from fitting_core.measure.pairing import PosedMotion
 from fitting_core.measure.references.reference import Reference
 from fitting_core.metrics import jitter, torso_lean
 from fitting_core.plugins import added
@@ -21,12 +21,12 @@ from tcfit_app.analysis.posed_fit import GROUPS, PosedFit
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MeasuredRun:
-    """What figures are taken from."""
+    """The input of figures."""
 
     fit: PosedFit
     phase: PhaseResult
     seconds: float
-    """Of the phases that the run did itself; 0 of one that was not fitted here."""
+    """Of the phases that the run computed itself; 0 if it was not fitted here."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,9 +37,9 @@ class Metric:
     title: str
     unit: str
     value: float | None
-    """None where it cannot be measured."""
+    """None if it cannot be measured."""
     better: Literal["lower", "higher", ""]
-    """Empty: neither is better by itself."""
+    """Empty: neither is better as such."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,12 +54,12 @@ class ComparedMetric:
     difference: float | None
     """b - a."""
     better: Literal["a", "b", ""]
-    """Empty: as good, not known, or no question of better."""
+    """Empty: equally good, unknown, or not comparable."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MetricKind:
-    """How a figure is taken."""
+    """How a figure is computed."""
 
     title: str
     unit: str
@@ -68,28 +68,28 @@ class MetricKind:
 
 
 _AS_GOOD = 0.01
-"""Runs that differ by less than this share of a figure are as good as each other."""
+"""Figures that differ by a smaller fraction are equally good."""
 COST = "cost_"
-"""Before the names of the objective's terms."""
+"""Prefix of the names of the objective's terms."""
 
 
 def run_metrics(run: MeasuredRun) -> tuple[Metric, ...]:
-    """All figures of a run: METRICS, those of plugins, and the mean cost by term of the phase that gave its parameters.
+    """All figures of a run: METRICS, those of plugins, and the mean cost by term of the phase of its parameters.
 
-    The mean volume needs whole meshes: a second for a thousand frames.
+    The mean volume needs whole meshes: a second per thousand frames.
     """
     figures = [_metric(name, kind, run) for name, kind in (METRICS | added_metrics()).items()]
     return (*figures, *(_cost(term, value) for term, value in run.phase.objective.items()))
 
 
 def frame_metrics(run: MeasuredRun) -> tuple[Metric, ...]:
-    """The figures of a run with a part of the clip's frames, without what is known of whole runs only."""
+    """The figures of a run over part of the clip, without those defined only for whole runs."""
     kinds = METRICS | added_metrics()
     return tuple(_metric(name, kind, run) for name, kind in kinds.items() if name not in _OF_RUNS)
 
 
 def added_metrics() -> dict[str, MetricKind]:
-    """Those that plugins add. One that fails has no value, and is reported."""
+    """Those added by plugins. One that fails has no value, and is reported."""
     return {
         name: replace(plugin.thing, value=number_of(plugin, plugin.thing.value))
         for name, plugin in added("tcfit.metrics", MetricKind, FigureKind, taken=METRICS).items()
@@ -103,7 +103,7 @@ def _metric(name: str, kind: MetricKind, run: MeasuredRun) -> Metric:
 def compare(a: tuple[Metric, ...], b: tuple[Metric, ...]) -> tuple[ComparedMetric, ...]:
     """Two runs' figures, row by row: all of the first one's, then those that only the second one has.
 
-    Costs are never "better": runs with other weights or other keypoints cannot be compared by them.
+    Costs are never "better": they are not comparable between runs with other weights or keypoints.
     """
     ones, others = {m.name: m for m in a}, {m.name: m for m in b}
     return tuple(_row(ones.get(name), others.get(name)) for name in dict.fromkeys([*ones, *others]))
@@ -183,18 +183,19 @@ METRICS: dict[str, MetricKind] = {
     ),
     "seconds": MetricKind(title="Time to fit", unit="s", value=lambda run: run.seconds or None),
 }
-"""By name. Reprojection errors are over the keypoints that summary.json counts; jitter is the mean second difference of
-the 55 joints, in camera space where nothing else is said; the shape's deviation is over frames, mean of the betas."""
+"""By name. Reprojection errors are over the keypoints counted in summary.json; jitter is the mean second difference of
+the 55 joints, in camera space unless stated; the shape's deviation is over frames, mean of the betas."""
 _OF_RUNS = {"seconds"}
-"""Those that no part of a clip has."""
+"""Those not defined for part of a clip."""
 
 
 # --- against a reference ---
 
 REFERENCE = "reference_"
-"""Before the names of these figures."""
+"""Prefix of these figures' names."""
 SURFACES = 12
-"""Frames whose surfaces are measured, evenly over the clip: each takes some 0.4 s, beside which the page must live."""
+"""Number of frames whose surfaces are measured, evenly over the clip: each takes about 0.4 s, during which the page
+must respond."""
 _SHOWN = (
     "pa_mpjpe_mean",
     "mpjpe_mean",
@@ -212,12 +213,12 @@ _SAMPLED = ("vertex_to_surface_mean", "vertex_to_surface_std", "per_vertex_mean"
 def reference_metrics(
     fit: PosedFit, reference: Reference, truth_body: Callable[[], BodyModel | None]
 ) -> tuple[Metric, ...]:
-    """The figures against the project's reference, those that can be measured, of a run over the whole clip.
+    """The figures of a whole run against the project's reference, as far as they can be measured.
 
     `truth_body` reads the reference's body, which takes a second.
     """
     every = max(1, -(-len(fit) // SURFACES))
-    estimate = Estimate(
+    estimate = PosedMotion(
         body=fit.meshes.body,
         params=fit.params,
         camera=fit.clip.camera,

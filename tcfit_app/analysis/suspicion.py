@@ -10,47 +10,47 @@ from tcfit_app.project.storage.clip_review import Worst
 from tcfit_app.project.storage.marks import Mark
 
 _GAP = 2
-"""Frames that are no farther apart than this, and about the same limb, are one entry."""
+"""Maximum distance in frames between findings about the same limb that are one entry."""
 _CAUSES = ("swap",)
-"""Kinds that explain others: swapped arms are far off and jump as well."""
+"""Kinds that explain others: swapped arms are far off and jump too."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Suspect:
-    """An entry of the review queue: a frame, or several about the same thing."""
+    """A queue entry: one frame, or several with the same problem."""
 
     frame: int
-    """The worst of them."""
+    """The worst of its frames."""
     frames: range
-    """From the first to the last of them."""
+    """From the first to the last of its frames."""
     score: float
-    """Largest of the worst frame's findings; comparable between kinds, from 1 on."""
+    """Highest score in the worst frame; comparable between kinds, from 1."""
     kind: str
     """One of FINDINGS, or a plugin's."""
     reason: str
     """A few words about the worst frame: "left wrist is 42 px off"."""
     joints: tuple[int, ...]
-    """Keypoints that this is about, the worst first; empty if it is the pose as a whole."""
+    """Keypoints concerned, worst first; empty if it is the pose as a whole."""
     also: tuple[str, ...]
-    """What else is suspicious in that frame."""
+    """Other findings in that frame."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReviewQueue:
-    """What is left to look at, and how far a person is."""
+    """What is left to review, and how much has been reviewed."""
 
     left: tuple[Suspect, ...]
-    """The worst first."""
+    """Worst first."""
     looked_at: int
-    """Entries of which every frame was found to be fine."""
+    """Number of entries whose frames were all marked as fine."""
 
 
 _Found = tuple[str, Finding]
-"""What was found, with its kind."""
+"""A finding with its kind."""
 
 
 def review_queue(fit: PosedFit, *, checked: Collection[int] = ()) -> ReviewQueue:
-    """All suspicious frames of a whole clip, but for those that a person found to be fine (see `still_checked`)."""
+    """All suspicious frames of a whole clip, except for those marked as fine (see `still_checked`)."""
     by_frame: dict[int, list[_Found]] = {}
     for kind, found_in in (FINDINGS | added_findings()).items():
         for finding in found_in(fit):
@@ -79,11 +79,11 @@ def still_checked(
     *,
     refitted: Iterable[tuple[int, Iterable[int]]] = (),
 ) -> frozenset[int]:
-    """Frames that were found to be fine and have not changed since, in the order of what was stored: clocks are set.
+    """Frames marked as fine that have not changed since; by order of storage, because clocks can be set back.
 
     Args:
-        marks: `Marks.all()`.
-        edited: Which frames each entry of the log changes, `Project.frames_changed_after`.
+        edited: Which frames each log entry changes, `Project.frames_changed_after`.
+        refitted: `Run.moment` of fits, and the frames they fitted.
         refitted: `Run.moment` of fits, and which frames they fitted.
     """
     checked = {frame: mark for frame, mark in marks.items() if mark.state == "checked"}
@@ -92,7 +92,7 @@ def still_checked(
 
 
 def _later(changes: Iterable[tuple[int, Iterable[int]]], known: Mapping[int, int]) -> frozenset[int]:
-    """Frames with a change of a higher number than the one that is known of them."""
+    """Frames with a change numbered higher than the known one."""
     return frozenset(f for number, frames in changes for f in frames if f in known and number > known[f])
 
 
@@ -108,7 +108,7 @@ def _spans(by_frame: dict[int, list[_Found]]) -> list[list[int]]:
 
 
 def _same_limb(one: Finding, other: Finding) -> bool:
-    """Whether two findings can have one cause; what is about the whole pose goes with everything."""
+    """Whether two findings may have one cause; one about the whole pose may share its cause with any."""
     limbs, others = ({LIMB_OF[joint] for joint in finding.joints} for finding in (one, other))
     return not limbs or not others or bool(limbs & others)
 

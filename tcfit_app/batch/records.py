@@ -33,7 +33,7 @@ from tcfit_app.batch.fingerprint import FIRST_NAME, SHAPE_NAME, Fingerprint, unc
 from tcfit_app.batch.manifest import ClipTask, Form
 from tcfit_app.project.storage.accessing import accessing
 from tcfit_app.project.storage.database import is_project
-from tcfit_app.project.storage.lock import Lock, ProjectLocked
+from tcfit_app.project.storage.lock import ProjectLock, ProjectLocked
 
 RECORD_NAME = "batch.json"
 """In a result's folder."""
@@ -147,7 +147,7 @@ def write_log(folder: Path, event: LogEvent, task: ClipTask, **details: Any) -> 
 _PAUSE = 0.1
 
 
-def patient_lock(folder: Path, *, seconds: float, wanted: str) -> Lock:
+def patient_lock(folder: Path, *, seconds: float, wanted: str) -> ProjectLock:
     """Take the lock of a folder, which is made if it does not exist.
 
     Args:
@@ -163,7 +163,7 @@ def patient_lock(folder: Path, *, seconds: float, wanted: str) -> Lock:
         try:
             with accessing(folder):
                 folder.mkdir(parents=True, exist_ok=True)
-                return Lock(folder)
+                return ProjectLock(folder)
         except ProjectLocked as error:
             if time.monotonic() > until:
                 raise InputError(

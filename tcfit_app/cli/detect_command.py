@@ -81,7 +81,7 @@ def _frames(source: FrameSource, first: int | None, last: int | None) -> range:
 def _check_folder(folder: Path, name: str, frames: range) -> None:
     """Raises InputError if keypoints cannot be written there without mixing them with others."""
     if folder.exists() and not folder.is_dir():
-        raise InputError(f"--out {folder}: is a file; expected a folder, which may not exist yet.")
+        raise InputError(f"--out {folder}: is a file; expected a folder, which need not exist.")
     for file in sorted(folder.glob(f"*{SUFFIX}")):
         prefix, number = split_number(file.name.removesuffix(SUFFIX))
         if prefix != f"{name}_" or number not in frames:

@@ -9,7 +9,7 @@ from pathlib import Path
 import torch
 
 from fitting_core.errors import InputError
-from fitting_core.io.people_file import PEOPLE_NAME, People, read_people
+from fitting_core.io.people_file import PEOPLE_NAME, People, read_people_file
 from tcfit_app.cli.export_command import formats_of, numbers_of, source_of, target, write_one
 from tcfit_app.exports.exporting import write_export
 from tcfit_app.exports.motions import write_everybody
@@ -29,7 +29,7 @@ def run_export_people(folder: Path, options: ExportOptions) -> None:
     """
     torch.set_num_threads(1)
     formats = formats_of(options.formats)
-    people = read_people(folder)
+    people = read_people_file(folder)
     with ExitStack() as stack:
         sources = _sources(folder, people, options, stack)
         apart = [name for name in formats if name != _TOGETHER]

@@ -11,7 +11,7 @@ from fitting_core.clips.people import PersonInClip, people_of
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import sweep
 from fitting_core.io.motion_files import motion_of
-from fitting_core.io.people_file import PEOPLE_NAME, holds_people, read_people, write_people
+from fitting_core.io.people_file import PEOPLE_NAME, holds_people, read_people_file, write_people_file
 from fitting_core.io.result_files import FIT_NAME, OVERLAY_NAME, SUMMARY_NAME, is_result
 from fitting_core.results.given_start import GivenStart
 from tcfit_app.cli.detection_shown import DetectionShown
@@ -90,7 +90,7 @@ def _check_out(folder: Path, *, overwrite: bool) -> list[Path]:
     Raises:
         InputError: The folder holds something else, and `overwrite` is not given.
     """
-    old = [folder / one.folder for one in read_people(folder).people] if holds_people(folder) else []
+    old = [folder / one.folder for one in read_people_file(folder).people] if holds_people(folder) else []
     for path in (folder, *old):
         sweep(path)  # what a killed process has left is nobody's
     if overwrite or not folder.is_dir():
@@ -158,7 +158,7 @@ def _list(folder: Path, people: Sequence[PersonInClip]) -> None:
             return
     except OSError as error:
         raise InputError(f"{folder}: cannot be written ({error.strerror}). Choose another --out.") from error
-    write_people(folder, people_of(people))
+    write_people_file(folder, people_of(people))
 
 
 def _write_together(folder: Path, people: Sequence[PersonInClip], outcomes: Sequence[Outcome]) -> None:

@@ -16,7 +16,7 @@ from fitting_core.clips.options import ClipOptions
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
-from fitting_core.io.people_file import holds_people, read_people
+from fitting_core.io.people_file import holds_people, read_people_file
 from fitting_core.video.frames import image_files
 from tcfit_app.home.found import find
 from tcfit_app.options.fit import NO_KEYPOINTS, ReferenceOptions, ReviewOptions, ServerOptions, height_of
@@ -48,7 +48,7 @@ def run_review(options: ReviewOptions) -> None:
         _review_many(options)
         return
     if options.video is not None and holds_people(options.video):
-        with _served(read_people(options.video).name, options.server) as server:
+        with _served(read_people_file(options.video).name, options.server) as server:
             load_app()
             with _people(options) as people:
                 project = people.chosen(options.clip.person)

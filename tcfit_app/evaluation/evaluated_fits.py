@@ -14,7 +14,7 @@ from fitting_core.errors import InputError
 from fitting_core.files.npz import npz_names
 from fitting_core.io import read_motion
 from fitting_core.io.result_files import FIT_NAME, read_fit
-from fitting_core.measure.pairing import Estimate
+from fitting_core.measure.pairing import PosedMotion
 from fitting_core.measure.references.bodies import body_of
 from fitting_core.measure.references.reference import BodyOf, Reference
 from fitting_core.results.fit_result import FitResult
@@ -63,9 +63,9 @@ class EvaluatedFit:
         """Frames, the same in all phases."""
         return len(next(iter(self.phases.values()))[0])
 
-    def estimate(self, phase: str) -> Estimate:
+    def estimate(self, phase: str) -> PosedMotion:
         """One phase, to be compared."""
-        return Estimate(
+        return PosedMotion(
             body=self.body,
             params=self.phases[phase][0],
             camera=self.camera,

@@ -1,4 +1,4 @@
-"""Body models by what a run says about its body; each is read once."""
+"""Body models, found by a run's record and each read once."""
 
 import threading
 from concurrent.futures import Future
@@ -14,16 +14,16 @@ from tcfit_app.project.storage.run_record import BodyRecord
 
 
 def record_of(body: BodyModel) -> BodyRecord:
-    """What a run remembers of its body."""
+    """A body model's record for runs."""
     return BodyRecord(kind=body.kind, gender=body.gender, hash=body.hash, source=str(body.source or ""))
 
 
 class Bodies:
-    """Reads body models when they are first asked for. Thread-safe.
+    """Reads body models on first use. Thread-safe.
 
     Args:
-        search: A model file or a folder that alone is searched; None: everywhere (`registry.search_folders`).
-        ahead: A body that is being read already, or None.
+        search: The only model file or folder to search; None: everywhere (`registry.search_folders`).
+        ahead: A body already being read, or None.
     """
 
     def __init__(self, search: Path | None = None, ahead: Future[BodyModel | None] | None = None) -> None:
@@ -35,19 +35,19 @@ class Bodies:
         """The body for a new fit.
 
         Raises:
-            InputError: There is none; the message says which file goes where.
+            InputError: There is none; the message says which file to put where.
         """
         return self._read(find_body(model=kind, gender=gender, search=self._search))
 
     def check(self, *, kind: str, gender: str) -> None:
-        """Raise InputError, which says which file goes where, if there is no such body."""
+        """Raise InputError saying which file to put where, if there is no such body."""
         find_body(model=kind, gender=gender, search=self._search)
 
     def of(self, record: BodyRecord) -> BodyModel:
         """The body that a run was fitted with.
 
         Raises:
-            InputError: It is gone or was replaced by another one, so the run cannot be shown.
+            InputError: It is missing or was replaced, so the run cannot be shown.
         """
         if (known := self._known(record.hash)) is not None:
             return known
@@ -57,13 +57,13 @@ class Bodies:
             body = self.find(kind=record.kind, gender=record.gender)
         if record.hash not in ("", body.hash):
             raise InputError(
-                f"The {record.gender} {record.kind} body of this run is no longer there (found another one at "
+                f"The {record.gender} {record.kind} body of this run is missing (found another one at "
                 f"{body.source}). Put {record.source or 'the file'} back, or run the fit again."
             )
         return body
 
     def of_reference(self, reference: Reference) -> BodyModel | None:
-        """The body that a reference is a pose of, None if it has points alone. Raises InputError as `of`."""
+        """The body that a reference poses, None if it only has points. Raises InputError as `of`."""
         if reference.body is None:
             return None
         record = reference.body

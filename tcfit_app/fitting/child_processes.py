@@ -1,4 +1,4 @@
-"""Processes that compute for the one that starts them: new interpreters, left alone by Ctrl-C, gone when it is."""
+"""Worker processes: new interpreters that ignore Ctrl-C and end with their parent."""
 
 import multiprocessing
 import os
@@ -8,12 +8,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 CONTEXT = multiprocessing.get_context("spawn")
-"""How they are started. A fork of a process that has used torch may hang."""
+"""Start method. A forked process may hang if its parent has used torch."""
 
 
 @contextmanager
 def deaf_to_interrupts() -> Iterator[None]:
-    """Processes that are started meanwhile ignore Ctrl-C, which a terminal sends to all of them: their parent acts."""
+    """Processes started inside ignore Ctrl-C, which a terminal sends to all of them; their parent handles it."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -25,7 +25,7 @@ def deaf_to_interrupts() -> Iterator[None]:
 
 
 def end_with_parent() -> None:
-    """To be called in such a process: it ends when its parent does, whatever it is doing and however that one ends."""
+    """Call this in a worker process: it then ends whenever and however its parent does."""
     parent = multiprocessing.parent_process()
     assert parent is not None
 

@@ -1,8 +1,8 @@
-"""Corrections of runs: what drags and edits make of some frames, kept as runs of their own, and how undo takes it back.
+"""Corrections of runs: drags and edits refit some frames, stored as separate runs; undo restores them.
 
-Each run of corrections has its changes on the disk (`storage/changes.py`). A change belongs to the state of the
-keypoints that it was fitted to. As soon as not all that stood then stands any more, it is taken back, and so are those
-on top of it: the frames are again what they were, bit for bit.
+Each run of corrections has its changes on disk (`storage/changes.py`). A change belongs to the state of the keypoints
+that it was fitted to. As soon as any edit in that state no longer stands, the change is undone together with those
+after it: the frames become what they were, bit for bit.
 """
 
 import threading
@@ -27,11 +27,11 @@ from tcfit_app.project.project import Project
 from tcfit_app.project.storage.changes import Changes, Frames
 from tcfit_app.project.storage.run_record import Run
 
-_NOTE = "keypoints were corrected, and the frames around them fitted again"
+_NOTE = "keypoints were corrected, and the frames around them refitted"
 
 
 class Shelf(Protocol):
-    """Where the fits of runs are; see `Fits`."""
+    """The storage of runs' fits; see `Fits`."""
 
     @property
     def runs(self) -> tuple[Run, ...]:
@@ -39,19 +39,19 @@ class Shelf(Protocol):
         ...
 
     def run(self, number: int) -> Run | None:
-        """One that is not deleted."""
+        """A run that is not deleted."""
         ...
 
     def fit(self, run: Run) -> FitResult:
-        """What it has found."""
+        """Its result."""
         ...
 
     def publish(self, run: int, fit: FitResult) -> object:
-        """That is this from now on."""
+        """Replace its result."""
         ...
 
     def unseen(self) -> AbstractContextManager[None]:
-        """Runs that are written inside are seen at its end."""
+        """Runs written inside become visible at its end."""
         ...
 
 
@@ -61,24 +61,24 @@ class Corrections:
     def __init__(self, project: Project, fits: Shelf) -> None:
         self._project, self._fits = project, fits
         self._changing = threading.Lock()
-        """Held from the reading of a run's corrections until they are stored with a change."""
+        """Held from reading a run's corrections until they are stored with a change."""
         self._collected: dict[int, int] = {}
-        """The run in which the corrections of a run are collected since `begin`."""
+        """By run, the run that collects its corrections since `begin`."""
         self._changes: dict[int, Changes] = {}
-        """By run, those that were asked for."""
+        """By run, those requested."""
         self.to_follow: SimpleQueue[tuple[Run, dict[int, bool]]] = SimpleQueue()
-        """Edits that a run's fit is to follow, or to follow again, by their ids, and whether they stand."""
+        """Edits that a run's fit still has to follow, by id, and whether they stand."""
 
     def begin(self, run: int) -> None:
-        """What is corrected from now on goes on from this run itself, and not from earlier corrections of it."""
+        """Future corrections start from this run itself, not from earlier corrections of it."""
         self._collected.pop(run, None)
 
     def of(self, run: int) -> Run:
-        """The run in which corrections of a run are collected, or the run itself if there is none yet."""
+        """The run that collects a run's corrections, or the run itself if there is none yet."""
         return self._fits.run(self._collected.get(run, run)) or self._project.runs.get(run)
 
     def keep_drag(self, correction: Correction, target: Target, refit: Refit) -> None:
-        """Store a released drag, unless its edit was undone meanwhile."""
+        """Store a released drag, unless its edit has been undone meanwhile."""
         assert correction.origin is not None
         clip, edit, now = correction.edited(target), correction.edit, self._project.last_edit
         with self._changing:
@@ -89,14 +89,14 @@ class Corrections:
             self._put(correction.origin, (correction.frames,), refit, clip, correction.body, seen, edits)
 
     def keep_followed(self, job: CorrectionJob, fit: FitResult) -> None:
-        """Store what has followed edits. What is newer stays: frames that were edited meanwhile are followed again."""
+        """Store a fit that followed edits. Newer frames stay: those edited meanwhile are followed again."""
         inner, now = job.job, self._project.last_edit
         assert inner is not None, "it has run"
         later = {f for frames in self._project.frames_changed_after(job.edits_seen).values() for f in frames}
         windows = tuple(window for window in inner.windows if later.isdisjoint(window))
         dropped = {frame for window in inner.windows if window not in windows for frame in window}
         followed = {
-            edit: stands for edit, stands in job.edits.items() if dropped.isdisjoint(self._project.frames_of(edit))
+            edit: stands for edit, stands in job.edits.items() if dropped.isdisjoint(self._project.frames_changed(edit))
         }
         if again := {edit: stands for edit, stands in job.edits.items() if edit not in followed}:
             self.to_follow.put((self._project.runs.get(job.origin), again))
@@ -108,8 +108,8 @@ class Corrections:
                 self._put(job.origin, windows, refit, inner.clip, inner.body, seen, followed)
 
     def _seen(self, seen: int, now: int) -> int:
-        """The log entry to whose keypoints a change belongs that was fitted to those after the entry `seen`, and that
-        nothing has contradicted up to the entry `now`."""
+        """The latest log entry, up to `now`, whose keypoints are those of the entry `seen` as far as a change fitted to
+        those is concerned."""
         return seen if self._project.stood_by(seen, now) else now
 
     def _put(
@@ -122,7 +122,7 @@ class Corrections:
         seen: int,
         edits: dict[int, bool],
     ) -> None:
-        """Put windows of a fit into a run's corrections: that run may have changed since they were begun."""
+        """Put windows of a fit into a run's corrections, which may have changed since the fit was started."""
         base = self.of(run)
         fit = self._fits.fit(base)
         whole = fit.last.params
@@ -144,7 +144,7 @@ class Corrections:
         )
         found = replace(with_phases(fit, (phase,), config), grounding=grounding)
         if self._project.runs.get(base.id).deleted:
-            raise InputError(f"{base.name} was deleted: what followed its corrections is not kept.")
+            raise InputError(f"{base.name} was deleted, so its refitted corrections were not stored.")
         now_seen = self.edits_seen(base, windows, seen)
         new = base.kind != "corrections"
         with self._fits.unseen():
@@ -154,7 +154,7 @@ class Corrections:
                 changes.forget(changes.taken_back)
             changes.add(
                 Frames.of(fit, windows, base.edits_seen),
-                # What it stands on may have overtaken it.
+                # The run it is based on may already include later edits.
                 seen=max([seen, *(change.about.seen for change in changes.made[-1:])]),
                 edits=edits,
                 frames=len(clip),
@@ -185,8 +185,8 @@ class Corrections:
         return self._changes[run]
 
     def edits_seen(self, base: Run, windows: tuple[range, ...], seen: int) -> int:
-        """Up to which log entry a run has seen all edits once windows of it are fitted again that took the entries up
-        to `seen` into account."""
+        """The log entry up to which a run includes all edits once windows of it are refitted with those up to
+        `seen`."""
         fitted, last = {frame for window in windows for frame in window}, base.edits_seen
         for number, frames in self._project.frames_changed_after(last).items():
             if number > seen or not fitted.issuperset(frames):
@@ -195,15 +195,15 @@ class Corrections:
         return last
 
     def take_back(self, edit: int, run: int | None) -> None:
-        """After an undo or a redo: all corrections are again what they were when the same edits stood.
+        """After an undo or a redo, restore all corrections to their state when the same edits stood.
 
         Args:
-            edit: The log entry that was undone or redone.
-            run: The one whose fit is to follow that, if it was fitted to other keypoints and has no such correction;
-                None: none is.
+            edit: The log entry undone or redone.
+            run: The run whose fit is to follow if it was fitted to other keypoints and has no such correction; None: no
+                run.
 
         Raises:
-            InputError: The project cannot be written, or a fit not be read.
+            InputError: The project cannot be written, or a fit cannot be read.
         """
         with self._changing:
             collected = [one for one in self._fits.runs if one.kind == "corrections" and one.state == "finished"]
@@ -216,7 +216,7 @@ class Corrections:
                 self.to_follow.put((self._project.runs.get(run), {edit: stands}))
 
     def _brought_back(self, run: Run) -> bool:
-        """Take changes back that are not to stand, or make them again; whether there were some."""
+        """Undo or redo changes that no longer match the edits; returns whether there were any."""
         changes, stood_by = self._changes_of(run.id), self._project.stood_by
         gone = list(takewhile(lambda change: not stood_by(change.about.seen), reversed(changes.made)))
         again = [] if gone else list(takewhile(lambda change: stood_by(change.about.seen), changes.taken_back))

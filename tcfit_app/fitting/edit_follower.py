@@ -1,4 +1,4 @@
-"""The fit follows the hand: while a keypoint is dragged, and after edits."""
+"""Live fitting: while a keypoint is dragged, and after edits."""
 
 import time
 from collections.abc import Callable, Iterable
@@ -13,92 +13,92 @@ from fitting_core.results.given_start import GivenStart
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.fitting.fits import Fits, Shown
 from tcfit_app.fitting.jobs import CorrectionJob, RerunFrames, around
-from tcfit_app.fitting.live import REACH, Correction, Target
+from tcfit_app.fitting.live import LIVE_REACH, Correction, Target
 from tcfit_app.fitting.reports import DragEnded, DragMoved, ErrandEnded, Notice
-from tcfit_app.fitting.worker import Drag, Worker
+from tcfit_app.fitting.worker import LiveDrag, Worker
 from tcfit_app.project.edits.edit_log import LogEntry
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_record import Run
 
 MOST_FOLLOWED = 60
-"""Frames that follow an edit by themselves; more are fitted again when the user says so."""
+"""Maximum number of frames refitted automatically after an edit; for more, the user starts it."""
 SETTLING = 0.4
-"""Seconds without a further edit after which the fit follows: a key held down makes one job."""
+"""Seconds without further edits before the fit follows: holding a key down makes one job."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LiveWindow:
-    """The frames around a keypoint that is being dragged."""
+    """The frames around a keypoint being dragged."""
 
     run: int
     frames: range
     params: BodyParams
-    """Of these frames."""
+    """For these frames."""
     revision: int
-    """A different number for every window, also of later drags: meshes are kept by it."""
+    """Unique per window, even across drags: meshes are cached by it."""
 
 
 @dataclass(kw_only=True)
 class _Recent:
-    """Edits that a run's fit is going to follow."""
+    """Edits that a run's fit will follow."""
 
     run: Run
     edits: dict[int, bool]
-    """By their ids, and whether they stand: an undo is followed as well."""
+    """By id, and whether they stand: an undo is followed too."""
     since: float
 
 
 class EditFollower:
-    """Lets the fit follow drags and edits. For the one thread that draws."""
+    """Makes the fit follow drags and edits. For the drawing thread only."""
 
     def __init__(self, project: Project, bodies: Bodies, fits: Fits, worker: Worker) -> None:
         self._windows_of: dict[int, LiveWindow] = {}
         """The window of each drag, by its number: several tabs may drag at once."""
         self.after_edits = True
-        """Whether the fit follows edits by itself."""
+        """Whether the fit follows edits automatically."""
         self._project, self._bodies, self._fits, self._worker = project, bodies, fits, worker
-        self._drags: dict[int, tuple[Drag, Run]] = {}
+        self._drags: dict[int, tuple[LiveDrag, Run]] = {}
         self._revisions = count(1)
         self._recent: dict[int, _Recent] = {}
         self._settled: dict[int, _Recent] = {}
-        """Held until the run's corrections before them are through: then one job follows them all."""
+        """Edits waiting for the run's previous corrections: one job then follows them all."""
         self._under_way: set[int] = set()
-        """Runs whose corrections are being fitted, or wait for it."""
+        """Runs whose corrections are being fitted or queued."""
         self._taking_back: set[int] = set()
-        """Errands of the worker."""
+        """Running errands of the worker."""
 
     @property
     def live(self) -> LiveWindow | None:
-        """The newest window of any drag; None while there is none."""
+        """The newest window of any drag; None if there is none."""
         return max(self._windows_of.values(), key=lambda window: window.revision, default=None)
 
     def window(self, run: int, frame: int) -> LiveWindow | None:
-        """The newest window of a drag with this frame, of a run or of the run that collects its corrections."""
+        """The newest window of a drag containing this frame, of a run or of the run that collects its corrections."""
         of = self._fits.corrections.of
         there = (w for w in self._windows_of.values() if frame in w.frames and run in (w.run, of(w.run).id))
         return max(there, key=lambda window: window.revision, default=None)
 
     @property
     def busy(self) -> bool:
-        """Whether the fit follows a drag, or is about to follow an edit."""
+        """Whether the fit is following a drag, or is about to follow an edit."""
         return bool(self._drags or self._recent or self._settled or self._taking_back)
 
     @staticmethod
     def obstacle(shown: Shown | None) -> str:
-        """Why a fit does not follow edits, for the user; empty if it does, or if there is none."""
+        """Why a fit does not follow edits, for users; empty if it does, or if there is none."""
         if shown is None or (shown.phase == 3 and shown.result is not None):
             return ""
         if shown.run.kind == "imported":
             return f"{shown.run.name} was imported"
         if shown.run.state == "running":
             return f"{shown.run.name} is still being fitted"
-        return f"B shows {shown.title}, and only the last phase of a whole fit follows"
+        return f"B shows {shown.title}, but only the last phase of a whole fit follows edits"
 
     def begin_drag(
         self, shown: Shown, frame: int, joints: tuple[int, ...], target: Target, *, in_depth: bool = False
-    ) -> Drag | None:
-        """Let the fit follow a drag; None if this fit cannot: it has no temporal phase, or its body is not there."""
+    ) -> LiveDrag | None:
+        """Make the fit follow a drag; None if it cannot: without a temporal phase, or if its body model is missing."""
         if shown.phase != 3 or shown.result is None or self._project.read_only:
             return None
         try:
@@ -127,14 +127,14 @@ class EditFollower:
             seen = self._project.last_edit
             return of(self._clip(start.camera), start.last.params, start.start, seen)
 
-        # The worker renews it before it begins: corrections that are not in memory are read on its thread, and the
-        # keypoints as they stand put together.
+        # The worker renews it before it starts: corrections that are not in memory are read, and the current keypoints
+        # assembled, on its thread.
         drag = self._worker.drag(of(replace(self._project.footage, camera=shown.camera), shown.params, None), target)
         self._drags[drag.number] = (drag, shown.run)
         return drag
 
     def take_move(self, moved: DragMoved) -> None:
-        """A drag has led to another fit."""
+        """A drag has changed the fit."""
         if moved.drag in self._drags:
             run = self._drags[moved.drag][1]
             self._windows_of[moved.drag] = LiveWindow(
@@ -142,7 +142,7 @@ class EditFollower:
             )
 
     def take_end(self, report: DragEnded) -> None:
-        """A drag has ended; one that failed is followed as other edits are, now or once it is released."""
+        """A drag has ended; a failed one is followed like other edits, now or once it is released."""
         drag, run = self._drags.pop(report.drag, (None, None))
         self._windows_of.pop(report.drag, None)
         if drag is None or run is None or report.how != "failed":
@@ -159,9 +159,9 @@ class EditFollower:
         self.follow(shown.run, {entry.id: True})
 
     def went_back(self, edit: int, shown: Shown | None) -> None:
-        """An edit was undone or redone while this fit was on show: it is what it was before.
+        """An edit was undone or redone while this fit was on show: restore the previous result.
 
-        Where the fit was made with the edit, it never was without, and follows that as it follows edits.
+        If the fit was made with the edit, there is no result without it, and the fit follows this as another edit.
         """
         waited = [waiting for waiting in (*self._recent.values(), *self._settled.values()) if edit in waiting.edits]
         for waiting in waited:
@@ -171,17 +171,17 @@ class EditFollower:
         self._taking_back.add(self._worker.run_errand(lambda: self._fits.corrections.take_back(edit, run)))
 
     def take_errand(self, report: ErrandEnded) -> None:
-        """Corrections were taken back."""
+        """Corrections were undone."""
         self._taking_back.discard(report.errand)
 
     def _go_on_from(self, run: Run) -> None:
-        """What is corrected now is what is on show: this run, but for corrections of it that are under way."""
+        """Future corrections start from the run on show, except for corrections of it under way."""
         begun = {run.id for _, run in self._drags.values()} | {*self._recent, *self._settled} | self._under_way
         if run.id not in begun:
             self._fits.corrections.begin(run.id)
 
     def take_up(self) -> None:
-        """Follow what the worker has left to be followed."""
+        """Follow what the worker could not finish."""
         left = self._fits.corrections.to_follow
         while not left.empty():
             run, edits = left.get()
@@ -189,22 +189,22 @@ class EditFollower:
                 self.follow(run, edits)
 
     def follow(self, run: Run, edits: dict[int, bool]) -> None:
-        """Fit the frames around edits again, soon."""
+        """Refit the frames around edits, soon."""
         before = self._recent.get(run.id)
         self._recent[run.id] = _Recent(run=run, edits=(before.edits if before else {}) | edits, since=time.monotonic())
 
     def ended(self, run: int, *, cancelled: bool) -> None:
-        """What followed edits of a run is over; the user may have cancelled it, and those that wait for it as well."""
+        """A job that followed edits of a run has ended; if it was cancelled, so are waiting edits."""
         self._under_way.discard(run)
         if cancelled:
             self._recent.pop(run, None)
             self._settled.pop(run, None)
 
     def due(self, tell: Callable[[Notice], None]) -> CorrectionJob | None:
-        """Fits the frames around recent edits again, once these have settled. Further edits of a run whose
+        """The job that refits the frames around recent edits, once these have settled. Further edits of a run whose
         corrections are under way wait, and are followed together.
 
-        `tell` is given a notice where the fit does not follow: too many edits, or no body model.
+        `tell` receives a notice if the fit cannot follow: too many edits, or no body model.
         """
         self._settle(tell)
         recent = next((recent for run, recent in self._settled.items() if run not in self._under_way), None)
@@ -222,14 +222,14 @@ class EditFollower:
         return job
 
     def _wanted(self, edits: dict[int, bool]) -> dict[int, bool]:
-        """The edits whose state is still what it was."""
+        """The edits whose state has not changed again."""
         return {edit: stands for edit, stands in edits.items() if self._project.stands(edit) == stands}
 
     def _frames(self, edits: Iterable[int]) -> set[int]:
-        return {frame for edit in edits for frame in self._project.frames_of(edit)}
+        return {frame for edit in edits for frame in self._project.frames_changed(edit)}
 
     def _settle(self, tell: Callable[[Notice], None]) -> None:
-        """Runs that were not edited for a while move to those that wait."""
+        """Move runs that were not edited for a while to those waiting."""
         latest = time.monotonic() - SETTLING
         for recent in [recent for recent in self._recent.values() if recent.since <= latest]:
             del self._recent[recent.run.id]
@@ -243,7 +243,7 @@ class EditFollower:
                 waiting.edits |= recent.edits
 
     def _windows(self, edits: Iterable[int]) -> tuple[range, ...]:
-        return around(self._frames(edits), REACH, len(self._project.detections))
+        return around(self._frames(edits), LIVE_REACH, len(self._project.detections))
 
     def _job(self, run: Run, edits: dict[int, bool]) -> CorrectionJob:
         body = self._bodies.of(run.body)

@@ -1,4 +1,4 @@
-"""The fits of an open project: what can be shown, what is streaming in, and where the worker's results are kept."""
+"""The fits of an open project: which can be shown, which are in progress, and how the worker's results are stored."""
 
 import threading
 import time
@@ -26,79 +26,81 @@ from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_record import Ended, Run, Source, newest
 
 KEPT_FITS = 8
-"""Results held in memory: those of the runs that were shown last."""
+"""Number of results in memory: of the runs shown last."""
 IN_USE = 5.0
-"""Seconds since it was last asked for until a result counts as not on show any more."""
-TITLES = {1: "per frame", 2: "shared shape", 3: "temporal"}
-"""What each phase is called, whatever run it is of."""
+"""Seconds after its last request until a result counts as no longer on show."""
+SHORT_TITLES = {1: "per frame", 2: "shared shape", 3: "temporal"}
+"""Titles of the phases, for any run."""
 
 
 def phase_title(run: Run, phase: int) -> str:
-    """What a phase of a run is called, on buttons and legends and in names of files."""
-    return "SMPLify-X" if phase == 1 and run.kind != "imported" and fits_as_smplifyx(run.config) else TITLES[phase]
+    """Title of a run's phase, on buttons and legends and in file names."""
+    return (
+        "SMPLify-X" if phase == 1 and run.kind != "imported" and fits_as_smplifyx(run.config) else SHORT_TITLES[phase]
+    )
 
 
 _OWN: dict[str, tuple[int, ...]] = {"frames": (3,), "shape": (2, 3), "corrections": (), "imported": ()}
 
 
 def own_phases(run: Run) -> tuple[int, ...]:
-    """Phases that a run did itself, and whose seconds are its own; the others are its parent's. Corrections are patches
-    of their parent's phase 3."""
-    return _OWN.get(run.kind, tuple(TITLES))
+    """Phases that a run computed itself, with its own times; the others are its parent's. Corrections are patches of
+    their parent's phase 3."""
+    return _OWN.get(run.kind, tuple(SHORT_TITLES))
 
 
 @dataclass(frozen=True, kw_only=True)
 class FitChoice:
-    """What a browser wants to see, even while runs come and go."""
+    """What a browser wants to see, independent of which runs exist."""
 
     run: int | None = None
-    """None: the newest that has a result; one that was imported only if there is no other."""
+    """None: the newest with a result; an imported one only if there is no other."""
     phase: int | None = None
-    """None: the last that is finished."""
+    """None: the last finished phase."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Shown:
-    """One phase of one run as it is now."""
+    """One phase of one run in its current state."""
 
     run: Run
     phase: int
     params: BodyParams
     """All frames."""
     result: PhaseResult | None
-    """Its figures; None while its frames come in."""
+    """Its figures; None while it is in progress."""
     revision: int
     """Changes whenever `params` does."""
     camera: Camera
-    """The one that it was fitted with: its focal length may not be the clip's."""
+    """The camera it was fitted with: its focal length may differ from the clip's."""
     there: Bool[np.ndarray, "T"] | None = field(compare=False)
-    """Frames that have a body; None: all. Where they are others, the revision is."""
+    """Frames with a body; None: all. The revision changes with it."""
 
     @property
     def version(self) -> tuple[int, int, int]:
-        """Stands for `params`."""
+        """Identifies `params`."""
         return self.run.id, self.phase, self.revision
 
     def has(self, frame: int) -> bool:
-        """Whether there is a body in a frame: while phase 1 runs, not in those that it has not come to."""
+        """Whether there is a body in a frame: while phase 1 runs, only in frames already fitted."""
         return self.there is None or bool(self.there[frame])
 
     @property
     def title(self) -> str:
-        """For the user."""
+        """For users."""
         name = self.run.name
         return name if self.run.kind == "imported" else f"{name} · {phase_title(self.run, self.phase)}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Partial:
-    """A phase whose frames come in."""
+    """A phase in progress."""
 
     phase: int
     params: BodyParams
-    """All frames; those that are not there yet are any body."""
+    """All frames; those not fitted yet have an arbitrary body."""
     there: Bool[np.ndarray, "T"] | None
-    """As of `Shown`."""
+    """As in `Shown`."""
 
     def with_frames(self, frames: range, params: BodyParams) -> "_Partial":
         there = None if self.there is None else self.there.copy()
@@ -115,7 +117,7 @@ class _Version:
     """None: no phase is finished."""
     camera: Camera
     partial: _Partial | None
-    """The phase that is running, if frames of it can be looked at."""
+    """The running phase, if frames of it can be shown."""
     revision: int
 
     @property
@@ -125,14 +127,14 @@ class _Version:
 
 
 def _begun(version: _Version, found: FramesFitted, length: int) -> _Partial:
-    """A phase of which the first frames come: the others are those of the phase before, if there is one."""
+    """A phase with its first frames; the others are those of the previous phase, if any."""
     if version.finished:
         return _Partial(phase=found.phase, params=version.finished[-1].params, there=None)
     return _Partial(phase=found.phase, params=found.params[[0] * length], there=np.zeros(length, bool))
 
 
 def _told(run: Run, fit: FitResult | None) -> Bool[np.ndarray, "T"] | None:
-    """Frames that another program's result covers; None: all."""
+    """Frames covered by another program's result; None: all."""
     if fit is None or run.kind != "imported":
         return None
     there = np.asarray(fit.observed.any(1))
@@ -142,7 +144,7 @@ def _told(run: Run, fit: FitResult | None) -> Bool[np.ndarray, "T"] | None:
 class Fits:
     """Results by run. Thread-safe; the worker's sink.
 
-    What a run has finished is on the disk before anybody is shown it.
+    A run's results are on disk before they are shown.
     """
 
     def __init__(self, project: Project) -> None:
@@ -150,30 +152,30 @@ class Fits:
         self._lock = threading.RLock()
         self._versions: OrderedDict[int, _Version] = OrderedDict()
         self._asked: dict[int, float] = {}
-        """When each was asked for last."""
+        """When each was last requested."""
         self._revisions = count(1)
         self._runs: tuple[int, tuple[Run, ...]] = (-1, ())
-        """Of which version of their rows, and they."""
+        """The runs, with the version of their rows."""
         self._unseen = 0
-        """How many write some that are not to be seen yet."""
+        """Number of writers whose runs are not visible yet."""
         self._unwritten: dict[int, FitResult] = {}
         """Finished fits that could not be written."""
         self.corrections = Corrections(project, self)
-        """Of keypoints, which are runs of their own."""
+        """Of keypoints, which are separate runs."""
 
     @property
     def runs(self) -> tuple[Run, ...]:
         """All runs that are not deleted, oldest first."""
         with self._lock:
-            version = self.version  # before: what is written meanwhile is read the next time
+            version = self.version  # taken first: what is written meanwhile is read the next time
             if self._runs[0] != version and (not self._unseen or self._runs[0] < 0):
                 self._runs = version, tuple(self._project.runs.all())
             return self._runs[1]
 
     @contextmanager
     def unseen(self) -> Iterator[None]:
-        """Runs that are written inside are seen at its end: those who draw would look for their fits on the disk before
-        they are published."""
+        """Runs written inside become visible at its end: otherwise their fits would be looked up on disk before they
+        are published."""
         with self._lock:
             self._unseen += 1
         try:
@@ -184,7 +186,7 @@ class Fits:
 
     @property
     def version(self) -> int:
-        """Another number whenever a run appeared, changed or went."""
+        """Changes whenever a run is added, changed or removed."""
         return self._project.runs.version
 
     def run(self, number: int) -> Run | None:
@@ -199,7 +201,7 @@ class Fits:
         return f"run {source.run}, which was deleted" if run is None else run.name
 
     def showable(self) -> list[Run]:
-        """Runs of which there is something to look at, oldest first."""
+        """Runs that can be shown, oldest first."""
         with self._lock:
             there = {number for number, v in self._versions.items() if v.finished or v.partial is not None}
             return [run for run in self.runs if run.stored or run.id in there]
@@ -210,34 +212,34 @@ class Fits:
         return tuple(p.phase for p in version.finished) + (() if version.partial is None else (version.partial.phase,))
 
     def fit(self, run: Run) -> FitResult:
-        """Everything that a run has found.
+        """The result of a run.
 
         Raises:
             InputError: It cannot be read, or no phase is finished.
         """
         fit = self._version(run).fit
         if fit is None:
-            raise InputError(f"{run.name} is in its first phase: wait until that is done.")
+            raise InputError(f"{run.name} is in phase 1: wait until that has finished.")
         return fit
 
     def standing(self, choice: FitChoice) -> FitChoice:
-        """The choice, with the newest run in the place of one that was deleted."""
+        """The choice, with a deleted run replaced by the newest one."""
         gone = choice.run is not None and self.run(choice.run) is None
         return replace(choice, run=None) if gone else choice
 
     def meant(self, choice: FitChoice) -> Run | None:
-        """The run that a choice means now."""
+        """The run that a choice refers to now."""
         number = self.standing(choice).run
         runs = [run for run in self.showable() if number in (None, run.id)]
         return newest(runs) if runs else None
 
     def held(self, run: Run) -> bool:
-        """Whether what a run has found is in memory: nothing that is asked of it waits for the disk then."""
+        """Whether a run's result is in memory, so that no access waits for the disk."""
         with self._lock:
             return run.id in self._versions
 
     def show(self, choice: FitChoice) -> Shown | None:
-        """The run and phase that a choice means now; a phase that is not there yet becomes the last one before it.
+        """The run and phase that a choice refers to now; for a phase not available yet, the last one before it.
 
         Raises:
             InputError: Its file cannot be read.
@@ -273,7 +275,7 @@ class Fits:
             return self._versions.get(run.id) or self.publish(run.id, fit)
 
     def publish(self, run: int, fit: FitResult, partial: _Partial | None = None) -> _Version:
-        """What a run has found is this from now on."""
+        """Replace a run's result."""
         return self._put(run, fit, fit.camera, partial)
 
     def _put(self, run: int, fit: FitResult | None, camera: Camera, partial: _Partial | None) -> _Version:
@@ -286,7 +288,8 @@ class Fits:
             return version
 
     def _forget(self) -> None:
-        """Keeps what is running or on show: tabs that evicted each other's fits would keep reading them from disk."""
+        """Evicts results, but none that are running or on show: tabs that evicted each other's would keep reading
+        them."""
         since = time.monotonic() - IN_USE
         running = {r.id for r in self.runs if r.state == "running"}
         idle = [run for run in self._versions if run not in running and self._asked.get(run, 0.0) < since]
@@ -295,16 +298,16 @@ class Fits:
             self._asked.pop(old, None)
 
     def begin(self, run: Run, start: Shown | None) -> None:
-        """A run was submitted that goes on from another one's fit, or from nothing. Raises InputError as `fit`."""
+        """A run was submitted that starts from another one's fit, or from nothing. Raises InputError as `fit`."""
         if start is not None:
             fit = self.fit(start.run)
             kept = tuple(p for p in fit.phases if p.phase < (2 if run.kind == "shape" else 3))
-            # Frames that are fitted again stand as they were until they come in, and all others for good.
+            # Frames to be refitted keep their previous values until then, all others keep them permanently.
             partial = _Partial(phase=3, params=start.params, there=None) if run.kind == "frames" else None
             self.publish(run.id, replace(fit, phases=kept, config=run.config), partial)
 
     def end(self, run: int, state: Ended, message: str = "") -> None:
-        """A run was cancelled or has failed; what it has stored stays.
+        """A run was cancelled or has failed; stored phases are kept.
 
         Raises:
             InputError: The project cannot be written.
@@ -321,7 +324,7 @@ class Fits:
             self._versions.pop(run, None)
 
     def keep(self, job: Job, result: PhaseFinished | FramesFitted | FitResult) -> None:
-        """Store what a run's job found; see `worker.Sink`."""
+        """Store the result of a run's job; see `worker.Sink`."""
         if isinstance(job, CorrectionJob):
             if isinstance(result, FitResult):
                 self.corrections.keep_followed(job, result)
@@ -333,7 +336,7 @@ class Fits:
             except InputError as error:
                 self._unwritten[job.run_id] = result
                 raise InputError(
-                    f"{error} The fit is not lost: leave tcfit running, it is written as soon as that is possible."
+                    f"{error} The fit is not lost: keep tcfit running, and it is saved as soon as possible."
                 ) from error
             self.publish(job.run_id, result)
         elif isinstance(result, PhaseFinished):
@@ -348,7 +351,7 @@ class Fits:
         return bool(self._unwritten)
 
     def write_late(self) -> list[Run]:
-        """Try again to write these; the runs that have finished by it."""
+        """Retry writing them; returns the runs finished by that."""
         written = []
         for number, found in list(self._unwritten.items()):
             if self.run(number) is not None:  # it may have been deleted meanwhile

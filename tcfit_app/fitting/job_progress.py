@@ -1,4 +1,4 @@
-"""How far a job is, how long it has worked, and how long it will still take."""
+"""The progress of a job, its working time, and the remaining time."""
 
 import time
 from collections.abc import Iterator
@@ -11,11 +11,11 @@ from tcfit_app.fitting.jobs import TYPICAL_SHARES, Job
 from tcfit_app.fitting.reports import JobProgress
 
 _EARLY = 0.02
-"""Share of a job before which nothing is said about the remaining time."""
+"""Progress below which no remaining time is estimated."""
 
 
 class JobClock:
-    """Counts the seconds of one job's work, not of its pauses."""
+    """Measures the working time of a job, without pauses."""
 
     def __init__(self, number: int, job: Job) -> None:
         self.number, self.job = number, job
@@ -25,7 +25,7 @@ class JobClock:
 
     @contextmanager
     def working(self) -> Iterator[None]:
-        """What runs inside counts."""
+        """The time inside counts."""
         start = time.perf_counter()
         try:
             yield
@@ -33,7 +33,7 @@ class JobClock:
             self.elapsed += time.perf_counter() - start
 
     def take(self, event: FitEvent) -> None:
-        """Learns from an event how far the job is."""
+        """Update the progress from an event."""
         if isinstance(event, Iteration):
             self._share = max(self._share, self._done(event.phase, event.share))
             if event.terms:
@@ -43,13 +43,13 @@ class JobClock:
             self._terms = event.result.objective
 
     def _done(self, phase: int, share: float) -> float:
-        """Of the whole job, by the typical share of each phase."""
+        """Progress of the whole job, by the typical share of each phase."""
         whole = sum(TYPICAL_SHARES[p] for p in self.job.phases)
         before = sum(TYPICAL_SHARES[p] for p in self.job.phases if p < phase)
         return min(1.0, (before + share * TYPICAL_SHARES[phase]) / whole)
 
     def progress(self, event: Iteration) -> JobProgress:
-        """For the user."""
+        """For users."""
         early = self._share < _EARLY
         return JobProgress(
             job=self.number,
@@ -66,29 +66,29 @@ class JobClock:
 
 @dataclass(kw_only=True)
 class RunningJob:
-    """A job from its submission to its end."""
+    """A job from its submission until its end."""
 
     number: int
     run: int | None
-    """The run that it fits; None: edits are being followed."""
+    """The run that it fits; None: it follows edits."""
     follows: int | None = None
-    """The run whose edits are being followed."""
+    """The run whose edits it follows."""
     title: str
     phases: tuple[int, ...]
     started: bool = False
     phase: int | None = None
     progress: JobProgress | None = None
     losses: list[tuple[float, dict[str, float]]] = field(default_factory=list)
-    """Seconds of work, and mean cost of a frame by term, "total" among them; about twice a second."""
+    """Working seconds, and mean cost per frame by term including "total"; about twice a second."""
     windows: list[range] = field(default_factory=list)
-    """Frames that have a fit from the phase that is running."""
+    """Frames already fitted in the running phase."""
     outcome: Literal["", "finished", "cancelled", "failed"] = ""
     """Empty: it has not ended."""
     reason: str = ""
     """Why it failed."""
 
     def take(self, progress: JobProgress) -> None:
-        """It has come further."""
+        """Update the progress."""
         self.progress = progress
         if progress.terms and (not self.losses or progress.terms is not self.losses[-1][1]):
             self.losses.append((progress.elapsed, progress.terms))

@@ -1,4 +1,4 @@
-"""What the worker can do, as generators of the fitter's events; some have a run for the result."""
+"""The worker's jobs, as generators of the fitter's events; some produce a run."""
 
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator
@@ -19,47 +19,47 @@ from fitting_core.results.known_shape import KnownShape
 from tcfit_app.project.frame_words import in_words
 
 TYPICAL_SHARES = {1: 0.75, 2: 0.1, 3: 0.15}
-"""Of the seconds of a fit by phase (preset tcfit, global phase 3): what a remaining time is guessed from."""
+"""Fractions of a fit's time by phase (preset tcfit, global phase 3), for estimating the remaining time."""
 
 
 class Job(Protocol):
-    """Work of one worker thread."""
+    """Work for the worker thread."""
 
     @property
     def title(self) -> str:
-        """For the user."""
+        """For users."""
         ...
 
     @property
     def phases(self) -> tuple[int, ...]:
-        """Phases that it runs, in order."""
+        """The phases it runs, in order."""
         ...
 
     def run(self) -> Generator[FitEvent | None, None, FitResult]:
-        """Does it and returns all phases; closing the generator cancels. None: it waits for something."""
+        """Do it and return all phases; closing the generator cancels it. None: it is waiting."""
         ...
 
 
 Fresh = tuple[range, Keypoints] | Clip | None
-"""Keypoints of some frames, counted from the clip's first; at the end the whole clip; None: nothing new."""
+"""Keypoints of some frames, from the clip's first; at the end the whole clip; None: nothing new."""
 _NAP = 0.1
-"""Seconds between two looks for keypoints that are being found."""
+"""Seconds between polls for keypoints being detected."""
 
 
 @dataclass(kw_only=True)
 class FitEverything:
-    """All phases of a fit; while keypoints are being found, a first look at each stretch before."""
+    """All phases of a fit; while keypoints are being detected, first a preview of each stretch."""
 
     clip: Clip
-    """Without keypoints while they are being found."""
+    """Without keypoints while they are being detected."""
     body: BodyModel
     config: FitConfig
     begun_with: GivenStart | None = None
-    """What another system found."""
+    """Another system's result."""
     shape: KnownShape | None = None
     fresh: Callable[[], Fresh] | None = None
-    """What has come since the last call, where keypoints are being found. Raises InputError if there will not be
-    any more."""
+    """What has arrived since the last call, if keypoints are being detected. Raises InputError if there will be no
+    more."""
 
     @property
     def title(self) -> str:
@@ -72,7 +72,7 @@ class FitEverything:
         return tuple(range(1, self.config.last_phase + 1))
 
     def run(self) -> Generator[FitEvent | None, None, FitResult]:
-        """Frames as they come, then the events of `fitting.fit_events`; None while it waits."""
+        """Preview frames, then the events of `fitting.fit_events`; None while it waits."""
         if self.fresh is not None:
             while not isinstance(fresh := self.fresh(), Clip):
                 if fresh is None:
@@ -84,8 +84,8 @@ class FitEverything:
         return (yield from fit_events(self.clip, self.body, self.config, start=self.begun_with, shape=self.shape))
 
     def _first_look(self, frames: range, keypoints: Keypoints) -> Iterator[FitEvent]:
-        """Each frame by itself, in a tenth of the time that phase 1 takes."""
-        label = f"a first look at {in_words(frames, self.clip.first_frame)}"
+        """Preview: each frame by itself, in a tenth of the time of phase 1."""
+        label = f"preview of {in_words(frames, self.clip.first_frame)}"
         quick = replace(self.config, last_phase=1, relay_rounds=0, limb_flips=False, yaws="side_view")
         part = replace(self.clip, keypoints=keypoints, camera=self.clip.camera[frames.start : frames.stop])
         try:
@@ -95,12 +95,12 @@ class FitEverything:
                 elif isinstance(event, Iteration):
                     yield replace(event, label=label, share=0.0)
         except InputError:
-            return  # too little is seen there: the whole fit goes on with what is around
+            return  # too few keypoints: the whole fit uses the frames around
 
 
 @dataclass(frozen=True, kw_only=True)
 class RerunFrames:
-    """Phase 3 again on some ranges of frames, one after the other, from a fit on."""
+    """Phase 3 again on some ranges of frames, one after the other, starting from a fit."""
 
     clip: Clip
     body: BodyModel
@@ -116,7 +116,7 @@ class RerunFrames:
 
     @property
     def phases(self) -> tuple[int, ...]:
-        """Phase 3 alone."""
+        """Phase 3 only."""
         return (3,)
 
     def run(self) -> Generator[FitEvent, None, FitResult]:
@@ -126,7 +126,7 @@ class RerunFrames:
 
 @dataclass(frozen=True, kw_only=True)
 class FitShape:
-    """Only the shape again, and phase 3 under it if the configuration has one."""
+    """The shape again, and then phase 3 if configured."""
 
     clip: Clip
     body: BodyModel
@@ -145,18 +145,18 @@ class FitShape:
         return (2, 3) if self.config.last_phase >= 3 else (2,)
 
     def run(self) -> Generator[FitEvent, None, FitResult]:
-        """See `fitting.shape_events`; starts from the first phase's poses."""
+        """See `fitting.shape_events`; starts from the poses of phase 1."""
         return shape_events(self.clip, self.body, self.config, self.start, shape=self.shape)
 
 
 @dataclass(kw_only=True)
 class RunJob:
-    """A job that makes a run."""
+    """A job that produces a run."""
 
     run_id: int
     job: FitEverything | RerunFrames | FitShape
     start: Callable[[], FitResult] | None = None
-    """The fit whose frames are fitted again, if it does not exist yet: asked for when the job begins."""
+    """Returns the fit to refit, if it does not exist yet: called when the job starts."""
 
     @property
     def title(self) -> str:
@@ -187,25 +187,25 @@ class CorrectionJob:
 
     origin: int
     edits: dict[int, bool]
-    """That it follows, by their ids, and whether they stand: an undo is followed as well."""
+    """The edits it follows, by id, and whether they stand: an undo is followed too."""
     title: str
     """For the user."""
     renewed: "Callable[[CorrectionJob], tuple[RerunFrames, dict[int, bool], int]]"
-    """The re-run, which of the edits are still to be followed, and the id of the last log entry that its keypoints
-    hold, as of now: drags and undos go first. Reads the disk, which is for the worker's thread."""
+    """The re-run, the edits still to be followed, and the id of the last log entry in its keypoints, as of now: drags
+    and undos go first. Reads from disk, so only for the worker's thread."""
     job: RerunFrames | None = None
-    """None until it begins."""
+    """None until it starts."""
     edits_seen: int = 0
     phases: tuple[int, ...] = (3,)
 
     def run(self) -> Generator[FitEvent, None, FitResult]:
-        """The re-run, from what there is now; nothing if all that it was to follow was taken back."""
+        """The re-run, from the current state; nothing if everything to follow was undone."""
         self.job, self.edits, self.edits_seen = self.renewed(self)
         return (yield from self.job.run()) if self.edits else self.job.start
 
 
 def around(frames: Iterable[int], reach: int, length: int) -> tuple[range, ...]:
-    """Frames with their neighbours, as ranges that do not touch."""
+    """Frames with their neighbours, as disjoint ranges."""
     merged: list[range] = []
     for frame in sorted(frames):
         window = range(max(0, frame - reach), min(length, frame + reach + 1))

@@ -1,15 +1,15 @@
 """Live correction: while keypoints of a frame are dragged, the temporal fit of the frames around it follows.
 
-What a drag does not change is made once, at its start: the stages and their compiled points, the last stage's objective
-with its face contour held, and the joints of the frames around the window, to which E_T couples it. A move then changes
-a few numbers of the data term, or of the depths, and a step of Levenberg-Marquardt goes on from where the last move
-left the window.
+Everything a drag does not change is computed once at its start: the stages and their compiled points, the last stage's
+objective with its face contour held, and the joints of the frames around the window, to which E_T couples it. A move
+then changes a few numbers of the data term, or of the depths, and a Levenberg-Marquardt step continues from the
+window's current state.
 
 Milliseconds of CPU time of a move on one thread, window of 7 frames, medians:
 
     keypoints               with the kernels   in torch
     body                    9                  20
-    body, hands and face    10                 31
+    A drag in depth takes 1 ms more, in which the kernels reload the term of relative positions.
 
 A drag in depth takes 1 ms more, in which the kernels take up the term of relative positions anew.
 """
@@ -41,14 +41,14 @@ from fitting_core.image_border import cut_off
 from fitting_core.keypoints import Keypoints
 from fitting_core.results.given_start import GivenStart
 
-REACH = 3
-"""Frames on each side of the dragged one that follow: a window of seven."""
+LIVE_REACH = 3
+"""Frames that follow on each side of the dragged one: a window of seven."""
 Target = Float[np.ndarray, "n 2"] | Float[np.ndarray, "n"]
-"""Where dragged keypoints are: pixels, or of a drag in depth metres behind the pelvis (`Keypoints.depth`)."""
+"""Positions of dragged keypoints: pixels, or for a drag in depth metres behind the pelvis (`Keypoints.depth`)."""
 ATTEMPTS = 3
-"""Dampings that one re-solve tries; the next one goes on from there."""
+"""Damping values tried per re-solve; the next one continues from the last."""
 SETTLED = 1e-5
-"""Relative decrease under which a resting pointer's window is left alone; the release converges it."""
+"""Relative decrease below which the window of a resting pointer is left alone; the release converges it."""
 _FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-3, 1e-6, 1e6
 _EASING, _STIFFENING = 3.0, 8.0
 _ONLY_GROUP = torch.zeros(1, dtype=torch.long)
@@ -56,29 +56,29 @@ _ONLY_GROUP = torch.zeros(1, dtype=torch.long)
 
 @dataclass(frozen=True, kw_only=True)
 class Correction:
-    """What is dragged, and what it starts from."""
+    """What is dragged, and from which fit."""
 
     clip: Clip
     body: BodyModel
     config: FitConfig
     params: BodyParams
-    """The present result, all frames."""
+    """The current result, all frames."""
     frame: int
     keypoints: tuple[int, ...]
     """Indices of the dragged keypoints."""
     start: GivenStart | None = None
-    """What the result's fit began with, which counts for the window as well."""
+    """The start of the result's fit, which applies to the window too."""
     in_depth: bool = False
-    """Whether they are dragged away from the camera and towards it, and not in the image."""
-    reach: int = REACH
+    """Whether they are dragged in depth instead of in the image."""
+    reach: int = LIVE_REACH
     origin: int | None = None
-    """The run that `params` are of, for whoever keeps the correction."""
+    """The run of `params`, for storing the correction."""
     edits_seen: int = 0
-    """Id of the last log entry that `clip` holds, for whoever keeps the correction."""
+    """Id of the last log entry included in `clip`, for storing the correction."""
     edit: int | None = None
-    """Id of the log entry that says where they were released, for whoever keeps the correction."""
+    """Id of the log entry of the release, for storing the correction."""
     renewed: "Callable[[], Correction] | None" = None
-    """The same from the result and the keypoints as they are by then: other corrections come in between."""
+    """The same with the result and keypoints current when called: other corrections may come in between."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.frame < len(self.clip):
@@ -90,13 +90,13 @@ class Correction:
         wrong = [k for k in self.keypoints if not 0 <= k < kp.COUNT]
         if wrong or not self.keypoints or len(set(self.keypoints)) < len(self.keypoints):
             raise InputError(
-                f"Keypoints {self.keypoints} cannot be moved: expected different ones of 0 to {kp.COUNT - 1}."
+                f"Keypoints {self.keypoints} cannot be moved: expected distinct numbers from 0 to {kp.COUNT - 1}."
             )
         if self.in_depth and (other := [k for k in self.keypoints if k >= kp.BODY.stop]):
-            raise InputError(f"Keypoints {other} have no depth that could be dragged: only those of the body have.")
+            raise InputError(f"Keypoints {other} cannot be dragged in depth: only body keypoints can.")
         if len(self.params) != len(self.clip):
             raise InputError(
-                f"The result has {len(self.params)} frames and the clip {len(self.clip)}: fit this clip first."
+                f"The result has {len(self.params)} frames, but the clip has {len(self.clip)}: fit this clip first."
             )
 
     @property
@@ -106,20 +106,20 @@ class Correction:
 
     @property
     def converging(self) -> FitConfig:
-        """The configuration of the fit at release: the last stage, warm-started. Feet go where they are dragged."""
+        """The configuration for the fit at release: the last stage, warm-started. Feet stay where they are dragged."""
         weights = replace(self.config.weights, held_position=(0.0,) * N_STAGES)
         temporal = replace(self.config.temporal, stages=(N_STAGES,))
         return replace(self.config, solver="lm", temporal=temporal, weights=weights)
 
     @property
     def following(self) -> FitConfig:
-        """The configuration while the pointer moves: without collisions, which look at the whole mesh."""
+        """The configuration while the pointer moves: without collisions, which need the whole mesh."""
         return without_collisions(self.converging)
 
     @property
     def yielding(self) -> GivenStart | None:
-        """The start while the pointer moves: it says nothing of what is dragged in the image. How far it is off there
-        is known once that is released."""
+        """The start while the pointer moves: without keypoints dragged in the image. How far they are from it is known
+        only once they are released."""
         if self.start is None or self.in_depth:
             return self.start
         points = self.start.points.copy()
@@ -132,7 +132,7 @@ class Correction:
         return self if self.renewed is None else self.renewed()
 
     def edited(self, target: Target) -> Clip:
-        """The clip with the dragged keypoints at `target`: in the image at confidence 1, as a person put them there."""
+        """The clip with the dragged keypoints at `target`: in the image with confidence 1, like any edit."""
         keypoints, cells = self.clip.keypoints, (self.frame, list(self.keypoints))
         if self.in_depth:
             depth = keypoints.told_depth.copy()
@@ -144,11 +144,11 @@ class Correction:
 
 
 class LiveCorrection:
-    """One drag from its start to its release.
+    """One drag from start to release.
 
     Args:
         correction: what is dragged.
-        target: where to; in the order of `correction.keypoints`.
+        target: positions, in the order of `correction.keypoints`.
     """
 
     def __init__(self, correction: Correction, target: Target) -> None:
@@ -158,7 +158,7 @@ class LiveCorrection:
         window, near = correction.frames, coupled(correction.frames, len(clip))
         self._stages = stages.within(near)
         self._frame = correction.frame - near.start
-        """That is corrected, in `_stages`, which hold the window and what is coupled to it."""
+        """Index of the corrected frame in `_stages`, which hold the window and the frames coupled to it."""
         self._row = self._stages.keypoints[self._frame : self._frame + 1]
         self._places = self._in_fit(target)
         around = self._stages.parametrisation.from_params(correction.params[slice(near.start, near.stop)])
@@ -168,7 +168,7 @@ class LiveCorrection:
         self.move(target)
 
     def _in_fit(self, target: Target) -> list[int]:
-        """Which keypoints of the fit are dragged: the fit may have swapped the two sides back."""
+        """Which keypoints of the fit are dragged: the fit may have unswapped left and right."""
         dragged = self.correction.keypoints
         if self.correction.in_depth:
             swapped = self._stages.observations[self._frame : self._frame + 1].swaps
@@ -176,23 +176,23 @@ class LiveCorrection:
         return [_place(self._row, keypoint, xy) for keypoint, xy in zip(dragged, target, strict=True)]
 
     def _coupled(self, around: State, window: range) -> Sequence:
-        """The window's problem, held by its surroundings as in a re-run."""
+        """The window's problem, with its surroundings fixed as in a re-run."""
         stages = self._stages
         objective = stages.objective(N_STAGES, around, stages.free(N_STAGES, betas=False))
         return Sequence(objective, around, window)
 
     def move(self, target: Target) -> None:
-        """The keypoints are there now; in the order of the correction's."""
+        """Set the keypoints' positions, in the order of the correction's."""
         self.target = target
         self._damping = self._state.vector.new_full((1,), _FIRST_DAMPING)
         self.settled = False
-        """Whether another `resolve` would change next to nothing."""
+        """Whether another `resolve` would hardly change anything."""
         objective = self._problem.objective
         self._problem = copy(self._problem)
         self._problem.objective = self._at_depth(objective) if self.correction.in_depth else self._in_image(objective)
 
     def _at_depth(self, objective: FrameObjective) -> FrameObjective:
-        """With the dragged keypoints as far away as they are now."""
+        """With the dragged keypoints at their current depth."""
         term = objective.relative_position
         target = term.target.clone()
         columns = [self._looked_at.tolist().index(place) for place in self._places]
@@ -200,7 +200,7 @@ class LiveCorrection:
         return objective.with_relative_position(replace(term, target=target))
 
     def _in_image(self, objective: FrameObjective) -> FrameObjective:
-        """With the dragged keypoints where they are now."""
+        """With the dragged keypoints at their current position."""
         row = self._row.xy.copy()
         row[0, self._places] = self.target
         keypoints = replace(self._row, xy=row)
@@ -209,18 +209,18 @@ class LiveCorrection:
         return objective.with_data(self._aimed(objective.data, row, side))
 
     def _aimed(self, data: Data, row: Float[np.ndarray, "1 137 2"], side: Int[np.ndarray, "1 137 2"]) -> Data:
-        """The data term with this frame's keypoints where they are now."""
+        """The data term with this frame's keypoints at their current position."""
         frame, which = self._frame, self._looked_at
         moved, sides = data.xy.clone(), data.side.clone()
         moved[frame], sides[frame] = (torch.as_tensor(a[0]).to(data.xy)[which] for a in (row, side))
         return replace(data, xy=moved, side=sides)
 
     def resolve(self) -> BodyParams:
-        """One damped step towards the pointer; the window's frames.
+        """One damped step towards the pointer; returns the window's frames.
 
-        Not `LevenbergMarquardt`, which forms the normal equations once more at the end, for a next step at the same
-        target: here the target has moved by then, and they are two thirds of the time. Where no step lowers the
-        cost, the window stays, and the next call tries shorter ones.
+        Not `LevenbergMarquardt`, which forms the normal equations again at the end, for another step towards the same
+        target: here the target has moved by then, and they take two thirds of the time. If no step lowers the cost, the
+        window stays, and the next call tries shorter steps.
         """
         cost, *system = self._problem.normal(self._state, _ONLY_GROUP)
         for _ in range(ATTEMPTS):
@@ -237,18 +237,18 @@ class LiveCorrection:
 
     @property
     def window(self) -> BodyParams:
-        """The window's frames as they are now."""
+        """The current state of the window's frames."""
         return self._stages.parametrisation.to_params(self._state)
 
     @property
     def params(self) -> BodyParams:
-        """All frames: the result that is corrected, with the window put in."""
+        """All frames: the result being corrected, with the window inserted."""
         return self.correction.params.to(dtype=torch.float64).with_frames(self.correction.frames, self.window)
 
     def release(self) -> Generator[FitEvent, None, Refit]:
-        """Converges the window: a re-run of it on the corrected keypoints, from where the drag left it; all frames.
+        """Converge the window: a re-run on the corrected keypoints, from where the drag left it; returns all frames.
 
-        Around it they are those of the result as it is now, and so are all other keypoints.
+        Frames around it, and all other keypoints, are those of the current result.
         """
         self.correction = c = self.correction.now
         clip = c.edited(self.target)
@@ -256,7 +256,7 @@ class LiveCorrection:
 
 
 def _place(row: Keypoints, keypoint: int, position: Float[np.ndarray, "2"]) -> int:
-    """Which keypoint of the fit is the one at a position in the image."""
+    """The fit's keypoint whose detection is at a position in the image."""
     there = (row.xy[0] == position).all(-1) & (row.confidence[0] == 1)
     group = next(g for g in (kp.BODY, kp.HANDS, kp.FACE) if g.start <= keypoint < g.stop)
     found = group.start + np.flatnonzero(there[group])

@@ -1,4 +1,4 @@
-"""What the worker reports to the draw loop: the newest progress in places that are overwritten, all else in order."""
+"""The worker's reports to the drawing loop: the latest progress is overwritten, everything else is queued."""
 
 import threading
 from collections.abc import Callable
@@ -11,7 +11,7 @@ from fitting_core.fit.events import FitEvent
 
 @dataclass(frozen=True, kw_only=True)
 class Notice:
-    """Something that every browser is told once."""
+    """A message shown once in every browser."""
 
     title: str
     text: str
@@ -20,7 +20,7 @@ class Notice:
 
 @dataclass(frozen=True, kw_only=True)
 class JobProgress:
-    """How far a running job is."""
+    """The progress of a running job."""
 
     job: int
     title: str
@@ -28,15 +28,15 @@ class JobProgress:
     label: str
     """Part of the phase: "stage 3 of 5", "window 12 of 90, stage 5 of 5"."""
     share: float
-    """Of the whole job, 0 to 1; never falls."""
+    """Of the whole job, 0 to 1; never decreases."""
     cost: float
-    """Mean cost of the frames that are being fitted."""
+    """Mean cost of the frames being fitted."""
     terms: dict[str, float]
-    """Mean cost of a frame by term, and "total", when it was evaluated last: another dict each time. Empty before."""
+    """Mean cost per frame by term, and "total", at the last evaluation: a new dict each time. Empty before."""
     elapsed: float
-    """Seconds of work, without pauses."""
+    """Working seconds, without pauses."""
     remaining: float | None
-    """Seconds of work to come, as far as `share` tells; None: too early to say."""
+    """Estimated working seconds left, from `share`; None: too early."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +48,7 @@ class JobStarted:
 
 @dataclass(frozen=True, kw_only=True)
 class JobReported:
-    """A phase began or finished, or frames became final."""
+    """A phase started or finished, or frames became final."""
 
     job: int
     event: FitEvent
@@ -56,15 +56,15 @@ class JobReported:
 
 @dataclass(frozen=True, kw_only=True)
 class JobEnded:
-    """A job has its outcome, which the sink has kept; or was cancelled, queued or between two iterations; or failed.
+    """A job has finished and its result is stored; or it was cancelled, queued or between two iterations; or it failed.
 
-    Phases that it had finished stay valid.
+    Phases it had finished remain valid.
     """
 
     job: int
     how: Literal["finished", "cancelled", "failed"]
     reason: str = ""
-    """Why it failed, for the user; the traceback is in the log."""
+    """Why it failed, for users; the traceback is in the log."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,18 +74,17 @@ class DragMoved:
     drag: int
     frames: range
     params: BodyParams
-    """Of these frames."""
+    """For these frames."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class DragEnded:
-    """A correction was released, its window is converged, and the sink has kept it; or it ended without a result; or it
-    could not be followed."""
+    """A correction was released, converged and stored; or it ended without a result; or it could not be followed."""
 
     drag: int
     how: Literal["finished", "abandoned", "failed"]
     reason: str = ""
-    """As of JobEnded."""
+    """As in JobEnded."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,30 +93,30 @@ class ErrandEnded:
 
     errand: int
     reason: str = ""
-    """Why it failed, as of JobEnded; empty if it did not."""
+    """Why it failed, as in JobEnded; empty if it did not."""
 
 
 Report = JobStarted | JobReported | JobEnded | DragEnded | ErrandEnded
-"""What must not be lost."""
+"""Reports that must not be lost."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class News:
-    """What came since the reports were taken last."""
+class WorkerNews:
+    """The reports since the last call."""
 
     progress: JobProgress | None = None
     moved: tuple[DragMoved, ...] = ()
-    """Of each drag the newest."""
+    """The newest for each drag."""
     reports: list[Report] = field(default_factory=list)
     """In order."""
 
 
 class Reports:
-    """Filled by the worker, emptied by the draw loop; neither ever waits for the other."""
+    """Filled by the worker, emptied by the drawing loop; neither waits for the other."""
 
     def __init__(self) -> None:
         self.arrived: Callable[[], None] = lambda: None
-        """Called by the worker's thread when there is something new."""
+        """Called on the worker's thread when there is something new."""
         self._lock = threading.Lock()
         self._progress: JobProgress | None = None
         self._moved: dict[int, DragMoved] = {}
@@ -125,7 +124,7 @@ class Reports:
         self._reports: list[Report] = []
 
     def show(self, latest: JobProgress | DragMoved) -> None:
-        """Replaces what was shown before."""
+        """Replaces the previous progress."""
         with self._lock:
             if isinstance(latest, JobProgress):
                 self._progress = latest
@@ -134,7 +133,7 @@ class Reports:
         self.arrived()
 
     def tell(self, report: Report) -> None:
-        """Queued behind all that was told before; the progress of a job or drag that ends is dropped."""
+        """Queued after all previous reports; the progress of a job or drag that ends is dropped."""
         with self._lock:
             if isinstance(report, JobEnded):
                 self._progress = None
@@ -143,9 +142,9 @@ class Reports:
             self._reports.append(report)
         self.arrived()
 
-    def take(self) -> News:
+    def take(self) -> WorkerNews:
         """Everything since the last call."""
         with self._lock:
-            news = News(progress=self._progress, moved=tuple(self._moved.values()), reports=self._reports)
+            news = WorkerNews(progress=self._progress, moved=tuple(self._moved.values()), reports=self._reports)
             self._progress, self._moved, self._reports = None, {}, []
             return news

@@ -1,4 +1,4 @@
-"""The one thread that fits: jobs from a queue, and live corrections between two iterations of a job."""
+"""The fitting thread: jobs from a queue, and live corrections between two iterations of a job."""
 
 import ctypes
 import logging
@@ -24,68 +24,68 @@ from tcfit_app.fitting.live import Correction, LiveCorrection, Target
 from tcfit_app.fitting.reports import DragEnded, DragMoved, ErrandEnded, JobEnded, JobReported, JobStarted, Reports
 
 LINGER = 2.0
-"""Seconds for which a job waits for a pointer that rests, before it goes on under the drag."""
+"""Seconds for which a job waits for a resting pointer before it continues under the drag."""
 _log = logging.getLogger(__name__)
 
 
 class Sink(Protocol):
-    """Stores results before anybody hears of them; called on the worker's thread."""
+    """Stores results before they are reported; called on the worker's thread."""
 
     def keep(self, job: Job, result: PhaseFinished | FramesFitted | FitResult) -> None:
-        """Store what a job found. An exception ends it as failed."""
+        """Store a job's result. An exception makes the job fail."""
         ...
 
     def keep_correction(self, correction: Correction, target: Target, refit: Refit) -> None:
-        """Store a released drag: where its keypoints are, and all frames under it. An exception ends it as failed."""
+        """Store a released drag: its keypoints' positions, and all frames. An exception makes it fail."""
         ...
 
 
-class Drag:
-    """A drag under way. Moves overwrite each other: only the newest counts."""
+class LiveDrag:
+    """A drag in progress. Only the newest move counts."""
 
     def __init__(self, number: int, correction: Correction, target: Target, changed: threading.Condition) -> None:
         self.number, self.correction = number, correction
         self.live: LiveCorrection | None = None
-        """The worker's own; made when it first comes to the drag."""
+        """The worker's own; created when it first handles the drag."""
         self._changed = changed
         self._target: Target | None = np.array(target, dtype=float)
         self.released = self.abandoned = False
         self.edit: int | None = None
         self.failed = False
-        """Set by whoever began it: no fit follows it any more."""
+        """Set by whoever began it: the fit no longer follows."""
 
     def move(self, target: Target) -> None:
-        """The keypoints are at `target` now, in the order of the correction's."""
+        """Move the keypoints to `target`, in the order of the correction's."""
         with self._changed:
             self._target = np.array(target, dtype=float)
             self._changed.notify_all()
 
     def release(self, edit: int | None = None) -> None:
-        """Converge the window where the keypoints are, and keep it; `edit` is the log entry that says so."""
+        """Converge the window at the current positions, and store it; `edit` is the log entry of the release."""
         with self._changed:
             self.released, self.edit = True, edit
             self._changed.notify_all()
 
     def abandon(self) -> None:
-        """End without a result; comes too late once the release is kept."""
+        """End without a result; too late once the release is stored."""
         with self._changed:
             self.abandoned = True
             self._changed.notify_all()
 
     def taken(self) -> Target | None:
-        """The target, if it is new; asked under the lock."""
+        """The target, if it is new; call with the lock held."""
         target, self._target = self._target, None
         return target
 
     @property
     def wants(self) -> bool:
-        """Whether there is something to do; asked under the lock."""
+        """Whether there is something to do; call with the lock held."""
         unsettled = self.live is None or not self.live.settled
         return unsettled or self.released or self.abandoned or self._target is not None
 
 
 class Worker:
-    """A daemon thread that does one thing at a time. Its methods return at once and may be called from any thread."""
+    """A daemon thread that does one thing at a time. Methods return immediately and may be called from any thread."""
 
     def __init__(self, sink: Sink) -> None:
         self.reports = Reports()
@@ -93,7 +93,7 @@ class Worker:
         self._changed = threading.Condition()
         self._numbers = count(1)
         self._queue: deque[tuple[int, Job]] = deque()
-        self._drags: deque[Drag] = deque()
+        self._drags: deque[LiveDrag] = deque()
         self._errands: deque[tuple[int, Callable[[], None]]] = deque()
         self._running: int | None = None
         self._cancelled = self._closing = False
@@ -101,7 +101,7 @@ class Worker:
         self._thread.start()
 
     def submit(self, job: Job) -> int:
-        """Puts a job at the end of the queue; its number, by which reports call it."""
+        """Append a job to the queue; returns its number, used in reports."""
         with self._changed:
             self._refuse_if_closing()
             number = next(self._numbers)
@@ -110,7 +110,7 @@ class Worker:
         return number
 
     def cancel(self, job: int | None = None) -> None:
-        """Cancels a job, in the queue or running, or all of them; one that has ended stays as it is."""
+        """Cancel a job, queued or running, or all of them; ended jobs are unchanged."""
         with self._changed:
             self._cancelled |= self._running is not None and job in (None, self._running)
             dropped = [number for number, _ in self._queue if job in (None, number)]
@@ -120,10 +120,10 @@ class Worker:
             self._changed.notify_all()
 
     def run_errand(self, errand: Callable[[], None]) -> int:
-        """Does something short, before all drags and jobs that wait, and between two iterations of one that runs.
+        """Do something short, before all drags and queued jobs, and between two iterations of the running one.
 
         Returns:
-            The number by which its end is reported; it comes also if the worker is closed.
+            The number used to report its end, even if the worker is closed.
         """
         with self._changed:
             self._refuse_if_closing()
@@ -132,17 +132,17 @@ class Worker:
             self._changed.notify_all()
         return number
 
-    def drag(self, correction: Correction, target: Target) -> Drag:
-        """Begins to follow a drag; a running job waits for it."""
+    def drag(self, correction: Correction, target: Target) -> LiveDrag:
+        """Start following a drag; a running job waits for it."""
         with self._changed:
             self._refuse_if_closing()
-            drag = Drag(next(self._numbers), correction, target, self._changed)
+            drag = LiveDrag(next(self._numbers), correction, target, self._changed)
             self._drags.append(drag)
             self._changed.notify_all()
         return drag
 
     def close(self, timeout: float = 30.0) -> bool:
-        """Cancels everything and waits until the thread has ended; False if it still runs after `timeout` seconds."""
+        """Cancel everything and wait for the thread to end; False if it still runs after `timeout` seconds."""
         with self._changed:
             self._closing = True
             self._changed.notify_all()
@@ -155,7 +155,7 @@ class Worker:
             raise RuntimeError("the worker is closed")
 
     def _serve(self) -> None:
-        torch.set_num_threads(1)  # a second thread hardly helps a fit, and the draw loop needs it
+        torch.set_num_threads(1)  # a second thread hardly helps a fit, and the drawing loop needs it
         while not self._closing:
             self._follow_drags()
             with self._changed:
@@ -176,23 +176,23 @@ class Worker:
             reason = ""
             try:
                 errand()
-            except Exception as error:  # whatever it was: the user is told, and the worker stays
+            except Exception as error:  # any error: the user is told, and the worker continues
                 reason = _reason(error)
                 _log.warning("An errand failed", exc_info=not isinstance(error, InputError))
             self.reports.tell(ErrandEnded(errand=number, reason=reason))
 
-    def _waiting_drag(self) -> Drag | None:
+    def _waiting_drag(self) -> LiveDrag | None:
         return None if self._closing else next((drag for drag in self._drags if drag.wants), None)
 
     def _run(self, number: int, job: Job) -> None:
-        """A job from its start to its end."""
+        """Run a job from start to end."""
         self.reports.tell(JobStarted(job=number))
         try:
             ended = self._outcome(number, job)
         except InputError as error:
             ended = JobEnded(job=number, how="failed", reason=_reason(error))
             _log.warning("%s failed: %s", job.title, error)
-        except Exception as error:  # whatever it was: the user is told, and the worker stays
+        except Exception as error:  # any error: the user is told, and the worker continues
             ended = JobEnded(job=number, how="failed", reason=_reason(error))
             _log.exception("Job %d (%s) failed", number, job.title)
         with self._changed:
@@ -214,12 +214,12 @@ class Worker:
                     self._pass_on(number, job, event, clock)
             else:
                 return JobEnded(job=number, how="cancelled")
-        # Not within the handler: if it failed, the log would show the whole result as the cause.
+        # Not within the handler: if storing failed, the log would show the whole result as the cause.
         self._sink.keep(job, outcome)
         return JobEnded(job=number, how="finished")
 
     def _may_go_on(self) -> bool:
-        """Follows drags between two iterations; False if the job was cancelled."""
+        """Follow drags between two iterations; False if the job was cancelled."""
         if not self._cancelled:
             self._follow_drags()
         return not (self._closing or self._cancelled)
@@ -231,11 +231,11 @@ class Worker:
             return
         if isinstance(event, PhaseFinished | FramesFitted):
             self._sink.keep(job, event)
-        if not isinstance(event, Finished):  # its result comes as the outcome
+        if not isinstance(event, Finished):  # reported as the outcome
             self.reports.tell(JobReported(job=number, event=event))
 
     def _follow_drags(self) -> None:
-        """A step for each drag in turn, until they have ended or their pointers have rested for a while."""
+        """Take a step for each drag in turn, until they have ended or their pointers have rested for a while."""
         while True:
             self._run_errands()
             with self._changed:
@@ -255,8 +255,8 @@ class Worker:
                     self._drags.remove(drag)
                 self.reports.tell(ended)
 
-    def _followed(self, drag: Drag, target: Target | None) -> DragEnded | None:
-        """One step of a drag; how it has ended, if it has."""
+    def _followed(self, drag: LiveDrag, target: Target | None) -> DragEnded | None:
+        """One step of a drag; returns its end, if it has ended."""
         try:
             if drag.abandoned:
                 return DragEnded(drag=drag.number, how="abandoned")
@@ -264,14 +264,14 @@ class Worker:
             if drag.released:
                 return self._released(drag, live)
             params = live.resolve()
-        except Exception as error:  # whatever it was: the user is told, and a job under way goes on
+        except Exception as error:  # any error: the user is told, and a running job continues
             _log.exception("Following drag %d failed", drag.number)
             return DragEnded(drag=drag.number, how="failed", reason=_reason(error))
         self.reports.show(DragMoved(drag=drag.number, frames=drag.correction.frames, params=params))
         return None
 
-    def _aimed(self, drag: Drag, target: Target | None) -> LiveCorrection:
-        """The drag's correction, made at first."""
+    def _aimed(self, drag: LiveDrag, target: Target | None) -> LiveCorrection:
+        """The drag's correction, created on first use."""
         if drag.live is None:
             assert target is not None, "a drag begins somewhere"
             drag.live = LiveCorrection(drag.correction.now, target)
@@ -279,7 +279,7 @@ class Worker:
             drag.live.move(target)
         return drag.live
 
-    def _released(self, drag: Drag, live: LiveCorrection) -> DragEnded:
+    def _released(self, drag: LiveDrag, live: LiveCorrection) -> DragEnded:
         """The window converged, unless the drag is abandoned meanwhile."""
         with closing(live.release()) as events:
             while not (self._closing or drag.abandoned):
@@ -293,15 +293,15 @@ class Worker:
 
 
 def _reason(error: Exception) -> str:
-    """One line for the user: an InputError says what to do, anything else at least what it is."""
+    """One line for users: an InputError's advice, or any other error with its type."""
     return str(error) if isinstance(error, InputError) else f"{type(error).__name__}: {error}"
 
 
 def give_back() -> None:
-    """Have the C library return freed memory to the system, where it can: glibc on Linux.
+    """Return freed memory to the system, where the C library can: glibc on Linux.
 
-    A fit's large temporaries leave it with hundreds of megabytes that nobody uses: of 1365 MB that a review took after
-    five fits, 317 went back.
+    Otherwise a fit's large temporaries leave hundreds of megabytes unused: of the 1365 MB of a review after five fits,
+    317 were returned.
     """
     if sys.platform == "linux" and (trim := getattr(ctypes.CDLL(None), "malloc_trim", None)) is not None:
         trim(0)

@@ -1,4 +1,4 @@
-"""Notes from ELAN: annotations of an .eaf file as notes on the frames of a project."""
+"""Imports annotations of an .eaf file as notes on the frames of a project."""
 
 import re
 from collections.abc import Sequence
@@ -15,50 +15,50 @@ from tcfit_app.project.edits.edit_log import NOTE_CHARACTERS, Note, NoteText, Wr
 from tcfit_app.project.project import Project
 
 NOTES, FLAGS, REVIEW = "Notes", "Flags", "Review"
-"""Tiers that tcfit writes besides those of the hands; notes that overlap go on to Notes 2 and so on."""
+"""Tiers written by tcfit besides those of the hands; overlapping notes continue on Notes 2 and so on."""
 OWN = frozenset((FLAGS, REVIEW, *(name for side in SIDES for name in names_of(side))))
-"""Tiers that tcfit writes from what it has anyway: they become no notes."""
+"""Tiers that tcfit derives from other data: they do not become notes."""
 _NOTES_TIER = re.compile(rf"{NOTES}( \d+)?")
 
 
 @dataclass(frozen=True, kw_only=True)
 class ElanNotes:
-    """What an import of notes has done, or would do."""
+    """The result of an import of notes, or its preview."""
 
     new: int
     changed: int
-    """Notes that have another text now."""
+    """Notes whose text changes."""
     known: int
-    """Annotations that are notes already."""
+    """Annotations that already exist as notes."""
     outside: int
     """Annotations before the clip's first frame or after its last."""
     tiers: tuple[str, ...]
-    """Those that were read."""
+    """The tiers read."""
 
     def in_words(self) -> str:
-        """For the user."""
+        """For users."""
         parts = [f"{self.new} new notes"]
-        parts += [f"{self.changed} with another text"] if self.changed else []
-        parts += [f"{self.known} here already"] if self.known else []
-        parts += [f"{self.outside} left out, which are outside of the clip"] if self.outside else []
+        parts += [f"{self.changed} with changed text"] if self.changed else []
+        parts += [f"{self.known} already present"] if self.known else []
+        parts += [f"{self.outside} outside of the clip ignored"] if self.outside else []
         return f"{', '.join(parts)} (tiers: {', '.join(self.tiers)})"
 
 
 def import_notes(project: Project, path: Path, tiers: Sequence[str] = (), *, author: str = "") -> ElanNotes:
-    """Keep annotations as notes; one undo takes all of them back.
+    """Store annotations as notes; a single undo removes them all.
 
-    An annotation on frames that have a note with this text already is not kept again. If tcfit wrote the file, one of
-    its tiers of notes gives its text to the note on the same frames, if there is one alone.
+    An annotation on frames that already have a note with this text is skipped. If tcfit wrote the file, an annotation
+    in one of its tiers of notes replaces the text of the note on the same frames, if there is exactly one.
 
     Args:
         project: Open for writing.
         path: The .eaf file; its times are those of the project's video.
-        tiers: Names; empty: all but those that tcfit writes from what it has anyway.
+        tiers: Names; empty: all except those that tcfit derives from other data.
         author: Who imports.
 
     Raises:
         InputError: It cannot be read, has no such tier or no annotations, one is too long, or the project cannot be
-            written; nothing is kept then.
+            written; nothing is stored then.
     """
     action, told = notes_of(path, project, tiers)
     if action is not None:
@@ -67,7 +67,7 @@ def import_notes(project: Project, path: Path, tiers: Sequence[str] = (), *, aut
 
 
 def notes_of(path: Path, project: Project, tiers: Sequence[str] = ()) -> tuple[WriteNotes | None, ElanNotes]:
-    """What `import_notes` would do; None if there is nothing to be kept. Raises InputError as it does."""
+    """The preview of `import_notes`; None if there is nothing to store. Raises InputError as it does."""
     source = project.clip.source
     found = read_eaf(path, "" if source is None else source.name)
     chosen = _chosen(found, tiers, path)
@@ -90,7 +90,7 @@ def notes_of(path: Path, project: Project, tiers: Sequence[str] = ()) -> tuple[W
             if len(text) > NOTE_CHARACTERS:
                 raise InputError(
                     f"{path}: an annotation of the tier {tier.name} has {len(text):,} characters; expected "
-                    f"{NOTE_CHARACTERS:,} at most, as of notes. Leave the tier out, or shorten it in ELAN."
+                    f"{NOTE_CHARACTERS:,} at most for notes. Leave the tier out, or shorten it in ELAN."
                 )
             own = exported and _NOTES_TIER.fullmatch(tier.name)
             replaces = _replaced(there, inside) if own else None
@@ -113,6 +113,6 @@ def _chosen(found: Sequence[Tier], wished: Sequence[str], path: Path) -> list[Ti
 
 
 def _replaced(there: Sequence[Note], frames: range) -> int | None:
-    """The one note on these frames."""
+    """The only note on exactly these frames."""
     found = [note.id for note in there if note.frames == frames]
     return found[0] if len(found) == 1 else None

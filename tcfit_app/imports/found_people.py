@@ -1,4 +1,4 @@
-"""The people that a running detection has found so far, and which of them is meant."""
+"""The people found so far by a running detection, and which of them is chosen."""
 
 import threading
 from dataclasses import dataclass, field
@@ -10,31 +10,31 @@ from fitting_core.detect.detecting import FramesDetected
 from fitting_core.keypoints import BODY, COUNT, Keypoints
 
 _FEWEST = 5
-"""Frames in which somebody is found before they count as one of the people."""
+"""Minimum number of frames in which someone is found to count as a person."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FoundInFrame:
-    """Who is in a frame."""
+    """The people in a frame."""
 
     points: Float[np.ndarray, "P 137 3"]
-    """x, y in pixels of the image as it was filmed, and confidence."""
+    """x, y in pixels of the distorted image, and confidence."""
     numbers: Int[np.ndarray, "P"]
-    """Who they are."""
+    """Their identities."""
     chosen: int | None
-    """The place of the one who is meant; None: that one is not here."""
+    """The index of the chosen person; None: not in this frame."""
     others: tuple[int, ...] = ()
-    """The places of the others who count as people."""
+    """The indices of the others who count as people."""
 
 
 @dataclass(eq=False)
 class FoundPeople:
-    """Filled by the thread that detects, read by the one that draws."""
+    """Filled by the detecting thread, read by the drawing thread."""
 
     frames: dict[int, FramesDetected] = field(default_factory=dict)
     """By the first frame of each part."""
     seen: tuple[int, int] | None = None
-    """Whom the user has clicked on: frame (counted from the clip's first) and place in its list."""
+    """The person the user clicked on: frame (from the clip's first) and index in its list."""
     version: int = 0
     """Changes with every change."""
 
@@ -45,11 +45,11 @@ class FoundPeople:
         self._counts: dict[int, int] = {}
 
     def add(self, part: FramesDetected, first_frame: int) -> None:
-        """Take the people of some frames; `first_frame` is the number of the clip's first."""
+        """Add the people of some frames; `first_frame` is the number of the clip's first."""
         with self._guard:
             start = part.frames[0] - first_frame
             if start in self.frames:
-                return  # somebody else is chosen of those who were found before
+                return  # someone else was chosen among the people found before
             self.frames[start] = part
             for k, (people, numbers) in enumerate(zip(part.people, part.numbers, strict=True)):
                 self._where[start + k] = (start, k)
@@ -59,25 +59,25 @@ class FoundPeople:
             self.version += 1
 
     def choose(self, frame: int, place: int) -> None:
-        """Say who is meant: whoever is at a place in a frame's list."""
+        """Choose the person at an index of a frame's list."""
         with self._guard:
             self.seen = (frame, place)
             self.version += 1
 
     @property
     def count(self) -> int:
-        """How many people there are so far."""
+        """The number of people so far."""
         with self._guard:
             return sum(count >= _FEWEST for count in self._counts.values())
 
     @property
     def done(self) -> tuple[range, ...]:
-        """Frames that are complete, counted from the clip's first."""
+        """Frames that are complete, from the clip's first."""
         with self._guard:
             return tuple(range(start, start + len(part.frames)) for start, part in sorted(self.frames.items()))
 
     def at(self, frame: int) -> FoundInFrame | None:
-        """Who is in a frame; None if it is not complete yet."""
+        """The people in a frame; None if it is not complete yet."""
         with self._guard:
             where = self._where.get(frame)
             if where is None:
@@ -87,14 +87,14 @@ class FoundPeople:
             meant = self._meant()
             places = np.flatnonzero(numbers == meant)
             known = [place for place, number in enumerate(numbers.tolist()) if self._counts[number] >= _FEWEST]
-        if len(places) > 1:  # a detector that does not follow people itself
+        if len(places) > 1:  # the detector does not track people itself
             places = places[np.argsort([-_prominence(points[place]) for place in places], kind="stable")]
         chosen = int(places[0]) if len(places) else None
         others = tuple(place for place in known if place != chosen)
         return FoundInFrame(points=points, numbers=numbers, chosen=chosen, others=others)
 
     def keypoints(self, frames: range) -> Keypoints:
-        """Of whoever is meant, in frames that are complete."""
+        """The chosen person's keypoints, in complete frames."""
         points = np.zeros((len(frames), COUNT, 3))
         for k, frame in enumerate(frames):
             found = self.at(frame)

@@ -1,4 +1,4 @@
-"""What a fit is given beside its clip, read from what a user named: a start, a shape."""
+"""What a fit is given besides its clip, read from the user's choice: a start, a shape."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,7 +23,7 @@ from tcfit_app.project.storage.run_record import Given, Run, Source, newest
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Known:
+class KnownInputs:
     """What was read."""
 
     given: Given = field(default_factory=Given)
@@ -32,19 +32,19 @@ class Known:
     shape: KnownShape | None = None
 
 
-NOTHING = Known()
-"""For a fit that is given its clip alone."""
+NOTHING = KnownInputs()
+"""For a fit that is given only its clip."""
 
 
-def read_given(given: Given, project: Project, clip: Clip, body: BodyModel, bodies: Bodies) -> Known:
-    """Read what a user has chosen for a fit of `clip` with `body`. Slow.
+def read_given(given: Given, project: Project, clip: Clip, body: BodyModel, bodies: Bodies) -> KnownInputs:
+    """Read the user's choice for a fit of `clip` with `body`. Slow.
 
     Raises:
-        InputError: Something is gone, cannot be read, or is of no use for this clip and body.
+        InputError: Something is missing, cannot be read, or does not suit this clip and body.
     """
     start = None if given.start is None else _start(given.start, project, clip, body, bodies)
     shape = None if given.shape is None else _shape(given.shape, project, body)
-    return Known(given=given, start=start, shape=shape)
+    return KnownInputs(given=given, start=start, shape=shape)
 
 
 def _start(source: Source, project: Project, clip: Clip, body: BodyModel, bodies: Bodies) -> GivenStart:
@@ -78,22 +78,22 @@ def _shape(source: Source, project: Project, body: BodyModel) -> KnownShape:
 
 
 def start_of(options: StartOptions, clip: Clip, body: BodyModel, bodies: Bodies) -> GivenStart | None:
-    """The start that the options name; None if they name none. The result's own body may be among `bodies`.
+    """The start chosen by the options; None if there is none. The result's own body may be among `bodies`.
 
     Raises:
-        InputError: It cannot be read, has nothing for this clip, or nobody in it follows the keypoints; or there is
-            none, and something is said of it.
+        InputError: It cannot be read, has nothing for this clip, or nobody in it matches the keypoints; or there are
+            other start options without a start.
     """
     if options.start is None:
         said = {"--start-person": options.start_person, "--start-first-frame": options.start_first_frame}
         if named := [name for name, value in said.items() if value is not None]:
-            raise InputError(f"{' and '.join(named)} without --start: say with --start which result is meant.")
+            raise InputError(f"{' and '.join(named)} without --start: name the result with --start.")
         return None
 
     def found(kind: str, gender: str) -> BodyModel | None:
         try:
             return bodies.find(kind=kind, gender=gender)
-        except InputError:  # Without it joints lie where the fitted body has them.
+        except InputError:  # without it, the fitted body's joints are used
             return None
 
     return read_start(
@@ -108,17 +108,17 @@ def start_of(options: StartOptions, clip: Clip, body: BodyModel, bodies: Bodies)
 
 
 def read_shape(path: Path, body: BodyModel) -> KnownShape:
-    """The shape of a person from a project, of which the newest fit counts, or from what `read_known_shape` reads.
+    """A person's shape from a project's newest fit, or from what `read_known_shape` reads.
 
     Raises:
-        InputError: There is nothing, it has no shape, or that of another body.
+        InputError: It does not exist, has no shape, or one for another body.
     """
     if not is_project(path):
         return read_known_shape(path, body_hash=body.hash)
     with Project.open(path, read_only=True) as project:
         runs = [run for run in project.runs.all() if run.stored]
         if not runs:
-            raise InputError(f"{path}: has no fit yet, so it gives no shape. Fit it first, or choose another.")
+            raise InputError(f"{path}: has no fit yet, and so no shape. Fit it first, or choose another.")
         run = newest(runs)
         try:
             return KnownShape(betas=_betas(run, project.runs.load(run.id), body), source=path.name)
@@ -136,13 +136,13 @@ def _loaded(project: Project, number: int) -> tuple[Run, FitResult]:
 def _betas(run: Run, fit: FitResult, body: BodyModel) -> Float[np.ndarray, "10"]:
     if run.body.hash != body.hash:
         raise InputError(
-            f"{run.name} is on another body model ({run.body.kind}, {run.body.gender}), where its betas mean another "
-            "shape. Choose that body for this fit too, or another run."
+            f"{run.name} uses another body model ({run.body.kind}, {run.body.gender}), for which betas mean another "
+            "shape. Choose that body model for this fit too, or another run."
         )
     if run.kind != "imported" and fit.last.phase < 2:
-        raise InputError(f"{run.name} has no shape of the whole clip yet: wait for its second phase.")
+        raise InputError(f"{run.name} has no shape for the whole clip yet: wait for phase 2.")
     known = fit.observed.any(1) if run.kind == "imported" else np.ones(len(fit.observed), bool)
     betas = np.median(fit.last.params.betas.double().numpy()[known], axis=0) if known.any() else np.zeros(1)
     if not betas.any():
-        raise InputError(f"{run.name} gives no shape: its betas are those of the mean person. Choose another.")
+        raise InputError(f"{run.name} has no shape: its betas are all zero, the mean person's. Choose another.")
     return betas

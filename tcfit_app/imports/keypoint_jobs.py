@@ -1,6 +1,6 @@
-"""Jobs that get keypoints for a project that has none: each runs on a thread of its own and reports its progress.
+"""Jobs that provide a project's keypoints: each runs on its own thread and reports its progress.
 
-Files that a browser uploads are stored under names of our own, whatever they are called.
+Uploaded files are stored under our own names, whatever they are called.
 """
 
 import io
@@ -27,24 +27,24 @@ from tcfit_app.imports.found_people import FoundPeople
 if TYPE_CHECKING:
     from fitting_core.detect.detecting import Detected
 
-Report = Callable[[str, float | None], None]
-"""Takes what is being done, and how far it is (0 to 1, or unknown). Raises to end the job."""
+ProgressReport = Callable[[str, float | None], None]
+"""Receives the current step and the progress (0 to 1, or unknown). Raises to end the job."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FoundKeypoints:
-    """What a job has found."""
+    """The result of a job."""
 
     keypoints: Keypoints
-    """Of every frame of the clip."""
+    """For every frame of the clip."""
     notes: tuple[str, ...]
-    """For the user."""
+    """For users."""
     detector: str = ""
-    """Who found them, by its name in `keypoint_noise.DETECTORS`."""
+    """The detector's name in `keypoint_noise.DETECTORS`."""
     silhouettes: Silhouettes | None = None
-    """Of every frame, where the detector found them."""
+    """For every frame, if the detector provides them."""
     camera: Camera | None = None
-    """With the focal length that the keypoints tell, where no other was known; None: the clip's."""
+    """With a focal length derived from the keypoints, if it was unknown; None: the clip's."""
 
 
 class KeypointJob(Protocol):
@@ -55,20 +55,20 @@ class KeypointJob(Protocol):
         """For the user."""
         ...
 
-    def run(self, clip: Clip, report: Report) -> FoundKeypoints | None:
-        """Do it, and return the keypoints, if this is what it is for. Raises InputError."""
+    def run(self, clip: Clip, report: ProgressReport) -> FoundKeypoints | None:
+        """Do it, and return the keypoints if that is its purpose. Raises InputError."""
         ...
 
 
 @dataclass(frozen=True, kw_only=True)
 class ImportFiles:
-    """Reads keypoints from this computer."""
+    """Reads keypoints from files on this computer."""
 
     path: Path
 
     title: str = field(default="Importing keypoints", init=False)
 
-    def run(self, clip: Clip, report: Report) -> FoundKeypoints:
+    def run(self, clip: Clip, report: ProgressReport) -> FoundKeypoints:
         """See `KeypointJob.run`."""
         from fitting_core.clips.reading import read_keypoints
 
@@ -79,14 +79,14 @@ class ImportFiles:
 
 @dataclass(frozen=True, kw_only=True)
 class ImportUpload:
-    """Reads keypoints that a browser has sent."""
+    """Reads uploaded keypoints."""
 
     name: str
     content: bytes
 
     title: str = field(default="Importing keypoints", init=False)
 
-    def run(self, clip: Clip, report: Report) -> FoundKeypoints:
+    def run(self, clip: Clip, report: ProgressReport) -> FoundKeypoints:
         """See `KeypointJob.run`."""
         report("Unpacking the upload", None)
         with scratch_folder() as folder:
@@ -96,25 +96,25 @@ class ImportUpload:
 
 @dataclass(frozen=True, kw_only=True)
 class Detect:
-    """Finds keypoints in the clip's video. What it had found when it ended is kept in the user's cache."""
+    """Detects keypoints in the clip's video. Partial results are kept in the user's cache."""
 
     detector: str
     """A name in `DETECTORS`, or the path of a model."""
     person: int | None = None
-    """As of `read_clip`; None: whom the user clicks on, or else the most prominent one."""
+    """As in `read_clip`; None: the person clicked on, or else the most prominent one."""
     people: FoundPeople = field(default_factory=FoundPeople)
-    """Takes up what is found as it is found, and knows who is meant."""
+    """Collects results as they arrive, and knows who is chosen."""
 
-    title: str = field(default="Finding keypoints", init=False)
+    title: str = field(default="Detecting keypoints", init=False)
 
-    def run(self, clip: Clip, report: Report) -> FoundKeypoints:
+    def run(self, clip: Clip, report: ProgressReport) -> FoundKeypoints:
         """See `KeypointJob.run`."""
         from fitting_core.detect.detecting import Detected, Detection, DetectionProgress
         from fitting_core.detect.detectors import find_detector
         from fitting_core.video.frames import FrameSource
 
         if clip.source is None:
-            raise InputError("The project's video is not there: say where it is, or import keypoints.")
+            raise InputError("The project's video is missing: relink it, or import keypoints.")
         report("Opening the detector", None)
         detector = find_detector(self.detector)
         with FrameSource(clip.source) as source:
@@ -131,7 +131,7 @@ class Detect:
         raise AssertionError("a detection ends with what it found")
 
     def _chosen(self, found: "Detected", clip: Clip) -> FoundKeypoints:
-        """Of whoever is meant."""
+        """The chosen person's keypoints."""
         from fitting_core.clips.camera_rule import estimated
         from fitting_core.detect.found import found_detections, silhouettes_of, with_somebody
         from fitting_core.lens import straightened_keypoints
@@ -155,7 +155,7 @@ class Detect:
         )
 
     def _seen(self, found: "Detected") -> tuple[int, int] | None:
-        """Frame and place of whom the user has clicked on, in the lists of those who are left."""
+        """Frame and index of the person clicked on, among those in the result."""
         if self.people.seen is None or (shown := self.people.at(self.people.seen[0])) is None:
             return None
         frame, place = self.people.seen
@@ -165,11 +165,11 @@ class Detect:
 
 @dataclass(frozen=True, kw_only=True)
 class FetchNetworks:
-    """Fetches the embedded detector's networks, which the user has agreed to."""
+    """Fetches the built-in detector's networks, with the user's agreement."""
 
     title: str = field(default="Fetching the detector", init=False)
 
-    def run(self, clip: Clip, report: Report) -> None:
+    def run(self, clip: Clip, report: ProgressReport) -> None:
         """See `KeypointJob.run`."""
         from fitting_core.detect.mediapipe.fetching import FetchProgress, fetch
 
@@ -181,7 +181,7 @@ class FetchNetworks:
 
 @dataclass(frozen=True, kw_only=True)
 class Download:
-    """Fetches a known model, which the user has agreed to."""
+    """Fetches a known model, with the user's agreement."""
 
     name: str
 
@@ -190,7 +190,7 @@ class Download:
         """For the user."""
         return f"Downloading {self.name}"
 
-    def run(self, clip: Clip, report: Report) -> None:
+    def run(self, clip: Clip, report: ProgressReport) -> None:
         """See `KeypointJob.run`."""
         from fitting_core.detect.download import Downloaded, download
         from fitting_core.detect.known_models import KNOWN_MODELS
@@ -203,7 +203,7 @@ class Download:
 
 
 MOST_BYTES = 1 << 30
-"""Of all files together, unpacked: 100,000 frames of OpenPose JSON with hands and face have half of it."""
+"""Of all files together, unpacked: twice the size of 100,000 frames of OpenPose JSON with hands and face."""
 MOST_FILES = 200_000
 _SUFFIXES = (".json", ".pose")
 _ENCRYPTED = 0x1
@@ -212,13 +212,12 @@ _EXPECTED = "expected one JSON or .pose file, or a ZIP archive of OpenPose's JSO
 
 
 def received(name: str, content: bytes, folder: Path) -> Path:
-    """Write an uploaded file into an empty folder; what to read as keypoints.
+    """Write an uploaded file into an empty folder; returns the path to read as keypoints.
 
-    Nothing of its name becomes a path: of an archive's entries only the frame's number counts.
+    No part of its name becomes a path: of an archive's entries only the frame number is used.
 
     Raises:
-        InputError: It is no file of keypoints, or an archive that holds something else, too much, or names that lead
-            out of it.
+        InputError: It is not a file of keypoints, or an archive with other content, too much content, or unsafe paths.
     """
     shown = _shown(name)
     if len(content) > MOST_BYTES:
@@ -227,7 +226,7 @@ def received(name: str, content: bytes, folder: Path) -> Path:
         return _unpacked(shown, content, folder)
     suffix = next((suffix for suffix in _SUFFIXES if name.lower().endswith(suffix)), None)
     if suffix is None or not content:
-        raise InputError(f"{shown} has {len(content)} bytes, and its name is not that of a keypoint file; {_EXPECTED}.")
+        raise InputError(f"{shown} has {len(content)} bytes, and its name is not a keypoint file's; {_EXPECTED}.")
     single = folder / (f"upload_0{SUFFIX}" if name.lower().endswith(SUFFIX) else f"upload{suffix}")
     single.write_bytes(content)
     return single
@@ -254,8 +253,8 @@ def _unpacked(shown: str, content: bytes, folder: Path) -> Path:
 
 
 def _keypoint_entries(shown: str, archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
-    """The files of an archive that hold the keypoints."""
-    # macOS adds a folder of its own; names that start with a dot are what systems leave beside real files.
+    """The archive's keypoint files."""
+    # macOS adds a folder of its own; names starting with a dot are system files.
     entries = [
         entry
         for entry in archive.infolist()
@@ -264,14 +263,16 @@ def _keypoint_entries(shown: str, archive: zipfile.ZipFile) -> list[zipfile.ZipI
     ]
     for entry in entries:
         if ".." in _parts(entry) or entry.filename.startswith(("/", "\\")) or re.match(r"[A-Za-z]:", entry.filename):
-            raise InputError(f"{shown} holds {_shown(entry.filename)}, which leads out of the archive: it is refused.")
+            raise InputError(
+                f"{shown} holds {_shown(entry.filename)}, whose path leads out of the archive, so it was refused."
+            )
         if entry.flag_bits & _ENCRYPTED:
             raise InputError(f"{shown} is encrypted; expected a ZIP archive without a password.")
     wrong = [entry.filename for entry in entries if not entry.filename.lower().endswith(_SUFFIXES)]
     if wrong or not entries:
         found = f"other files, such as {_shown(wrong[0])}" if wrong else "no file"
         raise InputError(f"{shown} holds {found}; {_EXPECTED}.")
-    # As in a folder: beside files with OpenPose's names, others say something else of the clip.
+    # As in a folder: among OpenPose's file names, other files are not keypoints.
     entries = [entry for entry in entries if entry.filename.lower().endswith(SUFFIX)] or entries
     if len(entries) > MOST_FILES or sum(entry.file_size for entry in entries) > MOST_BYTES:
         total = sum(entry.file_size for entry in entries) >> 20
@@ -283,14 +284,14 @@ def _keypoint_entries(shown: str, archive: zipfile.ZipFile) -> list[zipfile.ZipI
 
 
 def _numbered(shown: str, entries: list[zipfile.ZipInfo]) -> list[tuple[int, zipfile.ZipInfo]]:
-    """Entries with the numbers of their frames, or counted in natural order where not all names have one."""
+    """Entries with their frame numbers, or numbered in natural order if not all names have one."""
     stems = [stem_of(PurePosixPath(entry.filename.replace("\\", "/")).name) for entry in entries]
     numbers = frame_numbers(stems)
     if numbers is None and all(re.search(r"\d", stem) for stem in stems):
         some = ", ".join(sorted(map(_shown, stems))[:3])
         raise InputError(
-            f"{shown} holds keypoints of several clips, or names that differ in several numbers ({some}); expected "
-            "those of one clip, with one number that counts its frames."
+            f"{shown} has keypoints of several clips, or names that differ in several numbers ({some}); expected "
+            "those of one clip, with one frame number per name."
         )
     if numbers is None or max(numbers) >= 10**12 or len(set(numbers)) < len(entries):
         ordered = sorted(entries, key=lambda entry: natural_key(entry.filename))
@@ -299,7 +300,7 @@ def _numbered(shown: str, entries: list[zipfile.ZipInfo]) -> list[tuple[int, zip
 
 
 def _content(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, limit: int) -> bytes:
-    """An entry unpacked, up to a limit: what an archive says of its sizes need not be so."""
+    """An entry unpacked, up to a limit: the sizes declared in an archive may be wrong."""
     with archive.open(entry) as file:
         data = file.read(limit + 1)
     if len(data) > limit:
@@ -312,5 +313,5 @@ def _parts(entry: zipfile.ZipInfo) -> list[str]:
 
 
 def _shown(name: str) -> str:
-    """A name for messages: short, and of letters that can be seen."""
+    """A name for messages: short and printable."""
     return "".join(c if c.isprintable() else "?" for c in name)[:80] or "the file"

@@ -1,4 +1,4 @@
-"""Results of other programs as runs of a project: read, brought into its camera's space, and kept to compare with."""
+"""Other programs' results as runs of a project: read, converted to its camera space, and stored for comparison."""
 
 import io
 import zipfile
@@ -36,25 +36,25 @@ if TYPE_CHECKING:
     from fitting_core.io.motion.smplifyx import Decode
 
 PHASE = 1
-"""The phase that a result counts as: it follows no corrections, and no fit goes on from it."""
+"""The phase of an imported result: it follows no corrections, and no fit starts from it."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ImportChoices:
-    """What the files do not tell, or what to take instead."""
+    """What the files do not say, or what to use instead."""
 
     first_frame: int | None = None
-    """Number in the video of the result's first frame; None: as its files are numbered, or the clip's first."""
+    """Video frame number of the result's first frame; None: as its files are numbered, or the clip's first."""
     person: int | None = None
-    """Of several people in a result, the number; None: who is in most frames, or of SMPLify-X 0."""
+    """The number, if a result has several people; None: whoever is in most frames, or for SMPLify-X 0."""
     gender: str | None = None
-    """Of the body; None: as the file says, else neutral."""
+    """Of the body; None: as in the file, otherwise neutral."""
     body_model: str | None = None
     """Another kind of body than the result's: smplx, smplh or smpl."""
     focal_length: float | None = None
     """Pixels, for a result without a camera."""
     vposer: Path | None = None
-    """The VPoser that SMPLify-X used; None: the one that was added."""
+    """The VPoser used by SMPLify-X; None: the installed one."""
 
 
 def import_run(
@@ -67,21 +67,22 @@ def import_run(
     source: str = "",
     goes_on: Callable[[], None] = lambda: None,
 ) -> Run:
-    """Read a result and keep it as a finished run of the project.
+    """Read a result and store it as a finished run of the project.
 
-    Nothing is written unless all of it could be read.
+    Nothing is written unless all of it can be read.
 
     Args:
         project: Open for writing.
-        bodies: Where body models come from.
+        bodies: The source of body models.
         path: What `fitting_core.io.read_motion` reads.
-        choices: None: all as the files say.
-        name: Of the run; by default that of the file or folder.
-        source: Where it comes from, for the user; by default the path.
-        goes_on: Called before anything is written; may raise, which ends it.
+        choices: None: everything as in the files.
+        name: Of the run; by default from the file or folder.
+        source: Its origin, for users; by default the path.
+        goes_on: Called before anything is written; raises to cancel.
 
     Raises:
-        InputError: It cannot be read or does not fit the clip, its body is not there, or the project cannot be written.
+        InputError: It cannot be read or does not match the clip, its body model is missing, or the project cannot be
+            written.
     """
     source = name_of_file(source) if source else str(path)
     fit, body, placed = imported_fit(path, project.clip, bodies, choices or ImportChoices(), source=source)
@@ -98,10 +99,10 @@ def import_run(
 def imported_fit(
     path: Path, clip: Clip, bodies: Bodies, choices: ImportChoices, *, source: str
 ) -> tuple[FitResult, BodyModel, bool]:
-    """A result as a fit of the clip, the body that it is posed with, and whether a camera saw it.
+    """A result as a fit of the clip, the body it poses, and whether it has a camera.
 
     Raises:
-        InputError: It cannot be read or does not fit the clip, or its body is not there.
+        InputError: It cannot be read or does not match the clip, or its body model is missing.
     """
     decode = vposer_decoder(choices.vposer)
     motion = read_motion(path, person=choices.person, gender=choices.gender, decode=decode)
@@ -118,7 +119,9 @@ def imported_fit(
     params = motion.on(body, camera)[torch.as_tensor(covered.places)]
     if not motion.placed:
         params = from_still(body, params, camera)
-    put = () if motion.placed else (f"{path.name} has no camera: its body was placed in front of the clip's camera.",)
+    put = (
+        () if motion.placed else (f"{path.name} has no camera, so its body was placed in front of the clip's camera.",)
+    )
     lacks = _lacking(motion, covered.missing, clip)
     told = (note.replace(path.name, Path(source).name) for note in (*motion.notes, *put, *covered.notes, *lacks))
     notes = (f"Imported from {source}, read as {motion.format}.", *told)
@@ -136,23 +139,23 @@ def imported_fit(
 
 
 def _lacking(motion: ImportedMotion, missing: list[int], clip: Clip) -> tuple[str, ...]:
-    """A note on the clip's frames without a result."""
+    """A note about the clip's frames without a result."""
     if not missing:
         return ()
     frames = spans([clip.first_frame + t for t in missing])
     return (
-        f"{motion.source.name} has no result for {len(missing)} of the clip's {len(clip)} frames ({frames}): nobody is "
-        "shown there, and exports have the pose of the nearest frame.",
+        f"{motion.source.name} has no result for {len(missing)} of the clip's {len(clip)} frames ({frames}): nothing "
+        "is shown there, and exports use the nearest frame's pose.",
     )
 
 
 def _name(path: Path) -> str:
-    """The folder's name where the file's own is generic."""
+    """The folder's name if the file's is generic."""
     return path.parent.name if path.name in ("results", FIT_NAME) and path.parent.name else path.name
 
 
 def vposer_decoder(given: Path | None = None) -> "Decode | None":
-    """What decodes VPoser's numbers, read when the first are met; None if none is there."""
+    """A decoder of VPoser's latent numbers, loaded on first use; None if there is none."""
     if given is None and not user_file().is_file():
         return None
 
@@ -160,8 +163,8 @@ def vposer_decoder(given: Path | None = None) -> "Decode | None":
         prior = LatentPrior(read_prior(given if given is not None else registered_vposer()))
         if prior.size != latent.shape[1]:
             raise InputError(
-                f"{prior.title} has {prior.size} numbers, the results {latent.shape[1]}; expected the VPoser that they "
-                "were fitted with."
+                f"{prior.title} has {prior.size} numbers, but the results have {latent.shape[1]}; expected the "
+                "VPoser that they were fitted with."
             )
         return prior.decode(latent)
 
@@ -169,10 +172,10 @@ def vposer_decoder(given: Path | None = None) -> "Decode | None":
 
 
 def posed_body(motion: ImportedMotion, bodies: Bodies, choices: ImportChoices) -> tuple[BodyModel, ImportedMotion]:
-    """The body to pose, and the motion without those of its numbers that mean nothing to that body.
+    """The body to pose, and the motion without numbers that do not apply to that body.
 
     Raises:
-        InputError: The body is not there.
+        InputError: The body model is missing.
     """
     kind, gender = choices.body_model or motion.kind, choices.gender or motion.gender
     if motion.body_hash and choices.body_model is None and choices.gender is None:
@@ -181,15 +184,15 @@ def posed_body(motion: ImportedMotion, bodies: Bodies, choices: ImportChoices) -
             return bodies.of(record), motion
         except InputError as error:
             raise InputError(
-                f"{motion.source}: belongs to a {gender} {kind} body that is not here (SHA-256 {motion.body_hash[:12]}"
-                f"...). Add that with `tcfit models add`, or choose another: --body-model {kind}."
+                f"{motion.source}: needs a {gender} {kind} body that is missing (SHA-256 {motion.body_hash[:12]}"
+                f"...). Add it with `tcfit models add`, or choose another: --body-model {kind}."
             ) from error
     try:
         body = bodies.find(kind=kind, gender=gender)
     except InputError as error:
         if kind == "smplx":
             raise
-        raise InputError(f"{error} Or pose an SMPL-X body, without the shape: --body-model smplx.") from error
+        raise InputError(f"{error} Or pose an SMPL-X body without the shape: --body-model smplx.") from error
     return body, posed_on(motion, body)
 
 
@@ -201,15 +204,15 @@ _STARTS: dict[bytes, str] = {
         (b"\x80", b"\x78\x01", b"\x78\x5e", b"\x78\x9c", b"\x78\xda", b"BZh", b"\x5d\x00\x00", b"\xfd7zXZ"), ".pkl"
     ),
 }
-"""By a file's first bytes: what it is called here. The name that it came with never becomes part of a path."""
+"""By a file's first bytes: its suffix here. The uploaded name never becomes part of a path."""
 
 
 @contextmanager
 def upload(name: str, content: bytes) -> Iterator[Path]:
-    """An uploaded file on the disk, as long as the block lasts; errors about it have the name that the user knows.
+    """An uploaded file on disk for the `with` block; errors use the name that the user knows.
 
     Raises:
-        InputError: It is nothing that is read from uploads.
+        InputError: It is not a kind of file that can be uploaded.
     """
     shown = name_of_file(name)
     suffix = next((suffix for start, suffix in _STARTS.items() if content.startswith(start)), None)
@@ -227,7 +230,7 @@ def upload(name: str, content: bytes) -> Iterator[Path]:
 
 @contextmanager
 def kept_as(name: str, content: bytes, shown: str) -> Iterator[Path]:
-    """A file of this name and content, as long as the block lasts; errors call it what the user does."""
+    """A file with this name and content for the `with` block; errors use the user's name."""
     with scratch_folder() as folder:
         path = folder / name
         path.write_bytes(content)

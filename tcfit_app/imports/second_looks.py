@@ -1,4 +1,4 @@
-"""A second look at some frames of a clip's video, which becomes an edit of its keypoints."""
+"""A second look at some frames of a clip's video, as an edit of its keypoints."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,38 +13,38 @@ from fitting_core.keypoints import BODY, PARTS, Keypoints, PartOfPerson
 from tcfit_app.project.edits.kinds import DetectAgain
 
 _NEAREST = 10
-"""Frames before and after, of which the nearest with somebody tells where to look for a person who was lost."""
+"""Frames before and after in which to look for the person's position, if they were lost."""
 Region = tuple[float, float, float, float]
 """Left, top, right and bottom of a rectangle, pixels."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SecondLook:
-    """What is looked for again, and where."""
+    """What is detected again, and where."""
 
     frames: tuple[int, ...]
-    """Counted from the clip's first (0)."""
+    """From the clip's first (0)."""
     part: PartOfPerson
     region: Region | None = None
-    """Of the straightened picture, in which it is; None: wherever the person is."""
+    """In the undistorted picture; None: wherever the person is."""
 
     def run(self, clip: Clip, report: Callable[[str, float | None], None]) -> DetectAgain | None:
-        """Look for it, near where the clip's keypoints are. Slow: for a thread of its own.
+        """Detect it near the clip's keypoints. Slow: for its own thread.
 
-        `report` takes what is being done, and how far it is (0 to 1, or unknown); it raises to end the search.
+        `report` receives the current step and the progress (0 to 1, or unknown); it raises to end the search.
 
         Returns:
-            The edit of those frames in which anything was found; None if there are none.
+            The edit for those frames in which anything was found; None if there are none.
 
         Raises:
-            InputError: The video or the networks are not there.
+            InputError: The video or the networks are missing.
         """
         from fitting_core.detect.second_look import look_again
         from fitting_core.lens import filmed_keypoints
         from fitting_core.video.frames import FrameSource
 
         if clip.source is None:
-            raise InputError("The project's video is not there.")
+            raise InputError("The project's video is missing.")
         report("opening the detector", None)
         lens, count = clip.camera.lens, len(self.frames)
         near = known_near(filmed_keypoints(clip.keypoints, lens), self.frames)
@@ -66,9 +66,9 @@ class SecondLook:
 
 
 def known_near(keypoints: Keypoints, frames: tuple[int, ...]) -> Float[np.ndarray, "n 137 3"]:
-    """x, y and confidence of the person in each of some frames; where nobody was found, of the nearest with somebody.
+    """x, y and confidence of the person in each of some frames, or in the nearest frame with them.
 
-    Without that, a search for somebody who was lost could end with another person of the clip.
+    Without that, looking for a lost person could end with another person of the clip.
     """
     seen = np.flatnonzero((keypoints.confidence[:, BODY] > 0).any(1))
     there = np.array(frames)
@@ -79,7 +79,7 @@ def known_near(keypoints: Keypoints, frames: tuple[int, ...]) -> Float[np.ndarra
 
 
 def filmed_region(region: Region, lens: Lens | None) -> Region:
-    """The rectangle around what a rectangle of the straightened picture shows, in the picture as it was filmed."""
+    """The bounding rectangle in the distorted picture of a rectangle of the undistorted picture."""
     from fitting_core.lens import filmed
 
     if lens is None:

@@ -40,7 +40,7 @@ class ExportOptions:
     upright, with the floor at height 0, where that is known; or in the world of --camera. world: its own axes."""
     keys: Annotated[float | None, shown("MM", "one for each frame")] = None
     """Keep only the keys of an animation that are needed for every joint, finger tip and toe to stay so near in space
-    to where it is with all of them, millimetres. 2 to 5 suit most."""
+    to its full-rate position, millimetres. 2 to 5 suit most."""
     rig: Annotated[Path | None, shown("FILE", "none")] = None
     """Your own rig for rig-glb and rig-bvh: its GLB, VRM or BVH, or a TOML file that says what its joints stand for."""
     markers: Annotated[Path | None, shown("FILE", "as in Plug-in Gait")] = None

@@ -27,7 +27,7 @@ def check_out(folder: Path, *, overwrite: bool) -> None:
             not given.
     """
     if folder.exists() and not folder.is_dir():
-        raise InputError(f"--out {folder}: is a file; expected a folder, which may not exist yet.")
+        raise InputError(f"--out {folder}: is a file; expected a folder, which need not exist.")
     there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
     if not os.access(there, os.W_OK):
         raise InputError(

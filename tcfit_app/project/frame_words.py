@@ -1,4 +1,4 @@
-"""Frames as users read them: with the clip's own numbers, the first of which is its `first_frame`."""
+"""Frames in words, with the clip's own numbers starting at its `first_frame`."""
 
 from collections.abc import Iterable
 
@@ -6,9 +6,9 @@ from fitting_core.video.frame_names import spans
 
 
 def numbers(frames: Iterable[int], first: int, *, most: int = 5) -> str:
-    """Ascending frames: "3, 7–12"; after `most` of these, how many follow."""
+    """Ascending frames: "3, 7–12"; after `most` runs, how many more."""
     if isinstance(frames, range) and len(frames) > 1:
-        return f"{first + frames[0]}–{first + frames[-1]}"  # at once, however many
+        return f"{first + frames[0]}–{first + frames[-1]}"  # fast, however long
     return spans([first + frame for frame in frames], most).replace("-", "–")
 
 

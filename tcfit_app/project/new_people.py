@@ -1,4 +1,4 @@
-"""New projects of the people of one clip: a folder with people.json, one copy of the video, and a project for each."""
+"""New projects for the people of a clip: a folder with people.json, one copy of the video, and a project for each."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -7,7 +7,7 @@ import msgspec
 
 from fitting_core.clips.people import PersonInClip, people_of
 from fitting_core.files.atomic import drafting, put_folder
-from fitting_core.io.people_file import write_people
+from fitting_core.io.people_file import write_people_file
 from tcfit_app.project.project import check_free
 from tcfit_app.project.storage import media
 from tcfit_app.project.storage.accessing import accessing
@@ -15,15 +15,15 @@ from tcfit_app.project.storage.clip import write_clip
 
 
 def create_people(folder: Path, people: Sequence[PersonInClip], *, copy_media: bool = False) -> None:
-    """Make the folder, whole or not at all; `opened_people` opens it.
+    """Create the folder, completely or not at all; `opened_people` opens it.
 
     Args:
-        folder: Does not exist yet, or is empty.
-        people: Of one clip, one at least.
-        copy_media: Copy the clip's source into the folder, once for all; else it is linked.
+        folder: Must not exist, or be empty.
+        people: Of one clip, at least one.
+        copy_media: Copy the clip's source into the folder, once; otherwise it is linked.
 
     Raises:
-        InputError: The folder holds something, or cannot be written; the source cannot be read.
+        InputError: The folder is not empty, or cannot be written; the source cannot be read.
     """
     folder = folder.resolve()
     with accessing(folder):
@@ -41,7 +41,7 @@ def create_people(folder: Path, people: Sequence[PersonInClip], *, copy_media: b
                     link = media.link(source, folder / own)
                 (draft / own).mkdir()
                 write_clip(draft / own, one.clip, link=link)
-            write_people(draft, people_of(people))
+            write_people_file(draft, people_of(people))
             check_free(folder)
             if folder.exists():
                 folder.rmdir()

@@ -1,15 +1,15 @@
-"""A project as one file, NAME.tcfit.zip: packed from a project that may be open, and unpacked from anybody's.
+"""A project as one file, NAME.tcfit.zip: packed from a project, even an open one, and unpacked from untrusted files.
 
 | entry | |
 |---|---|
 | tcfit-project.json | what the file is, and its version |
-| project.sqlite | the database as it was at one moment (SQLite's backup), in one piece |
+| project.sqlite | a consistent snapshot of the database (SQLite's backup) |
 | detections.npz, reference.npz, runs/*.npz | as in the project |
-| media/... | the video or images, if they lie in the project or were asked for |
+| media/... | the video or images, if they are in the project or were requested |
 
 Unpacking trusts nothing: names, kinds and sizes of all entries are checked before a byte is written, and the project is
-opened once before it gets its place. Packing takes no video from outside unless it was asked for: a project that
-somebody else made may call any file its own.
+opened once before it is moved into place. Packing includes an external video only on request: a project made by someone
+else may refer to any file as its video.
 """
 
 import os
@@ -40,12 +40,12 @@ SUFFIX = ".tcfit.zip"
 ABOUT = "tcfit-project.json"
 FORMAT, VERSION = "tcfit project", 1
 HANDSHAPES = "handshapes.toml"
-"""The user's own set of handshapes, if there is one: see docs/linguists.md."""
+"""The user's own handshapes, if any: see docs/linguists.md."""
 MOST_ENTRIES = 500_000
 MOST_BYTES = 1 << 40
 MOST_RATIO = 1100
-"""Deflate packs nothing tighter than 1 : 1032: what claims to be is no zip of ours."""
-# Only Windows sees a path or a drive in a frame's name that has a backslash or a colon.
+"""Deflate compresses at most 1032-fold: an entry claiming more is not ours."""
+# A backslash or a colon in a frame's name is a path or a drive on Windows only.
 _FRAME = r"[^/\0]" if os.name == "posix" else r"[^/\\:\0]"
 _NAMES = re.compile(
     rf"tcfit-project\.json|project\.sqlite|handshapes\.toml|(detections|reference)\.npz|{runs.ENTRY}"
@@ -54,11 +54,11 @@ _NAMES = re.compile(
 )
 _BLOCK = 1 << 20
 _ATTEMPTS = 3
-"""A project gets its detections once: whoever comes in between does so in the first attempt at most."""
+"""A project gets its detections only once, so at most the first attempt can be disturbed."""
 
 
-class About(msgspec.Struct, frozen=True, kw_only=True):
-    """What a packed project says of itself."""
+class PackageAbout(msgspec.Struct, frozen=True, kw_only=True):
+    """The header of a packed project."""
 
     format: str
     version: int
@@ -79,17 +79,17 @@ def is_packed(path: Path) -> bool:
 
 
 def pack(folder: Path, path: Path, *, with_media: bool = False, progress: Progress | None = None) -> None:
-    """Pack a project. Others may go on writing to it: every edit and run is in the file as a whole or not at all.
+    """Pack a project. Others may keep writing to it: the file has every edit and run either completely or not at all.
 
     Args:
         folder: The project's.
-        path: Appears when it is whole.
-        with_media: Also a video, or images, that lie outside of the project.
+        path: The file; it appears when complete.
+        with_media: Include a video or images outside of the project.
         progress: See `Progress`.
 
     Raises:
-        InputError: Database or detections are damaged, the video is wanted and not where it should be, or what the
-            project calls its own video lies elsewhere.
+        InputError: Database or detections are damaged, the requested video is missing, or the project's own video is in
+            fact elsewhere.
         OSError: Something cannot be read or written.
     """
     with scratch_folder() as copies, replacing(path) as draft:
@@ -103,19 +103,19 @@ def pack(folder: Path, path: Path, *, with_media: bool = False, progress: Progre
             *_media_files(folder, copy, with_media=with_media),
         ]
         with zipfile.ZipFile(draft, "w", zipfile.ZIP_STORED) as archive:
-            archive.writestr(ABOUT, msgspec.json.encode(About(format=FORMAT, version=VERSION)))
+            archive.writestr(ABOUT, msgspec.json.encode(PackageAbout(format=FORMAT, version=VERSION)))
             _add(archive, files, progress)
 
 
 def _back_up_with_detections(folder: Path, copy: Path, detections: Path) -> None:
-    """Both as they were at one moment, though another process may just be giving the project its detections."""
+    """Snapshot both consistently, even if another process is just storing the project's detections."""
     for _ in range(_ATTEMPTS):
         _back_up(folder / database.NAME, copy)
         if copy_detections(folder, copy, detections):
             return
     raise InputError(
-        f"{folder / DETECTIONS}: is missing, or was changed since the project was made. It must stay as it was made: "
-        "take it from a backup."
+        f"{folder / DETECTIONS}: is missing, or was changed since the project was created. It must not be changed: "
+        "restore it from a backup."
     )
 
 
@@ -128,24 +128,24 @@ def _back_up(source: Path, copy: Path) -> None:
             old.backup(new)
             new.execute("PRAGMA journal_mode = DELETE")
     except sqlite3.Error as error:
-        raise InputError(f"{source}: cannot be copied ({error}). Open the project once, which checks it.") from error
+        raise InputError(f"{source}: cannot be copied ({error}). Open the project once to check it.") from error
 
 
 def _run_files(folder: Path, copy: Path) -> list[tuple[Path, str]]:
-    """Results of the runs that the copy knows: newer ones may have come since."""
+    """Results of the runs in the snapshot: newer ones may have been added since."""
     with closing(database.copied(copy)) as connection:
         return [(folder / name, name) for name in runs.entries(folder, connection)]
 
 
 def _media_files(folder: Path, copy: Path, *, with_media: bool) -> list[tuple[Path, str]]:
-    """Files of the video; the copy learns its place in the package."""
+    """Files of the video; the snapshot is updated with its place in the package."""
     with closing(database.copied(copy)) as connection:
         link = stored_link(connection)
         if link is None or not (with_media or media.is_own(link)):
             return []
         own = media.is_own(link)
         path = _own_video(folder, link) if own else _video_elsewhere(folder, link)
-        files = _files(path) if own else media.frames_of(path)
+        files = _files(path) if own else media.frame_files(path)
         packed = msgspec.structs.replace(link, relative=f"{media.FOLDER}/{portable(path.name)}")
         if not own and path.is_dir():
             packed = msgspec.structs.replace(packed, fingerprint=fingerprint_of_images(files))
@@ -157,31 +157,31 @@ def _media_files(folder: Path, copy: Path, *, with_media: bool) -> list[tuple[Pa
 def _video_elsewhere(folder: Path, link: MediaLink) -> Path:
     found = media.find(link, folder)
     if found.path is None or found.problem:
-        raise InputError(f"The video cannot be packed. {found.problem} Or pack the project without it.")
+        raise InputError(f"The video cannot be packed. {found.problem} Otherwise pack the project without it.")
     return found.path.resolve()
 
 
 def _own_video(folder: Path, link: MediaLink) -> Path:
-    """A video in the project. Raises InputError if one of its files, links followed, lies elsewhere."""
+    """A video in the project. Raises InputError if one of its files, with links resolved, is elsewhere."""
     path, own = folder / link.relative, folder.resolve() / media.FOLDER
     for file in (path, *_files(path)):
         if not file.resolve().is_relative_to(own):
             raise InputError(
-                f"{folder}: was not packed: its video {link.relative!r} leads to {file.resolve()}, out of its folder "
+                f"{folder}: was not packed: its video {link.relative!r} links to {file.resolve()}, outside of "
                 f"{media.FOLDER}. Put the files themselves there."
             )
     return path
 
 
 def _files(path: Path) -> list[Path]:
-    """A file, or the visible ones of a folder."""
+    """A file, or the visible files of a folder."""
     return [path] if path.is_file() else visible_files(path)
 
 
 def _add(archive: zipfile.ZipFile, files: list[tuple[Path, str]], progress: Progress | None) -> None:
     whole, done = sum(file.stat().st_size for file, _ in files) or 1, 0
     for file, name in files:
-        # Videos, images and most npz get no smaller; the database does.
+        # Videos, images and most npz do not compress; the database does.
         entry = zipfile.ZipInfo.from_file(file, name, strict_timestamps=False)
         entry.compress_type = zipfile.ZIP_DEFLATED if file.suffix in (".sqlite", ".npz") else zipfile.ZIP_STORED
         with file.open("rb") as source, archive.open(entry, "w", force_zip64=True) as target:
@@ -196,15 +196,15 @@ def _add(archive: zipfile.ZipFile, files: list[tuple[Path, str]], progress: Prog
 
 
 def unpack(path: Path, folder: Path) -> None:
-    """Make a project of a packed one.
+    """Create a project from a packed one.
 
     Args:
         path: The file.
-        folder: Does not exist yet, or is empty; appears when it is whole.
+        folder: Must not exist, or be empty; it appears when complete.
 
     Raises:
-        InputError: It is no packed project, is damaged, comes from a newer tcfit, or holds what none holds; or the
-            folder cannot be written. Nothing is left then.
+        InputError: The file is not a packed project, is damaged, comes from a newer tcfit, or has unexpected entries;
+            or the folder cannot be written. Nothing is left behind then.
     """
     folder = folder.resolve()
     with accessing(folder):
@@ -213,7 +213,7 @@ def unpack(path: Path, folder: Path) -> None:
         with drafting(folder) as draft:
             draft.mkdir()
             _extract(path, draft)
-            Project.open(draft).close()  # what cannot be opened is refused here
+            Project.open(draft).close()  # refuses what cannot be opened
             _check_link(path, draft)
             if folder.exists():
                 folder.rmdir()
@@ -221,7 +221,7 @@ def unpack(path: Path, folder: Path) -> None:
 
 
 def packed_creation_time(path: Path) -> str:
-    """`creation_time` of a packed project, of which nothing else is unpacked.
+    """`creation_time` of a packed project, without unpacking the rest.
 
     Raises:
         InputError: As `unpack`.
@@ -241,32 +241,32 @@ def _extract(path: Path, draft: Path, *, only: str | None = None) -> None:
             _check_space(path, wanted, draft)
             for entry in wanted:
                 _extract_entry(archive, entry, draft / entry.filename)
-    except InputError:  # is a ValueError, too
+    except InputError:  # is also a ValueError
         raise
     except FileNotFoundError as error:
-        raise InputError(f"{path}: is not there; expected a project as one file ({SUFFIX}).") from error
+        raise InputError(f"{path}: does not exist; expected a project as one file ({SUFFIX}).") from error
     except (zipfile.BadZipFile, EOFError, NotImplementedError, RuntimeError, ValueError) as error:
-        raise InputError(f"{path}: is damaged ({error}). Copy it again, or have it packed again.") from error
+        raise InputError(f"{path}: is damaged ({error}). Copy it again, or ask for it to be packed again.") from error
 
 
 def _check_about(path: Path, archive: zipfile.ZipFile) -> None:
     try:
         with archive.open(ABOUT) as file:
-            about = msgspec.json.decode(file.read(_BLOCK), type=About)
+            about = msgspec.json.decode(file.read(_BLOCK), type=PackageAbout)
     except (KeyError, msgspec.DecodeError) as error:
-        raise InputError(
-            f"{path}: is no packed project; expected one that `tcfit export --formats project` made."
-        ) from (error)
+        raise InputError(f"{path}: not a packed project; expected one made by `tcfit export --formats project`.") from (
+            error
+        )
     if about.format != FORMAT:
         raise InputError(f"{path}: is a {about.format!r}; expected a {FORMAT!r}.")
     if about.version > VERSION:
         raise InputError(
-            f"{path}: is of version {about.version}, and this tcfit knows versions up to {VERSION}: update tcfit."
+            f"{path}: has version {about.version}, but this tcfit supports versions up to {VERSION}: update tcfit."
         )
 
 
 def _check_entries(path: Path, entries: list[zipfile.ZipInfo]) -> None:
-    """Only what `pack` writes: nothing that leaves the folder, no links, no bombs, no name twice."""
+    """Accept only what `pack` writes: nothing outside the folder, no links, no zip bombs, no duplicates."""
     refusal = f"{path}: was not unpacked: it holds"
     if len(entries) > MOST_ENTRIES:
         raise InputError(f"{refusal} {len(entries)} files; expected {MOST_ENTRIES} at most.")
@@ -275,35 +275,37 @@ def _check_entries(path: Path, entries: list[zipfile.ZipInfo]) -> None:
         name = entry.filename
         kind = stat.S_IFMT(entry.external_attr >> 16)
         if not _is_ours(name) or kind not in (0, stat.S_IFREG):
-            raise InputError(f"{refusal} {name[:100]!r}, which no project of tcfit has.")
+            raise InputError(f"{refusal} {name[:100]!r}, which is not part of a tcfit project.")
         if entry.flag_bits & 1:
-            raise InputError(f"{refusal} {name[:100]!r} encrypted. Have it packed without a password.")
+            raise InputError(f"{refusal} {name[:100]!r} encrypted. Ask for a copy without a password.")
         if name.casefold() in seen:
             raise InputError(f"{refusal} {name[:100]!r} twice.")
         if entry.file_size > MOST_RATIO * max(1, entry.compress_size):
-            raise InputError(f"{refusal} {name[:100]!r}, which claims to be {entry.file_size} bytes and cannot be.")
+            raise InputError(
+                f"{refusal} {name[:100]!r}, which claims to be {entry.file_size} bytes, which is impossible."
+            )
         seen.add(name.casefold())
 
 
 def _is_ours(name: str) -> bool:
-    """Whether `pack` gives an entry such a name."""
+    """Whether `pack` writes entries with such a name."""
     return _NAMES.fullmatch(name) is not None and not {"..", "."} & set(name.split("/"))
 
 
 def _check_link(path: Path, draft: Path) -> None:
-    """A video that is said to lie in the project does, or lies nowhere."""
+    """Check that a video said to be in the project is there, or nowhere."""
     with closing(database.copied(draft / database.NAME)) as connection:
         link = stored_link(connection)
     if link is not None and media.is_own(link) and not _is_ours(link.relative):
-        raise InputError(
-            f"{path}: was not unpacked: it says that its video is {link.relative[:100]!r}, which none of tcfit's is."
-        )
+        raise InputError(f"{path}: was not unpacked: its video has the invalid path {link.relative[:100]!r}.")
 
 
 def _check_space(path: Path, entries: list[zipfile.ZipInfo], draft: Path) -> None:
     needed, free = sum(entry.file_size for entry in entries), shutil.disk_usage(draft).free
     if needed > min(MOST_BYTES, free):
-        raise InputError(f"{path}: needs {needed / 1e9:.1f} GB, and {free / 1e9:.1f} GB are free. Free some space.")
+        raise InputError(
+            f"{path}: needs {needed / 1e9:.1f} GB, but only {free / 1e9:.1f} GB are free. Free some space."
+        )
 
 
 def _extract_entry(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, target: Path) -> None:

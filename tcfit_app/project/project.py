@@ -1,23 +1,23 @@
-"""A project on the disk: a clip, all corrections of its keypoints, all fits, and what a reviewer said.
+"""A project on disk: a clip, all corrections of its keypoints, all fits, and the review.
 
 A project is a folder:
 
 | file | |
 |---|---|
 | project.sqlite | clip, log of edits, marks and notes, runs and settings (`storage/database.py` has the tables) |
-| detections.npz | the detected keypoints, xy (T, 137, 2) in pixels, confidence (T, 137), and by what detector; stay \
-once there are any |
-| runs/000001.npz | what a run found (`storage/run_files.py` has the keys) |
-| runs/000002/000001.npz | what a correction has replaced in a run, for undo (`storage/changes.py`); not in a packed \
-project, where the fit follows an undo as any other edit |
-| reference.npz | what fits are compared with, where something is known |
-| handshapes.toml | the user's own set of handshapes, where there is one |
-| rig/ | the user's own rig and its mapping file, where there is one; not in a packed project |
-| media/ | the video or images, if they were copied; else the database knows where they are |
-| project.lock | held by the one process that writes |
+| detections.npz | the detected keypoints, xy (T, 137, 2) in pixels, confidence (T, 137), and the detector; never \
+changed once there are any |
+| runs/000001.npz | a run's result (`storage/run_files.py` has the keys) |
+| runs/000002/000001.npz | what a correction replaced in a run, for undo (`storage/changes.py`); not in a packed \
+project, where the fit follows an undo like any other edit |
+| reference.npz | the reference that fits are compared with, if any |
+| handshapes.toml | the user's own set of handshapes, if any |
+| rig/ | the user's own rig and its mapping file, if any; not in a packed project |
+| media/ | the video or images, if they were copied; otherwise the database has their path |
+| project.lock | held by the writing process |
 
-What a method that changes something has returned from is on the disk. A process that dies leaves a project that opens
-as if it had been closed after the last such return.
+When a method that changes something returns, the change is on disk. After a crash, the project opens as if it had been
+closed after the last such return.
 """
 
 import threading
@@ -43,8 +43,8 @@ from fitting_core.measure.references.reference import Reference
 from fitting_core.silhouettes import Silhouettes
 from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.project.edits.edit_log import (
-    Action,
     EditHistory,
+    LogAction,
     LogEntry,
     Marking,
     Note,
@@ -53,7 +53,7 @@ from tcfit_app.project.edits.edit_log import (
     Undo,
     decode,
     encode,
-    frames_of,
+    frames_changed,
 )
 from tcfit_app.project.storage import database, media
 from tcfit_app.project.storage.accessing import accessing
@@ -68,43 +68,43 @@ from tcfit_app.project.storage.clip import (
 from tcfit_app.project.storage.clip_review import ReviewOfClip
 from tcfit_app.project.storage.columns import UNKNOWN_TIME, Columns, Count, of, text, time
 from tcfit_app.project.storage.database import Database
-from tcfit_app.project.storage.lock import Lock
-from tcfit_app.project.storage.marks import Marks
+from tcfit_app.project.storage.lock import ProjectLock
+from tcfit_app.project.storage.marks import MarkStore
 from tcfit_app.project.storage.media import Media
 from tcfit_app.project.storage.reference import store_reference, stored_reference
 from tcfit_app.project.storage.runs import Runs
 
-_LEFT_OUT = "it is left out"
+_LEFT_OUT = "ignored"
 
 
 class Project:
     """An open project; a context manager. Thread-safe."""
 
-    def __init__(self, folder: Path, store: Database, held: Lock | None) -> None:
+    def __init__(self, folder: Path, store: Database, held: ProjectLock | None) -> None:
         """Use `create` or `open`."""
         self.folder = folder
         stored, link = read_clip(folder, store)
         self.media: Media = media.find(link, folder)
-        """Where the video or images were when the project was opened, and what is wrong with them."""
+        """Where the video or images were found on opening, and what is wrong with them."""
         self.runs = Runs(folder, store, len(stored))
-        self.marks = Marks(
+        self.marks = MarkStore(
             store, len(stored), self._marks_done, lambda action, author: self.append(action, author=author)
         )
         self._stored, self._database, self._lock = stored, store, held
         self.review = ReviewOfClip(store, lambda: self.last_edit)
         """Of the clip as a whole: see `ClipReview`."""
         self.keypoints_version = self.marks_version = self.reference_version = self.video_version = 0
-        """Another number whenever the keypoints, marks and notes, what fits are compared with, or the frames of the
-        video are others."""
+        """Versions: they change whenever the keypoints, the marks and notes, the reference, or the video frames
+        change."""
         self.height = read_height(store)
-        """Of the person, without shoes, in centimetres; None: not known. See `set_height`."""
+        """Height of the person without shoes, centimetres; None: unknown. See `set_height`."""
         self._clip: Clip | None = None
         self._footage: Clip | None = None
         self._detected = bool((stored.keypoints.confidence > 0).any())
         self._guard = threading.RLock()
-        """Of what is known of the project; held for moments only, for the thread that draws asks for it."""
+        """Guards the project's state; held only briefly, because the drawing thread needs it."""
         self._changing_files = threading.Lock()
-        """Of what takes longer: other detections, another video, another reference."""
+        """Guards slower operations: replacing detections, video or reference."""
         self._reference: Reference | None = None
         self._looked = False
         if held:
@@ -115,7 +115,7 @@ class Project:
         senseless: set[int] = set()
 
         def leave_out(entry: LogEntry, why: InputError) -> None:
-            store.damage.note(f"edit {entry.id} makes no sense ({why})", _LEFT_OUT)
+            store.damage.note(f"edit {entry.id} is invalid ({why})", _LEFT_OUT)
             senseless.add(entry.id)
 
         log = _readable_log(store)
@@ -124,20 +124,20 @@ class Project:
 
     @property
     def damage(self) -> tuple[str, ...]:
-        """What is damaged in the database, and what stands in for it; more may be found when more is read."""
+        """What is damaged in the database, and what is used instead; may grow as more is read."""
         return self._database.damage.found
 
     @staticmethod
     def create(folder: Path, clip: Clip, *, copy_media: bool = False) -> "Project":
-        """Make a project and open it.
+        """Create a project and open it.
 
         Args:
-            folder: Does not exist yet, or is empty.
+            folder: Must not exist, or be empty.
             clip: Its keypoints become the detections, its source the project's media.
-            copy_media: Copy the source into the project; else it is linked.
+            copy_media: Copy the source into the project; otherwise it is linked.
 
         Raises:
-            InputError: The folder holds something, or cannot be written; the source cannot be read.
+            InputError: The folder is not empty, or cannot be written; the source cannot be read.
         """
         folder = folder.resolve()
         with accessing(folder):
@@ -157,19 +157,19 @@ class Project:
 
     @staticmethod
     def open(folder: Path, *, read_only: bool = False) -> "Project":
-        """Open a project. There is one writer at a time, and any number of readers.
+        """Open a project. There can be one writer and any number of readers at a time.
 
-        A reader sees edits and remarks as they were when it opened, runs as they are.
+        A reader sees edits and remarks as of its opening, but runs as they are now.
 
         Raises:
-            ProjectLocked: Another one is writing; read-only it can be opened.
-            InputError: It is no project, is damaged, comes from a newer tcfit, or cannot be written.
+            ProjectLocked: Another process is writing; the project can be opened read-only.
+            InputError: It is not a project, is damaged, comes from a newer tcfit, or cannot be written.
         """
         with accessing(folder):
             if not (folder / database.NAME).is_file():
                 refuse_several(folder)
-                raise InputError(f"{folder}: is no project of tcfit: it has no {database.NAME}. `tcfit new` makes one.")
-            held = None if read_only else Lock(folder)
+                raise InputError(f"{folder}: not a tcfit project: it has no {database.NAME}. `tcfit new` creates one.")
+            held = None if read_only else ProjectLock(folder)
         store = None
         try:
             store = Database(folder / database.NAME, read_only=read_only)
@@ -198,37 +198,37 @@ class Project:
 
     @property
     def detections(self) -> Keypoints:
-        """What was detected, in arrays that cannot be written."""
+        """The detections, in read-only arrays."""
         return self._stored.keypoints
 
     @property
     def detected(self) -> Corrected:
-        """What is corrected: the detections, and what was taken over from another person or detected again. As
-        `corrected`, it shows what later edits make of it."""
+        """The base of corrections: the detections, as replaced by take-overs and second looks. Like `corrected`, a view
+        that reflects later edits."""
         with self._guard:
             return self._history.detected
 
     @property
     def exchanges(self) -> list[LogEntry]:
-        """What is taken over from others of the clip's people, oldest first."""
+        """Keypoints taken over from other people of the clip, oldest first."""
         with self._guard:
             return self._history.exchanges
 
     @property
     def corrected(self) -> Corrected:
-        """The keypoints as they stand, with marks of what was edited and what is bad; for the thread that edits, for it
-        shows what later edits make of them."""
+        """The current keypoints, with which were edited and which are bad; for the thread that edits, because it is a
+        view that reflects later edits."""
         with self._guard:
             return self._history.corrected
 
     def marked(self, marking: Marking) -> list[int]:
-        """The frames with any keypoint of which that is so, in order."""
+        """The frames with any keypoint for which this holds, in order."""
         with self._guard:
             return self._history.marked(marking)
 
     @property
     def bad(self) -> Bool[np.ndarray, "T 137"]:
-        """Which keypoints are marked as bad."""
+        """Which keypoints are marked bad."""
         bad = np.zeros(self._stored.keypoints.confidence.shape, bool)
         with self._guard:
             frames = self._history.marked("bad")
@@ -237,7 +237,7 @@ class Project:
 
     @property
     def footage(self) -> Clip:
-        """The clip as it was filmed and detected, and the source where it is now: for whoever needs no corrected
+        """The clip as filmed and detected, with the source's current path: for callers that do not need corrected
         keypoints, which take longer after an edit."""
         with self._guard:
             if self._footage is None or self._footage.source != self.media.path:
@@ -246,8 +246,8 @@ class Project:
 
     @property
     def clip(self) -> Clip:
-        """What is to be fitted now: corrected keypoints, and the source where it is now. In a long clip it takes some
-        milliseconds after an edit, for which nobody else waits."""
+        """The clip to fit now: corrected keypoints, and the source's current path. After an edit of a long clip this
+        takes some milliseconds, without blocking others."""
         while True:
             with self._guard:
                 history, news = self._history, self._history.news()
@@ -262,7 +262,7 @@ class Project:
 
     @property
     def has_detections(self) -> bool:
-        """Whether anything was detected in any frame; without that, `take_detections` can be called."""
+        """Whether anything was detected in any frame; if not, `take_detections` can be called."""
         return self._detected
 
     def take_detections(
@@ -275,33 +275,33 @@ class Project:
         camera: Camera | None = None,
         before: Clip | None = None,
     ) -> None:
-        """Give a project that was made without keypoints its detections; when this returns, they are on the disk.
+        """Store the detections of a project created without keypoints; they are on disk when this returns.
 
         Args:
-            keypoints: Of every frame of the clip.
-            notes: For the user, added to those of the clip.
-            detector: Who found them, by its name in `keypoint_noise.DETECTORS`; empty where nobody knows.
-            silhouettes: Of every frame, where they were found as well.
-            camera: The clip's from now on, with a focal length that they tell; None: it stays.
-            before: The clip as it was before it got the detections whose place these take; None: it has none.
+            keypoints: For every frame of the clip.
+            notes: For users, appended to the clip's.
+            detector: Its name in `keypoint_noise.DETECTORS`; empty if unknown.
+            silhouettes: For every frame, if the detector provides them.
+            camera: The clip's new camera, with a focal length derived from the detections; None: unchanged.
+            before: The clip before the detections that these replace; None: it has none.
 
         Raises:
-            InputError: It has detections that stay, or on which edits or runs stand; the keypoints are of another
-                number of frames or none; or the project cannot be written. Nothing has changed.
+            InputError: There are detections that must stay or that edits or runs depend on; the keypoints have the
+                wrong number of frames, or none was detected; or the project cannot be written. Nothing has changed.
         """
         with self._changing_files:
             if self.has_detections and before is None:
-                raise InputError(f"{self.folder}: has its keypoints already. Make a new project for others.")
+                raise InputError(f"{self.folder}: already has keypoints. Make a new project for others.")
             if before is not None and (there := self._edits_and_runs()):
                 raise InputError(
-                    f"There are {there} of this person already. Make a new project for another one (--person, --out)."
+                    f"This person already has {there}. Make a new project for another one (--person, --out)."
                 )
             if len(keypoints) != len(self._stored):
                 raise InputError(
                     f"Found keypoints of {len(keypoints)} frames; expected {len(self._stored)}, the clip's."
                 )
             if not (keypoints.confidence > 0).any():
-                raise InputError(f"No keypoint was found in any of the {len(self._stored)} frames.")
+                raise InputError(f"No keypoints were found in any of the {len(self._stored)} frames.")
             plain = before or self._stored
             stored = replace(
                 self._stored,
@@ -319,21 +319,21 @@ class Project:
                 self.keypoints_version += 1
 
     def set_camera(self, camera: Camera, notes: tuple[str, ...] = ()) -> None:
-        """Say what the clip was filmed with; when this returns, it is on the disk. Runs keep the camera that they have.
+        """Set the clip's camera; it is on disk when this returns. Runs keep their camera.
 
         Args:
-            camera: Of the clip's images. With another lens, detections are straightened by that.
-            notes: For the user, in place of those on the camera before.
+            camera: For the clip's images. Another lens changes the undistorted detections.
+            notes: For users, replacing those about the previous camera.
 
         Raises:
-            InputError: It is of images of another size, or has another lens while there are edits or runs, which stand
-                where the lens before has put them; or the project cannot be written. Nothing has changed.
+            InputError: It is for images of another size, or has another lens while edits or runs depend on the current
+                one; or the project cannot be written. Nothing has changed.
         """
         self.refuse_read_only()
         with self._changing_files:
             before = self._stored
             if camera.size != before.camera.size:
-                raise InputError(f"The camera is of images of {camera.size}; expected {before.camera.size} pixels.")
+                raise InputError(f"The camera is for images of {camera.size}; expected {before.camera.size} pixels.")
             kept = tuple(note for note in before.notes if note not in before.camera.notes)
             camera = replace(camera, notes=notes)
             stored = replace(before, camera=camera, notes=(*kept, *notes))
@@ -347,13 +347,13 @@ class Project:
                 replace_detections(self.folder, self._database, stored)
             with self._guard:
                 self._stored, self._clip, self._footage = stored, None, None
-                self.keypoints_version += 1  # also of the same lens: another camera sees fits elsewhere
+                self.keypoints_version += 1  # even with the same lens: another camera projects fits elsewhere
                 if stored.keypoints is not before.keypoints:
                     self._history = EditHistory(stored.keypoints, self._log, first_frame=stored.first_frame)
                     self.video_version += 1
 
     def set_height(self, height: float | None) -> None:
-        """Say how tall the person is, in centimetres, for fits from now on; when this returns, it is on the disk.
+        """Set the person's height in centimetres, for future fits; it is on disk when this returns.
 
         Raises:
             InputError: The project cannot be written.
@@ -363,7 +363,7 @@ class Project:
         self.height = height
 
     def _edits_and_runs(self) -> str:
-        """What stands on the keypoints as they were detected, for the user; empty if there is nothing."""
+        """What depends on the detections, for users; empty if nothing does."""
         edits = [entry for entry in self.log if not isinstance(entry.action, Remark)]
         runs = [*self.runs.all(), *self.runs.all(deleted=True)]
         return " and ".join(["edits"] * bool(edits) + ["runs"] * bool(runs))
@@ -371,15 +371,16 @@ class Project:
     def _refuse_another_lens(self) -> None:
         if there := self._edits_and_runs():
             raise InputError(
-                f"This camera has another lens than the project's, and {there} stand where that one has put them. Make "
+                f"This camera's lens differs from the project's, on which {there} depend. Make "
                 "a new project with it (tcfit new --camera), or leave the distortion out of the file."
             )
 
     def relink(self, source: Path) -> None:
-        """Say where the video or the images are now.
+        """Set the path of the video or the images.
 
         Raises:
-            InputError: There is nothing, it is no video and no folder of images, or the project cannot be written.
+            InputError: There is nothing, it is neither a video nor a folder of images, or the project cannot be
+                written.
         """
         self.refuse_read_only()
         with self._changing_files:
@@ -394,14 +395,14 @@ class Project:
 
     @property
     def reference(self) -> Reference | None:
-        """What fits are compared with, None if nothing is known. Raises InputError if its file is damaged."""
+        """The reference for fits, None if there is none. Raises InputError if its file is damaged."""
         with self._guard:
             if not self._looked:
                 self._reference, self._looked = stored_reference(self.folder), True
             return self._reference
 
     def set_reference(self, reference: Reference | None) -> None:
-        """Keep what fits are compared with from now on; when this returns, it is on the disk.
+        """Set the reference for fits; it is on disk when this returns.
 
         Raises:
             InputError: It has no frame in common with the clip, or the project cannot be written.
@@ -421,100 +422,100 @@ class Project:
 
     @property
     def notes(self) -> tuple[Note, ...]:
-        """What was written about frames, by their order."""
+        """The notes on frames, in order of frames."""
         with self._guard:
             return self._history.notes
 
     @property
     def log(self) -> tuple[LogEntry, ...]:
-        """Everything that was done to the keypoints and said about frames, oldest first."""
+        """All edits and remarks, oldest first."""
         with self._guard:
             return tuple(self._log)
 
     def last_said(self, count: int) -> list[LogEntry]:
-        """The last edits and remarks of the log, newest first; those that were undone as well."""
+        """The last edits and remarks of the log, newest first; including those undone."""
         with self._guard:
             said = (entry for entry in reversed(self._log) if not isinstance(entry.action, Undo | Redo))
             return list(islice(said, count))
 
     def frames_changed_after(self, seen: int) -> dict[int, tuple[int, ...]]:
-        """The frames whose keypoints each entry of the log after the entry `seen` changes, as `edit_log.frames_of`."""
+        """The frames whose keypoints each log entry after the entry `seen` changes, as in `edit_log.frames_of`."""
         with self._guard:
             first = bisect_right(self._log, seen, key=lambda entry: entry.id)
-            return frames_of(self._log[first:], self._history.standing.said)
+            return frames_changed(self._log[first:], self._history.standing.said)
 
     def edits_since(self, seen: int) -> int:
-        """How many edits stand now and did not after the entry `seen`, or did and do not now."""
+        """How many edits stand now but did not after the entry `seen`, or vice versa."""
         with self._guard:
             return self._history.standing.differing(seen)
 
     def frames_edited_since(self, seen: int) -> frozenset[int]:
-        """The frames of the edits that `edits_since` counts."""
+        """The frames of the edits counted by `edits_since`."""
         with self._guard:
             changed = list(self._history.standing.changes(seen))
         return frozenset(frame for said in changed if not isinstance(said, Remark) for frame in said.frames)
 
     def stands(self, number: int) -> bool:
-        """Whether the edit or remark of this id is done, and not undone."""
+        """Whether the edit or remark with this id is done, not undone."""
         with self._guard:
             return self._history.standing.stood(number)
 
     def stood(self, number: int, seen: int) -> bool:
-        """Whether it was so after the entry `seen`."""
+        """Whether it was after the entry `seen`."""
         with self._guard:
             return self._history.standing.stood(number, seen)
 
     def stood_by(self, seen: int, later: int | None = None) -> bool:
-        """Whether all that stood after the entry `seen` stood after a later one as well; None: stands now."""
+        """Whether everything that stood after the entry `seen` stood after a later one too; None: stands now."""
         with self._guard:
             return self._history.standing.stood_by(seen, later)
 
-    def frames_of(self, edit: int) -> tuple[int, ...]:
-        """The frames that the edit of this id changes."""
+    def frames_changed(self, edit: int) -> tuple[int, ...]:
+        """The frames that the edit with this id changes."""
         with self._guard:
             return self._history.standing.said(edit).frames
 
     @property
     def last_edit(self) -> int:
-        """Id of the last entry of the log, 0 without any: which state of the keypoints a run has seen."""
+        """Id of the last log entry, 0 without any: identifies the keypoints that a run was fitted to."""
         with self._guard:
             return self._log[-1].id if self._log else 0
 
     @property
     def undoable(self) -> LogEntry | None:
-        """The edit or remark that `undo` would take back."""
+        """The edit or remark that `undo` would revert."""
         with self._guard:
             return self._history.undoable
 
     @property
     def redoable(self) -> LogEntry | None:
-        """The edit or remark that `redo` would bring back."""
+        """The edit or remark that `redo` would restore."""
         with self._guard:
             return self._history.redoable
 
     def undo(self, *, author: str = "") -> LogEntry | None:
-        """Take the last edit or remark back; returns it, or None if there is none. Raises InputError as `append`."""
+        """Undo the last edit or remark; returns it, or None if there is none. Raises InputError as `append`."""
         with self._guard:
             if edit := self._history.undoable:
                 self.append(Undo(edit=edit.id), author=author)
             return edit
 
     def redo(self, *, author: str = "") -> LogEntry | None:
-        """Bring back what was undone last; returns it, or None. Raises InputError as `append`."""
+        """Redo what was undone last; returns it, or None. Raises InputError as `append`."""
         with self._guard:
             if edit := self._history.redoable:
                 self.append(Redo(edit=edit.id), author=author)
             return edit
 
-    def append(self, action: Action, *, author: str = "") -> LogEntry:
-        """Make an edit or a mark; when this returns, it is on the disk.
+    def append(self, action: LogAction, *, author: str = "") -> LogEntry:
+        """Make an edit or a mark; it is on disk when this returns.
 
         Raises:
-            InputError: It makes no sense for this clip, or the project cannot be written; nothing has changed.
+            InputError: It is invalid for this clip, or the project cannot be written; nothing has changed.
         """
         with self._guard:
             text = encode(action)
-            action = decode(text)  # What could not be read back must not get into the log.
+            action = decode(text)  # nothing unreadable may get into the log
             self._history.check(action)
             time = datetime.now(UTC)
             with self._database.transaction() as connection:
@@ -533,7 +534,7 @@ class Project:
             return entry
 
     def close(self) -> None:
-        """Let others write; this object is of no use any more."""
+        """Let others write; this object can no longer be used."""
         with self._guard:
             self._database.close()
             if self._lock:
@@ -548,7 +549,7 @@ class Project:
 
 
 def _fixed(keypoints: Keypoints) -> Keypoints:
-    """The same as detections, in arrays of their own which nobody can write to."""
+    """The same as detections, in their own read-only arrays."""
     xy, confidence = (np.array(array, dtype=float) for array in (keypoints.xy, keypoints.confidence))
     for array in (xy, confidence):
         array.setflags(write=False)
@@ -556,16 +557,16 @@ def _fixed(keypoints: Keypoints) -> Keypoints:
 
 
 def check_free(folder: Path) -> None:
-    """Raises InputError if no project can be made in a folder, which may not exist."""
+    """Raises InputError if no project can be created in a folder, which need not exist."""
     if (folder / database.NAME).exists():
-        raise InputError(f"{folder}: is a project already. Open it, or choose another folder.")
+        raise InputError(f"{folder}: is already a project. Open it, or choose another folder.")
     if holds_people(folder):
-        raise InputError(f"{folder}: is a folder of several people already. Open it, or choose another one.")
+        raise InputError(f"{folder}: is already a folder of several people. Open it, or choose another one.")
     if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder}: is a file; expected a folder, which may not exist yet.")
+        raise InputError(f"{folder}: is a file; expected a folder, which need not exist.")
     if names := sorted(entry.name for entry in folder.iterdir()) if folder.exists() else []:
         raise InputError(
-            f"{folder}: holds other files ({some_of(names, most=4)}). Choose a folder that is empty or new."
+            f"{folder}: contains other files ({some_of(names, most=4)}). Choose a folder that is empty or new."
         )
 
 
@@ -577,7 +578,7 @@ def _readable_log(store: Database) -> list[LogEntry]:
         action = columns.read("action", decode, None, _LEFT_OUT)
         if number is None or action is None:
             continue
-        made = columns.read("time", time, UNKNOWN_TIME, "it counts as made long ago")
-        author = columns.read("author", text, "", "nobody is named")
+        made = columns.read("time", time, UNKNOWN_TIME, "treated as made long ago")
+        author = columns.read("author", text, "", "the author is left empty")
         log.append(LogEntry(id=number, time=made, author=author, action=action))
     return log

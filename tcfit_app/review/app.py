@@ -1,4 +1,4 @@
-"""The review app: the one loop that draws, and the tabs that it draws."""
+"""The review app: the drawing loop, and the tabs it draws."""
 
 import logging
 import queue
@@ -30,23 +30,23 @@ from tcfit_app.server.page_files import PageFiles
 TICK = 1 / 60
 """Seconds between two drawings while something moves."""
 REST = 0.25
-"""Seconds between two drawings while nothing does: tasks say how far they are, messages end."""
+"""Seconds between two drawings otherwise: tasks report progress, messages expire."""
 IDLE = 1.0
-"""Seconds between two drawings once nothing has been asked for LATELY, and nothing is being done."""
+"""Seconds between two drawings once nothing was requested for LATELY and nothing is running."""
 LATELY = 5.0
 """Seconds."""
 MOST_COMMANDS = 5000
-"""That may wait for the drawing thread; what pages ask for beyond is dropped."""
+"""Commands that may wait for the drawing thread; further ones from pages are dropped."""
 _log = logging.getLogger(__name__)
 
 
 class ReviewApp:
-    """Draws one person's project, or those of a clip's people, in every tab that is connected to a server.
+    """Draws one person's project, or those of a clip's people, in every connected tab.
 
     Args:
-        session: the open project; of several people that of the one who is shown first.
+        session: the open project; with several people that of the one shown first.
         server: behind its gate.
-        files: the folder that alone pages may name files of; None: see `PageFiles`.
+        files: the only folder whose files pages may name; None: see `PageFiles`.
         group: all people, if there are several.
         listen: to all of the server's tabs; else whoever serves several apps calls `connected` and `disconnected`.
     """
@@ -63,17 +63,17 @@ class ReviewApp:
         self.session, self._server, self._files = session, server, files
         self._commands: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._obeyed = 0.0
-        """When something was asked for last."""
+        """When something was last requested."""
         self._stop = threading.Event()
         self.people = self._people(group)
         self._first = next(someone for someone in self.people if someone.session is session)
         self.data = self._first.data
         self.pages: dict[int, Page] = {}
-        """By client: of the person whom it shows."""
+        """By client: the page of the person it shows."""
         self._pages: dict[int, dict[int, Page]] = {}
-        """By client: of all whom it has shown, by their numbers."""
+        """By client: the pages of everyone it has shown, by their numbers."""
         self._shown: dict[str, int] = {}
-        """Whom tabs have shown last, by their own names."""
+        """The person each tab showed last, by the tab's own name."""
         self._faults = Faults(lambda notice: self._tell(self._first, notice))
         for someone in self.people:
             someone.session.tell = partial(self._tell, someone)
@@ -107,7 +107,7 @@ class ReviewApp:
         self.post(lambda: None)
 
     def _take(self, client: int, command: Callable[[], None]) -> None:
-        """Something that a tab asks for: a strange one asks for more than can be done."""
+        """Take a tab's command, unless too many are waiting: a foreign page may send more than can be done."""
 
         def obey() -> None:
             if (page := self.pages.get(client)) is not None:
@@ -127,7 +127,7 @@ class ReviewApp:
         self._pages[number] = {self._first.number: self.pages[number]}
 
     def _go_to(self, client: int, someone: Someone) -> None:
-        """Show somebody else in a tab."""
+        """Show someone else in a tab."""
         page, known = self.pages.get(client), self._pages.get(client, {})
         if page is None or page.tab.someone is someone:
             return
@@ -139,7 +139,7 @@ class ReviewApp:
         self._remember(page.tab.browser.name, someone)
 
     def _go_back(self, client: int) -> None:
-        """A tab that was loaded anew shows whom it has shown before."""
+        """After a reload, show the person the tab showed before."""
         page = self.pages.get(client)
         if page is not None and (known := self._shown.get(page.tab.browser.name or "")) is not None:
             self._go_to(client, self.people[known])
@@ -179,7 +179,7 @@ class ReviewApp:
         self.post(lambda: None)
 
     def close(self) -> None:
-        """End all work. What was done is on the disk."""
+        """End all work. Finished work is on disk."""
         with suppress(InputError):  # where nothing can be written the tabs were told
             self._keeping.keep(self.pages.values(), last=True)
         for client in list(self._pages):
@@ -190,14 +190,14 @@ class ReviewApp:
             someone.data.close()
 
     def _patience(self) -> float:
-        """Seconds until the next drawing, if nothing is asked for."""
+        """Seconds until the next drawing if nothing is requested."""
         if any(page.tab.state.playing or page.behind for page in self.pages.values()):
             return TICK
         busy = any(someone.session.tasks.busy for someone in self.people)
         return REST if busy or time.monotonic() - self._obeyed < LATELY else IDLE
 
     def _obey(self, patience: float) -> None:
-        """Do what was asked for, waiting a while for the first."""
+        """Do what was requested, waiting a while for the first command."""
         try:
             command = self._commands.get(timeout=patience)
             self._obeyed = time.monotonic()
@@ -209,7 +209,7 @@ class ReviewApp:
 
     @staticmethod
     def _do(command: Callable[[], None]) -> None:
-        """The loop outlives whatever goes wrong in a command; those of tabs tell it there themselves."""
+        """Run a command; the loop survives any error. Tabs report their own."""
         try:
             command()
         except Exception:

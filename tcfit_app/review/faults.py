@@ -1,4 +1,4 @@
-"""What goes wrong in a loop that must go on: told once, tried again a little later."""
+"""Errors in a loop that must go on: reported once, retried a little later."""
 
 import logging
 from collections.abc import Callable
@@ -6,27 +6,27 @@ from collections.abc import Callable
 from tcfit_app.fitting.reports import Notice
 
 AGAIN = 1.0
-"""Seconds until something that went wrong is tried again: the loop would do so sixty times a second."""
+"""Seconds until something that failed is retried: the loop would do so sixty times a second."""
 _log = logging.getLogger(__name__)
 
 
 class Faults:
-    """Does things over and over, whatever becomes of them.
+    """Does things repeatedly, whatever errors they raise.
 
     Args:
-        tell: tells users what has gone wrong, once until it is another fault or was mended.
+        tell: reports an error to users, once until it changes or is gone.
     """
 
     def __init__(self, tell: Callable[[Notice], None]) -> None:
         self._tell = tell
         self._known: dict[str, tuple[str, float]] = {}
-        """What went wrong, by what was done, and when that is tried again."""
+        """What failed, by what was done, and when it is retried."""
 
     def attempt(self, what: str, do: Callable[[], object], now: float) -> None:
-        """Do something, unless it has just failed, and twice if need be.
+        """Do something, unless it has just failed; on an error, try a second time.
 
-        viser's queue may stumble where two threads wake its sender at once (it sets an asyncio event outside of the
-        event's loop), so only what fails at the second attempt too is told.
+        viser's queue may fail when two threads wake its sender at once (it sets an asyncio event outside of the event's
+        loop), so only an error at the second attempt is reported.
 
         Args:
             what: in words, after "could not".
@@ -52,5 +52,5 @@ class Faults:
 
 
 def _notice(what: str, text: str) -> Notice:
-    told = f"It could not {what}: {text}. It goes on trying, and nothing is lost; tcfit's terminal has the details."
+    told = f"Could not {what}: {text}. Nothing is lost, and tcfit keeps trying; its terminal has the details."
     return Notice(title="Something went wrong in tcfit", text=told, kind="error")

@@ -1,6 +1,6 @@
-"""One browser tab as a whole: built here, given the page's events, drawn. What its parts share is `tab/tab.py`.
+"""One browser tab as a whole: builds its parts, gives them the page's events, draws them. They share `tab/tab.py`.
 
-Where a clip has several people, a tab has a page for each of them that it has shown, and one of them is drawn.
+In a clip with several people, a tab has a page for each person it has shown, one of which is drawn.
 """
 
 import time
@@ -36,10 +36,10 @@ from tcfit_app.server.serving import set_theme
 from tcfit_app.server.uploads import too_large
 
 _BEAT = 5.0
-"""Seconds between two signs of life."""
+"""Seconds between two heartbeats."""
 _REST = 10.0
-"""Times as long as menus and panels have taken, they are left alone then: they are made whole each time, which must not
-take the time of bodies that are played or follow a drag."""
+"""Menus and panels pause for this many times as long as drawing them took: they are rebuilt whole each time, and must
+not take time from bodies that play or follow a drag."""
 SKELETON = Skeleton(
     names=tuple(full_name(joint) for joint in range(COUNT)),
     hands=tuple((wrist, hand.start, hand.stop) for wrist, hand in HANDS_OF.items()),
@@ -47,7 +47,7 @@ SKELETON = Skeleton(
 
 
 class Page:
-    """Builds the parts of a tab that shows one person, hands them the page's events, and draws them. Arguments as of
+    """Builds the parts of a tab that shows one person, gives them the page's events, and draws them. Arguments as in
     `Tab`."""
 
     def __init__(self, browser: BrowserTab, someone: Someone, do: Do) -> None:
@@ -58,15 +58,15 @@ class Page:
         self._key_window = KeyWindow(self.tab)
         self._faults = Faults(lambda notice: self.tab.notify(notice))
         self._followed: int | None = None
-        """The drag's body that was sent last."""
+        """The dragged body sent last."""
         self.behind = False
-        """Menus and panels are still to be drawn."""
+        """Menus and panels are due to be drawn."""
         self._next_panels = 0.0
         """When menus and panels may be drawn again."""
         self._begin()
 
     def _begin(self) -> None:
-        """From now on the browser's tab shows this."""
+        """Show this page in the browser tab."""
         browser = self.tab.browser
         browser.receive = lambda event: self.tab.do(lambda: self.receive(event))
         browser.show_first_steps = lambda: browser.channel.ask("hints", HINTS)
@@ -74,14 +74,14 @@ class Page:
         self.tab.channel.send("keys", Keys(bindings=bindings()))
 
     def come_from(self, other: "Page") -> None:
-        """Take the place of another person's page in the same tab."""
+        """Replace another person's page in the same tab."""
         self.tab.come_from(other.tab)
         self.picture.resized(*self.tab.browser.size)
         self._begin()
         self._show_panels(True)
 
     def leave(self) -> None:
-        """Make room for another person's page. What was begun goes on, and can be come back to."""
+        """Make room for another person's page. Running work continues."""
         self.gestures.correcting.abandon()
         self.gestures.again.give_up_framing()
         self.tab.pause()
@@ -90,13 +90,13 @@ class Page:
         self._show_panels(False)
 
     def _show_panels(self, on: bool) -> None:
-        if "panels" in self.__dict__:  # they are made when they are first drawn
+        if "panels" in self.__dict__:  # they are created when first drawn
             self._tabs.visible = on
             self._person.show(on)
 
     @cached_property
     def panels(self) -> list[Panel]:
-        """Beside the picture, and made after it: they take half a second in the browser."""
+        """The panels, created after the picture: they take half a second in the browser."""
         self._add_commands()
         gui, made = self.tab.client.gui, []
         self._person = PersonChoice(self.tab)
@@ -120,7 +120,7 @@ class Page:
     # --- events of the page ---
 
     def receive(self, event: PageEvent) -> None:
-        """Take up what the user did."""
+        """Handle a user's action."""
         RECEIVERS[type(event)](self, event)
 
     def _hello(self, event: page_events.Hello) -> None:
@@ -201,21 +201,21 @@ class Page:
     def draw(self, now: float) -> None:
         """Send what has changed since the last time, once the page is ready for it.
 
-        What goes wrong in one part is told in the tab, once, and the other parts are drawn all the same.
+        An error in one part is shown in the tab once, and the other parts are drawn all the same.
         """
         if not self.tab.ready:
             return
         self.tab.channel.send("beat", Beat(milliseconds=round(1e3 * _BEAT), number=int(now // _BEAT)))
         if self.tab.state.playing and not self.tab.advance(now):
             return
-        self._attempt("tell what is on show", self.tab.look, now)
+        self._attempt("resolve what is on show", self.tab.look, now)
         revision = self.tab.shown.revision
         if revision not in (None, self._followed) and self.tab.playback.waits(now):
-            return  # bodies that pile up in a busy browser would come later and later
+            return  # bodies queued for a busy browser would lag more and more
         self._attempt("draw the picture", lambda: self._draw_picture(now), now)
         self._attempt("draw the selection", self._draw_selection, now)
         if self.tab.data.warming:
-            return  # the first body comes half a second sooner if the browser has nothing else to draw
+            return  # the first body appears half a second sooner if nothing else is drawn
         self._attempt("draw the timeline", self.timeline.draw, now)
         problem = self.picture.problem or self.tab.shown.problem
         self._attempt("draw the status line", lambda: self.status.draw(now, problem), now)
@@ -254,7 +254,7 @@ class Page:
         tab.channel.send("selection", Selection(joints=tab.state.selection, suggested=tab.state.suggested))
 
     def close(self) -> None:
-        """The tab is gone."""
+        """The tab was closed."""
         self.gestures.correcting.abandon()
         self.tab.data.video.leave(self.tab)
         self.tab.session.tasks.leave(self.tab)

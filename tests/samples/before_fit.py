@@ -9,7 +9,7 @@ from fitting_core.camera import Camera
 from fitting_core.ground.contacts import FOOT_POINTS, Contacts, contacts_of
 from fitting_core.ground.gravity import Gravity, RolledView
 from fitting_core.ground.grounding import Grounding, grounding_of
-from fitting_core.ground.placing import places
+from fitting_core.ground.placing import pelvis_positions
 from fitting_core.lifting.clip_lifting import LiftedClip
 
 USUAL_SOLES = np.tile([0.09, 0.025, 0.015, 0.015], (2, 1))
@@ -34,7 +34,7 @@ def contacts_before_fit(
         camera: Of the clip.
         frame_rate: Frames per second.
     """
-    placed = camera.to_still(lifted.points + places(xy, confidence, lifted, camera, frame_rate)[:, None])
+    placed = camera.to_still(lifted.points + pelvis_positions(xy, confidence, lifted, camera, frame_rate)[:, None])
     return contacts_of(xy, confidence, lifted, gravity, camera, frame_rate, placed[:, FOOT_POINTS])
 
 
@@ -57,7 +57,7 @@ def grounding_before_fit(
         frame_rate: Frames per second.
         rolled: As for `grounding_of`.
     """
-    placed = camera.to_still(lifted.points + places(xy, confidence, lifted, camera, frame_rate)[:, None])
+    placed = camera.to_still(lifted.points + pelvis_positions(xy, confidence, lifted, camera, frame_rate)[:, None])
     return grounding_of(
         xy, confidence, lifted, camera, frame_rate, feet=placed[:, FOOT_POINTS], soles=USUAL_SOLES, rolled=rolled
     )

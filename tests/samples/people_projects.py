@@ -14,7 +14,7 @@ from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.camera import Camera, project
 from fitting_core.clip import Clip
-from fitting_core.io.people_file import People, Person, write_people
+from fitting_core.io.people_file import People, Person, write_people_file
 from fitting_core.keypoints import BODY, COUNT, Keypoints
 from fitting_core.results.fit_result import FitResult, PhaseResult
 from tcfit_app.fitting.bodies import record_of
@@ -100,7 +100,7 @@ def two_people(folder: Path, body: BodyModel, *, fitted: bool = True) -> Path:
         people.append(
             Person(name=name.replace("-", " "), folder=name, frames=(clip.first_frame, last), uncertain=uncertain)
         )
-    write_people(folder, People(name="talk", people=tuple(people)))
+    write_people_file(folder, People(name="talk", people=tuple(people)))
     return folder
 
 

@@ -22,7 +22,7 @@ from fitting_core.results.provenance import Provenance
 from tcfit_app.project.edits.edit_log import EditHistory, LogEntry
 from tcfit_app.project.edits.kinds import (
     MAX_DEPTH,
-    SIDES,
+    SWAPPABLE,
     ClearDepth,
     CopyFrom,
     DetectAgain,
@@ -262,7 +262,7 @@ def edits() -> st.SearchStrategy[Edit]:
         st.builds(Nudge, **where, by=st.tuples(_PIXELS, _PIXELS)),
         st.builds(MarkBad, **where),
         st.builds(Restore, **where),
-        st.builds(SwapSides, frames=_FRAMES, joints=st.sampled_from(list(SIDES.values()))),
+        st.builds(SwapSides, frames=_FRAMES, joints=st.sampled_from(list(SWAPPABLE.values()))),
         st.builds(CopyFrom, **where, source=st.integers(0, FRAMES - 1)),
         st.builds(Reset, **where),
         st.builds(SetConfidence, **where, confidence=st.floats(0, 1)),
@@ -279,7 +279,7 @@ def random_edit(seed: int) -> Edit:
         MoveKeypoint(frames=frames, joints=joints, xy=xy),
         MarkBad(frames=frames, joints=joints),
         Nudge(frames=frames, joints=joints, by=(1.0, -0.5)),
-        SwapSides(frames=frames, joints=SIDES["arms"]),
+        SwapSides(frames=frames, joints=SWAPPABLE["arms"]),
         CopyFrom(frames=frames, joints=joints, source=0),
         Pin(frames=frames, joints=(4, 7), xy=((1.0, 2.0), (3.0, 4.0)), depth=((0.1, 0.2), (0.3, 0.4))),
         SetDepth(frames=frames, joints=(4, 7), depth=tuple(map(tuple, rng.uniform(-1, 1, (2, 2)).tolist()))),

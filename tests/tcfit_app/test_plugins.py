@@ -17,7 +17,7 @@ from fitting_core.io import read_detections
 from fitting_core.io.result_files import write_result
 from fitting_core.keypoints import INDEX
 from fitting_core.measure.comparison import compare, figures
-from fitting_core.measure.pairing import Estimate
+from fitting_core.measure.pairing import PosedMotion
 from tcfit_app import plugin_api
 from tcfit_app.analysis.run_metrics import MeasuredRun, run_metrics
 from tcfit_app.analysis.suspicion import review_queue
@@ -134,7 +134,7 @@ def test_its_metrics_are_measured(lab: None, tiny_body: BodyModel):
     metrics = {m.name: m for m in run_metrics(MeasuredRun(fit=fit, phase=phase_of(fit.params), seconds=1.0))}
     assert metrics["pelvis-depth"].value == pytest.approx(float(fit.joints[:, 0, 2].mean()))
     assert "pelvis-way" not in metrics
-    estimate = Estimate(body=tiny_body, params=fit.params, camera=fit.clip.camera, frame_rate=25.0)
+    estimate = PosedMotion(body=tiny_body, params=fit.params, camera=fit.clip.camera, frame_rate=25.0)
     found = compare(estimate, None, meshes=False).figures
     assert found["pelvis-way"] == pytest.approx(0.0, abs=1e-9) and "pelvis-depth" not in found
 

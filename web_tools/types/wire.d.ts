@@ -31,7 +31,7 @@ export interface Bodies {
   floor: number;
 }
 
-export interface Side {
+export interface SidePlate {
   plate: [[number, number, number], [number, number, number]];
   shifts: [number, number][];
   metre: number;
@@ -476,7 +476,7 @@ export interface Envelope {
 export interface States {
   layout: Layout;
   bodies: Bodies;
-  side: Side;
+  side: SidePlate;
   space: Space;
   other_people: OtherPeople;
   skeleton: Skeleton;

@@ -19,7 +19,7 @@ _STRAIGHT = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)
-class Limb:
+class RigLimb:
     """Three joints of a rig: shoulder, elbow, wrist; or hip, knee, ankle."""
 
     upper: int
@@ -29,7 +29,7 @@ class Limb:
     """About which it bends, at rest, as the upper joint is turned; for limbs that are straight."""
 
 
-def reached(moving: RigMotion, limb: Limb, goal: Float[np.ndarray, "T 3"]) -> RigMotion:
+def reached(moving: RigMotion, limb: RigLimb, goal: Float[np.ndarray, "T 3"]) -> RigMotion:
     """The end at its goal, or as near as the limb is long, turned in the world as before.
 
     The middle joint opens or closes about the axis that it is bent about, then the whole limb turns the shortest way.
@@ -60,11 +60,11 @@ def _bend(first: np.ndarray, second: np.ndarray, far: np.ndarray) -> Float[np.nd
     return np.arccos(np.clip(cosine, -1.0, 1.0))
 
 
-def limb_of(target: Target, side: str, which: str) -> Limb:
+def limb_of(target: Target, side: str, which: str) -> RigLimb:
     """A leg or an arm of a rig."""
     names = ("hip", "knee", "ankle") if which == "leg" else ("shoulder", "elbow", "wrist")
     upper, middle, end = (target.of_joint[f"{side}_{name}"] for name in names)
     left, up, _ = (target.rest[JOINT[f"{side}_{names[0]}"]]).T
     # A knee bends about the body's left; an elbow of a T pose about its up, which is mirrored on the other side.
     hinge = left if which == "leg" else up * (-1 if side == "left" else 1)
-    return Limb(upper=upper, middle=middle, end=end, hinge=hinge)
+    return RigLimb(upper=upper, middle=middle, end=end, hinge=hinge)

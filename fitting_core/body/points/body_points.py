@@ -161,18 +161,20 @@ class BodyPoints:
         points = torch.cat([joints, self.sum_pairs @ pairs], 1)[:, self.pick]
         return Posed(points, world, local, left, joints, pairs, weight, contour_bin)
 
-    def rotation_entries(self, posed: Posed, left: Float[Tensor, "B N R 3"]) -> Float[Tensor, "B E R 3"]:
-        """left_p @ d point / d (axis-angle of joint) for every (point, joint) entry that is not zero.
+    def rotation_entries(self, posed: Posed, by_point: Float[Tensor, "B N R 3"]) -> Float[Tensor, "B E R 3"]:
+        """by_point[p] @ d point / d (axis-angle of joint) for every (point, joint) entry that is not zero.
 
-        `left` maps each point's motion to what the caller looks at: its projection, or the identity.
+        `by_point` is the derivative of the caller's values by each point: of its projection, or the identity.
         """
         up = posed.world[:, self.tree.parents[1:]]
         axes = torch.cat([posed.left_jacobian[:, :1], up @ posed.left_jacobian[:, 1:]], 1)
         arm = self.incidence @ torch.cat([posed.joints, posed.pairs], 1)
         share = posed.weight @ self.subtree_weight.T
         arm = arm - share[..., None] * posed.joints[:, self.entry_joint]
-        # row . (axis x arm) = axis . (arm x row)
-        turned = torch.linalg.cross(arm[:, :, None].expand(-1, -1, left.shape[2], -1), left[:, self.entry_point])
+        # A turn w moves a point by w x arm, so by_point . (w x arm) = (arm x by_point) . w.
+        turned = torch.linalg.cross(
+            arm[:, :, None].expand(-1, -1, by_point.shape[2], -1), by_point[:, self.entry_point]
+        )
         return turned @ axes[:, self.entry_joint]
 
     def coefficient_jacobian(self, posed: Posed, columns: slice) -> Float[Tensor, "B N 3 C"]:
@@ -188,15 +190,15 @@ class BodyPoints:
         surface = (self.sum_pairs @ pairs.flatten(2)).view(frames, -1, 3, count)
         return torch.cat([joints, surface], 1)[:, self.pick]
 
-    def corrective_gradient(self, posed: Posed, pull: Float[Tensor, "B N 3"]) -> Float[Tensor, "B 55 3"]:
-        """sum over points of pull . d point / d pose, through the pose correctives alone.
+    def corrective_gradient(self, posed: Posed, by_point: Float[Tensor, "B N 3"]) -> Float[Tensor, "B 55 3"]:
+        """sum over points of by_point . d point / d pose, through the pose correctives alone.
 
         Their share of the Jacobian is small, and costs many times this adjoint; solvers leave it out of the normal
         matrix, where it only shapes the step, and put it into the gradient, where it decides where they end.
         """
-        per_pair = self.sum_pairs.T @ pull[:, self.surface_rows]
+        per_pair = self.sum_pairs.T @ by_point[:, self.surface_rows]
         in_bone = (posed.world[:, self.bone].transpose(-1, -2) @ per_pair[..., None])[..., 0]
-        gradient = posed.joints.new_zeros(len(pull), N_JOINTS, 3)
+        gradient = posed.joints.new_zeros(len(by_point), N_JOINTS, 3)
         start = 0
         for table in self.tables:
             part = in_bone[:, start : start + len(table.bone)]

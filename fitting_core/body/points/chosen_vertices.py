@@ -43,13 +43,13 @@ class PosedVertices:
 
 
 @dataclass(frozen=True)
-class Pulls:
-    """R covectors, each acting on C of the chosen vertices: row r is sum over c of left[r, c] . d vertex."""
+class VertexRows:
+    """R rows, each the derivative of a number by C of the chosen vertices: sum over c of by_vertex[r, c] . d vertex."""
 
     frame: Int[Tensor, "R"]
     chosen: Int[Tensor, "R C"]
     """Place of the vertex among its frame's chosen ones."""
-    left: Float[Tensor, "R C 3"]
+    by_vertex: Float[Tensor, "R C 3"]
 
 
 class ChosenVertices:
@@ -93,8 +93,8 @@ class ChosenVertices:
         vertices = (blended[..., :3] @ rest[..., None])[..., 0] + blended[..., 3]
         return PosedVertices(ids, vertices, rest, skeleton, left)
 
-    def by_joint(self, posed: PosedVertices, pulls: Pulls) -> Float[Tensor, "R 55 3"]:
-        """The pulls' derivatives by the joints' axis-angles, without the way through the pose correctives.
+    def by_joint(self, posed: PosedVertices, rows: VertexRows) -> Float[Tensor, "R 55 3"]:
+        """The rows' derivatives by the joints' axis-angles, without the way through the pose correctives.
 
         Turning joint a about a world axis e moves a vertex by e x m with m = q_a - W_a t_a (see body_points.py).
         """
@@ -103,15 +103,15 @@ class ChosenVertices:
         carried = weights[..., None] * (carried.unflatten(2, (N_JOINTS, 3)) + skeleton.offset[:, None])
         arms = torch.einsum("bkjx,ja->bkax", carried, self._ancestors)
         arms = arms - (weights @ self._ancestors)[..., None] * skeleton.joints[:, None]
-        turned = arms.new_zeros(len(pulls.frame), N_JOINTS, 3)
-        for chosen, left in zip(pulls.chosen.unbind(1), pulls.left.unbind(1), strict=True):
-            turned += torch.linalg.cross(arms[pulls.frame, chosen], left[:, None].expand_as(turned))
+        turned = arms.new_zeros(len(rows.frame), N_JOINTS, 3)
+        for chosen, by_vertex in zip(rows.chosen.unbind(1), rows.by_vertex.unbind(1), strict=True):
+            turned += torch.linalg.cross(arms[rows.frame, chosen], by_vertex[:, None].expand_as(turned))
         up = skeleton.world[:, self.mesh.tree.parents[1:]]
         axes = torch.cat([posed.left_jacobian[:, :1], up @ posed.left_jacobian[:, 1:]], 1)
-        return (turned[..., None, :] @ axes[pulls.frame])[..., 0, :]
+        return (turned[..., None, :] @ axes[rows.frame])[..., 0, :]
 
-    def by_coefficient(self, posed: PosedVertices, pulls: Pulls) -> Float[Tensor, "R 20"]:
-        """The pulls' derivatives by betas and expression."""
+    def by_coefficient(self, posed: PosedVertices, rows: VertexRows) -> Float[Tensor, "R 20"]:
+        """The rows' derivatives by betas and expression."""
         skeleton, frames = posed.skeleton, len(posed.ids)
         up = skeleton.world[:, self.mesh.tree.parents[1:]]
         bones = torch.cat(
@@ -122,15 +122,15 @@ class ChosenVertices:
         weights = self.mesh.weights[posed.ids]
         moved = self._blended(posed) @ self.mesh.directions[posed.ids]
         moved = moved + (weights @ offset.flatten(2)).view_as(moved)
-        return torch.einsum("rcx,rcxk->rk", pulls.left, moved[pulls.frame[:, None], pulls.chosen])
+        return torch.einsum("rcx,rcxk->rk", rows.by_vertex, moved[rows.frame[:, None], rows.chosen])
 
-    def by_correctives(self, posed: PosedVertices, pull: Float[Tensor, "B K 3"]) -> Float[Tensor, "B 55 3"]:
-        """Gradient of sum(pull . vertices) by the joints' axis-angles through the pose correctives alone."""
-        at_rest = (self._blended(posed).transpose(2, 3) @ pull[..., None])[..., 0]
+    def by_correctives(self, posed: PosedVertices, by_vertex: Float[Tensor, "B K 3"]) -> Float[Tensor, "B 55 3"]:
+        """Gradient of sum(by_vertex . vertices) by the joints' axis-angles through the pose correctives alone."""
+        at_rest = (self._blended(posed).transpose(2, 3) @ by_vertex[..., None])[..., 0]
         by_feature = torch.einsum("bkx,bkxf->bf", at_rest, self._correctives[posed.ids])
         turned = rotations.by_axis_angle(posed.skeleton.local[:, self._driving], posed.left_jacobian[:, self._driving])
-        gradient = pull.new_zeros(len(pull), N_JOINTS, 3)
-        gradient[:, self._driving] = (turned * by_feature.view(len(pull), -1, 1, 9)).sum(-1)
+        gradient = by_vertex.new_zeros(len(by_vertex), N_JOINTS, 3)
+        gradient[:, self._driving] = (turned * by_feature.view(len(by_vertex), -1, 1, 9)).sum(-1)
         return gradient
 
     def _blended(self, posed: PosedVertices) -> Float[Tensor, "B K 3 3"]:

@@ -103,14 +103,14 @@ class PairTable:
         return self._variant(self.template, variant) + moved.view(frames, pairs, 3)
 
     def pull_back(
-        self, pull: Float[Tensor, "B P 3"], local: Tensor, left: Tensor, variant: Tensor | None
+        self, by_pair: Float[Tensor, "B P 3"], local: Tensor, left: Tensor, variant: Tensor | None
     ) -> Float[Tensor, "B n 3"]:
-        """Gradient by the driving joints' axis-angle of sum(pull . vectors), through the correctives."""
-        frames, count = len(pull), len(self.driving)
+        """Gradient by the driving joints' axis-angle of sum(by_pair . vectors), through the correctives."""
+        frames, count = len(by_pair), len(self.driving)
         if len(self.template) == 1:
-            by_feature = pull.flatten(1) @ self.correctives[0]
+            by_feature = by_pair.flatten(1) @ self.correctives[0]
         else:
-            by_feature = (pull.flatten(1)[:, None] @ self._variant(self.correctives, variant))[:, 0]
+            by_feature = (by_pair.flatten(1)[:, None] @ self._variant(self.correctives, variant))[:, 0]
         turned = rotations.by_axis_angle(local[:, self.driving], left[:, self.driving])
         return (turned * by_feature.view(frames, count, 1, 9)).sum(-1)
 

@@ -14,7 +14,7 @@ from fitting_core.fit.collision.parts import body_parts, neighbouring_parts
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CollisionFinder:
-    """What is known of a mesh before its vertices move: make it once, then call `find` for every frame."""
+    """What is precomputed for a mesh: create it once, then call `find` for every frame."""
 
     faces: Int[np.ndarray, "F 3"]
     part_pairs: Int[np.ndarray, "R 2"]

@@ -22,7 +22,8 @@ _COARSE_PART = {
         for k in (2, 3)
     },
 }
-"""Joints whose triangles belong to another's part: the face to the head, the toes to the foot, a finger is one part."""
+"""Joints whose triangles belong to another joint's part: the face to the head, the toes to the foot, fingers are one
+part."""
 
 PART_OF_JOINT = np.array([JOINT[_COARSE_PART.get(name, name)] for name in JOINTS])
 """A part's number is the number of its joint nearest the pelvis."""

@@ -223,7 +223,7 @@ def add_row(s, first, row, count, weight, residual):
 
 
 @helper
-def axis_angle_of(c, joint, x, s):
+def joint_axis_angle(c, joint, x, s):
     """The axis-angle of a body joint into `v`, and its derivative by the joint's turn columns into `m`."""
     if len(c.layers):
         logarithm(s.local[joint], s.q, s.v)

@@ -1,4 +1,4 @@
-"""How the kernels are compiled, and where the result is kept."""
+"""How kernels are compiled, and where the result is stored."""
 
 import atexit
 import hashlib
@@ -17,23 +17,23 @@ import platformdirs
 from fitting_core.files.atomic import scratch_folder
 from fitting_core.files.regular import at_home
 
-# NaN and infinity are told apart (no "nnan", "ninf"): costs beyond the camera and failed solves are such numbers.
+# "nnan" and "ninf" stay off: points behind the camera and failed solves are represented by infinity and NaN.
 _OPTIONS: dict[str, Any] = {"fastmath": {"contract", "reassoc", "nsz", "arcp"}, "error_model": "numpy"}
 FOLDER_VARIABLE = "TCFIT_KERNELS"
-"""Names another folder for what was compiled: one that several users share, or that comes with an image."""
+"""Environment variable for the folder of compiled kernels: one shared by several users, or part of an image."""
 _SOURCES = ("compiled", "terms", "fused")
-"""Folders of `fit` whose files hold functions that are compiled."""
+"""Folders of `fit` with compiled functions."""
 _helpers: list[Callable] = []
-"""Those that numba does not know yet. It is imported with the first kernel: that takes 0.7 s, and whoever only looks at
-a term shall not wait for it."""
+"""Kernels not registered with numba yet. It is imported with the first kernel, because that takes 0.7 s, which code
+that only inspects a term should not wait for."""
 
 
 @cache
 def kept_in() -> Path:
-    """Where this version's kernels are kept once they are compiled.
+    """The folder of this version's compiled kernels.
 
-    A folder for each installation, Python, processor and state of the sources: numba itself tells all these
-    apart, but looks at the file of a kernel alone, and not at the helpers that are compiled into it.
+    One for each installation, Python, processor and state of the sources: numba itself distinguishes all these, but
+    checks only a kernel's own file, not the helpers compiled into it.
     """
     import llvmlite.binding
     import numba
@@ -50,7 +50,7 @@ def kept_in() -> Path:
 
 @cache
 def _folder() -> Path:
-    """The same where it can be written, as numba wants it; else a copy that goes with the process."""
+    """That folder if it is writable, as numba requires; otherwise a temporary copy for this process."""
     folder = kept_in()
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -66,15 +66,15 @@ def _folder() -> Path:
 
 
 def helper(function: Callable) -> Any:
-    """A function that kernels call; it is compiled with each of them, and stays a plain one for Python."""
+    """A function called by kernels; it is compiled with each of them, and stays a plain function for Python."""
     _helpers.append(function)
     return function
 
 
 def kernel(function: Callable) -> Any:
-    """A function that Python calls: compiled once and kept, and other threads run meanwhile.
+    """A function called from Python: compiled once and cached, and run without the global interpreter lock.
 
-    It stands behind all helpers that it calls: numba is told of them here.
+    Define it after all helpers it calls: they are registered with numba here.
     """
     import numba
     from numba.extending import register_jitable

@@ -1,9 +1,9 @@
-"""Where numbers stand in what kernels work on.
+"""The layout of what kernels work on.
 
-A solver's number is a column of a frame's state. The kernels work in *turn columns*, where every body joint has three
-numbers: how it turns about its own axes (or, without a latent pose prior, its axis-angle). Turn columns stand in this
-order: root (turns about the axes of camera space), 21 body joints, left hand, right hand, jaw, expression, translation,
-betas. Those behind the body stand `shift` places earlier in the state.
+A solver's variable is a column of a frame's state. The kernels work in *turn columns*, where every body joint has three
+numbers: its rotation about its own axes (or, without a latent pose prior, its axis-angle). The order of turn columns
+is: root (rotation about the axes of camera space), 21 body joints, left hand, right hand, jaw, expression, translation,
+betas. Those after the body are `shift` places earlier in the state.
 """
 
 import numpy as np

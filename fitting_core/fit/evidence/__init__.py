@@ -1,1 +1,1 @@
-"""What speaks for a fit: detections, and what is known besides."""
+"""The evidence for a fit: detections, and what else is known."""

@@ -1,4 +1,4 @@
-"""What another system found, as the start of a fit: its poses on the fitted body, placed where the keypoints are."""
+"""Another system's result as the start of a fit: its poses on the fitted body, placed by the keypoints."""
 
 from dataclasses import dataclass, replace
 
@@ -15,61 +15,61 @@ from fitting_core.camera import Camera
 from fitting_core.fit.evidence.observations import USABLE
 from fitting_core.fit.variables.state import Parametrisation, State
 from fitting_core.frame_runs import runs_where
-from fitting_core.ground.placing import NEAREST, behind, rays_of
+from fitting_core.ground.placing import NEAREST, place_on_rays, rays_of
 from fitting_core.image_border import seen_confidence
 from fitting_core.keypoints import SEEN, Keypoints
 from fitting_core.results.given_start import GivenStart, StartRecord
 
 FOLLOWS = 0.15
-"""Metres: where half of the seen keypoints of a frame are farther off, it shows somebody else, or another time."""
+"""Metres: if half of a frame's visible keypoints are farther off, it shows someone else, or another time."""
 _ROBUST = 0.1
-"""rho of the Geman-McClure function when a pose is placed, metres."""
+"""rho of the Geman-McClure function for placing a pose, metres."""
 _PLACING_STEPS = 6
 _STEADY = 0.24
-"""Seconds over which points that are held move along a parabola. A fit that is held near what trembles would tremble
-with it: 31 in place of 22 mm/frame² with starts of single images, and it would be no nearer to the truth (8 tuning
-windows of the motion suite). Over 0.4 s the errors grow."""
+"""Seconds over which held points are smoothed by a parabola. A fit held near a jittering start would jitter too: 31 in
+place of 22 mm/frame² with starts from single images, and no closer to the truth (8 tuning windows of the motion suite).
+Over 0.4 s the errors grow."""
 _PARABOLA = 2
 """Its degree."""
 
 
-def beside(start: GivenStart, keypoints: Keypoints, camera: Camera) -> GivenStart:
-    """A start beside keypoints as they stand now: where a person has placed some, what is off is off by that.
+def corrected_start(start: GivenStart, keypoints: Keypoints, camera: Camera) -> GivenStart:
+    """Update a start to corrected keypoints: where a person has moved some, the start is off by that much.
 
-    A start that is held must give way to a hand. All other frames stay as they were measured when the fit began.
+    A held start must yield to corrections. All other frames keep the distances measured when the fit started.
 
     Args:
-        start: as it was measured when the fit began.
+        start: as measured when the fit started.
         keypoints: the clip's.
-        camera: which the fit sees them with.
+        camera: the fit's camera.
     """
     edited = np.flatnonzero(keypoints.placed[:, kp.BODY].any(1) & start.there)
     if not len(edited):
         return start
-    found = placed(start.points[edited], keypoints[edited], camera).off
+    found = place_by_keypoints(start.points[edited], keypoints[edited], camera).off
     off = start.off.copy()
     off[edited] = np.where(np.isfinite(found), found, off[edited])
     return replace(start, off=off)
 
 
 def state_of(start: GivenStart, parametrisation: Parametrisation) -> State:
-    """A start's poses in a solver's numbers, as near as its pose prior and its hand space come to them."""
+    """A start's poses in a solver's variables, as closely as its pose prior and hand space can express them."""
     basis = parametrisation.hand_basis.to(start.params.left_hand_pose)
     left, right = start.params.left_hand_pose @ basis[0], start.params.right_hand_pose @ basis[1]
     return parametrisation.from_params(replace(start.params, left_hand_pose=left, right_hand_pose=right))
 
 
 def steadied(start: GivenStart, frame_rate: float) -> GivenStart:
-    """The same start, whose points do not tremble from frame to frame.
+    """The start with its points smoothed over time.
 
-    By parabolas (Savitzky and Golay, 1964), as far as a point is there in all frames of one.
+    By parabolas (Savitzky and Golay, 1964), as far as a point exists in all frames of the window.
 
     Args:
-        start: as it was placed.
+        start: as placed.
         frame_rate: frames per second.
     """
     window, points = 2 * round(_STEADY * frame_rate / 2) + 1, start.points.copy()
-    if window <= _PARABOLA + 1:  # which goes through all of them
+    if window <= _PARABOLA + 1:  # a parabola interpolates so few exactly
         return start
     known = start.there[:, None] & np.isfinite(start.points).all(-1)
     for point in range(known.shape[1]):
@@ -82,40 +82,40 @@ def steadied(start: GivenStart, frame_rate: float) -> GivenStart:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Placed:
-    """Where points seen from the pelvis must stand to be seen where keypoints are."""
+    """Where bodies must be to project onto their keypoints."""
 
     pelvis: Float[np.ndarray, "T 3"]
-    """Camera space, metres; NaN where too few keypoints are seen, or it would lie behind the camera."""
+    """Camera space, metres; NaN where too few keypoints are visible, or it would be behind the camera."""
     off: Float[np.ndarray, "T 25"]
-    """How far they remain off, metres across the line of sight; NaN where nothing is seen."""
+    """Remaining distance of each point from its viewing ray, metres; NaN for missing keypoints."""
 
     @property
     def median_off(self) -> Float[np.ndarray, "T"]:
-        """Of each frame, metres; infinite where it is not known."""
+        """Of each frame, metres; infinite where unknown."""
         known = np.isfinite(self.off).any(1)
         found = np.full(len(self.off), np.inf)
         found[known] = np.nanmedian(self.off[known], axis=1)
         return found
 
 
-def placed(points: Float[np.ndarray, "T 25 3"], keypoints: Keypoints, camera: Camera) -> Placed:
-    """Place bodies in front of a camera by their keypoints; how they stand and bend stays.
+def place_by_keypoints(points: Float[np.ndarray, "T 25 3"], keypoints: Keypoints, camera: Camera) -> Placed:
+    """Place bodies in front of a camera by their keypoints; their poses are unchanged.
 
-    Least squares, weighted anew after each solution by the Geman-McClure function of how far points are off their rays:
-    the gradient of rho^2 r^2 / (rho^2 + r^2) is that of r^2 times (rho^2 / (rho^2 + r^2))^2.
+    Iteratively reweighted least squares for the Geman-McClure function of the distances from the viewing rays: the
+    gradient of rho^2 r^2 / (rho^2 + r^2) is that of r^2 times (rho^2 / (rho^2 + r^2))^2.
 
     Args:
-        points: BODY_25 relative to the pelvis, metres in camera axes; NaN where there is none.
-        keypoints: the detections of these frames.
-        camera: which sees them.
+        points: BODY_25 relative to the pelvis, metres in camera axes; NaN for missing ones.
+        keypoints: of these frames.
+        camera: the camera.
     """
     known = np.asarray(np.isfinite(points).all(-1))
     confidence = seen_confidence(keypoints, camera)[:, kp.BODY]
     counted = np.where(known & (confidence > SEEN), confidence, 0.0)
     from_pelvis, rays = np.where(known[..., None], points, 0.0), rays_of(keypoints.xy[:, kp.BODY], camera)
-    pelvis, off = behind(from_pelvis, rays, counted)
+    pelvis, off = place_on_rays(from_pelvis, rays, counted)  # without robust weights, for the first residuals
     for _ in range(_PLACING_STEPS - 1):
-        pelvis, off = behind(from_pelvis, rays, counted * (_ROBUST**2 / (_ROBUST**2 + off**2)) ** 2)
+        pelvis, off = place_on_rays(from_pelvis, rays, counted * (_ROBUST**2 / (_ROBUST**2 + off**2)) ** 2)
     good = np.asarray(((counted > 0).sum(1) >= USABLE) & (pelvis[:, 2] > NEAREST))[:, None]
     return Placed(pelvis=np.where(good, pelvis, np.nan), off=np.where(good & (counted > 0), off, np.nan))
 
@@ -130,22 +130,22 @@ def given_start(
     about: StartRecord,
     points: Float[np.ndarray, "T 25 3"] | None = None,
 ) -> GivenStart:
-    """A motion as a start: placed by the keypoints, and left out where it does not follow them.
+    """A motion as a start: placed by the keypoints, without frames that do not match them.
 
-    Frames that show too few keypoints to tell are placed between those around them.
+    Frames with too few keypoints are placed by interpolation.
 
     Args:
-        params: T frames of the fitted body in camera space; the translation is found anew.
+        params: T frames of the fitted body in camera space; their translation is replaced.
         there: frames that the motion has.
         keypoints: the clip's detections.
         camera: the clip's.
         body: the fitted body.
-        about: what is to be remembered; frames and distance are filled in.
-        points: BODY_25 relative to the pelvis on the motion's own body, metres; None: as the fitted body has them.
+        about: its record; frames and distance are filled in.
+        points: BODY_25 relative to the pelvis on the motion's own body, metres; None: those of the fitted body.
     """
     params = with_whole_hands(body, params.to(dtype=torch.float64))
     points = from_pelvis(body, params) if points is None else points
-    found = placed(points, keypoints, camera)
+    found = place_by_keypoints(points, keypoints, camera)
     follows = np.asarray(there & (found.median_off < FOLLOWS))
     there = np.asarray(there & (follows | np.isinf(found.median_off)) & follows.any())
     translation, off = params.camera_translation.numpy().copy(), np.zeros_like(found.off)
@@ -170,7 +170,7 @@ def given_start(
 
 
 def _between(values: Float[np.ndarray, "T n"], known: Bool[np.ndarray, "T"]) -> Float[np.ndarray, "T n"]:
-    """Values where they are known, and linear in time between those frames."""
+    """Values where known, linearly interpolated in time between these frames."""
     at = np.flatnonzero(known)
     return np.stack([np.interp(np.arange(len(values)), at, column) for column in values[known].T], 1)
 
@@ -183,5 +183,5 @@ def with_whole_hands(body: BodyModel, params: BodyParams) -> BodyParams:
 
 
 def from_pelvis(body: BodyModel, params: BodyParams) -> Float[np.ndarray, "T 25 3"]:
-    """BODY_25 keypoints of posed bodies relative to the pelvis joint, metres; NaN for those that the body has not."""
+    """BODY_25 keypoints of posed bodies relative to the pelvis joint, metres; NaN for those that the body lacks."""
     return body_keypoints_in_space(body, params) - joints_in_space(body, params)[:, JOINT["pelvis"], None]

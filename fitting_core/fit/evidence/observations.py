@@ -1,4 +1,5 @@
-"""What a fit takes from the detections of a clip: which count and how much, and what else says where the body is."""
+"""The evidence that a fit takes from the detections of a clip: which count and how much, and where else the body is
+known."""
 
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Self
@@ -19,64 +20,64 @@ from fitting_core.keypoints import SEEN, Keypoints
 from fitting_core.lifting.clip_lifting import LiftedClip, lift
 
 UNSURE = 0.25
-"""Metres of standard deviation from which the lifter has no say about a keypoint."""
+"""Standard deviation in metres above which the lifter is ignored for a keypoint."""
 LIFTED_HEIGHT = 1.71
-"""Metres: of the bodies that the lifter has learned from, on average."""
+"""Metres: average height of the bodies in the lifter's training data."""
 FEET = 1.7
-"""By how much more the lifter may be off about ankles and feet that are detected than it says: it was by two deviations
-on balancing people, who move unlike those that it learned from, and took knees along."""
+"""Factor on the lifter's deviation for ankles and feet that are detected: it was off by two deviations on balancing
+people, who move unlike its training data, and pulled the knees along."""
 TOLD = 0.02
-"""Metres of standard deviation of a depth that a person says: as near as a front view next to the picture shows it."""
+"""Standard deviation in metres of a depth set by a person: the precision of a view from the side."""
 USABLE = 4
-"""Body keypoints that a frame must show to say where the person is."""
+"""Minimum number of body keypoints for locating the person in a frame."""
 
 _HIPS = [kp.INDEX["left_hip"], kp.INDEX["right_hip"]]
 _LEGS = [[kp.INDEX[f"{side}_hip"], kp.INDEX[f"{side}_knee"]] for side in ("left", "right")]
 _IS_FOOT = np.array([n.endswith(("ankle", "toe", "heel")) for n in kp.BODY_25])
 _OF_CLIP = {"of the whole clip": True}
-"""Marks a field that the whole clip decides: its parts keep it as it is."""
+"""Marks a field determined by the whole clip: parts of the clip keep it unchanged."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Observations:
-    """What a fit takes from the detections of a clip.
+    """The evidence that a fit takes from the detections of a clip.
 
-    `observations[frames]` is the same for some consecutive frames. Every field has a row for each frame and is sliced,
-    unless it is declared as one that the whole clip decides.
+    `observations[frames]` is the same for consecutive frames. Every field has a row for each frame and is sliced,
+    unless it is declared as determined by the whole clip.
     """
 
     keypoints: Keypoints
-    """The detections, with swapped sides swapped back."""
+    """The detections, with left and right unswapped."""
     swapped: Bool[np.ndarray, "T pairs"]
-    """Whether the sides of a pair of limbs were swapped back; pairs in the order of PAIRED."""
+    """Whether a pair of limbs was unswapped; pairs in the order of PAIRED."""
     xy: Float[Tensor, "T 137 2"]
     """Pixels."""
     confidence: Float[Tensor, "T 137"]
-    """What each detection counts for: how sure its detector is, by its keypoint's weight (`keypoint_noise`)."""
+    """Confidence of each detection times its keypoint's weight (`keypoint_noise`)."""
     side: Float[Tensor, "T 137 2"]
-    """See `cut_off`; 0 everywhere if the configuration takes detections at the border at their word."""
+    """See `cut_off`; 0 everywhere if the configuration treats detections at the border like any other."""
     seen: Bool[Tensor, "T 137"]
-    """Keypoints of which the image says where they are."""
+    """Keypoints located by the image."""
     hips_seen: Bool[Tensor, "T"]
-    """Whether both hips are."""
+    """Whether both hips are seen."""
     leg_seen: Bool[Tensor, "T"]
-    """Whether hip and knee of one side are."""
+    """Whether hip and knee of one side are seen."""
     relative_position: Float[Tensor, "T 137 3"]
-    """Where each keypoint's part of the body lies relative to the pelvis, metres in camera axes, as far as anything but
-    the image says so."""
+    """The body's keypoints relative to the pelvis, metres in camera axes, where evidence other than the image locates
+    them."""
     relative_position_deviation: Float[Tensor, "T 137 3"]
-    """Standard deviation of that, metres; infinite where nothing is known, as the lifter's x and y of what is
-    detected."""
+    """Its standard deviation, metres; infinite where unknown, as for x and y of detected keypoints, for which the
+    lifter does not count."""
     told: Bool[Tensor, "T 137"]
-    """Keypoints whose relative z a person has said; the lifter has no say in it."""
+    """Keypoints whose relative z was set by a person; the lifter does not count there."""
     held_position: Float[Tensor, "T 137 3"]
-    """Where each keypoint's part of the body is held, metres in camera space."""
+    """Held positions of the body's keypoints, metres in camera space."""
     held_position_deviation: Float[Tensor, "T 137"]
-    """Standard deviation of that, metres; infinite where nothing is held."""
+    """Their standard deviation, metres; infinite where nothing is held."""
     turn: Float[Tensor, "T 137 3"]
-    """How joints are turned, as far as a person says it (`Keypoints.turn`); NaN elsewhere."""
+    """Joint rotations set by a person (`Keypoints.turn`); NaN elsewhere."""
     shown: Bool[Tensor, "137"] = field(metadata=_OF_CLIP)
-    """Keypoints that any frame of the clip shows."""
+    """Keypoints detected in any frame of the clip."""
 
     def __post_init__(self) -> None:
         rows = {name: len(value) for name, value in self._by_frame().items()}
@@ -97,9 +98,9 @@ class Observations:
         Args:
             keypoints: the detections.
             camera: of the clip; its image has a border.
-            config: whether swapped sides are swapped back, whether the image's border tells less, and whose noise the
-                keypoints have.
-            detector: who found them, `Clip.detector`.
+            config: whether left and right are unswapped, whether detections at the image border count one-sidedly, and
+                the keypoints' noise.
+            detector: the detector, `Clip.detector`.
             dtype: of the tensors.
             device: of the tensors.
         """
@@ -136,12 +137,12 @@ class Observations:
         )
 
     def lifted(self, camera: Camera, frame_rate: float, *, size: float = 1.0) -> "Observations":
-        """The same with what the lifter says of body keypoints, as far as no person says it.
+        """With the lifter's estimates of body keypoints, except where a person set them.
 
         Args:
             camera: of the clip.
             frame_rate: frames per second.
-            size: of the person to those of LIFTED_HEIGHT, as whom the lifter takes everybody.
+            size: the person's size relative to LIFTED_HEIGHT, which the lifter assumes for everyone.
         """
         lifted = lifted_keypoints(self.keypoints, camera, frame_rate)
         undetected = self.keypoints.confidence[:, kp.BODY] == 0
@@ -156,14 +157,15 @@ class Observations:
         return replace(self, relative_position=position, relative_position_deviation=deviations)
 
     def near(self, points: Float[np.ndarray, "T 25 3"], deviation: Float[np.ndarray, "T 25"]) -> "Observations":
-        """The same with what a given start says of body keypoints, as far as no person says it.
+        """With a given start's positions of body keypoints, except where a person set them.
 
-        Unlike the lifter it does not come from the detections: x and y count too. Where both say something it is their
-        mean by variance; where they disagree, it is as uncertain as that says (R. T. Birge, Phys. Rev. 40, 1932).
+        Unlike the lifter's, these are independent of the detections: x and y count too. Where both exist they are
+        averaged by inverse variance; where they disagree, the uncertainty is increased accordingly (R. T. Birge, Phys.
+        Rev. 40, 1932).
 
         Args:
             points: relative to the pelvis, metres in camera axes.
-            deviation: standard deviation of these along each axis, metres; infinite where nothing is known.
+            deviation: standard deviation along each axis, metres; infinite where unknown.
         """
         own = torch.as_tensor(deviation).to(self.xy)[..., None].repeat(1, 1, 3)
         own[..., 2].masked_fill_(self.told[:, kp.BODY], torch.inf)
@@ -179,7 +181,7 @@ class Observations:
         return replace(self, relative_position=position, relative_position_deviation=deviations)
 
     def held(self, stances: Stances) -> "Observations":
-        """The same with feet held where they stand."""
+        """With standing feet held in place."""
         position, deviation = (torch.as_tensor(a).to(self.xy) for a in (stances.position, stances.deviation))
         return replace(self, held_position=position, held_position_deviation=deviation)
 
@@ -195,27 +197,27 @@ class Observations:
 
     @property
     def swaps(self) -> dict[str, Int[np.ndarray, "n"]]:
-        """Frames in which the sides of a pair of limbs were swapped back, by the pair's name, where there are any."""
+        """Frames in which a pair of limbs was unswapped, by the pair's name; only pairs with such frames."""
         frames = {name: np.flatnonzero(self.swapped[:, pair]) for pair, name in enumerate(PAIRED)}
         return {name: where for name, where in frames.items() if len(where)}
 
     @property
     def usable(self) -> Bool[Tensor, "T"]:
-        """Frames with enough confident keypoints to say where the person is."""
+        """Frames with enough confident keypoints to locate the person."""
         return self.seen[:, kp.BODY].sum(1) >= USABLE
 
 
 def _weights(keypoints: Keypoints, config: FitConfig, detector: str) -> Float[Tensor, "T 137"]:
-    """Of detections, for the noise of their detector; what a person has placed has none of it."""
+    """Weights for the detector's noise; keypoints placed by a person have none."""
     weights = keypoint_weights(config.keypoint_noise, detector)
     return torch.as_tensor(np.where(keypoints.placed, 1.0, weights))
 
 
 def lifted_keypoints(keypoints: Keypoints, camera: Camera, frame_rate: float) -> LiftedClip:
-    """What the lifter says.
+    """The lifter's estimates.
 
     Args:
-        keypoints: of a clip, with swapped sides swapped back.
+        keypoints: of a clip, unswapped.
         camera: of the clip.
         frame_rate: frames per second.
     """
@@ -224,8 +226,8 @@ def lifted_keypoints(keypoints: Keypoints, camera: Camera, frame_rate: float) ->
 
 
 def as_tensor(a: np.ndarray, *, dtype: torch.dtype, device: torch.device) -> Tensor:
-    """The array in a fit's type and on its device."""
+    """The array as a tensor of a fit's type and on its device."""
     a = np.asarray(a)
-    # torch warns of arrays that cannot be written, as those of a project are.
+    # torch warns about read-only arrays, such as those of a project.
     a = a if a.flags.writeable else a.copy()
     return torch.as_tensor(a, dtype=dtype, device=device)

@@ -1,8 +1,8 @@
-"""Left and right limbs that a detector took for each other in some frames, told from how they hang on the trunk.
+"""Left and right limbs swapped by a detector in some frames, detected from how they attach to the trunk.
 
-A limb is judged by its way relative to where it hangs (an arm at its shoulder, a leg at its hip), so that the limbs of
-a person who turns are expected to change places when the trunk's sides do. Nothing is said about the trunk itself:
-where a detector takes a whole person's left for the right, limbs and trunk agree and stay.
+A limb is judged by its motion relative to its root (an arm's shoulder, a leg's hip), so that the limbs of a person who
+turns are expected to exchange places when the trunk's sides do. The trunk itself is not judged: where a detector swaps
+a whole person's left and right, limbs and trunk agree and stay.
 """
 
 from collections.abc import Collection, Sequence
@@ -26,7 +26,8 @@ PAIRED = {
         ([], []),
     ),
 }
-"""Left and right keypoints of a pair of limbs, the first two of which tell whether it is swapped; what goes along."""
+"""Left and right keypoints of a pair of limbs, the first two of which decide whether it is swapped; the rest
+follows."""
 
 
 def _both(part: str) -> list[int]:
@@ -34,44 +35,44 @@ def _both(part: str) -> list[int]:
 
 
 _TRUNK = {"arms": ("shoulder", "hip"), "legs": ("hip", "shoulder")}
-"""Where limbs hang, and what tells the trunk's sides where that is not seen."""
+"""The limbs' roots, and substitutes for the trunk's sides where the roots are not visible."""
 _HEAD = ("ear", "eye")
 _CLEAR = 0.5
-"""Share of a pair's usual distance from which its order in the image is clear: it looks within 60 degrees at the camera
-or away from it. A spine does not twist so far that two pairs of the trunk are clear and of different order."""
+"""Fraction of a pair's usual distance above which its order in the image is clear: it faces within 60 degrees towards
+or away from the camera. A spine cannot twist so far that two pairs of the trunk are clear and in different order."""
 _PRICE = 0.7
-"""What a change of sides must save: this share of the distance of the two sides, summed over the telling keypoints. A
-swap in a still body saves 2."""
+"""Minimum saving of a swap: this fraction of the distance between the two sides, summed over the deciding keypoints. A
+swap in a motionless body saves 2."""
 _FLOOR = 0.05
-"""And this share of the trunk's length: where limbs lie on each other noise would pay for a change. While margins were
-being set, 0.1 found 3 % fewer of the swaps in hard detections."""
+"""And this fraction of the trunk's length: otherwise noise would favour swaps where limbs overlap. During tuning, 0.1
+found 3 % fewer of the swaps in hard detections."""
 _UNREST = 0.5
-"""And this part of how far the limbs move between frames at that time: at few frames a second they leap anyway."""
+"""And this fraction of the limbs' motion between frames at that time: at low frame rates they jump anyway."""
 _AROUND = 4
-"""Steps before and after that tell it."""
+"""Steps before and after used for that."""
 _AT_ENDS = 0.5
-"""Part of the price of a change for a swap that lasts to an end of the clip. Without it, 7 of 1000 frames were
-exchanged wrongly beside swaps in hard detections, with it 4."""
+"""Fraction of the price for a swap that lasts to an end of the clip. Without it, 7 of 1000 frames were exchanged
+wrongly around swaps in hard detections, with it 4."""
 _DEPTH_OF_DOUBT = 1.0
-"""Trunk lengths that a whole confidence counts as way: a limb that the body hides stays the doubtful one."""
+"""Trunk lengths of motion per unit of confidence: a limb hidden by the body stays the uncertain one."""
 _STRETCH = 1.15
-"""Against the longest that an upper bone usually is in the image."""
+"""Relative to the usual maximum length of an upper bone in the image."""
 _ORDER = 0.1
-"""Pixels charged for a pixel by which limbs in the trunk's order would lose it. Without it, where a slow turn's motion
-drowns in noise, 20 of 1000 frames were exchanged wrongly in hard detections."""
+"""Pixels charged per pixel by which limbs in the trunk's order would lose it. Without it, 20 of 1000 frames were
+exchanged wrongly in hard detections, where a slow turn's motion is below the noise."""
 
 
 def unswapped(keypoints: Keypoints) -> tuple[Keypoints, dict[str, Int[np.ndarray, "n"]]]:
-    """The keypoints with left and right limbs swapped back where a detector swapped them for some frames.
+    """Unswap left and right limbs where a detector swapped them for some frames.
 
-    A swap makes both limbs jump across the body and back, and stretches the bones that hang at the trunk. For each pair
-    of limbs, dynamic programming finds the sequence of "as detected" and "swapped" that moves and stretches least; a
-    change must save clearly. "As detected" is what holds for most frames.
-    Frames where a person placed elbows and wrists (or knees and ankles) of both sides stay as they are. A single one
-    that was placed goes with the others: it was nudged where it is, and not called left.
+    A swap makes both limbs jump across the body and back, and stretches the bones attached to the trunk. For each pair
+    of limbs, dynamic programming finds the sequence of "as detected" and "swapped" with the least motion and
+    stretching; a change must save clearly. "As detected" is what holds for most frames. Frames in which a person placed
+    elbows and wrists (or knees and ankles) of both sides are unchanged. A single placed keypoint follows the others: it
+    was nudged in place, not assigned a side.
 
     Returns:
-        The corrected keypoints, and the frames that were swapped back, by pair.
+        The corrected keypoints, and the frames that were unswapped, by pair.
     """
     xy, confidence, placed = keypoints.xy.copy(), keypoints.confidence.copy(), keypoints.placed.copy()
     depth = keypoints.told_depth.copy()
@@ -90,7 +91,7 @@ def unswapped(keypoints: Keypoints) -> tuple[Keypoints, dict[str, Int[np.ndarray
 
 
 def other_side(keypoint: int, pairs: Collection[str]) -> int:
-    """The body keypoint whose place a body keypoint takes where these pairs of limbs are swapped back; else itself."""
+    """The body keypoint that replaces a body keypoint where these pairs of limbs are unswapped; otherwise itself."""
     for name, (left, right, _) in PAIRED.items():
         for one, other in ((left, right), (right, left)):
             if name in pairs and keypoint in one:
@@ -105,7 +106,7 @@ def _exchange(arrays: Sequence[np.ndarray], frames: Int[np.ndarray, "n"], one: l
 
 
 def _go_along(keypoints: Keypoints) -> Bool[np.ndarray, "T"]:
-    """Whether hands change sides with their arms: not where they are seen at the other arm's wrist."""
+    """Whether hands change sides with their arms: not where they are detected at the other arm's wrist."""
     wrists, hands = _both("wrist"), [hand[0] for hand in _HAND]
     xy, seen = keypoints.xy, (keypoints.confidence[:, wrists + hands] > SEEN).all(1)
     straight, crossed = (np.linalg.norm(xy[:, wrists] - xy[:, h], axis=-1).sum(1) for h in (hands, hands[::-1]))
@@ -114,23 +115,23 @@ def _go_along(keypoints: Keypoints) -> Bool[np.ndarray, "T"]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Limbs:
-    """A pair of limbs and the trunk that it hangs on, in the frames that tell something about it."""
+    """A pair of limbs and its trunk, in the frames with evidence."""
 
     total: int
-    """Frames of the clip."""
+    """Number of frames of the clip."""
     frames: Int[np.ndarray, "F"]
-    """Numbers of those that tell something."""
+    """The frames with evidence."""
     points: Float[np.ndarray, "F 2 n 3"]
-    """Telling keypoints (first the one nearest to the trunk) of left and right: pixels, and the confidence as a third
-    direction."""
+    """Deciding keypoints (first the one nearest the trunk) of left and right: pixels, and the confidence as a third
+    coordinate."""
     weight: Float[np.ndarray, "F n"]
-    """The lower confidence of a keypoint's two sides; 0 where one is not known."""
+    """The lower confidence of a keypoint's two sides; 0 where one is unknown."""
     roots: Float[np.ndarray, "F r 2 3"]
-    """Left and right points of the trunk, pixels and 0; first those that the limbs hang on."""
+    """Left and right points of the trunk, pixels and 0; first the limbs' roots."""
     rooted: Bool[np.ndarray, "F r"]
-    """Whether these are seen, and their sides believed."""
+    """Whether these are seen, and their sides trusted."""
     trunk: float
-    """Its usual length, pixels."""
+    """The trunk's usual length, pixels."""
 
 
 def _limbs(keypoints: Keypoints, name: str, settled: Bool[np.ndarray, "T"]) -> _Limbs:
@@ -154,7 +155,7 @@ def _limbs(keypoints: Keypoints, name: str, settled: Bool[np.ndarray, "T"]) -> _
 
 
 def _trunk(keypoints: Keypoints) -> float:
-    """Pixels from neck to hips, as long as they usually are where these are seen; 0 if they never are."""
+    """Pixels from neck to hips, the usual value where these are seen; 0 if they never are."""
     ends = [INDEX["neck"], INDEX["mid_hip"]]
     seen = (keypoints.confidence[:, ends] > SEEN).all(1)
     length = np.linalg.norm(keypoints.xy[seen, ends[0]] - keypoints.xy[seen, ends[1]], axis=1)
@@ -162,9 +163,9 @@ def _trunk(keypoints: Keypoints) -> float:
 
 
 def _believed(keypoints: Keypoints) -> dict[str, Bool[np.ndarray, "T"]]:
-    """In which frames the sides of shoulders and hips are seen, and neither the other nor the face contradicts.
+    """In which frames the sides of shoulders and hips are seen, and not contradicted by each other or by the face.
 
-    Where shoulders and hips contradict each other, the one that the head agrees with is believed.
+    Where shoulders and hips contradict each other, the pair consistent with the head is trusted.
     """
     seen, order = {}, {}
     for part in ("shoulder", "hip", *_HEAD):
@@ -180,7 +181,7 @@ def _believed(keypoints: Keypoints) -> dict[str, Bool[np.ndarray, "T"]]:
 def _swapped_frames(limbs: _Limbs) -> Int[np.ndarray, "m"]:
     """Frames to swap: the cheapest path through two states, the more frequent one being "as detected".
 
-    Frames that tell nothing go with their neighbours where these agree.
+    Frames without evidence follow their neighbours where these agree.
     """
     if len(limbs.frames) < 3:
         return limbs.frames[:0]
@@ -193,9 +194,9 @@ def _swapped_frames(limbs: _Limbs) -> Int[np.ndarray, "m"]:
 
 
 def _changes(limbs: _Limbs) -> tuple[Float[np.ndarray, "F-1 2"], Float[np.ndarray, "F-1"]]:
-    """How much way it saves to change to "swapped" and back between frames, and how much it must save; pixels.
+    """How much motion a change to "swapped" and back between frames saves, and how much it must save; pixels.
 
-    A change must save by itself and relative to the trunk: where only the trunk's sides jump, limbs stay.
+    A change must save both absolutely and relative to the trunk: where only the trunk's sides jump, limbs stay.
     """
     weight = np.minimum(limbs.weight[1:], limbs.weight[:-1])
     middle = np.repeat(limbs.roots.mean(2, keepdims=True), 2, axis=2)
@@ -214,7 +215,7 @@ def _changes(limbs: _Limbs) -> tuple[Float[np.ndarray, "F-1 2"], Float[np.ndarra
 def _movement(
     limbs: _Limbs, roots: Float[np.ndarray, "F 2 3"], weight: Float[np.ndarray, "F-1 n"]
 ) -> Float[np.ndarray, "F-1 2 2"]:
-    """How far both limbs move relative to some points, from each state to each, summed over the telling keypoints."""
+    """Motion of both limbs relative to some points, from each state to each, summed over the deciding keypoints."""
     states = np.stack([limbs.points, limbs.points[:, ::-1]], 1) - roots[:, None, :, None]
     way = np.linalg.norm(states[1:, None] - states[:-1, :, None], axis=-1).sum(3)
     return (way * weight[:, None, None]).sum(-1)
@@ -227,8 +228,8 @@ def _around(way: Float[np.ndarray, "S"]) -> Float[np.ndarray, "S"]:
 
 
 def _unnatural(limbs: _Limbs) -> Float[np.ndarray, "F"]:
-    """What speaks against limbs that are swapped in a frame, pixels: upper bones longer than they usually are, against
-    those as detected, and elbows or knees that are in the trunk's order as detected."""
+    """Evidence against limbs being swapped in a frame, pixels: excess length of upper bones compared with the limbs as
+    detected, and elbows or knees that are in the trunk's order as detected."""
     points, roots = limbs.points[:, :, 0, :2], limbs.roots[:, 0, :, :2]
     known = limbs.rooted[:, 0] & (limbs.weight[:, 0] > 0)
     if not known.any():

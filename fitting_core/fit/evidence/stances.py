@@ -1,4 +1,4 @@
-"""Where feet that stand are held: from a fit without that, the middle of where they were."""
+"""Where standing feet are held: at the median of their positions in a fit without holding."""
 
 from dataclasses import dataclass
 
@@ -11,12 +11,12 @@ from fitting_core.ground.contacts import FOOT_POINTS, Contacts
 from fitting_core.keypoints import COUNT
 
 ACCURACY = 0.01
-"""Metres (standard deviation): a standing foot moves so much."""
+"""Standard deviation in metres of a standing foot's motion."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stances:
-    """Keypoints that are held in still space (see `CameraPath`), as the camera has that in each frame."""
+    """Keypoints held in still space (see `CameraPath`), relative to the camera of each frame."""
 
     position: Float[np.ndarray, "T 137 3"]
     """Metres."""
@@ -25,10 +25,10 @@ class Stances:
 
 
 def stances(contacts: Contacts, feet: Float[np.ndarray, "T 2 4 3"], camera: Camera) -> Stances:
-    """Of every contact of a foot.
+    """For every contact of a foot.
 
-    They are not brought onto one floor: the fit of one that tilts, which a clip shows to 7 degrees in the median, takes
-    feet away along the line of sight, and legs with them.
+    They are not moved onto a common floor: the fit of a tilted floor, which a clip determines to a median of 7 degrees,
+    moves feet along the viewing ray, and legs with them.
 
     Args:
         contacts: Of the clip.

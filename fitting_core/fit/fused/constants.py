@@ -1,6 +1,6 @@
-"""What kernels look at and never change: of the body, the camera, and whatever terms declare (`terms.entry.Kernel`).
+"""What kernels read but never change: of the body, the camera, and whatever terms declare (`terms.entry.Kernel`).
 
-Arrays of records, and not an array for each field: the compiler takes a third of the time.
+Arrays of records instead of an array per field: this compiles in a third of the time.
 """
 
 from typing import Literal, NamedTuple
@@ -21,11 +21,11 @@ from fitting_core.fit.terms.table import TERMS
 from fitting_core.fit.terms.term import Term
 
 KERNELS: dict[type[Term], Kernel] = {entry.kind: entry.kernel for entry in TERMS.values() if entry.kernel is not None}
-"""By kind of term: a kind is known by itself alone, as what is derived from it may differ."""
+"""By kind of term; exact types only, because a derived kind may differ."""
 
 
 def _declared(record: Literal["clip", "frame", "point", "keypoint"]) -> list[tuple]:
-    """The fields that terms have in a record."""
+    """The fields that terms declare in a record."""
     return [field for kernel in KERNELS.values() for field in getattr(kernel, record)]
 
 
@@ -53,7 +53,7 @@ CLIP = np.dtype(
         *_declared("clip"),
     ]
 )
-"""All that has one size whatever the clip."""
+"""Everything whose size does not depend on the clip."""
 
 LAYER = np.dtype([("inputs", INTEGER), ("outputs", INTEGER), ("activation", INTEGER), ("below", NUMBER)])
 """Of the pose prior's decoder; `below` is the slope of a leaky ReLU below zero."""
@@ -75,7 +75,7 @@ POINT = np.dtype(
 )
 
 ENTRY = np.dtype([("joint", INTEGER), ("first_arm", INTEGER), ("last_arm", INTEGER)])
-"""A free joint whose turn moves a point, and the pairs of the point that turn with it: places in `arms`."""
+"""A free joint whose rotation moves a point, and the point's pairs that rotate with it: indices into `arms`."""
 
 GROUP = np.dtype(
     [
@@ -86,18 +86,18 @@ GROUP = np.dtype(
         ("place", INTEGER, MOST_COLUMNS),
     ]
 )
-"""Points (places in `order`) that share the columns on which they depend, those of a limb: these turn columns, and the
-place of each turn column among them."""
+"""Points (indices into `order`) that depend on the same columns, those of a limb: these turn columns, and the index of
+each turn column among them."""
 
 KEYPOINT = np.dtype(_declared("keypoint"))
-"""What terms know of a point in a frame."""
+"""A term's data for a point in a frame."""
 
 FRAME = np.dtype([("variant", INTEGER), *_declared("frame")])
-"""Which variant of the second table of pairs a frame has, and what terms know of it besides its keypoints."""
+"""A frame's variant of the second table of pairs, and the terms' data besides its keypoints."""
 
 
 class Pairs(NamedTuple):
-    """A table of `body.points.pairs`, of which the first axis counts variants."""
+    """A table of `body.points.pairs`; the first axis is variants."""
 
     pair: np.ndarray
     """PAIR, (K, P)."""

@@ -1,7 +1,7 @@
-"""What Python calls: whole descents of single frames, and normal equations.
+"""The functions called from Python: whole descents of single frames, and normal equations.
 
-The Levenberg-Marquardt here is that of `least_squares` once more, because compiled code can call nothing outside, and
-a step that went back to Python would cost more than all the rest of it.
+This repeats the Levenberg-Marquardt of `least_squares`, because compiled code cannot call Python, and returning to
+Python for each step would cost more than the rest of it.
 """
 
 import math
@@ -16,7 +16,7 @@ CONVERGED, ITERATIONS, STALLED, FAILED = range(4)
 _START, _SMALLEST, _LARGEST, _GROWTH = 1e-3, 1e-7, 1e8, 2.0
 _FLOOR = 1e-9
 _EPSILON = 2.0**-52
-"""As in `least_squares`: a descent takes the same steps here and there."""
+"""As in `least_squares`: a descent takes the same steps in both."""
 
 
 @helper
@@ -69,7 +69,7 @@ def _damping_diagonal(s, size, damping):
 
 @helper
 def _try_step(c, orient, x, extra, s, trial):
-    """Puts the state after a step into `trial_orient` and `trial`; what the step promises."""
+    """Write the state after a step to `trial_orient` and `trial`; return the predicted decrease."""
     predicted = 0.0
     trial[:] = x
     for k in range(c.clip.free):
@@ -87,9 +87,9 @@ def descend(
 ):
     """Levenberg-Marquardt of each frame, in place; the rule is that of `least_squares.Descent`.
 
-    With 0 iterations only the costs are filled in, and gradients and matrices where there is room for them; where there
-    is room for joints, these alone. One kernel for all of it, in which cost and derivatives stand once: compiling them
-    is what takes long.
+    With 0 iterations only the costs are computed, and gradients and matrices if their arrays are not empty; if the
+    array of joints is not empty, only those. One kernel for everything, so that cost and derivatives are compiled only
+    once: that is what takes long.
     """
     s, size = scratch.frame, c.clip.free
     for i in range(len(joints)):

@@ -38,7 +38,7 @@ def _nothing_added(c, frame, x, s):
 
 
 def _and_cost(first, second):
-    """The costs of two kernels in one; numba unrolls no loop over functions."""
+    """The sum of two kernels' costs; numba does not unroll loops over functions."""
 
     @helper
     def both(c, frame, orient, x, s, derivatives):
@@ -62,9 +62,9 @@ _add_columns = reduce(_and_columns, [k.add_columns for k in KERNELS.values() if 
 
 @helper
 def cost_of(c, frame, orient, x, scratch, everything):
-    """Cost of a state (root's rotation, numbers); infinite where a point lies behind the camera.
+    """Cost of a state (root's rotation, variables); infinite where a point is behind the camera.
 
-    `everything`: more than what is free may differ from the state before.
+    `everything`: more than the free variables may differ from the previous state.
     """
     s = scratch.frame
     turn_joints(c, orient, x, s, everything)
@@ -78,8 +78,8 @@ def cost_of(c, frame, orient, x, scratch, everything):
 
 @helper
 def _points_cost(c, frame, x, scratch):
-    """Of the keypoints, in the image and in space; infinite where a point lies behind the camera. Leaves the errors in
-    `scratch.error`."""
+    """Cost of the keypoints, in the image and in space; infinite where a point is behind the camera. Leaves the errors
+    in `scratch.error`."""
     cost, clip, pelvis = 0.0, c.clip, scratch.frame.v
     for d in range(3):  # the root turns about the pelvis: only the translation moves it
         pelvis[d] = x[clip.translation - clip.shift + d] + clip.pelvis[d]
@@ -121,16 +121,16 @@ def derive(c, frame, orient, x, scratch):
 
 @helper
 def _add_limb(c, frame, group, scratch):
-    """The keypoints of one limb: their rows side by side, a column each in `scratch.rows`, and the product of these.
+    """Add the keypoints of one limb: their rows as columns of `scratch.rows`, and the product of these.
 
-    A point has up to eight: x and y in the image, and three coordinates each relative to the pelvis and where it is
-    held. Those in the image and where it is held move with the translation; relative to the pelvis they do not.
+    A point has up to eight: x and y in the image, and three coordinates each relative to the pelvis and to its held
+    position. Those in the image and of the held position move with the translation; relative to the pelvis they do not.
     """
     s, count = scratch.frame, 0
     for o in range(group.first, group.last):
         i = c.order[o]
         keypoint, error = c.keypoints[frame, i], scratch.error[i]
-        # Across the line of sight there is a place of what is not detected, and of all that a given start knows.
+        # x and y are known for keypoints that are not detected, and for all keypoints of a given start.
         across, along = keypoint.relative_weight[0] > 0.0, keypoint.relative_weight[2] > 0.0
         if keypoint.held_weight[0] > 0.0:
             for d in range(3):
@@ -144,7 +144,7 @@ def _add_limb(c, frame, group, scratch):
             continue
         set_data_rows(c, frame, i, scratch)
         rows = 2
-        if along and not across:  # with the two of the image: half of the work of its own
+        if along and not across:  # together with the two of the image, for half the work
             set_position_row(keypoint.relative_weight[2], keypoint.relative_rho[2], error[4], 2, s)
             rows = 3
         count = _add_rows(c, c.points[i], group, rows, 2, count, scratch)
@@ -161,7 +161,8 @@ def _add_limb(c, frame, group, scratch):
 
 @helper
 def _add_rows(c, point, group, rows, moving, count, scratch):
-    """Rows of a keypoint: into the gradient, and to the `count` that wait to be multiplied. Returns how many wait."""
+    """Add a keypoint's rows to the gradient, and append them to the `count` rows waiting for the product; returns the
+    new count."""
     s = scratch.frame
     _set_rows(c, point, group, rows, moving, scratch)
     for r in range(rows):
@@ -173,8 +174,11 @@ def _add_rows(c, point, group, rows, moving, count, scratch):
 
 @helper
 def _set_rows(c, point, group, rows, moving, scratch):
-    """Two or three rows of a keypoint in its group's columns, in `three`: the chain rule, `by_point` times the point's
-    own derivatives. Only the first `moving` ones move with the translation."""
+    """Two or three rows of a keypoint in its group's columns, in `three`.
+
+    The chain rule: with g = d residual / d point (a row of `by_point`, camera space), a row is g . d point / d column.
+    Only the first `moving` rows depend on the translation.
+    """
     s, clip = scratch.frame, c.clip
     for p in range(point.first_pair, point.last_pair):  # by_point^T residual, for the pose correctives
         for d in range(3):
@@ -194,19 +198,19 @@ def _set_rows(c, point, group, rows, moving, scratch):
         else:
             at = group.place[clip.jaw if entry.joint == JAW_JOINT else 3 * entry.joint]
         for k in range(rows):
-            # A turn d moves the point by d x arm, so the row by d is (arm x by_point[k])^T; `axes` are those of the
-            # joint's columns in camera space.
-            l0, l1, l2 = s.by_point[k, 0], s.by_point[k, 1], s.by_point[k, 2]
-            c0, c1, c2 = s.v[1] * l2 - s.v[2] * l1, s.v[2] * l0 - s.v[0] * l2, s.v[0] * l1 - s.v[1] * l0
-            q0 = c0 * axes[0, 0] + c1 * axes[1, 0] + c2 * axes[2, 0]
-            q1 = c0 * axes[0, 1] + c1 * axes[1, 1] + c2 * axes[2, 1]
-            q2 = c0 * axes[0, 2] + c1 * axes[1, 2] + c2 * axes[2, 2]
+            # A small rotation w of the joint (camera axes) moves the point by w x arm, and the residual by
+            # g . (w x arm) = (arm x g) . w. With w = axes t, t the joint's turn columns, the row is (arm x g)^T axes.
+            g0, g1, g2 = s.by_point[k, 0], s.by_point[k, 1], s.by_point[k, 2]
+            by_w0, by_w1, by_w2 = s.v[1] * g2 - s.v[2] * g1, s.v[2] * g0 - s.v[0] * g2, s.v[0] * g1 - s.v[1] * g0
+            by_t0 = by_w0 * axes[0, 0] + by_w1 * axes[1, 0] + by_w2 * axes[2, 0]
+            by_t1 = by_w0 * axes[0, 1] + by_w1 * axes[1, 1] + by_w2 * axes[2, 1]
+            by_t2 = by_w0 * axes[0, 2] + by_w1 * axes[1, 2] + by_w2 * axes[2, 2]
             if finger >= 0:  # a finger's axis-angle is linear in its hand's numbers
                 b = clip.hand_basis
                 row = s.three[k, at : at + clip.hand]
-                _add_three(row, q0, q1, q2, b[3 * finger], b[3 * finger + 1], b[3 * finger + 2])
+                _add_three(row, by_t0, by_t1, by_t2, b[3 * finger], b[3 * finger + 1], b[3 * finger + 2])
             else:
-                s.three[k, at], s.three[k, at + 1], s.three[k, at + 2] = q0, q1, q2
+                s.three[k, at], s.three[k, at + 1], s.three[k, at + 2] = by_t0, by_t1, by_t2
     translation = group.place[clip.translation]
     for k in range(moving):
         for d in range(3):
@@ -219,17 +223,17 @@ def _set_rows(c, point, group, rows, moving, scratch):
 
 @helper
 def _add_three(row, w0, w1, w2, l0, l1, l2):
-    """Adds the weighted sum of three lines."""
+    """Add the weighted sum of three lines."""
     for k in range(len(row)):
         row[k] += w0 * l0[k] + w1 * l1[k] + w2 * l2[k]
 
 
 @helper
 def _lever_arm(c, joint, entry, scratch):
-    """The arm about which a joint turns a point, in camera axes, into `v`.
+    """The lever arm of a point about a joint, in camera axes, into `v`.
 
-    It is the sum of weight x (the bone's place of the point - the joint's place) over the pairs (point, bone) that turn
-    with the joint, see `body.points`.
+    It is the sum of weight x (the point's position on the bone - the joint's position) over the pairs (point, bone)
+    that rotate with the joint, see `body.points`.
     """
     s, turning = scratch.frame, entry.joint
     if joint >= 0:
@@ -249,26 +253,26 @@ def _lever_arm(c, joint, entry, scratch):
 
 @helper
 def _add_coefficients(point, low, at, rows, scratch):
-    """The columns of betas or expression."""
+    """The columns of betas or expression: g . d point / d coefficient, summed over the point's pairs."""
     s, last = scratch.frame, low + 10
     for k in range(rows):
-        row, l0, l1, l2 = s.three[k, at : at + 10], s.by_point[k, 0], s.by_point[k, 1], s.by_point[k, 2]
+        row, g0, g1, g2 = s.three[k, at : at + 10], s.by_point[k, 0], s.by_point[k, 1], s.by_point[k, 2]
         if point.joint >= 0:
             m = s.joint_motion[point.joint]
-            _add_three(row, l0, l1, l2, m[0, low:last], m[1, low:last], m[2, low:last])
+            _add_three(row, g0, g1, g2, m[0, low:last], m[1, low:last], m[2, low:last])
         for p in range(point.first_pair, point.last_pair):
             m = scratch.pair_motion[p]
-            _add_three(row, l0, l1, l2, m[0, low:last], m[1, low:last], m[2, low:last])
+            _add_three(row, g0, g1, g2, m[0, low:last], m[1, low:last], m[2, low:last])
 
 
 @helper
 def _to_state_columns(c, s):
-    """From turn columns to those of the state (lower triangle): the body's go through the pose prior.
+    """From turn columns to state columns (lower triangle): the body's go through the pose prior.
 
-    With D = d turns / d latent the gradient of the body becomes D^T g, its own block D^T M D, and the blocks that it
-    shares with others M D or D^T M; all else moves to its place in the state.
+    With D = d turns / d latent the body's gradient g becomes D^T g, its own block M becomes D^T M D, and its
+    off-diagonal blocks M D or D^T M; everything else moves to its place in the state.
     """
-    clip, size, count = c.clip, c.clip.latent, 3 * N_BODY + 1  # the last one 0 in `by_latent`, see LANES
+    clip, size, count = c.clip, c.clip.latent, 3 * N_BODY + 1  # padded with a 0 in `by_latent`, see LANES
     for a in range(clip.width):
         if BODY <= a < HANDS and len(c.layers):
             continue
@@ -282,7 +286,7 @@ def _to_state_columns(c, s):
         return
     turns_by_latent(c, s)
     latent_gradient(c, s.gradient[BODY:HANDS], s, s.state_gradient[BODY : BODY + size])
-    for a in range(clip.width):  # by_body = M's columns of the body, in all rows: the lower triangle, mirrored
+    for a in range(clip.width):  # by_body = the body's columns of M in all rows, mirrored from the lower triangle
         line, own = s.matrix[a], s.by_body[a]
         for n in range(min(max(a + 1 - BODY, 0), 3 * N_BODY)):
             own[n] = line[BODY + n]

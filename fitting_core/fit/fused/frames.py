@@ -1,4 +1,4 @@
-"""The kernels behind tensors: costs, normal equations and descents of frames, on several threads."""
+"""The kernels as operations on tensors: costs, normal equations and descents of frames, in several threads."""
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
@@ -16,22 +16,22 @@ from fitting_core.fit.fused import descent, known
 from fitting_core.fit.fused.scratch import Scratch, scratch_for
 from fitting_core.fit.terms.data import Data
 from fitting_core.fit.terms.term import Term
-from fitting_core.fit.variables.estimate import View
+from fitting_core.fit.variables.estimate import SolverView
 from fitting_core.fit.variables.state import Free, State
 from fitting_core.least_squares import Ending
 
 _PIECE = 8
-"""Frames that a thread takes at a time: some tens of milliseconds of a descent."""
+"""Frames per thread at a time: some tens of milliseconds of a descent."""
 ENDINGS: tuple[Ending, ...] = ("converged", "iterations", "stalled", "failed")
-"""By the numbers of `descent`."""
+"""By the codes of `descent`."""
 
 
 @dataclass(frozen=True)
 class Descents:
-    """Where the descents of some frames ended."""
+    """The results of descents of some frames."""
 
     rows: Int[Tensor, "n"]
-    """Which of the frames that were asked for."""
+    """The indices among the requested frames."""
     state: State
     cost: Float[Tensor, "n"]
     ending: list[Ending]
@@ -39,32 +39,32 @@ class Descents:
 
 
 class FusedFrames:
-    """E_o of the frames of a clip as far as the kernels know its terms.
+    """E_o of a clip's frames, as far as kernels exist for its terms.
 
     Args:
         terms: of an objective.
         view: points and camera.
-        free: the groups that may move.
+        free: the free groups.
         index: their columns.
-        threads: on which frames are shared out.
+        threads: how many threads share the frames.
     """
 
-    def __init__(self, terms: list[Term], view: View, free: Free, index: Tensor, *, threads: int) -> None:
+    def __init__(self, terms: list[Term], view: SolverView, free: Free, index: Tensor, *, threads: int) -> None:
         mine, others = known.divided(terms)
         self.others = others
-        """Terms that the kernels leave out."""
+        """Terms without kernels."""
         self.threads = threads
         self._constants = known.constants_of(mine, view, free, index)
         self._scratch: list[Scratch] = []
 
     def with_data(self, data: Data) -> "FusedFrames":
-        """The same with other keypoints: a drag has new ones at each of its moves."""
+        """With other keypoints: a drag changes them at every move."""
         other = copy(self)
         other._constants = known.with_data(self._constants, data)
         return other
 
     def cost(self, state: State, frames: Int[Tensor, "B"]) -> Float[Tensor, "B"]:
-        """Infinite where a point lies behind the camera."""
+        """Infinite where a point is behind the camera."""
         return self._evaluated(state, frames, 0)[0]
 
     def normal(
@@ -91,8 +91,8 @@ class FusedFrames:
     def joints(
         self, state: State, frames: Int[Tensor, "B"], *, derivatives: bool
     ) -> tuple[Float[Tensor, "B 55 3"], Float[Tensor, "B 165 d"]]:
-        """The joints without camera translation, and their derivatives by the free columns, for which the translation
-        is held; without `derivatives` no rows of these."""
+        """The joints without camera translation, and their derivatives by the free columns with the translation fixed;
+        no derivatives without `derivatives`."""
         assert not self._constants.clip["free_betas"], "the betas of frames that are fitted together are held"
         joints = np.zeros((len(frames), N_JOINTS, 3))
         width = int(self._constants.clip["free"])
@@ -111,7 +111,7 @@ class FusedFrames:
     def descend(
         self, state: State, frames: Int[Tensor, "B"], *, iterations: int, tolerance: float
     ) -> Iterator[Descents]:
-        """Levenberg-Marquardt of each frame by itself; some frames at a time, as they are done."""
+        """Levenberg-Marquardt of each frame on its own; yields groups of frames as they finish."""
         assert not self.others, "the kernels do not know all terms"
         orient, vector = state.orient.numpy().copy(), state.vector.numpy().copy()
         result = _Results.of(len(frames))
@@ -131,7 +131,7 @@ class FusedFrames:
             )
 
     def _shared_out(self, count: int, work: Callable[[slice, Scratch], None]) -> Iterator[slice]:
-        """Does the work piece by piece, on as many threads as there are; the pieces as they are done."""
+        """Do the work in pieces on several threads; yields the pieces as they finish."""
         pieces = [slice(start, min(start + _PIECE, count)) for start in range(0, count, _PIECE)]
 
         def do(piece: slice) -> slice:
@@ -151,7 +151,7 @@ class FusedFrames:
             try:
                 for future in as_completed(futures):
                     yield future.result()
-            finally:  # a reader that goes away waits for what is being computed, and for no more
+            finally:  # if the consumer stops, wait only for what is being computed
                 for future in futures:
                     future.cancel()
 
@@ -175,7 +175,7 @@ _NO_JOINTS = np.zeros((0, 0, 0)), np.zeros((0, 0, 0))
 
 
 def compile_all() -> None:
-    """Call every kernel with no frame, for which it is compiled."""
+    """Compile every kernel by calling it with zero frames."""
     pairs = k.Pairs(np.zeros((1, 0), k.PAIR), np.zeros(0, np.int64), np.zeros((1, 0, 0)))
     constants = k.Constants(
         clip=np.zeros(1, k.CLIP).view(np.recarray)[0],

@@ -1,4 +1,4 @@
-"""From the terms of an objective to the constants of the kernels."""
+"""Builds the kernels' constants from the terms of an objective."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -16,7 +16,7 @@ from fitting_core.fit.fused.scratch import MOST_LAYERS, WIDEST
 from fitting_core.fit.terms.data import Data
 from fitting_core.fit.terms.quadratic import Quadratic
 from fitting_core.fit.terms.term import Term
-from fitting_core.fit.variables.estimate import View
+from fitting_core.fit.variables.estimate import SolverView
 from fitting_core.fit.variables.state import Columns, Free
 from fitting_core.priors.files.network import Activation, Layer
 from fitting_core.priors.latent import LatentPrior
@@ -31,9 +31,9 @@ _ACTIVATIONS: dict[Activation, tuple[int, float]] = {
     "softplus": (layout.SOFTPLUS, 1.0),
     "tanh": (layout.TANH, 1.0),
 }
-"""Number and slope below zero."""
+"""Code, and slope below zero."""
 _LIMBS = (12, 13, 14, 1, 2)
-"""Neck, both collars, both hips: points beyond one of them share their columns."""
+"""Neck, both collars, both hips: points beyond one of them depend on the same columns."""
 
 
 def _plain(values: Any) -> np.ndarray:
@@ -49,7 +49,7 @@ def _ints(values: Any) -> np.ndarray:
 
 
 def _records(kind: np.dtype, shape: tuple[int, ...], **fields: Any) -> np.ndarray:
-    """An array of records with these fields filled in, the others zero; narrower values fill the front."""
+    """An array of records with these fields set, the others zero; narrower values fill the front."""
     made = np.zeros(shape, kind)
     for name, value in fields.items():
         value = _plain(value)
@@ -59,7 +59,7 @@ def _records(kind: np.dtype, shape: tuple[int, ...], **fields: Any) -> np.ndarra
 
 
 def network_of(prior: object) -> tuple[Layer, ...] | None:
-    """The layers of a prior's decoder, none for axis-angle; None where the kernels do not know the prior."""
+    """The layers of a prior's decoder, none for axis-angle; None if kernels do not support the prior."""
     if isinstance(prior, AxisAnglePrior):
         return ()
     layers = tuple(prior.network.decoder) if isinstance(prior, LatentPrior) else ()
@@ -77,7 +77,7 @@ class _Network(NamedTuple):
 
 _networks: WeakKeyDictionary[object, _Network] = WeakKeyDictionary()
 _tables: WeakKeyDictionary[BodyPoints, dict[tuple[Columns, Free], "_Laid"]] = WeakKeyDictionary()
-"""What was made of a prior, and of points: as long as these live."""
+"""What was derived from priors and points, for as long as they exist."""
 
 
 def _network(prior: object) -> _Network:
@@ -119,7 +119,7 @@ def _pairs(table: PairTable | None) -> k.Pairs:
 
 
 class _Laid(NamedTuple):
-    """Points as the kernels have them, without what a clip knows of them."""
+    """The kernels' tables of points, independent of the clip."""
 
     tables: tuple[k.Pairs, k.Pairs]
     points: np.ndarray
@@ -130,7 +130,7 @@ class _Laid(NamedTuple):
 
 
 def _laid(points: BodyPoints, columns: Columns, free: Free) -> _Laid:
-    """The points' tables, which take a moment to make: stages come back to the same ones."""
+    """The points' tables, cached because they take a moment to build and stages use the same ones again."""
     known = _tables.setdefault(points, {})
     if (columns, free) not in known:
         known[columns, free] = _new_tables(points, columns, free)
@@ -195,7 +195,7 @@ def _free_joints(free: Free) -> np.ndarray:
 
 
 def _moving_columns(joints: set[int], columns: Columns, free: Free) -> set[int]:
-    """Turn columns that move points which these joints turn."""
+    """Turn columns that move the points rotated by these joints."""
     at = _columns(columns)
     found = set(range(at["translation"], at["betas"]))
     found |= set(range(at["betas"], at["width"])) if free.betas else set()
@@ -210,17 +210,17 @@ def _moving_columns(joints: set[int], columns: Columns, free: Free) -> set[int]:
     return found
 
 
-def served(view: View) -> bool:
-    """Whether the kernels know the body's points and the pose prior."""
+def served(view: SolverView) -> bool:
+    """Whether the kernels support the body's points and the pose prior."""
     p = view.parametrisation
     fits = p.dtype == torch.float64 and p.device.type == "cpu" and p.columns.hand <= layout.MOST_HAND
     return fits and network_of(p.prior) is not None
 
 
 def divided(terms: list[Term]) -> tuple[list[Term], list[Term]]:
-    """Terms that the kernels evaluate, and the others: of unknown kinds, and those for which another one has the place.
+    """Terms evaluated by kernels, and the others: of kinds without a kernel, or whose kernel is taken by another term.
 
-    Quadratic terms share a kernel as far as no two hold the same column; of each other kind the kernels know one.
+    Quadratic terms share a kernel unless two have the same column; of each other kind the kernel takes one.
     """
     known: list[Term] = []
     columns: set[int] = set()
@@ -236,8 +236,8 @@ def divided(terms: list[Term]) -> tuple[list[Term], list[Term]]:
     return known, [term for term in terms if not any(term is one for one in known)]
 
 
-def constants_of(terms: list[Term], view: View, free: Free, index: Tensor) -> k.Constants:
-    """The constants of terms that the kernels know, one of them the data term."""
+def constants_of(terms: list[Term], view: SolverView, free: Free, index: Tensor) -> k.Constants:
+    """The constants of terms with kernels, one of them the data term."""
     p, points = view.parametrisation, view.points
     laid = _laid(points, p.columns, free)
     data = next(term for term in terms if isinstance(term, Data))
@@ -279,7 +279,7 @@ def constants_of(terms: list[Term], view: View, free: Free, index: Tensor) -> k.
 
 
 def with_data(constants: k.Constants, data: Data) -> k.Constants:
-    """The same with other keypoints."""
+    """With other keypoints."""
     given = k.KERNELS[Data].constants(data)
     points, keypoints = constants.points.copy(), constants.keypoints.copy()
     for records in (points, keypoints):
@@ -289,6 +289,6 @@ def with_data(constants: k.Constants, data: Data) -> k.Constants:
 
 
 def _in(record: np.dtype, given: Mapping[str, Any]) -> dict[str, Any]:
-    """What stands in a record."""
+    """The values of a record's fields."""
     assert record.names is not None, "records have fields"
     return {name: value for name, value in given.items() if name in record.names}

@@ -1,4 +1,4 @@
-"""How the joints of one frame move with the free columns, for terms over time."""
+"""How a frame's joints depend on the free columns, for terms over time."""
 
 from fitting_core.fit.compiled.body import move_by_coefficients, pose_skeleton, turn_axes, turn_joints
 from fitting_core.fit.compiled.jit import helper
@@ -8,8 +8,8 @@ from fitting_core.fit.compiled.network import turns_by_latent
 
 @helper
 def joints_of(c, frame, orient, x, scratch, joints, rows):
-    """The joints without translation, (55, 3), and their derivatives by the free columns, (165, free), if there is room
-    for these."""
+    """The joints without translation, (55, 3), and their derivatives by the free columns, (165, free), if `rows` is not
+    empty."""
     s = scratch.frame
     turn_joints(c, orient, x, s, True)
     pose_skeleton(c, x, s)
@@ -25,7 +25,7 @@ def joints_of(c, frame, orient, x, scratch, joints, rows):
 
 @helper
 def _set_rows(c, frame, scratch, rows):
-    """Down the tree: a joint moves with its parent, and turns about it with all that the parent turns with."""
+    """From the root down: a joint moves with its parent, and rotates about it with all that rotates the parent."""
     s, f = scratch.frame, c.clip
     hands = BODY + (f.latent if f.free_body else 0)
     jaw = hands + (2 * f.hand if f.free_hands else 0)
@@ -54,7 +54,7 @@ def _set_rows(c, frame, scratch, rows):
 
 @helper
 def _add_own_turn(c, joint, hands, jaw, s):
-    """What a joint turns with by itself; `hands` and `jaw` are their first free columns."""
+    """A joint's own rotation; `hands` and `jaw` are their first free columns."""
     f, here, axes = c.clip, s.turning_by[joint], s.axes[joint]
     if joint <= N_BODY:
         if not f.free_body:

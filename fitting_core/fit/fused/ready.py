@@ -1,6 +1,6 @@
-"""Whether the kernels can be used, and making them ready: the one way into this folder.
+"""Whether the kernels can be used, and compiling them: the entry point of this folder.
 
-Without numba, or before anything was compiled, everything works all the same, in torch and several times slower.
+Without numba, or before the kernels are compiled, everything works in torch, several times slower.
 """
 
 import os
@@ -13,18 +13,18 @@ from torch import Tensor
 
 from fitting_core.fit.terms.data import Data
 from fitting_core.fit.terms.term import Term
-from fitting_core.fit.variables.estimate import View
+from fitting_core.fit.variables.estimate import SolverView
 from fitting_core.fit.variables.state import Free
 
 if TYPE_CHECKING:
     from fitting_core.fit.fused.frames import FusedFrames
 
 SECONDS = 40
-"""What compiling takes, about."""
+"""Approximate compile time, seconds."""
 NOT_YET = "the kernels are not compiled yet"
-"""The problem that `prepare` takes away."""
+"""The problem that `prepare` solves."""
 _MARK = "compiled"
-"""File beside the kernels that says that all of them are there."""
+"""File next to the kernels that marks them as complete."""
 
 
 class _Use:
@@ -42,14 +42,14 @@ def cores() -> int:
 
 
 def use(*, kernels: bool | None = None, threads: int | None = None) -> None:
-    """Set for this process whether kernels are used where they are ready, and on how many threads (0: cores)."""
+    """Set for this process whether available kernels are used, and on how many threads (0: `cores()`)."""
     _Use.allowed = _Use.allowed if kernels is None else kernels
     _Use.threads = _Use.threads if threads is None else threads
 
 
 @cache
 def _missing() -> str:
-    """Why nothing can be compiled here; empty if it can."""
+    """Why nothing can be compiled; empty if it can."""
     try:
         import fitting_core.fit.fused.frames
     except (ImportError, RuntimeError, OSError) as error:  # the latter two: no folder for what it compiles
@@ -66,7 +66,7 @@ def problem() -> str:
 
 
 def say_if_slow() -> None:
-    """Warn, once in a process, where fits take several times as long as they could and nobody has asked for it."""
+    """Warn once per process if fits are several times slower than necessary, unless kernels were turned off."""
     why = problem()
     if not why or not _Use.allowed or _Use.told:
         return
@@ -85,7 +85,7 @@ def _compiled() -> bool:
 
 
 def prepare(say: Callable[[str], None]) -> None:
-    """Compile the kernels unless that was done before; `say` is told that it takes a while."""
+    """Compile the kernels unless they already are; `say` is told that this takes a while."""
     if _missing() or _compiled():
         return
     _Use.told = True
@@ -95,7 +95,7 @@ def prepare(say: Callable[[str], None]) -> None:
     say(f"Compiling the solver's kernels, which happens once and takes about {SECONDS} seconds ...")
     try:
         compile_all()
-    except Exception as error:  # of numba or LLVM: whatever it is, there is another way
+    except Exception as error:  # any error of numba or LLVM: torch still works
         _Use.allowed = False
         say(f"They cannot be compiled ({type(error).__name__}: {error}); fits take several times as long without.")
         return
@@ -106,8 +106,8 @@ def prepare(say: Callable[[str], None]) -> None:
         say(f"They cannot be kept in {kept_in()}; TCFIT_KERNELS names another folder.")
 
 
-def fused_frames(terms: list[Term], view: View, free: Free, index: Tensor) -> "FusedFrames | None":
-    """The kernels for an objective; None where they are not ready, or do not know the body's points or its prior."""
+def fused_frames(terms: list[Term], view: SolverView, free: Free, index: Tensor) -> "FusedFrames | None":
+    """The kernels for an objective; None if they are not ready, or do not support the body's points or its prior."""
     if problem() or not any(isinstance(term, Data) for term in terms):
         return None
     from fitting_core.fit.fused.frames import FusedFrames

@@ -1,4 +1,4 @@
-"""Where a kernel keeps what it is about to need again: one record of fixed sizes, and rows for the points of a fit."""
+"""Working memory of a kernel: one record of fixed size, and rows for the points of a fit."""
 
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ from fitting_core.fit.fused.constants import Constants
 MOST_LAYERS, WIDEST = 6, 512
 """Of a network."""
 LANES = 8
-"""Sums run over a multiple of so many numbers, the last ones 0: a remainder takes as long as all others."""
+"""Sums run over a multiple of this many numbers, zero-padded: a remainder would take as long as the rest."""
 _F = np.float64
 
 FRAME = np.dtype(
@@ -65,7 +65,7 @@ FRAME = np.dtype(
 
 
 class Scratch(NamedTuple):
-    """Belongs to one thread at a time."""
+    """Used by one thread at a time."""
 
     frame: np.record
     """FRAME."""
@@ -73,16 +73,16 @@ class Scratch(NamedTuple):
     weight: Float[np.ndarray, "P"]
     pair_motion: Float[np.ndarray, "P 3 20"]
     pair_gradient: Float[np.ndarray, "P 3"]
-    """Of the terms on points, by each pair's place in camera space."""
+    """Gradient of the terms on points, by each pair's position in camera space."""
     points: Float[np.ndarray, "N 3"]
     """In camera space."""
     error: Float[np.ndarray, "N 8"]
-    """Pixels; metres from a known position relative to the pelvis; metres from where it is held."""
+    """Pixels; metres from a known position relative to the pelvis; metres from the held position."""
     rows: Float[np.ndarray, "columns 8N"]
 
 
 def scratch_for(constants: Constants) -> Scratch:
-    """Enough for these constants."""
+    """Sized for these constants."""
     pairs = sum(table.pair.shape[1] for table in constants.tables)
     points = len(constants.points)
     frame = np.zeros(1, FRAME).view(np.recarray)[0]

@@ -1,4 +1,4 @@
-"""Phase 3: pose and camera, consistent over time. Sliding window, all at once, or a re-run of a range."""
+"""Phase 3: pose and camera, consistent over time. Sliding window, all frames at once, or a re-run of a range."""
 
 from collections.abc import Generator
 
@@ -18,16 +18,16 @@ from fitting_core.results.provenance import Stopped
 COUPLED = 2 * REACH
 """Frames on each side that terms over time couple to a window."""
 _PART, _SEAM = 600, 50
-"""Frames of a long clip that are fitted together (0.5 MB each with hands and face), and those that two parts share.
+"""Frames of a long clip that are fitted together (0.5 MB each with hands and face), and the overlap of two parts.
 
-In parts of 60 or 80 frames with seams of 30 or 40, the cost is the whole clip's: 476.53 and 476.54 for 476.52
-(balancing), 2511.7 and 2513.6 for 2516.9 (signing). A person 20 m away stands within 9 mm in depth; with seams of 10,
-within 94 mm.
+In parts of 60 or 80 frames with overlaps of 30 or 40, the cost equals the whole clip's: 476.53 and 476.54 for 476.52
+(balancing), 2511.7 and 2513.6 for 2516.9 (signing). The depth of a person 20 m away agrees within 9 mm; with overlaps
+of 10, within 94 mm.
 """
 
 
 class Consistency:
-    """Minimises E_o + E_T over ranges of frames of one clip; betas are those of the state and stay.
+    """Minimises E_o + E_T over ranges of frames of one clip; betas are fixed.
 
     Args:
         stages: builds the objectives.
@@ -37,14 +37,15 @@ class Consistency:
     def __init__(self, stages: Stages, solver: Solver) -> None:
         self.stages, self.solver = stages, solver
         self.notes: list[str] = []
-        """What went wrong, for the user."""
+        """Warnings for users."""
         self.stopped = np.full(len(stages), Stopped.UNKNOWN, np.uint8)
-        """Of each frame why the solver stopped when it last moved it; see `Stopped`."""
+        """For each frame why the solver stopped when it last moved it; see `Stopped`."""
 
     def _run(
         self, state: State, free: range, label: str, share: tuple[float, float], *, windowed: bool = False
     ) -> Generator[Step, None, State]:
-        """The frames of `free` after the configured stages, all others held; only what these touch is looked at."""
+        """The frames of `free` after the configured stages, with all others fixed; only frames coupled to them are
+        evaluated."""
         near = coupled(free, len(state))
         stages, around = self.stages.within(near), state[near.start : near.stop]
         inner = range(free.start - near.start, free.stop - near.start)
@@ -67,8 +68,8 @@ class Consistency:
         return around[inner.start : inner.stop]
 
     def all_at_once(self, state: State) -> Generator[Step, None, State]:
-        """Every frame free, every residual counted. Long clips are fitted part by part, each from the last frames of
-        the one before on: time is linear in the number of frames, memory bounded.
+        """All frames free, all residuals counted. Long clips are fitted in parts, each starting from the last frames of
+        the one before: time is linear in the number of frames, memory is bounded.
         """
         parts = overlapping_parts(len(state), _PART, _SEAM)
         state = _own(state)
@@ -83,7 +84,8 @@ class Consistency:
         return state
 
     def sliding_window(self, state: State) -> Generator[Step, None, State]:
-        """The paper's windows of n frames, stride 1: no E_T for a window's last frame, the one before it constant."""
+        """The paper's windows of n frames, stride 1: no E_T for a window's last frame; the frame before the window is
+        fixed."""
         frames = len(state)
         size = min(self.stages.config.temporal.window_size, frames)
         last = frames - size
@@ -99,7 +101,7 @@ class Consistency:
         return state
 
     def rerun(self, state: State, frames: range) -> Generator[Step, None, State]:
-        """Only `frames` move; all others are held and coupled, so that no seam appears."""
+        """Only `frames` move; all others are fixed but coupled, so that no seam appears."""
         found = yield from self._run(state, frames, "", (0.0, 1.0))
         return state.put(torch.arange(frames.start, frames.stop, device=state.vector.device), found)
 
@@ -108,13 +110,13 @@ class Consistency:
 
 
 def overlapping_parts(frames: int, size: int, seam: int) -> list[range]:
-    """A clip in parts of so many frames, of which two neighbours share `seam`."""
+    """Overlapping parts of a clip; two neighbouring parts share `seam` frames."""
     starts = range(0, max(frames - seam, 1), size - seam)
     return [range(start, min(start + size, frames)) for start in starts]
 
 
 def _own(state: State) -> State:
-    """A copy that windows or parts write their own frames into."""
+    """A copy into which windows or parts write their own frames."""
     return State(state.orient.clone(), state.vector.clone())
 
 
@@ -124,5 +126,5 @@ def _write(state: State, frames: range, found: State) -> None:
 
 
 def coupled(frames: range, count: int) -> range:
-    """Frames of a clip of `count`, and those that terms over time couple to them."""
+    """Frames of a clip of `count`, with those that terms over time couple to them."""
     return range(max(0, frames.start - COUPLED), min(count, frames.stop + COUPLED))

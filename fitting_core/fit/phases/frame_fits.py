@@ -1,4 +1,4 @@
-"""Where every frame of a clip stands while phase 1 tries starts: state, cost, and where both came from."""
+"""The state of every frame while phase 1 tries different starts: variables, cost, and their origin."""
 
 from dataclasses import dataclass, replace
 
@@ -23,28 +23,28 @@ _STOPPED: dict[Ending, Stopped] = {
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FrameFits:
-    """Every frame's state and what is known of it."""
+    """Every frame's state, with cost and origin."""
 
     state: State
     cost: Float[Tensor, "T"]
     """Infinite where nothing was minimised, or where it failed."""
     start: UInt8[Tensor, "T"]
-    """Numbers of `Start`."""
+    """Codes of `Start`."""
     stopped: UInt8[Tensor, "T"]
-    """Numbers of `Stopped`."""
+    """Codes of `Stopped`."""
     notes: tuple[str, ...] = ()
-    """For the user."""
+    """For users."""
 
     @staticmethod
     def at(state: State, start: Start) -> "FrameFits":
-        """States that nothing has minimised yet."""
+        """States before any minimisation."""
         codes = torch.zeros(len(state), dtype=torch.uint8, device=state.vector.device)
         cost = torch.full_like(state.vector[:, 0], torch.inf)
         return FrameFits(state=state, cost=cost, start=codes + int(start), stopped=codes)
 
     @property
     def provenance(self) -> Provenance:
-        """Where each frame came from."""
+        """The origin of each frame."""
         return Provenance(self.start.cpu().numpy(), self.stopped.cpu().numpy())
 
     def __len__(self) -> int:
@@ -60,7 +60,7 @@ class FrameFits:
         )
 
     def with_frames(self, frames: range, other: "FrameFits") -> "FrameFits":
-        """A copy in which `frames` are as `other` has them, one after the other."""
+        """A copy in which `frames` are replaced by those of `other`, in order."""
         at = torch.arange(frames.start, frames.stop, device=self.cost.device)
         return replace(
             self,
@@ -71,13 +71,13 @@ class FrameFits:
         )
 
     def restarted(self, frames: Int[Tensor, "n"], state: State, start: Start | UInt8[Tensor, "n"]) -> "FrameFits":
-        """Some frames start from other states."""
+        """Restart some frames from other states."""
         codes = self.start.clone()
         codes[frames] = start if isinstance(start, Tensor) else int(start)
         return replace(self, state=self.state.put(frames, state), start=codes)
 
     def solved(self, frames: Int[Tensor, "n"], solution: Solution) -> "FrameFits":
-        """Some frames where a minimisation ended, each a group of its own; all others have no cost."""
+        """Some frames with a minimisation's results, one group per frame; all others have no cost."""
         cost = solution.cost.new_full((len(self.cost),), torch.inf)
         cost[frames] = solution.cost
         stopped = self.stopped.clone()
@@ -85,7 +85,8 @@ class FrameFits:
         return replace(self, state=self.state.put(frames, solution.state), cost=cost, stopped=stopped)
 
     def lower(self, other: "FrameFits", by: float = 0.0) -> "tuple[FrameFits, Bool[Tensor, 'T']]":
-        """Of each frame the one that costs less, the other one if by more than this share; and where that is."""
+        """For each frame the fit with the lower cost, the other one only if lower by this fraction; and where that
+        is."""
         better = other.cost < self.cost * (1 - by)
         return replace(
             self,
@@ -96,13 +97,13 @@ class FrameFits:
         ), better
 
     def between(self, frames: Int[Tensor, "n"]) -> "FrameFits":
-        """Those of these frames that have no finite cost start between the ones around them that have one."""
+        """Those of these frames without a finite cost start interpolated between the nearest ones with one."""
         good = self.cost.isfinite()
         start = frames[~good[frames]]
         return self.restarted(start, filled(self.state, good)[start], Start.BETWEEN)
 
     def filled(self, good: Bool[Tensor, "T"]) -> "FrameFits":
-        """Frames that are not good lie between those around them; their cost stays."""
+        """Frames that are not good are interpolated between those around them; their cost stays."""
         bad = (~good).nonzero()[:, 0]
         fits = self.restarted(bad, filled(self.state, good)[bad], Start.FILLED)
         empty = ~good & (fits.stopped == int(Stopped.UNKNOWN))
@@ -115,7 +116,7 @@ def stopped_of(reason: Ending) -> Stopped:
 
 
 def filled(state: State, good: Bool[Tensor, "T"]) -> State:
-    """States of bad frames interpolated between the good ones around them; nearest good one at the ends."""
+    """States with bad frames interpolated between the nearest good ones; at the ends, the nearest good one."""
     at = good.nonzero()[:, 0]
     if not len(at) or bool(good.all()):
         return state

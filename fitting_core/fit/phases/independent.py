@@ -1,4 +1,4 @@
-"""Phase 1: every frame on its own, as SMPLify-X does it; then, if wanted, the relay."""
+"""Phase 1: every frame on its own, as in SMPLify-X; then, if configured, the relay."""
 
 from collections.abc import Generator, Iterator
 from dataclasses import replace
@@ -24,19 +24,19 @@ from fitting_core.video.frame_names import spans
 
 YAWS = {"four": (0.0, 90.0, 180.0, 270.0), "side_view": (0.0,)}
 _AT_ONCE = 16
-"""Frames that are fitted before the next ones begin, so that bodies can be looked at early. It costs nothing: signing,
-149 frames, 5.8 s of CPU time with 16, 32, 64 or all at once, the first bodies after 0.4, 0.6, 0.7 and 0.7 s."""
+"""Frames fitted before the next ones start, so that bodies can be shown early. It costs nothing: signing, 149 frames,
+5.8 s of CPU time with 16, 32, 64 or all at once, the first bodies after 0.4, 0.6, 0.7 and 0.7 s."""
 _FIRST_SHARE = 0.6
-"""Of the phase, when every frame or key frame has its first fit."""
+"""Progress of the phase when every frame or keyframe has its first fit."""
 _LOWER = 1e-4
-"""A relayed start must lower a frame's cost by this share to be taken."""
+"""A relayed start must lower a frame's cost by this fraction to be accepted."""
 _FLIP_ROUNDS = 2
-"""Limbs are mirrored again where that helped: another one may be right now."""
+"""Limbs are mirrored again where that helped: another one may now be better."""
 _FLIP_ITERATIONS = 8
 _FLIPS_KEPT = 3
 _HOPEFUL = 1.5
-"""Mirrored limbs get 8 iterations, and of each frame the best 3 go on that cost at most 1.5 times as much as what is
-there: among 12 trials of each of 91 poses that finds the best one on 97 % (after 4 iterations the best 3: 72 %)."""
+"""Mirrored limbs get 8 iterations; per frame, the best 3 that cost at most 1.5 times the current fit continue: among 12
+trials of each of 91 poses that finds the best one in 97 % (after 4 iterations the best 3: 72 %)."""
 
 
 def fit_frames(stages: Stages, solver: Solver, *, first_frame: int = 0) -> Generator[Step, None, FrameFits]:
@@ -47,11 +47,11 @@ def fit_frames(stages: Stages, solver: Solver, *, first_frame: int = 0) -> Gener
     Args:
         stages: builds the objectives.
         solver: minimises them.
-        first_frame: the number of the clip's first frame, from which the notes count.
+        first_frame: the clip's first frame number, used in the notes.
 
     Returns:
-        Fits of all frames. Frames with under four confident body keypoints, and frames whose cost is not finite, are
-        interpolated from their neighbours and named in the notes.
+        Fits of all frames. Frames with fewer than four confident body keypoints, and frames whose cost is not finite,
+        are interpolated and listed in the notes.
     """
     usable = stages.observations.usable | stages.given
     guess = guess_depth(stages)
@@ -69,12 +69,12 @@ def fit_frames(stages: Stages, solver: Solver, *, first_frame: int = 0) -> Gener
 
 
 def _restarts(stages: Stages) -> bool:
-    """Whether frames start from elsewhere once all or the key frames were fitted."""
+    """Whether frames are restarted from elsewhere once all frames or the key frames are fitted."""
     return bool(stages.config.relay_rounds) or stages.config.limb_flips or stages.config.key_frames_every > 1
 
 
 def _key_frames(frames: Tensor, every: int) -> Tensor:
-    """One of so many frames, and the last."""
+    """Every n-th frame, and the last."""
     return torch.cat([frames[:-1:every], frames[-1:]])
 
 
@@ -88,7 +88,7 @@ def _notes(usable: Tensor, cost: Tensor, first_frame: int) -> Iterator[str]:
 
 
 class _Frames:
-    """Minimises over a set of frames of a clip, and keeps what is known of the whole clip."""
+    """Minimises over a set of frames of a clip, keeping the results of the whole clip."""
 
     def __init__(self, stages: Stages, solver: Solver, frames: Tensor) -> None:
         self.stages, self.solver, self.frames = stages, solver, frames
@@ -103,23 +103,23 @@ class _Frames:
         final: bool = False,
         cold: bool = False,
     ) -> Generator[Step, None, FrameFits]:
-        """These frames minimised, and the others as they came, with an infinite cost."""
+        """These frames minimised; the others unchanged, with an infinite cost."""
         problem = IndependentFrames(objective, self.frames, cold=cold)
         minimisation = self.solver.minimise(problem, start.state[self.frames], final=final)
         solution = yield from reported(minimisation, label, share, self.solver.iterations)
         return start.solved(self.frames, solution)
 
     def only(self, frames: Tensor, solver: Solver | None = None) -> "_Frames":
-        """The same for other frames, or by another solver."""
+        """The same for other frames, or with another solver."""
         return _Frames(self.stages, solver or self.solver, frames)
 
     def divided(self) -> tuple[Tensor, Tensor]:
-        """Frames that have a given start, and those for which one is searched."""
+        """Frames with a given start, and those without."""
         given = self.stages.given[self.frames]
         return self.frames[given], self.frames[~given]
 
     def from_the_camera(self, depth: Tensor) -> Generator[Step, None, tuple[FrameFits, State]]:
-        """The camera step and the five stages, of some frames after the other: what is fitted can be looked at.
+        """The camera step and the five stages, in blocks of frames so that results can be shown early.
 
         Returns:
             Fits of these frames, and the states after the camera step.
@@ -141,7 +141,7 @@ class _Frames:
         return fits, camera.state
 
     def _all_stages(self, depth: Tensor) -> Generator[Step, None, tuple[FrameFits, FrameFits]]:
-        """Fits of these frames, and where the camera step left those whose start is searched."""
+        """Fits of these frames, and the camera step's result for those without a given start."""
         given, searched = self.divided()
         fits = camera = FrameFits.at(starting_state(self.stages, depth, 0.0), Start.TURNED_0)
         if len(searched):
@@ -154,7 +154,7 @@ class _Frames:
         return fits, camera
 
     def from_given(self, fits: FrameFits) -> Generator[Step, None, FrameFits]:
-        """The last stage, from the given start: earlier ones would draw it to the neutral pose."""
+        """The last stage, from the given start: earlier ones would pull it to the neutral pose."""
         stages, start = self.stages, self.stages.start
         assert start is not None, "frames with a given start have one"
         free, state = stages.free(N_STAGES, betas=True), state_of(start, stages.parametrisation)
@@ -166,14 +166,14 @@ class _Frames:
         return (yield from self._minimise(objective, begun, "starting from the given result", share, final=last))
 
     def _to_look_at(self, fits: FrameFits, frames: range) -> tuple[range, BodyParams]:
-        """Frames, those that were not fitted, or in vain, between the others and the one before."""
+        """Frames to show, with those not fitted or failed interpolated between the others and the previous block."""
         before = min(1, frames.start)
         near = fits[frames.start - before : frames.stop]
         state = near.filled(near.cost.isfinite()).state[before:]
         return frames, self.stages.parametrisation.to_params(state)
 
     def camera_step(self, depth: Tensor) -> Generator[Step, None, FrameFits]:
-        """Orientation and translation on the torso, from each starting yaw; the lowest cost stays."""
+        """Orientation and translation on the torso, from each starting yaw; the lowest cost wins."""
         objective, settings = self.stages.camera_objective(depth), self.stages.config.settings
         solver = make_solver(self.stages.config.solver, replace(settings, final_tolerance=settings.camera_tolerance))
         run = self.only(self.frames, solver)
@@ -187,12 +187,12 @@ class _Frames:
         return best
 
     def five_stages(self, fits: FrameFits) -> Generator[Step, None, FrameFits]:
-        """The five stages in a row."""
+        """The five stages in order."""
         for stage in range(1, N_STAGES + 1):
             free = self.stages.free(stage, betas=True, resting=True, translation=not self.stages.config.camera_frozen)
             if stage == N_STAGES and free.hands and self.stages.config.curled_hands:
-                # From open hands curled fingers stop halfway, bent towards the camera: shape error 10.4 -> 6.9 mm on
-                # the fits of benchmarks.handshapes.
+                # From open hands, curled fingers get stuck halfway, bent towards the camera: shape error 10.4 -> 6.9 mm
+                # on the fits of benchmarks.handshapes.
                 fits = replace(fits, state=self.stages.parametrisation.with_half_fists(fits.state))
             objective = self.stages.objective(stage, fits.state, free)
             share = ((stage + 1) / (N_STAGES + 2), (stage + 2) / (N_STAGES + 2))
@@ -202,7 +202,7 @@ class _Frames:
         return fits
 
     def both_sides(self, camera: FrameFits) -> Generator[Step, None, FrameFits]:
-        """The five stages; frames seen from the side also from the orientation turned by 180 degrees."""
+        """The five stages; frames seen from the side also with the orientation turned by 180 degrees."""
         fits = yield from self.five_stages(camera)
         side = self.frames[seen_from_side(self.stages)[self.frames]]
         if not len(side):
@@ -214,15 +214,15 @@ class _Frames:
     def relay(self, fits: FrameFits, camera: State, keys: "_Frames") -> Generator[Step, None, FrameFits]:
         """Every frame restarts from its neighbours' solutions and keeps the lower cost, for a few rounds.
 
-        Before that, frames with foreshortened thighs start from a seat as well, upright as the camera step found them:
-        from a standing pose thighs went backward and knees sideways (sitting, PA-MPJPE 185 -> 50 mm). The relay is the
-        largest single gain on real footage: 164 -> 98, 151 -> 103 mm. After its first round only neighbours that
+        Before that, frames with foreshortened thighs also start from a sitting pose, upright as found by the camera
+        step: from a standing pose thighs went backwards and knees sideways (sitting, PA-MPJPE 185 -> 50 mm). The relay
+        is the largest single gain on real footage: 164 -> 98, 151 -> 103 mm. After its first round only neighbours that
         changed are tried again.
 
         Args:
             fits: of the key frames.
             camera: the key frames after the camera step.
-            keys: the key frames; where they are not all frames, they settle among themselves, and the others start
+            keys: the key frames; unless they are all frames, they settle first, and the others start interpolated
                 between them.
         """
         stages = self.stages
@@ -245,7 +245,7 @@ class _Frames:
         return (yield from self._minimise(last, fits, "last steps", (0.9, 1.0), final=True))
 
     def seats(self, objective: FrameObjective, fits: FrameFits, camera: State) -> Generator[Step, None, FrameFits]:
-        """Frames with foreshortened thighs restart from a seat."""
+        """Frames with foreshortened thighs restart from a sitting pose."""
         _, searched = self.divided()
         seated = searched[thighs_foreshortened(self.stages)[searched]]
         if not len(seated):
@@ -255,7 +255,7 @@ class _Frames:
         return fits.lower(trial, _LOWER)[0]
 
     def rounds(self, objective: FrameObjective, fits: FrameFits) -> Generator[Step, None, FrameFits]:
-        """Frames restart from their neighbours, forward and backward in turn."""
+        """Frames restart from their neighbours, alternating forwards and backwards."""
         rounds, fresh = self.stages.config.relay_rounds, fits.cost.isfinite()
         for k in range(rounds):
             changed = torch.zeros_like(fresh)
@@ -308,7 +308,7 @@ class _Frames:
 
 
 def _chosen(tried: list[FrameFits], frames: Tensor, which: Tensor, fits: FrameFits) -> FrameFits:
-    """The fits with some frames as one of the trials has them, each another one."""
+    """The fits with some frames replaced, each by one of the trials."""
     for k, trial in enumerate(tried):
         mine = frames[which == k]
         fits = fits.restarted(mine, trial.state[mine], trial.start[mine])
@@ -316,7 +316,7 @@ def _chosen(tried: list[FrameFits], frames: Tensor, which: Tensor, fits: FrameFi
 
 
 def _with_fresh_neighbour(frames: Tensor, fresh: Bool[Tensor, "T"], offset: int) -> tuple[Tensor, Tensor]:
-    """Frames whose neighbour among them, the one after (1) or before (-1), is fresh; and that neighbour."""
+    """Frames whose neighbour among them, the next (1) or previous (-1) one, has changed; and that neighbour."""
     one, other = frames[:-1], frames[1:]
     target, source = (one, other) if offset > 0 else (other, one)
     return target[fresh[source]], source[fresh[source]]

@@ -1,4 +1,4 @@
-"""Where phase 1 starts: depth from similar triangles, and the starting orientations of the camera step."""
+"""Starting values of phase 1: depth from similar triangles, and the orientations of the camera step."""
 
 from dataclasses import dataclass
 
@@ -14,11 +14,11 @@ from fitting_core.fit.stages import Stages
 from fitting_core.fit.variables.state import State
 
 SIDE_VIEW = 0.25
-"""Shoulder width over torso length in the image under which a person is seen from the side."""
+"""Ratio of shoulder width to torso length in the image below which a person is seen from the side."""
 FORESHORTENED = 0.75
-"""Share of a thigh's length, measured by the torso, under which it may point towards the camera."""
+"""Fraction of a thigh's expected length, relative to the torso, below which it may point towards the camera."""
 _LONGEST = 100.0
-"""Metres: a depth beyond it is no guess."""
+"""Metres: a larger depth is not plausible."""
 
 _TORSO_EDGES = [("left_shoulder", "left_hip"), ("right_shoulder", "right_hip")]
 _OTHER_EDGES = [
@@ -32,14 +32,14 @@ _JOINT_OF = {"mid_hip": "pelvis"}
 
 @dataclass(frozen=True)
 class DepthGuess:
-    """Depth of each frame, and what it was taken from."""
+    """Depth of each frame, and its source."""
 
     depth: Float[Tensor, "T"]
     from_torso: Bool[Tensor, "T"]
     from_limbs: Bool[Tensor, "T"]
 
     def note(self) -> str:
-        """For the user."""
+        """For users."""
         torso, limbs = int(self.from_torso.sum()), int(self.from_limbs.sum())
         rest = len(self.depth) - torso - limbs
         parts = [f"the torso in {torso} frames"] if torso else []
@@ -51,8 +51,8 @@ class DepthGuess:
 def guess_depth(stages: Stages) -> DepthGuess:
     """Similar triangles: focal length x length in metres / length in pixels.
 
-    From the mean of the shoulder-hip edges where both are seen. Else from the shoulder width and the limbs: each
-    foreshortened edge looks farther away than it is, so the nearest candidate counts. Else from other frames.
+    From the mean of the shoulder-hip edges where both are visible. Otherwise from the shoulder width and the limbs: a
+    foreshortened edge looks farther away than it is, so the nearest candidate counts. Otherwise from other frames.
     """
     rest = stages.fitted.rest_joints
     focal = sum(stages.camera.focal) / 2
@@ -79,7 +79,7 @@ def guess_depth(stages: Stages) -> DepthGuess:
 
 
 def fill_gaps(values: Float[Tensor, "T"], known: Bool[Tensor, "T"], *, otherwise: float) -> Float[Tensor, "T"]:
-    """Values where known, linear in time between them and constant beyond; `otherwise` where none is known."""
+    """Values where known, interpolated linearly in time and constant beyond; `otherwise` if none is known."""
     if not bool(known.any()):
         return torch.full_like(values, otherwise)
     at = np.flatnonzero(known.cpu().numpy())
@@ -112,7 +112,7 @@ def turned(state: State) -> State:
 
 
 def seen_from_side(stages: Stages) -> Bool[Tensor, "T"]:
-    """Frames in which the shoulders look close together against the torso's length."""
+    """Frames in which the shoulders look close together relative to the torso's length."""
     xy = stages.xy
     left, right = kp.INDEX["left_shoulder"], kp.INDEX["right_shoulder"]
     width = (xy[:, left] - xy[:, right]).norm(dim=1)
@@ -123,7 +123,7 @@ def seen_from_side(stages: Stages) -> Bool[Tensor, "T"]:
 
 
 def thighs_foreshortened(stages: Stages) -> Bool[Tensor, "T"]:
-    """Frames in which a thigh looks much shorter than the body's proportions to the torso say: it points in depth."""
+    """Frames in which a thigh looks much shorter than the body's proportions predict: it points in depth."""
     rest, xy = stages.fitted.rest_joints, stages.xy
 
     def length(a: str, b: str) -> Tensor:

@@ -1,8 +1,8 @@
-"""Limbs mirrored in depth: other poses that look the same in the image.
+"""Limbs mirrored in depth: other poses with the same image.
 
-A bone of known length that starts at a known point and ends on a known ray has two ways to lie, nearer or farther. So
-every limb of two bones has four poses at the same keypoints (H.-J. Lee, Z. Chen, Determination of 3D human body
-postures from a single view, CVGIP 30, 1985), and a descent seldom finds the way from one to another.
+A bone of known length that starts at a known point and ends on a known ray has two solutions, nearer or farther. So a
+limb of two bones has four poses with the same keypoints (H.-J. Lee, Z. Chen, Determination of 3D human body postures
+from a single view, CVGIP 30, 1985), and a descent seldom finds the way from one to another.
 """
 
 from collections.abc import Iterator
@@ -21,22 +21,22 @@ from fitting_core.fit.variables.state import State
 from fitting_core.results.provenance import Start
 
 _STRAIGHT = 0.1
-"""Sine of the bend under which a limb's own hinge stays where it is: two bones in a line do not tell."""
+"""Sine of the bend below which a limb keeps its hinge axis: two collinear bones do not determine it."""
 _PALM = (1.0, -1.0, 1.0)
 """Mirrors a hand at rest in the plane of its palm."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Limb:
-    """Two bones, hinged in the middle."""
+    """Two bones with a hinge between them."""
 
     joints: tuple[str, str, str]
     hinge: tuple[float, float, float]
     """Axis about which the lower bone bends, in the rest pose."""
     start: Start
-    """What a fit from the limb mirrored is said to start from."""
+    """The start recorded for a fit from the mirrored limb."""
     mirrored_hand: Start | None = None
-    """The same for its hand, which is flat enough that it looks the same when mirrored in depth; None for a foot."""
+    """The same for its hand, which is flat enough to look the same when mirrored in depth; None for a foot."""
 
 
 LIMBS = {
@@ -63,7 +63,7 @@ class LimbFlips:
     """Makes mirrored states of one body.
 
     Args:
-        stages: the body, and how a state's numbers become its pose.
+        stages: the body, and its parametrisation.
     """
 
     def __init__(self, stages: Stages) -> None:
@@ -74,7 +74,8 @@ class LimbFlips:
     def flipped(self, state: State, limb: Limb, *, upper: bool, lower: bool) -> Float[Tensor, "B 63"]:
         """The body's pose (axis-angle) with a limb's upper bone, lower bone or both mirrored, at the same pixels.
 
-        The joint in the middle stays a hinge: the limb is turned about its upper bone until it bends its natural way.
+        The middle joint stays a hinge: the limb is rotated about its upper bone until it bends in its natural
+        direction.
         """
         estimate = self.positions.estimate(state)
         joints, world = estimate.in_camera, estimate.posed.world
@@ -94,7 +95,7 @@ class LimbFlips:
         return self._turned(state, (first, middle, last), world, (*turned, end))
 
     def mirrored_hand(self, state: State, limb: Limb) -> Float[Tensor, "B 63"]:
-        """The body's pose with a limb's hand mirrored in depth about its wrist; the limb stays."""
+        """The body's pose with a limb's hand mirrored in depth about its wrist; the rest of the limb is unchanged."""
         estimate = self.positions.estimate(state)
         joints, world = estimate.in_camera, estimate.posed.world
         first, middle, last = (JOINT[name] for name in limb.joints)
@@ -113,7 +114,7 @@ class LimbFlips:
         return pose
 
     def every(self, state: State) -> Iterator[tuple[Start, State]]:
-        """All flips of all limbs and hands, one at a time, with what a fit from there is said to start from."""
+        """All flips of all limbs and hands, one at a time, with the start recorded for each."""
         poses: list[tuple[Start, Tensor]] = []
         for limb in LIMBS.values():
             poses += [(limb.start, self.flipped(state, limb, upper=upper, lower=lower)) for upper, lower in FLIPS]
@@ -125,9 +126,9 @@ class LimbFlips:
 
 
 def mirrored_as_told(stages: Stages, state: State, frames: Int[Tensor, "n"]) -> State:
-    """The state with limbs mirrored in frames where a person has said their depth, as far as that costs less.
+    """The state with limbs mirrored in frames where a person set their depth, if that lowers the cost.
 
-    Knees and elbows bend one way, so a descent from the other side of a limb stops halfway, or does not begin.
+    Knees and elbows bend in one direction, so a descent from a limb's other side gets stuck, or does not start.
 
     Args:
         stages: of a clip, or a part of it.
@@ -162,13 +163,13 @@ def _hinged(
     normal, kept = torch.linalg.cross(*wanted), (world[:, first] @ hinge[..., None])[..., 0]
     normal = torch.where(normal.norm(dim=1, keepdim=True) > _STRAIGHT, normal, kept)
     turned = [_frame(w, normal) @ _frame(r, hinge).transpose(1, 2) for w, r in zip(wanted, rest, strict=True)]
-    # A forearm keeps its twist: the hand turns it, and no keypoint of the arm.
+    # A forearm keeps its twist, which is determined by the hand, not by keypoints of the arm.
     local = world[:, first].transpose(1, 2) @ world[:, middle]
     return turned[0], turned[1] @ _twist(local, rest[1])
 
 
 def _other_end(start: Float[Tensor, "B 3"], end: Float[Tensor, "B 3"]) -> Float[Tensor, "B 3"]:
-    """The other point on the ray of `end` that is as far from `start`."""
+    """The other point on the ray of `end` at the same distance from `start`."""
     ray = _unit(end)
     return end - 2 * ((end - start) * ray).sum(1, keepdim=True) * ray
 
@@ -176,7 +177,7 @@ def _other_end(start: Float[Tensor, "B 3"], end: Float[Tensor, "B 3"]) -> Float[
 def _ends_on_ray(
     start: Float[Tensor, "B 3"], ray: Float[Tensor, "B 3"], length: Float[Tensor, "B"]
 ) -> tuple[Float[Tensor, "B 3"], Float[Tensor, "B 3"]]:
-    """The nearer and the farther end of a bone on a ray; the nearest point of the ray where it is out of reach."""
+    """The nearer and the farther end of a bone on a ray; the ray's closest point where it is out of reach."""
     foot = (start * ray).sum(1, keepdim=True)
     off = (foot * ray - start).square().sum(1)
     reach = (length.square() - off).clamp_min(0).sqrt()[:, None]
@@ -184,7 +185,7 @@ def _ends_on_ray(
 
 
 def _mirrored_hand(hand: Float[Tensor, "B 3 3"], ray: Float[Tensor, "B 3"]) -> Float[Tensor, "B 3 3"]:
-    """World rotation of a flat hand that looks the same from the camera, with its fingers mirrored in depth."""
+    """World rotation of a flat hand that looks the same to the camera, with its fingers mirrored in depth."""
     mirror = torch.eye(3, dtype=hand.dtype, device=hand.device) - 2 * ray[:, :, None] * ray[:, None]
     return mirror @ hand @ torch.diag(hand.new_tensor(_PALM))
 

@@ -1,12 +1,12 @@
-"""Phase 2, after its keypoints: a shape from what the person covers of the image (silhouettes) as well.
+"""Phase 2, after its keypoints: refines the shape by silhouettes.
 
-Keypoints tell how long bones are, and hardly how stout somebody is. The border of a silhouette does, but for clothes,
-whose thickness is found with the shape: one number, held by a prior. Poses stay, and so does the height: a silhouette
-says nothing of size, and the prior alone made stout people shorter (by 5 cm and more). With the shape the sampled
-frames' translation moves, for which keypoints count as before.
+Keypoints determine the length of bones, but hardly a body's girth. The border of a silhouette does, apart from clothes,
+whose thickness is estimated with the shape: one number with a prior. Poses are fixed, and so is the height: a
+silhouette does not determine size, and the prior alone made stout people shorter (by 5 cm and more). The sampled
+frames' translation is free together with the shape, with keypoints counting as before.
 
-A vertex on the outline of the posed body is to lie as far within the border of the mask as clothes are thick, along the
-normal of the outline (point-to-line ICP; Y. Chen, G. Medioni, Image and Vision Computing 10, 1992), by the
+A vertex on the outline of the posed body should be inside the border of the mask by the thickness of clothes, along the
+normal of the outline (point-to-line ICP; Y. Chen, G. Medioni, Image and Vision Computing 10, 1992), with the
 Geman-McClure function.
 """
 
@@ -30,40 +30,42 @@ from fitting_core.fit.variables.state import Free, State
 from fitting_core.lens import filmed
 
 CLOTHES, CLOTHES_DEVIATION = 0.010, 0.007
-"""Metres: how thick clothes are before anything is seen."""
+"""Metres: the prior mean of the thickness of clothes."""
 WEIGHT = 2.0
-"""Of a piece of outline of PIECE, as of a keypoint."""
+"""Standard deviation for a piece of outline of length PIECE, in keypoint units."""
 PIECE = 0.05
-"""Metres of outline that are off together."""
+"""Metres of outline whose errors are correlated."""
 FAR = 0.06
-"""Metres of rho, at which the Geman-McClure function stops to pull."""
+"""rho of the Geman-McClure function, metres."""
 FEWEST, MOST = 3, 8
-"""Frames with a good silhouette that a shape needs, and of those sampled that count."""
+"""Minimum number of frames with a good silhouette, of the sampled ones."""
 ROUNDS, STEPS = 2, 3
-"""How often the outline is looked for, and Gauss-Newton steps with each."""
+"""How often the outline is recomputed, and Gauss-Newton steps for each."""
 _ALIKE = 0.6
-"""Intersection over union of body and silhouette in a good frame: without, it is of somebody else, or in pieces."""
+"""Minimum intersection over union of body and silhouette in a good frame: otherwise it is someone else's, or
+fragmented."""
 _SEEN = [kp.INDEX[f"{side}_{part}"] for side in ("left", "right") for part in ("shoulder", "hip", "knee")]
 _BARE = ("head", "jaw", "eye", "elbow", "wrist", "index", "middle", "pinky", "ring", "thumb", "ankle", "foot")
-"""Parts whose outline says nothing of the body: hair, shoes, hands, which are too fine, and forearms. Sleeves may end
-above these: bare ones made clothes of 1 and 2 cm half as thick, people stouter, and their distance worse."""
+"""Parts whose outline does not show the body: hair, shoes, hands, which are too fine, and forearms. Sleeves may end
+above these: bare ones halved the thickness of clothes of 1 and 2 cm, and made people stouter and their distance
+worse."""
 _FACING = 0.5
-"""Cosine between the normals of the outline and of the border of the mask from which one is the other's."""
+"""Minimum cosine between the normals of corresponding points of the outline and of the mask's border."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OutlinedShape:
-    """What was found."""
+    """The result."""
 
     state: State
     """Of the sampled frames, which share their betas."""
     clothes: float
-    """Metres of thickness."""
+    """Thickness in metres."""
     frames: int
-    """In how many the outline counted."""
+    """Number of frames whose outline counted."""
 
     def note(self) -> str:
-        """For the user."""
+        """For users."""
         return f"shape with the silhouettes of {self.frames} frames, clothes {100 * self.clothes:.1f} cm thick"
 
 
@@ -73,23 +75,23 @@ class _Sight:
 
     stages: Stages
     distance: Float[np.ndarray, "h w"]
-    """Pixels of the image from the border of the mask, positive within."""
+    """Distance in image pixels from the border of the mask, positive inside."""
     at_rest: Float[np.ndarray, "V 3"]
     """Vertices of the mean shape without the translation, metres in camera axes."""
     by_betas: Float[np.ndarray, "V 3 10"]
 
     @property
     def scale(self) -> Float[np.ndarray, "2"]:
-        """Pixels of the image in one of the mask."""
+        """Image pixels per mask pixel."""
         return np.array(self.stages.camera.size) / self.distance.shape[::-1]
 
     def in_mask(self, xy: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
-        """Pixels of the image as places in the mask."""
+        """Image positions as mask positions."""
         lens = self.stages.camera.lens
         return ((xy if lens is None else filmed(lens, xy)) + 0.5) / self.scale - 0.5
 
     def sampled(self, values: np.ndarray, xy: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n"]:
-        """Of the mask's pixels between them, at pixels of the image; 0 outside it."""
+        """Bilinear interpolation of mask values at image positions; 0 outside it."""
         x, y = self.in_mask(xy).astype(np.float32).T[:, None]
         return cv2.remap(values.astype(np.float32), x, y, cv2.INTER_LINEAR)[0].astype(float)
 
@@ -103,7 +105,7 @@ class _Outline:
     normals: Float[np.ndarray, "n 2"]
     """In the image, outward."""
     length: Float[np.ndarray, "n"]
-    """Pixels of outline that each stands for."""
+    """Length of outline in pixels that each represents."""
 
     def rows(
         self, betas: Float[np.ndarray, "10"], translation: Float[np.ndarray, "3"], clothes: float
@@ -133,11 +135,11 @@ class _Outline:
 
 
 def outlined_shape(used: Sequence[tuple[Stages, torch.Tensor]], sampled: State) -> OutlinedShape | None:
-    """The shape of the sampled frames, found again with their silhouettes; None where fewer than FEWEST are good.
+    """The shape of the sampled frames, refined by their silhouettes; None if fewer than FEWEST are good.
 
     Args:
         used: Each clip with the frames sampled from it.
-        sampled: Their state, one clip after the other, with shared betas.
+        sampled: Their state, clip by clip, with shared betas.
     """
     sights = _sights(used, sampled)
     columns = used[0][0].parametrisation.columns
@@ -154,7 +156,7 @@ def outlined_shape(used: Sequence[tuple[Stages, torch.Tensor]], sampled: State) 
             )
             # The root's orientation, the first three columns, stays as the rest of the pose does.
             moves, betas, more = _solved(
-                (gradient[:, 3:], matrix[:, 3:, 3:], held + height.pull(sampled), holding + height.matrix),
+                (gradient[:, 3:], matrix[:, 3:, 3:], held + height.gradient(sampled), holding + height.matrix),
                 {row: _rows(outline, sampled, row, clothes) for row, outline in outlines.items()},
                 clothes,
                 used[0][0].config.weights.shape[N_STAGES - 1],
@@ -168,7 +170,7 @@ def outlined_shape(used: Sequence[tuple[Stages, torch.Tensor]], sampled: State) 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _HeldHeight:
-    """Holds the height that keypoints have told."""
+    """Holds the height determined by keypoints."""
 
     by_betas: Float[np.ndarray, "10"]
     """Weighted: how a beta changes it."""
@@ -185,7 +187,7 @@ class _HeldHeight:
     def matrix(self) -> Float[np.ndarray, "10 10"]:
         return np.outer(self.by_betas, self.by_betas)
 
-    def pull(self, sampled: State) -> Float[np.ndarray, "10"]:
+    def gradient(self, sampled: State) -> Float[np.ndarray, "10"]:
         return self.matrix @ (_betas(sampled, self.columns) - self.before)
 
 
@@ -214,12 +216,12 @@ def _solved(
     clothes: float,
     prior: float,
 ) -> tuple[Float[np.ndarray, "B 3"], Float[np.ndarray, "10"], float]:
-    """A Gauss-Newton step of translations, betas and clothes, which get no thinner than none.
+    """A Gauss-Newton step of translations, betas and clothes, whose thickness stays non-negative.
 
     Args:
-        keypoints: What `SharedShape.normal` says of translations and betas.
+        keypoints: The normal equations of `SharedShape.normal` in translations and betas.
         outlines: Residuals and rows by sampled frame.
-        clothes: Where they stand, metres.
+        clothes: Their current thickness, metres.
         prior: Weight of a standard deviation.
     """
     of_frames, blocks, held, holding = keypoints
@@ -248,7 +250,7 @@ def _solved(
 
 
 def _sights(used: Sequence[tuple[Stages, torch.Tensor]], sampled: State) -> dict[int, _Sight]:
-    """Sampled frames that have a silhouette and show the limbs, by their row."""
+    """Sampled frames that have a silhouette and show the limbs, by row."""
     whose = [(stages, frame) for stages, own in used for frame in own.tolist()]
     masks = [None if stages.silhouettes is None else stages.silhouettes.mask(frame) for stages, frame in whose]
     good = [
@@ -274,13 +276,13 @@ def _sight(stages: Stages, mask: Bool[np.ndarray, "h w"], state: State) -> _Sigh
 
 
 def border_distance(mask: Bool[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:
-    """Pixels from the border, which lies half a pixel from the middle of the last one within."""
+    """Pixels from the border, which is half a pixel from the centre of the last pixel inside."""
     inside, outside = (cv2.distanceTransform(m.astype(np.uint8), cv2.DIST_L2, 5) for m in (mask, ~mask))
     return np.where(mask, inside - 0.5, 0.5 - outside).astype(np.float64)
 
 
 def _outline(sight: _Sight, sampled: State, row: int) -> _Outline | None:
-    """The outline of the body where it stands; None where it is not the silhouette's."""
+    """The outline of the posed body; None if it does not match the silhouette."""
     columns, camera = sight.stages.parametrisation.columns, sight.stages.camera
     vector = sampled.vector[row].double().cpu().numpy()
     vertices = sight.at_rest + sight.by_betas @ vector[columns.betas] + vector[columns.translation]
@@ -294,11 +296,11 @@ def _outline(sight: _Sight, sampled: State, row: int) -> _Outline | None:
     mask = sight.distance > 0
     if (covered & mask).sum() < _ALIKE * (covered | mask).sum():
         return None
-    edges = topology.edges[front[topology.beside].sum(1) == 1]
+    edges = topology.edges[front[topology.edge_faces].sum(1) == 1]
     length = np.linalg.norm(np.diff(xy[edges], axis=1)[:, 0], axis=1)
     share = np.bincount(edges.ravel(), np.repeat(length / 2, 2), minlength=len(xy))
     chosen = np.flatnonzero((share > 0) & topology.told)
-    # The plane that touches the body there goes through the camera: its line in the image has the plane's x and y.
+    # The tangent plane of the body there contains the camera: its line in the image has the plane's x and y.
     normals = unit(vertex_normals(vertices, topology.faces)[chosen, :2] + 1e-12)
     beyond = xy[chosen] + 1.5 * sight.scale * normals
     inside = (beyond > 0).all(1) & (beyond < np.array(camera.size) - 1).all(1)
@@ -308,16 +310,16 @@ def _outline(sight: _Sight, sampled: State, row: int) -> _Outline | None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Topology:
-    """What a body's outline is looked for with."""
+    """What is needed to compute a body's outline."""
 
     faces: Int[np.ndarray, "F 3"]
     edges: Int[np.ndarray, "E 2"]
-    beside: Int[np.ndarray, "E 2"]
+    edge_faces: Int[np.ndarray, "E 2"]
     """The two faces of each edge."""
     parts: tuple[Int[np.ndarray, "n"], ...]
-    """Faces by the joint that carries them most."""
+    """Faces by the joint with the greatest skinning weight."""
     told: Bool[np.ndarray, "V"]
-    """Vertices whose outline tells of the body."""
+    """Vertices whose outline shows the body."""
 
 
 @lru_cache(maxsize=2)
@@ -328,14 +330,14 @@ def _topology(body: BodyModel) -> _Topology:
     order = np.argsort(which.ravel(), kind="stable")
     first, twice = np.searchsorted(which.ravel()[order], np.arange(len(edges))), count == 2
     face = order % len(faces)
-    beside = np.stack([face[first[twice]], face[first[twice] + 1]], 1)
+    edge_faces = np.stack([face[first[twice]], face[first[twice] + 1]], 1)
     carried = body.skinning_weights.argmax(1)
     bare = np.array([any(part in name for part in _BARE) for name in JOINTS])
     of_face = carried[faces[:, 0]]
     return _Topology(
         faces=faces,
         edges=edges[twice],
-        beside=beside,
+        edge_faces=edge_faces,
         parts=tuple(np.flatnonzero(of_face == joint) for joint in np.unique(of_face)),
         told=~bare[carried],
     )
@@ -344,7 +346,7 @@ def _topology(body: BodyModel) -> _Topology:
 def _covered(
     xy: Float[np.ndarray, "V 2"], topology: _Topology, front: Bool[np.ndarray, "F"], shape: tuple[int, int]
 ) -> Bool[np.ndarray, "h w"]:
-    """What the body covers of a mask. Part by part, for `fillPoly` leaves out what it covers twice at once."""
+    """The mask covered by the body. Part by part, because `fillPoly` omits areas covered twice in one call."""
     covered = np.zeros(shape, np.uint8)
     corners = np.round(np.clip(xy, -1000, 5000) * 16).astype(np.int32)
     for part in topology.parts:

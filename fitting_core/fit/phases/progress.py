@@ -1,4 +1,4 @@
-"""How phases report a running minimisation."""
+"""How phases report the progress of a minimisation."""
 
 import time
 from collections.abc import Callable, Generator
@@ -15,20 +15,20 @@ from fitting_core.results.provenance import STARTS, Start
 
 @dataclass(frozen=True)
 class Step:
-    """One solver iteration inside a phase, or frames that can be looked at."""
+    """One solver iteration inside a phase, or frames that can be shown."""
 
     label: str
     share: float
-    """How much of the phase is done, 0 to 1."""
+    """Progress of the phase, 0 to 1."""
     cost: float
-    """Mean of the frames that are being fitted."""
+    """Mean of the frames being fitted."""
     fitted: tuple[range, BodyParams] | None = None
-    """Frames with a fit, the first one of phase 1 or the last one of phase 3."""
+    """Fitted frames, the first result of phase 1 or the last of phase 3."""
     terms: Callable[[], dict[str, float]] = dict
-    """Evaluates the mean cost of a frame by term; to be called before the phase goes on."""
+    """Evaluates the mean cost per frame by term; call it before the phase continues."""
 
     def between(self, begin: float, end: float) -> "Step":
-        """The same step of what is only a part of the phase, between two shares of it."""
+        """The same step as part of the phase, from progress `begin` to `end`."""
         return replace(self, share=begin + (end - begin) * self.share)
 
 
@@ -40,7 +40,7 @@ def reported(
     *,
     frames: int = 1,
 ) -> Generator[Step, None, Solution]:
-    """Passes a minimisation on as steps that lie between two shares of the phase; its costs are sums over `frames`."""
+    """A minimisation as steps between two progress values of the phase; its costs are sums over `frames`."""
     begin, end = share
 
     def step(progress: Progress) -> Step:
@@ -55,17 +55,17 @@ def reported(
 TERMS_EVERY = 0.5
 """Seconds between two evaluations of the cost by term."""
 _SHARE = 0.03
-"""Most of the time that these evaluations may take: of long clips they are rarer."""
+"""Maximum fraction of the time for these evaluations: for long clips they are rarer."""
 
 
 class TermSampling:
-    """Evaluates the cost by term now and then, by the clock: the fit itself is the same with and without."""
+    """Evaluates the cost by term now and then; the fit is the same with and without."""
 
     def __init__(self) -> None:
         self._due = 0.0
 
     def terms(self, step: Step) -> dict[str, float]:
-        """The step's, or empty if the last ones are recent."""
+        """The step's costs, or empty if the last evaluation is recent."""
         begin = time.monotonic()
         if begin < self._due:
             return {}
@@ -77,10 +77,10 @@ class TermSampling:
 
 
 def stage_label(stage: int) -> str:
-    """For the user."""
+    """For users."""
     return f"stage {stage} of {N_STAGES}"
 
 
 def mirrored_label(start: Start) -> str:
-    """For the user, where a limb is tried that is mirrored in depth."""
+    """For users, while a limb mirrored in depth is tried."""
     return "trying " + STARTS[start].removeprefix("its own fit with ")

@@ -29,7 +29,8 @@ def _confident(confidence: np.ndarray, sample: ShapeSample, count: int) -> np.nd
 
 
 def _coverage(confidence: np.ndarray, sample: ShapeSample, count: int) -> np.ndarray:
-    """Greedily the frame that adds most to sum over keypoints of sqrt(confidence gathered), spread over the clip."""
+    """Greedily the frame that adds most to the sum over keypoints of sqrt(accumulated confidence), spread over the
+    clip."""
     apart = len(confidence) // (2 * count)
     gathered = np.zeros(confidence.shape[1])
     open_frames = np.ones(len(confidence), bool)
@@ -54,7 +55,7 @@ STRATEGIES: dict[str, Callable[[np.ndarray, ShapeSample, int], np.ndarray]] = {
 
 
 def sample_frames(confidence: Float[np.ndarray, "T K"], sample: ShapeSample) -> Int[np.ndarray, "n"]:
-    """The frames that find the shape, ascending.
+    """The frames that determine the shape, ascending.
 
     Args:
         confidence: of the frames to choose from.
@@ -66,7 +67,7 @@ def sample_frames(confidence: Float[np.ndarray, "T K"], sample: ShapeSample) -> 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sight:
-    """A clip after phase 1, as one of those in which a person is seen."""
+    """A clip after phase 1, one of those that show a person."""
 
     stages: Stages
     """Builds the objectives."""
@@ -77,41 +78,41 @@ class Sight:
 
     @staticmethod
     def after_first_phase(stages: Stages, fit: FitResult) -> "Sight":
-        """A clip of which there is a fit. Sampled from are the frames in which phase 1 found something, or all.
+        """A clip with a fit. Frames are sampled from those fitted in phase 1, or from all.
 
         Raises:
-            InputError: The fit has no first phase.
+            InputError: The fit has no phase 1.
         """
         first = fit.phase(1)
         if first is None:
-            raise InputError("There is no first phase to find a shape from: run everything.")
+            raise InputError("There is no phase 1 to find a shape from: run everything.")
         state, found = stages.parametrisation.from_params(first.params), torch.as_tensor(first.frame_cost).isfinite()
         return Sight.of(stages, state, found)
 
     @staticmethod
     def of(stages: Stages, state: State, found: Bool[Tensor, "T"]) -> "Sight":
-        """As `after_first_phase`, from its state and the frames in which it found something."""
+        """As `after_first_phase`, from its state and the fitted frames."""
         good = stages.observations.usable & found.to(stages.observations.usable.device)
         return Sight(stages=stages, state=state, usable=good.nonzero()[:, 0] if bool(good.any()) else stages.all_frames)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SampledShape:
-    """A shape, and the frames that it was found from."""
+    """A shape, and the frames that determined it."""
 
     state: State
-    """Of these frames, one clip after the other: their betas are the shape."""
+    """Of these frames, clip by clip: their betas are the shape."""
     frames: tuple[Int[Tensor, "n"], ...]
-    """Of each clip."""
+    """For each clip."""
     notes: tuple[str, ...] = ()
-    """For the user."""
+    """For users."""
 
 
 def fit_shape(sights: Sequence[Sight], solver: Solver, sample: ShapeSample) -> Generator[Step, None, SampledShape]:
-    """Minimises E_beta' + mean of E_o over frames of a clip, or of several clips of one person, beta' shared; then with
-    silhouettes, where there are enough good ones.
+    """Minimises E_beta' + mean of E_o over frames of a clip, or of several clips of one person, with shared beta'; then
+    with silhouettes, if enough are good.
 
-    Frames are sampled as if the clips were one: a strategy that asks what is seen takes more of a clip that shows more.
+    Frames are sampled as if the clips were one: a strategy based on visibility takes more from a clip that shows more.
 
     Args:
         sights: at least one, all of the same body and pose prior.
@@ -140,7 +141,7 @@ def fit_shape(sights: Sequence[Sight], solver: Solver, sample: ShapeSample) -> G
 
 
 def _samples(used: Sequence[tuple[Sight, Tensor]], sampled: State, stage: int) -> Iterator[Sample]:
-    """The objectives of a stage from where the sampled frames stand; what any of the clips shows moves in all."""
+    """A stage's objectives from the sampled frames' state; groups visible in any of the clips are free in all."""
     frees = [sight.stages.free(stage, betas=True) for sight, _ in used]
     free = replace(frees[0], hands=any(f.hands for f in frees), face=any(f.face for f in frees))
     first = 0

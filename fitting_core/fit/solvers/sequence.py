@@ -92,13 +92,14 @@ class _ByStencil:
         which need the Jacobians of the last frames before them as well.
         """
         residuals, first = self._residuals(state), self.coupling.free.start
-        pull = self.stencil.transposed(residuals, len(self.coupling.span))[self.coupling.local]
+        # L^T r for the free frames; L contains the weight.
+        by_quantity = self.stencil.transposed(residuals, len(self.coupling.span))[self.coupling.local]
         before = gradient.new_zeros(0, self.held.shape[1], gradient.shape[1])
         at_once = jacobians_at_once(state.vector.device)
         for start in range(0, len(state), at_once):
             stop = min(start + at_once, len(state))
             rows = self._rows(state[start:stop], range(first + start, first + stop))
-            gradient[start:stop] += (rows.transpose(1, 2) @ pull[start:stop, :, None])[..., 0]
+            gradient[start:stop] += (rows.transpose(1, 2) @ by_quantity[start:stop, :, None])[..., 0]
             known, begin = torch.cat([before, rows]), start - len(before)
             for k, factor in enumerate(self.factors):
                 earlier = slice(max(start - k, 0), max(stop - k, 0))
@@ -131,14 +132,14 @@ class _OfJoints(_ByStencil):
         joints, _ = self._fused.joints(state, index, derivatives=False)
         if self._translation is not None:
             joints += state.vector[:, None, self._translation]
-        return self._joints.still(joints, index).flatten(1)
+        return self._joints.in_still_space(joints, index).flatten(1)
 
     def _rows(self, state: State, frames: range) -> Tensor:
         index = torch.arange(frames.start, frames.stop)
         _, rows = self._fused.joints(state, index, derivatives=True)
         for axis, column in enumerate(self._moving):
             rows[:, axis::3, column] = 1.0
-        return self._joints.still_rows(rows, index)
+        return self._joints.rows_in_still_space(rows, index)
 
 
 class _Differentiated:

@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from fitting_core.body.model import JOINT
-from fitting_core.fit.compiled.body import add_row, axis_angle_of
+from fitting_core.fit.compiled.body import add_row, joint_axis_angle
 from fitting_core.fit.compiled.jit import helper
 from fitting_core.fit.compiled.layout import BODY, N_BODY, NUMBER
 from fitting_core.fit.terms.entry import OFF, Entry, Kernel, Weight
@@ -57,7 +57,7 @@ def _cost(c, frame, orient, x, s, derivatives):
         sign = clip.bending_sign[3 * j : 3 * j + 3]
         if sign[0] == 0.0 and sign[1] == 0.0:
             continue
-        axis_angle_of(c, j + 1, x, s)
+        joint_axis_angle(c, j + 1, x, s)
         for d in range(3):
             if sign[d] != 0.0:
                 residual = clip.bending * math.exp(sign[d] * s.v[d])

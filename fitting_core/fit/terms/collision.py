@@ -8,8 +8,8 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from fitting_core.body.points.chosen_vertices import PosedVertices, Pulls
-from fitting_core.fit.collision.colliding_body import CHUNK, CollidingBody, Contacts
+from fitting_core.body.points.chosen_vertices import PosedVertices, VertexRows
+from fitting_core.fit.collision.colliding_body import POSES_AT_ONCE, CollidingBody, CollidingPairs
 from fitting_core.fit.collision.distance_field import SIGMA, penetration, residuals_with_jacobian
 from fitting_core.fit.terms.entry import OFF, Entry, Weight
 from fitting_core.fit.terms.setting import Looked, Setting
@@ -57,15 +57,15 @@ class Collision(Term):
             residual = torch.cat([residual, column[:, None]], 1)
         return residual
 
-    def _chunks(self, e: Estimate, pairs: list[Tensor | None]) -> Iterator[tuple[Contacts, PosedVertices]]:
+    def _chunks(self, e: Estimate, pairs: list[Tensor | None]) -> Iterator[tuple[CollidingPairs, PosedVertices]]:
         p = e.view.parametrisation
         pose, coefficients = p.pose(e.state, e.body_pose), p.coefficients(e.state)
-        for start in range(0, len(pairs), CHUNK):
-            i = slice(start, start + CHUNK)
+        for start in range(0, len(pairs), POSES_AT_ONCE):
+            i = slice(start, start + POSES_AT_ONCE)
             contacts = self.body.contacts(pairs[i])
             yield contacts, self.body.chosen.forward(e.state.orient[i], pose[i], coefficients[i], contacts.ids)
 
-    def _padded(self, contacts: Contacts, posed: PosedVertices, most: int) -> Float[Tensor, "B P 6"]:
+    def _padded(self, contacts: CollidingPairs, posed: PosedVertices, most: int) -> Float[Tensor, "B P 6"]:
         psi = penetration(posed.vertices.flatten(0, 1), contacts.faces, contacts.pairs, sigma=self.sigma)
         out = psi.new_zeros(len(contacts.ids), most, 6)
         return out.index_put((contacts.frame, contacts.rank), self.weight * psi)
@@ -85,20 +85,21 @@ class Collision(Term):
             torch.cat(extra),
         )
 
-    def _rows(self, contacts: Contacts, posed: PosedVertices, jacobian: PointJacobian) -> Rows:
+    def _rows(self, contacts: CollidingPairs, posed: PosedVertices, jacobian: PointJacobian) -> Rows:
         flat = posed.vertices.flatten(0, 1)
         psi, by_corner = residuals_with_jacobian(flat, contacts.faces, contacts.pairs, sigma=self.sigma)
         pair, which = (psi > 0).nonzero(as_tuple=True)
         frame, residual = contacts.frame[pair], self.weight * psi[pair, which]
-        pulls = Pulls(frame, contacts.corner[pair], self.weight * by_corner[pair, which])
+        vertex_rows = VertexRows(frame, contacts.corner[pair], self.weight * by_corner[pair, which])
         chosen = self.body.chosen
         rows = jacobian.in_free_columns(
-            chosen.by_joint(posed, pulls), chosen.by_coefficient(posed, pulls) if jacobian.needs_coefficients else None
+            chosen.by_joint(posed, vertex_rows),
+            chosen.by_coefficient(posed, vertex_rows) if jacobian.needs_coefficients else None,
         )
-        pull = torch.zeros_like(flat)
-        place = (frame[:, None] * posed.ids.shape[1] + pulls.chosen).flatten()
-        pull.index_add_(0, place, (residual[:, None, None] * pulls.left).flatten(0, 1))
-        through = chosen.by_correctives(posed, pull.view_as(posed.vertices))
+        by_vertex = torch.zeros_like(flat)
+        place = (frame[:, None] * posed.ids.shape[1] + vertex_rows.chosen).flatten()
+        by_vertex.index_add_(0, place, (residual[:, None, None] * vertex_rows.by_vertex).flatten(0, 1))
+        through = chosen.by_correctives(posed, by_vertex.view_as(posed.vertices))
         frames, rank, most = len(posed.ids), *_ranks(frame)
         return Rows(
             residual.new_zeros(frames, most).index_put((frame, rank), residual),

@@ -35,7 +35,7 @@ _TINY = 1e-30
 
 
 @dataclass(frozen=True, eq=False)
-class Limits(Term):
+class JointLimits(Term):
     """weight x how far flexion, side motion and twist of a joint lie beyond their range (see body/joint_ranges.py).
 
     Seen from the front, a thigh that points at the camera and one that points away look alike; only one can be. Without
@@ -52,13 +52,13 @@ class Limits(Term):
     derivative: ClassVar = Derivative.ROWS
 
     @staticmethod
-    def of(weight: float, ranges: Mapping[str, JointRange], *, fingers: bool, like: Tensor) -> "Limits":
+    def of(weight: float, ranges: Mapping[str, JointRange], *, fingers: bool, like: Tensor) -> "JointLimits":
         """The term for these ranges, in the type and on the device of `like`; `fingers`: not of the body alone."""
         ranges = {name: joint for name, joint in ranges.items() if fingers or JOINT[name] in _BODY}
         table = AngleTable.of(ranges, like)
         bounds = torch.stack([like.new_tensor(joint.bounds) for joint in ranges.values()]).deg2rad()
         low, high = table.ordered(bounds).unbind(-1)
-        return Limits(weight, table, low, high, any(JOINT[name] in _FINGERS for name in ranges))
+        return JointLimits(weight, table, low, high, any(JOINT[name] in _FINGERS for name in ranges))
 
     @cached_property
     def place(self) -> Int[Tensor, "n"]:
@@ -262,7 +262,7 @@ def _slope(angle, w, t, p, q, stretch, rise, turn, frame, unit):
     )
 
 
-def _constants(term: Limits) -> Mapping[str, Any]:
+def _constants(term: JointLimits) -> Mapping[str, Any]:
     table = term.table
     return {
         "limited": len(term.low),
@@ -283,14 +283,14 @@ def _make(setting: Setting, looked: Looked, s: int) -> Term | None:
 
 
 @lru_cache(maxsize=4)
-def _of_weight_1(body: BodyModel, fingers: bool, dtype: torch.dtype, device: torch.device) -> Limits:
+def _of_weight_1(body: BodyModel, fingers: bool, dtype: torch.dtype, device: torch.device) -> JointLimits:
     """Remembered, as each stage and each drag of a keypoint would wait for it."""
-    return Limits.of(1.0, joint_ranges(body), fingers=fingers, like=torch.zeros(0, dtype=dtype, device=device))
+    return JointLimits.of(1.0, joint_ranges(body), fingers=fingers, like=torch.zeros(0, dtype=dtype, device=device))
 
 
 ENTRY = Entry(
     name="limits",
-    kind=Limits,
+    kind=JointLimits,
     about="joints of body and fingers stay within their anatomical range",
     make=_make,
     weights=(

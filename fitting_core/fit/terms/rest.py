@@ -8,7 +8,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from fitting_core.body.model import POSE_COLUMNS, POSE_JOINTS
-from fitting_core.fit.compiled.body import add_row, axis_angle_of
+from fitting_core.fit.compiled.body import add_row, joint_axis_angle
 from fitting_core.fit.compiled.jit import helper
 from fitting_core.fit.compiled.layout import BODY, N_BODY, NUMBER
 from fitting_core.fit.terms.entry import Entry, Kernel, Weight
@@ -50,7 +50,7 @@ def _cost(c, frame, orient, x, s, derivatives):
         weight = weights[3 * j : 3 * j + 3]
         if weight[0] == 0.0:
             continue
-        axis_angle_of(c, j + 1, x, s)
+        joint_axis_angle(c, j + 1, x, s)
         for d in range(3):
             away = s.v[d] - clip.rest_pose[3 * j + d]
             cost += weight[d] * weight[d] * away * away

@@ -15,7 +15,7 @@ from fitting_core.camera import CameraPath
 from fitting_core.fit.terms.entry import Entry
 from fitting_core.fit.terms.setting import Looked, Setting
 from fitting_core.fit.terms.term import Derivative, Rows, Stencil, Term
-from fitting_core.fit.variables.estimate import Estimate, View
+from fitting_core.fit.variables.estimate import Estimate, SolverView
 from fitting_core.fit.variables.point_jacobian import PointJacobian
 from fitting_core.fit.variables.state import Parametrisation, State
 
@@ -38,7 +38,7 @@ class JointPositions:
     ) -> None:
         points = _joints(body, parametrisation.dtype, parametrisation.device)
         unit = torch.ones(2, dtype=parametrisation.dtype, device=parametrisation.device)
-        self.view = View(parametrisation, points, unit, 0 * unit)
+        self.view = SolverView(parametrisation, points, unit, 0 * unit)
         self.in_camera, self.path = in_camera, path
         if path is not None:
             self._turn, self._place = torch.as_tensor(path.to_still).to(unit), torch.as_tensor(path.places).to(unit)
@@ -54,16 +54,16 @@ class JointPositions:
 
     def of(self, e: Estimate) -> Float[Tensor, "B 55 3"]:
         """Metres, of what `estimate` gave."""
-        return self.still(e.in_camera if self.in_camera else e.posed.points, e.frames)
+        return self.in_still_space(e.in_camera if self.in_camera else e.posed.points, e.frames)
 
-    def still(self, joints: Float[Tensor, "B 55 3"], frames: Int[Tensor, "B"]) -> Float[Tensor, "B 55 3"]:
+    def in_still_space(self, joints: Float[Tensor, "B 55 3"], frames: Int[Tensor, "B"]) -> Float[Tensor, "B 55 3"]:
         """Joints as the camera has them, in still space."""
         if self.path is None:
             return joints
         turned = joints @ self._turn[frames].mT
         return turned + self._place[frames, None] if self.in_camera else turned
 
-    def still_rows(self, rows: Float[Tensor, "B 165 d"], frames: Int[Tensor, "B"]) -> Float[Tensor, "B 165 d"]:
+    def rows_in_still_space(self, rows: Float[Tensor, "B 165 d"], frames: Int[Tensor, "B"]) -> Float[Tensor, "B 165 d"]:
         """The Jacobian of joints as the camera has them, of those in still space."""
         if self.path is None:
             return rows
@@ -103,9 +103,9 @@ class Evenness(Term):
         """The joints and their derivative. Pose correctives move no joint."""
         own = self.joints.estimate(e.state, e.frames)
         identity = torch.eye(3, dtype=e.state.vector.dtype, device=e.state.vector.device)
-        left = identity.expand(len(e.state), N_JOINTS, 3, 3)
-        by_columns = jacobian.on(self.joints.view.points)(own.posed, left, translation=self.joints.in_camera)
-        return Rows(self.joints.of(own).flatten(1), self.joints.still_rows(by_columns, e.frames))
+        by_point = identity.expand(len(e.state), N_JOINTS, 3, 3)
+        by_columns = jacobian.on(self.joints.view.points)(own.posed, by_point, translation=self.joints.in_camera)
+        return Rows(self.joints.of(own).flatten(1), self.joints.rows_in_still_space(by_columns, e.frames))
 
 
 def _make(setting: Setting, looked: Looked, s: int) -> Term | None:

@@ -15,7 +15,7 @@ NEAREST = 0.1
 
 
 @dataclass(frozen=True)
-class View:
+class SolverView:
     """What stays the same over a stage: the points looked at, their camera, and the head's yaw tables."""
 
     parametrisation: Parametrisation
@@ -35,7 +35,7 @@ class View:
 class Estimate:
     """Frames `frames` of a clip in a given state."""
 
-    view: View
+    view: SolverView
     state: State
     frames: Int[Tensor, "B"]
 

@@ -14,7 +14,7 @@ _BODY = POSE_JOINTS["body_pose"]
 
 
 class PointJacobian:
-    """Assembles left @ d points / d (free columns), for one list of points and one choice of free groups.
+    """Assembles by_point @ d points / d (free columns), for one list of points and one choice of free groups.
 
     Columns are those of `columns` (axis-angle pose), the free ones only, in order. The eyes are never free.
     """
@@ -66,29 +66,34 @@ class PointJacobian:
         target.view(len(target), -1)[:, flat.flatten()] = values.flatten(1)
 
     def __call__(
-        self, posed: Posed, left: Float[Tensor, "B N R 3"], *, translation: bool = True
+        self, posed: Posed, by_point: Float[Tensor, "B N R 3"], *, translation: bool = True
     ) -> Float[Tensor, "B N*R width"]:
-        """The Jacobian. `translation` False: the points do not move with the camera translation."""
-        frames, count, ranks, _ = left.shape
-        entries = self.points.rotation_entries(posed, left)
-        out = left.new_zeros(frames, count, ranks, self.width)
+        """The Jacobian of R residuals for each point, from `by_point`, their derivatives by its position (camera axes).
+
+        `translation` False: the residuals do not depend on the camera translation.
+        """
+        frames, count, ranks, _ = by_point.shape
+        entries = self.points.rotation_entries(posed, by_point)
+        out = by_point.new_zeros(frames, count, ranks, self.width)
         self._scatter(out, self.direct_point, self.direct_column, entries[:, self.direct])
         if self.free.hands and len(self.finger):
-            fingers = left.new_zeros(frames, len(self.finger_points), ranks, 90)
+            fingers = by_point.new_zeros(frames, len(self.finger_points), ranks, 90)
             self._scatter(fingers, self.finger_row, self.finger_column, entries[:, self.finger])
             start = self.place[self.columns.hands.start]
             out[:, self.finger_points, :, start : start + self.basis.shape[1]] = fingers @ self.basis
         if self.free.face:
-            self._put_coefficients(out, posed, left, self.place[self.columns.jaw.start] + 3, slice(10, N_COEFFICIENTS))
+            self._put_coefficients(
+                out, posed, by_point, self.place[self.columns.jaw.start] + 3, slice(10, N_COEFFICIENTS)
+            )
         if translation and self.free.translation:
             start = self.place[self.columns.translation.start]
-            out[..., start : start + 3] = left
+            out[..., start : start + 3] = by_point
         if self.free.betas:
-            self._put_coefficients(out, posed, left, self.place[self.columns.betas.start], slice(0, 10))
+            self._put_coefficients(out, posed, by_point, self.place[self.columns.betas.start], slice(0, 10))
         return out.flatten(1, 2)
 
-    def _put_coefficients(self, out: Tensor, posed: Posed, left: Tensor, start: int, which: slice) -> None:
-        moved = left @ self.points.coefficient_jacobian(posed, which)
+    def _put_coefficients(self, out: Tensor, posed: Posed, by_point: Tensor, start: int, which: slice) -> None:
+        moved = by_point @ self.points.coefficient_jacobian(posed, which)
         out[..., start : start + moved.shape[-1]] = moved
 
     @property
@@ -120,6 +125,6 @@ class PointJacobian:
             out[:, start : start + N_BETAS] = by_coefficient[:, :N_BETAS]
         return out
 
-    def corrective_gradient(self, posed: Posed, pull: Float[Tensor, "B N 3"]) -> Float[Tensor, "B width"]:
-        """sum of pull . d points / d (free columns) through the pose correctives, which the Jacobian leaves out."""
-        return self.in_free_columns(self.points.corrective_gradient(posed, pull))
+    def corrective_gradient(self, posed: Posed, by_point: Float[Tensor, "B N 3"]) -> Float[Tensor, "B width"]:
+        """Sum of by_point . d points / d (free columns) through the pose correctives, which the Jacobian omits."""
+        return self.in_free_columns(self.points.corrective_gradient(posed, by_point))

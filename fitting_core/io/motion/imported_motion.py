@@ -37,7 +37,7 @@ class SeenPoints:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Person:
+class PersonTrack:
     """One of the people in a file."""
 
     number: int
@@ -86,7 +86,7 @@ class ImportedMotion:
     """Where the camera is not told: the focal length in pixels that the program takes, and these words for it."""
     focal_rule: tuple[Callable[[tuple[int, int]], float], str] | None = None
     """Instead of `focal`, where the program takes it from the image's width and height."""
-    people: tuple[Person, ...] = ()
+    people: tuple[PersonTrack, ...] = ()
     """In the file, where it tells several apart; who is in most frames first."""
     notes: tuple[str, ...] = field(default=())
     """What a user should know of how it was read."""

@@ -45,7 +45,7 @@ _MAX_ABOUT = 2**16
 _NUMBERED = re.compile(r"\d+\.pkl")
 
 
-class About(msgspec.Struct, frozen=True, kw_only=True):
+class ResultAbout(msgspec.Struct, frozen=True, kw_only=True):
     """What about.json says."""
 
     generator: str = ""
@@ -85,7 +85,7 @@ def read_smplifyx(
         if not chosen:
             raise InputError(_nothing(path, pickles, members, person))
         frames = [read_result(path, member) for member in chosen]
-        about = next((_about(path, member) for member in members if member.path.name == ABOUT), About())
+        about = next((_about(path, member) for member in members if member.path.name == ABOUT), ResultAbout())
     frames.sort(key=lambda frame: natural_key(frame.stem))
     _forbid_mixed(path, frames)
     others = len({member.path.stem for member in pickles}) - 1
@@ -155,7 +155,7 @@ def write_smplifyx(
         with replacing(target) as draft:
             draft.write_bytes(pickled(arrays))
         progress((t + 1) / len(stems))
-    about = About(
+    about = ResultAbout(
         generator="tcfit",
         axes=f"camera: {AXES['camera'].text}; metres; axis-angle in radians; camera_translation is added to the body",
         gender=body.gender,  # pyright: ignore[reportArgumentType]
@@ -171,11 +171,11 @@ def write_smplifyx(
         draft.write_bytes(msgspec.json.format(msgspec.json.encode(about), indent=2) + b"\n")
 
 
-def _about(path: Path, member: Member) -> About:
+def _about(path: Path, member: Member) -> ResultAbout:
     with member.open() as stream:
         content = stream.read(_MAX_ABOUT)
     try:
-        return msgspec.json.decode(content, type=About)
+        return msgspec.json.decode(content, type=ResultAbout)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
         raise InputError(
             f"{path}: its {ABOUT} is none that tcfit wrote ({error}). Remove it, or write the results again."

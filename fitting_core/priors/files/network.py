@@ -6,7 +6,7 @@ Files of our own are an npz of these arrays, with what they are as JSON:
 |---|---|---|
 | decoder_weight_0, decoder_bias_0, decoder_weight_1, ... | (out, in), (out,) | float32 or float16, layer by layer |
 | encoder_weight_0, ... | | the same |
-| about | () | JSON text: `About` |
+| about | () | JSON text: `PriorAbout` |
 """
 
 import hashlib
@@ -115,7 +115,7 @@ def _check_chain(name: str, layers: Sequence[Layer]) -> None:
 FORMAT = "tcfit pose prior 1"
 
 
-class About(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
+class PriorAbout(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     """What an npz of a pose prior says of itself."""
 
     format: str
@@ -144,7 +144,7 @@ def write_network(path: Path, network: PriorNetwork, *, dtype: type[np.floating]
         for i, layer in enumerate(layers)
         for part in ("weight", "bias")
     }
-    about = About(
+    about = PriorAbout(
         format=FORMAT,
         title=network.title,
         licence=network.licence,
@@ -163,7 +163,7 @@ def read_network(path: Path) -> PriorNetwork:
     """
     arrays = _arrays(path)
     try:
-        about = msgspec.json.decode(str(arrays.pop("about")), type=About)
+        about = msgspec.json.decode(str(arrays.pop("about")), type=PriorAbout)
         decoder, encoder = (
             tuple(
                 Layer(arrays.pop(f"{name}_weight_{i}"), arrays.pop(f"{name}_bias_{i}"), activation)

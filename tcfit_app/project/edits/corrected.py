@@ -1,4 +1,4 @@
-"""Keypoints as they stand after some corrections: what edits read and write."""
+"""Keypoints with some corrections applied: what edits read and write."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -23,28 +23,28 @@ _RECORD = np.dtype(
     ],
     align=True,
 )
-"""All about one keypoint of one frame, in 64 bytes."""
+"""Everything about one keypoint in one frame, in 64 bytes."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Corrected:
-    """Some keypoints of some frames: all of a clip, or those that one edit touches."""
+    """Some keypoints in some frames: a whole clip, or those that one edit changes."""
 
     records: Shaped[np.ndarray, "F K"]
-    """Of `_RECORD`, side by side: an edit reads and writes a few keypoints of a few frames, and all about them."""
+    """Array of `_RECORD`: an edit reads and writes all fields of a few keypoints in a few frames."""
 
     def __getitem__(self, cells: Any) -> "Corrected":
-        """Some of them, as of an array. What is worked out of several fields takes a while for those of a long clip."""
+        """A subset, indexed like an array. What is derived from several fields takes a while for a long clip."""
         return Corrected(records=self.records[cells])
 
     @staticmethod
     def none(keypoints: Keypoints) -> "Corrected":
-        """Detections without any correction, in an array of their own."""
+        """Detections without corrections, in their own array."""
         return Corrected.as_detected(keypoints.xy, keypoints.confidence)
 
     @staticmethod
     def as_detected(xy: Float[np.ndarray, "F K 2"], confidence: Float[np.ndarray, "F K"]) -> "Corrected":
-        """Some keypoints as a detector gives them, in an array of their own."""
+        """Keypoints as detected, in their own array."""
         made = Corrected(records=np.zeros(confidence.shape, _RECORD))
         made.xy[:], made.confidence[:] = xy, confidence
         made.depth[:], made.turn[:] = np.nan, np.nan
@@ -57,43 +57,42 @@ class Corrected:
 
     @property
     def confidence(self) -> Float[np.ndarray, "F K"]:
-        """0 (not detected) to 1; of a keypoint marked bad what it has once it is restored."""
+        """0 (not detected) to 1; for a keypoint marked bad, the value it has once restored."""
         return self.records["confidence"]
 
     @property
     def bad(self) -> Bool[np.ndarray, "F K"]:
-        """Marked as wrong by a person."""
+        """Marked bad by a person."""
         return self.records["bad"]
 
     @property
     def edited(self) -> Bool[np.ndarray, "F K"]:
-        """Position, side or confidence come from a person and not from the detector."""
+        """Position, side or confidence come from a person, not from the detector."""
         return self.records["edited"]
 
     @property
     def depth(self) -> Float[np.ndarray, "F K"]:
-        """As in Keypoints; of a keypoint marked bad what counts once it is restored."""
+        """As in Keypoints; for a keypoint marked bad, the value it has once restored."""
         return self.records["depth"]
 
     @property
     def turn(self) -> Float32[np.ndarray, "F K 3"]:
-        """As in Keypoints; of a keypoint marked bad too, for it is the body's."""
+        """As in Keypoints; also for a keypoint marked bad, because it belongs to the body."""
         return self.records["turn"]
 
     @property
     def key(self) -> Bool[np.ndarray, "F K"]:
-        """A person has put it there as a keyframe: the frames between two of them follow both."""
+        """A person set a keyframe: frames between two of them are interpolated."""
         return self.records["key"]
 
     @property
     def pinned(self) -> Bool[np.ndarray, "F K"]:
-        """A person has said that it is in one place in space, in these frames and others, and nothing since."""
+        """A person pinned it in space, in these and other frames, and has not edited it since."""
         return self.records["pinned"]
 
     @property
     def shift(self) -> Float[np.ndarray, "F K 2"]:
-        """How far keyframes have moved it, pixels: `xy - shift` is where it would be without them, (0, 0) if
-        nowhere."""
+        """Its displacement by keyframes, pixels: `xy - shift` is the position without them, (0, 0) if there is none."""
         return self.records["shift"]
 
     def at(self, frames: tuple[int, ...], joints: tuple[int, ...]) -> "Corrected":
@@ -101,7 +100,7 @@ class Corrected:
         return Corrected(records=self.records.reshape(-1).take(_cells(frames, joints, self.records.shape[1])))
 
     def put(self, frames: tuple[int, ...], joints: tuple[int, ...], values: "Corrected") -> None:
-        """Overwrite some keypoints in some frames, in place: a copy of a long clip for each edit would add up."""
+        """Overwrite some keypoints in some frames, in place: copying a long clip for each edit would add up."""
         self.records.reshape(-1)[_cells(frames, joints, self.records.shape[1])] = values.records
 
     @property
@@ -116,7 +115,7 @@ class Corrected:
 
     @property
     def locked(self) -> Bool[np.ndarray, "F K"]:
-        """A person has said how the joint is turned."""
+        """A person locked the joint's rotation."""
         return np.isfinite(self.turn[..., 0])
 
     @property
@@ -126,16 +125,16 @@ class Corrected:
 
     @property
     def view(self) -> "Corrected":
-        """The same keypoints for somebody who cannot write to them, and sees what is written later."""
+        """A read-only view of the same keypoints, which reflects later changes."""
         return Corrected(records=read_only(self.records))
 
     @property
     def told(self) -> Bool[np.ndarray, "F K"]:
-        """A person has said something of it."""
+        """A person has edited it in any way."""
         return self.edited | np.isfinite(self.depth) | self.locked
 
     def keypoints(self) -> Keypoints:
-        """What is fitted: a keypoint marked bad has confidence 0. In arrays of their own, which nobody can write to."""
+        """The keypoints to fit: confidence 0 for those marked bad. In their own read-only arrays."""
         return _keypoints(*self._fitted())
 
     def _fitted(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -143,9 +142,9 @@ class Corrected:
         return self.xy.copy(), confidence, self.edited & self.present, self.told_depth, self.turn.copy()
 
     def put_into(self, before: Keypoints, frames: list[int]) -> Keypoints:
-        """What `keypoints` gives for a clip that had given `before`, since these became some of its frames.
+        """Update `before`, an earlier result of `keypoints` for a clip, with these as some of its frames.
 
-        It copies plain arrays, which takes a tenth of going through all that is known of a whole clip.
+        Copying plain arrays takes a tenth of the time of recomputing a whole clip.
         """
         nowhere = np.full((*before.confidence.shape, 3), np.nan, np.float32)
         turn = nowhere if before.turn is None else before.turn.copy()
@@ -158,7 +157,7 @@ class Corrected:
 def _keypoints(
     xy: np.ndarray, confidence: np.ndarray, by_hand: np.ndarray, depth: np.ndarray, turn: np.ndarray
 ) -> Keypoints:
-    """With what is told of depths and turns only where something is."""
+    """With depths and turns only if any are set."""
     return Keypoints(
         xy=_fixed(xy),
         confidence=_fixed(confidence),
@@ -168,14 +167,15 @@ def _keypoints(
     )
 
 
-@lru_cache(maxsize=4)  # An edit writes what it has read.
+@lru_cache(maxsize=4)  # an edit writes the cells that it has read
 def _cells(frames: tuple[int, ...], joints: tuple[int, ...], count: int) -> Int[np.ndarray, "f j"]:
-    """Numbers of some keypoints among all `count` of all frames: reading by these takes a third of np.ix_."""
+    """Flat indices of some keypoints in some frames, `count` per frame: indexing by them takes a third of np.ix_'s
+    time."""
     return _fixed(np.array(frames)[:, None] * count + np.array(joints))
 
 
 def read_only(array: np.ndarray) -> np.ndarray:
-    """The same array for somebody who cannot write to it."""
+    """A read-only view of an array."""
     return _fixed(array.view())
 
 

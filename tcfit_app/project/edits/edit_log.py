@@ -1,15 +1,15 @@
-"""The log of edits and remarks, and what it makes of the detections.
+"""The log of edits and remarks, and the keypoints that result from it.
 
-Entries are only ever added. Besides edits and remarks (marks and notes) there are Undo and Redo, which say which of
-them they take back or bring back:
+The log is append-only. Besides edits and remarks (marks and notes) it has Undo and Redo, which name the entry they undo
+or redo:
 
 - An edit or a remark is done; whatever was undone before it can no longer be redone.
-- Undo takes back the last one that is done. Redo brings back the one that was undone last.
-- The keypoints are the detections with all edits that are done, in order. What is taken over from another person,
-  or was found by a second look, counts as detected from then on.
-- A frame has the last mark that is done. There are the notes that are done, but for those that others replace.
+- Undo reverts the last one done. Redo restores the one undone last.
+- The keypoints are the detections with all edits done, in order. Keypoints taken over from another person, or found by
+a second look, count as detected from then on.
+- A frame's mark is the last one done. Its notes are those done, except for replaced ones.
 
-The log belongs to the project and not to a browser: two people at one project undo each other's edits.
+The log belongs to the project, not to a browser: two people working on one project undo each other's edits.
 """
 
 import itertools
@@ -28,9 +28,9 @@ from tcfit_app.project.edits.kinds import Edit, NewDetections, TakeOver, check, 
 from tcfit_app.project.edits.standing import Standing
 
 _MEMORY = 256 * 2**20
-"""Bytes for what undo puts back; where that does not suffice, all edits are made again."""
+"""Memory in bytes for undo; where that does not suffice, all edits are replayed."""
 _UNDOABLE = 1000
-"""Edits of those made before that undo can take back without making all again: of more, a long log would feel each."""
+"""How many of the edits replayed can be undone without replaying all again: keeping more would slow down long logs."""
 
 
 MarkState = Literal["checked", "flag"]
@@ -38,72 +38,72 @@ MarkState = Literal["checked", "flag"]
 
 
 class MarkFrames(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind", tag="mark"):
-    """Whether frames look fine."""
+    """Marks frames as fine or as needing attention."""
 
     frames: tuple[int, ...]
-    """Counted from the clip's first (0)."""
+    """From the clip's first (0)."""
     state: MarkState | None
-    """None: nothing any more."""
+    """None removes the mark."""
     moment: int
-    """The largest `Run.moment` then, 0 without any."""
+    """The largest `Run.moment` at the time, 0 without any."""
 
 
 NOTE_CHARACTERS = 2000
 
 
 class WriteNote(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind", tag="note"):
-    """A note on frames, another text of one, or its end."""
+    """Writes a note on frames, changes its text, or deletes it."""
 
     frames: tuple[int, ...]
-    """Counted from the clip's first (0), one after the other."""
+    """Consecutive, from the clip's first (0)."""
     text: str
-    """What it says; empty: there is none any more."""
+    """Its text; empty deletes it."""
     replaces: int | None = None
-    """The `Note.id` of the one that gets this text."""
+    """The `Note.id` of the note it replaces."""
 
 
 class NoteText(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One of several notes that are written together."""
+    """One of several notes written together."""
 
     first: int
-    """The first of its frames, counted from the clip's first (0)."""
+    """The first of its frames, from the clip's first (0)."""
     last: int
     text: str
     replaces: int | None = None
-    """As of WriteNote."""
+    """As in WriteNote."""
 
 
 class WriteNotes(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind", tag="notes"):
-    """Notes that came together, as from a file: one undo takes all of them back."""
+    """Notes added together, as from a file: one undo removes all."""
 
     notes: tuple[NoteText, ...]
 
     @property
     def frames(self) -> tuple[int, ...]:
-        """All that they are on."""
+        """All their frames."""
         return tuple(sorted({frame for note in self.notes for frame in range(note.first, note.last + 1)}))
 
 
 class Undo(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind", tag="undo"):
-    """Takes back an edit or a remark."""
+    """Undoes an edit or a remark."""
 
     edit: int
     """Its id."""
 
 
 class Redo(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind", tag="redo"):
-    """Brings back an edit or a remark."""
+    """Redoes an edit or a remark."""
 
     edit: int
     """Its id."""
 
 
 Remark = MarkFrames | WriteNote | WriteNotes
-"""What is said about frames; the keypoints stay."""
+"""Statements about frames; keypoints are unchanged."""
 Said = Edit | Remark
-"""What can be undone."""
-Action = Said | Undo | Redo
-_DECODER = msgspec.json.Decoder(Action)
+"""Everything that can be undone."""
+LogAction = Said | Undo | Redo
+_DECODER = msgspec.json.Decoder(LogAction)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,28 +114,29 @@ class LogEntry:
     """Ascending from 1."""
     time: datetime
     author: str
-    """Who did it, as the app tells browsers apart."""
-    action: Action
+    """Who did it, by the name that the app gives authors."""
+    action: LogAction
 
 
 @dataclass(frozen=True, kw_only=True)
 class Note:
-    """What somebody has written about frames."""
+    """A note on frames."""
 
     id: int
-    """By the log's entry that said it first (`note_id`): it stays the same with other texts."""
+    """Derived from the log entry that first wrote it (`note_id`): unchanged when the text changes."""
     frames: range
     text: str
     time: datetime
     author: str
 
 
-def frames_of(log: Iterable[LogEntry], said: Callable[[int], Said]) -> dict[int, tuple[int, ...]]:
-    """The frames whose keypoints each entry changes, by its id: Undo and Redo those of their edit, remarks none.
+def frames_changed(log: Iterable[LogEntry], said: Callable[[int], Said]) -> dict[int, tuple[int, ...]]:
+    """The frames whose keypoints each entry changes, by its id: for Undo and Redo those of their edit, for remarks
+    none.
 
     Args:
         log: entries, all or some.
-        said: What the entry of an id has said, for those that are undone and redone.
+        said: Returns the action of an entry's id, for entries undone and redone.
     """
     found: dict[int, tuple[int, ...]] = {}
     for entry in log:
@@ -144,51 +145,51 @@ def frames_of(log: Iterable[LogEntry], said: Callable[[int], Said]) -> dict[int,
     return found
 
 
-def encode(action: Action) -> str:
+def encode(action: LogAction) -> str:
     """The action as JSON."""
     return msgspec.json.encode(action).decode()
 
 
-def decode(text: str | bytes) -> Action:
-    """Read what `encode` wrote.
+def decode(text: str | bytes) -> LogAction:
+    """Decode the result of `encode`.
 
     Raises:
-        InputError: It is no known action, or has other fields than it should.
+        InputError: It is not a known action, or has unexpected fields.
     """
     try:
         return _DECODER.decode(text)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
         raise InputError(
-            f"An edit cannot be read ({error}): it was damaged, or made by another version of tcfit. Update tcfit."
+            f"An edit cannot be read ({error}): it is damaged, or from another version of tcfit. Update tcfit."
         ) from error
 
 
 Marking = Literal["told", "bad", "key"]
-"""What `Corrected` says of a keypoint, and a timeline of its frame."""
+"""A field of `Corrected`, shown per frame in the timeline."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class News:
-    """How keypoints have changed."""
+class KeypointsNews:
+    """A change of keypoints, or their state in a clip of any length."""
 
     before: Keypoints
     frames: list[int]
-    """That are others."""
+    """The changed frames."""
     rows: Corrected
-    """Those frames."""
+    """Those frames' keypoints."""
     version: int
-    """Of the history, by the number of its changes."""
+    """Of the history, the number of its changes."""
 
     def keypoints(self) -> Keypoints:
-        """As they are now."""
+        """The current keypoints."""
         return self.rows.put_into(self.before, self.frames) if self.frames else self.before
 
 
 class EditHistory:
-    """The log's meaning: the corrected keypoints, and what can be undone and redone.
+    """The state that a log produces: the corrected keypoints, and what can be undone and redone.
 
-    A further entry costs as much as the frames that it touches, whatever the lengths of the clip and of the log. Not
-    thread-safe. Keypoints that it has returned never change; `corrected` and `detected` show what they are now.
+    Adding an entry costs as much as the frames it changes, whatever the lengths of clip and log. Not thread-safe.
+    Returned keypoints never change; `corrected` and `detected` are views of the current state.
     """
 
     def __init__(
@@ -199,38 +200,38 @@ class EditHistory:
         first_frame: int = 0,
         leave_out: Callable[[LogEntry, InputError], None] | None = None,
     ) -> None:
-        """Take up a log.
+        """Apply a log.
 
         Args:
-            detections: What the edits correct.
+            detections: The keypoints before any edit.
             entries: In order.
-            first_frame: The number by which users know the clip's first.
-            leave_out: Takes those that make no sense, and why.
+            first_frame: The number shown for the clip's first frame.
+            leave_out: Called with each invalid entry and the reason.
 
         Raises:
-            InputError: One makes no sense, and there is nobody to take it.
+            InputError: An entry is invalid, and there is no `leave_out`.
         """
         self._original, self._first_frame = detections, first_frame
         self._detections = self._now = Corrected.none(detections)
         self._done: list[LogEntry] = []
         self._undone: list[LogEntry] = []
         self._written: list[LogEntry] = []
-        """Those of _done about notes."""
+        """Those of _done that are notes."""
         self.standing: Standing[Said] = Standing()
         """What stood after each entry."""
         self._before: deque[tuple[Edit, Corrected, Corrected | None]] = deque()
-        """What the last edits of _done have overwritten, of as many as memory allows; also of the detections."""
+        """What the last edits of _done overwrote, as far as memory allows; including detections."""
         self._bytes = 0
         self._keypoints = replace(detections, xy=read_only(detections.xy), confidence=read_only(detections.confidence))
-        """What there was to fit, before the frames `_changed` did."""
+        """The keypoints to fit before the frames in `_changed` changed."""
         self._changed: set[int] = set()
         self._version = 0
         self._touched: set[int] = set()
-        """All frames that any edit has ever changed."""
+        """All frames changed by any edit."""
         self._marked: dict[Marking, set[int]] = {marking: set() for marking in get_args(Marking)}
-        """The frames with any keypoint of which that is so, but for those that are `_unmarked`."""
+        """The frames with any such keypoint, except for those in `_unmarked`."""
         self._unmarked: set[int] = set()
-        for entry in tuple(entries):  # what was undone in the end need not be made
+        for entry in tuple(entries):  # entries undone in the end need not be applied
             try:
                 self.check(entry.action)
             except InputError as error:
@@ -243,22 +244,22 @@ class EditHistory:
 
     @property
     def undoable(self) -> LogEntry | None:
-        """The edit or remark that undo would take back."""
+        """The edit or remark that undo would revert."""
         return self._done[-1] if self._done else None
 
     @property
     def redoable(self) -> LogEntry | None:
-        """The edit or remark that redo would bring back."""
+        """The edit or remark that redo would restore."""
         return self._undone[-1] if self._undone else None
 
     @property
     def marks(self) -> list[LogEntry]:
-        """The marks that are done, in order."""
+        """The marks done, in order."""
         return [entry for entry in self._done if isinstance(entry.action, MarkFrames)]
 
     @property
     def notes(self) -> tuple[Note, ...]:
-        """The notes that there are, by their frames."""
+        """The current notes, in order of frames."""
         found: dict[int, Note] = {}
         for entry in self._written:
             for place, (frames, text, replaces) in enumerate(_texts(entry.action)):
@@ -270,21 +271,21 @@ class EditHistory:
 
     @property
     def exchanges(self) -> list[LogEntry]:
-        """What is taken over from others, in order."""
+        """Keypoints taken over from others, in order."""
         return [entry for entry in self._done if isinstance(entry.action, TakeOver)]
 
     @property
     def detected(self) -> Corrected:
-        """What is corrected: the detections, and what was taken over or detected again in their place."""
+        """The base of corrections: the detections, as replaced by take-overs and second looks."""
         return self._detections.view
 
     @property
     def corrected(self) -> Corrected:
-        """The whole clip as it stands, with marks of what was edited."""
+        """The whole clip in its current state, including which keypoints were edited."""
         return self._now.view
 
     def marked(self, marking: Marking) -> list[int]:
-        """The frames with any keypoint of which that is so, in order."""
+        """The frames with any keypoint for which this holds, in order."""
         if frames := sorted(self._unmarked):
             rows = Corrected(records=self._now.records[frames])
             for name, marked in self._marked.items():
@@ -299,21 +300,21 @@ class EditHistory:
         news = self.news()
         return self.keep(news, news.keypoints())
 
-    def news(self) -> "News":
-        """What makes `keypoints`, which takes longer in a long clip: for somebody who cannot wait for that."""
+    def news(self) -> "KeypointsNews":
+        """What computes `keypoints`, which takes longer in a long clip: for callers that cannot wait."""
         frames = sorted(self._changed)
         rows = Corrected(records=self._now.records[frames])
-        return News(before=self._keypoints, frames=frames, rows=rows, version=self._version)
+        return KeypointsNews(before=self._keypoints, frames=frames, rows=rows, version=self._version)
 
-    def keep(self, news: "News", made: Keypoints) -> Keypoints:
-        """Remember what `news` has made, so that further news are those since then."""
+    def keep(self, news: "KeypointsNews", made: Keypoints) -> Keypoints:
+        """Store the result of `news`, so that later news are relative to it."""
         if news.before is self._keypoints:
             self._keypoints = made
             if news.version == self._version:
                 self._changed.clear()
         return made
 
-    def check(self, action: Action) -> None:
+    def check(self, action: LogAction) -> None:
         """Raise InputError if this cannot be the next action."""
         if isinstance(action, WriteNotes):
             return self._check_notes(action)
@@ -324,8 +325,10 @@ class EditHistory:
             return check(action, len(self._now.xy), self._first_frame)
         verb, expected = ("undone", self.undoable) if isinstance(action, Undo) else ("redone", self.redoable)
         if expected is None or expected.id != action.edit:
-            now = f"edit {expected.id} is" if expected else "none is"
-            raise InputError(f"Edit {action.edit} cannot be {verb} now; {now} next. Somebody else may have edited.")
+            now = f"edit {expected.id} is" if expected else "nothing is"
+            raise InputError(
+                f"Edit {action.edit} cannot be {verb} now; {now} next. Someone else may have edited meanwhile."
+            )
 
     def _check_frames(self, frames: tuple[int, ...]) -> None:
         length, first = len(self._now.xy), self._first_frame
@@ -335,30 +338,30 @@ class EditHistory:
     def _check_note(self, note: WriteNote) -> None:
         self._check_text(note.text, note.replaces, {known.id for known in self.notes})
         if not note.frames or tuple(range(note.frames[0], note.frames[-1] + 1)) != note.frames:
-            raise InputError("A note is on one frame, or on several that follow each other.")
+            raise InputError("A note must be on one frame or on consecutive frames.")
 
     def _check_notes(self, written: WriteNotes) -> None:
         if not written.notes:
-            raise InputError("There are no notes to keep.")
+            raise InputError("There are no notes to save.")
         there = {known.id for known in self.notes}
         for note in written.notes:
             self._check_frames((note.first, note.last))
             self._check_text(note.text, note.replaces, there)
             there.discard(note.replaces)
             if note.last < note.first:
-                raise InputError("A note is on one frame, or on several that follow each other.")
+                raise InputError("A note must be on one frame or on consecutive frames.")
 
     @staticmethod
     def _check_text(text: str, replaces: int | None, there: set[int]) -> None:
         if replaces is not None and replaces not in there:
-            raise InputError("This note is gone: somebody has changed or deleted it.")
+            raise InputError("This note no longer exists: someone has changed or deleted it.")
         if replaces is None and not text:
             raise InputError("The note is empty. Type what it says first.")
         if len(text) > NOTE_CHARACTERS:
             raise InputError(f"The note has {len(text):,} characters; expected {NOTE_CHARACTERS:,} at most.")
 
     def add(self, entry: LogEntry) -> None:
-        """Take up the next entry, whose action has passed `check`."""
+        """Add the next entry, whose action has passed `check`."""
         changed = self._take_up(entry)
         if isinstance(changed, Remark):
             return
@@ -368,7 +371,8 @@ class EditHistory:
             self._make(changed)
 
     def _take_up(self, entry: LogEntry) -> Said:
-        """What is done now, and what can be redone; returns what was done, undone or redone. Keypoints stay."""
+        """Update what is done and what can be redone; returns what was done, undone or redone. Keypoints are
+        unchanged."""
         if isinstance(entry.action, Undo):
             self.standing.undo(entry.id)
             self._undone.append(self._done.pop())
@@ -407,13 +411,13 @@ class EditHistory:
         self._note(edit.frames)
 
     def _note(self, frames: Iterable[int]) -> None:
-        """Frames are others than they were."""
+        """Record that frames have changed."""
         self._version += 1
         for those in (self._changed, self._touched, self._unmarked):
             those.update(frames)
 
     def _make_all(self) -> None:
-        """Everything that is done, on the keypoints as they were detected."""
+        """Apply everything done to the detections."""
         self._detections, self._now = Corrected.none(self._original), Corrected.none(self._original)
         self._note(tuple(self._touched))
         edits = [said for entry in self._done if not isinstance(said := _said(entry), Remark)]
@@ -434,12 +438,12 @@ class EditHistory:
 
 
 def note_id(entry: int, place: int) -> int:
-    """The id of a note: that of its entry in the log, and for those after the first the place in it as well."""
+    """The id of a note: its log entry's, combined with the index in the entry for all but the first."""
     return entry + (place << 32)
 
 
-def _texts(action: Action) -> list[tuple[range, str, int | None]]:
-    """The frames and text of each note, and which one it replaces."""
+def _texts(action: LogAction) -> list[tuple[range, str, int | None]]:
+    """The frames and text of each note, and the note it replaces."""
     if isinstance(action, WriteNote):
         return [(range(action.frames[0], action.frames[-1] + 1), action.text, action.replaces)]
     assert isinstance(action, WriteNotes)

@@ -1,4 +1,4 @@
-"""Keyframes of keypoints: what lies between two of them follows both."""
+"""Keyframes of keypoints: frames between two of them are interpolated."""
 
 from bisect import bisect_left, bisect_right
 
@@ -8,23 +8,23 @@ from jaxtyping import Bool, Float
 from tcfit_app.project.edits.corrected import Corrected
 
 _SAME = 1e-6
-"""Pixels apart under which a position without keyframes is the detected one: sums of shifts leave less."""
+"""Shifts smaller than this, in pixels, are rounding errors of sums: the keypoint is at its detection."""
 
 
-REACH = 30
-"""Frames apart beyond which two keyframes are not joined."""
+LONGEST_GAP = 30
+"""Maximum distance between two keyframes that are interpolated, in frames."""
 
 
-def joined(now: Corrected, joints: tuple[int, ...], at: range, reach: int = REACH) -> range:
+def joined(now: Corrected, joints: tuple[int, ...], at: range, reach: int = LONGEST_GAP) -> range:
     """All frames that a change of these keypoints' keyframes in the frames `at` may change: `frames` of the edits.
 
-    They end before the next keyframes on both sides. Those farther than `reach` count only where they are followed
-    already.
+    They end before the next keyframes on both sides. Keyframes farther away than `reach` count only if frames are
+    already interpolated towards them.
     """
     start, stop, reach = at.start, at.stop, max(reach, 1)
     for joint in joints:
         key = now.key[:, joint]
-        # Far ones are looked for only where they are followed: there is no end of frames in a long clip.
+        # Distant ones are searched for only along interpolated frames: a long clip has too many frames.
         before = key[: at.start] if _follows(now, joint, at.start - 1) else key[max(at.start - reach, 0) : at.start]
         after = key[at.stop :] if _follows(now, joint, at.stop) else key[at.stop : at.stop + reach]
         if before.any():
@@ -35,7 +35,7 @@ def joined(now: Corrected, joints: tuple[int, ...], at: range, reach: int = REAC
 
 
 def _follows(now: Corrected, joint: int, frame: int) -> bool:
-    """Whether there is a frame, and keyframes have moved a keypoint there."""
+    """Whether the frame exists, and keyframes have moved the keypoint in it."""
     return 0 <= frame < len(now.records) and bool(now.shift[frame, joint].any())
 
 
@@ -49,19 +49,19 @@ def keyed(
     placed: int | None = None,
     xy: Float[np.ndarray, "n 2"] | None = None,
 ) -> Corrected:
-    """Some keypoints in some frames after a keyframe of theirs has come, gone, or both.
+    """Keypoints in some frames after one of their keyframes was added, removed, or moved.
 
-    Between two keyframes, what was detected keeps its motion and is shifted by as much as both are, in proportion; what
-    was not detected, or was marked bad, goes on the line.
+    Between two keyframes, detected positions keep their motion and are shifted by the interpolated shift of the two;
+    those not detected or marked bad are interpolated linearly.
 
     Args:
         now: The whole clip before the change.
         detections: The whole clip before any edit.
-        frames: Those that may change. The frame before and the one after them are only read: keyframes that bound it.
-        joints: Whose keyframe it is.
-        removed: The frame that is no keyframe any more.
-        placed: The frame that is one from now on.
-        xy: Where they are in `placed`, pixels.
+        frames: Those that may change. The frames just outside are only read: keyframes that bound them.
+        joints: The keyframe's keypoints.
+        removed: The frame that is no longer a keyframe.
+        placed: The frame that becomes a keyframe.
+        xy: The positions in `placed`, pixels.
     """
     start, stop = max(frames.start - 1, 0), min(frames.stop + 1, len(now.xy))
     seen = tuple(range(start, stop))
@@ -90,7 +90,8 @@ def keyed(
 
 
 def carried(now: Corrected, joints: tuple[int, ...], frame: int, to: int) -> Float[np.ndarray, "n 2"]:
-    """Where keypoints of a keyframe go in another frame: as far from the detection; the same place without one."""
+    """Positions of a keyframe's keypoints in another frame: the same offset from the detection, or without one the same
+    place."""
     ends = now.at((frame, to), joints)
     there = _there(ends)
     shifted = ends.xy[1] - ends.shift[1] + ends.shift[0]
@@ -98,18 +99,18 @@ def carried(now: Corrected, joints: tuple[int, ...], frame: int, to: int) -> Flo
 
 
 def _there(values: Corrected) -> Bool[np.ndarray, "*any"]:
-    """Whether it would be somewhere without keyframes, and not marked bad."""
+    """Whether it has a position without keyframes, and is not marked bad."""
     return (values.xy - values.shift).any(-1) & (values.confidence > 0) & ~values.bad
 
 
 def _follow(one: Corrected, found: Corrected, there: Bool[np.ndarray, "n"], base: Float[np.ndarray, "n 2"]) -> None:
-    """What lies between keyframes follows them, and what does not any more goes back; one keypoint, in place.
+    """Interpolate frames between keyframes, and reset those no longer between any; one keypoint, in place.
 
     Args:
-        one: As it stands, with its keyframes.
-        found: As it was detected.
-        there: Whether it would be somewhere without keyframes.
-        base: Where, pixels; (0, 0) where nowhere.
+        one: Its current state, with keyframes.
+        found: As detected.
+        there: Whether it has a position without keyframes.
+        base: That position, pixels; (0, 0) if there is none.
     """
     keys, between = np.flatnonzero(one.key), ~one.key
     if len(keys):

@@ -1,7 +1,7 @@
-"""What a person can change about keypoints: one type for each kind of edit.
+"""What a person can change about keypoints: one type per kind of edit.
 
-An edit says what was done and not what came out, so it is small and can be read in the log. Its outcome depends on the
-keypoints as they were before it, and on nothing else.
+An edit records the action, not its outcome, so it is small and readable in the log. The outcome depends only on the
+keypoints before it.
 """
 
 from collections.abc import Iterable, Sequence
@@ -33,10 +33,10 @@ from tcfit_app.project.edits.packed_points import packed, unpacked
 _MAX_POSITION = 1e6
 """Pixels, as for detections."""
 MAX_DEPTH = 3.0
-"""Metres from the pelvis: nobody's arms or legs reach farther."""
+"""Metres from the pelvis: no arm or leg is longer."""
 
 _MAX_TURN = 7.0
-"""Radians: a whole turn and a little more."""
+"""Radians: slightly more than a full turn."""
 
 _HAND = LEFT_HAND.stop - LEFT_HAND.start
 _OTHER_SIDE = {"left": "right", "right": "left"}
@@ -50,8 +50,8 @@ def _mirrored(joint: int) -> int:
 
 
 MIRRORED = {joint: _mirrored(joint) for joint in range(FACE.start)}
-"""The same keypoint on the other side: of body and hands; the nose and its like mirror to themselves."""
-SIDES = {
+"""The same keypoint on the other side, for body and hands; the nose and other central ones map to themselves."""
+SWAPPABLE = {
     "body": tuple(j for j in range(len(BODY_25)) if MIRRORED[j] != j),
     "hands": tuple(range(COUNT)[HANDS]),
     "arms": tuple(INDEX[f"{side}_{n}"] for side in _OTHER_SIDE for n in ("elbow", "wrist")),
@@ -59,18 +59,18 @@ SIDES = {
         INDEX[f"{side}_{n}"] for side in _OTHER_SIDE for n in ("knee", "ankle", "big_toe", "small_toe", "heel")
     ),
 }
-"""Keypoints that can be swapped together, by a name for them. A detector that takes one limb for the other does so from
-the elbow or knee on: shoulders and hips stay on their sides."""
+"""Keypoints that can be swapped together, by name. Detectors confuse limbs from the elbow or knee on: shoulders and
+hips stay on their sides."""
 
 
 class _Edit(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind", gc=False):
     frames: tuple[int, ...]
-    """Which frames it changes, counted from the clip's first (0)."""
+    """The frames it changes, from the clip's first (0)."""
     joints: tuple[int, ...]
     """Which of the 137 keypoints it changes, in all of these frames."""
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
-        """What `frames` and `joints` become.
+        """The new values of `frames` and `joints`.
 
         Args:
             now: The whole clip before this edit.
@@ -79,15 +79,15 @@ class _Edit(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
         raise NotImplementedError
 
     def problem(self, length: int) -> str:
-        """What is wrong with the fields of this kind of edit in a clip of `length` frames; empty if nothing."""
+        """What is wrong with this edit's fields in a clip of `length` frames; empty if nothing."""
         return ""
 
 
 class MoveKeypoint(_Edit, frozen=True, tag="move"):
-    """Put keypoints where a person says they are. A keypoint marked bad counts again."""
+    """Move keypoints to given positions. A keypoint marked bad is restored."""
 
     xy: tuple[tuple[tuple[float, float], ...], ...]
-    """Pixels, for each of `frames` and in it for each of `joints`."""
+    """Pixels, for each of `frames` and each of `joints`."""
     confidence: float = 1.0
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
@@ -97,13 +97,15 @@ class MoveKeypoint(_Edit, frozen=True, tag="move"):
 
     def problem(self, length: int) -> str:
         if len(self.xy) != len(self.frames) or any(len(row) != len(self.joints) for row in self.xy):
-            return f"xy has not one position for each of {len(self.frames)} frames and {len(self.joints)} keypoints"
+            return (
+                f"xy does not have one position for each of {len(self.frames)} frames and {len(self.joints)} keypoints"
+            )
         positions = (value for row in self.xy for point in row for value in point)
         return _position_problem(positions) or _confidence_problem(self.confidence)
 
 
 class Nudge(_Edit, frozen=True, tag="nudge"):
-    """Move keypoints a little from where they are; those not there, or marked bad, stay as they are."""
+    """Move keypoints slightly; missing ones and those marked bad stay."""
 
     by: tuple[float, float]
     """Pixels, x right, y down."""
@@ -119,7 +121,7 @@ class Nudge(_Edit, frozen=True, tag="nudge"):
 
 
 class MarkBad(_Edit, frozen=True, tag="mark_bad"):
-    """Take keypoints out of the fit: their confidence is 0 until they are restored, and their depth does not count."""
+    """Exclude keypoints from the fit: confidence 0 until they are restored, and their depth is ignored."""
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
         here = now.at(self.frames, self.joints)
@@ -128,7 +130,7 @@ class MarkBad(_Edit, frozen=True, tag="mark_bad"):
 
 
 class Restore(_Edit, frozen=True, tag="restore"):
-    """Take back that keypoints are bad: they have the confidence and the depth again that they had before."""
+    """Restore bad keypoints with their previous confidence and depth."""
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
         here = now.at(self.frames, self.joints)
@@ -137,7 +139,8 @@ class Restore(_Edit, frozen=True, tag="restore"):
 
 
 class SwapSides(_Edit, frozen=True, tag="swap_sides"):
-    """Exchange left and right. `joints` names both sides (see SIDES); confidences, depths and marks go along."""
+    """Exchange left and right. `joints` has both sides (see SWAPPABLE); confidences, depths and marks are exchanged
+    too."""
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
         other = now.at(self.frames, tuple(MIRRORED[joint] for joint in self.joints))
@@ -149,11 +152,11 @@ class SwapSides(_Edit, frozen=True, tag="swap_sides"):
         if face := [NAMES[j] for j in self.joints if j not in MIRRORED]:
             return f"{face[0]} belongs to the face, whose sides cannot be swapped"
         lone = [NAMES[j] for j in self.joints if MIRRORED[j] not in self.joints]
-        return f"{lone[0]} is named without the same keypoint of the other side" if lone else ""
+        return f"{lone[0]} is named without its counterpart on the other side" if lone else ""
 
 
 class CopyFrom(_Edit, frozen=True, tag="copy"):
-    """Take keypoints from another frame, with their depth. One that is not there, or marked bad, is so here too."""
+    """Copy keypoints from another frame, with their depth. Missing and bad ones become so here too."""
 
     source: int
     """The frame to copy from."""
@@ -169,9 +172,9 @@ class CopyFrom(_Edit, frozen=True, tag="copy"):
 
 
 class Interpolate(_Edit, frozen=True, tag="interpolate"):
-    """Put keypoints on the straight line between two frames; those that one of the two lacks stay as they are.
+    """Interpolate keypoints linearly between two frames; those missing in either stay as they are.
 
-    So do depths, apart from the positions: one that was told in both frames is told in between.
+    Depths are interpolated independently of positions, if set in both frames.
     """
 
     first: int
@@ -196,19 +199,19 @@ class Interpolate(_Edit, frozen=True, tag="interpolate"):
 
     def problem(self, length: int) -> str:
         if not 0 <= self.first < min(self.frames) <= max(self.frames) < self.last < length:
-            return "the frames to fill do not lie between the two of the clip that it names"
+            return "the frames to fill are not between its two frames, or those are outside the clip"
         return ""
 
 
 class Reset(_Edit, frozen=True, tag="reset"):
-    """Back to what was detected, at no depth."""
+    """Reset to the detection, without depth."""
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
         return detections.at(self.frames, self.joints)
 
 
 class SetConfidence(_Edit, frozen=True, tag="set_confidence"):
-    """Say how sure keypoints are, without moving them. One marked bad counts again; one that is nowhere stays so."""
+    """Set confidence without moving. A bad keypoint is restored; a missing one stays missing."""
 
     confidence: float
 
@@ -223,10 +226,10 @@ class SetConfidence(_Edit, frozen=True, tag="set_confidence"):
 
 
 class SetDepth(_Edit, frozen=True, tag="depth"):
-    """Say how far away body keypoints are, without moving them in the image. One marked bad stays so."""
+    """Set the depth of body keypoints, without moving them in the image. Bad ones stay bad."""
 
     depth: tuple[tuple[float, ...], ...]
-    """Metres behind the pelvis along the camera's z, for each of `frames` and in it for each of `joints`."""
+    """Metres behind the pelvis along the camera's z, for each of `frames` and each of `joints`."""
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
         here = now.at(self.frames, self.joints)
@@ -238,7 +241,7 @@ class SetDepth(_Edit, frozen=True, tag="depth"):
 
 
 class ClearDepth(_Edit, frozen=True, tag="clear_depth"):
-    """Take back what was said of the depth of body keypoints; all else stays."""
+    """Clear the depth of body keypoints; everything else stays."""
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
         here = now.at(self.frames, self.joints)
@@ -250,12 +253,12 @@ class ClearDepth(_Edit, frozen=True, tag="clear_depth"):
 
 
 class Pin(_Edit, frozen=True, tag="pin"):
-    """Body keypoints are in one place in space in all of `frames`. One marked bad counts again."""
+    """Pin body keypoints to one place in space in all of `frames`. Bad ones are restored."""
 
     xy: tuple[tuple[float, float], ...]
-    """Pixels, for each of `joints`; the camera stands still."""
+    """Pixels, for each of `joints`; the camera does not move."""
     depth: tuple[tuple[float, ...], ...]
-    """As in `SetDepth`: the pelvis moves, and they do not."""
+    """As in `SetDepth`: per frame, because the pelvis moves."""
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
         here = now.at(self.frames, self.joints)
@@ -266,7 +269,7 @@ class Pin(_Edit, frozen=True, tag="pin"):
 
     def problem(self, length: int) -> str:
         if len(self.xy) != len(self.joints):
-            return f"xy has not one position for each of {len(self.joints)} keypoints"
+            return f"xy does not have one position for each of {len(self.joints)} keypoints"
         return (
             _position_problem(value for point in self.xy for value in point)
             or _depths_problem(self.depth, self.frames, self.joints)
@@ -275,7 +278,7 @@ class Pin(_Edit, frozen=True, tag="pin"):
 
 
 class Lock(_Edit, frozen=True, tag="lock"):
-    """Joints of the body are turned so against their parents in all of `frames`; their keypoints stay as they are."""
+    """Lock the rotation of body joints relative to their parents in all of `frames`; keypoints stay as they are."""
 
     turn: tuple[tuple[float, float, float], ...]
     """Axis-angle in radians, for each of `joints` (see LOCKABLE)."""
@@ -287,14 +290,14 @@ class Lock(_Edit, frozen=True, tag="lock"):
 
     def problem(self, length: int) -> str:
         if len(self.turn) != len(self.joints):
-            return f"turn has not one rotation for each of {len(self.joints)} keypoints"
+            return f"turn does not have one rotation for each of {len(self.joints)} keypoints"
         if not all(abs(value) <= _MAX_TURN for turn in self.turn for value in turn):
             return f"a rotation has a number that is not between -{_MAX_TURN:g} and {_MAX_TURN:g} radians"
         return _lock_problem(self.joints)
 
 
 class Unlock(_Edit, frozen=True, tag="unlock"):
-    """Take back how joints are turned; all else stays."""
+    """Unlock the rotation of joints; everything else stays."""
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
         here = now.at(self.frames, self.joints)
@@ -306,17 +309,16 @@ class Unlock(_Edit, frozen=True, tag="unlock"):
 
 
 class TakeOver(_Edit, frozen=True, tag="take_over"):
-    """Take keypoints over from another of the clip's people, who was followed in this one's place.
+    """Take over keypoints from another of the clip's people, with whom this one was confused.
 
-    They count as detected here, but for those that a person has placed there. Nothing is told of their depths and turns
-    then."""
+    They count as detected here, except for those placed there by a person. Depths and turns are cleared."""
 
     source: str
-    """Who that is."""
+    """That person's name."""
     exchange: str
-    """The same in the edit of that one's project, who takes over the keypoints from here."""
+    """Shared with the edit in that person's project, which takes over the keypoints from here."""
     packed: bytes
-    """What `packed_points.packed` made, for each of `frames` and in it for each of `joints`."""
+    """The result of `packed_points.packed`, for each of `frames` and each of `joints`."""
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
         here = now.at(self.frames, self.joints)
@@ -335,19 +337,19 @@ class TakeOver(_Edit, frozen=True, tag="take_over"):
 
 
 class DetectAgain(_Edit, frozen=True, tag="detect_again"):
-    """What a second look has found, in place of what was detected: nothing is told of depths and turns then.
+    """The result of a second look, replacing the detection; depths and turns are cleared.
 
-    Body, hands and face stay as they are in each frame in which nothing was found of them.
+    Body, hands and face are unchanged in frames in which nothing was found of them.
     """
 
     part: PartOfPerson
-    """What was looked for; `joints` are its keypoints."""
+    """What was detected; `joints` are its keypoints."""
     packed: bytes
-    """What `packed_points.packed` made of x, y and confidence, for each of `frames` and in it for each of `joints`."""
+    """The result of `packed_points.packed` for x, y and confidence, for each of `frames` and each of `joints`."""
 
     @staticmethod
     def found(frames: Sequence[int], part: PartOfPerson, points: Float[np.ndarray, "f 137 3"]) -> "DetectAgain":
-        """What was found of a part: x, y in pixels and confidence, 0 for what was not."""
+        """The detection of a part: x, y in pixels and confidence, 0 where not found."""
         joints = range(COUNT)[PARTS[part]]
         return DetectAgain(frames=tuple(frames), joints=tuple(joints), part=part, packed=packed(points[:, PARTS[part]]))
 
@@ -371,15 +373,16 @@ class DetectAgain(_Edit, frozen=True, tag="detect_again"):
 
 
 class _KeyEdit(_Edit, frozen=True):
-    """An edit of a keyframe; `frames` are all that may follow it: those between its neighbours, without these."""
+    """An edit of a keyframe; `frames` are all frames it may change: those strictly between the neighbouring
+    keyframes."""
 
     at: int
     """The keyframe, one of `frames`."""
 
     def problem(self, length: int) -> str:
         if self.frames != tuple(self._span):
-            return "its frames do not follow each other"
-        return "" if self.at in self.frames else "its keyframe is in none of the frames that it names"
+            return "its frames are not consecutive"
+        return "" if self.at in self.frames else "its keyframe is not among its frames"
 
     @property
     def _span(self) -> range:
@@ -387,10 +390,10 @@ class _KeyEdit(_Edit, frozen=True):
 
 
 class PlaceKey(_KeyEdit, frozen=True, tag="key"):
-    """Put keypoints somewhere in one frame; the frames to the keyframes before and after follow.
+    """Set a keyframe: move keypoints in one frame, and interpolate to the keyframes before and after.
 
-    What was detected in between keeps its motion, and is moved by as much as both keyframes are, in proportion. What
-    was not detected, or was marked bad, goes on the line.
+    Detected positions in between keep their motion and are shifted by the interpolated shift of the two; those not
+    detected or marked bad are interpolated linearly.
     """
 
     xy: tuple[tuple[float, float], ...]
@@ -402,19 +405,19 @@ class PlaceKey(_KeyEdit, frozen=True, tag="key"):
 
     def problem(self, length: int) -> str:
         if len(self.xy) != len(self.joints):
-            return f"xy has not one position for each of {len(self.joints)} keypoints"
+            return f"xy does not have one position for each of {len(self.joints)} keypoints"
         return _position_problem(value for point in self.xy for value in point) or super().problem(length)
 
 
 class RemoveKey(_KeyEdit, frozen=True, tag="remove_key"):
-    """Take a keyframe away: its frame follows those before and after it, or is again what it was without any."""
+    """Delete a keyframe: its frame is interpolated from those before and after, or reset if there are none."""
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
         return keyed(now, detections, self._span, self.joints, removed=self.at)
 
 
 class MoveKey(_KeyEdit, frozen=True, tag="move_key"):
-    """Take a keyframe to another frame, moved there from the detection by as much as where it was."""
+    """Move a keyframe to another frame, with the same offset from the detection."""
 
     to: int
     """The other frame, one of `frames`."""
@@ -424,9 +427,7 @@ class MoveKey(_KeyEdit, frozen=True, tag="move_key"):
         return keyed(now, detections, self._span, self.joints, removed=self.at, placed=self.to, xy=xy)
 
     def problem(self, length: int) -> str:
-        return super().problem(length) or (
-            "" if self.to in self.frames else "its keyframe goes to none of the frames that it names"
-        )
+        return super().problem(length) or ("" if self.to in self.frames else "the new keyframe is not among its frames")
 
 
 Edit = (
@@ -451,16 +452,16 @@ Edit = (
     | DetectAgain
 )
 NewDetections = TakeOver | DetectAgain
-"""What they bring counts as detected from then on."""
+"""Their keypoints count as detected from then on."""
 KINDS: dict[str, type[Edit]] = {kind.__struct_config__.tag: kind for kind in get_args(Edit)}
-"""Every kind of edit by its name in the log; a new one is a class above and its name in Edit."""
+"""Every kind of edit by its name in the log; to add one, write a class above and add it to Edit."""
 
 
 def check(edit: Edit, length: int, first_frame: int = 0) -> None:
-    """Refuse an edit that makes no sense in a clip of `length` frames, whose first one users know by that number.
+    """Refuse an edit that is invalid in a clip of `length` frames; `first_frame` is the number shown for frame 0.
 
     Raises:
-        InputError: Frames or keypoints that do not exist or come twice, none at all, or wrong values.
+        InputError: Frames or keypoints are missing, repeated or do not exist, or values are invalid.
     """
     problem = (
         _choice_problem(edit.frames, length, clip_has(length, first_frame), "frame", first_frame)
@@ -469,11 +470,11 @@ def check(edit: Edit, length: int, first_frame: int = 0) -> None:
     )
     if problem:
         kind = str(edit.__struct_config__.tag).replace("_", " ")
-        raise InputError(f"The edit ({kind}) cannot be made: {problem}. Nothing was changed.")
+        raise InputError(f"Invalid edit ({kind}): {problem}. Nothing was changed.")
 
 
 def clip_has(length: int, first_frame: int) -> str:
-    """Which frames there are, as users number them."""
+    """Which frames exist, as users number them."""
     return f"the clip has frames {first_frame} to {first_frame + length - 1}"
 
 
@@ -493,7 +494,7 @@ def _position_problem(values: Iterable[float]) -> str:
 
 
 def _points_problem(points: Float[np.ndarray, "F K n"]) -> str:
-    """Of x, y and confidence."""
+    """For x, y and confidence."""
     if not (points[..., 2] >= 0).all() or not (points[..., 2] <= 1).all():
         return "a confidence is not a number from 0 to 1"
     return _position_problem([float(np.abs(points[..., :2]).max())])
@@ -505,7 +506,7 @@ def _confidence_problem(confidence: float) -> str:
 
 def _depths_problem(depth: Sequence[Sequence[float]], frames: Sequence[int], joints: Sequence[int]) -> str:
     if len(depth) != len(frames) or any(len(row) != len(joints) for row in depth):
-        return f"depth has not one value for each of {len(frames)} frames and {len(joints)} keypoints"
+        return f"depth does not have one value for each of {len(frames)} frames and {len(joints)} keypoints"
     if not all(abs(value) <= MAX_DEPTH for row in depth for value in row):
         return f"a depth is not a number between -{MAX_DEPTH:g} and {MAX_DEPTH:g} m from the pelvis"
     return ""
@@ -513,16 +514,16 @@ def _depths_problem(depth: Sequence[Sequence[float]], frames: Sequence[int], joi
 
 def _depth_problem(joints: tuple[int, ...]) -> str:
     others = [NAMES[j] for j in joints if j >= len(BODY_25)]
-    return f"{others[0]} is none of the body's keypoints, which alone have a depth" if others else ""
+    return f"{others[0]} is not a body keypoint, and only those have a depth" if others else ""
 
 
 def _lock_problem(joints: tuple[int, ...]) -> str:
     others = [NAMES[j] for j in joints if j not in LOCKABLE]
-    return f"{others[0]} is no joint that can be locked: only neck, head, arms and legs have such" if others else ""
+    return f"{others[0]} cannot be locked: only joints of neck, head, arms and legs can" if others else ""
 
 
 def _place(here: Corrected, xy: np.ndarray, confidence: np.ndarray | float, *, where: np.ndarray | bool = True) -> None:
-    """A person vouches for keypoints, and puts them somewhere; what is told of depth and turns stays."""
+    """Set positions as edited by a person; depths and turns stay."""
     of_points = where if isinstance(where, bool) else where[..., None]
     np.copyto(here.xy, xy, where=of_points)
     np.copyto(here.shift, 0.0, where=of_points)

@@ -1,4 +1,4 @@
-"""Points that come into an edit from elsewhere, as it keeps them: single precision, packed."""
+"""Points stored in an edit: single precision, compressed."""
 
 import zlib
 
@@ -9,21 +9,21 @@ _NUMBER = np.dtype("<f4")
 
 
 def packed(numbers: Float[np.ndarray, "F K n"]) -> bytes:
-    """Some numbers for each keypoint of each frame. 1,000 frames of a whole person take about a megabyte."""
+    """Compress some numbers per keypoint and frame. 1,000 frames of a whole person take about a megabyte."""
     return zlib.compress(np.ascontiguousarray(numbers, _NUMBER).tobytes(), 6)
 
 
 def unpacked(content: bytes, frames: int, joints: int, numbers: int) -> Float[np.ndarray, "F K n"]:
-    """What was packed.
+    """Decompress them.
 
     Raises:
-        ValueError: It is something else, or has another shape.
+        ValueError: They are invalid, or have another shape.
     """
     size = frames * joints * numbers * _NUMBER.itemsize
     try:
-        plain = zlib.decompressobj().decompress(content, size + 1)  # no more than is wanted, whatever it holds
+        plain = zlib.decompressobj().decompress(content, size + 1)  # no more than expected, whatever it contains
     except zlib.error as error:
         raise ValueError("its keypoints cannot be unpacked") from error
     if len(plain) != size:
-        raise ValueError(f"it has not one position for each of {frames} frames and {joints} keypoints")
+        raise ValueError(f"it does not have one position for each of {frames} frames and {joints} keypoints")
     return np.frombuffer(plain, _NUMBER).reshape(frames, joints, numbers).astype(float)

@@ -1,8 +1,8 @@
-"""Which edits and remarks stood after each entry of a log: a tree, so that no question replays the log.
+"""Which edits and remarks stood after each entry of a log: a tree, so that queries need not replay the log.
 
-What is said leads to a new state, Undo back to the one before, and Redo to the one that was left. A state knows the one
-before it and one far before it, by which two states find where they parted in the logarithm of their distance (Myers,
-"An applicative random-access stack", 1983).
+Doing something leads to a new state, Undo to the previous one, and Redo to the one left. A state links to its
+predecessor and to a distant ancestor, so that the common ancestor of two states is found in the logarithm of their
+distance (Myers, "An applicative random-access stack", 1983).
 """
 
 from bisect import bisect_right
@@ -16,27 +16,27 @@ SaidEntry = TypeVar("SaidEntry")
 @dataclass(frozen=True, kw_only=True, eq=False, slots=True)
 class _State(Generic[SaidEntry]):
     said: SaidEntry | None
-    """What was said last of what stands; None: nothing stands."""
+    """The last statement that stands; None: nothing stands."""
     before: "_State[SaidEntry] | None"
     far: "_State[SaidEntry] | None"
     depth: int
-    """How much stands."""
+    """Number of statements that stand."""
     counted: int
-    """How much of that counts."""
+    """How many of them count."""
 
 
 class Standing(Generic[SaidEntry]):
-    """The states of a log. An entry is taken up in a time that does not depend on what came before."""
+    """The states of a log. Adding an entry takes constant time."""
 
     def __init__(self) -> None:
         self._now: _State[SaidEntry] = _State(said=None, before=None, far=None, depth=0, counted=0)
         self._numbers, self._states = [0], [self._now]
-        """Of each entry, and the state after it."""
+        """Each entry's statement, and the state after it."""
         self._of: dict[int, _State[SaidEntry]] = {}
-        """The state to which an entry has led, by its number."""
+        """The state after each entry, by its number."""
 
     def say(self, number: int, said: SaidEntry, *, counts: bool) -> None:
-        """An edit or a remark; `counts`: whether `differing` does."""
+        """Add an edit or a remark; `counts`: whether it counts for `differing`."""
         before = self._now
         far = before.far
         skips = far is not None and far.far is not None and before.depth - far.depth == far.depth - far.far.depth
@@ -51,12 +51,12 @@ class Standing(Generic[SaidEntry]):
         self._add(number, state)
 
     def undo(self, number: int) -> None:
-        """What was said last of what stands does not any more."""
+        """Undo the last statement that stands."""
         assert self._now.before is not None, "there is something to undo"
         self._add(number, self._now.before)
 
     def redo(self, number: int, again: int) -> None:
-        """The entry `again` stands again."""
+        """Redo the entry `again`."""
         self._add(number, self._of[again])
 
     def _add(self, number: int, state: _State[SaidEntry]) -> None:
@@ -65,12 +65,12 @@ class Standing(Generic[SaidEntry]):
         self._states.append(state)
 
     def differing(self, seen: int) -> int:
-        """How many that count stand now and did not after the entry `seen`, or did and do not now."""
+        """How many counting statements stand now but did not after the entry `seen`, or vice versa."""
         then, now = self._after(seen), self._now
         return then.counted + now.counted - 2 * _parted(then, now).counted
 
     def changes(self, seen: int) -> Iterator[SaidEntry]:
-        """Those of `differing` and whatever else differs so, the newest first."""
+        """All statements that differ in this way, newest first."""
         then, now = self._after(seen), self._now
         root = _parted(then, now)
         for state in (now, then):
@@ -80,17 +80,17 @@ class Standing(Generic[SaidEntry]):
                 state = state.before
 
     def stood_by(self, seen: int, later: int | None = None) -> bool:
-        """Whether all that stood after the entry `seen` stood after a later one as well; None: stands now."""
+        """Whether everything that stood after the entry `seen` stood after a later one too; None: stands now."""
         then = self._after(seen)
         return _parted(then, self._now if later is None else self._after(later)) is then
 
     def stood(self, number: int, seen: int | None = None) -> bool:
-        """Whether what an entry has said stood after the entry `seen`; None: whether it stands now."""
+        """Whether an entry's statement stood after the entry `seen`; None: whether it stands now."""
         state, then = self._of.get(number), self._now if seen is None else self._after(seen)
         return state is not None and _parted(state, then) is state
 
     def said(self, number: int) -> SaidEntry:
-        """What an entry has said."""
+        """The statement of an entry."""
         said = self._of[number].said
         assert said is not None
         return said
@@ -100,10 +100,10 @@ class Standing(Generic[SaidEntry]):
 
 
 def _parted(one: _State[SaidEntry], other: _State[SaidEntry]) -> _State[SaidEntry]:
-    """The last state that both come from."""
+    """The last common ancestor."""
     one, other = _up(one, other.depth), _up(other, one.depth)
     while one is not other:
-        far = one.far is not other.far  # states of one depth have their far ones at one depth
+        far = one.far is not other.far  # states of equal depth have their distant ancestors at equal depth
         one, other = (state.far if far else state.before for state in (one, other))  # pyright: ignore
     return one
 

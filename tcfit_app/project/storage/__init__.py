@@ -1,1 +1,1 @@
-"""What a project keeps on the disk, and how it survives crashes."""
+"""How a project is stored, safely across crashes."""

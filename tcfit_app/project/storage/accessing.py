@@ -1,4 +1,4 @@
-"""What the system refuses, in words for the user."""
+"""File system errors in words for users."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,7 +9,7 @@ from fitting_core.errors import InputError
 
 @contextmanager
 def accessing(path: Path) -> Iterator[None]:
-    """What the system refuses becomes an InputError that names the file or folder."""
+    """Turns file system errors into an InputError naming the file or folder."""
     try:
         yield
     except OSError as error:

@@ -1,13 +1,13 @@
-"""What corrections have replaced in a run, so that undo brings it back: runs/<id>/<number>.npz, one for each change.
+"""What corrections replaced in a run, for undo: runs/<id>/<number>.npz, one per change.
 
 | key | shape | |
 |---|---|---|
-| phase3_... | (n, ...) | as in `run_files`, of the frames of `windows` one after the other |
-| gravity, ground, contacts, ... | | of the whole clip; see fitting_core/ground/arrays.py |
-| about | () | JSON: what is in `About` |
+| phase3_... | (n, ...) | as in `run_files`, for the frames of `windows`, concatenated |
+| gravity, ground, contacts, ... | | for the whole clip; see fitting_core/ground/arrays.py |
+| about | () | JSON: see `ChangeAbout` |
 
-A change that was taken back holds what it had made, so that redo brings that back. A file that cannot be read is as one
-that is not there: the fit then follows the edit as any other.
+An undone change holds its own result, so that redo can restore it. An unreadable file is treated as missing: the fit
+then follows the edit like any other.
 """
 
 import logging
@@ -29,7 +29,7 @@ from tcfit_app.project.storage.accessing import accessing
 from tcfit_app.project.storage.run_files import PhaseRecord, phase_arrays, phase_from
 
 _MOST = 256 * 2**20
-"""Bytes for a run's changes; of more, the oldest go, and the edits before them cannot be taken back exactly."""
+"""Bytes per run for its changes; beyond that, the oldest are deleted, and their edits cannot be undone exactly."""
 _FORMAT = "tcfit change 1"
 _log = logging.getLogger(__name__)
 _Count = Annotated[int, msgspec.Meta(ge=0, le=2**48)]
@@ -37,15 +37,15 @@ _Count = Annotated[int, msgspec.Meta(ge=0, le=2**48)]
 
 @dataclass(frozen=True, kw_only=True)
 class Frames:
-    """Some frames of a fit's last phase, and what goes with them."""
+    """Some frames of a fit's last phase, with related data."""
 
     windows: tuple[range, ...]
     phase: PhaseResult
-    """Its frames are those of the windows, one after the other."""
+    """The frames of the windows, concatenated."""
     grounding: Grounding | None
-    """Of the whole clip."""
+    """For the whole clip."""
     edits_seen: int
-    """As of `Run`."""
+    """As in `Run`."""
 
     @staticmethod
     def of(fit: FitResult, windows: tuple[range, ...], edits_seen: int) -> "Frames":
@@ -62,7 +62,7 @@ class Frames:
         return Frames(windows=windows, phase=phase, grounding=fit.grounding, edits_seen=edits_seen)
 
     def put_into(self, fit: FitResult) -> FitResult:
-        """A fit with these frames in place of its own."""
+        """The fit with these frames replaced."""
         last, begin = fit.last, 0
         params, cost, known = (
             last.params,
@@ -84,44 +84,44 @@ class Frames:
         return replace(fit, phases=(*fit.phases[:-1], phase), grounding=self.grounding)
 
 
-class About(msgspec.Struct, frozen=True, kw_only=True):
-    """What a change is."""
+class ChangeAbout(msgspec.Struct, frozen=True, kw_only=True):
+    """The description of a change."""
 
     format: str
     seen: _Count
-    """The last log entry that the keypoints held to which these frames were fitted."""
+    """The last log entry included in the keypoints that these frames were fitted to."""
     edits: dict[_Count, bool]
-    """The edits that it follows, by their ids, and whether they stood: an undo is followed as well."""
+    """The edits it followed, by id, and whether they stood: an undo is followed too."""
     taken_back: bool
     windows: tuple[tuple[_Count, _Count], ...]
-    """First frames, and those behind the last."""
+    """First frames, and frames after the last."""
     frames: _Count
-    """Of the clip."""
+    """In the clip."""
     edits_seen: _Count
     phase: PhaseRecord
 
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """A change that is on the disk."""
+    """A change on disk."""
 
     number: int
-    about: About
+    about: ChangeAbout
 
 
 class Changes:
     """The changes of one run, oldest first. For one thread at a time.
 
     Args:
-        folder: theirs; made with the first of them.
+        folder: the run's; created with the first change.
     """
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self.made: list[Change] = []
-        """Those that the run has, each on top of those before it."""
+        """The changes applied, in order."""
         self.taken_back: list[Change] = []
-        """Those that it had: the first was taken back last, and stands right on those that it has."""
+        """The changes undone, the last one undone first; it applies directly after those in `_made`."""
         files = sorted(folder.glob("*.npz")) if folder.is_dir() else []
         for file in files:
             about = _about(file)
@@ -133,18 +133,18 @@ class Changes:
         return bool(self.made or self.taken_back)
 
     def add(self, before: Frames, *, seen: int, edits: dict[int, bool], frames: int) -> None:
-        """Note what frames were before they change.
+        """Store frames before they change.
 
         Args:
-            before: those frames.
-            seen: As of `About`, like all others.
-            edits: like it.
-            frames: like it.
+            before: the frames.
+            seen: As in `ChangeAbout`, like the rest.
+            edits: as in `ChangeAbout`.
+            frames: as in `ChangeAbout`.
 
         Raises:
             InputError: It cannot be written.
         """
-        about = About(
+        about = ChangeAbout(
             format=_FORMAT,
             seen=seen,
             edits=edits,
@@ -157,27 +157,27 @@ class Changes:
         self._write_last(about, before)
         self._make_room()
 
-    def _write_last(self, about: About, before: Frames) -> None:
+    def _write_last(self, about: ChangeAbout, before: Frames) -> None:
         number = 1 + max((change.number for change in (*self.made, *self.taken_back)), default=0)
         change = Change(number=number, about=about)
         self._write(change, before)
         self.made.append(change)
 
     def frames(self, change: Change) -> Frames | None:
-        """What a change has replaced, or what it had made if it was taken back; None if it cannot be read."""
+        """What a change replaced, or what it had produced if it was undone; None if it cannot be read."""
         try:
             arrays, about = read_npz(self._file(change)), change.about
             phase, windows = phase_from(arrays, about.phase), tuple(range(*window) for window in about.windows)
             if len(phase.params) != sum(map(len, windows)) or any(window.stop > about.frames for window in windows):
-                raise ValueError("its frames are not those of its windows")
+                raise ValueError("its frames do not match its windows")
             grounding = grounding_from(arrays, about.frames)
         except (OSError, ValueError, KeyError, IndexError, TypeError) as error:
-            _log.warning("%s cannot be read (%s): the fit follows its edits as any others", self._file(change), error)
+            _log.warning("%s cannot be read (%s): the fit follows its edits like any others", self._file(change), error)
             return None
         return Frames(windows=windows, phase=phase, grounding=grounding, edits_seen=about.edits_seen)
 
     def take_back(self, change: Change, made: Frames) -> None:
-        """The last change of the run, which had made this, is none any more. Raises InputError as `add`."""
+        """Undo the run's last change, which had produced `made`. Raises InputError as `add`."""
         about = _turned(change.about, made, taken_back=True)
         back = Change(number=change.number, about=about)
         self._write(back, made)
@@ -185,13 +185,12 @@ class Changes:
         self.taken_back.insert(0, back)
 
     def make_again(self, change: Change, before: Frames) -> None:
-        """The first change of those that were taken back is the last of the run again, in place of this. Raises
-        InputError as `add`."""
+        """Redo the first undone change, which replaces `before`. Raises InputError as `add`."""
         self._write_last(_turned(change.about, before, taken_back=False), before)
         self.forget([change])
 
     def forget(self, changes: list[Change]) -> None:
-        """Remove some: nothing goes back to them any more."""
+        """Delete changes that will never be undone or redone."""
         for change in changes:
             (self.taken_back if change.about.taken_back else self.made).remove(change)
             with accessing(self._folder):
@@ -215,18 +214,18 @@ class Changes:
 
 
 def file_name(number: int) -> str:
-    """Of a run's result, and of a change of it."""
+    """The file name of a run's result, or of a change."""
     return f"{int(number):06d}.npz"
 
 
-def _turned(about: About, frames: Frames, *, taken_back: bool) -> About:
+def _turned(about: ChangeAbout, frames: Frames, *, taken_back: bool) -> ChangeAbout:
     phase, seen = PhaseRecord.of(frames.phase), frames.edits_seen
     return msgspec.structs.replace(about, taken_back=taken_back, edits_seen=seen, phase=phase)
 
 
-def _about(file: Path) -> About | None:
+def _about(file: Path) -> ChangeAbout | None:
     try:
-        about = msgspec.json.decode(str(read_npz(file, ["about"])["about"]), type=About)
+        about = msgspec.json.decode(str(read_npz(file, ["about"])["about"]), type=ChangeAbout)
         if about.format != _FORMAT:
             raise ValueError(f"it is a {about.format!r}, expected {_FORMAT!r}")
     except (OSError, ValueError, KeyError, InputError) as error:

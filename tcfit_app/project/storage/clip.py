@@ -34,15 +34,15 @@ from tcfit_app.project.storage.names import name_of_file
 
 DETECTIONS = "detections.npz"
 _WIDTHS = {"xy": (COUNT, 2), "confidence": (COUNT,)}
-"""Its arrays: floating point, and their shapes behind the number of frames."""
+"""Detection arrays: floating point, with their shapes after the frame axis."""
 _DETECTOR = "detector"
-"""Its name beside them, which files of earlier versions lack."""
+"""The detector's name, missing in files of earlier versions."""
 _LONGEST = 100
-"""Letters of such a name."""
+"""Maximum length of that name."""
 _SILHOUETTES = ("silhouettes", "silhouette_size", "silhouette_known")
-"""More arrays of it, where a detector found silhouettes: see `Silhouettes`."""
+"""Further arrays if the detector provides silhouettes: see `Silhouettes`."""
 _COMING = "detections.coming.npz"
-"""Detections that take the place of those; the database's checksum says which of both files are the project's."""
+"""New detections waiting to replace the old ones; the database's checksum says which file is valid."""
 _RATE = Annotated[float, msgspec.Meta(gt=0, le=10_000)]
 _log = logging.getLogger(__name__)
 
@@ -51,9 +51,9 @@ def write_clip(draft: Path, clip: Clip, *, link: MediaLink | None) -> None:
     """Write a new project's database and detections.
 
     Args:
-        draft: Where to.
+        draft: Target folder.
         clip: With its detections.
-        link: To the clip's source, if it has one.
+        link: To the clip's source, if any.
 
     Raises:
         InputError: The database cannot be written.
@@ -79,16 +79,16 @@ def write_clip(draft: Path, clip: Clip, *, link: MediaLink | None) -> None:
 
 
 def read_clip(folder: Path, store: Database) -> tuple[Clip, MediaLink | None]:
-    """The clip with its detections and without a source, and the link to that. `store.damage` has what is damaged.
+    """The clip with its detections, without a source, and the link to the source. `store.damage` collects damage.
 
     Raises:
         InputError: There is no clip, or its detections are missing or damaged.
     """
     rows = store.rows("SELECT * FROM clip")
     if not rows:
-        raise InputError(f"{store.path}: has no clip in it; it is damaged. Take it from a backup.")
+        raise InputError(f"{store.path}: has no clip: it is damaged. Restore it from a backup.")
     row = Columns(rows[0], "the clip", store.damage)
-    checksum = row.read("detections_sha256", _checksum, None, f"whether {DETECTIONS} is whole cannot be told")
+    checksum = row.read("detections_sha256", _checksum, None, f"{DETECTIONS} cannot be checked for damage")
     if checksum is not None and not store.read_only:
         _settle_detections(folder, checksum)
     keypoints, detector, silhouettes = _read_detections(folder, checksum)
@@ -96,15 +96,15 @@ def read_clip(folder: Path, store: Database) -> tuple[Clip, MediaLink | None]:
         "camera",
         lambda value: _camera(value, len(keypoints)),
         None,
-        "one that stands still and sees all keypoints stands in for it",
+        "using a static one that sees all keypoints instead",
     )
-    notes = row.read("notes", json_of(tuple[str, ...]), (), "they are left out")
+    notes = row.read("notes", json_of(tuple[str, ...]), (), "ignored")
     clip = Clip(
         keypoints=keypoints,
         camera=_with_notes(camera, notes) if camera else _camera_around(keypoints),
-        frame_rate=row.read("frame_rate", of(_RATE), 30.0, "30 frames per second stand in for it"),
-        name=row.read("name", line, name_of_file(folder.resolve().stem), "that of the folder stands in for it"),
-        first_frame=row.read("first_frame", of(Count), 0, "frames are counted from 0"),
+        frame_rate=row.read("frame_rate", of(_RATE), 30.0, "using 30 frames per second instead"),
+        name=row.read("name", line, name_of_file(folder.resolve().stem), "using the folder's instead"),
+        first_frame=row.read("first_frame", of(Count), 0, "counting frames from 0"),
         detector=detector,
         notes=notes,
         silhouettes=silhouettes,
@@ -113,7 +113,7 @@ def read_clip(folder: Path, store: Database) -> tuple[Clip, MediaLink | None]:
 
 
 def _link(row: Columns) -> MediaLink | None:
-    return row.read("media", or_none(json_of(MediaLink)), UNREADABLE, "say where the video is")
+    return row.read("media", or_none(json_of(MediaLink)), UNREADABLE, "relink the video")
 
 
 def stored_link(copied: sqlite3.Connection) -> MediaLink | None:
@@ -122,27 +122,28 @@ def stored_link(copied: sqlite3.Connection) -> MediaLink | None:
 
 
 def _row_of_copy(copied: sqlite3.Connection) -> Columns:
-    """Whose damage the project itself has told."""
+    """The row; its damage is reported by the project itself."""
     return Columns(copied.execute("SELECT * FROM clip").fetchone(), "the clip", Damage())
 
 
 def _checksum(value: Any) -> str:
     if not re.fullmatch("[0-9a-f]{64}", text(value)):
-        raise ValueError("it is no SHA-256")
+        raise ValueError("it is not a SHA-256")
     return value
 
 
 def _camera(value: Any, frames: int) -> Camera:
     camera = msgspec.convert(with_focal_from(json_of(dict[str, Any])(value)), Camera)
     if not is_possible(camera):
-        raise ValueError("it is no camera")
+        raise ValueError("it is not a camera")
     if camera.path is not None and len(camera.path) != frames:
-        raise ValueError(f"it moves through {len(camera.path)} frames, and the clip has {frames}")
+        raise ValueError(f"it moves through {len(camera.path)} frames, but the clip has {frames}")
     return camera
 
 
 def _with_notes(camera: Camera, notes: tuple[str, ...]) -> Camera:
-    """With its own of a clip's notes: earlier versions kept these only there, and each begins with the file's name."""
+    """With the camera's notes among a clip's: earlier versions stored them only there, starting with the file's
+    name."""
     if camera.notes or camera.focal_from is not FocalFrom.FILE:
         return camera
     own = (note for note in notes if camera.source.startswith(f"camera file {note.partition(': ')[0]}, "))
@@ -150,7 +151,7 @@ def _with_notes(camera: Camera, notes: tuple[str, ...]) -> Camera:
 
 
 def _camera_around(keypoints: Keypoints) -> Camera:
-    """Of a guessed focal length, for images that hold all that was detected."""
+    """A camera with a guessed focal length, for images that contain all detections."""
     seen = keypoints.xy * (keypoints.confidence > 0)[..., None]
     width, height = (max(1, int(np.ceil(farthest))) for farthest in seen.max((0, 1)))
     focal = default_focal((width, height))
@@ -159,19 +160,19 @@ def _camera_around(keypoints: Keypoints) -> Camera:
 
 
 def same_detections(one: Keypoints, other: Keypoints) -> bool:
-    """Whether both are the same keypoints, whatever a person has said about them."""
+    """Whether both have the same keypoints, ignoring a person's edits."""
     return np.array_equal(one.xy, other.xy) and np.array_equal(one.confidence, other.confidence)
 
 
 def creation_time(folder: Path) -> str:
-    """When a project was made, which tells it from others of its name. Raises InputError if it cannot be read."""
+    """When a project was created, which identifies it among those of the same name. Raises InputError if unreadable."""
     with closing(Database(folder / database.NAME, read_only=True)) as store:
         rows = store.rows("SELECT created FROM clip")
-        return Columns(rows[0], "the clip", store.damage).read("created", text, "", "it is left out") if rows else ""
+        return Columns(rows[0], "the clip", store.damage).read("created", text, "", "ignored") if rows else ""
 
 
 def replace_camera(store: Database, camera: Camera, notes: tuple[str, ...]) -> None:
-    """Give a project another camera with the same lens, and the notes of its clip. Raises InputError as `Database`."""
+    """Store another camera with the same lens, and the clip's notes. Raises InputError as `Database`."""
     with store.transaction() as connection:
         connection.execute(
             "UPDATE clip SET camera = ?, notes = ?",
@@ -180,7 +181,7 @@ def replace_camera(store: Database, camera: Camera, notes: tuple[str, ...]) -> N
 
 
 def read_height(store: Database) -> float | None:
-    """Centimetres of the person in a project; None: not known."""
+    """The person's height in centimetres; None: unknown."""
     rows = store.rows("SELECT height FROM clip")
     return Columns(rows[0], "the clip", store.damage).read("height", or_none(_height), None, "it is not known")
 
@@ -192,19 +193,19 @@ def _height(value: Any) -> float:
 
 
 def replace_height(store: Database, height: float | None) -> None:
-    """Give the person of a project another height. Raises InputError as `Database`."""
+    """Store the person's height. Raises InputError as `Database`."""
     with store.transaction() as connection:
         connection.execute("UPDATE clip SET height = ?", (height,))
 
 
 def replace_detections(folder: Path, store: Database, clip: Clip) -> None:
-    """Give a project another clip's detections, with its notes and its camera; when this returns they are on the disk.
+    """Store another clip's detections, notes and camera; they are on disk when this returns.
 
-    Wherever it ends in between, the project opens with the old ones or the new ones: the new file lies beside the old
-    one, the database's transaction decides, and then the new one takes the old one's place.
+    Wherever it is interrupted, the project opens with the old or the new ones: the new file is written next to the old
+    one, the database's transaction decides, and then the new file replaces the old one.
 
     Raises:
-        InputError: The project cannot be written; it has its old detections then.
+        InputError: The project cannot be written; it keeps its old detections.
     """
     with accessing(folder):
         _write_detections(folder / _COMING, clip)
@@ -218,9 +219,9 @@ def replace_detections(folder: Path, store: Database, clip: Clip) -> None:
 
 
 def _settle_detections(folder: Path, expected: str) -> None:
-    """Let detections to come take their place, or delete them if the database does not know them.
+    """Move new detections into place, or delete them if the database does not know them.
 
-    Where that fails they are found under their own name, until somebody opens the project and it succeeds.
+    If that fails they are found under their own name until the project is opened again successfully.
     """
     coming = folder / _COMING
     try:
@@ -236,16 +237,16 @@ def _settle_detections(folder: Path, expected: str) -> None:
 
 
 def _detections_file(folder: Path, expected: str) -> Path:
-    """Where the project's detections lie: under the other name too, as long as nobody has opened it for writing."""
+    """The file of the project's detections: under the other name until the project is next opened for writing."""
     coming = folder / _COMING
-    with suppress(FileNotFoundError):  # whoever has the project open may just give it its name
+    with suppress(FileNotFoundError):  # another process may just be renaming it
         if _sha256(coming) == expected:
             return coming
     return folder / DETECTIONS
 
 
 def copy_detections(folder: Path, copied: Path, target: Path) -> bool:
-    """Copy the detections that go with a copy of a project's database, while others may write to the project.
+    """Copy the detections that match a copy of a project's database, while others may write to the project.
 
     Args:
         folder: The project's.
@@ -253,14 +254,14 @@ def copy_detections(folder: Path, copied: Path, target: Path) -> bool:
         target: The file to write.
 
     Returns:
-        False if they are not there: they were replaced after the database was copied, or are damaged.
+        False if they are missing: replaced after the database was copied, or damaged.
 
     Raises:
         OSError: Something cannot be read or written.
     """
     with closing(database.copied(copied)) as connection:
         expected = _row_of_copy(connection).read("detections_sha256", _checksum, None, "")
-    for name in (_COMING, DETECTIONS):  # in this order: the first becomes the second
+    for name in (_COMING, DETECTIONS):  # in this order: the first is renamed to the second
         if (folder / name).is_file():
             with suppress(FileNotFoundError):
                 shutil.copyfile(folder / name, target)
@@ -272,9 +273,9 @@ def copy_detections(folder: Path, copied: Path, target: Path) -> bool:
 def _write_detections(path: Path, clip: Clip) -> None:
     arrays = {name: np.asarray(getattr(clip.keypoints, name), dtype=float) for name in _WIDTHS}
     try:
-        _check_detections(arrays)  # what could not be read back must not get there
+        _check_detections(arrays)  # nothing unreadable may be stored
     except ValueError as error:
-        raise InputError(f"These keypoints cannot be stored: {error}.") from error
+        raise InputError(f"Cannot store these keypoints: {error}.") from error
     arrays[_DETECTOR] = np.array(clip.detector[:_LONGEST])
     if (shown := clip.silhouettes) is not None:
         arrays |= dict(zip(_SILHOUETTES, (shown.packed, np.array(shown.size), shown.known), strict=True))
@@ -283,20 +284,20 @@ def _write_detections(path: Path, clip: Clip) -> None:
 
 
 def _read_detections(folder: Path, expected: str | None) -> tuple[Keypoints, str, Silhouettes | None]:
-    """Keypoints, who detected them, and silhouettes if they were found as well.
+    """Keypoints, their detector, and silhouettes if any.
 
-    The checksum, if there is one, tells damage; a project of somebody else's may say that it is that of anything.
+    The checksum, if any, only detects damage; a project made by someone else may contain any.
     """
-    path, advice = folder / DETECTIONS, "It must stay as it was made: take it from a backup"
+    path, advice = folder / DETECTIONS, "It must not be changed: restore it from a backup"
     try:
         path = path if expected is None else _detections_file(folder, expected)
         if expected is not None and _sha256(path) != expected:
-            raise InputError(f"{path}: was changed since the project was made. {advice}.")
+            raise InputError(f"{path}: was changed after the project was created. {advice}.")
         arrays = read_npz(path, (*_WIDTHS, _DETECTOR, *_SILHOUETTES))
         detector = _detector(arrays.pop(_DETECTOR, None))
         shown = _silhouettes({name: arrays.pop(name) for name in _SILHOUETTES if name in arrays}, arrays)
         _check_detections(arrays)
-    except InputError:  # is a ValueError, too
+    except InputError:  # is also a ValueError
         raise
     except (OSError, KeyError, ValueError) as error:
         raise InputError(f"{path}: cannot be read ({error}). {advice}.") from error
@@ -306,7 +307,7 @@ def _read_detections(folder: Path, expected: str | None) -> tuple[Keypoints, str
 
 
 def _silhouettes(found: dict[str, np.ndarray], keypoints: Mapping[str, np.ndarray]) -> Silhouettes | None:
-    """None where there are none. Raises ValueError if they are not those of a clip with these keypoints."""
+    """None if there are none. Raises ValueError if they do not match the clip's keypoints."""
     if not found:
         return None
     packed, size, known = (found[name] for name in _SILHOUETTES)
@@ -320,7 +321,7 @@ def _silhouettes(found: dict[str, np.ndarray], keypoints: Mapping[str, np.ndarra
 
 
 def _detector(told: np.ndarray | None) -> str:
-    """Its name; empty where the file does not tell, as those of earlier versions. Raises ValueError for no name."""
+    """The detector's name; empty in files of earlier versions. Raises ValueError if invalid."""
     if told is None:
         return ""
     if told.dtype.kind != "U" or told.shape != () or len(str(told)) > _LONGEST:
@@ -329,7 +330,7 @@ def _detector(told: np.ndarray | None) -> str:
 
 
 def _check_detections(arrays: Mapping[str, np.ndarray]) -> None:
-    """Raise ValueError if these are no keypoints of a clip, KeyError if an array is missing."""
+    """Raise ValueError if these are not a clip's keypoints, KeyError if an array is missing."""
     for name, width in _WIDTHS.items():
         array = arrays[name]
         if array.dtype.kind != "f" or not array.ndim or array.shape[1:] != width:
@@ -338,10 +339,10 @@ def _check_detections(arrays: Mapping[str, np.ndarray]) -> None:
                 f"{name} is {array.dtype} of the shape {array.shape}, expected floats (frames, {expected})"
             )
         if not np.isfinite(array).all():
-            raise ValueError(f"{name} has values that are no finite numbers")
+            raise ValueError(f"{name} has values that are not finite")
     xy, confidence = arrays["xy"], arrays["confidence"]
     if len(xy) != len(confidence) or not len(xy):
-        raise ValueError(f"it has {len(xy)} frames of positions and {len(confidence)} of confidences")
+        raise ValueError(f"it has {len(xy)} frames of positions but {len(confidence)} of confidences")
     if not ((confidence >= 0) & (confidence <= 1)).all():
         raise ValueError("a confidence is not between 0 and 1")
 

@@ -1,4 +1,4 @@
-"""Values of the database, each checked by itself: a damaged one costs itself, and not the project."""
+"""Database values, each checked on its own: damage to one value does not affect the rest of the project."""
 
 import logging
 import sqlite3
@@ -11,19 +11,19 @@ import msgspec
 
 T = TypeVar("T")
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**52)]
-"""What counts something, or numbers it."""
+"""A count or an id."""
 _LISTED = 10
-"""So much is told in the terminal: a table whose every row is damaged would fill it."""
+"""Maximum number of warnings in the terminal: a completely damaged table would flood it."""
 UNKNOWN_TIME = datetime.fromtimestamp(0, UTC)
-"""Stands in for a time that is damaged."""
+"""Replaces a damaged time."""
 _log = logging.getLogger(__name__)
 
 
 class Damage:
-    """What was found damaged in a database, each thing told once in the terminal. Thread-safe.
+    """The damage found in a database, each item reported once in the terminal. Thread-safe.
 
     Args:
-        path: of the database; None: nothing is told.
+        path: of the database; None: report nothing.
     """
 
     def __init__(self, path: Path | None = None) -> None:
@@ -32,15 +32,15 @@ class Damage:
 
     @property
     def found(self) -> tuple[str, ...]:
-        """In words, in the order in which it was found."""
+        """In words, in the order of discovery."""
         return tuple(self._found)
 
     def note(self, what: str, instead: str) -> None:
-        """Tell of a damaged value, unless it was told before.
+        """Record a damaged value, unless it was recorded before.
 
         Args:
-            what: Where it is, and what is wrong with it.
-            instead: What becomes of it.
+            what: Where it is, and what is wrong.
+            instead: What happens instead.
         """
         text = f"{what}; {instead}"
         if text in self._found:
@@ -49,31 +49,31 @@ class Damage:
         if self._path is None:
             return
         if len(self._found) <= _LISTED:
-            _log.warning("%s is damaged: %s. If there is a backup, take it from there.", self._path, text)
+            _log.warning("%s is damaged: %s. If you have a backup, restore it.", self._path, text)
         elif len(self._found) == _LISTED + 1:
-            _log.warning("%s: more values are damaged; the app lists them all.", self._path)
+            _log.warning("%s: more values are damaged; the app lists all.", self._path)
 
 
 class Columns:
-    """A row of a table, of which each value is read by itself.
+    """A table row whose values are read individually.
 
     Args:
-        row: as SQLite has it.
-        name: of the row, for the user.
-        damage: takes what is wrong.
+        row: from SQLite.
+        name: of the row, for users.
+        damage: collects errors.
     """
 
     def __init__(self, row: sqlite3.Row, name: str, damage: Damage) -> None:
         self._row, self._name, self._damage = row, name, damage
 
     def read(self, column: str, read: Callable[[Any], T], default: T, instead: str) -> T:
-        """A value, or what stands in for it.
+        """A value, or its replacement.
 
         Args:
             column: its name.
-            read: makes it of what SQLite has; raises ValueError or TypeError.
-            default: if it does.
-            instead: what becomes of it then, in words for the user.
+            read: converts SQLite's value; raises ValueError or TypeError.
+            default: used if it does.
+            instead: what happens then, in words for users.
         """
         try:
             return read(self._row[column])
@@ -84,22 +84,22 @@ class Columns:
 
 
 def of(kind: Any) -> Callable[[Any], Any]:
-    """Reads a value of a type as msgspec knows it; nothing is converted."""
+    """Reads a value of a type that msgspec supports, without conversion."""
     return lambda value: msgspec.convert(value, kind)
 
 
 def or_none(read: Callable[[Any], T]) -> Callable[[Any], T | None]:
-    """The same where there may be nothing."""
+    """The same, allowing NULL."""
     return lambda value: None if value is None else read(value)
 
 
 def json_of(kind: Any) -> Callable[[Any], Any]:
-    """Reads a text of JSON."""
+    """Reads JSON text."""
     return lambda value: msgspec.json.decode(text(value), type=kind)
 
 
 def text(value: Any) -> str:
-    """A text as it is."""
+    """Any text."""
     return msgspec.convert(value, str)
 
 
@@ -112,8 +112,8 @@ def line(value: Any) -> str:
 
 
 def time(value: Any) -> datetime:
-    """A moment in our age, with its time zone."""
+    """A plausible time, with its time zone."""
     found = datetime.fromisoformat(text(value))
     if found.tzinfo is None or not 1970 <= found.year < 2200:
-        raise ValueError(f"{text(value)[:40]!r} is no time of ours")
+        raise ValueError(f"{text(value)[:40]!r} is not a valid time")
     return found

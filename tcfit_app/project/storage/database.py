@@ -1,4 +1,4 @@
-"""project.sqlite: its tables, their versions, and transactions that are on the disk when they end."""
+"""project.sqlite: its tables, their versions, and durable transactions."""
 
 import os
 import re
@@ -14,7 +14,7 @@ from tcfit_app.project.storage.columns import Damage
 
 NAME = "project.sqlite"
 _APPLICATION = int.from_bytes(b"tcft")
-"""In the file's header: tells a project from other SQLite databases."""
+"""In the file's header: distinguishes a project from other SQLite databases."""
 
 
 def _first_tables(connection: sqlite3.Connection) -> None:
@@ -53,7 +53,7 @@ def _kinds_of_runs(connection: sqlite3.Connection) -> None:
 
 
 def _order_of_marks(connection: sqlite3.Connection) -> None:
-    """What came before a mark, as numbers: clocks are set back. Times are all that older projects know of that."""
+    """What precedes a mark, as numbers, because clocks can be set back. Older projects have only times."""
     connection.execute("ALTER TABLE runs ADD COLUMN moment INTEGER NOT NULL DEFAULT 0")
     for column in ("last_edit", "last_moment"):
         connection.execute(f"ALTER TABLE marks ADD COLUMN {column} INTEGER NOT NULL DEFAULT 0")
@@ -68,12 +68,12 @@ def _order_of_marks(connection: sqlite3.Connection) -> None:
 
 
 def _given_starts(connection: sqlite3.Connection) -> None:
-    """With which start and shape a run was begun; NULL: with none, as in all older projects."""
+    """The start and shape that a run was given; NULL: none, as in all older projects."""
     connection.execute("ALTER TABLE runs ADD COLUMN given TEXT")
 
 
 def _height(connection: sqlite3.Connection) -> None:
-    """The person's, in centimetres; NULL: not known."""
+    """The person's height in centimetres; NULL: unknown."""
     connection.execute("ALTER TABLE clip ADD COLUMN height REAL")
 
 
@@ -99,7 +99,7 @@ MIGRATIONS: tuple[Callable[[sqlite3.Connection], None], ...] = (
     _height,
     _review_of_the_clip,
 )
-"""MIGRATIONS[n] makes version n + 1 out of version n. Only ever added to: projects of all versions exist."""
+"""MIGRATIONS[n] upgrades version n to n + 1. Append only: projects of all versions exist."""
 WITH_KINDS = MIGRATIONS.index(_kinds_of_runs) + 1
 """The version from which on runs have kinds."""
 WITH_REVIEW = MIGRATIONS.index(_review_of_the_clip) + 1
@@ -107,21 +107,21 @@ WITH_REVIEW = MIGRATIONS.index(_review_of_the_clip) + 1
 
 
 def read_only_refusal(folder: Path) -> str:
-    """What is said of every change to a project that is open read-only."""
+    """The message for any change to a project that is open read-only."""
     return (
-        f"{folder}: is open read-only, so nothing can be changed: another tcfit has it open, or --read-only was given. "
-        "Open it again when that one is closed, without the option."
+        f"{folder}: is open read-only, because another tcfit has it open or --read-only was given. "
+        "Close the other one and open it again without the option."
     )
 
 
 def is_project(path: Path) -> bool:
-    """Whether a path is a project's folder."""
+    """Whether a path is a project folder."""
     return (path / NAME).is_file()
 
 
 _OF_A_VALUE = re.compile(r"(NULL|NUMERIC|TEXT|BLOB) value in |CHECK constraint failed in ")
-"""How quick_check tells of what is no damage of the file itself."""
-_DAMAGED = "is damaged ({}). Take it from a backup; the fits in runs and detections.npz can be read without it"
+"""How quick_check reports values that do not mean damage to the file."""
+_DAMAGED = "is damaged ({}). Restore it from a backup; the fits in runs and detections.npz can be read without it"
 _UNWRITABLE = "cannot be written ({}). Free space or allow writing there; what was stored before is still there"
 _REASONS = {
     "SQLITE_CORRUPT": _DAMAGED,
@@ -132,20 +132,20 @@ _REASONS = {
     "SQLITE_READONLY": _UNWRITABLE,
     "SQLITE_PERM": _UNWRITABLE,
     "SQLITE_CANTOPEN": "cannot be opened ({}). Allow reading it, and writing in its folder; or copy that folder to "
-    "where you may write, and open the copy",
-    "SQLITE_BUSY": "is used by another program ({}). Close that one and try again",
+    "a writable place, and open the copy",
+    "SQLITE_BUSY": "is in use by another program ({}). Close it and try again",
 }
-"""By SQLite's primary result code: what is wrong, and what to do. ERROR is a table or column that is not there."""
+"""By SQLite's primary result code: what is wrong, and what to do. ERROR is a missing table or column."""
 
 
 @contextmanager
 def _explained(path: Path) -> Iterator[None]:
-    """SQLite's errors that come from files and not from us become InputErrors."""
+    """Turns SQLite's errors caused by files, not by our code, into InputErrors."""
     try:
         yield
     except sqlite3.Error as error:
         code = "_".join((getattr(error, "sqlite_errorname", None) or "").split("_")[:2])
-        # Without a code: sqlite3's own, of which a text that is no UTF-8 is operational, and the rest is our mistake.
+        # Without a code: sqlite3's own errors. OperationalError is text that is not UTF-8; others are bugs.
         reason = _REASONS.get(code) or (_DAMAGED if not code and isinstance(error, sqlite3.OperationalError) else "")
         if not reason:
             raise
@@ -153,20 +153,20 @@ def _explained(path: Path) -> Iterator[None]:
 
 
 class Database:
-    """A connection that several threads may use.
+    """A connection shared by several threads.
 
-    What `transaction` has ended without an error stays, even if the computer loses power (WAL, synchronous = FULL).
+    A transaction that has ended without an error survives even a power failure (WAL, synchronous = FULL).
     """
 
     def __init__(self, path: Path, *, read_only: bool) -> None:
-        """Open a project's database, and bring it to the present version.
+        """Open a project's database, and upgrade it to the current version.
 
         Args:
             path: Of the file.
-            read_only: It stays as it is; one of an older version is read as it was when it was opened.
+            read_only: Leave it unchanged; an older version is read as a snapshot of its opening.
 
         Raises:
-            InputError: It cannot be opened, is damaged, none of tcfit's, or from a newer tcfit.
+            InputError: It cannot be opened, is damaged, not a project of tcfit, or from a newer tcfit.
         """
         self.path, self.read_only = path, read_only
         self.damage = Damage(path)
@@ -187,7 +187,7 @@ class Database:
 
     @staticmethod
     def create(path: Path) -> None:
-        """Make a database with empty tables. Raises InputError if it cannot be written."""
+        """Create a database with empty tables. Raises InputError if it cannot be written."""
         with _explained(path):
             connection = _connect(path, "rwc")
             try:
@@ -204,12 +204,12 @@ class Database:
     def _check(self) -> None:
         _check_origin(self.path, self._connection)
         found = (row[0] for row in self._connection.execute("PRAGMA quick_check(1000000)"))
-        # Values are told when they are read, each by itself.
+        # damaged values are reported individually when read
         if problem := next((text for text in found if text != "ok" and not _OF_A_VALUE.match(text)), ""):
             raise InputError(f"{self.path}: {_DAMAGED.format(problem)}.")
 
     def _read_a_copy(self) -> None:
-        """Go on with a copy in memory, which can be changed."""
+        """Continue with an upgradable copy in memory."""
         copy = _prepared(sqlite3.connect(":memory:", isolation_level=None, check_same_thread=False))
         self._connection.backup(copy)
         self._connection.close()
@@ -220,7 +220,7 @@ class Database:
 
     @contextmanager
     def transaction(self) -> Iterator[sqlite3.Connection]:
-        """All changes of the block, or none; they are on the disk when it has ended.
+        """All changes of the block or none; they are on disk when it ends.
 
         Raises:
             InputError: The project is open read-only, or its file cannot be written.
@@ -231,12 +231,12 @@ class Database:
             yield self._connection
 
     def rows(self, query: str, *values: Any) -> list[sqlite3.Row]:
-        """What a query finds. Raises InputError if the file is damaged."""
+        """The rows of a query. Raises InputError if the file is damaged."""
         with self._lock, _explained(self.path):
             return self._connection.execute(query, values).fetchall()
 
     def close(self) -> None:
-        """Put everything into the one file and let it go."""
+        """Merge everything into the one file and close it."""
         with self._lock:
             self._connection.close()
 
@@ -264,11 +264,11 @@ def _check_origin(path: Path, connection: sqlite3.Connection) -> int:
         connection.execute(f"PRAGMA {name}").fetchone()[0] for name in ("application_id", "user_version")
     )
     if application != _APPLICATION:
-        raise InputError(f"{path}: is a database of another program; expected one that `tcfit new` made.")
+        raise InputError(f"{path}: is another program's database; expected one made by `tcfit new`.")
     if version > len(MIGRATIONS):
         raise InputError(
-            f"{path}: is of version {version}, and this tcfit knows versions up to {len(MIGRATIONS)}. A newer tcfit "
-            "has written it: update tcfit."
+            f"{path}: has version {version}, but this tcfit supports versions up to {len(MIGRATIONS)}. A newer tcfit "
+            "wrote it: update tcfit."
         )
     return version
 
@@ -278,7 +278,7 @@ def _connect(path: Path, mode: Literal["ro", "rw", "rwc"], *, alone: bool = Fals
     options = f"mode={mode}"
     alone = alone or not os.access(path.parent, os.W_OK)
     if mode == "ro" and alone and not path.with_name(f"{path.name}-wal").exists():
-        options = "immutable=1"  # Even for reading SQLite wants a file beside this one, unless nobody else can write.
+        options = "immutable=1"  # otherwise SQLite needs a second file even for reading
     uri = f"{path.resolve().as_uri()}?{options}"
     connection = sqlite3.connect(uri, uri=True, isolation_level=None, check_same_thread=False)
     try:
@@ -291,19 +291,19 @@ def _connect(path: Path, mode: Literal["ro", "rw", "rwc"], *, alone: bool = Fals
 
 
 def copied(path: Path) -> sqlite3.Connection:
-    """A copy of a project's database that nobody else knows, to be closed."""
+    """A private copy of a project's database, to be closed."""
     return _prepared(sqlite3.connect(path))
 
 
 def _prepared(connection: sqlite3.Connection) -> sqlite3.Connection:
     connection.row_factory = sqlite3.Row
     connection.text_factory = _text
-    connection.execute("PRAGMA trusted_schema = OFF")  # A project may come from somebody else.
+    connection.execute("PRAGMA trusted_schema = OFF")  # the project may be untrusted
     return connection
 
 
 def _text(content: bytes) -> str | bytes:
-    """What is no UTF-8 stays as it is, and is told as damaged where it is read."""
+    """Text that is not UTF-8 stays bytes, and is reported as damaged when read."""
     try:
         return content.decode()
     except UnicodeDecodeError:
@@ -311,10 +311,10 @@ def _text(content: bytes) -> str | bytes:
 
 
 def _make_durable(connection: sqlite3.Connection) -> None:
-    """Of a database that is known to be ours: this writes into its header."""
+    """For a database known to be ours, because this writes into its header."""
     connection.execute("PRAGMA journal_mode = WAL")
     connection.execute("PRAGMA synchronous = FULL")
-    connection.execute("PRAGMA fullfsync = ON")  # macOS: its plain fsync leaves data in the drive's cache.
+    connection.execute("PRAGMA fullfsync = ON")  # on macOS, plain fsync leaves data in the drive's cache
 
 
 def _upgrade(connection: sqlite3.Connection, version: int) -> None:
@@ -331,7 +331,7 @@ def _transaction(connection: sqlite3.Connection) -> Iterator[None]:
         yield
         connection.execute("COMMIT")
     except BaseException:
-        # After some errors, a full disk for example, SQLite has rolled back by itself.
+        # After some errors, such as a full disk, SQLite has already rolled back.
         if connection.in_transaction:
             connection.execute("ROLLBACK")
         raise

@@ -1,4 +1,4 @@
-"""One writer for a project: a lock that the system takes back when its process ends, however it ends."""
+"""One writer per project: a lock that the system releases when its process ends in any way."""
 
 import os
 import platform
@@ -14,22 +14,22 @@ NAME = "project.lock"
 
 
 class ProjectLocked(InputError):
-    """Another process, or another place in this one, writes to the project; it can still be opened read-only."""
+    """Another process, or another part of this one, is writing to the project; it can still be opened read-only."""
 
 
-class Lock:
-    """Held from its creation to `release`, or to the end of the process."""
+class ProjectLock:
+    """Held from its creation until `release`, or the end of the process."""
 
     def __init__(self, folder: Path) -> None:
         """Take the lock of a project.
 
         Raises:
-            ProjectLocked: Somebody has it.
-            InputError: The file system knows no locks, as some network drives.
+            ProjectLocked: It is taken.
+            InputError: The file system does not support locks, like some network drives.
             OSError: The folder cannot be written.
         """
         path = folder / NAME
-        # The file stays when the lock is released: a new one under the same name could be locked twice.
+        # The file stays when the lock is released: a recreated file could be locked twice.
         self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
         try:
             free = try_lock(self._descriptor)
@@ -39,20 +39,20 @@ class Lock:
         except OSError as error:
             os.close(self._descriptor)
             raise InputError(
-                f"{folder}: cannot be locked here ({error.strerror or error}), so that two could write at once. "
-                "Move it to a disk of this computer, or open it read-only."
+                f"{folder}: cannot be locked ({error.strerror or error}), so two processes could write at once. "
+                "Move it to a local disk, or open it read-only."
             ) from error
         if not free:
             holder = _holder(self._descriptor)
             os.close(self._descriptor)
             raise ProjectLocked(
-                f"{folder}: is open in another tcfit{holder}. Close that one, or open the project read-only."
+                f"{folder}: is open in another tcfit{holder}. Close it there, or open the project read-only."
             )
         self.tell("")
 
     def tell(self, names: str) -> None:
         """Write down, for whoever finds it locked, which people work on it; one line."""
-        with suppress(OSError):  # On a full disk nobody is named.
+        with suppress(OSError):  # on a full disk nobody is named
             os.ftruncate(self._descriptor, 0)
             os.lseek(self._descriptor, 0, os.SEEK_SET)
             os.write(self._descriptor, f"{os.getpid()}\n{platform.node()}\n{names}\n".encode())
@@ -108,7 +108,7 @@ def _written(descriptor: int) -> Holder:
 
 
 def _holder(descriptor: int) -> str:
-    """The process that holds the lock, as it has written it down, in words."""
+    """The process holding the lock, as recorded in the file, in words."""
     found = _written(descriptor)
     by = f", by {found.names}" if found.names else ""
     return f" (process {found.process}{by})" if found.process else ""

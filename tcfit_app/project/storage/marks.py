@@ -1,4 +1,4 @@
-"""What a reviewer has said about frames."""
+"""A reviewer's marks on frames."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from tcfit_app.project.storage.columns import UNKNOWN_TIME, Columns, Count, of, 
 from tcfit_app.project.storage.database import Database
 from tcfit_app.project.storage.run_record import LAST_MOMENT
 
-_LEFT_OUT = "the mark is left out"
+_LEFT_OUT = "the mark is ignored"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,21 +21,21 @@ class Mark:
     time: datetime
     author: str
     last_edit: int
-    """Id of the last entry that the log of edits had then, 0 without any."""
+    """Id of the last log entry at the time, 0 without any."""
     last_moment: int
-    """The largest `Run.moment` then, 0 without any."""
+    """The largest `Run.moment` at the time, 0 without any."""
 
 
-class Marks:
-    """At most one mark for each frame of a clip, frames counted from its first. Thread-safe.
+class MarkStore:
+    """At most one mark per frame of a clip, frames counted from its first. Thread-safe.
 
-    They are in the log of edits, so that undo takes them back. Earlier versions had a table of them, which stays below.
+    They are stored in the log of edits, so that they can be undone. Earlier versions had a table, which is still read.
 
     Args:
-        database: has that table, and the runs.
-        frames: how many the clip has.
-        done: the log's entries with marks that are not undone, in order.
-        append: adds to the log, for an author.
+        database: with that table, and the runs.
+        frames: number of frames in the clip.
+        done: the log entries of marks that are not undone, in order.
+        append: adds to the log, on behalf of an author.
     """
 
     def __init__(
@@ -48,17 +48,17 @@ class Marks:
         self._database, self._frames, self._done, self._append = database, frames, done, append
 
     def set(self, frames: Iterable[int], state: MarkState | None, *, author: str = "") -> LogEntry:
-        """Mark frames, over what they were marked with before; None takes their marks away.
+        """Mark frames, replacing their marks; None removes them.
 
         Raises:
-            InputError: A frame lies outside the clip, or the project cannot be written.
+            InputError: A frame is outside the clip, or the project cannot be written.
         """
         assert state is None or state in get_args(MarkState)
         (row,) = self._database.rows(f"SELECT {LAST_MOMENT}")
         return self._append(MarkFrames(frames=tuple(frames), state=state, moment=row[0]), author)
 
     def all(self) -> dict[int, Mark]:
-        """Every mark by its frame, in order."""
+        """All marks by frame, in order."""
         found = self._of_the_table()
         for entry in self._done():
             said = entry.action
@@ -85,10 +85,10 @@ class Marks:
                 continue
             found[frame] = Mark(
                 state=state,
-                time=mark.read("time", time, UNKNOWN_TIME, "it counts as made long ago"),
-                author=mark.read("author", text, "", "nobody is named"),
-                last_edit=mark.read("last_edit", of(Count), 0, "it counts as made before all edits"),
-                last_moment=mark.read("last_moment", of(Count), 0, "it counts as made before all runs"),
+                time=mark.read("time", time, UNKNOWN_TIME, "treated as made long ago"),
+                author=mark.read("author", text, "", "the author is left empty"),
+                last_edit=mark.read("last_edit", of(Count), 0, "treated as made before all edits"),
+                last_moment=mark.read("last_moment", of(Count), 0, "treated as made before all runs"),
             )
         return found
 

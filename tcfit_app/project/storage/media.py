@@ -1,4 +1,4 @@
-"""The video or images of a project: inside its folder, or a link that says whether what it finds is still the same."""
+"""The video or images of a project: in its folder, or a link that detects whether its target has changed."""
 
 import os
 import shutil
@@ -18,16 +18,16 @@ FOLDER = "media"
 
 
 class MediaLink(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Where a clip's frames are, as a project remembers it."""
+    """Where a clip's frames are, as stored in a project."""
 
     relative: str
-    """From the project's folder, so that both can be moved together; empty if there is no such path."""
+    """Relative to the project's folder, so that both can be moved together; empty if there is no such path."""
     absolute: str
     fingerprint: str
 
 
 UNREADABLE = MediaLink(relative="", absolute="", fingerprint="")
-"""Stands in for a link that is damaged."""
+"""Replaces a damaged link."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,9 +35,9 @@ class Media:
     """Where a clip's frames are now."""
 
     path: Path | None
-    """None if they are not found."""
+    """None if not found."""
     problem: str = ""
-    """What a user should know: frames are missing, or not those with which the project was made."""
+    """A warning for users: frames are missing, or differ from those that the project was created with."""
 
 
 def link(source: Path, project: Path) -> MediaLink:
@@ -55,20 +55,20 @@ def link(source: Path, project: Path) -> MediaLink:
 
 
 def check_decodes(path: Path) -> None:
-    """Refuse what is no video and no image: a link to it would hand on any other file with the project.
+    """Refuse what is neither video nor image: otherwise packing the project could leak any file.
 
     Raises:
-        InputError: It cannot be decoded, or an image's file holds something else.
+        InputError: It cannot be decoded, or an image file contains something else.
     """
     with FrameSource(_named(path)) as source:
         images = image_files(path) if source.stems is not None else ()
     for image in images:
         if not cv2.haveImageReader(str(_named(image))):
-            raise InputError(f"{image}: is no image that can be decoded. Remove it from its folder.")
+            raise InputError(f"{image}: cannot be decoded as an image. Remove it from its folder.")
 
 
-def frames_of(path: Path) -> list[Path]:
-    """The files that hold a clip's frames: the video, or the images of a folder and nothing else that lies there.
+def frame_files(path: Path) -> list[Path]:
+    """The files of a clip's frames: the video, or only the images in a folder.
 
     Raises:
         InputError: As `check_decodes`.
@@ -78,7 +78,7 @@ def frames_of(path: Path) -> list[Path]:
 
 
 def copy(source: Path, project: Path) -> MediaLink:
-    """Copy a video, or the files of a folder of images, into a project that has no media yet.
+    """Copy a video, or the images of a folder, into a project without media.
 
     Raises:
         InputError: It cannot be read or written.
@@ -98,18 +98,18 @@ def copy(source: Path, project: Path) -> MediaLink:
 
 
 def is_own(link: MediaLink) -> bool:
-    """Whether a link says that the frames lie in the project, as `copy` puts them there."""
+    """Whether a link points into the project, where `copy` puts frames."""
     return link.relative.startswith(f"{FOLDER}/")
 
 
 def find(link: MediaLink | None, project: Path) -> Media:
-    """Look for what a link points at, first beside the project and then where it was."""
+    """Find the target of a link, first relative to the project, then at its absolute path."""
     if link is None:
-        return Media(path=None, problem="The project was made without a video.")
+        return Media(path=None, problem="The project was created without a video.")
     if link == UNREADABLE:
         return Media(
             path=None,
-            problem="Where the video was is damaged in the project. Say where the video is now, in the panel Review.",
+            problem="The video's path is damaged in the project. Relink the video in the panel Review.",
         )
     places = [project / link.relative] if link.relative else []
     found = [path for path in (*places, Path(link.absolute)) if not _absence(path)]
@@ -117,34 +117,34 @@ def find(link: MediaLink | None, project: Path) -> Media:
     if same:
         return Media(path=same[0])
     if found:
-        problem = f"{found[0]} is not what the project was made with: other content, or it cannot be read."
+        problem = f"{found[0]} differs from what the project was created with, or cannot be read."
         return Media(path=found[0], problem=problem)
     return Media(
         path=None,
-        problem=f"{link.absolute} {_absence(Path(link.absolute))}. Say where the video is now, in the panel Review.",
+        problem=f"{link.absolute} {_absence(Path(link.absolute))}. Relink the video in the panel Review.",
     )
 
 
 def _absence(path: Path) -> str:
-    """Why nothing is found under a path, which may be of another user or another system; empty if something is."""
+    """Why nothing is found at a path, possibly of another user or system; empty if something is."""
     try:
         path.stat()
         return ""
     except (FileNotFoundError, NotADirectoryError):
         return "is no longer there"
     except OSError as error:
-        return f"cannot be looked for ({error.strerror or error})"
-    except ValueError as error:  # no path at all
-        return f"cannot be looked for ({error})"
+        return f"cannot be accessed ({error.strerror or error})"
+    except ValueError as error:  # not a valid path
+        return f"cannot be accessed ({error})"
 
 
 def _named(source: Path) -> Path:
-    """The absolute path, which must be a text to be stored."""
+    """The absolute path, which must be valid text to be stored."""
     path = source.resolve()
     try:
         str(path).encode()
     except UnicodeEncodeError as error:
-        raise InputError(f"{str(path)!r}: has a name that is no text in UTF-8. Rename it.") from error
+        raise InputError(f"{str(path)!r}: its name is not valid UTF-8. Rename it.") from error
     return path
 
 

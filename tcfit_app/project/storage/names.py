@@ -1,18 +1,18 @@
-"""What things may be called. Names are shown and never become paths."""
+"""Valid names. Names are shown, and never become paths."""
 
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import LONGEST
 
 _LONGEST = 200
 _ROOM = 30
-"""Bytes for what is put around a file's name while it is written."""
+"""Bytes reserved for what is added to a file's name while it is written."""
 
 
 def checked_name(name: str) -> str:
-    """A name that a user gave, without blanks around it.
+    """A name given by a user, stripped of surrounding blanks.
 
     Raises:
-        InputError: It is empty, too long, or would not show on one line.
+        InputError: It is empty, too long, or not a single line.
     """
     stripped = name.strip()
     if not stripped or len(stripped) > _LONGEST or not stripped.isprintable():
@@ -21,21 +21,21 @@ def checked_name(name: str) -> str:
 
 
 def portable(name: str) -> str:
-    """A file's name without what some system or other does not allow in one."""
+    """A file name without characters that some systems do not allow."""
     return "".join("_" if c in '/\\:*?"<>|' else c for c in name)
 
 
 def file_name(name: str, ending: str) -> str:
-    """A file's name that every system takes.
+    """A file name that is valid on every system.
 
     Args:
-        name: What it is about; its end is left out if it is too long.
-        ending: What follows, which stays.
+        name: What it is about; truncated if too long.
+        ending: Appended, never truncated.
     """
     most = LONGEST - _ROOM - len(ending.encode())
     return portable(name).encode()[:most].decode(errors="ignore") + ending
 
 
 def name_of_file(stem: str) -> str:
-    """A name made from a file's, which can hold anything."""
+    """A name made from a file's name, which may contain anything."""
     return "".join(c if c.isprintable() else "?" for c in stem).strip()[:_LONGEST] or "?"

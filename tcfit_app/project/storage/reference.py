@@ -1,6 +1,6 @@
-"""The reference of a project: what its fits are compared with, in a file of its own.
+"""The reference that a project's fits are compared with, in its own file.
 
-No row in the database tells of it: the file is there as a whole or not at all, and says itself what it is.
+No database row refers to it: the file exists completely or not at all, and describes itself.
 """
 
 from pathlib import Path
@@ -20,7 +20,7 @@ def stored_reference(folder: Path) -> Reference | None:
 
 
 def store_reference(folder: Path, reference: Reference | None) -> None:
-    """Keep a reference, or none any more; when this returns, that is on the disk.
+    """Store a reference, or remove it; that is on disk when this returns.
 
     Raises:
         InputError: The folder cannot be written.

@@ -1,4 +1,4 @@
-"""The user's own rig in a project: its file, and beside it the mapping file that says what its joints stand for."""
+"""The user's own rig in a project: its file, and the mapping file for its joints."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,25 +15,25 @@ FOLDER, MAPPING = "rig", "mapping.toml"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class KeptRig:
-    """A rig that a project has."""
+    """A project's rig."""
 
     mapping: Path
-    """The mapping file, as the joints are; it may not be complete yet."""
+    """The mapping file's content; possibly incomplete."""
     rig: Path
     skeleton: Skeleton
     joints: Joints
 
 
 def keep_rig(project: Path, name: str, content: bytes) -> KeptRig:
-    """Make a rig the project's, in the place of the one before, with the mapping that its names tell.
+    """Store a rig in the project, replacing the previous one, with a mapping guessed from its joint names.
 
     Args:
         project: Its folder.
-        name: What the rig's file is called.
-        content: What is in it.
+        name: The rig file's name.
+        content: Its content.
 
     Raises:
-        InputError: It is no rig that can be read, or a .gltf that names files beside it, which did not come along.
+        InputError: It is not a readable rig, or a .gltf that refers to other files, which were not included.
         OSError: It cannot be written.
     """
     shown = name_of_file(name)
@@ -58,16 +58,16 @@ def keep_rig(project: Path, name: str, content: bytes) -> KeptRig:
 
 
 def keep_joints(kept: KeptRig, joints: Joints) -> KeptRig:
-    """The same rig with another mapping, which is written. Raises OSError."""
+    """Store another mapping for the rig. Raises OSError."""
     write_mapping(kept.mapping, RigMapping(skeleton=kept.rig, joints=joints))
     return replace(kept, joints=joints)
 
 
 def kept_rig(project: Path) -> KeptRig | None:
-    """The project's rig, if it has one.
+    """The project's rig, if any.
 
     Raises:
-        InputError: Its files cannot be read any more.
+        InputError: Its files can no longer be read.
     """
     path = project / FOLDER / MAPPING
     if not path.exists():

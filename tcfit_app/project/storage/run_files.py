@@ -1,21 +1,19 @@
-"""A fit on the disk: runs/<id>.npz, which gives back the FitResult but for its configuration.
+"""A fit on disk: runs/<id>.npz, which restores the FitResult except for its configuration.
 
 | key | shape | |
 |---|---|---|
 | phase1_betas, phase1_body_pose, ... | (T, ...) | BodyParams of each finished phase |
 | phase1_frame_cost | (T,) | cost of each frame |
-| phase1_objective | (n,) | mean cost by term; their names stand in about |
+| phase1_objective | (n,) | mean cost by term; names in about |
 | phase1_start, phase1_stopped | (T,) | where each frame's fit came from: numbers of `provenance.Start` and `Stopped`; \
 runs of earlier versions and imported motions have none |
-| phase3_joint_error_bars, phase3_angle_error_bars | (T, 22, 2), (T, 13) | as in fit.npz; not there where they are not \
-known |
+| phase3_joint_error_bars, phase3_angle_error_bars | (T, 22, 2), (T, 13) | as in fit.npz; missing if unknown |
 | observed | (T, 55) | as in FitResult |
-| start_there, start_points, start_off, start_betas, ... | (T, ...) | the `GivenStart` that phase 1 began with, where \
-there was one |
+| start_there, start_points, start_off, start_betas, ... | (T, ...) | the `GivenStart` of phase 1, if any |
 | gravity, ground, contacts, ... | | see fitting_core/ground/arrays.py; runs of earlier versions have none |
 | about | () | JSON: camera, phases, warnings, pose prior, the given start, format |
 
-It reads with np.load(allow_pickle=False).
+Readable with np.load(allow_pickle=False).
 """
 
 from dataclasses import fields
@@ -45,11 +43,11 @@ _WIDTHS = {name: tensor.shape[1] for name, tensor in vars(BodyParams.neutral(0))
 _HANDS = ("left_hand_pose", "right_hand_pose")
 _START = "start_"
 _START_WIDTHS: dict[str, tuple[int, ...]] = {"there": (), "points": (25, 3), "off": (25,)}
-"""Arrays of a given start by their shape behind the number of frames."""
+"""Arrays of a given start, with their shapes after the frame axis."""
 
 
 class PhaseRecord(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What a phase has besides its arrays."""
+    """The data of a phase besides its arrays."""
 
     phase: int
     terms: tuple[str, ...]
@@ -58,14 +56,14 @@ class PhaseRecord(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
     @staticmethod
     def of(phase: PhaseResult) -> "PhaseRecord":
-        """That of a phase."""
+        """The record of a phase."""
         return PhaseRecord(
             phase=phase.phase, terms=tuple(phase.objective), seconds=float(phase.seconds), notes=phase.notes
         )
 
 
 class _About(msgspec.Struct, frozen=True, kw_only=True):
-    # Unknown fields are left aside: runs of earlier versions have a "sharpness" that nothing reads any more.
+    # Unknown fields are ignored: runs of earlier versions have a "sharpness", no longer used.
 
     format: str
     camera: Camera
@@ -76,7 +74,7 @@ class _About(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def write_run(path: Path, fit: FitResult) -> None:
-    """Write a fit; when this returns, it is on the disk.
+    """Write a fit; it is on disk when this returns.
 
     Raises:
         InputError: The folder cannot be written.
@@ -102,7 +100,7 @@ def write_run(path: Path, fit: FitResult) -> None:
 
 
 def phase_arrays(phase: PhaseResult) -> dict[str, np.ndarray]:
-    """The arrays of a phase, by the names of the table above."""
+    """The arrays of a phase, by their names in the table above."""
     prefix = f"phase{phase.phase}_"
     arrays = {prefix + name: getattr(phase.params, name).detach().cpu().numpy() for name in _NAMES}
     arrays |= {
@@ -116,14 +114,14 @@ def phase_arrays(phase: PhaseResult) -> dict[str, np.ndarray]:
 
 
 def read_run(path: Path, config: FitConfig) -> FitResult:
-    """Read what `write_run` wrote.
+    """Read a file written by `write_run`.
 
     Args:
         path: The file.
-        config: The run's configuration, which the database has.
+        config: The run's configuration, from the database.
 
     Raises:
-        InputError: It is missing, damaged, or no run of tcfit.
+        InputError: It is missing, damaged, or not a run of tcfit.
     """
     try:
         arrays = read_npz(path)
@@ -137,11 +135,11 @@ def read_run(path: Path, config: FitConfig) -> FitResult:
         grounding = grounding_from(arrays, frames)
         start = _start(arrays, about.start, frames)
         if about.camera.path is not None and not (is_possible(about.camera) and len(about.camera.path) == frames):
-            raise ValueError("its camera moves through other frames")
+            raise ValueError("its camera path does not match its frames")
     except FileNotFoundError as error:
         raise InputError(f"{path}: is missing; expected the result of a run. Fit again.") from error
     except (OSError, KeyError, IndexError, ValueError, TypeError) as error:
-        raise InputError(f"{path}: is no complete result of a run ({error}). Fit again.") from error
+        raise InputError(f"{path}: not a complete result of a run ({error}). Fit again.") from error
     return FitResult(
         phases=phases,
         camera=about.camera,
@@ -173,7 +171,7 @@ def _start(arrays: dict[str, np.ndarray], about: StartRecord | None, frames: int
 
 
 def phase_from(arrays: dict[str, np.ndarray], about: PhaseRecord) -> PhaseResult:
-    """What `phase_arrays` made. Raises KeyError, IndexError or ValueError if an array lacks or has another shape."""
+    """The inverse of `phase_arrays`. Raises KeyError, IndexError or ValueError if an array is missing or misshapen."""
     prefix = f"phase{about.phase}_"
     params, own = _params(arrays, prefix), {name.removeprefix(prefix): values for name, values in arrays.items()}
     frames = len(params)

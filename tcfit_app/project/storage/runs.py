@@ -1,7 +1,7 @@
-"""The fits of a project: a row each in its database, and what they found in runs/<id>.npz. Here is all that knows so.
+"""The fits of a project: a row each in its database, and the results in runs/<id>.npz. Only this module knows both.
 
-A row is made before its file, so a file always has a row. While a run goes on, its file may hold the phases that have
-finished; when its process dies, the run becomes "interrupted" the next time the project is opened, and keeps them.
+A row is created before its file, so every file has a row. While a run is going on, its file may hold the phases
+finished so far; if its process dies, the run becomes "interrupted" the next time the project is opened, and keeps them.
 """
 
 import sqlite3
@@ -39,42 +39,42 @@ from tcfit_app.project.storage.run_record import (
 )
 
 ENTRY = r"runs/\d{6,}\.npz"
-"""What the paths of results in a project's folder look like, as a regular expression."""
+"""Paths of results in a project's folder, as a regular expression."""
 _FOLDER = "runs"
-_WHOLE = "it counts as one of all frames"
+_WHOLE = "treated as a fit of all frames"
 _ORPHANS = "orphans"
-"""In _FOLDER: files without a row, as an older copy of the database would leave them. They are never deleted."""
+"""In _FOLDER: files without a row, as after restoring an older database. They are never deleted."""
 
 
 _SAID = "CASE WHEN typeof(action) = 'text' AND json_valid(action) THEN json_extract(action, '$.moment') END"
 _NEXT = f"1 + max({LAST_MOMENT}, {largest(_SAID, 'edits')}, {largest('last_moment', 'marks')})"
-"""The next `Run.moment`; marks remember those of runs that have been purged."""
+"""SQL for the next `Run.moment`; marks still have those of purged runs."""
 
 
 class Runs:
     """All runs of a project. Thread-safe.
 
     Args:
-        folder: of the project.
-        database: its.
-        frames: how many the clip has.
+        folder: the project's.
+        database: the project's.
+        frames: number of frames in the clip.
     """
 
     def __init__(self, folder: Path, database: Database, frames: int) -> None:
         self._folder, self._database, self._frames = folder / _FOLDER, database, frames
         self._versions = count(1)
         self.version = 0
-        """Another number whenever a run appeared, changed or went."""
+        """Changes whenever a run is added, changed or removed."""
 
     @contextmanager
     def _writing(self) -> Iterator[sqlite3.Connection]:
-        """A transaction after which there is another version."""
+        """A transaction that increments the version."""
         with self._database.transaction() as connection:
             yield connection
         self.version = next(self._versions)
 
     def recover(self) -> None:
-        """Tidy up after a process that died. Only for the one who holds the project's lock.
+        """Clean up after a crashed process. Only for the holder of the project's lock.
 
         Raises:
             InputError: The project cannot be written.
@@ -105,20 +105,20 @@ class Runs:
         frames: range | None = None,
         name: str = "",
     ) -> Run:
-        """Note that a fit begins.
+        """Record that a fit starts.
 
         Args:
             config: All of its settings.
-            body: With which body.
+            body: Its body model.
             edits_seen: `Project.last_edit` when its keypoints were taken.
             kind: What is fitted.
-            parent: The run from which it starts.
-            given: What it is told that the clip does not say.
-            frames: Which frames are fitted again; None for all.
-            name: By default its number.
+            parent: The run it starts from.
+            given: What it is given besides the clip.
+            frames: The frames to refit; None for all.
+            name: By default from its number.
 
         Raises:
-            InputError: The name cannot be used, the parent does not exist, or the project cannot be written.
+            InputError: The name is invalid, the parent does not exist, or the project cannot be written.
         """
         if parent is not None:
             self.get(parent)
@@ -146,7 +146,7 @@ class Runs:
         return self.get(number)
 
     def store(self, run: int, fit: FitResult) -> None:
-        """Keep the phases that a run has finished so far.
+        """Store the phases that a run has finished so far.
 
         Raises:
             InputError: It is not running, or the project cannot be written.
@@ -158,16 +158,16 @@ class Runs:
     def finish(
         self, run: int, fit: FitResult, *, summary: dict[str, Any] | None = None, state: RunState = "running"
     ) -> Run:
-        """Keep a run's result; when this returns, it is on the disk.
+        """Store a run's result; it is on disk when this returns.
 
         Args:
             run: Its number.
             fit: The result.
             summary: Figures for lists; None: seconds and costs.
-            state: What it must be in: "running", or "failed" because the result could not be written before.
+            state: Its required state: "running", or "failed" because the result could not be written before.
 
         Raises:
-            InputError: It is in another state, or the project cannot be written; then it stays as it was.
+            InputError: It is in another state, or the project cannot be written; it is unchanged then.
         """
         self._expect(run, state)
         write_run(self._path(run), fit)
@@ -175,14 +175,14 @@ class Runs:
         return self.get(run)
 
     def amend(self, run: int, fit: FitResult, *, edits_seen: int) -> Run:
-        """Keep what a finished run of corrections has become; when this returns, it is on the disk.
+        """Update the result of a finished run of corrections; it is on disk when this returns.
 
         Raises:
-            InputError: It is no finished run of corrections, or the project cannot be written.
+            InputError: It is not a finished run of corrections, or the project cannot be written.
         """
         found = self.get(run)
         if found.kind != "corrections" or found.state != "finished":
-            raise InputError(f"{found.name} is no finished run of corrections; it stays as it is.")
+            raise InputError(f"{found.name} is not a finished run of corrections; it is unchanged.")
         write_run(self._path(run), fit)
         with self._writing() as connection:
             connection.execute(
@@ -192,13 +192,13 @@ class Runs:
         return self.get(run)
 
     def end(self, run: int, state: Ended, message: str = "") -> Run:
-        """Note that a run was cancelled or failed, and why; phases that were stored stay.
+        """Record that a run was cancelled or failed, and why; stored phases are kept.
 
         Raises:
             InputError: It is not running, or the project cannot be written.
         """
         self._expect(run, "running")
-        # A message may hold a path that is no text.
+        # A message may contain a path that is not valid text.
         self._end(run, state, message.encode(errors="replace").decode(), None)
         return self.get(run)
 
@@ -210,17 +210,17 @@ class Runs:
             )
 
     def rename(self, run: int, name: str) -> None:
-        """Give a run another name; it is no file's name, and several runs may share it.
+        """Rename a run; names are not file names, and may repeat.
 
         Raises:
-            InputError: The name cannot be used, there is no such run, or the project cannot be written.
+            InputError: The name is invalid, there is no such run, or the project cannot be written.
         """
         self.get(run)
         with self._writing() as connection:
             connection.execute("UPDATE runs SET name = ? WHERE id = ?", (checked_name(name), run))
 
     def delete(self, run: int) -> None:
-        """Take a run out of the list; `undelete` brings it back, until `purge`.
+        """Remove a run from the list; `undelete` restores it, until `purge`.
 
         Raises:
             InputError: It is running, there is no such run, or the project cannot be written.
@@ -230,7 +230,7 @@ class Runs:
         self._set_deleted(run, _now().isoformat())
 
     def undelete(self, run: int) -> None:
-        """Bring a deleted run back. Raises InputError if there is none, or the project cannot be written."""
+        """Restore a deleted run. Raises InputError if there is none, or the project cannot be written."""
         self.get(run)
         self._set_deleted(run, None)
 
@@ -239,14 +239,14 @@ class Runs:
             connection.execute("UPDATE runs SET deleted = ? WHERE id = ?", (when, run))
 
     def purge(self) -> list[int]:
-        """Remove all deleted runs for good; their numbers, which no later run gets.
+        """Remove all deleted runs permanently; returns their numbers, which are not reused.
 
         Raises:
             InputError: The project cannot be written.
         """
         gone = [run.id for run in self.all(deleted=True)]
         with self._writing() as connection, accessing(self._folder):
-            # Files first: a row without a file only tells that there is nothing to show.
+            # Files first: a row without a file only means that there is nothing to show.
             for run in gone:
                 self._path(run).unlink(missing_ok=True)
                 if (changes := self._path(run).with_suffix("")).is_dir():
@@ -266,11 +266,11 @@ class Runs:
         rows = self._database.rows("SELECT * FROM runs WHERE id = ?", run)
         found = self._run(rows[0]) if rows else None
         if found is None:
-            raise InputError(f"There is no run {run}; it may have been deleted. Choose one that is listed.")
+            raise InputError(f"There is no run {run}; it may have been deleted. Choose a listed one.")
         return found
 
     def load(self, run: int) -> FitResult:
-        """What a run has found, with all phases that it finished.
+        """A run's result, with all phases it finished.
 
         Raises:
             InputError: There is no such run, or it has no result.
@@ -278,40 +278,42 @@ class Runs:
         return read_run(self._path(run), self.get(run).config)
 
     def changes(self, run: int) -> Changes:
-        """What corrections have changed in a run."""
+        """The changes that corrections made to a run."""
         return Changes(self._path(run).with_suffix(""))
 
     def _expect(self, run: int, state: RunState) -> None:
         found = self.get(run)
         if found.state != state:
-            raise InputError(f"{found.name} is {found.state}; expected one that is {state}.")
+            raise InputError(f"{found.name} is {found.state}; expected {state}.")
 
     def _path(self, run: int) -> Path:
         return self._folder / file_name(run)
 
     def _run(self, row: sqlite3.Row) -> Run | None:
         of_run = Columns(row, f"run {row['id']}", self._database.damage)
-        number = of_run.read("id", of(Count), None, f"it is left out, and what it has found is in runs/{_ORPHANS}")
+        number = of_run.read("id", of(Count), None, f"ignored; its result is in runs/{_ORPHANS}")
         if number is None:
             return None
         unknown = BodyRecord(kind="smplx", gender="neutral", hash="")
         return Run(
             id=number,
-            name=of_run.read("name", line, f"Run {number}", "its number stands in for it"),
-            kind=of_run.read("kind", of(RunKind), "fit", "it counts as a fit of everything"),
-            state=of_run.read("state", of(RunState), "interrupted", "it counts as interrupted"),
+            name=of_run.read("name", line, f"Run {number}", "using its number instead"),
+            kind=of_run.read("kind", of(RunKind), "fit", "treated as a fit of everything"),
+            state=of_run.read("state", of(RunState), "interrupted", "treated as interrupted"),
             # Settings that this version no longer has are left out: the run can still be shown.
-            config=of_run.read("config", json_of(FitConfig), PRESETS[DEFAULT_PRESET], "the default settings stand in"),
-            body=of_run.read("body", json_of(BodyRecord), unknown, "the neutral SMPL-X body stands in for it"),
-            parent=of_run.read("parent", or_none(of(_parent(number))), None, "it counts as started from nothing"),
-            given=of_run.read("given", or_none(json_of(Given)), None, "it counts as started from nothing") or Given(),
+            config=of_run.read(
+                "config", json_of(FitConfig), PRESETS[DEFAULT_PRESET], "using the default settings instead"
+            ),
+            body=of_run.read("body", json_of(BodyRecord), unknown, "using the neutral SMPL-X body instead"),
+            parent=of_run.read("parent", or_none(of(_parent(number))), None, "treated as started from nothing"),
+            given=of_run.read("given", or_none(json_of(Given)), None, "treated as started from nothing") or Given(),
             frames=self._frames_of(of_run),
-            edits_seen=of_run.read("edits_seen", of(Count), 0, "it counts as older than all edits"),
-            started=of_run.read("started", time, UNKNOWN_TIME, "it counts as started long ago"),
-            ended=of_run.read("ended", or_none(time), None, "it is left out"),
-            moment=of_run.read("moment", of(Count), 0, "it counts as older than all others"),
-            summary=of_run.read("summary", or_none(_figures), None, "it is left out") or {},
-            message=of_run.read("message", text, "", "it is left out"),
+            edits_seen=of_run.read("edits_seen", of(Count), 0, "treated as older than all edits"),
+            started=of_run.read("started", time, UNKNOWN_TIME, "treated as started long ago"),
+            ended=of_run.read("ended", or_none(time), None, "ignored"),
+            moment=of_run.read("moment", of(Count), 0, "treated as older than all others"),
+            summary=of_run.read("summary", or_none(_figures), None, "ignored") or {},
+            message=of_run.read("message", text, "", "ignored"),
             deleted=row["deleted"] is not None,
             stored=self._path(number).is_file(),
         )
@@ -330,12 +332,12 @@ class Runs:
 
 
 def _parent(run: int) -> Any:
-    """A number of a run that began earlier."""
+    """The number of an earlier run."""
     return Annotated[int, msgspec.Meta(ge=1, lt=run)]
 
 
 class _Figures(msgspec.Struct):
-    """Those of a run's summary that are shown or used."""
+    """The fields of a run's summary that are shown or used."""
 
     seconds: dict[str, float] = {}
     source: str = ""
@@ -349,7 +351,7 @@ def _figures(value: Any) -> dict[str, Any]:
 
 
 def entries(folder: Path, connection: sqlite3.Connection) -> list[str]:
-    """The results that lie in a project's folder, of the runs that a copy of its database knows, as paths in it."""
+    """Paths of the results in a project's folder, for the runs in a copy of its database."""
     numbers = [number for (number,) in connection.execute("SELECT id FROM runs ORDER BY id")]
     names = [f"{_FOLDER}/{file_name(number)}" for number in numbers]
     return [name for name in names if (folder / name).is_file()]

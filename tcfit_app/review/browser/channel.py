@@ -1,9 +1,9 @@
-"""The app's own script in viser's page, and the way to it and back.
+"""The app's own script in viser's page, and its connection to the server.
 
-viser has no hover, no click on points, and keys that move its camera; so a script of our own draws keypoints, timeline
-and notices over viser's canvas and watches pointer and keyboard. The page fetches its modules (`web/`) from the server.
-Down go viser's RunJavascriptMessages, which carry nothing but a call with JSON. Up come events as the value of a hidden
-text field.
+viser has no hover and no clicking on points, and its keys move the camera; so our own script draws keypoints, timeline
+and notices over viser's canvas, and handles pointer and keyboard. The page fetches its modules (`web/`) from the
+server. States are sent as viser's RunJavascriptMessages, which contain only a call with JSON. Events come back as the
+value of a hidden text field.
 """
 
 import hashlib
@@ -23,20 +23,20 @@ from tcfit_app.server.uploads import UPLOAD_BYTES
 from tcfit_app.server.viser_bridge import field_id, run_javascript
 
 CALLS = ("connect", "receive", "dress", "setColorTable")
-"""What the server calls in the page, in its order, also while the modules are still being loaded."""
+"""Functions that the server calls in the page, in its order, even while the modules are loading."""
 Receive = Callable[[PageEvent], None]
 
 
 class Channel:
-    """The script in one browser tab. To be made when the client connects; it is gone with the client."""
+    """The script in one browser tab. Create it when the client connects; it ends with the client."""
 
     def __init__(self, client: viser.ClientHandle, receive: Receive, *, timeline: bool = False) -> None:
-        """Put the script into the client's page.
+        """Load the script into the client's page.
 
         Args:
             client: The tab.
-            receive: Gets the page's events, in order, in viser's event loop: it must only pass them on.
-            timeline: There will be one, and the page keeps its room free from the start.
+            receive: Receives the page's events in order, in viser's event loop: it must only pass them on.
+            timeline: There will be a timeline, for which the page keeps space from the start.
         """
         self._client = client
         self._receive = receive
@@ -49,10 +49,10 @@ class Channel:
         run_javascript(client, page_call("connect", field_id(self._field), timeline, UPLOAD_BYTES))
 
     def send(self, name: str, state: PageState | None) -> None:
-        """Bring the page's state of that name, one of STATES, to this one; None takes it away.
+        """Set the page's state of this name, one of STATES; None removes it.
 
-        What the page has already is not sent again, so whoever draws sends everything each time. If the connection is
-        slow, the newest state of each name waits, and no other.
+        Unchanged states are not sent again, so drawing code sends everything each time. On a slow connection only the
+        newest state of each name waits.
         """
         assert name in STATES and (state is None or type(state) is STATES[name]), f"{state} is no {name}"
         if self._sent.get(name) != state:
@@ -60,11 +60,11 @@ class Channel:
             self._sent[name] = state
 
     def ask(self, name: str, state: Saving | Typing | Linking | Leaving | Hints) -> None:
-        """Have the page do something, once more if it is the same as before."""
+        """Request an action of the page; a repeated request repeats it."""
         self.send(name, msgspec.structs.replace(state, number=next(self._asked)))
 
     async def _take(self, event: viser.GuiEvent[viser.GuiTextHandle]) -> None:
-        # A coroutine: viser calls these in the order of arrival, others in any order from several threads.
+        # A coroutine: viser calls these in order of arrival, but functions in any order on several threads.
         try:
             envelope = decode(event.target.value)
         except msgspec.DecodeError as error:
@@ -74,14 +74,14 @@ class Channel:
             self._dropped.note(f"number {envelope.number} after {self._last}")
             return
         self._last = envelope.number
-        if isinstance(envelope.event, Stranger):  # whose page has told its user
+        if isinstance(envelope.event, Stranger):  # the page has told its user
             self._dropped.note(envelope.event)
             return
         self._receive(envelope.event)
 
 
 def loading() -> str:
-    """JavaScript that puts the script into a page. A page that has another version of it is loaded anew."""
+    """JavaScript that loads the script into a page. A page with another version is reloaded."""
     ahead = tuple(path for path in web_files() if not path.startswith(_LIST))
     values = web_version(), ahead, viser.__version__, CALLS
     return f"({loader()})({', '.join(map(_json, values))})"
@@ -94,12 +94,12 @@ def page_call(name: str, *values: object) -> str:
 
 
 def _json(value: object) -> str:
-    """As JSON that may stand in a script, even within HTML."""
+    """JSON that is safe in a script, even inside HTML."""
     return msgspec.json.encode(value, enc_hook=_plain_number).decode().replace("</", "<\\/")
 
 
 def _plain_number(value: object) -> object:
-    """numpy's numbers come out of arrays wherever frames and keypoints are counted."""
+    """numpy's numbers, which come from arrays of frames and keypoints."""
     if isinstance(value, np.generic):
         return value.item()
     raise NotImplementedError(f"{type(value)} cannot be sent to the page")
@@ -109,24 +109,24 @@ _FOLDER = Path(__file__).with_name("web")
 _LIST = "/tcfit/home/"
 """Before the modules of the list's page, which is not viser's."""
 _LOADER = "load.js"
-"""The one that is no module: the server has the page run it."""
+"""The one that is not a module: the server sends it for the page to run."""
 
 
 @cache
 def web_files() -> dict[str, bytes]:
-    """The page's modules by the path at which it fetches them, such as "/tcfit/picture/overlay.js"."""
+    """The page's modules by URL path, such as "/tcfit/picture/overlay.js"."""
     found = sorted(path for path in _FOLDER.rglob("*.js") if path.name != _LOADER)
     return {f"/tcfit/{path.relative_to(_FOLDER).as_posix()}": path.read_bytes() for path in found}
 
 
 @cache
 def web_version() -> str:
-    """Another one for every change of the modules."""
+    """Changes whenever a module changes."""
     parts = [part for path, content in web_files().items() for part in (path.encode(), content)]
     return hashlib.sha256(b"\0".join(parts)).hexdigest()[:16]
 
 
 def loader() -> str:
-    """A JavaScript function that loads the modules: of their version and paths, viser's version, and the calls
-    to keep."""
+    """A JavaScript function that loads the modules, given their version and paths, viser's version, and the calls to
+    queue."""
     return (_FOLDER / _LOADER).read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""What the page tells the server: gestures on the picture and the timeline, keys, buttons in panels.
+"""What the page sends the server: gestures on picture and timeline, keys, buttons in panels.
 
 Frames are indices into the clip, from 0. Image pixels: x right, y down.
 """
@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import msgspec
 
 EVENT_CHARACTERS = 16_384
-"""Longer ones are refused unread. The longest real one, a drag of all 137 keypoints, has 700 characters."""
+"""Longer messages are refused unread. The longest valid one, a drag of all 137 keypoints, has 700 characters."""
 
 Text = Annotated[str, msgspec.Meta(max_length=64)]
 Pixels = Annotated[float, msgspec.Meta(ge=-1e6, le=1e6)]
@@ -26,39 +26,39 @@ class Hello(_Event, frozen=True, tag="hello"):
     """The page is ready: the first event of every connection."""
 
     tab: Text
-    """Made up by the page; the same after a reload, another one in every other tab."""
+    """Chosen by the page; the same after a reload, different in every other tab."""
     width: Size
-    """Of viser's canvas, in CSS pixels. The timeline lies below the canvas, not on it."""
+    """Of viser's canvas, in CSS pixels. The timeline is below the canvas, not on it."""
     height: Size
     browser: Text = ""
-    """Made up by the page; the same in all tabs of a browser, for ever."""
+    """Chosen by the page; the same in all tabs of a browser, permanently."""
     dark: bool = True
-    """As of `Theme`."""
+    """As in `Theme`."""
     hinted: bool = True
     """The first steps have been read in this browser."""
     plots: Annotated[tuple[Text, ...], msgspec.Meta(max_length=64)] | None = None
-    """The rows of the timeline that were on show in this browser last; None: none ever were."""
+    """The timeline rows last shown in this browser; None: there were none."""
 
 
 class Theme(_Event, frozen=True, tag="theme"):
-    """The system of the page has gone over to light or dark."""
+    """The page's operating system has switched to light or dark."""
 
     dark: bool
 
 
 class Resized(_Event, frozen=True, tag="resized"):
-    """viser's canvas has another size: the window, a docked panel or the timeline changed."""
+    """viser's canvas was resized: the window, a docked panel or the timeline changed."""
 
     width: Size
     height: Size
 
 
 class Key(_Event, frozen=True, tag="key"):
-    """A key of the `keys` state was pressed."""
+    """A key from the `keys` state was pressed."""
 
     action: Text
     repeat: bool
-    """Whether it is being held down."""
+    """Whether it is repeating while held down."""
 
 
 class Seek(_Event, frozen=True, tag="seek"):
@@ -68,25 +68,25 @@ class Seek(_Event, frozen=True, tag="seek"):
 
 
 class Range(_Event, frozen=True, tag="range"):
-    """The user chose frames in the timeline, both ends included, or none."""
+    """The user selected frames in the timeline, both ends included, or none."""
 
     first: Frame | None
     last: Frame | None
 
 
 class OpenLink(_Event, frozen=True, tag="open_link"):
-    """The page was opened by a link to a frame, and to a fit."""
+    """The page was opened by a link to a frame, and possibly a fit."""
 
     frame: Annotated[int, msgspec.Meta(ge=-(2**53), le=2**53)]
-    """The number that users see."""
+    """The number shown to users."""
     run: Annotated[int, msgspec.Meta(ge=0, le=2**53)] | None = None
     phase: Annotated[int, msgspec.Meta(ge=1, le=3)] | None = None
     person: Annotated[int, msgspec.Meta(ge=0, le=2**53)] | None = None
-    """As `Linking` has it; None: whoever is shown."""
+    """As in `Linking`; None: the person on show."""
 
 
 class Plot(_Event, frozen=True, tag="plot"):
-    """The user chose a row of the timeline, or closed one."""
+    """The user added or removed a row of the timeline."""
 
     name: Text
     """One of the timeline's choices."""
@@ -101,14 +101,14 @@ class MoveKey(_Event, frozen=True, tag="move_key"):
 
 
 class LookAt(_Event, frozen=True, tag="look_at"):
-    """The user clicked on an entry of the review queue in the timeline; the page has gone to its frame already."""
+    """The user clicked on a review queue entry in the timeline; the page has already gone to its frame."""
 
     frame: Frame
     kind: Text
 
 
 class Select(_Event, frozen=True, tag="select"):
-    """The user chose keypoints; the page has drawn it already."""
+    """The user selected keypoints; the page has already drawn that."""
 
     joints: Joints
     how: Literal["replace", "add", "toggle"]
@@ -117,8 +117,8 @@ class Select(_Event, frozen=True, tag="select"):
 class Drag(_Event, frozen=True, tag="drag"):
     """Keypoints are being dragged.
 
-    After `start` come any number of `move` and one of `end` and `cancel`. The page draws them itself while it lasts,
-    and until a `keypoints` state shows them where they were left (or two seconds have passed).
+    `start` is followed by any number of `move`, then `end` or `cancel`. Meanwhile the page draws them itself, until a
+    `keypoints` state shows their final positions (or two seconds have passed).
     """
 
     phase: Literal["start", "move", "end", "cancel"]
@@ -127,36 +127,36 @@ class Drag(_Event, frozen=True, tag="drag"):
     """Since the press, in image pixels."""
     dy: Pixels
     frame: Frame
-    """The one whose keypoints are on the screen."""
+    """The person whose keypoints are on the screen."""
 
 
 class DragDepth(_Event, frozen=True, tag="drag_depth"):
-    """A keypoint of the fit is being dragged along its line of sight in the side view; phases as of `Drag`."""
+    """A keypoint of the fit is being dragged along its viewing ray in the side view; phases as in `Drag`."""
 
     phase: Literal["start", "move", "end", "cancel"]
     joint: Annotated[int, msgspec.Meta(ge=0, lt=25)]
     metres: Annotated[float, msgspec.Meta(ge=-10, le=10)]
     """Away from the camera, since the press."""
     frame: Frame
-    """The one that is on the screen."""
+    """The fit that is on the screen."""
 
 
 class Widen(_Event, frozen=True, tag="widen"):
     """The side view's left border was dragged."""
 
     width: Annotated[float, msgspec.Meta(gt=0, le=100)]
-    """Of its plate, in image heights."""
+    """Width of its plate, in image heights."""
 
 
 class Framed(_Event, frozen=True, tag="framed"):
-    """A rectangle was drawn in a picture, as `Framing` asks for."""
+    """A rectangle was drawn in a picture, as requested by `Framing`."""
 
     left: Pixels
     top: Pixels
     right: Pixels
     bottom: Pixels
     frame: Frame
-    """The one that was on the screen."""
+    """The frame that was on the screen."""
 
 
 class Press(_Event, frozen=True, tag="press"):
@@ -167,38 +167,38 @@ class Press(_Event, frozen=True, tag="press"):
 
 
 class TooLarge(_Event, frozen=True, tag="too_large"):
-    """The user chose a file to upload that is larger than what `connect` allows; the page keeps it."""
+    """The user chose a file larger than `connect` allows; the page does not upload it."""
 
     name: Text
-    """Its end, if it is long."""
+    """Only its end, if long."""
     size: Annotated[int, msgspec.Meta(ge=0, le=1 << 53)]
     """In bytes."""
 
 
 class Gesture(_Event, frozen=True, tag="gesture"):
-    """The user begins to move viser's camera, or goes on."""
+    """The user starts or continues to move viser's camera."""
 
 
 class GoToPerson(_Event, frozen=True, tag="go_to_person"):
     """The user wants to see another of the clip's people."""
 
     person: Annotated[int, msgspec.Meta(ge=0, lt=1000)]
-    """Counted from 0, as `OtherPeople` tells it."""
+    """Index from 0, as in `OtherPeople`."""
 
 
 class Drawn(_Event, frozen=True, tag="drawn"):
-    """What was sent for this frame has been drawn: the sign that the next can be sent. A hidden tab sends none."""
+    """What was sent for this frame has been drawn, so that the next can be sent. A hidden tab does not send this."""
 
     frame: Frame
 
 
 class Stranger(_Event, frozen=True, tag="stranger"):
-    """viser's page is not the one that the script knows; it does nothing."""
+    """viser's page differs from the one that the script supports; the script does nothing."""
 
     viser: Text
     """Its version."""
     missing: Annotated[tuple[Text, ...], msgspec.Meta(max_length=64)]
-    """What the script needs and has not found."""
+    """What the script needs but did not find."""
 
     def __str__(self) -> str:
         return f"tcfit needs viser 1.1.x, found {self.viser}, whose page lacks: {', '.join(self.missing)}"
@@ -229,7 +229,7 @@ PageEvent = (
 
 
 class Envelope(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """An event as it travels."""
+    """An event with its number."""
 
     number: Annotated[int, msgspec.Meta(ge=1)]
     """1, 2, 3 ...: viser drops a value that equals the one before."""
@@ -240,14 +240,14 @@ _decoder = msgspec.json.Decoder(Envelope, strict=True)
 
 
 def decode(text: str) -> Envelope:
-    """The event in this JSON.
+    """The event in a JSON text.
 
     Raises:
-        msgspec.DecodeError: It is too long, no JSON, or no event.
+        msgspec.DecodeError: It is too long, not JSON, or not an event.
     """
     if len(text) > EVENT_CHARACTERS:
         raise msgspec.DecodeError(f"{len(text)} characters, {EVENT_CHARACTERS} are the most")
     try:
         return _decoder.decode(text)
-    except (UnicodeEncodeError, RecursionError) as error:  # lone surrogates; brackets without end
+    except (UnicodeEncodeError, RecursionError) as error:  # lone surrogates; endless brackets
         raise msgspec.DecodeError(str(error)) from error

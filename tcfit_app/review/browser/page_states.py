@@ -1,4 +1,4 @@
-"""What the server tells the page: plain values, each of which replaces the one of the same name.
+"""What the server sends the page: plain values, each replacing the previous one of the same name.
 
 Frames are indices into the clip, from 0. Image pixels: x right, y down. Colours are CSS colours ("#4da3ff").
 """
@@ -24,35 +24,35 @@ class _State(msgspec.Struct, frozen=True, kw_only=True):
 
 
 Place = tuple[float, float, float, float]
-"""Left, top, right and bottom on the canvas, as shares of its width and height."""
+"""Left, top, right and bottom on the canvas, as fractions of its width and height."""
 
 
 class Poster(_State, frozen=True, kw_only=True):
     """A picture in the flat world, or the side view's plate."""
 
     node: str = "/posters/0"
-    """viser's node that holds it."""
+    """viser's node for it."""
     bodies: tuple[str, ...] = ()
     """The nodes of the bodies in it."""
     window: Place = (0.0, 0.0, 1.0, 1.0)
-    """The part of the canvas in which it is drawn, and outside of which nothing of it is."""
+    """The part of the canvas to which it is clipped."""
     width: float
-    """In image heights, as lengths in viser's world are."""
+    """In image heights, like all lengths in viser's world."""
     kind: Literal["picture", "side"] = "picture"
     clipped: bool = False
-    """Bodies end where the picture ends."""
+    """Bodies are clipped to the picture."""
     label: str
-    """In its window's corner; empty for none."""
+    """Text in its window's corner; empty for none."""
     color: Color = "#cfd6df"
 
 
 class Layout(_State, frozen=True, kw_only=True):
     """What the canvas shows.
 
-    Posters: the pixel (u, v) of a poster of W x H lies at ((u - W/2)/H, (v - H/2)/H, 0) in viser's world. All are H
-    high, and a picture's pixels are the image's. What viser's camera sees in the middle of the canvas each picture has
-    in the middle of its window. The page handles the left button, and the camera only pans and zooms. In space viser's
-    camera is as usual, and of the posters there are only the labels.
+    Posters: pixel (u, v) of a poster of W x H is at ((u - W/2)/H, (v - H/2)/H, 0) in viser's world. All have the height
+        H, and a picture's pixels are the image's. The point at the centre of viser's camera is at the centre of each
+        picture's window. The page handles the left button, and the camera only pans and zooms. In space viser's camera
+        is as usual, and only the labels of the posters are shown.
     """
 
     mode: Literal["poster", "space"]
@@ -60,73 +60,73 @@ class Layout(_State, frozen=True, kw_only=True):
     """Width and height in pixels."""
     posters: tuple[Poster, ...] = ()
     wipe: bool = False
-    """Two pictures share a window: the first is seen left of a divider, the other right of it."""
+    """Two pictures share a window: the first is shown left of a divider, the other right of it."""
 
 
 class FitBody(_State, frozen=True, kw_only=True):
-    """A body's BODY_25 keypoints, as the fit has them."""
+    """A body's BODY_25 keypoints according to the fit."""
 
     color: Color
     points: tuple[Triple | None, ...]
-    """In camera space, metres; None where the body has no such keypoint."""
+    """In camera space, metres; None if the body has no such keypoint."""
     error_bars: tuple[tuple[float, float] | None, ...] = ()
-    """How far off they may be along the camera's ray and across it, metres; none where nobody knows."""
+    """Error bars along the camera's ray and across it, metres; None if unknown."""
 
 
 class Bodies(_State, frozen=True, kw_only=True):
     """The fits' keypoints in space."""
 
     bodies: tuple[FitBody, ...]
-    """Of the fits on show, the one that is corrected last."""
+    """Of the fits on show, the one being corrected last."""
     down: Triple
-    """Where things fall: a unit vector in camera space."""
+    """Gravity: a unit vector in camera space."""
     floor: float
-    """Metres along it from the camera."""
+    """The floor: metres along it from the camera."""
 
 
-class Side(_State, frozen=True, kw_only=True):
-    """How the side view's plate shows camera space, in pixels as in `Layout`."""
+class SidePlate(_State, frozen=True, kw_only=True):
+    """How the side view's plate maps camera space, in pixels as in `Layout`."""
 
     plate: tuple[Triple, Triple]
-    """A point goes to plate · point + the body's shift."""
+    """A point maps to plate · point + the body's shift."""
     shifts: tuple[tuple[float, float], ...]
-    """Of each of `Bodies`; the camera that filmed stands at the last one."""
+    """Of each of `Bodies`; the last one is that of the camera."""
     metre: float
-    """Its length in pixels."""
+    """Pixels per metre."""
     zero: float
-    """u of one of the ticks on the floor."""
+    """u of one of the floor's ticks."""
     floor: float | None
-    """v of the floor; None where it is seen from above."""
+    """v of the floor; None when seen from above."""
     sight: tuple[Triple, Triple]
-    """The line of sight of the picture's pixel (u, v) goes along sight · (u, v, 1) from the camera."""
+    """The viewing ray of the picture's pixel (u, v) has the direction sight · (u, v, 1) from the camera."""
 
 
 class Space(_State, frozen=True, kw_only=True):
-    """How 3D shows camera space."""
+    """How 3D maps camera space."""
 
     turn: tuple[Triple, Triple, Triple]
-    """A point goes to turn · point + place in viser's world."""
+    """A point maps to turn · point + place in viser's world."""
     place: Triple
     offsets: tuple[float, ...]
-    """By which each of `Bodies` is moved along its x."""
+    """The shift of each of `Bodies` along its x."""
 
 
 class OtherPerson(_State, frozen=True, kw_only=True):
-    """One of the clip's people who is drawn beside the one that is corrected."""
+    """One of the clip's other people."""
 
     number: int
     """Comes back in `GoToPerson`."""
     name: str
     hint: str
-    """What a press on the name, or on the person, does."""
+    """The effect of a press on the name or on the person."""
     at: tuple[float, float] | None
-    """The image's pixel above which the name stands; None: it stands nowhere."""
+    """The image pixel below the name; None: the name is not shown."""
     bones: tuple[tuple[float, float, float, float], ...] = ()
-    """Lines that are drawn dimmed, where nothing else shows the person: from x, y to x, y in image pixels."""
+    """Dimmed lines, if nothing else shows the person: from x, y to x, y in image pixels."""
 
 
 class OtherPeople(_State, frozen=True, kw_only=True):
-    """Those who are in the frame on show."""
+    """The people in the frame on show."""
 
     people: tuple[OtherPerson, ...] = ()
 
@@ -139,7 +139,7 @@ class Group(_State, frozen=True, kw_only=True):
     stop: int
     color: Color
     radius: float
-    """Of a point at usual size, in CSS pixels."""
+    """Size of a point, in CSS pixels."""
 
 
 GROUP_COLORS = {"body": "#4da3ff", "left_hand": "#2fd39a", "right_hand": "#ff9f43", "face": "#c58bff"}
@@ -150,20 +150,20 @@ class Skeleton(_State, frozen=True, kw_only=True):
     """The keypoints' names, groups and bones."""
 
     names: tuple[str, ...] = tuple(keypoints.NAMES)
-    """As users read them."""
+    """As shown to users."""
     groups: tuple[Group, ...] = tuple(
         Group(name=name, start=s.start, stop=s.stop, color=GROUP_COLORS[name], radius=GROUP_RADII[name])
         for name, s in keypoints.GROUPS.items()
     )
     bones: tuple[tuple[int, int], ...] = tuple(keypoints.BONES)
     hands: tuple[tuple[int, int, int], ...] = ()
-    """A wrist among the body's keypoints, and its hand's keypoints, start ... stop - 1, the first the same wrist."""
+    """A wrist among the body's keypoints, and its hand's keypoints, start ... stop - 1; the first is the same wrist."""
     root: int = keypoints.INDEX["mid_hip"]
-    """Depths are told from there."""
+    """The origin of depths."""
 
 
 class Keypoints(_State, frozen=True, kw_only=True):
-    """One frame's keypoints; confidence 0 is a missing one."""
+    """One frame's keypoints; confidence 0 means missing."""
 
     frame: int
     xy: tuple[tuple[float, float], ...]
@@ -171,40 +171,40 @@ class Keypoints(_State, frozen=True, kw_only=True):
     bad: tuple[int, ...] = ()
     edited: tuple[int, ...] = ()
     pinned: tuple[int, ...] = ()
-    """Of edited ones: in one place in space."""
+    """Edited ones that are pinned in space."""
     detections: tuple[tuple[int, float, float], ...] = ()
-    """Of edited ones: keypoint, and where it was detected."""
+    """Of edited ones: the keypoint, and its detected position."""
 
 
 class Style(_State, frozen=True, kw_only=True):
     """How keypoints are drawn."""
 
     groups: tuple[str, ...] = tuple(keypoints.GROUPS)
-    """Shown ones."""
+    """Groups shown."""
     color_by: Literal["group", "confidence"] = "group"
     points: bool = True
     bones: bool = True
     minimum: float = 0.0
-    """Points of less confidence are left out, unless selected."""
+    """Points of less confidence are hidden, unless selected."""
     ghosts: bool = False
-    """Draw where edited keypoints were detected."""
+    """Draw the detected positions of edited keypoints."""
     hand_along: bool = True
-    """A wrist that is dragged takes its hand along."""
+    """A dragged wrist takes its hand along."""
     error_bars: bool = True
     """In the side view and in 3D."""
 
 
 Path = tuple[tuple[float, float] | None, ...]
-"""Image pixels, one of each frame; None where there is nothing."""
+"""Image pixels, one per frame; None where missing."""
 
 
 class Trail(_State, frozen=True, kw_only=True):
-    """Where the selected keypoints are in the frames around the one on show."""
+    """Positions of the selected keypoints in the frames around the one on show."""
 
     now: int
-    """Which of the frames is on show."""
+    """Index of the frame on show."""
     detected: tuple[Path, ...]
-    """Of each keypoint, with all corrections."""
+    """Of each keypoint, corrected."""
     fitted: tuple[tuple[Path, ...], ...]
     """By picture, of each keypoint."""
     colors: tuple[Color, ...]
@@ -212,24 +212,24 @@ class Trail(_State, frozen=True, kw_only=True):
 
 
 class Silhouette(_State, frozen=True, kw_only=True):
-    """What the person covers of the frame on show."""
+    """The person's silhouette in the frame on show."""
 
     lines: tuple[tuple[tuple[float, float], ...], ...]
-    """Closed outlines, of holes as well; image pixels."""
+    """Closed outlines, including holes; image pixels."""
 
 
 class Focus(_State, frozen=True, kw_only=True):
-    """The image's pixel that takes the place of its middle: what a close-up follows."""
+    """The image pixel that is moved to the centre: what a close-up follows."""
 
     x: float
     y: float
 
 
 class Framing(_State, frozen=True, kw_only=True):
-    """The next drag in a picture draws a rectangle, which comes back in `Framed`."""
+    """The next drag in a picture draws a rectangle, returned in `Framed`."""
 
     around: str
-    """What is to be in it, as it stands beside it."""
+    """What it should contain, shown beside it."""
 
 
 class Selection(_State, frozen=True, kw_only=True):
@@ -237,19 +237,19 @@ class Selection(_State, frozen=True, kw_only=True):
 
     joints: tuple[int, ...] = ()
     suggested: bool = False
-    """Not by the user: a press takes one of them alone."""
+    """Not selected by the user: a press selects one of them alone."""
 
 
 class Curve(_State, frozen=True, kw_only=True):
     """One line in a row of the timeline."""
 
     label: str
-    """Whose it is: "A", "B", or empty where the row's title says all."""
+    """Its fit: "A", "B", or empty if the row's title says everything."""
     color: Color
     values: tuple[float | None, ...]
-    """For each frame."""
+    """One per frame."""
     error_bars: tuple[float | None, ...] = ()
-    """How far off they may be to either side; none where nobody knows."""
+    """Error bars to either side; empty if unknown."""
 
 
 class Heat(_State, frozen=True, kw_only=True):
@@ -258,17 +258,17 @@ class Heat(_State, frozen=True, kw_only=True):
     parts: tuple[str, ...]
     """From top to bottom."""
     values: tuple[tuple[float | None, ...], ...]
-    """For each part those of all frames."""
+    """For each part, one value per frame."""
     top: float
-    """Where colours end, which start at 0."""
+    """The top of the colour scale, which starts at 0."""
     worse: Literal["high", "low"]
     """Which values are bright."""
     words: tuple[str, ...] = ()
-    """What the values 0, 1 and so on stand for, if they are no amounts."""
+    """What the values 0, 1 and so on mean, if they are categories."""
 
 
 class Row(_State, frozen=True, kw_only=True):
-    """Curves of the timeline over one axis of values."""
+    """Curves of the timeline that share an axis."""
 
     name: str
     """One of the choices."""
@@ -276,22 +276,22 @@ class Row(_State, frozen=True, kw_only=True):
     unit: str = ""
     curves: tuple[Curve, ...] = ()
     signed: bool = False
-    """Values lie on both sides of zero, as differences do."""
+    """Values have both signs, like differences."""
     heat: Heat | None = None
-    """In place of curves."""
+    """Replaces curves."""
     video: bool = False
-    """Thumbnails are in place of curves."""
+    """Thumbnails replace curves."""
     height: float = 1.0
-    """Times that of a row of curves."""
+    """Height relative to a row of curves."""
     empty: str = "Curves appear here once there is a fit."
-    """In place of curves while there are none."""
+    """Text shown while there are no curves."""
 
 
 class FitName(_State, frozen=True, kw_only=True):
-    """A fit whose curves are in the timeline."""
+    """A fit with curves in the timeline."""
 
     label: str
-    """As its curves have it."""
+    """As in its curves."""
     title: str
     color: Color
 
@@ -304,28 +304,28 @@ class Rows(_State, frozen=True, kw_only=True):
 
 
 class Choice(_State, frozen=True, kw_only=True):
-    """A row that the timeline can have."""
+    """A row that the timeline can show."""
 
     name: str
     title: str
     """With its unit."""
     group: str = ""
-    """Those of one group stand together."""
+    """Choices with the same group are listed together."""
 
 
 class Timeline(_State, frozen=True, kw_only=True):
-    """The strip below the canvas. Without one there is no strip."""
+    """The strip below the canvas; without it there is no strip."""
 
     length: int
     """Frames."""
     frame_rate: float
     first_frame: int = 0
-    """The number that users see for frame 0."""
+    """The number shown for frame 0."""
     choices: tuple[Choice, ...] = ()
 
 
 class Thumbnails(_State, frozen=True, kw_only=True):
-    """Small pictures of some of the video's frames, for a row of the timeline."""
+    """Thumbnails of some video frames, for a row of the timeline."""
 
     frames: tuple[int, ...]
     images: tuple[str, ...]
@@ -341,7 +341,7 @@ class WrittenNote(_State, frozen=True, kw_only=True):
 
 
 class Marks(_State, frozen=True, kw_only=True):
-    """Frames to remark, as spans."""
+    """Marked frames, as spans."""
 
     edited: tuple[Span, ...] = ()
     bad: tuple[Span, ...] = ()
@@ -353,38 +353,38 @@ class Marks(_State, frozen=True, kw_only=True):
 
 
 class MenuItem(_State, frozen=True, kw_only=True):
-    """A line of a menu that does one of the app's actions, or opens another menu."""
+    """A menu item that does one of the app's actions, or opens a submenu."""
 
     label: str
     action: str = ""
-    """Comes back in `Key`."""
+    """Sent back in `Key`."""
     more: tuple["MenuItem", ...] = ()
-    """In place of an action: the lines of that menu."""
+    """Instead of an action: the submenu's items."""
     keys: str = ""
-    """That do the same, for the user."""
+    """Keys that do the same, for users."""
     disabled: bool = False
 
 
 class FrameMenus(_State, frozen=True, kw_only=True):
-    """What can be done in the timeline, in groups: about the selected frames, and elsewhere."""
+    """Menus of the timeline, in groups: for the selected frames, and elsewhere."""
 
     selected: tuple[tuple[MenuItem, ...], ...] = ()
     elsewhere: tuple[tuple[MenuItem, ...], ...] = ()
 
 
 class PictureMenus(_State, frozen=True, kw_only=True):
-    """What can be done in the picture, in groups: with the selected keypoints, and where there is none."""
+    """Menus of the picture, in groups: for the selected keypoints, and elsewhere."""
 
     keypoints: tuple[tuple[MenuItem, ...], ...] = ()
     elsewhere: tuple[tuple[MenuItem, ...], ...] = ()
 
 
 class Keyframes(_State, frozen=True, kw_only=True):
-    """The frames with keyframes of the selected keypoints, or of any while none are selected."""
+    """The frames with keyframes of the selected keypoints, or of any if none are selected."""
 
     frames: tuple[int, ...] = ()
     subject: str = "a keypoint"
-    """Whose they are."""
+    """The keypoints' description."""
 
 
 class Suspicion(_State, frozen=True, kw_only=True):
@@ -395,31 +395,31 @@ class Suspicion(_State, frozen=True, kw_only=True):
     frame: int
     """The worst of them."""
     kind: str
-    """Which one of that frame."""
+    """Identifies it among entries of that frame."""
     score: float
-    """From 1 on."""
+    """From 1."""
     reason: str
 
 
 class Suspicions(_State, frozen=True, kw_only=True):
-    """The review queue of the fit that corrections are made to, in the order of frames."""
+    """The review queue of the fit being corrected, in order of frames."""
 
     found: tuple[Suspicion, ...] = ()
 
 
 class Origins(_State, frozen=True, kw_only=True):
-    """Of one fit, where each frame's came from."""
+    """The origin of each frame of one fit."""
 
     label: str
-    """Which fit."""
+    """The fit."""
     texts: tuple[str, ...]
-    """"started from ..., stopped because ...", each once."""
+    """Distinct texts: "started from ..., stopped because ..."."""
     which: tuple[int, ...]
     """Index of each frame's text."""
 
 
 class Provenance(_State, frozen=True, kw_only=True):
-    """Where the frames of the fits on show came from, for the timeline's tooltip."""
+    """The origins of the frames of the fits on show, for the timeline's tooltip."""
 
     fits: tuple[Origins, ...] = ()
 
@@ -430,7 +430,7 @@ class FitSpan(_State, frozen=True, kw_only=True):
     first: int
     last: int
     state: Literal["found", "fitting", "phase1", "phase2", "done"]
-    """Has its keypoints; is being fitted; has a fit of phase 1; of phase 2; is finished."""
+    """Has keypoints; is being fitted; phase 1 done; phase 2 done; finished."""
 
 
 class Fit(_State, frozen=True, kw_only=True):
@@ -440,7 +440,7 @@ class Fit(_State, frozen=True, kw_only=True):
 
 
 class ChosenRange(_State, frozen=True, kw_only=True):
-    """The frames that are chosen in the timeline, both ends included."""
+    """The frames selected in the timeline, both ends included."""
 
     first: int
     last: int
@@ -452,33 +452,33 @@ class Cursor(_State, frozen=True, kw_only=True):
     frame: int
     playing: bool = False
     live: int | None = None
-    """Which body a drag has led to last: the page tells when it has drawn that of the same frame, too."""
+    """The version of the body that a drag changes: the page reports when it has drawn it, even for the same frame."""
 
 
 class KeyBinding(_State, frozen=True, kw_only=True):
     """A key and what it does."""
 
     key: str
-    """`KeyboardEvent.key` of letters, in lower case ("b"), and of signs ("[", "?"), with whatever else a keyboard needs
-    for those; `.code` of all others, which have their place ("ArrowLeft", "Digit1", "Space")."""
+    """`KeyboardEvent.key` for letters, in lower case ("b"), and symbols ("[", "?"), with any modifiers a keyboard needs
+    for them; `.code` for all others, which have a fixed position ("ArrowLeft", "Digit1", "Space")."""
     action: str
-    """Comes back in `Key`."""
+    """Sent back in `Key`."""
     shift: bool = False
     ctrl: bool = False
     """Control, or Command on a Mac."""
     held: bool = False
-    """The page itself does what it does, while it is held: the pictures show the video alone."""
+    """The page itself acts while it is held: pictures show only the video."""
 
 
 class Keys(_State, frozen=True, kw_only=True):
-    """All keys of the app. In poster mode viser's camera keys (W A S D Q E, arrows) are kept from it, bound or not; in
-    space mode it keeps the letters, bound or not."""
+    """All keys of the app. In poster mode viser does not get its camera keys (W A S D Q E, arrows), bound or not; in
+    space mode it gets the letters, bound or not."""
 
     bindings: tuple[KeyBinding, ...] = ()
 
 
 class Notice(_State, frozen=True, kw_only=True):
-    """A card in the middle of the canvas."""
+    """A card at the centre of the canvas."""
 
     title: str
     text: str = ""
@@ -502,44 +502,44 @@ class Chips(_State, frozen=True, kw_only=True):
 
 
 class Beat(_State, frozen=True, kw_only=True):
-    """The server is there; the next one follows after `milliseconds`. A page that misses some says so, and takes
-    nothing more."""
+    """The server is alive; the next beat follows after `milliseconds`. If the page misses some, it says so and accepts
+    no more input."""
 
     milliseconds: int
     number: int = 0
-    """Of the beat."""
+    """Number of the beat."""
 
 
 class Saving(_State, frozen=True, kw_only=True):
-    """The page saves what its canvas shows, once for each of these."""
+    """The page saves its canvas, once for each of these."""
 
     name: str
-    """Of the file."""
+    """The file's name."""
     number: int = 0
-    """As of `Typing`."""
+    """As in `Typing`."""
 
 
 class Typing(_State, frozen=True, kw_only=True):
-    """The user wants to type into a field of a panel, once for each of these."""
+    """Focus a text field of a panel, once for each of these."""
 
     panel: str
     field: str
     """Its label."""
     number: int = 0
-    """Another one each time that it is asked for: see `Channel.ask`."""
+    """Different for each request: see `Channel.ask`."""
 
 
 class Linking(_State, frozen=True, kw_only=True):
     """The page copies a link to what it shows, once for each of these."""
 
     frame: int
-    """The number that users see."""
+    """The number shown to users."""
     run: int
     phase: int
     person: int
-    """From 1, in the order of people.json; 0 where there is but one."""
+    """From 1, in the order of people.json; 0 if there is only one."""
     number: int = 0
-    """As of `Typing`."""
+    """As in `Typing`."""
 
 
 class Hint(_State, frozen=True, kw_only=True):
@@ -550,11 +550,11 @@ class Hint(_State, frozen=True, kw_only=True):
 
 
 class Hints(_State, frozen=True, kw_only=True):
-    """What to do first: the page shows it until it is closed."""
+    """The first steps: shown until closed."""
 
     steps: tuple[Hint, ...]
     number: int = 0
-    """As of `Typing`."""
+    """As in `Typing`."""
 
 
 class Legend(_State, frozen=True, kw_only=True):
@@ -579,7 +579,7 @@ class Leaving(_State, frozen=True, kw_only=True):
 STATES: dict[str, type[_State]] = {
     "layout": Layout,
     "bodies": Bodies,
-    "side": Side,
+    "side": SidePlate,
     "space": Space,
     "other_people": OtherPeople,
     "skeleton": Skeleton,
@@ -613,12 +613,12 @@ STATES: dict[str, type[_State]] = {
     "leaving": Leaving,
     "hints": Hints,
 }
-"""By the name under which each is sent; None in place of one takes it away."""
+"""By name; sending None removes a state."""
 
 PageState = (
     (
         Layout
-        | Side
+        | SidePlate
         | Skeleton
         | Keypoints
         | Style
@@ -643,7 +643,7 @@ def pixel_pairs(xy: Float[np.ndarray, "n 2"]) -> tuple[tuple[float, float], ...]
 
 
 def triple(values: Float[np.ndarray, "3"]) -> Triple:
-    """Three numbers as they are."""
+    """Three numbers, unrounded."""
     x, y, z = np.asarray(values, float).tolist()
     return x, y, z
 
@@ -659,10 +659,10 @@ def shares(confidence: ArrayLike) -> tuple[float, ...]:
 
 
 def curve_values(values: Float[np.ndarray, " T"], digits: int = 4) -> tuple[float | None, ...]:
-    """Values for a curve, to so many digits; None where they are not finite."""
+    """Values for a curve, to this many digits; None where they are not finite."""
     return tuple(float(f"{v:.{digits}g}") if np.isfinite(v) else None for v in np.asarray(values, float).tolist())
 
 
 def spans(frames: ArrayLike) -> tuple[Span, ...]:
-    """Runs of frames that follow each other, of frame numbers in any order."""
+    """Runs of consecutive frames, from frame numbers in any order."""
     return tuple((run[0], run[-1]) for run in runs(np.unique(np.asarray(frames, int)).tolist()))

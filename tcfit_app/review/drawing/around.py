@@ -1,4 +1,4 @@
-"""What is drawn of the frames around the one on show: the paths of selected keypoints, and what a close-up follows."""
+"""Drawings that depend on neighbouring frames: the paths of selected keypoints, and the focus of a close-up."""
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -7,20 +7,20 @@ from fitting_core.camera import Camera
 from fitting_core.keypoints import COUNT, GROUPS
 from tcfit_app.review.browser.page_states import Focus, Path, Trail, pixel_pairs
 from tcfit_app.review.scene.layers import RUN_COLORS, css
-from tcfit_app.review.tab.on_show import SIDES, OnShow, Side
+from tcfit_app.review.tab.on_show import SLOTS, OnShow, Slot
 from tcfit_app.review.tab.state import Part
 from tcfit_app.review.tab.tab import Tab
 
-REACH = 5
-"""Frames before and after the one on show whose keypoints are on a path."""
+TRAIL_REACH = 5
+"""Frames on a path before and after the one on show."""
 _SMOOTHED = 2.0
-"""Frames: the standard deviation over which a close-up is held still, for detections tremble."""
+"""Standard deviation in frames of the smoothing that steadies a close-up: detections jitter."""
 _SEEN = 8
-"""Frames before and after that count for it."""
+"""Frames before and after that the smoothing uses."""
 
 
 class AroundPart:
-    """Draws one tab's paths, and has its close-up follow; asked again and again, it sends what changed."""
+    """Draws one tab's paths, and moves its close-up; called repeatedly, it sends only changes."""
 
     def __init__(self, tab: Tab) -> None:
         self._tab, self._data = tab, tab.data
@@ -36,7 +36,7 @@ class AroundPart:
         if part is None:
             return tab.channel.send("focus", None)
         key = part, state.frame, project.keypoints_version
-        if (focus := tab.once("focus", key, lambda: self._focus(part))) is not None:  # else it stays where it is
+        if (focus := tab.once("focus", key, lambda: self._focus(part))) is not None:  # otherwise it stays put
             tab.channel.send("focus", focus)
 
     def _focus(self, part: Part) -> Focus | None:
@@ -57,13 +57,13 @@ class AroundPart:
         tab.channel.send("trail", tab.once("trail", key, lambda: self._trail(shown, joints)))
 
     def _trail(self, shown: OnShow, joints: tuple[int, ...]) -> Trail:
-        frames = _frames(shown.frame, REACH, self._tab.length)
+        frames = _frames(shown.frame, TRAIL_REACH, self._tab.length)
         fitted = [self._fitted(shown, place[0], frames) for place in shown.places]
         return Trail(
             now=shown.frame - frames.start,
             detected=tuple(self._detected(joint, frames) for joint in joints),
             fitted=tuple(tuple(_path(points[:, joint]) for joint in joints) for points in fitted),
-            colors=tuple(css(RUN_COLORS[SIDES.index(place[0])]) for place in shown.places),
+            colors=tuple(css(RUN_COLORS[SLOTS.index(place[0])]) for place in shown.places),
         )
 
     def _detected(self, joint: int, frames: range) -> Path:
@@ -71,8 +71,8 @@ class AroundPart:
         xy = corrected.xy[part, joint].astype(float)
         return _path(np.where(corrected.confidence[part, joint, None] > 0, xy, np.nan))
 
-    def _fitted(self, shown: OnShow, side: Side, frames: range) -> Float[np.ndarray, "t 137 2"]:
-        """Pixels of a body's keypoints, NaN where it has none."""
+    def _fitted(self, shown: OnShow, side: Slot, frames: range) -> Float[np.ndarray, "t 137 2"]:
+        """Pixels of a body's keypoints, NaN where missing."""
         fit = shown.fit(side)
         pixels = np.full((len(frames), COUNT, 2), np.nan)
         if fit is None:
@@ -99,7 +99,7 @@ def in_image(points: Float[np.ndarray, "n 3"], camera: Camera) -> Float[np.ndarr
 
 
 def followed(xy: Float[np.ndarray, "t K 2"], there: Bool[np.ndarray, "t K"], now: int) -> Float[np.ndarray, "2"] | None:
-    """The middle of keypoints around one of some frames, smoothed over these; None if there are none."""
+    """The centre of keypoints at one frame, smoothed over frames; None if there are none."""
     seen = np.flatnonzero(there.any(1))
     if not len(seen):
         return None

@@ -1,4 +1,4 @@
-"""What somebody does first who opens the app for the first time."""
+"""The first steps shown to someone who opens the app for the first time."""
 
 from tcfit_app.review.browser.page_states import Hint, Hints
 from tcfit_app.review.gestures.actions import ACTIONS
@@ -7,10 +7,10 @@ _STEPS = (
     ("Play the clip. The arrow keys go frame by frame.", "play"),
     ("Fit everything, if there is no fit yet.", "fit"),
     ("Go to the next suspicious frame.", "next_suspect"),
-    ("Drag a keypoint that is off: the fit follows, and the correction is saved. To take it back, undo.", "undo"),
-    ("Drag in the timeline's ruler to select frames, and run phase 3 on them again.", "rerun"),
+    ("Drag a wrong keypoint: the fit follows, and the correction is saved. Undo reverts it.", "undo"),
+    ("Drag in the timeline's ruler to select frames, and re-run phase 3 on them.", "rerun"),
     ("Compare: A | B shows the fit before beside the new one, and the panel Compare has the figures.", "ab"),
-    ("Your own video: its keypoints are found by themselves. In the terminal: tcfit review VIDEO --fit", ""),
-    ("All keys. The first steps are there too.", "help"),
+    ("Your own video: keypoints are detected automatically. In the terminal: tcfit review VIDEO --fit", ""),
+    ("All keys. These first steps are there too.", "help"),
 )
 HINTS = Hints(steps=tuple(Hint(text=text, keys=str(ACTIONS[name].keys[0]) if name else "") for text, name in _STEPS))

@@ -1,4 +1,4 @@
-"""People whom a detection finds: whoever is meant, and the others, one of whom can be clicked on instead."""
+"""People found by a detection: the chosen one, and the others, who can be clicked on instead."""
 
 import numpy as np
 from jaxtyping import Float
@@ -9,13 +9,13 @@ from tcfit_app.review.browser.page_states import Keypoints, OtherPeople, OtherPe
 from tcfit_app.review.tab.tab import Tab
 
 _APART = 0.25
-"""Sizes of the person who is meant by which another's middle must be away to be offered."""
+"""Minimum distance of another person's centre, relative to the chosen person's size, to be offered."""
 _BODY_BONES = [pair for pair in BONES if max(pair) < BODY.stop]
 
 
 class FoundPart:
-    """Draws the keypoints of whoever is meant until the project has them, and the others as long as one of them can be
-    chosen; asked again and again, it sends what changed."""
+    """Draws the chosen person's keypoints until the project has them, and the others while one of them can be chosen;
+    called repeatedly, it sends only changes."""
 
     def __init__(self, tab: Tab) -> None:
         self._tab = tab
@@ -35,7 +35,7 @@ class FoundPart:
 
 
 def found_in(frame: int, found: FoundInFrame | None) -> tuple[Keypoints, OtherPeople]:
-    """The keypoints of whoever is meant in a frame, and the others who can be chosen instead."""
+    """The chosen person's keypoints in a frame, and the others who can be chosen instead."""
     nobody = np.zeros((COUNT, 3))
     points = nobody if found is None or found.chosen is None else found.points[found.chosen]
     others = () if found is None else found.others
@@ -49,8 +49,8 @@ def found_in(frame: int, found: FoundInFrame | None) -> tuple[Keypoints, OtherPe
 
 
 def in_the_same_place(points: Float[np.ndarray, "137 3"], meant: Float[np.ndarray, "137 3"]) -> bool:
-    """Whether somebody is where the one is who is meant: then a press would not tell whom of both it means, and such a
-    one is often a part of that person, taken for another."""
+    """Whether a person is in the same place as the chosen one: a press would be ambiguous, and such a detection is
+    often a part of the chosen person."""
     one, other = (of[BODY][of[BODY, 2] > 0, :2] for of in (points, meant))
     if not len(one) or not len(other):
         return False
@@ -59,7 +59,7 @@ def in_the_same_place(points: Float[np.ndarray, "137 3"], meant: Float[np.ndarra
 
 
 def _other(place: int, points: Float[np.ndarray, "137 3"]) -> OtherPerson:
-    """Somebody who is not meant."""
+    """A person who was not chosen."""
     sure = points[BODY][points[BODY, 2] > 0, :2]
     bones = [
         (*points[a, :2].round(1).tolist(), *points[b, :2].round(1).tolist())
@@ -69,7 +69,7 @@ def _other(place: int, points: Float[np.ndarray, "137 3"]) -> OtherPerson:
     return OtherPerson(
         number=place,
         name="This one?",
-        hint="Take this person instead",
+        hint="Choose this person instead",
         at=pixel_pairs(sure[[sure[:, 1].argmin()]])[0] if len(sure) else None,
         bones=tuple(bones),
     )

@@ -1,4 +1,4 @@
-"""The fits' keypoints in space, which the page draws in the side view and in 3D."""
+"""The fits' keypoints in space, drawn by the page in the side view and in 3D."""
 
 import numpy as np
 
@@ -8,32 +8,32 @@ from tcfit_app.fitting.fits import Shown
 from tcfit_app.review.browser.page_states import Bodies, FitBody, points_in_space
 from tcfit_app.review.scene.layers import BodyLayer, css
 from tcfit_app.review.scene.room import Room
-from tcfit_app.review.tab.on_show import OnShow, Side
+from tcfit_app.review.tab.on_show import OnShow, Slot
 from tcfit_app.review.tab.tab import Tab
 
 _OTHERWISE_NAMED = {"nose": "head", "left_big_toe": "left_foot", "right_big_toe": "right_foot"}
 _JOINTS = [
     JOINTS.index(joint) if (joint := _OTHERWISE_NAMED.get(name, name)) in JOINTS else None for name in NAMES[BODY]
 ]
-"""Of each of BODY_25's keypoints: the joint whose error bars it has."""
+"""For each BODY_25 keypoint, the joint whose error bars it uses."""
 
 
 class JointsPart:
-    """Sends the keypoints of one tab's fits; asked again and again, it sends what changed."""
+    """Sends the keypoints of one tab's fits; called repeatedly, it sends only changes."""
 
     def __init__(self, tab: Tab) -> None:
         self._tab, self._data = tab, tab.data
 
-    def tell(self, shown: OnShow, bodies: dict[Side, BodyLayer], room: Room | None) -> None:
-        """Send those of these bodies, also while they are hidden; not while it is not known where the floor is."""
+    def tell(self, shown: OnShow, bodies: dict[Slot, BodyLayer], room: Room | None) -> None:
+        """Send the keypoints of these bodies, even if hidden; not until the floor is known."""
         if room is None:
             return
-        there: dict[Side, Shown] = {side: fit for side in drawn(bodies) if (fit := shown.with_body(side)) is not None}
+        there: dict[Slot, Shown] = {side: fit for side in drawn(bodies) if (fit := shown.with_body(side)) is not None}
         key = shown.frame, shown.revision, room, tuple((side, fit.version) for side, fit in there.items())
         state = self._tab.once("bodies", key, lambda: self._state(shown, there, bodies, room) if there else None)
         self._tab.channel.send("bodies", state)
 
-    def _state(self, shown: OnShow, there: dict[Side, Shown], bodies: dict[Side, BodyLayer], room: Room) -> Bodies:
+    def _state(self, shown: OnShow, there: dict[Slot, Shown], bodies: dict[Slot, BodyLayer], room: Room) -> Bodies:
         made = []
         for side, fit in there.items():
             points = self._data.body_points(fit, shown.frame, shown.live_of(side))
@@ -50,7 +50,7 @@ class JointsPart:
 
 
 def error_bars_of(fit: Shown, frame: int) -> tuple[tuple[float, float] | None, ...]:
-    """Of BODY_25's keypoints; none where they are not known."""
+    """For BODY_25 keypoints; empty if unknown."""
     known = None if fit.result is None else fit.result.error_bars
     if known is None or not np.isfinite(known.joints[frame]).all():
         return ()
@@ -58,6 +58,6 @@ def error_bars_of(fit: Shown, frame: int) -> tuple[tuple[float, float] | None, .
     return tuple(None if joint is None else bars[joint] for joint in _JOINTS)
 
 
-def drawn(bodies: dict[Side, BodyLayer]) -> list[Side]:
-    """Sides with a body that can be drawn, the one that is corrected last."""
+def drawn(bodies: dict[Slot, BodyLayer]) -> list[Slot]:
+    """Sides with a body that can be drawn, the one being corrected last."""
     return sorted(side for side, body in bodies.items() if body.problem is None)

@@ -1,4 +1,4 @@
-"""What the menus of timeline and picture offer."""
+"""The menus of timeline and picture."""
 
 from collections.abc import Collection
 
@@ -21,11 +21,11 @@ _OF_FRAMES = (
     None,
     ("detect", "Detect again, {}"),
     None,
-    ("fine", "Looks fine or not, {}"),
-    ("flag", "Flag or not, {}"),
+    ("fine", "Looks fine on or off, {}"),
+    ("flag", "Flag on or off, {}"),
     ("note", "Write a note, {}"),
 )
-"""Actions on the selected frames, in groups, and what they are called with these."""
+"""Actions on the selected frames, in groups, with their labels."""
 _OF_KEYPOINTS = (
     ("bad", "reset", "copy", "interpolate", "delete_key"),
     ("mirror_depth", "in_front", "behind", "clear_depth"),
@@ -40,11 +40,11 @@ _OF_PICTURE = (
     ("fit_view", "save_picture", "copy_link"),
 )
 _BY_PART = {"detect": "Detect again", "frame": "Detect in a rectangle"}
-"""What opens the menu of all that can be looked for, by the first word of its actions."""
+"""Submenus of everything that can be detected, by the first word of the actions."""
 
 
 def frame_menus(gestures: Gestures) -> FrameMenus:
-    """Both menus of the timeline as things are now."""
+    """Both menus of the timeline in their current state."""
     tab, selected = gestures.tab, gestures.tab.state.frames
     elsewhere = (
         (item(gestures, "range_start"), item(gestures, "range_end")),
@@ -64,7 +64,7 @@ def frame_menus(gestures: Gestures) -> FrameMenus:
 
 
 def picture_menus(gestures: Gestures) -> PictureMenus:
-    """Both menus of the picture as things are now."""
+    """Both menus of the picture in their current state."""
     return PictureMenus(
         keypoints=tuple(_group(gestures, *names, but=OF_SELECTION) for names in _OF_KEYPOINTS),
         elsewhere=tuple(_group(gestures, *names) for names in _OF_PICTURE),
@@ -76,13 +76,13 @@ def _group(gestures: Gestures, *names: str, but: Collection[Need] = ()) -> tuple
 
 
 def item(gestures: Gestures, name: str, label: str = "", *, but: Collection[Need] = ()) -> MenuItem:
-    """A line for one of ACTIONS or _BY_PART, with the first of its keys; without a label its title.
+    """A menu item for one of ACTIONS or _BY_PART, with the first of its keys.
 
     Args:
         gestures: Of the tab.
         name: Of the action.
-        label: What it is called here.
-        but: As of `Action.obstacle`.
+        label: Its text; empty: its title.
+        but: As in `Action.obstacle`.
     """
     if name in _BY_PART:
         parts = tuple(MenuItem(label=part_name(part).capitalize(), action=f"{name}_{part}") for part in PARTS)

@@ -1,4 +1,4 @@
-"""The clip's other people in one tab: their newest fits, dimmed, and their names, by which one goes to them."""
+"""The clip's other people in one tab: their newest fits, dimmed, and their names, which lead to them."""
 
 from collections.abc import Hashable
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from tcfit_app.review.tab.tab import Tab
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Seen:
-    """Somebody's body in a frame."""
+    """A person's body in a frame."""
 
     someone: Someone
     fit: Shown
@@ -25,7 +25,7 @@ class _Seen:
 
 
 class OthersPart:
-    """Draws them; asked again and again, it sends what changed."""
+    """Draws them; called repeatedly, it sends only changes."""
 
     def __init__(self, tab: Tab) -> None:
         self._tab = tab
@@ -34,7 +34,7 @@ class OthersPart:
         self._drawn: list[_Seen] = []
 
     def layers(self) -> tuple[BodyLayer, ...]:
-        """Their bodies in the frame on show; also tells the page where they are."""
+        """Their bodies in the frame on show; also sends the page their positions."""
         tab = self._tab
         if not tab.someone.others:
             return ()
@@ -47,14 +47,14 @@ class OthersPart:
         return tuple(one.layer for one in seen)
 
     def extents(self, shown: OnShow) -> tuple[Float[np.ndarray, "2 3"], ...]:
-        """Where those who are drawn move in the whole clip, in the space of the fit on show, as far as it is known."""
+        """Extents over the clip of those drawn, in the space of the fit on show, as far as known."""
         if shown.held is None:
             return ()
         rooms = [one.someone.data.room(one.fit, shown.held, self._tab.data) for one in self._drawn]
         return tuple(room.extent for room in rooms if room is not None)
 
     def _seen(self, someone: Someone) -> _Seen | None:
-        """Somebody's newest fit; None where there is none, or no body model."""
+        """A person's newest fit; None without one, or without its body model."""
         tab, state = self._tab, self._tab.state
         frame = someone.frame_of(state.frame + tab.first_frame)
         try:
@@ -63,7 +63,7 @@ class OthersPart:
                 return None
             drawn = someone.data.body(fit, frame, live_window(someone.session, fit, frame))
             faces = someone.data.meshes(fit).faces
-        except InputError:  # told to whoever goes to them
+        except InputError:  # reported when their page is opened
             return None
         key = drawn.version, fit.camera, state.opacity, state.wireframe, state.outline
         known = self._known.get(someone.number)
@@ -81,7 +81,7 @@ class OthersPart:
         return known[1]
 
     def _tell(self, seen: list[_Seen]) -> None:
-        """Where the names are: above the heads, in the 2D modes."""
+        """Send where the names are: above the heads, in the 2D modes."""
         tab, flat = self._tab, self._tab.state.mode != "space"
         people = tab.once("other people", (tuple(seen), flat), lambda: tuple(_named(one, flat=flat) for one in seen))
         tab.channel.send("other_people", OtherPeople(people=people))
@@ -94,7 +94,7 @@ def _named(one: _Seen, *, flat: bool) -> OtherPerson:
 
 
 def _above(layer: BodyLayer) -> tuple[float, float] | None:
-    """The image's pixel at the upper end of a body."""
+    """The image pixel above a body."""
     camera = layer.camera
     assert camera is not None
     vertices = layer.vertices[layer.vertices[:, 2] > NEAREST]

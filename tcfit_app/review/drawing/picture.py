@@ -1,4 +1,4 @@
-"""The middle of one tab: video, bodies and keypoints of the frame on show."""
+"""The canvas of one tab: video, bodies and keypoints of the frame on show."""
 
 from collections.abc import Hashable
 
@@ -23,25 +23,25 @@ from tcfit_app.review.scene.room import Room
 from tcfit_app.review.scene.side_view import direction_text
 from tcfit_app.review.scene.space import Space, offsets
 from tcfit_app.review.shared.drawing_data import Drawn
-from tcfit_app.review.tab.on_show import SIDES, OnShow, Side
+from tcfit_app.review.tab.on_show import SLOTS, OnShow, Slot
 from tcfit_app.review.tab.playback import coming
 from tcfit_app.review.tab.tab import Tab
 
 _AHEAD = 24
-"""Frames that are decoded before they are played."""
+"""Frames decoded ahead of playback."""
 _LEGEND_COLORS = 9
 _LEGEND_HEIGHT = 34.0
-"""CSS pixels that posters leave free for the colour bar below them."""
+"""CSS pixels below the posters kept free for the colour bar."""
 _SIDE_COLOR = "#8a94a3"
-"""Of the side view's name."""
+"""Colour of the side view's name."""
 _UNSEEN = 0.4
-"""Of the usual opacity, where a body is filled in from its neighbours."""
-_COLORS: dict[Side, RGB] = dict(zip(SIDES, RUN_COLORS, strict=True))
-_OTHER: dict[Side, Side] = {"a": "b", "b": "a"}
+"""Relative opacity of a body filled in from neighbouring frames."""
+_COLORS: dict[Slot, RGB] = dict(zip(SLOTS, RUN_COLORS, strict=True))
+_OTHER: dict[Slot, Slot] = {"a": "b", "b": "a"}
 
 
 class Picture:
-    """Draws one tab's picture; asked again and again, it sends what changed."""
+    """Draws one tab's picture; called repeatedly, it sends only changes."""
 
     def __init__(self, tab: Tab) -> None:
         self._tab, self._data = tab, tab.data
@@ -50,19 +50,19 @@ class Picture:
         self._side, self._joints, self._around = SidePart(tab), JointsPart(tab), AroundPart(tab)
         self._others, self._found, self._silhouette = OthersPart(tab), FoundPart(tab), SilhouettePart(tab)
         self._room: Room | None = None
-        """Of the fit on show; while another one is made, the last."""
+        """Of the fit on show; the previous one while another is computed."""
         self._layers: dict[Hashable, BodyLayer] = {}
         self._compared = False
-        """Whether colours tell how far A and B lie apart."""
+        """Whether colours show the distance between A and B."""
         self.problem = ""
-        """What cannot be shown, and why; empty if nothing is wrong."""
+        """What cannot be shown, and why; empty if all can."""
 
     def resized(self, width: int, height: int) -> None:
-        """The canvas has another size, in CSS pixels."""
+        """The canvas was resized, in CSS pixels."""
         self._size = (width, height)
 
     def draw(self) -> bool:
-        """Send what changed; False if the frame is not decoded yet, and then nothing was sent."""
+        """Send what changed; False if the frame is not decoded yet, and nothing was sent."""
         tab, shown = self._tab, self._tab.shown
         image = self._frame_image()
         if image is None:
@@ -79,7 +79,7 @@ class Picture:
         return True
 
     def _frame_image(self) -> FrameImage | None:
-        """The video's frame, the last one while a paused one is still to come."""
+        """The video frame; the previous one while a paused frame is being decoded."""
         tab, state, video = self._tab, self._tab.state, self._data.video
         if not state.video:
             return PLATE
@@ -97,19 +97,19 @@ class Picture:
 
     # --- bodies ---
 
-    def _bodies(self, shown: OnShow) -> dict[Side, BodyLayer]:
-        """The bodies on show; if they are hidden, those whose keypoints are on show in the side view or in 3D."""
+    def _bodies(self, shown: OnShow) -> dict[Slot, BodyLayer]:
+        """The bodies on show; if they are hidden, those whose keypoints the side view or 3D shows."""
         state = self._tab.state
         if self._data.warming or not (state.bodies or self._side.wanted(shown) or state.mode == "space"):
             return {}
-        sides: list[Side] = [side for place in shown.places for side in place]
+        sides: list[Slot] = [side for place in shown.places for side in place]
         try:
             return {side: self._body(shown, side, fit) for side in sides if (fit := shown.with_body(side)) is not None}
         except InputError as error:
             self.problem = str(error)
             return {}
 
-    def _body(self, shown: OnShow, side: Side, fit: Shown) -> BodyLayer:
+    def _body(self, shown: OnShow, side: Slot, fit: Shown) -> BodyLayer:
         state, data = self._tab.state, self._data
         drawn = data.body(fit, shown.frame, shown.live_of(side))
         compared = self._compared_with(shown, _OTHER[side], drawn) if state.difference else None
@@ -133,21 +133,21 @@ class Picture:
         return self._layers[key]
 
     def _seen(self, frame: int) -> bool:
-        """Whether any keypoint counts in a frame; a project without keypoints has fits that do not come from them."""
+        """Whether any keypoint counts in a frame; in a project without keypoints, fits do not depend on them."""
         project = self._tab.session.project
         return not project.has_detections or bool(project.corrected[frame].present.any())
 
-    def _compared_with(self, shown: OnShow, other: Side, drawn: Drawn) -> Drawn | None:
-        """The other side's body, if it has the same vertices."""
+    def _compared_with(self, shown: OnShow, other: Slot, drawn: Drawn) -> Drawn | None:
+        """The other side's body, if it has the same topology."""
         fit = shown.with_body(other)
         found = None if fit is None else self._data.body(fit, shown.frame, shown.live_of(other))
         return found if found is not None and found.vertices.shape == drawn.vertices.shape else None
 
     # --- the scene ---
 
-    def _draw_scene(self, image: FrameImage, shown: OnShow, bodies: dict[Side, BodyLayer]) -> None:
+    def _draw_scene(self, image: FrameImage, shown: OnShow, bodies: dict[Slot, BodyLayer]) -> None:
         tab, mode = self._tab, self._tab.state.mode
-        if bodies and shown.held is not None:  # without any the body model may be missing, as is told then
+        if bodies and shown.held is not None:  # without bodies the model may be missing, which is reported
             self._room = self._data.room(shown.held, shown.held) or self._room
         room = None if self._room is None else self._before(shown, self._room)
         self._joints.tell(shown, bodies, room)
@@ -172,7 +172,7 @@ class Picture:
             self._side.tell(shown, side.view, bodies if self._room is not None else {})
 
     def _before(self, shown: OnShow, room: Room) -> Room:
-        """The room as the camera of the frame on show is in it; the same object as long as it is the same."""
+        """The room relative to the camera of the frame on show; the same object while it is unchanged."""
         camera, frame = shown.camera, shown.frame
         return self._tab.once("room", (room, camera, frame), lambda: room.before(camera, frame))
 
@@ -184,7 +184,7 @@ class Picture:
         others: tuple[BodyLayer, ...],
         room: Room | None,
     ) -> Space:
-        there = [fit for side in SIDES if (fit := shown.with_body(side)) is not None] if layers else []
+        there = [fit for side in SLOTS if (fit := shown.with_body(side)) is not None] if layers else []
         rooms = [self._data.room(fit, shown.held or fit) for fit in there]
         return Space(
             camera=shown.camera,
@@ -199,7 +199,7 @@ class Picture:
             apart=self._tab.state.apart,
         )
 
-    def _tell_space(self, space: Space, bodies: dict[Side, BodyLayer]) -> None:
+    def _tell_space(self, space: Space, bodies: dict[Slot, BodyLayer]) -> None:
         count = sum(body.problem is None for body in bodies.values())
         x, y, z = (triple(row) for row in space.turn)
         state = SpaceState(turn=(x, y, z), place=triple(space.place), offsets=offsets(count, space.apart))
@@ -212,14 +212,14 @@ class Picture:
         for problem in scene.show(snapshot):
             self.problem = problem
 
-    def _label(self, shown: OnShow, side: Side) -> str:
+    def _label(self, shown: OnShow, side: Slot) -> str:
         fit = shown.fit(side)
         if fit is None:
             title = "no fit yet"
         elif not fit.has(shown.frame):
-            title = f"{fit.title}: {'not here yet' if fit.result is None else 'no pose in this frame'}"
+            title = f"{fit.title}: {'not fitted yet' if fit.result is None else 'no pose in this frame'}"
         else:
-            title = fit.title if self._seen(shown.frame) else f"{fit.title}: no keypoint here"
+            title = fit.title if self._seen(shown.frame) else f"{fit.title}: no keypoints here"
         return f"{side.upper()}   {title}"
 
     def _draw_keypoints(self) -> None:
@@ -242,7 +242,7 @@ class Picture:
             tab.channel.send("keypoints", tab.once("keypoints", key, self._keypoints))
 
     def _keypoints(self) -> Keypoints:
-        """Those of the frame on show, as they are corrected."""
+        """Corrected keypoints of the frame on show."""
         project, frame = self._tab.session.project, self._tab.state.frame
         corrected, found = project.corrected, project.detected
         edited = np.flatnonzero(corrected.edited[frame])
@@ -259,7 +259,7 @@ class Picture:
 
 
 def poster_layout(snapshot: Posters, named: tuple[tuple[str, str], ...], canvas: Window, *, clipped: bool) -> Layout:
-    """Where the posters are, and what they are called."""
+    """The positions and labels of the posters."""
     division = snapshot.divide(canvas)
     pictures = len(snapshot.posters)
     nodes = (*PICTURE_NODES[:pictures], SIDE_NODE)

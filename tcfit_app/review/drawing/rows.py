@@ -1,4 +1,4 @@
-"""The rows of the timeline: curves of A and B, how they differ, and the table of everything that can be plotted."""
+"""The rows of the timeline: curves of A and B, their differences, and the table of everything that can be plotted."""
 
 from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, replace
@@ -11,41 +11,41 @@ from tcfit_app.fitting.fits import Shown
 from tcfit_app.review.browser import page_states as states
 from tcfit_app.review.browser.page_states import curve_values
 from tcfit_app.review.scene.layers import RUN_COLORS, css
-from tcfit_app.review.tab.on_show import SIDES, Side
+from tcfit_app.review.tab.on_show import SLOTS, Slot
 from tcfit_app.review.tab.tab import Tab
 
 Value = TypeVar("Value", Curve, HeatMap)
 
 VIDEO = "video"
-"""Name of the row of thumbnails."""
+"""Name of the thumbnail row."""
 MOST_ROWS = 6
-"""More would leave each of them too low to be read."""
+"""More would make each too low to read."""
 _HEIGHTS = {"heat": 2.0, "video": 1.5}
-"""Of rows that are no curves: a heat map has a line for each part of the body."""
+"""Relative heights of rows without curves: a heat map has a line for each part of the body."""
 _COMPARED = "#c9a3ff"
-"""Colour of what tells A from B."""
+"""Colour of comparisons of A and B."""
 _NO_FIT = "Curves appear here once there is a fit."
-_READING = "The video is being read …"
-_MEASURING = "Being measured …"
+_READING = "Reading the video …"
+_MEASURING = "Measuring …"
 _NOTHING = "There is nothing to measure in this clip."
-_SAME = "A and B are the same fit: they do not differ."
-_MISSING = "Choose two fits, A and B: this row compares them."
+_SAME = "A and B are the same fit."
+_MISSING = "This row compares two fits: choose A and B."
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plot:
-    """Something that a row can show."""
+    """Something a row can show."""
 
     title: str
     unit: str
     curve: str
-    """One of CURVES or HEAT_MAPS, or BETWEEN; none for the video."""
+    """One of CURVES or HEAT_MAPS, or BETWEEN; empty for the video."""
     how: Literal["each", "heat", "video", "difference", "between"] = "each"
-    """A line for each fit; colours, of B; thumbnails; B minus A; the distance of the two."""
+    """A line per fit; colours, for B; thumbnails; B minus A; the distance between them."""
 
     @property
     def group(self) -> str:
-        """Choices of one group stand together."""
+        """Choices with the same group are listed together."""
         return "compared" if self.how in ("difference", "between") else "each" if self.how == "each" else "other"
 
 
@@ -60,7 +60,7 @@ PLOTS: dict[str, Plot] = {
         for name, kind in CURVES.items()
     },
 }
-"""By the name under which a page asks for them."""
+"""By the name that the page requests."""
 CHOICES = tuple(
     states.Choice(name=name, title=f"{plot.title} ({plot.unit})" if plot.unit else plot.title, group=plot.group)
     for name, plot in PLOTS.items()
@@ -68,7 +68,7 @@ CHOICES = tuple(
 
 
 def with_plot(plots: tuple[str, ...], name: str, *, shown: bool) -> tuple[str, ...]:
-    """The names of the rows with one more or one less; the same for what is no name of PLOTS.
+    """The names of the rows with one added or removed; unchanged for a name that is not in PLOTS.
 
     Raises:
         InputError: There are too many already.
@@ -78,19 +78,19 @@ def with_plot(plots: tuple[str, ...], name: str, *, shown: bool) -> tuple[str, .
     if not shown:
         return tuple(other for other in plots if other != name)
     if len(plots) >= MOST_ROWS:
-        raise InputError(f"The timeline shows {MOST_ROWS} rows at most: close one of them first.")
+        raise InputError(f"The timeline shows at most {MOST_ROWS} rows: close one first.")
     return (*plots, name)
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Found:
-    """What a row is made of. Equal to another while nothing has changed: curves are compared by identity."""
+    """The content of a row. Equal to another while nothing has changed: curves are compared by identity."""
 
     name: str
-    curves: tuple[tuple[Side, Curve], ...] = ()
+    curves: tuple[tuple[Slot, Curve], ...] = ()
     heat: HeatMap | None = None
     empty: str = ""
-    """Why there are none; empty: they are still being made, or there is no fit yet."""
+    """Why there are none; empty: they are being computed, or there is no fit yet."""
 
 
 class Rows:
@@ -98,11 +98,11 @@ class Rows:
 
     def __init__(self, tab: Tab) -> None:
         self._tab = tab
-        self._last: dict[tuple[str, Side], tuple[Hashable, Any]] = {}
-        """By name and side, with the origin of the fit: they stay on show until newer ones of the same are there."""
+        self._last: dict[tuple[str, Slot], tuple[Hashable, Any]] = {}
+        """By name and side, with the fit's origin: they stay on show until newer ones are ready."""
 
     def draw(self) -> None:
-        """Send them if they are others than the last time."""
+        """Send them if they have changed."""
         tab = self._tab
         found, fits = tuple(map(self._find, tab.state.plots)), self._fits()
         rows = tab.once("rows", (found, fits), lambda: tuple(map(self._row, found)))
@@ -110,16 +110,16 @@ class Rows:
 
     @property
     def _same(self) -> bool:
-        """Whether A and B are one fit, which has one line."""
+        """Whether A and B are the same fit, which has one line."""
         a, b = self._tab.shown.a, self._tab.shown.b
         return a is not None and b is not None and (a.run.id, a.phase) == (b.run.id, b.phase)
 
     @property
-    def _sides(self) -> tuple[Side, ...]:
-        """The fits that have a line of their own."""
-        return ("b",) if self._same else tuple(side for side in SIDES if self._tab.shown.fit(side) is not None)
+    def _sides(self) -> tuple[Slot, ...]:
+        """The fits that have their own line."""
+        return ("b",) if self._same else tuple(side for side in SLOTS if self._tab.shown.fit(side) is not None)
 
-    def _label(self, side: Side) -> str:
+    def _label(self, side: Slot) -> str:
         return "A and B" if self._same else side.upper()
 
     def _fits(self) -> tuple[states.FitName, ...]:
@@ -133,7 +133,7 @@ class Rows:
         return _WAYS[PLOTS[name].how](self, name)
 
     def _each(self, name: str) -> _Found:
-        curves: list[tuple[Side, Curve]] = []
+        curves: list[tuple[Slot, Curve]] = []
         for side in self._sides:
             curve = self._curve(PLOTS[name].curve, side)
             if curve is not None:
@@ -153,7 +153,7 @@ class Rows:
         if problem := self._nothing_to_compare():
             return _Found(name=name, empty=problem)
         found = self._each(name)
-        return found if len(found.curves) == len(SIDES) else replace(found, curves=())
+        return found if len(found.curves) == len(SLOTS) else replace(found, curves=())
 
     def _between(self, name: str) -> _Found:
         a, b = self._tab.shown.a, self._tab.shown.b
@@ -167,14 +167,14 @@ class Rows:
             return _MISSING
         return _SAME if self._same else ""
 
-    def _curve(self, name: str, side: Side) -> Curve | None:
+    def _curve(self, name: str, side: Slot) -> Curve | None:
         shown = self._tab.shown.fit(side)
         if shown is None:
             return None
         return self._latest(name, side, _origin(shown), self._tab.data.curve(name, shown))
 
-    def _latest(self, name: str, side: Side, of: Hashable, found: Value | None) -> Value | None:
-        """What was found; until it is there, the last of the same name and fit."""
+    def _latest(self, name: str, side: Slot, of: Hashable, found: Value | None) -> Value | None:
+        """The value; until it is ready, the last one of the same name and fit."""
         if found is not None:
             self._last[name, side] = (of, found)
         known, last = self._last.get((name, side), (None, None))
@@ -216,17 +216,17 @@ _WAYS: dict[str, Callable[[Rows, str], _Found]] = {
 
 
 def heat(found: HeatMap) -> states.Heat:
-    """A heat map as the page has it, to three digits: 20,000 frames of it are a megabyte."""
+    """A heat map for the page, to three digits: 20,000 frames are a megabyte."""
     values = tuple(curve_values(column, digits=3) for column in found.values.T)
     kind = HEAT_MAPS[found.name]
     return states.Heat(parts=found.parts, values=values, top=found.top, worse=kind.worse, words=kind.words)
 
 
 def _origin(shown: Shown) -> Hashable:
-    """The same for a fit and its corrections: its curves stay on show until those of the corrections are there."""
+    """The same for a fit and its corrections: its curves stay on show until those of the corrections are ready."""
     run = shown.run
     return run.parent if run.kind == "corrections" and run.parent is not None else run.id, shown.phase
 
 
-def _color(side: Side) -> str:
-    return css(RUN_COLORS[SIDES.index(side)])
+def _color(side: Slot) -> str:
+    return css(RUN_COLORS[SLOTS.index(side)])

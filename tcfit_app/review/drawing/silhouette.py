@@ -1,4 +1,4 @@
-"""What the detector says that the person covers of the picture, as outlines over it."""
+"""The detected silhouette of the person, as outlines over the picture."""
 
 import cv2
 import numpy as np
@@ -10,13 +10,13 @@ from tcfit_app.review.browser.page_states import Silhouette, pixel_pairs
 from tcfit_app.review.tab.tab import Tab
 
 _SMOOTHED = 0.8
-"""Pixels of the mask by which an outline may be off: its border goes in steps."""
+"""Tolerance of an outline in mask pixels: the mask's border is stepped."""
 _SHORTEST = 3
-"""Corners of an outline."""
+"""Maximum number of an outline's corners."""
 
 
 class SilhouettePart:
-    """Draws it where it is wanted and known; asked again and again, it sends what changed."""
+    """Draws it if wanted and known; called repeatedly, it sends only changes."""
 
     def __init__(self, tab: Tab) -> None:
         self._tab = tab
@@ -32,16 +32,16 @@ class SilhouettePart:
 
 
 def silhouette(mask: Bool[np.ndarray, "h w"] | None, camera: Camera) -> Silhouette | None:
-    """A mask's outlines as the page has them; None if there are none."""
+    """A mask's outlines for the page; None if there are none."""
     found = [] if mask is None else outlines(mask, camera.size, camera.lens)
     return Silhouette(lines=tuple(map(pixel_pairs, found))) if found else None
 
 
 def outlines(mask: Bool[np.ndarray, "h w"], size: tuple[int, int], lens: Lens | None) -> list[Float[np.ndarray, "n 2"]]:
-    """The borders of a mask and of its holes, in pixels of the straightened picture.
+    """The borders of a mask and of its holes, in pixels of the undistorted picture.
 
     Args:
-        mask: Of the picture as it was filmed, see `Silhouettes`.
+        mask: Of the distorted picture, see `Silhouettes`.
         size: Width and height of the picture.
         lens: Of its camera.
     """

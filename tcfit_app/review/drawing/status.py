@@ -1,8 +1,8 @@
-"""What one tab says over its picture: what is being fitted, what was saved, what is wrong."""
+"""The status line of one tab: what is being fitted, what was saved, what is wrong."""
 
 from collections.abc import Sequence
 
-from tcfit_app.fitting.fits import TITLES
+from tcfit_app.fitting.fits import SHORT_TITLES
 from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.review.browser.page_states import Chip, Chips, Notice
 from tcfit_app.review.gestures.actions import Gestures
@@ -10,7 +10,7 @@ from tcfit_app.review.gestures.edit_words import part_name
 
 
 class Status:
-    """Draws one tab's status line and notices; asked again and again, it sends what changed."""
+    """Draws one tab's status line and notices; called repeatedly, it sends only changes."""
 
     def __init__(self, gestures: Gestures) -> None:
         self._tab, self._correcting, self._again = gestures.tab, gestures.correcting, gestures.again
@@ -22,7 +22,7 @@ class Status:
         tab.channel.send("notice", self._notice())
 
     def chips(self, now: float, problem: str) -> list[Chip]:
-        """What is said at a time; `problem` as of `draw`."""
+        """The current messages; `problem` as in `draw`."""
         tab, session = self._tab, self._tab.session
         chips = []
         if session.project.read_only:
@@ -30,7 +30,7 @@ class Status:
         running = [job for job in session.jobs.values() if job.started]
         chips += [progress_chip(job) for job in running]
         if session.edit_follower.busy and not self._correcting.dragging:
-            chips.append(Chip(text="The fit follows", kind="busy"))
+            chips.append(Chip(text="Fit is following the edit", kind="busy"))
         chips += self._again_chips()
         if waiting := len(session.jobs) - len(running):
             chips.append(Chip(text=f"{waiting} waiting", kind="busy"))
@@ -48,7 +48,7 @@ class Status:
         return chips
 
     def _again_chips(self) -> list[Chip]:
-        """What is looked for again, or what a rectangle is to be drawn around."""
+        """What is being detected again, or what the rectangle to be drawn is for."""
         chips, going, framing = [], self._again.going, self._again.framing
         if framing is not None:
             chips.append(Chip(text=f"Draw a rectangle around the {part_name(framing)}; Esc cancels"))
@@ -58,18 +58,18 @@ class Status:
         return chips
 
     def _notice(self) -> Notice | None:
-        """A card where there is nothing else to see."""
+        """A card if there is nothing else to see."""
         project = self._tab.session.project
         if project.has_detections or project.media.path is not None:
             return None
-        text = "This project has no keypoints yet, and its video is not there. Import keypoints in the panel Start."
-        return Notice(title="There is nothing to see yet", text=text)
+        text = "This project has no keypoints yet, and its video is missing. Import keypoints in the panel Start."
+        return Notice(title="Nothing to show yet", text=text)
 
     def _keypoint_chip(self) -> Chip:
-        """How far it is that the project gets its keypoints, or where they are to be had."""
+        """The progress of the keypoint job, or where to start one."""
         going = self._tab.session.source.going
         if going is None or going.state != "running":
-            return Chip(text="No keypoints yet: have them found in the panel Start", kind="warning")
+            return Chip(text="No keypoints yet: detect them in the panel Start", kind="warning")
         progress = None if going.share is None else round(going.share, 2)
         return Chip(text=f"{going.title}: {going.text}", kind="busy", progress=progress)
 
@@ -78,16 +78,16 @@ def damage_in_short(damage: Sequence[str]) -> str:
     """What is damaged in a project, in one line; empty if nothing is."""
     if len(damage) < 2:
         return "".join(f"Damaged: {text}" for text in damage)
-    return f"Damaged: {damage[0]}, and {len(damage) - 1} more, which the panel Review lists"
+    return f"Damaged: {damage[0]}, and {len(damage) - 1} more (see the panel Review)"
 
 
 def progress_chip(job: RunningJob) -> Chip:
-    """How far a running job is, in one line."""
+    """The progress of a running job, in one line."""
     progress = job.progress
     if progress is None:
         return Chip(text=f"{job.title}: starting", kind="busy")
     left = "" if progress.remaining is None else f", {duration(progress.remaining)} left"
-    text = f"{job.title}: {TITLES[progress.phase]}, {progress.label}{left}"
+    text = f"{job.title}: {SHORT_TITLES[progress.phase]}, {progress.label}{left}"
     return Chip(text=text, kind="busy", progress=round(progress.share, 2))
 
 

@@ -1,4 +1,4 @@
-"""Small pictures of the video along one tab's timeline."""
+"""Thumbnails of the video along one tab's timeline."""
 
 from base64 import b64encode
 
@@ -10,23 +10,23 @@ from tcfit_app.review.shared.shared_video import SharedVideo
 from tcfit_app.review.tab.tab import Tab
 
 MOST = 64
-"""Thumbnails of a clip: those of a wide window, whole. 64 have 200 KB."""
+"""Thumbnails per clip, enough for a wide window. 64 take 200 KB."""
 _TOGETHER = 16
-"""So many more are sent at once."""
+"""How many more are sent at once."""
 
 
 class Thumbnails:
-    """Draws one tab's thumbnails; asked again and again, it sends what changed."""
+    """Draws one tab's thumbnails; called repeatedly, it sends only changes."""
 
     def __init__(self, tab: Tab) -> None:
         self._tab = tab
-        self._frames = frames_of(tab.length)
+        self._frames = evenly_spread(tab.length)
         self._found: dict[int, str] = {}
         self._video: SharedVideo | None = None
-        """Whose they are."""
+        """The video they show."""
 
     def draw(self) -> None:
-        """Have those made that are missing, while the row is on show, and send some at a time."""
+        """Have missing thumbnails made while the row is on show, and send some at a time."""
         tab = self._tab
         if VIDEO not in tab.state.plots:
             return
@@ -46,7 +46,7 @@ class Thumbnails:
         return states.Thumbnails(frames=frames, images=tuple(self._found[frame] for frame in frames))
 
 
-def frames_of(length: int) -> tuple[int, ...]:
+def evenly_spread(length: int) -> tuple[int, ...]:
     """Frames spread evenly over a clip."""
     count = min(length, MOST)
     return tuple(((np.arange(count) + 0.5) * length / count).astype(int).tolist())

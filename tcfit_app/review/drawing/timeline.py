@@ -19,22 +19,22 @@ from tcfit_app.review.drawing.thumbnails import Thumbnails
 from tcfit_app.review.tab.tab import Tab
 
 _MIXED_UP = 3.0
-"""Score of frames in which somebody may be another person: as of the worst findings."""
+"""Score of frames in which a person may be someone else: like the worst findings."""
 _NOTE_CHARACTERS = 160
-"""Of a note that are shown under the pointer."""
+"""Characters of a note shown in a tooltip."""
 
 
 class Timeline:
-    """Draws one tab's timeline; asked again and again, it sends what changed."""
+    """Draws one tab's timeline; called repeatedly, it sends only changes."""
 
     def __init__(self, tab: Tab) -> None:
         self._tab = tab
         self._rows, self._thumbnails = Rows(tab), Thumbnails(tab)
         self._suspects: tuple[Suspect, ...] = ()
-        """Those of the last queue that was found."""
+        """Of the last queue."""
 
     def plot(self, name: str, *, shown: bool) -> None:
-        """Add a row of PLOTS, or take one away. Raises InputError if there are too many."""
+        """Add or remove a row of PLOTS. Raises InputError if there are too many."""
         self._tab.set(plots=with_plot(self._tab.state.plots, name, shown=shown))
 
     def draw(self) -> None:
@@ -76,7 +76,7 @@ class Timeline:
         )
 
     def _apart(self) -> tuple[int, ...]:
-        """The frames where two finished fits differ most, once that is known."""
+        """The frames where two finished fits differ most, once known."""
         tab = self._tab
         a, b = tab.shown.a, tab.shown.b
         if a is None or b is None or a.result is None or b.result is None or a == b:
@@ -136,11 +136,11 @@ class Timeline:
 
 
 def _mixed_up(span: Span, first_frame: int, length: int) -> states.Suspicion | None:
-    """Frames in which this may be another of the people, in the timeline; None if they are not in the clip."""
+    """Frames in which this may be someone else, for the timeline; None if they are outside the clip."""
     first, last = max(span[0] - first_frame, 0), min(span[1] - first_frame, length - 1)
     if first > last:
         return None
-    reason = "may be another person from here on: see Who is who in the panel Review"
+    reason = "may be someone else from here on: see Who is who in the panel Review"
     return states.Suspicion(first=first, last=last, frame=first, kind="person", score=_MIXED_UP, reason=reason)
 
 
@@ -151,7 +151,7 @@ def origins(label: str, provenance: Provenance) -> states.Origins:
 
 
 def written(note: Note) -> states.WrittenNote:
-    """A note as the timeline has it."""
+    """A note for the timeline."""
     text = textwrap.shorten(note.text, _NOTE_CHARACTERS, placeholder=" …")
     return states.WrittenNote(first=note.frames[0], last=note.frames[-1], text=text)
 
@@ -165,7 +165,7 @@ def keyframes(frames: Iterable[int], joints: tuple[int, ...]) -> states.Keyframe
 
 
 def suspicions(suspects: Iterable[Suspect]) -> states.Suspicions:
-    """The review queue as the timeline has it."""
+    """The review queue for the timeline."""
     found = (
         states.Suspicion(
             first=suspect.frames[0],
@@ -181,7 +181,7 @@ def suspicions(suspects: Iterable[Suspect]) -> states.Suspicions:
 
 
 def fit_spans(job: RunningJob, frames: range) -> list[FitSpan]:
-    """How far a job is with each of its frames."""
+    """The progress of a job in each of its frames."""
     if job.phase == 2:
         return [FitSpan(first=frames[0], last=frames[-1], state="phase1")]
     now, rest = ("done", "phase2") if job.phase == 3 else ("phase1", "fitting")

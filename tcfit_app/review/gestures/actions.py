@@ -26,7 +26,7 @@ P = ParamSpec("P")
 
 
 class Gestures:
-    """The gestures of one tab; they raise InputError for what cannot be done, and then nothing changes."""
+    """The gestures of one tab. They raise InputError for what cannot be done, and then change nothing."""
 
     def __init__(self, tab: Tab) -> None:
         self.tab = tab
@@ -37,11 +37,11 @@ class Gestures:
 
 
 Need = Callable[[Gestures], object]
-"""Raises InputError that says what is missing, and what to do."""
+"""Raises InputError saying what is missing, and what to do."""
 
 
 def refusal(check: Callable[P, object], *given: P.args, **named: P.kwargs) -> str:
-    """What a check says that raises InputError; empty if it does not."""
+    """The message of the InputError that a check raises; empty if it passes."""
     try:
         check(*given, **named)
     except InputError as error:
@@ -54,7 +54,7 @@ class Key:
     """A key as browsers name it."""
 
     key: str
-    """As of `KeyBinding`."""
+    """As in `KeyBinding`."""
     shift: bool = False
     ctrl: bool = False
     """Control; Command on a Mac."""
@@ -66,49 +66,49 @@ class Key:
 
 
 NAMES = {"ArrowLeft": "←", "ArrowRight": "→", "ArrowUp": "↑", "ArrowDown": "↓", "Escape": "Esc"}
-"""Of keys that say something else than their code."""
+"""Names of keys whose label differs from their code."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Action:
-    """One command."""
+    """A command."""
 
     title: str
     run: Callable[[Gestures], object]
     keys: tuple[Key, ...] = ()
     group: str = ""
     family: str = ""
-    """What it and its neighbours of the same family do together: they share a line in lists of keys."""
+    """The shared line for actions of one family in lists of keys."""
     repeats: bool = False
-    """Whether it goes on while its key is held down."""
+    """Whether it repeats while its key is held down."""
     held: bool = False
-    """The page does it as long as its key is held down: it is nothing for the command palette."""
+    """The page does it while its key is held down, so it is not in the command palette."""
     needs: tuple[Need, ...] = ()
-    """What must be so before it can be done."""
+    """What must hold before it can be done."""
 
     def obstacle(self, gestures: Gestures, *, but: Collection[Need] = ()) -> str:
-        """Why it cannot be done now; empty if it can. Keys, menus and panels all ask here.
+        """Why it cannot be done now; empty if it can. Keys, menus and panels all use this.
 
         Args:
             gestures: Of the tab.
-            but: Needs that do not count: they will be met by then.
+            but: Needs to ignore, because they will be met by then.
         """
         return next((why for need in self.needs if need not in but and (why := refusal(need, gestures))), "")
 
     def do(self, gestures: Gestures) -> None:
-        """Do it. Raises InputError if that is not possible, and then nothing changes."""
+        """Do it. Raises InputError if that is not possible, and then changes nothing."""
         for need in self.needs:
             need(gestures)
         self.run(gestures)
 
     @property
     def key_text(self) -> str | None:
-        """Its keys, for the user."""
+        """Its keys, for users."""
         return " or ".join(map(str, self.keys)) or None
 
 
 def _key(text: str) -> Key:
-    """Of "Ctrl+Shift+z"."""
+    """The key written as "Ctrl+Shift+z"."""
     *held, name = text.split("+")
     return Key(key=name, shift="Shift" in held, ctrl="Ctrl" in held)
 
@@ -123,7 +123,7 @@ def _change_opacity(tab: Tab, more: float) -> None:
 
 
 def _rearrange(gestures: Gestures) -> None:
-    """A and B beside each other, stacked, in one picture, and again from the start; elsewhere to A | B."""
+    """Cycle A and B through side by side, stacked and wipe; from other modes, go to A | B."""
     tab, ways = gestures.tab, tuple(ARRANGEMENTS)
     if tab.state.mode != "ab":
         tab.set(mode="ab")
@@ -132,7 +132,7 @@ def _rearrange(gestures: Gestures) -> None:
 
 
 def _turn_side(gestures: Gestures) -> None:
-    """Left, right, top, and again from the start; one that is off is switched on."""
+    """Cycle the side view through left, right and top; switch it on if it is off."""
     tab = gestures.tab
     named = SIDES_SEEN.index(tab.state.side_from) if tab.state.side_from in SIDES_SEEN else -1
     tab.set(side=True, side_from=SIDES_SEEN[(named + tab.state.side) % len(SIDES_SEEN)])
@@ -164,66 +164,66 @@ def _edge(gestures: Gestures, *, first: bool) -> None:
 
 
 def writable(g: Gestures) -> None:
-    """A project that can be changed."""
+    """Requires a project that can be changed."""
     g.tab.refuse_read_only()
 
 
 def keypoints(g: Gestures) -> None:
-    """Something to correct."""
+    """Requires keypoints."""
     g.tab.session.refuse_without_keypoints()
 
 
 def joints(g: Gestures) -> None:
-    """Selected keypoints."""
+    """Requires selected keypoints."""
     g.correcting.selected()
 
 
 def frames(g: Gestures) -> None:
-    """Frames that are seen, if some are to be changed."""
+    """Requires the frame on show to be among the selected ones."""
     g.tab.refuse_unseen()
 
 
 def limbs(g: Gestures) -> None:
-    """A selected arm or leg."""
+    """Requires a selected arm or leg."""
     limbs_of(g.correcting.selected())
 
 
 def lockable(g: Gestures) -> None:
-    """A selected joint that can be locked."""
+    """Requires a selected joint that can be locked."""
     g.depth.lockable()
 
 
 def key(g: Gestures) -> None:
-    """A keyframe of what is selected."""
+    """Requires a keyframe of the selected keypoints."""
     keys_in(g.tab.session.project.corrected, g.correcting.selected(), g.tab.state.frame)
 
 
 def fit(g: Gestures) -> None:
-    """A fit as B."""
+    """Requires a fit as B."""
     g.fitting.base()
 
 
 def settings(g: Gestures) -> None:
-    """Settings of a fit of which none is wrong."""
+    """Requires valid fit settings."""
     g.fitting.refuse_wrong_settings()
 
 
 def picture(g: Gestures) -> None:
-    """A mode with pictures."""
+    """Requires a mode with pictures."""
     if g.tab.state.mode == "space":
         raise InputError("3D has no picture for that: go to Edit (1) or A | B (2) first.")
 
 
 def silhouettes(g: Gestures) -> None:
-    """A detector that has told what the person covers."""
+    """Requires a detector that provides silhouettes."""
     if g.tab.session.project.footage.silhouettes is None:
-        raise InputError("No silhouette is known: only keypoints that tcfit has found itself come with one.")
+        raise InputError("There is no silhouette: only keypoints detected by tcfit come with one.")
 
 
 def others(g: Gestures) -> None:
-    """Other people in the clip."""
+    """Requires other people in the clip."""
     if not g.tab.someone.others:
-        raise InputError("This project has one person: there is no other one to go to.")
+        raise InputError("This project has only one person.")
 
 
 def _undoable(g: Gestures) -> None:
@@ -242,7 +242,7 @@ def _looking(g: Gestures) -> None:
 
 def _suspects(g: Gestures) -> None:
     if g.reviewing.suspects == () or not g.tab.session.fits.showable():
-        raise InputError("There is no suspicious frame: either there is no fit yet, or all of them were looked at.")
+        raise InputError("There are no suspicious frames: either there is no fit yet, or all were reviewed.")
 
 
 def _listed(g: Gestures) -> None:
@@ -258,12 +258,12 @@ def _edited(g: Gestures) -> None:
 
 
 OF_SELECTION = (joints, limbs, lockable, key)
-"""What a menu need not ask that opens on a keypoint, for that is selected by then."""
+"""Needs that a menu opened on a keypoint ignores: it will be selected by then."""
 _EDIT = writable, keypoints, frames
 _OF_JOINTS = *_EDIT, joints
 _AGAIN = writable, keypoints, settings, fit
 _Row = tuple[str, str, str, Callable[[Gestures], object], tuple[Need, ...]]
-"""Of an action: its name, title, keys as "Shift+m Delete", what does it, and its needs."""
+"""By action: its name, title, keys as "Shift+m Delete", what does it, and its needs."""
 _PLAYING: tuple[_Row, ...] = (
     ("play", "Play or pause", "Space", lambda g: g.tab.toggle_playing(), ()),
     ("previous", "Previous frame", "ArrowLeft", lambda g: g.tab.step(-1), ()),
@@ -272,7 +272,7 @@ _PLAYING: tuple[_Row, ...] = (
     ("next10", "10 frames forward", "Shift+ArrowRight", lambda g: g.tab.step(10), ()),
     ("first", "First frame", "Home", lambda g: g.tab.step(-g.tab.length), ()),
     ("last", "Last frame", "End", lambda g: g.tab.step(g.tab.length), ()),
-    ("loop", "Loop or not", "l", _toggle("loop"), ()),
+    ("loop", "Loop on or off", "l", _toggle("loop"), ()),
 )
 _VIEW: tuple[_Row, ...] = (
     *(
@@ -320,7 +320,7 @@ _KEYPOINTS: tuple[_Row, ...] = (
         lambda g: g.correcting.delete_key(),
         (writable, keypoints, joints, key),
     ),
-    ("hand_along", "The hand goes with its wrist, or not", "", _toggle("hand_along"), ()),
+    ("hand_along", "Hand follows its wrist, on or off", "", _toggle("hand_along"), ()),
     ("swap_body", "Swap left and right of the body", "s", lambda g: g.correcting.swap_sides("body"), _EDIT),
     ("swap_hands", "Swap the hands", "Shift+s", lambda g: g.correcting.swap_sides("hands"), _EDIT),
     ("mirror_depth", "Mirror in depth", "Shift+m", lambda g: g.depth.send("mirror"), (*_EDIT, limbs, fit)),
@@ -328,7 +328,7 @@ _KEYPOINTS: tuple[_Row, ...] = (
     ("behind", "Put behind shoulder or hip", "", lambda g: g.depth.send("behind"), (*_EDIT, limbs, fit)),
     ("interpolate_depth", "Interpolate depth", "", lambda g: g.depth.interpolate_depth(), (*_EDIT, limbs)),
     ("pin", "Pin in space over the selected frames", "Shift+p", lambda g: g.depth.pin(), (*_OF_JOINTS, fit)),
-    ("lock", "Lock the joint as it is turned", "Shift+l", lambda g: g.depth.lock(), (*_EDIT, lockable, fit)),
+    ("lock", "Lock the joint's rotation", "Shift+l", lambda g: g.depth.lock(), (*_EDIT, lockable, fit)),
     ("unlock", "Unlock the joint", "", lambda g: g.depth.unlock(), (*_EDIT, lockable)),
     ("clear_depth", "Clear depth", "", lambda g: g.depth.clear_depth(), (*_EDIT, limbs)),
     *(
@@ -357,7 +357,7 @@ _KEYPOINTS: tuple[_Row, ...] = (
     ),
     ("cancel_detecting", "Cancel detecting again", "", lambda g: g.again.cancel(), ()),
     ("all", "Select all keypoints on show", "Ctrl+a", lambda g: g.correcting.select_all(), ()),
-    ("escape", "Cancel, select nothing", "Escape", _escape, ()),
+    ("escape", "Cancel, or clear the selection", "Escape", _escape, ()),
     ("undo", "Undo", "Ctrl+z", lambda g: g.correcting.undo(), (writable, _undoable)),
     ("redo", "Redo", "Ctrl+Shift+z Ctrl+y", lambda g: g.correcting.redo(), (writable, _redoable)),
 )
@@ -366,8 +366,8 @@ _FRAMES: tuple[_Row, ...] = (
     ("range_end", "Select frames up to here", "]", lambda g: _edge(g, first=False), ()),
     ("next_suspect", "Next suspicious frame", "n", lambda g: g.reviewing.go(1), (_suspects,)),
     ("previous_suspect", "Previous suspicious frame", "Shift+n", lambda g: g.reviewing.go(-1), (_suspects,)),
-    ("fine", "Looks fine, or not", "o", lambda g: g.reviewing.dismiss(), (writable, frames)),
-    ("flag", "Flag, or not", "t", lambda g: g.reviewing.flag(), (writable, frames)),
+    ("fine", "Looks fine, on or off", "o", lambda g: g.reviewing.dismiss(), (writable, frames)),
+    ("flag", "Flag on or off", "t", lambda g: g.reviewing.flag(), (writable, frames)),
     ("note", "Write a note", "y", lambda g: g.noting.begin(), (writable, frames)),
     ("copy_link", "Copy a link to this frame and fit", "", lambda g: g.noting.copy_link(), ()),
 )
@@ -423,11 +423,11 @@ ACTIONS: dict[str, Action] = {
     for group, rows in _GROUPS.items()
     for name, title, keys, run, needs in rows
 }
-"""By the name under which the page sends them."""
+"""By the name that the page sends."""
 
 
 def bindings() -> tuple[KeyBinding, ...]:
-    """All keys, as the page wants them."""
+    """All keys, in the page's form."""
     return tuple(
         KeyBinding(key=key.key, action=name, shift=key.shift, ctrl=key.ctrl, held=action.held)
         for name, action in ACTIONS.items()

@@ -1,4 +1,4 @@
-"""Correcting keypoints in one tab: what its gestures and keys mean for the log of edits."""
+"""Correcting keypoints in one tab: turns gestures and keys into edits of the log."""
 
 from dataclasses import dataclass
 
@@ -11,11 +11,11 @@ from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT, GROUPS
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.fitting.live import Target
-from tcfit_app.fitting.worker import Drag
+from tcfit_app.fitting.worker import LiveDrag
 from tcfit_app.project.edits.edit_log import LogEntry, Redo, Remark, Undo
 from tcfit_app.project.edits.kinds import (
     MAX_DEPTH,
-    SIDES,
+    SWAPPABLE,
     CopyFrom,
     Edit,
     Interpolate,
@@ -43,17 +43,17 @@ class _Dragging:
     frame: int
     joints: tuple[int, ...]
     start: Target
-    """Where they were at the press."""
+    """Positions at the press."""
     target: Target
-    """Where they are now."""
+    """Current positions."""
     in_depth: bool = False
     shown: Shown | None
-    drag: Drag | None = None
-    """What the fit follows; None: there is no fit that could."""
+    drag: LiveDrag | None = None
+    """The live fit that follows; None if there is none."""
 
 
 class Correcting:
-    """The corrections of one tab; its methods raise InputError for what cannot be done, and then nothing changes."""
+    """The corrections of one tab. Methods raise InputError for what cannot be done, and then change nothing."""
 
     def __init__(self, tab: Tab) -> None:
         self._tab = tab
@@ -61,11 +61,11 @@ class Correcting:
 
     @property
     def dragging(self) -> bool:
-        """Whether keypoints are under this tab's pointer."""
+        """Whether keypoints are being dragged in this tab."""
         return self._dragging is not None
 
     def take(self, event: DragEvent | DragDepthEvent) -> None:
-        """A drag in the page begins, goes on or ends."""
+        """A drag in the page starts, continues or ends."""
         if event.phase == "start":
             self._begin(event)
         dragging, in_depth = self._dragging, isinstance(event, DragDepthEvent)
@@ -135,7 +135,7 @@ class Correcting:
         else:
             edit = self._placed(frame, joints, dragging.target)
         if dragging.drag is not None:
-            dragging.drag.move(dragging.target)  # its last move may be a tick before the place that is saved
+            dragging.drag.move(dragging.target)  # its last move may lag a tick behind the position saved
         tab.session.release(dragging.drag, edit, author=tab.author, shown=dragging.shown)
         self._saved(edit, dragging.shown)
 
@@ -144,15 +144,15 @@ class Correcting:
         return placed(corrected, frame, joints, xy, keyframes=self._tab.state.keyframes)
 
     def abandon(self) -> None:
-        """End a drag without an edit: the user cancelled it, or the page is gone."""
+        """End a drag without an edit: the user cancelled it, or the page closed."""
         if self._dragging is not None and self._dragging.drag is not None:
             self._dragging.drag.abandon()
         self._dragging = None
 
     def select_all(self) -> None:
-        """Select the keypoints on show: of the groups and confidences that are, in the frame or any of those selected.
+        """Select the visible keypoints: of the groups and confidences shown, in this frame or any selected one.
 
-        Frames that are selected elsewhere do not count.
+        A selection that does not include the frame on show is ignored.
         """
         state = self._tab.state
         frames = [state.frame] if self._tab.hits_unseen else list(self._tab.chosen_frames)
@@ -181,20 +181,21 @@ class Correcting:
         self.make(Restore(frames=self._tab.frames_to_change, joints=tuple(range(part.start, part.stop))))
 
     def swap_sides(self, name: str) -> None:
-        """Exchange left and right of a part of SIDES."""
-        self.make(SwapSides(frames=self._tab.frames_to_change, joints=SIDES[name]))
+        """Exchange left and right of a part of PAIRED_PARTS."""
+        self.make(SwapSides(frames=self._tab.frames_to_change, joints=SWAPPABLE[name]))
 
     def copy_previous(self) -> None:
-        """Take the selected keypoints from the frame before this one, or before the selected ones."""
+        """Copy the selected keypoints from the frame before this one, or before the selected ones."""
         frames, joints = self._tab.frames_to_change, self.selected()
         source = frames[0] - 1
         if source < 0:
-            raise InputError("There is no frame before the first one to copy from.")
+            raise InputError("There is no frame before the first to copy from.")
         self._refuse_missing((source,), joints, "copied")
         self.make(CopyFrom(frames=frames, joints=joints, source=source))
 
     def interpolate(self) -> None:
-        """Put the selected keypoints on a line: inside the selected frames, or between the corrected ones around."""
+        """Interpolate the selected keypoints linearly: inside the selected frames, or between the corrected ones
+        around."""
         joints = self.selected()
         first, last = self._ends(joints)
         if last - first < 2:
@@ -208,19 +209,19 @@ class Correcting:
             return frames[0], frames[-1]
         edited = np.flatnonzero(self._tab.session.project.corrected.edited[:, list(joints)].all(1))
         before, after = edited[edited < state.frame], edited[edited > state.frame]
-        if state.frame in edited and len(before):  # one corrects the first frame, goes to the last, and corrects it
+        if state.frame in edited and len(before):  # the usual way: correct the first, then the last frame
             after = edited[edited == state.frame]
         elif state.frame in edited:
             before = edited[edited == state.frame]
         if not len(before) or not len(after):
             raise InputError(
-                "Interpolating needs two frames in which the selected keypoints were corrected, this one or those "
-                "around it, or a selected range of frames."
+                "Interpolating needs two frames in which the selected keypoints were corrected (this one or the "
+                "nearest on either side), or a selected range of frames."
             )
         return int(before[-1]), int(after[0])
 
     def nudge(self, dx: float, dy: float) -> None:
-        """Move the selected keypoints by some pixels in this frame."""
+        """Move the selected keypoints by a few pixels in this frame."""
         frame, state, joints = self._tab.state.frame, self._tab.state, self.selected()
         self._refuse_missing((frame,), joints, "moved")
         corrected = self._tab.session.project.corrected
@@ -235,26 +236,27 @@ class Correcting:
         self.make(self._placed(frame, there, corrected.xy[frame, list(there)] + np.array([dx, dy])))
 
     def delete_key(self) -> None:
-        """Delete the keyframe of the selected keypoints in this frame; it then follows those around it."""
+        """Delete the keyframe of the selected keypoints in this frame, which is then interpolated from those around
+        it."""
         frame, corrected = self._tab.state.frame, self._tab.session.project.corrected
         self.make(removed(corrected, frame, keys_in(corrected, self.selected(), frame)))
 
     def move_key(self, frame: int, to: int) -> None:
-        """Take the keyframe of the selected keypoints, or of all without any, from one frame to another."""
+        """Move the keyframe of the selected keypoints (of all, if none are selected) to another frame."""
         corrected, joints = self._tab.session.project.corrected, self._tab.state.selection or tuple(range(COUNT))
         self.make(moved(corrected, frame, to, keys_in(corrected, joints, frame)))
 
     def reset(self) -> None:
-        """Back to what was detected."""
+        """Reset to the detection."""
         self.make(Reset(frames=self._tab.frames_to_change, joints=self.selected()))
 
     def set_confidence(self, confidence: float) -> None:
-        """Say how sure the selected keypoints are."""
+        """Set the confidence of the selected keypoints."""
         self._refuse_missing(self._tab.frames_to_change, self.selected(), "given a confidence")
         self.make(SetConfidence(frames=self._tab.frames_to_change, joints=self.selected(), confidence=confidence))
 
     def undo(self) -> None:
-        """Take back the project's last edit or mark, and show where it was."""
+        """Undo the project's last edit or mark, and show where it was."""
         self.refuse_while_dragging()
         tab = self._tab
         shown = tab.look().b
@@ -262,7 +264,7 @@ class Correcting:
         self._went_back(entry, shown, "Undone")
 
     def redo(self) -> None:
-        """Bring back the edit or mark that was undone last, and show where it is."""
+        """Redo the edit or mark undone last, and show where it is."""
         self.refuse_while_dragging()
         tab = self._tab
         shown = tab.look().b
@@ -294,33 +296,33 @@ class Correcting:
         if (self._tab.session.project.corrected.confidence[np.ix_(frames, joints)] > 0).any():
             return
         where = in_words(frames, self._tab.first_frame)
-        raise InputError(f"Nothing to be {what}: none of the selected keypoints is anywhere in {where}.")
+        raise InputError(f"Cannot be {what}: none of the selected keypoints exists in {where}.")
 
     def refuse_bad(self, frames: tuple[int, ...], joints: tuple[int, ...]) -> None:
-        """Raise InputError where nothing can be said of depth: all of them are marked bad."""
+        """Raise InputError if all of them are marked bad, so that depth cannot be set."""
         if self._tab.session.project.corrected.bad[np.ix_(frames, joints)].all():
-            raise InputError("The depth of keypoints that are marked bad does not count: restore them first (X).")
+            raise InputError("Keypoints marked bad have no depth: restore them first (X).")
 
     def refuse_while_dragging(self) -> None:
-        """Raise InputError during a drag, whose end would undo what is done to its keypoints meanwhile."""
+        """Raise InputError during a drag, whose end would overwrite what is done to its keypoints meanwhile."""
         if self.dragging:
-            raise InputError("A keypoint is being dragged: let go of it first, or give it up with Esc.")
+            raise InputError("A keypoint is being dragged: release it first, or cancel with Esc.")
 
     def make(self, edit: Edit) -> None:
-        """Make an edit, say so, and let the fit follow. Raises InputError if it cannot be made."""
+        """Make an edit, announce it, and let the fit follow. Raises InputError if it cannot be made."""
         self.refuse_while_dragging()
         self._tab.refuse_read_only()
         self._tab.pause()
         self.keep(edit)
 
     def keep(self, edit: Edit, remark: str = "") -> None:
-        """The same for what was begun earlier, whatever goes on meanwhile; `remark` is said after it."""
+        """The same for an edit begun earlier, whatever else is going on; `remark` is appended to the message."""
         tab, shown = self._tab, self._tab.look().b
         tab.session.edit(edit, author=tab.author, shown=shown)
         self._saved(edit, shown, remark)
 
     def _saved(self, edit: Edit, shown: Shown | None, remark: str = "") -> None:
-        """An edit is on the disk, and the fit that was on show follows it."""
+        """An edit is stored; make the fit that was on show follow it."""
         obstacle = self._tab.session.edit_follower.obstacle(shown)
         unfollowed = f". The fit does not follow: {obstacle}" if obstacle else ""
         self._tab.say(f"Saved: {describe(edit, self._tab.first_frame)}{remark}{unfollowed}")

@@ -1,4 +1,4 @@
-"""Correcting the third dimension in one tab: limbs sent to the other side in depth, keypoints pinned, joints locked."""
+"""Correcting depth in one tab: limbs flipped in depth, keypoints pinned, joints locked."""
 
 import numpy as np
 from jaxtyping import Float
@@ -17,18 +17,17 @@ from tcfit_app.review.tab.tab import Tab
 
 
 class CorrectingDepth:
-    """Corrections of depth of one tab; its methods raise InputError for what cannot be done, and nothing changes."""
+    """The depth corrections of one tab. Methods raise InputError for what cannot be done, and then change nothing."""
 
     def __init__(self, tab: Tab, correcting: Correcting) -> None:
         self._tab, self._correcting = tab, correcting
 
     def send(self, way: Way) -> None:
-        """Send the limbs of the selected keypoints to a side of their shoulders or hips in depth."""
+        """Put the limbs of the selected keypoints on one side of their shoulders or hips in depth."""
         self.send_limbs(way, self._tab.frames_to_change, self._correcting.selected())
 
     def send_limbs(self, way: Way, frames: tuple[int, ...], joints: tuple[int, ...]) -> None:
-        """Send the limbs of some keypoints in some frames to a side of their roots, from where the fit on show has
-        them."""
+        """Put the limbs of some keypoints in some frames on one side of their roots, starting from the fit on show."""
         limbs = limbs_of(joints)
         seen = self._seen_body(frames)
         depths = np.concatenate([seen.sent(limb, way) for limb in limbs], 1)
@@ -39,12 +38,12 @@ class CorrectingDepth:
         self._correcting.make(depth_edit(frames, joints, depths))
 
     def lock(self) -> None:
-        """Let the joints of the selected keypoints stay turned as the fit has them now, in the chosen frames."""
+        """Lock the joints of the selected keypoints at their rotation in the fit on show, in the chosen frames."""
         tab, joints = self._tab, self.lockable()
         frames, shown = tab.frames_to_change, tab.look().b
         now = tab.state.frame
         if shown is None or not shown.has(now):
-            raise InputError("How a joint is turned is told by the fit on show, and there is none here: fit first.")
+            raise InputError("The rotation is taken from the fit on show, and there is none here: fit first.")
         swaps = unswapped(tab.session.project.clip.keypoints)[1] if shown.run.config.unswap_sides else {}
         sides = [name for name, swapped in swaps.items() if now in swapped]
         of_body = tuple(other_side(joint, sides) for joint in joints)
@@ -54,7 +53,7 @@ class CorrectingDepth:
         self._correcting.make(Lock(frames=frames, joints=of_body, turn=rounded))
 
     def unlock(self) -> None:
-        """Let the joints of the selected keypoints turn again."""
+        """Unlock the joints of the selected keypoints."""
         frames, joints = self._tab.frames_to_change, self.lockable()
         if not self._tab.session.project.corrected[np.ix_(frames, joints)].locked.any():
             raise InputError(f"None of the selected joints is locked in {in_words(frames, self._tab.first_frame)}.")
@@ -71,9 +70,7 @@ class CorrectingDepth:
         tab = self._tab
         shown, project = tab.look().b, tab.session.project
         if shown is None or not all(map(shown.has, frames)):
-            raise InputError(
-                "Where a limb goes in depth is told from the fit on show, and there is none here: fit first."
-            )
+            raise InputError("Depth is taken from the fit on show, and there is none here: fit first.")
         keypoints, params = project.clip.keypoints, shown.params[list(frames)]
         body = tab.session.bodies.of(shown.run.body)
         swaps = unswapped(keypoints)[1] if shown.run.config.unswap_sides else {}
@@ -86,8 +83,8 @@ class CorrectingDepth:
         )
 
     def interpolate_depth(self) -> None:
-        """Put the depths of the selected limbs on a line, between told ones: the ends of the selected frames, or the
-        nearest before and after the one on show. Their places in the image stay."""
+        """Interpolate the depths of the selected limbs between frames where they are set: the ends of the selected
+        frames, or the nearest ones before and after the frame on show. Their image positions stay."""
         joints = tuple(joint for limb in limbs_of(self._correcting.selected()) for joint in limb[1:])
         told = self._tab.session.project.corrected[:, list(joints)].told_depth
         known = np.flatnonzero(np.isfinite(told).all(1))
@@ -104,33 +101,35 @@ class CorrectingDepth:
         self._set_depth(between, joints, depths)
 
     def clear_depth(self) -> None:
-        """Take back what was said of the depth of the selected limbs."""
+        """Clear the depths set for the selected limbs."""
         frames, joints = (
             self._tab.frames_to_change,
             [joint for limb in limbs_of(self._correcting.selected()) for joint in limb[1:]],
         )
         if not np.isfinite(self._tab.session.project.corrected.depth[np.ix_(frames, joints)]).any():
             where = in_words(frames, self._tab.first_frame)
-            raise InputError(f"Nothing was said of the depth of the selected limbs in {where}.")
+            raise InputError(f"No depth is set for the selected limbs in {where}.")
         self._correcting.make(ClearDepth(frames=frames, joints=tuple(joints)))
 
     def pin(self) -> None:
-        """Let the selected keypoints stay where the fit has them now, in all of the selected frames."""
+        """Pin the selected keypoints to their current position in the fit, in all selected frames."""
         tab, joints = self._tab, self._correcting.selected()
         frames, now = tab.frames_to_change, tab.state.frame
         if tab.session.project.footage.camera.path is not None:
             raise InputError(
-                "The camera of this clip moves, and what is pinned stays in one place of the picture. Set where it is "
-                "in single frames instead; feet that stand are held in the world by the fit itself."
+                "The camera of this clip moves, and pinned keypoints stay in one place of the picture. Move them "
+                "in single frames instead; the fit itself keeps standing feet in place in the world."
             )
         if tab.state.frames is None:
-            raise InputError("Select the frames first in which they are to stay where they are now: [ and ].")
+            raise InputError("First select the frames in which to pin them: [ and ].")
         if beyond := [joint for joint in joints if joint >= BODY.stop]:
-            raise InputError(f"{len(beyond)} of the selected keypoints are not the body's, which alone have a depth.")
+            raise InputError(
+                f"{len(beyond)} of the selected keypoints are not body keypoints, and only those have a depth."
+            )
         seen = self._seen_body(frames)
         points = seen.points[frames.index(now), list(joints)]
         if not np.isfinite(points).all():
-            raise InputError("The body of this fit lacks some of the selected keypoints: take others.")
+            raise InputError("The body model of this fit lacks some of the selected keypoints: select others.")
         xy = points[:, :2] / points[:, 2:] * seen.camera.focal + seen.camera.center
         depths = np.round(points[:, 2] - seen.pelvis[:, None], 4)
         places = tuple((round(float(u), 3), round(float(v), 3)) for u, v in xy)

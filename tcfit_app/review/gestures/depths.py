@@ -1,4 +1,4 @@
-"""Where a limb is that goes to another side of its root in depth, seen alike in the image: what `SetDepth` is told.
+"""Where a limb goes when it is flipped in depth about its root, with the same image: the values of `SetDepth`.
 
 Depths are metres behind the pelvis along the camera's z, as everywhere in edits.
 """
@@ -16,12 +16,12 @@ from fitting_core.fit.evidence.sides import other_side
 from fitting_core.keypoints import INDEX, Keypoints
 
 Way = Literal["mirror", "front", "behind"]
-"""To the other side, or to the one that is nearer to the camera or farther away."""
-Limb = tuple[int, int, int]
+"""Mirrored, or on the side nearer to or farther from the camera."""
+LimbPoints = tuple[int, int, int]
 """Keypoints of an arm or a leg: its root (shoulder or hip), its elbow or knee, its wrist or ankle."""
 
 _PARTS = {"arm": ("shoulder", "elbow", "wrist"), "leg": ("hip", "knee", "ankle")}
-_LIMBS: tuple[Limb, ...] = tuple(
+_LIMBS: tuple[LimbPoints, ...] = tuple(
     (INDEX[f"{side}_{root}"], INDEX[f"{side}_{middle}"], INDEX[f"{side}_{end}"])
     for side in ("left", "right")
     for root, middle, end in _PARTS.values()
@@ -33,39 +33,39 @@ _FEET = {
     for part in ("big_toe", "small_toe", "heel")
 }
 _IN_PLANE = 0.05
-"""Metres of depth from its root under which a keypoint is on neither side of it: the fit does not tell how deep the
-limb reaches, its length in the image does."""
+"""Metres of depth from its root below which a keypoint is on neither side of it: there the fit does not determine the
+limb's depth, only its length in the image does."""
 
 
-def limbs_of(joints: Collection[int]) -> tuple[Limb, ...]:
-    """The arms and legs of which any keypoint but the root is among these. Raises InputError if there is none."""
+def limbs_of(joints: Collection[int]) -> tuple[LimbPoints, ...]:
+    """The arms and legs with any keypoint but the root among these. Raises InputError if there are none."""
     chosen = {_FEET.get(joint, joint) for joint in joints}
     found = tuple(limb for limb in _LIMBS if chosen & set(limb[1:]))
     if not found:
-        raise InputError("Depth is said of arms and legs: select an elbow, a wrist, a knee, an ankle or a foot first.")
+        raise InputError("Depth is set for arms and legs: select an elbow, a wrist, a knee, an ankle or a foot first.")
     return found
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SeenBody:
-    """A fitted body in some frames beside the keypoints that it was seen by."""
+    """A fitted body in some frames, with the keypoints it was fitted to."""
 
     points: Float[np.ndarray, "F 137 3"]
     """The body's keypoints in camera space, metres."""
     pelvis: Float[np.ndarray, "F"]
     """z of the pelvis in camera space, metres."""
     keypoints: Keypoints
-    """As they stand, of the same frames."""
+    """As corrected, in the same frames."""
     camera: Camera
     swapped: Sequence[Collection[str]]
-    """For each frame the pairs of limbs whose sides the fit has swapped back (names of `sides.PAIRED`)."""
+    """For each frame the pairs of limbs whose sides the fit unswapped (names of `sides.PAIRED`)."""
 
-    def sent(self, limb: Limb, way: Way) -> Float[np.ndarray, "F 2"]:
-        """Depths of elbow and wrist, or of knee and ankle, with each bone as long as it is and at the same pixels.
+    def sent(self, limb: LimbPoints, way: Way) -> Float[np.ndarray, "F 2"]:
+        """Depths of elbow and wrist, or of knee and ankle, that keep the length of each bone and the pixels.
 
-        Each bone then has two ways to lie, nearer or farther. "mirror" takes the other one of both; the other ways take
-        the pair that comes nearest to having elbow and wrist as far from the root as they are, on the asked side of it;
-        what would still be on the other side is put as deep as the root.
+        Each bone then has two solutions, nearer or farther. "mirror" takes the other one of both; the other ways take,
+        among the poses on the requested side, the one closest to the current distances of elbow and wrist from the
+        root; whatever would still be on the wrong side is put at the root's depth.
         """
         ends = [[other_side(joint, pairs) for joint in limb[1:]] for pairs in self.swapped]
         roots = np.array([[_ROOT[middle]] for middle, _ in ends])
@@ -87,8 +87,8 @@ class SeenBody:
         found = np.maximum(reached[np.arange(len(poses)), chosen], 0)
         return points[:, :1, 2] + side * found - self.pelvis[:, None]
 
-    def _rays(self, limb: Limb) -> Float[np.ndarray, "F 2 3"]:
-        """Through the keypoints of elbow and wrist, at z = 1."""
+    def _rays(self, limb: LimbPoints) -> Float[np.ndarray, "F 2 3"]:
+        """Viewing rays through the keypoints of elbow and wrist, at z = 1."""
         xy = (self.keypoints.xy[:, limb[1:]] - self.camera.center) / self.camera.focal
         return np.concatenate([xy, np.ones((*xy.shape[:2], 1))], 2)
 
@@ -96,7 +96,7 @@ class SeenBody:
 def _poses(
     points: Float[np.ndarray, "F 3 3"], rays: Float[np.ndarray, "F 2 3"]
 ) -> tuple[Float[np.ndarray, "F 4 2"], Int[np.ndarray, "F"]]:
-    """z of elbow and wrist in the four poses of a limb on two rays, and in which of them it is.
+    """z of elbow and wrist in the four poses of a limb on two rays, and which of them is the current one.
 
     The poses by number: 0 both bones nearer, 1 the upper one nearer, 2 the lower one nearer, 3 both farther.
     """
@@ -111,7 +111,8 @@ def _poses(
 def _ends(
     start: Float[np.ndarray, "F 3"], length: Float[np.ndarray, "F"], ray: Float[np.ndarray, "F 3"]
 ) -> tuple[Float[np.ndarray, "F 3"], Float[np.ndarray, "F 3"]]:
-    """Where bones of some lengths can end on unit rays, nearer and farther; the nearest point of a ray out of reach."""
+    """Where bones of given lengths can end on unit rays, nearer and farther; the closest point of a ray out of
+    reach."""
     along = (start * ray).sum(1)
     half = np.sqrt(np.maximum(length**2 - (start**2).sum(1) + along**2, 0))
     return (along - half)[:, None] * ray, (along + half)[:, None] * ray

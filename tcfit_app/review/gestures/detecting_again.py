@@ -15,11 +15,11 @@ from tcfit_app.review.session.tasks import Task
 from tcfit_app.review.tab.tab import Tab
 
 _LEAST = 2.0
-"""Pixels that a rectangle is wide and high at least."""
+"""Minimum width and height of a rectangle, pixels."""
 
 
 def missing_parts(corrected: Corrected, frame: int) -> tuple[PartOfPerson, ...]:
-    """What was not found in a frame: of somebody who is not there at all, nothing else is named."""
+    """What was not found in a frame; only "person" if nobody was."""
     there = corrected.confidence[frame] > 0
     if not there[BODY].any():
         return ("person",)
@@ -27,26 +27,26 @@ def missing_parts(corrected: Corrected, frame: int) -> tuple[PartOfPerson, ...]:
 
 
 class DetectingAgain:
-    """Second looks of one tab, one at a time; its methods raise InputError for what cannot be done."""
+    """Second looks in one tab, one at a time. Methods raise InputError for what cannot be done."""
 
     def __init__(self, tab: Tab, correcting: Correcting) -> None:
         self._tab, self._correcting = tab, correcting
         self.going: Task[DetectAgain | None] | None = None
-        """The look that began last."""
+        """The second look started last."""
         self.framing: PartOfPerson | None = None
-        """What the next drag in the picture draws a rectangle around."""
+        """What the next rectangle drawn in the picture is for."""
 
     @property
     def busy(self) -> bool:
-        """Whether something is being looked for."""
+        """Whether a second look is running."""
         return self.going is not None and self.going.state == "running"
 
     def look(self, part: PartOfPerson, region: Region | None = None) -> None:
-        """Begin to look for a part.
+        """Start looking for a part.
 
         Args:
-            part: What.
-            region: Of the picture as it is shown, in which it is; None: wherever the person is.
+            part: Which part.
+            region: The rectangle of the picture to look in; None: wherever the person is.
         """
         self.refuse()
         tab, self.framing = self._tab, None
@@ -60,12 +60,12 @@ class DetectingAgain:
         )
 
     def frame(self, part: PartOfPerson) -> None:
-        """Have the next drag in the picture draw a rectangle in which a part is looked for."""
+        """Make the next drag in the picture draw the rectangle to look in."""
         self._tab.pause()
         self.framing = part
 
     def take(self, event: Framed) -> None:
-        """The rectangle has been drawn."""
+        """A rectangle was drawn."""
         tab, part = self._tab, self.framing
         if part is None or event.frame >= tab.length:
             return
@@ -83,25 +83,25 @@ class DetectingAgain:
         return left, top, right, bottom
 
     def give_up_framing(self) -> bool:
-        """No rectangle after all; whether one was to be drawn."""
+        """Cancel drawing a rectangle; returns whether one was to be drawn."""
         framing, self.framing = self.framing, None
         return framing is not None
 
     def cancel(self) -> None:
-        """Stop looking; the keypoints stay as they are."""
+        """Stop looking; keypoints are unchanged."""
         if self.going is not None:
             self.going.cancel()
 
     def refuse_blind(self) -> None:
-        """Raises InputError where there are no keypoints that can be changed, or no video to look at."""
+        """Raises InputError if there are no keypoints that can be changed, or no video."""
         session = self._tab.session
         self._tab.refuse_read_only()
         session.refuse_without_keypoints()
         if session.project.media.path is None:
-            raise InputError("The project's video is not there, so there is nothing to look at.")
+            raise InputError("The project's video is missing, so nothing can be detected.")
 
     def refuse(self) -> None:
-        """Raises InputError as `refuse_blind`, and while something is being looked for."""
+        """Raises InputError as `refuse_blind`, and while a second look is running."""
         self.refuse_blind()
         if self.busy:
             assert self.going is not None
@@ -117,12 +117,12 @@ class DetectingAgain:
             where = in_words(look.frames, tab.first_frame)
             return tab.notify(Notice(title=f"No {name} was found in {where}.", text=_advice(look)))
         if tab.session.project.footage.camera.lens != clip.camera.lens:
-            raise InputError("The camera has another lens by now. Detect again.")
+            raise InputError("The camera's lens has changed meanwhile. Detect again.")
         left = sorted({*look.frames} - {*edit.frames})
         self._correcting.keep(edit, f"; not found in {in_words(left, tab.first_frame)}" if left else "")
 
 
 def _advice(look: SecondLook) -> str:
     if look.region is None:
-        return f"If you see it there, detect the {part_name(look.part)} in a rectangle."
-    return "Try a rectangle that is a little larger, or place the keypoints by hand."
+        return f"If it is visible there, detect the {part_name(look.part)} in a rectangle."
+    return "Try a slightly larger rectangle, or place the keypoints by hand."

@@ -34,9 +34,9 @@ from tcfit_app.review.gestures.keyframing import HANDS_OF
 from tcfit_app.review.tab.browser_tab import BROWSER
 
 FEW = 3
-"""Keypoints that are named one by one."""
+"""Up to so many keypoints are named individually."""
 SHORT_TEXT = 40
-"""Characters of a note in the history."""
+"""Characters of a note shown in the history."""
 
 VERBS: dict[type[Edit], str] = {
     MoveKeypoint: "moved",
@@ -54,7 +54,7 @@ VERBS: dict[type[Edit], str] = {
     SetDepth: "set in depth",
     ClearDepth: "depth cleared",
     Pin: "pinned in space",
-    Lock: "locked as it is turned",
+    Lock: "rotation locked",
     Unlock: "unlocked",
     TakeOver: "exchanged with",
     DetectAgain: "detected again",
@@ -69,7 +69,7 @@ MARKS: dict[MarkState | None, str] = {
 
 
 def describe(edit: Said, first_frame: int = 0) -> str:
-    """An edit in words: what, which keypoints, which frames, the first of which has the number `first_frame`."""
+    """An edit in words: what, which keypoints, which frames; `first_frame` is the number shown for frame 0."""
     if isinstance(edit, MarkFrames):
         return f"{MARKS[edit.state]}, {in_words(edit.frames, first_frame)}"
     if isinstance(edit, WriteNote):
@@ -91,14 +91,14 @@ def describe(edit: Said, first_frame: int = 0) -> str:
 
 
 def whose(author: str, me: str) -> str:
-    """Who made an edit, for the one who reads it: "you", a name, or "another browser"."""
+    """Who made an edit, as shown to its reader: "you", a name, or "another browser"."""
     if author == me:
         return "you"
     return "another browser" if author.startswith((BROWSER, "tab ")) else author
 
 
 def part_name(part: PartOfPerson) -> str:
-    """What can be looked for, as users read it."""
+    """The user's name for a part that can be detected again."""
     return part.replace("_", " ")
 
 
@@ -109,7 +109,7 @@ def _note_in_words(note: WriteNote) -> str:
 
 
 def shortened(text: str) -> str:
-    """The beginning of a text, in one line."""
+    """The beginning of a text, on one line."""
     return textwrap.shorten(text, SHORT_TEXT, placeholder=" …")
 
 
@@ -122,15 +122,15 @@ def _keypoints_in_words(joints: tuple[int, ...]) -> str:
 
 
 def _in_depth(edit: SetDepth) -> str:
-    """Where keypoints were put: "12 to 34 cm nearer than the pelvis"."""
+    """Where keypoints were put: "12 to 34 cm in front of the pelvis"."""
     values = np.round(100 * np.array(edit.depth)).astype(int)
     return f"put {depth_words(values.min(), values.max())}"
 
 
 def depth_words(least: int, most: int) -> str:
-    """Centimetres behind the pelvis in words, from the least to the most of them."""
+    """A range of depths relative to the pelvis in words; centimetres, positive behind it."""
     if least < 0 < most:
-        return f"{-least} cm nearer to {most} cm farther than the pelvis"
+        return f"{-least} cm in front of to {most} cm behind the pelvis"
     near, far = sorted((abs(int(least)), abs(int(most))))
     amount = f"{far} cm" if near == far else f"{near} to {far} cm"
-    return f"{amount} {'nearer' if least < 0 else 'farther'} than the pelvis"
+    return f"{amount} {'in front of' if least < 0 else 'behind'} the pelvis"

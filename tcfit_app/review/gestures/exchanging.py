@@ -1,4 +1,4 @@
-"""Two people of a clip who were taken for each other: what is uncertain about them, and how that is put right."""
+"""Two people of a clip who were confused: what is uncertain about them, and how to correct it."""
 
 import uuid
 
@@ -19,29 +19,29 @@ _ALL = tuple(range(COUNT))
 
 
 class Exchanging:
-    """In one tab. Frames of spans are numbers in the video, as people.json has them."""
+    """In one tab. Spans are video frame numbers, as in people.json."""
 
     def __init__(self, tab: Tab, correcting: Correcting) -> None:
         self._tab, self._correcting = tab, correcting
 
     @property
     def doubts(self) -> list[Doubt]:
-        """Where the person on show may be another one."""
+        """Where the person on show may be someone else."""
         someone = self._tab.someone
         return [] if someone.group is None else someone.group.doubts(someone.number)
 
     @property
     def halves(self) -> list[str]:
-        """Exchanges that are not whole, in words; there are none unless tcfit was killed or a project opened alone."""
+        """Incomplete exchanges, in words; they arise only if tcfit was killed or a project was opened alone."""
         someone = self._tab.someone
         found = [] if someone.group is None else someone.group.half_exchanged(someone.number)
         return [
-            f"{_words(span).capitalize()} were taken over from {other.person.name}, who has none from here. Undo that."
+            f"{_words(span).capitalize()} were taken over from {other.person.name}, but not in exchange. Undo that."
             for other, span in found
         ]
 
     def go(self, doubt: Doubt) -> None:
-        """To the first of its frames; all are selected."""
+        """Go to its first frame and select them all."""
         tab = self._tab
         last = tab.length - 1
         first, end = (min(max(number - tab.first_frame, 0), last) for number in doubt.span)
@@ -50,7 +50,8 @@ class Exchanging:
         tab.set(frames=range(first, end + 1))
 
     def confirm(self, doubt: Doubt) -> None:
-        """It is this person: these frames are uncertain no more. Raises InputError if that cannot be written."""
+        """Confirm that it is this person: these frames are no longer uncertain. Raises InputError if that cannot be
+        saved."""
         someone = self._tab.someone
         self._tab.refuse_read_only()
         assert someone.group is not None
@@ -58,14 +59,14 @@ class Exchanging:
         self._tab.say(f"It is {someone.name}: {_words(doubt.span)}")
 
     def exchange(self, other: Someone, number: int) -> None:
-        """Exchange the keypoints of two people from a frame on, in both projects.
+        """Swap the keypoints of two people from a frame on, in both projects.
 
         Args:
-            other: With whom.
-            number: Of the frame in the video.
+            other: The other person.
+            number: The video frame number.
 
         Raises:
-            InputError: They are not both there from this frame on, or a project cannot be written.
+            InputError: They are not both present from this frame on, or a project cannot be written.
         """
         mine = self._tab.someone
         self._correcting.refuse_while_dragging()
@@ -103,7 +104,7 @@ class Exchanging:
 
 
 def _keypoints(someone: Someone, numbers: range) -> bytes:
-    """As they count now: what is marked bad has confidence 0."""
+    """Keypoints as they count now: confidence 0 for those marked bad."""
     first = someone.session.project.footage.first_frame
     now: Corrected = someone.session.project.corrected.at(tuple(n - first for n in numbers), _ALL)
     confidence = np.where(now.bad, 0.0, now.confidence)

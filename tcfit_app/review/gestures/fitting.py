@@ -1,4 +1,4 @@
-"""What one browser's fit settings are for: whole fits, re-runs of frames, of what was edited, and of the shape."""
+"""Fits from one browser tab with its settings: whole fits, re-runs of frames, around edits, and of the shape."""
 
 import math
 from collections.abc import Callable
@@ -11,30 +11,30 @@ from fitting_core.config.settings import check
 from fitting_core.errors import InputError
 from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.fitting.jobs import around
-from tcfit_app.imports.given import NOTHING, Known
+from tcfit_app.imports.given import NOTHING, KnownInputs
 from tcfit_app.project.storage.run_record import Given, Run, Source
 from tcfit_app.review.session.tasks import Task
 from tcfit_app.review.tab.state import FitSettings
 from tcfit_app.review.tab.tab import Tab
 
 FOCAL_SOURCE = "set in the review"
-"""Where such a focal length comes from."""
+"""Source of a focal length set there."""
 
 
 class Fitting:
-    """Begins fits for one tab, with its settings."""
+    """Starts fits for one tab, with its settings."""
 
     def __init__(self, tab: Tab) -> None:
         self._tab = tab
-        self._reading: Task[Known] | None = None
-        """Of what the next fit is told."""
+        self._reading: Task[KnownInputs] | None = None
+        """The task that reads what the next fit is given."""
 
     def everything(self) -> None:
-        """Fit all phases. Raises InputError if a setting is wrong, or it cannot be begun."""
+        """Fit all phases. Raises InputError if a setting is invalid, or the fit cannot be started."""
         self._begin(self._checked())
 
     def refine(self, run: Run) -> None:
-        """Fit all phases, beginning with what a run has found. Raises InputError as `everything`."""
+        """Fit all phases, starting from a run's result. Raises InputError as `everything`."""
         settings = self._checked()
         self._begin(replace(settings, given=structs.replace(settings.given, start=Source(run=run.id))))
 
@@ -45,14 +45,14 @@ class Fitting:
             camera_of(settings, session.project.footage.camera),
         )
 
-        def begin(known: Known) -> None:
+        def begin(known: KnownInputs) -> None:
             before = tab.look().b
             session.fit_everything(settings.config, **body, camera=camera, known=known)
             start = known.given.start
             if start is not None and start.run is not None:
                 tab.set(a=FitChoice(run=start.run), b=FitChoice())
             else:
-                self._show_beside(before, FitChoice())  # the newest of which there is something to see
+                self._show_beside(before, FitChoice())  # the newest run with a result
             tab.say("Fit everything: started")
 
         if settings.given == Given():
@@ -62,41 +62,40 @@ class Fitting:
             self._read(session.reading(settings.given, **body, camera=camera), begin)
 
     def _check_paths(self, given: Given) -> None:
-        """Raise InputError for a file that this page may not name: settings of a run name any."""
+        """Raise InputError for a file that this page may not read: settings of a run may name any file."""
         for source in (given.start, given.shape):
             if source is not None and source.run is None:
                 self._tab.files.path(source.path)
 
-    def _read(self, read: Callable[[], Known], then: Callable[[Known], None]) -> None:
-        """Read what a fit is told, beside the drawing thread, and begin it then."""
+    def _read(self, read: Callable[[], KnownInputs], then: Callable[[KnownInputs], None]) -> None:
+        """Read what a fit is given, off the drawing thread, and then start it."""
         if self._reading is not None and self._reading.state == "running":
-            raise InputError("What the fit before is told is still being read: wait for it.")
-        self._reading = self._tab.begin("Reading what the fit is told", lambda report: read(), then)
-        self._tab.say("Reading what the fit is told …")
+            raise InputError("Still loading the previous fit's start and shape: wait for it.")
+        self._reading = self._tab.begin("Loading the fit's start and shape", lambda report: read(), then)
+        self._tab.say("Loading the fit's start and shape …")
 
     def frames(self) -> None:
-        """Fit the selected frames of B again. Raises InputError as `everything`, and if none are selected."""
+        """Refit the selected frames of B. Raises InputError as `everything`, and if none are selected."""
         self._rerun((self.selected_frames(),))
 
     def selected_frames(self) -> range:
-        """Those that are selected in the timeline. Raises InputError if none are."""
+        """The frames selected in the timeline. Raises InputError if there are none."""
         frames = self._tab.state.frames
         if frames is None:
             raise InputError("Select frames first: Shift-drag in the timeline, or set both ends with [ and ].")
         return frames
 
     def edited(self) -> None:
-        """Fit B again around its edited and flagged frames. Raises InputError as `everything`, and if there are none.
-
-        Edited are those that the run has not seen.
+        """Refit B around flagged frames and those edited since the run. Raises InputError as `everything`, and if there
+        are none.
         """
         self._rerun(self.edited_windows())
 
     def shape(self) -> None:
-        """Find B's shape again, and fit consistency under it. Raises InputError as `everything`."""
+        """Re-estimate B's shape, and refit with it. Raises InputError as `everything`."""
         before, settings, session = self.base(), self._checked(), self._tab.session
 
-        def begin(known: Known) -> None:
+        def begin(known: KnownInputs) -> None:
             run = session.rerun_shape(before, settings.config, known=known)
             self._show_beside(before, FitChoice(run=run.id))
             self._tab.say("Re-run shape: started")
@@ -108,13 +107,13 @@ class Fitting:
             self._read(session.reading_shape(settings.given, before), begin)
 
     def edited_windows(self) -> tuple[range, ...]:
-        """The frames that `edited` fits again. Raises InputError if there are none, or as `base`."""
+        """The frames that `edited` refits. Raises InputError if there are none, or as `base`."""
         tab, shown, project = self._tab, self.base(), self._tab.session.project
         reach = tab.state.settings.reach
         key = shown.run, reach, project.keypoints_version, project.marks_version
         windows = tab.once("edited windows", key, lambda: self._edited_windows(shown, reach))
         if not windows:
-            raise InputError("No frame is flagged, and none was edited since this run: there is nothing to re-run.")
+            raise InputError("No frame is flagged or was edited since this run: there is nothing to re-run.")
         return windows
 
     def _edited_windows(self, shown: Shown, reach: int) -> tuple[range, ...]:
@@ -129,17 +128,17 @@ class Fitting:
         self._tab.say("Re-run: started")
 
     def _show_beside(self, before: Shown | None, b: FitChoice) -> None:
-        """The new run becomes B, and what was B stays on show as A: so one sees what changes."""
+        """Show the new run as B and the previous B as A, so that the change is visible."""
         tab = self._tab
         other = None if tab.state.a.run is None else tab.session.fits.run(tab.state.a.run)
-        # One that was imported is what everything is compared with.
+        # An imported run is what everything is compared with.
         if before is None or (other is not None and other.kind == "imported"):
             tab.set(b=b)
         else:
             tab.set(a=replace(tab.state.b, run=before.run.id), b=b)
 
     def base(self) -> Shown:
-        """B, which is fitted again. Raises InputError if there is no fit."""
+        """B, which is refitted. Raises InputError if there is no fit."""
         shown = self._tab.shown.b
         if shown is None:
             raise InputError("There is no fit yet to re-run: fit everything first.")
@@ -153,16 +152,16 @@ class Fitting:
         return settings
 
     def refuse_wrong_settings(self) -> None:
-        """Raises InputError that says what was entered and cannot be used."""
+        """Raises InputError naming the invalid setting."""
         if problems := self._tab.state.settings.problems:
             raise InputError(problems[0][1])
 
 
 def camera_of(settings: FitSettings, camera: Camera) -> Camera:
-    """The clip's camera with the focal length that was chosen; pixels stay square if they are.
+    """The clip's camera with the chosen focal length; square pixels stay square.
 
     Raises:
-        InputError: It is no focal length.
+        InputError: The focal length is invalid.
     """
     if settings.focal is None:
         return camera

@@ -1,4 +1,4 @@
-"""Where keypoints go when they are put somewhere in one frame: which others go along, and which frames follow."""
+"""Which keypoints and frames follow when keypoints are moved in one frame."""
 
 from collections.abc import Iterable
 
@@ -9,17 +9,17 @@ from numpy import ndarray
 from fitting_core.errors import InputError
 from fitting_core.keypoints import INDEX, LEFT_HAND, RIGHT_HAND
 from tcfit_app.project.edits.corrected import Corrected
-from tcfit_app.project.edits.keyframes import REACH, joined
+from tcfit_app.project.edits.keyframes import LONGEST_GAP, joined
 from tcfit_app.project.edits.kinds import MAX_DEPTH, MoveKey, MoveKeypoint, PlaceKey, RemoveKey, SetDepth
 
 HANDS_OF = {INDEX["left_wrist"]: LEFT_HAND, INDEX["right_wrist"]: RIGHT_HAND}
-"""By the wrist among the body's keypoints, the hand that it takes along, whose first keypoint is the same wrist."""
+"""By wrist among the body's keypoints, the hand that follows it; the hand's first keypoint is the same wrist."""
 
 
 def with_hands(joints: tuple[int, ...], corrected: Corrected, frame: int) -> tuple[int, ...]:
-    """With the keypoints of the hands whose wrists are among these, and the other keypoint of these wrists.
+    """Adds the keypoints of the hands whose wrists are among these, and the duplicates of those wrists.
 
-    Only what is somewhere in the frame comes along.
+    Only keypoints present in the frame are added.
     """
     present = corrected[frame].present
     along = [
@@ -35,7 +35,7 @@ def with_hands(joints: tuple[int, ...], corrected: Corrected, frame: int) -> tup
 def placed(
     corrected: Corrected, frame: int, joints: tuple[int, ...], xy: Float[ndarray, "n 2"], *, keyframes: bool
 ) -> MoveKeypoint | PlaceKey:
-    """The edit that puts keypoints somewhere in one frame; as a keyframe, what lies up to the next ones follows."""
+    """The edit that puts keypoints somewhere in one frame; as a keyframe, frames up to the next keyframes follow."""
     places = tuple((float(x), float(y)) for x, y in xy)
     if not keyframes:
         return MoveKeypoint(frames=(frame,), joints=joints, xy=(places,))
@@ -45,16 +45,16 @@ def placed(
 def filled(
     told: Float[ndarray, "F n"], frames: tuple[int, ...], depths: Float[ndarray, "m n"]
 ) -> tuple[tuple[int, ...], Float[ndarray, "M n"]]:
-    """Depths of some frames, and on the lines from there to the nearest frames where they were told already.
+    """Depths of some frames, and interpolated ones up to the nearest frames in which depths were already set.
 
     Args:
-        told: Of the whole clip, metres, NaN where nothing was.
+        told: Depths set in the whole clip, metres; NaN where none.
         frames: Ascending.
-        depths: What is told of them now.
+        depths: The new depths of these frames.
     """
     known = np.flatnonzero(np.isfinite(told).all(1))
-    before = max((f for f in known.tolist() if frames[0] - REACH <= f < frames[0]), default=frames[0])
-    after = min((f for f in known.tolist() if frames[-1] < f <= frames[-1] + REACH), default=frames[-1])
+    before = max((f for f in known.tolist() if frames[0] - LONGEST_GAP <= f < frames[0]), default=frames[0])
+    after = min((f for f in known.tolist() if frames[-1] < f <= frames[-1] + LONGEST_GAP), default=frames[-1])
     every = np.array(sorted({*frames, *range(before + 1, frames[0]), *range(frames[-1] + 1, after)}))
     ends = [*([before] if before < frames[0] else []), *frames, *([after] if after > frames[-1] else [])]
     values = np.stack([depths[frames.index(f)] if f in frames else told[f] for f in ends])
@@ -62,7 +62,7 @@ def filled(
 
 
 def keys_in(corrected: Corrected, joints: Iterable[int], frame: int) -> tuple[int, ...]:
-    """Those that have a keyframe in a frame. Raises InputError if none has."""
+    """Those with a keyframe in this frame. Raises InputError if there are none."""
     found = tuple(joint for joint in joints if corrected.key[frame, joint])
     if not found:
         raise InputError("None of the selected keypoints has a keyframe in this frame.")
@@ -75,9 +75,9 @@ def removed(corrected: Corrected, frame: int, joints: tuple[int, ...]) -> Remove
 
 
 def moved(corrected: Corrected, frame: int, to: int, joints: tuple[int, ...]) -> MoveKey:
-    """The edit that takes a keyframe to another frame. Raises InputError if there is one already."""
+    """The edit that moves a keyframe to another frame. Raises InputError if there is one already."""
     if corrected.key[to, list(joints)].any():
-        raise InputError("There is a keyframe already: delete it first.")
+        raise InputError("There is already a keyframe: delete it first.")
     return MoveKey(frames=_around(corrected, joints, frame, to), joints=joints, at=frame, to=to)
 
 
@@ -86,6 +86,6 @@ def _around(corrected: Corrected, joints: tuple[int, ...], one: int, other: int)
 
 
 def depth_edit(frames: tuple[int, ...], joints: tuple[int, ...], depths: Float[ndarray, "F n"]) -> SetDepth:
-    """The edit that says how deep keypoints are, to a tenth of a millimetre and within what an edit takes."""
+    """The edit that sets depths of keypoints, rounded to 0.1 mm and clipped to an edit's limits."""
     rows = np.round(np.clip(depths, -MAX_DEPTH, MAX_DEPTH), 4).tolist()
     return SetDepth(frames=frames, joints=joints, depth=tuple(map(tuple, rows)))

@@ -8,9 +8,9 @@ from tcfit_app.review.browser.page_states import Linking, Typing
 from tcfit_app.review.tab.tab import Tab
 
 PANEL = "Review"
-"""Where notes are written."""
+"""The panel where notes are written."""
 FIELD = "Note"
-"""The label of the field for them."""
+"""The label of its field."""
 
 
 class Noting:
@@ -19,14 +19,14 @@ class Noting:
     def __init__(self, tab: Tab) -> None:
         self._tab = tab
         self.changing: Note | None = None
-        """The note that another text is being typed for."""
+        """The note being edited."""
 
     def begin(self) -> None:
-        """Let the user type a note on the selected frames, or the one on show."""
+        """Open the field for a note on the selected frames, or the one on show."""
         self._tab.channel.ask("typing", Typing(panel=PANEL, field=FIELD))
 
     def write(self, text: str) -> None:
-        """Keep a new note, or the other text of the one that is being changed. Raises InputError as the log does."""
+        """Save a new note, or the edited one. Raises InputError as the log does."""
         tab, changed = self._tab, self.changing
         tab.refuse_read_only()
         if not text.strip():
@@ -38,14 +38,14 @@ class Noting:
         tab.say(f"Note {'written' if changed is None else 'changed'}: {in_words(frames, tab.first_frame)}")
 
     def delete(self, note: Note) -> None:
-        """Take a note away; undo brings it back. Raises InputError as the log does."""
+        """Delete a note; undo restores it. Raises InputError as the log does."""
         tab = self._tab
         tab.refuse_read_only()
         tab.session.write_note(note.frames, "", author=tab.author, replaces=note.id)
         tab.say(f"Note deleted: {in_words(note.frames, tab.first_frame)}")
 
     def go(self, note: Note) -> None:
-        """To the note's first frame; if it is on several, they are selected."""
+        """Go to the note's first frame, and select its frames if there are several."""
         self._tab.pause()
         self._tab.seek(note.frames[0])
         self._tab.set(frames=note.frames if len(note.frames) > 1 else None)
@@ -53,23 +53,23 @@ class Noting:
     # --- links ---
 
     def copy_link(self) -> None:
-        """Have the page copy a link to the frame and the fit on show, and to the person."""
+        """Have the page copy a link to the frame, fit and person on show."""
         tab, shown = self._tab, self._tab.look().b
         run, phase = (0, 0) if shown is None else (shown.run.id, shown.phase)
         frame, person = tab.state.frame + tab.first_frame, tab.someone.listed or 0
         tab.channel.ask("linking", Linking(frame=frame, run=run, phase=phase, person=person))
-        tab.say(f"Link to frame {frame} copied. It opens in browsers that tcfit has let in")
+        tab.say(f"Link to frame {frame} copied. It works in browsers signed in to tcfit")
 
     def open_link(self, frame: int, run: int | None, phase: int | None) -> None:
-        """Go where a link leads.
+        """Follow a link.
 
         Args:
-            frame: the number that users see.
-            run: of the fit; None leaves it as it is.
-            phase: of that run, None its last.
+            frame: the number shown to users.
+            run: of the fit; None: keep the current one.
+            phase: of that run; None: its last.
 
         Raises:
-            InputError: There is no such frame or run here.
+            InputError: There is no such frame or run in this project.
         """
         tab = self._tab
         if not 0 <= frame - tab.first_frame < tab.length:

@@ -1,4 +1,4 @@
-"""Going through a clip's suspicious frames in one tab."""
+"""Stepping through a clip's suspicious frames in one tab."""
 
 from collections.abc import Sequence
 from typing import Literal
@@ -12,22 +12,22 @@ from tcfit_app.review.tab.tab import Tab
 
 
 class Reviewing:
-    """The review queue of one tab, about the fit that corrections are made to."""
+    """The review queue of one tab, for the fit that corrections apply to."""
 
     def __init__(self, tab: Tab) -> None:
         self._tab = tab
         self._last: Suspect | None = None
         self._place = -1
-        """Of that entry in the queue: when it has left, the next one is there."""
+        """Position of that entry in the queue: when it has left, the next entry has this position."""
 
     @property
     def suspects(self) -> tuple[Suspect, ...] | None:
-        """Suspicious frames, the worst first; None while they are looked for, or without a fit."""
+        """Suspicious frames, worst first; None while they are being computed, or without a fit."""
         shown = self._tab.shown.b
         return None if shown is None else self._tab.data.suspects(shown)
 
     def go(self, step: int) -> None:
-        """To the next (1) or previous (-1) entry of the queue. Raises InputError while it is looked for."""
+        """Go to the next (1) or previous (-1) queue entry. Raises InputError while the queue is being computed."""
         suspects = self.suspects
         if not suspects:
             raise InputError("Suspicious frames are still being looked for. Try again in a moment.")
@@ -40,25 +40,25 @@ class Reviewing:
         return last is not None and (suspect.frame, suspect.kind) == (last.frame, last.kind)
 
     def show(self, suspect: Suspect) -> None:
-        """Go to an entry, and select what it is about."""
+        """Go to an entry, and select its keypoints."""
         self._last = suspect
         self._place = next((i for i, known in enumerate(self.suspects or ()) if self._is_last(known)), self._place)
         self._tab.pause()
         self._tab.seek(suspect.frame)
         self._tab.set(selection=suspect.joints, suggested=True)
         if self._tab.state.frames is not None and suspect.frame not in self._tab.state.frames:
-            self._tab.set(frames=None)  # else "looks fine" would be about other frames than those on show
+            self._tab.set(frames=None)  # otherwise "looks fine" would apply to frames that are not on show
         self._tab.say(suspect.reason)
 
     @property
     def _on_show(self) -> Suspect | None:
-        """The entry that was gone to last, while one of its frames is on show and no others are selected."""
+        """The entry visited last, while one of its frames is on show and no others are selected."""
         last, state = self._last, self._tab.state
         return last if last is not None and state.frames is None and state.frame in last.frames else None
 
     @property
     def dismissed(self) -> tuple[int, ...]:
-        """The frames of which `dismiss` says that they look fine."""
+        """The frames that `dismiss` marks as fine."""
         shown = self._on_show
         return tuple(shown.frames if shown is not None else self._tab.chosen_frames)
 
@@ -98,21 +98,21 @@ class Reviewing:
             )
 
     def are(self, state: MarkState, frames: Sequence[int]) -> bool:
-        """Whether all of these frames are marked so."""
+        """Whether all of these frames have this mark."""
         marks = self._tab.session.project.marks.all()
         return all(frame in marks and marks[frame].state == state for frame in frames)
 
     def flag(self) -> None:
-        """The selected frames, or the one on show, need attention; or no longer, if they all did."""
+        """Flag the selected frames, or the one on show; unflag them if all are flagged."""
         tab, frames = self._tab, self._tab.frames_to_change
         flagged = self.are("flag", frames)
         tab.session.mark(frames, None if flagged else "flag", author=tab.author)
         where = in_words(frames, tab.first_frame)
-        tab.say(f"Flag taken away: {where}" if flagged else f"Flagged: {where}. T there takes it away")
+        tab.say(f"Flag removed: {where}" if flagged else f"Flagged: {where}. Press T again to remove it")
 
     def dismiss(self) -> None:
-        """The frames of the entry on show, or those selected, look fine, and on to the next entry; or that is taken
-        back, if it was said of them all. Of several frames those that somebody has flagged stay so."""
+        """Mark the frames of the entry on show, or those selected, as fine, and go to the next entry; or unmark them if
+        all are marked. Flagged frames among several keep their flag."""
         tab = self._tab
         shown = self._on_show
         frames = self.dismissed if shown is not None else tab.frames_to_change
@@ -124,12 +124,12 @@ class Reviewing:
         fine = [f for f in frames if len(frames) == 1 or f not in marks or marks[f].state != "flag"]
         flagged = len(frames) - len(fine)
         if not fine:
-            raise InputError("All of these frames are flagged: take the flags away first (T).")
-        # Before the mark: after it, the queue is made anew.
+            raise InputError("All of these frames are flagged: remove the flags first (T).")
+        # Before marking, which rebuilds the queue.
         queue = self.suspects or ()
         tab.session.mark(fine, "checked", author=tab.author)
-        but = f", but for {flagged} flagged" if flagged else ""
-        tab.say(f"Looks fine{but}: {in_words(fine, tab.first_frame)}. O there takes it back")
+        but = f", except {flagged} flagged" if flagged else ""
+        tab.say(f"Looks fine{but}: {in_words(fine, tab.first_frame)}. Press O again to undo")
         if shown is None:
             return
         at = next((i for i, suspect in enumerate(queue) if self._is_last(suspect)), self._place)

@@ -1,34 +1,34 @@
-"""What the view is brought to: the whole picture, the selected keypoints, a hand or the face."""
+"""Zooming: to the whole picture, the selected keypoints, a hand or the face."""
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from fitting_core.errors import InputError
 from fitting_core.keypoints import GROUPS
-from tcfit_app.review.tab.on_show import SIDES
+from tcfit_app.review.tab.on_show import SLOTS
 from tcfit_app.review.tab.state import CLOSE_UPS, Part
 from tcfit_app.review.tab.tab import Tab
 
 _LEAST, _MARGIN = 1 / 15, 1 / 5
-"""Of what is zoomed to: the least size, in diagonals of the image, and the margin around it, in sizes of its own."""
+"""The smallest region to zoom to, in image diagonals, and the margin around it, relative to its size."""
 _ROOM = 1.6
-"""Of a close-up, in sizes of what it shows: it is seldom quite in the middle."""
+"""The region of a close-up, relative to its subject, which is seldom exactly centred."""
 _NONE_THERE = "None of the selected keypoints was detected in this frame: there is nothing to zoom to."
 
 
 def show_whole(tab: Tab) -> None:
-    """The whole picture, or in 3D the whole body."""
-    if tab.state.mode != "space":  # there it is kept for the pictures, whose view is kept as well
+    """Show the whole picture, or in 3D the whole body."""
+    if tab.state.mode != "space":  # in 3D the pictures keep their view, and so their close-up
         tab.set(close_up=None)
     tab.scene.cameras.reset()
 
 
 def zoom_to_selection(tab: Tab) -> None:
-    """Zoom to the selected keypoints. Raises InputError if none of them is anywhere."""
+    """Zoom to the selected keypoints. Raises InputError if none of them was detected."""
     if tab.state.mode == "space":
         return _zoom_in_space(tab)
     chosen = tab.session.project.corrected.at((tab.state.frame,), tuple(tab.state.selection))
-    # Undetected ones lie at (0, 0), and so do copies of them.
+    # Undetected keypoints are at (0, 0), and so are copies of them.
     xy = chosen.xy[(chosen.confidence > 0) | (chosen.edited & chosen.xy.any(-1))]
     if not len(xy):
         raise InputError(_NONE_THERE)
@@ -39,7 +39,7 @@ def zoom_to_selection(tab: Tab) -> None:
 
 def _zoom_in_space(tab: Tab) -> None:
     shown, joints = tab.look(), list(tab.state.selection)
-    bodies = [(fit, shown.live_of(side)) for side in SIDES if (fit := shown.with_body(side)) is not None]
+    bodies = [(fit, shown.live_of(side)) for side in SLOTS if (fit := shown.with_body(side)) is not None]
     points = [tab.data.keypoints(fit, shown.frame, live)[joints] for fit, live in bodies]
     if not any(np.isfinite(found).all(-1).any() for found in points):
         raise InputError("No fit on show has one of the selected keypoints: there is nothing to zoom to.")
@@ -47,7 +47,7 @@ def _zoom_in_space(tab: Tab) -> None:
 
 
 def surroundings(xy: Float[np.ndarray, "n 2"], size: tuple[int, int]) -> Float[np.ndarray, "2 2"]:
-    """A rectangle around points, with a margin as far as the image goes: first its least, then its largest corner."""
+    """A rectangle around points, with a margin clipped to the image: its least and greatest corners."""
     low, high = xy.min(0), xy.max(0)
     extent = float((high - low).max())
     margin = max((_LEAST * float(np.hypot(*size)) - extent) / 2, _MARGIN * extent)
@@ -59,7 +59,7 @@ def surroundings(xy: Float[np.ndarray, "n 2"], size: tuple[int, int]) -> Float[n
 
 
 def show_close_up(tab: Tab, part: Part | None) -> None:
-    """Follow a hand or the face from frame to frame; None: the whole picture again."""
+    """Follow a hand or the face from frame to frame; None: show the whole picture."""
     if part is None:
         return show_whole(tab)
     if tab.state.mode == "space":
@@ -68,13 +68,13 @@ def show_close_up(tab: Tab, part: Part | None) -> None:
     xy, there = corrected.xy[:, group], corrected.confidence[:, group] > 0
     size = usual_size(xy, there)
     if size is None:
-        raise InputError(f"The {CLOSE_UPS[part].lower()} was detected in no frame: there is nothing to follow.")
+        raise InputError(f"The {CLOSE_UPS[part].lower()} was not detected in any frame: there is nothing to follow.")
     tab.set(close_up=part)
     tab.scene.zoom_about_middle(max(_ROOM * size, _LEAST * float(np.hypot(*tab.session.project.footage.camera.size))))
 
 
 def next_close_up(tab: Tab) -> None:
-    """Of the next part that was detected, and after the last one the whole picture again."""
+    """Cycle through the detected parts, then the whole picture."""
     confidence = tab.session.project.corrected.confidence
     parts: list[Part | None] = [part for part in CLOSE_UPS if confidence[:, GROUPS[part]].any()]
     ways = [None, *parts]
@@ -85,7 +85,7 @@ def next_close_up(tab: Tab) -> None:
 
 
 def usual_size(xy: Float[np.ndarray, "T K 2"], there: Bool[np.ndarray, "T K"]) -> float | None:
-    """Pixels of the longer side of the box around keypoints, as in most frames; None where there are none."""
+    """Median longer side of the bounding box of keypoints, pixels; None if there are none."""
     seen = there.sum(1) > 1
     if not seen.any():
         return None

@@ -1,4 +1,4 @@
-"""What is clicked, beside the picture: one file for each panel, and the table of them."""
+"""The panels beside the picture: one file each, and the table of them."""
 
 from typing import ClassVar, Protocol
 
@@ -18,17 +18,17 @@ from tcfit_app.review.panels.view_panel import ViewPanel
 class Panel(Protocol):
     """A tab beside the picture.
 
-    Its callbacks say what the user wants by `Tab.do`; nothing is computed or drawn in them.
+    Its callbacks only issue commands through `Tab.do`; they compute and draw nothing.
     """
 
     title: ClassVar[str]
     icon: ClassVar[viser.IconName]
 
     def __init__(self, gestures: Gestures) -> None:
-        """Make its elements, in the tab that is open."""
+        """Create its elements in the current tab."""
 
     def draw(self) -> None:
-        """Bring its elements to the tab's state. Called often: only what changed may be sent."""
+        """Update its elements from the tab's state. Called often: send only what changed."""
 
 
 PANELS: tuple[type[Panel], ...] = (
@@ -40,6 +40,6 @@ PANELS: tuple[type[Panel], ...] = (
     ComparePanel,
     ExportPanel,
 )
-"""In the order of their tabs."""
+"""In tab order."""
 WITHOUT_KEYPOINTS: tuple[type[Panel], ...] = (StartPanel, *PANELS)
-"""Of a project without keypoints."""
+"""For a project without keypoints."""

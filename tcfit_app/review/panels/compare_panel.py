@@ -1,4 +1,4 @@
-"""The panel Compare: A and B in figures, and where they lie apart."""
+"""The Compare panel: A and B in figures, and where they differ."""
 
 import time
 from collections.abc import Callable, Hashable, Iterable
@@ -44,11 +44,11 @@ from tcfit_app.review.session.tasks import Step, Task
 from tcfit_app.review.tab.tab import Tab
 
 SETTLING = 1.0
-"""Seconds for which keypoints and fits stay as they are before figures are taken: these need all meshes."""
+"""Seconds that keypoints and fits must be unchanged before figures are computed, which takes all meshes."""
 _MEASURING = "Measuring …"
-_NO_FIT = "Two fits are compared here. There is none yet: see the panel Fit."
-_SAME = "They are the same: choose another A or B, in the panel View or Runs."
-_COSTS = "Mean of a frame. Runs with other weights or keypoints cannot be compared by these."
+_NO_FIT = "This panel compares two fits. There is none yet: see the panel Fit."
+_SAME = "A and B are the same fit: choose another in the panel View or Runs."
+_COSTS = "Mean per frame; comparable only between runs with the same weights and keypoints."
 
 
 class ComparePanel:
@@ -88,7 +88,7 @@ class ComparePanel:
             self._costs.show()
 
     def _draw_figures(self, a: Shown, b: Shown) -> None:
-        """What is there of the figures, once keypoints and fits have come to rest."""
+        """The figures available so far, once keypoints and fits have settled."""
         data = self._tab.data
         apart = data.distances(a, b)
         self._draw_against(a, b)
@@ -104,7 +104,7 @@ class ComparePanel:
         self._costs.show(paragraph(_COSTS, "dim"), _table(r for r in rows if r.name.startswith(COST)))
 
     def _draw_against(self, a: Shown, b: Shown) -> None:
-        """Figures against the project's reference, if it has one."""
+        """Figures against the project's reference, if any."""
         data, reference = self._tab.data, self._tab.session.project.reference
         if reference is None or a.result is None or b.result is None:
             self._against.show()
@@ -121,7 +121,7 @@ class ComparePanel:
         """Why there are no figures yet."""
         running = [fit.run.name for fit in (a, b) if fit.result is None]
         if running:
-            return f"{running[0]} is still being fitted: it is measured when it is done."
+            return f"{running[0]} is still being fitted; its figures follow when it is done."
         return self._tab.data.problem("metrics", a) or self._tab.data.problem("metrics", b) or _MEASURING
 
     def _peak_buttons(self, values: Float[np.ndarray, "T"]) -> list[Html]:
@@ -129,11 +129,11 @@ class ComparePanel:
         if not frames:
             return []
         buttons = (
-            button(first + frame, "compare.frame", str(frame), hint=f"Joints lie {values[frame]:.0f} mm apart")
+            button(first + frame, "compare.frame", str(frame), hint=f"Joint distance {values[frame]:.0f} mm")
             for frame in frames
         )
         said = ", ".join(f"{values[frame]:.0f}" for frame in frames)
-        mean = f"Joints lie {said} mm apart there, over the clip {np.nanmean(values):.1f} mm."
+        mean = f"Joint distance there: {said} mm; clip mean {np.nanmean(values):.1f} mm."
         return [heading("Frames that differ most"), row(*buttons), paragraph(mean, "dim")]
 
 
@@ -145,30 +145,30 @@ def _shown_as_b(tab: Tab) -> Run:
 
 
 class _Rest:
-    """Tells whether something has been as it is for SETTLING."""
+    """Tells whether something has stayed unchanged for SETTLING."""
 
     def __init__(self) -> None:
         self._key: tuple[Hashable, ...] = ()
         self._since = 0.0
 
     def lasts(self, *key: Hashable) -> bool:
-        """Whether the key is the same as for that long."""
+        """Whether the key has been the same for that long."""
         if key != self._key:
             self._key, self._since = key, time.monotonic()
         return time.monotonic() - self._since >= SETTLING
 
 
 class SelectedFigures:
-    """Figures of the frames that are selected in the timeline: a part of the panel, while there are any.
+    """Figures of the frames selected in the timeline; this part of the panel shows only while there are any.
 
-    What a re-run of a few frames changes is lost in the means of a whole clip.
+    The effect of re-running a few frames is lost in the means of a whole clip.
     """
 
     def __init__(self, tab: Tab) -> None:
         self._tab, self._board, self._rest = tab, Board(tab), _Rest()
 
     def draw(self, a: Shown | None, b: Shown | None) -> None:
-        """Bring it to the selection and the fits on show."""
+        """Update to the selection and the fits on show."""
         data, frames = self._tab.data, self._tab.state.frames
         if frames is None or a is None or b is None:
             return self._board.show()
@@ -220,19 +220,19 @@ def _number(value: float | None, *, sign: bool = False) -> str:
 
 
 _HINT = "npz of 3D points, TRC, C3D, AMASS-style npz, truth.npz or fit.npz, on the computer where tcfit runs"
-_CAMERA_HINT = "npz with R and t of the clip's camera in the reference's world; empty: the calibrated one"
-_FIRST_HINT = "Number in the video of the reference's first frame; empty: as it says, or 0"
-_NONE = "Without a reference fits can only be compared with each other."
-_READING = "The reference is being read …"
+_CAMERA_HINT = "npz with R and t of the clip's camera in the reference's world; empty: use the calibration"
+_FIRST_HINT = "Video frame number of the reference's first frame; empty: as stored in it, or 0"
+_NONE = "Without a reference, fits can only be compared with each other."
+_READING = "Reading the reference …"
 
 
 class ReferenceField:
-    """Shows the project's reference, and takes another one: from a path, or as a file from the browser."""
+    """Shows the project's reference, and accepts another: from a path, or uploaded by the browser."""
 
     def __init__(self, tab: Tab) -> None:
         self._tab = tab
         self._reading: Task[Reference] | None = None
-        """The reference that was asked for last."""
+        """The reference requested last."""
         gui = tab.client.gui
         with gui.add_folder("Reference", expand_by_default=False):
             self._told = Board(tab)
@@ -246,14 +246,14 @@ class ReferenceField:
         tab.buttons.on("compare.forget", lambda _: self._forget())
 
     def draw(self) -> None:
-        """Bring it to the project's state."""
+        """Update from the project's state."""
         project, reading = self._tab.session.project, self._busy
         self._told.show(paragraph(_READING if reading else _described(project.reference), "dim"))
         self._buttons.show(row(*self._choices(project.reference, off=reading or project.read_only)))
 
     def _choices(self, reference: Reference | None, *, off: bool) -> list[Html]:
-        take = button("Compare with it", "compare.reference", disabled=off)
-        forget = button("Forget the reference", "compare.forget", disabled=off)
+        take = button("Compare with this", "compare.reference", disabled=off)
+        forget = button("Remove the reference", "compare.forget", disabled=off)
         return [take] if reference is None else [take, forget]
 
     def _from_path(self) -> None:
@@ -268,7 +268,7 @@ class ReferenceField:
         seen_by = self._clip_camera
 
         def read() -> Reference:
-            # Its name never becomes part of a path; of it only the form counts that its end tells.
+            # The uploaded name never becomes part of a path; only its suffix counts.
             ending = Path(shown.lower()).suffix
             name = f"upload{ending if ending in POINT_FILES else '.npz'}"
             with kept_as(name, file.content, shown) as path:
@@ -285,12 +285,12 @@ class ReferenceField:
         return self._tab.session.project.footage.camera
 
     def _start_given(self) -> Callable[[Reference], Reference]:
-        """What puts a reference where the user says that it begins."""
+        """What shifts a reference to the start frame that the user gave."""
         first, rate = frame_number("Begins at frame", self._first.value), self._tab.session.project.footage.frame_rate
         return lambda found: found if first is None else found.starting_at(first, rate)
 
     def _read(self, read: Callable[[], Reference]) -> None:
-        """Read it: a body's joints over a clip take seconds."""
+        """Read it in a task: a body's joints over a clip take seconds."""
         session = self._tab.session
         if self._busy:
             raise InputError("Another reference is still being read: wait for it.")
@@ -298,7 +298,7 @@ class ReferenceField:
         def work(report: Step) -> Reference:
             reference = read()
             session.bodies.of_reference(reference)
-            report("Keeping it", None)
+            report("Saving it", None)
             session.project.set_reference(reference)
             return reference
 
@@ -309,7 +309,7 @@ class ReferenceField:
         return self._reading is not None and self._reading.state == "running"
 
     def _take(self, reference: Reference) -> None:
-        self._tab.session.tell(Notice(title="Fits are compared with it", text=_described(reference), kind="done"))
+        self._tab.session.tell(Notice(title="Reference set", text=_described(reference), kind="done"))
 
     def _forget(self) -> None:
         self._tab.refuse_read_only()
@@ -319,5 +319,5 @@ class ReferenceField:
 def _described(reference: Reference | None) -> str:
     if reference is None:
         return _NONE
-    placed = "in the camera's space" if reference.in_camera else "in a world of its own: only form is compared"
+    placed = "in the camera's space" if reference.in_camera else "in its own world: only pose is compared"
     return "\n".join([f"{reference.name}: {reference.kind}, {len(reference)} frames, {placed}", *reference.notes])

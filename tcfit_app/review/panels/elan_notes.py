@@ -12,7 +12,7 @@ from tcfit_app.review.panels.elements.html import Board, paragraph
 from tcfit_app.review.session.tasks import Task
 from tcfit_app.review.tab.tab import Tab
 
-_SAID = "Annotations of an .eaf file become notes on their frames. What is here already is not kept twice."
+_SAID = "Annotations of an .eaf file become notes on their frames. Duplicates are skipped."
 _Found = tuple[WriteNotes | None, ElanNotes]
 
 
@@ -22,11 +22,11 @@ class ElanImport:
     def __init__(self, tab: Tab) -> None:
         self._tab = tab
         self._reading: Task[_Found] | None = None
-        """The import that began last."""
+        """The import started last."""
         gui = tab.client.gui
         with gui.add_folder("Notes from ELAN", expand_by_default=False):
             Board(tab).show(paragraph(_SAID, "dim"))
-            hint = "Names of tiers with commas between them; empty: all but those that tcfit writes itself"
+            hint = "Tier names separated by commas; empty: all except those written by tcfit"
             self._tiers = gui.add_text("Tiers", "", hint=hint)
             hint = "An .eaf file from this browser's computer, about this project's video"
             self._upload: Any = gui.add_upload_button("Upload an .eaf file …", color="gray", hint=hint)

@@ -1,4 +1,4 @@
-"""The panel Export: files of the project and its fits, as downloads of the browser."""
+"""The Export panel: files of the project and its fits, as browser downloads."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -38,32 +38,31 @@ from tcfit_app.review.tab.on_show import OnShow, on_show
 from tcfit_app.review.tab.people import Someone
 from tcfit_app.review.tab.state import TabState
 
-Side = Literal["A", "B"]
+Letter = Literal["A", "B"]
 _AXES = {"": "by format", "camera": "camera", "y-up": "y up", "z-up": "z up", OWN_WORLD: "calibration's"}
-"""The last of them where the clip's camera stands in a world of the user's."""
+"""The last of them only where the clip's camera has a calibrated world."""
 _FRAMES = {"all": False, "selected": True}
-"""Whether the selected frames alone are exported, by the button's value."""
+"""Whether only the selected frames are exported, by the button's value."""
 _KEYS = {"": None, "2": 0.002, "5": 0.005}
 """How near joints must stay, metres, by the button's value."""
 _KEYS_HINT = (
-    "Of a GLB: only those are kept that are needed for every joint, finger tip and toe to stay so near in space to "
-    "where it is with all of them"
+    "GLB only: drop keyframes as long as every joint, fingertip and toe stays this close to its full-rate position"
 )
 _EVERYBODY_HINT = (
-    "All people of the clip in one GLB, as they stand there: A or B of each, as this tab shows them; y up, metres"
+    "All people of the clip in one GLB, in their places: A or B of each, as shown in this tab; y up, metres"
 )
-_AXES_HINT = "As the programs expect that read the format: each button's hint says which"
+_AXES_HINT = "As the target programs expect; each button's tooltip says which"
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Wishes:
-    """What is exported, and how."""
+    """What to export, and how."""
 
-    side: Side = "B"
+    side: Letter = "B"
     selected: bool = False
-    """The selected frames alone."""
+    """Only the selected frames."""
     axes: str = ""
-    """A name of AXES, or OWN_WORLD; empty: what suits the format."""
+    """A name of AXES, or OWN_WORLD; empty: the format's default."""
     keys: str = ""
     """Of _KEYS."""
 
@@ -78,18 +77,18 @@ class ExportPanel:
         self._tab = tab = gestures.tab
         self._wishes = _Wishes()
         self.running: Task[tuple[bytes, str | None]] | None = None
-        """The export that began last; its title is the file's name."""
+        """The export started last; its title is the file's name."""
         self._size = 0
-        """Of its file, in bytes."""
+        """Size of its file in bytes."""
         self._note = ""
-        """What one should know of it."""
+        """A remark to show with it."""
         self._files = Board(tab)
         self._own_rig = OwnRig(tab)
         self._said = Board(tab)
         tab.buttons.on("export.begin", self._begin, lambda name: exports()[name])
         tab.buttons.on("export.everybody", lambda _: self._begin_everybody())
         tab.buttons.on("export.cancel", lambda _: self._stop())
-        tab.buttons.on("export.side", lambda side: self._wish(side=side), one_of(get_args(Side)))
+        tab.buttons.on("export.side", lambda side: self._wish(side=side), one_of(get_args(Letter)))
         tab.buttons.on("export.frames", lambda on: self._wish(selected=on), _FRAMES.__getitem__)
         tab.buttons.on("export.axes", lambda axes: self._wish(axes=axes), one_of(_AXES))
         tab.buttons.on("export.keys", lambda keys: self._wish(keys=keys), one_of(_KEYS))
@@ -119,15 +118,15 @@ class ExportPanel:
         self.running = self._tab.session.tasks.submit(name, work, owner=self._tab, then=self._send)
 
     def _begin_everybody(self) -> None:
-        """One GLB of all people."""
+        """One GLB with all people."""
         self._refuse_second()
         tab, frames = self._tab, self._frames
         if (group := tab.someone.group) is None:
-            raise InputError("This project is of one person. Choose Character (GLB).")
+            raise InputError("This project has one person. Choose Character (GLB).")
         name = group.name
         sources, left_out = self._people(name)
         if not sources:
-            raise InputError("Nobody has a fit to export here. Fit somebody first, or choose other frames or B.")
+            raise InputError("There is no fit to export. Fit someone first, or choose other frames or B.")
 
         def write(_: ExportSource, path: Path, progress: Progress) -> str:
             return ". ".join([write_everybody(sources, path, progress, name=name), *left_out])
@@ -137,14 +136,14 @@ class ExportPanel:
         self._submit(file_name(export, "-".join([name, *parts]), zipped=True), export, sources[0])
 
     def _people(self, name: str) -> tuple[list[ExportSource], list[str]]:
-        """What there is of each person in the wished frames, and who is left out."""
+        """The sources for each person in the chosen frames, and who is left out."""
         tab, frames = self._tab, self._frames
         begin, end = (None, None) if frames is None else (frames[0] + tab.first_frame, frames[-1] + tab.first_frame)
         found: list[ExportSource] = []
         left_out: list[str] = []
         for someone in tab.someone.everybody:
             if (shown := self._shown_of(someone)) is None:
-                left_out.append(f"{someone.name} has no fit yet and is left out")
+                left_out.append(f"{someone.name} has no fit yet and was left out")
                 continue
             fit = ExportedFit(shown=shown, fit=someone.session.fits.fit(shown.run), meshes=someone.data.meshes(shown))
             source = ExportSource(
@@ -154,13 +153,13 @@ class ExportPanel:
                 keys_within=_KEYS[self._wishes.keys],
             )
             if (part := source.between(begin, end)) is None:
-                left_out.append(f"{someone.name} is not there in these frames")
+                left_out.append(f"{someone.name} is not present in these frames")
             else:
                 found.append(part)
         return found, left_out
 
     def _shown_of(self, someone: Someone) -> Shown | None:
-        """A or B of one of the people, as this tab shows them; None where there is no fit."""
+        """A or B of a person, as this tab shows them; None without a fit."""
         tab, side = self._tab, self._wishes.side
         if someone is tab.someone:
             return _fits(tab.shown).get(side)
@@ -178,8 +177,8 @@ class ExportPanel:
             self._tab.client.send_file_download(made.title, content, save_immediately=True)
 
     def _parts(self, export: Export) -> list[str]:
-        """What files of other runs, phases and frames are told apart by: without it they are the newest run's last
-        phase, or what A | B shows at first, and the whole clip."""
+        """What tells apart file names of other runs, phases and frames; nothing for the newest run's last phase (or the
+        default A and B) of the whole clip."""
         if export.group == "Project":
             return []
         tab, frames = self._tab, self._frames
@@ -190,7 +189,7 @@ class ExportPanel:
         return [*(shown if shown != usual else []), *_in_file_name(frames, tab.first_frame)]
 
     def _source(self, export: Export) -> ExportSource:
-        """What there is, with the fits only where they are needed: their bodies may be missing."""
+        """What to export, with fits only where they are needed: their bodies may be missing."""
         tab, project = self._tab, self._tab.session.project
         fits = {} if export.needs == "keypoints" else {s: self._exported(f) for s, f in _fits(tab.shown).items()}
         return ExportSource(
@@ -210,7 +209,7 @@ class ExportPanel:
 
     @property
     def _frames(self) -> range | None:
-        """The selected frames, if those alone are wished for."""
+        """The selected frames, if only those are to be exported."""
         return self._tab.state.frames if self._wishes.selected else None
 
     def _stop(self) -> None:
@@ -224,13 +223,13 @@ class ExportPanel:
         tab, fits = self._tab, _fits(self._tab.shown)
         if tab.state.frames is None and self._wishes.selected:
             self._wish(selected=False)
-        titles: dict[Side, str] = {side: fit.title for side, fit in fits.items()}
+        titles: dict[Letter, str] = {side: fit.title for side, fit in fits.items()}
         self._files.show(*self._choices(titles), *self._groups(titles))
         self._own_rig.draw(there=self._wishes.side in titles)
         if self.running is not None:
             self._said.show(heading("Last file"), *_said(self.running, self._size, self._note))
 
-    def _choices(self, titles: dict[Side, str]) -> list[Html]:
+    def _choices(self, titles: dict[Letter, str]) -> list[Html]:
         """Which run, which frames, which axes."""
         wishes, tab = self._wishes, self._tab
         sides = [
@@ -243,7 +242,7 @@ class ExportPanel:
                 kind="left",
                 hint=titles.get(side, ""),
             )
-            for side, color in zip(get_args(Side), RUN_COLORS, strict=True)
+            for side, color in zip(get_args(Letter), RUN_COLORS, strict=True)
         ]
         selected = tab.state.frames
         some = "selected" if selected is None else in_words(selected, tab.first_frame)
@@ -275,7 +274,7 @@ class ExportPanel:
             row(choice(*keys), label="Keys"),
         ]
 
-    def _groups(self, titles: dict[Side, str]) -> list[Html]:
+    def _groups(self, titles: dict[Letter, str]) -> list[Html]:
         """The formats, by group."""
         there = self._wishes.side in titles
         rows = []
@@ -299,48 +298,48 @@ class ExportPanel:
         return [heading("Formats"), *rows]
 
 
-def _fits(shown: OnShow) -> dict[Side, Shown]:
-    """A and B, as far as they are there."""
-    both: dict[Side, Shown | None] = {"A": shown.a, "B": shown.b}
+def _fits(shown: OnShow) -> dict[Letter, Shown]:
+    """A and B, where available."""
+    both: dict[Letter, Shown | None] = {"A": shown.a, "B": shown.b}
     return {side: fit for side, fit in both.items() if fit is not None}
 
 
-def _named(side: Side, title: str) -> list[Html]:
-    """A fit on a button. Where its run's name is too long for it, the phase stays in sight."""
+def _named(side: Letter, title: str) -> list[Html]:
+    """A fit as a button's label. If the run's name is too long, the phase stays visible."""
     name, _, phase = title.rpartition(" · ")
     return [words(f"{side}: ", "phase"), words(name or phase, "name"), words(f" · {phase}" if name else "", "phase")]
 
 
 def _short(shown: Shown) -> str:
-    """A run and phase in a file's name: "run2-temporal"."""
+    """A run and phase for a file name: "run2-temporal"."""
     run = f"run{shown.run.id}"
     return run if shown.run.kind == "imported" else f"{run}-{phase_title(shown.run, shown.phase).replace(' ', '-')}"
 
 
 def _in_file_name(frames: range | None, first_frame: int) -> list[str]:
-    """Frames in a file's name; nothing for all."""
+    """Frames for a file name; nothing for all."""
     return [] if frames is None else [numbers(frames, first_frame).replace("–", "-")]
 
 
 def _axes_hint(name: str) -> str:
     if not name:
         return _AXES_HINT
-    text = "As the camera file has it" if name == OWN_WORLD else AXES[name].text
-    return f"{text}; counts for motions, meshes, TRC and C3D"
+    text = "As in the camera file" if name == OWN_WORLD else AXES[name].text
+    return f"{text}; applies to motions, meshes, TRC and C3D"
 
 
 def _said(going: Task[tuple[bytes, str | None]], size: int, note: str) -> list[Html]:
-    """How far an export is, or how it ended."""
+    """The progress of an export, or how it ended."""
     name = words(going.title, "strong")
     if going.state == "failed":
-        return [paragraph(joined(name, text(" could not be made"))), paragraph(going.reason, "bad")]
+        return [paragraph(joined(name, text(" could not be written"))), paragraph(going.reason, "bad")]
     if going.state == "finished":
-        sent = words("sent to the downloads", "good")
+        sent = words("downloaded", "good")
         told = [paragraph(note, "dim")] if note else []
         return [paragraph(joined(name, text(": "), sent, text(f" ({_size(size)})"))), *told]
     if going.state == "cancelled":
         return [paragraph(joined(name, text(": cancelled")))]
-    doing = " is being stopped …" if going.stopping else f" is being made … {going.share or 0.0:.0%}"
+    doing = " is stopping …" if going.stopping else f" in progress … {going.share or 0.0:.0%}"
     return [
         paragraph(joined(name, text(doing))),
         progress_bar(going.share or 0.0),

@@ -1,4 +1,4 @@
-"""All keys and gestures as lists, in the app's window of keys; docs/app.md has them as a table."""
+"""All keys and gestures, listed in the app's keys window; docs/app.md shows them as a table."""
 
 from itertools import groupby
 from typing import Any
@@ -13,12 +13,12 @@ GESTURES = {
         ("Drag", "Move the selected keypoints; the fit follows"),
         ("Shift+click", "Add a keypoint to the selection, or take it out"),
         ("Shift+drag", "Select the keypoints in a rectangle"),
-        ("Right click", "What can be done with the selected keypoints, or with the picture"),
+        ("Right click", "Menu for the selected keypoints, or for the picture"),
         ("Wheel, right drag", "Zoom, pan"),
     ),
     "In the side view": (
         ("Click", "Select a keypoint of the fit"),
-        ("Drag a keypoint", "Move it in depth, along its line of sight; the fit follows"),
+        ("Drag a keypoint", "Move it in depth, along its viewing ray; the fit follows"),
         ("Drag the left border", "Make it wider"),
     ),
     "In 3D": (
@@ -26,21 +26,21 @@ GESTURES = {
         ("Wheel, right drag", "Zoom, pan"),
     ),
     "In the timeline": (
-        ("Click, drag", "Go to a frame; on a mark, to what it is about"),
+        ("Click, drag", "Go to a frame; on a mark, to what it marks"),
         ("Drag in the ruler, or Shift+drag", "Select frames; their ends can be dragged"),
-        ("Double click", "Select no frames"),
-        ("Right click", "What can be done with the frames"),
+        ("Double click", "Clear frame selection"),
+        ("Right click", "Menu for the frames"),
         ("Drag a keyframe", "Move it to another frame"),
         ("Wheel", "Zoom; with Shift, or sideways, scroll"),
         ("Drag the bar at the bottom", "Scroll; its ends zoom"),
         ("Drag the upper border", "Make it higher; so do ↑ ↓ once Tab has reached it"),
     ),
 }
-"""What the pointer does (`browser/js/`), by place: the gesture, and its effect."""
+"""Pointer gestures by place (`browser/web/`): the gesture, and its effect."""
 
 
 def key_groups() -> dict[str, list[tuple[str, str]]]:
-    """Keys and what they do, by group of ACTIONS: actions of one family in one line."""
+    """Keys and what they do, by group of ACTIONS; actions of one family share a line."""
     groups: dict[str, list[tuple[str, str]]] = {}
     for (group, family, _), found in groupby((a for a in ACTIONS.values() if a.keys), _line):
         actions = list(found)
@@ -55,7 +55,7 @@ def _line(action: Action) -> tuple[str, str, str]:
 
 
 def joined_keys(*keys: tuple[Key, ...]) -> str:
-    """The keys of actions, as "Ctrl+← →", with modifiers that all share said once."""
+    """The keys of actions, as "Ctrl+← →", with shared modifiers named once."""
     if len(keys) == 1:
         return " or ".join(map(str, keys[0]))
     first = [alike[0] for alike in keys]
@@ -66,7 +66,7 @@ def joined_keys(*keys: tuple[Key, ...]) -> str:
 
 
 class KeyWindow:
-    """The window of all keys, open while a tab's state says so."""
+    """The window of all keys, open while the tab's state says so."""
 
     def __init__(self, tab: Tab) -> None:
         self._tab = tab
@@ -89,7 +89,7 @@ class KeyWindow:
 
 
 def keys_html() -> Html:
-    """The content of the window of keys, with the button that closes it."""
+    """The content of the keys window, with the button that closes it."""
     blocks = [_block(title, tuple(rows)) for title, rows in {**key_groups(), **GESTURES}.items()]
     steps = row(button("First steps", "action", "first_steps"))
     close = button("Close", "action", "help", kind="close")

@@ -1,4 +1,4 @@
-"""The panel that corrects keypoints, and lists what was done to them."""
+"""The Keypoints panel: corrects keypoints, and lists the edits."""
 
 from collections import Counter
 from datetime import datetime
@@ -13,8 +13,8 @@ from fitting_core.keypoints import COUNT, GROUPS, PARTS, PartOfPerson
 from tcfit_app.analysis.body_regions import full_name
 from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.project.edits.edit_log import LogEntry, Redo, Remark, Said, Undo
-from tcfit_app.project.edits.keyframes import REACH
-from tcfit_app.project.edits.kinds import SIDES
+from tcfit_app.project.edits.keyframes import LONGEST_GAP
+from tcfit_app.project.edits.kinds import SWAPPABLE
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.project.project import Project
 from tcfit_app.review.browser.page_states import GROUP_COLORS
@@ -45,16 +45,16 @@ from tcfit_app.review.tab.buttons import one_of
 from tcfit_app.review.tab.tab import Tab
 
 _NOTHING = "Select by name"
-_KEYFRAMES = f"Between two frames in which a keypoint is moved, at most {REACH} apart, the others follow"
+_KEYFRAMES = f"Between two frames at most {LONGEST_GAP} apart in which a keypoint was moved, it is interpolated"
 _SWAPPED = ("arms", "legs")
-"""What can be swapped and has no key."""
+"""Swaps that have no key."""
 _JOINTS = {full_name(joint): joint for joint in range(COUNT)}
-"""Keypoints by what they are called in the dropdown."""
+"""Keypoints by their names in the dropdown."""
 assert len(_JOINTS) == COUNT
 
 
 class KeypointsPanel:
-    """Corrections, and their history."""
+    """Corrections and their history."""
 
     title: ClassVar[str] = "Keypoints"
     icon: ClassVar[viser.IconName] = viser.Icon.HAND_CLICK
@@ -77,7 +77,7 @@ class KeypointsPanel:
 
     def _listen(self) -> None:
         tab, correcting = self._tab, self._gestures.correcting
-        tab.buttons.on("keypoints.swap", correcting.swap_sides, one_of(SIDES))
+        tab.buttons.on("keypoints.swap", correcting.swap_sides, one_of(SWAPPABLE))
         tab.buttons.on("keypoints.move", lambda _: correcting.nudge(*self._by.value))
         tab.buttons.on("keypoints.confidence", lambda _: correcting.set_confidence(self._confidence.value))
         tab.buttons.on("keypoints.bad", correcting.mark_group_bad, one_of(GROUPS))
@@ -115,7 +115,7 @@ class KeypointsPanel:
             tab.set(selection=edit.joints)
 
     def draw(self) -> None:
-        """Bring it to the tab's state."""
+        """Update from the tab's state."""
         tab, state, session = self._tab, self._tab.state, self._tab.session
         self._name.show(full_name(state.selection[0]) if len(state.selection) == 1 else _NOTHING)
         self._selected.show(*selection_table(tab))
@@ -129,7 +129,7 @@ class KeypointsPanel:
         self._draw_history()
 
     def _draw_missing(self, *, looks: bool) -> None:
-        """What was not found in the frame on show; nothing while the clip plays, and it would change at once."""
+        """What was not found in this frame; nothing while the clip plays, which would make it flicker."""
         tab, state, looking = self._tab, self._tab.state, self._gestures.again.busy
         shown = looks and not state.playing
         parts = missing_parts(tab.session.project.corrected, state.frame) if shown else ()
@@ -139,12 +139,12 @@ class KeypointsPanel:
         )
 
     def _missing_line(self, part: PartOfPerson, *, off: bool) -> Html:
-        label = named("Look for it", self._tab)
+        label = named("Detect it", self._tab)
         look = button(label, "keypoints.look", part, kind="mini", disabled=off)
         return line(f"{part_name(part).capitalize()}: not found", look, numbers=(1,))
 
     def _draw_again(self, where: str, *, looks: bool) -> None:
-        """What can be looked for again, or how far that is."""
+        """What can be detected again, or the progress of that."""
         again = self._gestures.again
         if again.busy and (going := again.going) is not None:
             told = going.title if going.stopping else f"{going.title}: {going.text}"
@@ -154,7 +154,7 @@ class KeypointsPanel:
             self._again.show(
                 heading("Detect again", where),
                 row(*(self._action(f"detect_{part}", part_name(part).capitalize()) for part in PARTS), wrap=True),
-                paragraph("In a rectangle that you draw in the picture:", "dim"),
+                paragraph("In a rectangle drawn in the picture:", "dim"),
                 row(*map(self._framed, PARTS), wrap=True),
             )
         else:
@@ -166,12 +166,12 @@ class KeypointsPanel:
 
     def _where(self) -> str:
         tab = self._tab
-        if tab.state.playing and tab.state.frames is None:  # else it would change with each frame
+        if tab.state.playing and tab.state.frames is None:  # otherwise it would change with each frame
             return "apply to the frame on show"
         return f"apply to {in_words(tab.chosen_frames, tab.first_frame)}"
 
     def _bad(self) -> bool:
-        """Whether all that is selected is bad."""
+        """Whether everything selected is marked bad."""
         tab, state = self._tab, self._tab.state
         key = state.selection, tab.chosen_frames, tab.session.project.keypoints_version
         return bool(state.selection) and not state.playing and tab.once("bad", key, self._all_bad)
@@ -198,7 +198,7 @@ class KeypointsPanel:
                 act("keyframes", "Keyframes", pressed=state.keyframes, hint=_KEYFRAMES),
                 act("delete_key", "Delete keyframe"),
             ),
-            row(act("hand_along", "Hand goes with its wrist", pressed=state.hand_along)),
+            row(act("hand_along", "Hand follows its wrist", pressed=state.hand_along)),
             heading("Depth", named("of arms and legs", tab)),
             row(act("mirror_depth"), act("in_front", "In front"), act("behind", "Behind")),
             row(act("interpolate_depth"), act("clear_depth")),
@@ -209,7 +209,7 @@ class KeypointsPanel:
                 button("Move by x, y", "keypoints.move", disabled=none, hint="In the frame on show only"),
                 button(named("Set confidence", tab), "keypoints.confidence", disabled=none),
             ),
-            *unseen(tab),  # below: whoever selects frames finds the buttons where they were
+            *unseen(tab),  # below, so that selecting frames does not move the buttons
         )
 
     def _group_table(self) -> Html:
@@ -233,19 +233,19 @@ class KeypointsPanel:
     def _draw_history(self) -> None:
         tab, project = self._tab, self._tab.session.project
         follow = tab.session.edit_follower.after_edits
-        hint = "After an edit, the fit of its frame and the frames around is made again"
+        hint = "After an edit, its frame and the frames around it are refitted"
         key = project.keypoints_version, project.marks_version, tab.author
         undo, redo, *done = tab.once("history", key, self._history_rows)
         self._done.show(
             heading("Corrections"),
             row(self._action("undo", undo, kind="left")),
             row(self._action("redo", redo, kind="left")),
-            row(button("The fit follows edits", "keypoints.follow", pressed=follow, hint=hint)),
+            row(button("Fit follows edits", "keypoints.follow", pressed=follow, hint=hint)),
             *done,
         )
 
     def _history_rows(self) -> list[Html]:
-        """What undo and redo would do, and what was done."""
+        """What undo and redo would do, and the latest edits."""
         tab, project = self._tab, self._tab.session.project
         steps = (self._step("Undo", project.undoable), self._step("Redo", project.redoable))
         return [*steps, *history_table(project, me=tab.author, first_frame=tab.first_frame)]
@@ -258,15 +258,15 @@ class KeypointsPanel:
 
 
 SHOWN = 12
-"""Corrections that are listed."""
+"""Number of edits listed."""
 
 
 def history_table(project: Project, *, me: str, first_frame: int) -> list[Html]:
-    """The last edits of a project, newest first; a row leads to its frame, and those that were undone are marked.
+    """The latest edits of a project, newest first; a row leads to its frame, and undone edits are marked.
 
     Args:
         project: whose keypoints were edited.
-        me: the author who reads it.
+        me: the author reading it.
         first_frame: the number that users see for frame 0.
     """
     edits = project.last_said(SHOWN)
@@ -300,20 +300,20 @@ def _when(time: datetime, now: datetime) -> str:
 
 
 _MOST = 5
-"""Keypoints that are listed one by one."""
+"""Number of keypoints listed one by one."""
 
 
 def _detected_by(detector: str) -> list[Html]:
-    """Whose the keypoints are, where that is known."""
+    """The detector, if known."""
     return [paragraph(f"Detected by {DETECTOR_TITLES.get(detector, detector)}.", "dim")] if detector else []
 
 
 _STATES = ("bad", "pinned", "corrected", "detected", "missing")
-"""The style sheet knows these names."""
+"""Also used in the style sheet."""
 
 
 def state_of(corrected: Corrected, frame: int, joint: int) -> str:
-    """What a keypoint is, one of _STATES."""
+    """The state of a keypoint, one of _STATES."""
     if corrected.bad[frame, joint]:
         return "bad"
     if corrected.confidence[frame, joint] == 0:
@@ -324,7 +324,7 @@ def state_of(corrected: Corrected, frame: int, joint: int) -> str:
 
 
 def selection_table(tab: Tab) -> list[Html]:
-    """The selected keypoints in the frame on show as HTML, the one selected last at first."""
+    """The selected keypoints in this frame as HTML, the last selected first."""
     chosen, frame = tab.state.selection[::-1], tab.state.frame
     title = f"{len(chosen) or 'No'} keypoint{'s' if len(chosen) != 1 else ''} selected"
     if not chosen:
@@ -338,7 +338,7 @@ def selection_table(tab: Tab) -> list[Html]:
     if len(chosen) > _MOST:
         counts = Counter(state_of(tab.session.project.corrected, frame, joint) for joint in chosen)
         of_all = ", ".join(f"{counts[state]} {state}" for state in _STATES if counts[state])
-        parts.append(paragraph(f"and {len(chosen) - _MOST} more: of all, {of_all}", "dim"))
+        parts.append(paragraph(f"and {len(chosen) - _MOST} more; in total {of_all}", "dim"))
     return parts
 
 
@@ -354,23 +354,23 @@ def _line(tab: Tab, joint: int) -> Html:
 
 
 def _place(tab: Tab, joint: int) -> Html:
-    """Where a keypoint is, and where it was detected if that is somewhere else."""
+    """Where a keypoint is, and where it was detected if that differs."""
     frame, detected = tab.state.frame, tab.session.project.detected
     x, y = tab.session.project.corrected.xy[frame, joint]
     u, v = detected.xy[frame, joint]
     here = tag("span", f"{x:.1f}, {y:.1f}")
     if not detected.confidence[frame, joint] > 0 or (x, y) == (u, v):
         return here
-    hint = f"Moved by {x - u:+.1f}, {y - v:+.1f} pixels from where it was detected"
+    hint = f"Moved by {x - u:+.1f}, {y - v:+.1f} pixels from its detected position"
     return joined(here, tag("div", f"was {u:.1f}, {v:.1f}", class_="tcfit-dim", title=hint))
 
 
 def _lock(corrected: Corrected, frame: int, joint: int) -> Html:
-    return tag("div", "turn locked", class_="tcfit-dim") if corrected[frame].locked[joint] else Html()
+    return tag("div", "rotation locked", class_="tcfit-dim") if corrected[frame].locked[joint] else Html()
 
 
 def _depth(corrected: Corrected, frame: int, joint: int) -> Html:
-    """What was said of a keypoint's depth, if anything was."""
+    """The depth set for a keypoint, if any."""
     if not np.isfinite(depth := corrected.depth[frame, joint]):
         return Html()
     return tag("div", depth_words(*[round(100 * depth)] * 2), class_="tcfit-dim")

@@ -1,4 +1,4 @@
-"""The part of the panel Review for notes on frames."""
+"""The notes on frames, a part of the Review panel."""
 
 from tcfit_app.project.edits.edit_log import NOTE_CHARACTERS, Note
 from tcfit_app.project.frame_words import in_words, numbers
@@ -20,11 +20,11 @@ from tcfit_app.review.panels.elements.html import (
 from tcfit_app.review.panels.elements.html import text as plain
 
 _MOST = 30
-"""Notes that are listed."""
+"""Number of notes listed."""
 
 
 class Notes:
-    """A field for a note, and the notes that there are. Asked again and again, it sends what changed."""
+    """A field for a note, and the list of notes. Called repeatedly, it sends only changes."""
 
     def __init__(self, gestures: Gestures) -> None:
         self._gestures, self._tab, self._noting = gestures, gestures.tab, gestures.noting
@@ -70,7 +70,7 @@ class Notes:
             )
         else:
             save = button("Save the note", "notes.write", disabled=off, enter=True)
-            buttons = row(save, button("Leave it as it was", "notes.leave"))
+            buttons = row(save, button("Discard changes", "notes.leave"))
         self._board.show(
             buttons,
             *([table(self._line(note, off=off) for note in notes[:_MOST])] if notes else []),

@@ -1,4 +1,4 @@
-"""The user's own rig: its file from the browser, what its joints stand for, and exports of the fit on it."""
+"""The user's own rig: its file from the browser, the mapping of its joints, and exports of the fit on it."""
 
 from functools import partial
 from pathlib import Path
@@ -18,8 +18,8 @@ from tcfit_app.review.tab.tab import Tab
 
 _NONE = "none"
 _SAID = (
-    "A character or skeleton of your own (.glb, .gltf, .vrm or .bvh) moves as the fit does. Its joints are told by "
-    "their names: look through the list, and correct it."
+    "Your own character or skeleton (.glb, .gltf, .vrm or .bvh) follows the fit. Joints are recognised by "
+    "name: check the list, and correct it."
 )
 _FIRST = 20
 """Parts of the body, before those of face and fingers."""
@@ -35,7 +35,7 @@ class OwnRig:
     def __init__(self, tab: Tab) -> None:
         self._tab = tab
         self._shown: KeptRig | None = None
-        """Whose joints the inputs offer."""
+        """The rig whose joints the inputs offer."""
         self._inputs: dict[str, Field[str]] = {}
         self._handles: dict[str, Any] = {}
         self._lists: list[Any] = []
@@ -43,7 +43,7 @@ class OwnRig:
         self._folder = gui.add_folder("Own rig", expand_by_default=False)
         with self._folder:
             self._about = Board(tab)
-            hint = "From this browser's computer: the rig's own GLB, glTF, VRM or BVH. It is kept in the project."
+            hint = "From this browser's computer: the rig as GLB, glTF, VRM or BVH. It is stored in the project."
             self._upload: Any = gui.add_upload_button("Upload a rig …", color="gray", hint=hint)
         take_uploads(tab, self._upload, self._begin)
         tab.buttons.on("rig.download", lambda _: self._download())
@@ -54,7 +54,7 @@ class OwnRig:
 
     @property
     def mapping(self) -> Path | None:
-        """The mapping file, where the project has a rig."""
+        """The mapping file, if the project has a rig."""
         return None if self._kept is None else self._kept.mapping
 
     def _begin(self, file: viser.UploadedFile) -> None:
@@ -65,10 +65,10 @@ class OwnRig:
         rig.reading = tab.begin("Reading the rig", lambda report: rig.keep(name, content), self._take, writes=True)
 
     def _take(self, kept: KeptRig) -> None:
-        self._tab.session.tell(Notice(title=f"The project has the rig {kept.rig.name}", text="", kind="done"))
+        self._tab.session.tell(Notice(title=f"Rig added: {kept.rig.name}", text="", kind="done"))
 
     def _choose(self, part: str, value: str) -> None:
-        """A part stands for another joint; who had this one before has none."""
+        """Map a part to another joint; a part that had this joint loses it."""
         self._tab.refuse_read_only()
         kept = self._kept
         if kept is None:
@@ -126,7 +126,7 @@ class OwnRig:
             label = _label(part, missing=part not in kept.joints)
             with self._lists[k >= _FIRST]:
                 if part in CHAINS:
-                    several = f"{hint}; any number of joints, with commas between them"
+                    several = f"{hint}; any number of joints, separated by commas"
                     handle: Any = gui.add_text(label, value, hint=several)
                     self._inputs[part] = Field(self._tab, handle, take)
                 else:
@@ -144,7 +144,7 @@ class OwnRig:
             return []
         wrong = refusal(check_joints, kept.joints, kept.skeleton)
         found = sum(part in kept.joints for part in PARTS)
-        about = f"{kept.rig.name}: {len(kept.skeleton.offered)} joints, {found} of {len(PARTS)} parts have one."
+        about = f"{kept.rig.name}: {len(kept.skeleton.offered)} joints, {found} of {len(PARTS)} parts mapped."
         bvh = kept.rig.suffix.lower() == ".bvh"
         files = [
             button(
@@ -152,7 +152,7 @@ class OwnRig:
                 "export.begin",
                 name,
                 disabled=bool(wrong) or not there or (bvh and name == "rig-glb"),
-                hint="The rig is a BVH, which has no surface" if bvh and name == "rig-glb" else export.hint,
+                hint="The rig is a BVH file, which has no mesh" if bvh and name == "rig-glb" else export.hint,
             )
             for name, export in exports().items()
             if export.own_rig
@@ -162,7 +162,7 @@ class OwnRig:
 
 
 def _value(kept: KeptRig | None, part: str) -> str:
-    """What an input shows; a mapping that somebody has edited may name joints that are not there."""
+    """What an input shows; an edited mapping may name joints that do not exist."""
     names = () if kept is None else kept.joints.get(part, ())
     if part in CHAINS:
         return ", ".join(names)
@@ -170,7 +170,7 @@ def _value(kept: KeptRig | None, part: str) -> str:
 
 
 def _label(part: str, *, missing: bool) -> str:
-    """A part in an animator's words."""
+    """A part in animators' words."""
     side, _, rest = part.partition("_")
     words = meant(part) if meant(part) != part or side not in ("left", "right") else f"{side} {rest}"
     words = words.partition(",")[0]

@@ -1,15 +1,15 @@
-"""Above the panels: which of a clip's people is shown, corrected and fitted."""
+"""Above the panels: which of the clip's people is shown, corrected and fitted."""
 
 from typing import Any
 
 from tcfit_app.review.panels.elements.field import Dropdown
 from tcfit_app.review.tab.tab import Tab
 
-_HINT = "Which of the clip's people is corrected and fitted; the others are drawn dimmed. Key Q: the next"
+_HINT = "The person to correct and fit; the others are dimmed. Q: next person"
 
 
 class PersonChoice:
-    """The drop-down of one tab, for as long as that shows one person; nothing where there is but one."""
+    """The dropdown of one tab while it shows one person; absent if there is only one."""
 
     def __init__(self, tab: Tab) -> None:
         self._tab = tab
@@ -23,11 +23,11 @@ class PersonChoice:
             self._choice = Dropdown(tab, self._handle, lambda name: tab.browser.go_to(self._names[name]))
 
     def show(self, on: bool) -> None:
-        """While another person's page is drawn, that has one of its own."""
+        """Hide it while another person's page, which has its own, is drawn."""
         if self._choice is not None:
             self._handle.visible = on
 
     def draw(self) -> None:
-        """Bring it back to the person on show."""
+        """Set it back to the person on show."""
         if self._choice is not None:
             self._choice.show(self._tab.someone.name)

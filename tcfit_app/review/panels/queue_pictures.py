@@ -1,4 +1,4 @@
-"""Small pictures of what entries of the review queue are about, cut out of the video."""
+"""Thumbnails for entries of the review queue, cropped from the video."""
 
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
@@ -14,30 +14,30 @@ from tcfit_app.review.shared.video_frames import Crop, Wanted
 from tcfit_app.review.tab.tab import Tab
 
 _SHAPE = 4 / 3
-"""Width by height of a picture."""
+"""Width and height of a thumbnail."""
 _LEAST = 0.35
-"""Of the person's height in the image that a picture shows at least: a limb is known by what it hangs on."""
+"""The smallest crop, as a fraction of the person's height: a limb is recognised by what it is attached to."""
 _MARGIN = 1.4
 _TOGETHER = 10
-"""So many more are sent at once."""
+"""How many more are sent at once."""
 
 
 class QueuePictures:
-    """The pictures in one tab: rules for the classes that `of` names. Asked again and again, it sends what changed."""
+    """One tab's thumbnails: CSS rules for the classes that `of` names. Called repeatedly, it sends only changes."""
 
     def __init__(self, tab: Tab) -> None:
         self._tab, self._board = tab, Board(tab)
         self._crops: dict[tuple[int, tuple[int, ...]], Crop] = {}
         self._found: dict[Wanted, bytes] = {}
         self._video: SharedVideo | None = None
-        """Whose they are."""
+        """The entries they show."""
 
     def of(self, suspect: Suspect) -> Html:
-        """The place of an entry's picture."""
+        """The placeholder of an entry's thumbnail."""
         return tag("span", "", class_=f"tcfit-picture {_class(suspect)}")
 
     def draw(self, suspects: Sequence[Suspect]) -> None:
-        """Have those made that are missing, and send some at a time."""
+        """Have missing thumbnails made, and send some at a time."""
         tab, wanted = self._tab, {_class(suspect): (suspect.frame, self._crop(suspect)) for suspect in suspects}
         video, kept = tab.data.video, self._found if tab.data.video is self._video else {}
         self._video, self._found = video, {one: made for one, made in kept.items() if one in wanted.values()}
@@ -66,12 +66,12 @@ class QueuePictures:
 def crop_of(
     xy: Float[np.ndarray, "137 2"], seen: Bool[np.ndarray, "137"], joints: Sequence[int], size: tuple[int, int]
 ) -> Crop:
-    """The part of an image that shows some keypoints of a person, within the image.
+    """The part of an image that shows some of a person's keypoints, within the image.
 
     Args:
         xy: All of the person's keypoints, pixels.
-        seen: Which of them there are.
-        joints: What it is about; none of them seen, or none at all: the whole person, or without one the whole image.
+        seen: Which of them were detected.
+        joints: The keypoints to show. If none of them was detected: the whole person, or without one the whole image.
         size: Of the image, width and height in pixels.
     """
     person = xy[seen & (np.arange(kp.COUNT) < kp.BODY.stop)]

@@ -1,4 +1,4 @@
-"""The panel that leads through suspicious frames, and finds a video that was moved."""
+"""The Review panel: leads through suspicious frames, and relinks a video that was moved."""
 
 from collections.abc import Sequence
 from typing import ClassVar
@@ -34,9 +34,9 @@ from tcfit_app.review.panels.queue_pictures import QueuePictures
 from tcfit_app.review.panels.who_is_who import WhoIsWho
 
 _MOST = 40
-"""Entries that are listed; one that is checked makes room for the next."""
+"""Entries listed; a checked one makes room for the next."""
 _FLAGS = 24
-"""Runs of flagged frames that are listed."""
+"""Runs of flagged frames listed."""
 
 
 class ReviewPanel:
@@ -49,14 +49,14 @@ class ReviewPanel:
         self._gestures = gestures
         self._tab = tab = gestures.tab
         self._found: ReviewQueue | None = None
-        """The last that was found; None until then."""
+        """The last result; None until there is one."""
         self._looking = False
-        """Newer ones are being looked for."""
+        """A newer queue is being computed."""
         self._problem = ""
         self._flagged: list[int] = []
         self._damage = Board(tab)
         self._media = Board(tab)
-        path = tab.client.gui.add_text("New place", "", visible=False, hint="Video file, or folder of images")
+        path = tab.client.gui.add_text("New location", "", visible=False, hint="Video file, or folder of images")
         self._path = path
         self._relink = Board(tab)
         self._head = Board(tab)
@@ -76,7 +76,7 @@ class ReviewPanel:
     def _entry(self, entry: tuple[int, str]) -> Suspect:
         found = [s for s in self._suspects if (s.frame, s.kind) == entry]
         if not found:
-            raise InputError("This entry is gone from the queue: its frames were checked or fitted again.")
+            raise InputError("This entry has left the queue: its frames were checked or refitted.")
         return found[0]
 
     def _go(self, entry: tuple[int, str]) -> None:
@@ -95,7 +95,7 @@ class ReviewPanel:
         tab = self._tab
         tab.refuse_read_only()
         if not self._path.value.strip():
-            raise InputError("Type where the video is now: its file, or the folder of its images.")
+            raise InputError("Type the video's new location: its file, or the folder of its images.")
         path, project = tab.files.path(self._path.value), tab.session.project
         tab.begin("Looking for the video", lambda _: project.relink(path), lambda _: self._found_video(), writes=True)
 
@@ -103,14 +103,14 @@ class ReviewPanel:
         session = self._tab.session
         media = session.project.media
         if media.problem:
-            session.tell(Notice(title="Linked, but look at it", text=media.problem))
+            session.tell(Notice(title="Video linked, but it differs from the original", text=media.problem))
         else:
-            session.tell(Notice(title="The video is found", text=str(media.path and media.path.resolve()), kind="done"))
+            session.tell(Notice(title="Video found", text=str(media.path and media.path.resolve()), kind="done"))
 
     # --- drawing ---
 
     def draw(self) -> None:
-        """Bring it to the tab's state."""
+        """Update from the tab's state."""
         tab, session = self._tab, self._tab.session
         self._draw_damage()
         self._draw_media()
@@ -126,13 +126,13 @@ class ReviewPanel:
         self._queue.show(*self._entries(self._here(), fitted=shown is not None))
 
     def _marks(self) -> tuple[list[int], set[int]]:
-        """The frames that are flagged, and those that look fine."""
+        """The flagged frames, and those that look fine."""
         marks = self._tab.session.project.marks.all()
         flagged = [frame for frame, mark in marks.items() if mark.state == "flag"]
         return flagged, {frame for frame, mark in marks.items() if mark.state == "checked"}
 
     def _look(self, shown: Shown | None) -> None:
-        """Take up the queue if it is another one; the last one stays meanwhile."""
+        """Take up a new queue once it is ready; keep the last one meanwhile."""
         if shown is None:
             self._found, self._looking, self._problem = None, False, ""
             return
@@ -143,7 +143,7 @@ class ReviewPanel:
             self._found = found
 
     def _here(self) -> int | None:
-        """The place of the entry on show in the queue."""
+        """The position in the queue of the entry on show."""
         frame = self._tab.state.frame
         places = [i for i, suspect in enumerate(self._suspects) if frame in suspect.frames]
         exact = [i for i in places if self._suspects[i].frame == frame]
@@ -154,7 +154,7 @@ class ReviewPanel:
         if found is not None and (total := found.looked_at + len(found.left)):
             bar = [
                 progress_bar(found.looked_at / total),
-                paragraph(f"{found.looked_at} of {total} looked at; flagged frames: {len(self._flagged)}", "dim"),
+                paragraph(f"{found.looked_at} of {total} reviewed; flagged frames: {len(self._flagged)}", "dim"),
             ]
         self._head.show(
             heading("Suspicious frames", first=not self._path.visible),
@@ -164,8 +164,8 @@ class ReviewPanel:
                 action(self._gestures, "next_suspect", "Next", kind="main"),
             ),
             row(
-                action(self._gestures, "fine", "Not fine after all" if fine else "Looks fine"),
-                action(self._gestures, "flag", "Take flag away" if flagged else "Flag"),
+                action(self._gestures, "fine", 'Undo "looks fine"' if fine else "Looks fine"),
+                action(self._gestures, "flag", "Remove flag" if flagged else "Flag"),
             ),
             paragraph(where, "dim"),
             row(action(self._gestures, "approve", self._approval()), *self._next_clip()),
@@ -181,12 +181,12 @@ class ReviewPanel:
         return [action(self._gestures, "next_clip", "Next clip")] * self._tab.browser.in_list
 
     def _applies(self) -> str:
-        """What "Looks fine" and "Flag" are about."""
+        """Which frames "Looks fine" and "Flag" apply to."""
         tab = self._tab
-        if tab.state.playing and tab.state.frames is None:  # else it would change with each frame
-            return "Both are for the frame on show."
+        if tab.state.playing and tab.state.frames is None:  # otherwise it would change with each frame
+            return "Both apply to the frame on show."
         fine, flag = self._where(self._gestures.reviewing.dismissed), self._where(tab.chosen_frames)
-        return f"Both are for {fine}." if fine == flag else f"Looks fine is for {fine}, Flag for {flag}."
+        return f"Both apply to {fine}." if fine == flag else f"O marks {fine} as fine, T flags {flag}."
 
     def _where(self, frames: Sequence[int]) -> str:
         return in_words(frames, self._tab.first_frame)
@@ -205,14 +205,14 @@ class ReviewPanel:
 
     def _entries(self, here: int | None, *, fitted: bool) -> list[Html]:
         if not fitted:
-            return [paragraph("There is no fit yet: suspicious frames are looked for once there is one.", "dim")]
+            return [paragraph("There is no fit yet. Suspicious frames are found once there is one.", "dim")]
         if self._problem:
-            return [paragraph(f"Suspicious frames cannot be looked for: {self._problem}", "warn")]
+            return [paragraph(f"Suspicious frames cannot be found: {self._problem}", "warn")]
         if self._found is None:
             return [paragraph("Looking for suspicious frames …", "dim")]
         if not self._suspects:
-            again = " Looking again …" if self._looking else ""
-            return [paragraph(f"Nothing suspicious.{again}", "dim")]
+            done = f"All {self._found.looked_at} reviewed" if self._found.looked_at else "Nothing suspicious"
+            return [paragraph(f"{done}. Looking again …" if self._looking else f"{done}.", "dim")]
         first = self._tab.first_frame
         off = self._tab.session.project.read_only
         rows = [
@@ -229,8 +229,8 @@ class ReviewPanel:
             for i, suspect in enumerate(self._suspects[:_MOST])
         ]
         parts = [
-            heading("Queue", "the worst first"),
-            table(rows, ("", "frame", "what, where it is worst"), numbers=(1,)),
+            heading("Queue", "worst first"),
+            table(rows, ("", "frame", "problem, worst frame"), numbers=(1,)),
         ]
         if (more := len(self._suspects) - _MOST) > 0:
             parts.append(paragraph(f"and {more} more, less suspicious", "dim"))
@@ -239,10 +239,10 @@ class ReviewPanel:
         return parts
 
     def _said(self, suspect: Suspect, *, off: bool) -> Html:
-        """What an entry is about, and what can be done about it at once."""
+        """What an entry is about, and its quick fix."""
         if suspect.kind != "depth":
             return text(suspect.reason)
-        hint = "Send these limbs to the other side of shoulder or hip, in the frames of this entry"
+        hint = "Flip these limbs in depth about shoulder or hip, in the frames of this entry"
         value = f"{suspect.frame} {suspect.kind}"
         mirror = button("Mirror", "review.mirror", value, kind="mini", disabled=off, hint=hint)
         return joined(text(f"{suspect.reason} "), mirror)
@@ -267,10 +267,10 @@ class ReviewPanel:
             return
         self._media.show(heading("Video", first=True), paragraph(problem, "warn"))
         off = tab.session.project.read_only
-        self._relink.show(row(button("Use the video at this place", "review.relink", disabled=off, enter=True)))
+        self._relink.show(row(button("Use the video at this location", "review.relink", disabled=off, enter=True)))
 
 
 def _entry(value: str) -> tuple[int, str]:
-    """Frame and kind of an entry of the queue."""
+    """Frame and kind of a queue entry."""
     frame, kind = value.split(" ")
     return int(frame), kind

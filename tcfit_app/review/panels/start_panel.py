@@ -1,4 +1,4 @@
-"""The panel of a project without keypoints: have them found in the video, or import them."""
+"""The Start panel of a project without keypoints: detect them in the video, or import them."""
 
 from typing import TYPE_CHECKING, ClassVar
 
@@ -27,12 +27,12 @@ from tcfit_app.review.tab.tab import Tab
 if TYPE_CHECKING:
     from fitting_core.detect.known_models import KnownModel
 
-_FILE = "An ONNX file of yours"
+_FILE = "Your own ONNX file"
 _IMPORT = row(button("Import from this path", "start.import", kind="main", enter=True))
 
 
 class StartPanel:
-    """See `Panel`. Shown by pages that open on a project without keypoints."""
+    """See `Panel`. Shown by pages opened on a project without keypoints."""
 
     title: ClassVar[str] = "Start"
     icon: ClassVar[viser.IconName] = viser.Icon.USER_PLUS
@@ -69,13 +69,15 @@ class StartPanel:
     def _import_path(self) -> None:
         if not self._path.value.strip():
             raise InputError(
-                "No path is given; expected a folder or file of keypoints on the computer that runs tcfit."
+                "The path is empty; expected a folder or file of keypoints on the computer that runs tcfit."
             )
         self._tab.session.source.begin(ImportFiles(path=self._tab.files.path(self._path.value)))
 
     def _find(self, *, then_fit: bool) -> None:
         if not (self._detector.name or self._file.value.strip()):
-            raise InputError("No model is given; expected the path of an ONNX model on the computer that runs tcfit.")
+            raise InputError(
+                "The model file is empty; expected the path of an ONNX model on the computer that runs tcfit."
+            )
         detector = self._detector.name or str(self._tab.files.path(self._file.value))
         if then_fit:
             self._tab.session.find_and_fit(detector)
@@ -109,7 +111,7 @@ class StartPanel:
 
 
 class _DetectorChoice:
-    """A dropdown of detectors: those that are known, and a file."""
+    """A dropdown of the known detectors, and a file."""
 
     def __init__(self, tab: Tab) -> None:
         from fitting_core.detect.detectors import DEFAULT, DETECTORS
@@ -120,7 +122,7 @@ class _DetectorChoice:
         handle = tab.client.gui.add_dropdown("Detector", tuple(self._titles), initial_value=self.chosen, hint=hint)
         Dropdown(tab, handle, self._choose)
         self.is_here = True
-        """Whether everything that the chosen one needs is on this computer, when it was looked at last."""
+        """Whether everything the choice needs was on this computer at the last check."""
 
     def _choose(self, title: str) -> None:
         self.chosen = title
@@ -132,13 +134,13 @@ class _DetectorChoice:
         return self._titles[self.chosen]
 
     def look(self) -> None:
-        """Look whether the chosen one is here; it reads files, and is not for every draw."""
+        """Check whether the chosen one is here; reads files, so not for every draw."""
         from fitting_core.detect.detectors import DETECTORS
 
         self.is_here = not self.name or DETECTORS[self.name].is_here()
 
     def known_models(self) -> "list[KnownModel]":
-        """Those models that the chosen one lacks and that can be downloaded one by one."""
+        """Models that the choice lacks and that can be downloaded one by one."""
         from fitting_core.detect.detectors import DETECTORS
 
         return [] if not self.name else DETECTORS[self.name].lacking()
@@ -154,11 +156,11 @@ def _offered(detector: _DetectorChoice) -> list[Html]:
 
 
 def _fetchable(detector: _DetectorChoice) -> list[Html]:
-    """What is to be fetched before the chosen detector can be used."""
+    """What must be fetched before the chosen detector can be used."""
     models = detector.known_models()
     if models:
         known = models[0]
-        checksum = known.sha256 or "none is known; the first download's is remembered"
+        checksum = known.sha256 or "unknown; the first download's is remembered"
         return [
             paragraph(f"{known.title} is not on this computer. It can be fetched from its publisher:"),
             facts([("From", known.url), ("Size", known.size), ("Licence", known.licence), ("SHA-256", checksum)]),
@@ -175,9 +177,9 @@ def _fetchable(detector: _DetectorChoice) -> list[Html]:
 def _introduction(tab: Tab) -> list[Html]:
     session = tab.session
     if session.project.read_only:
-        text = "This project is open read-only: keypoints can be found or imported where it is open for writing."
+        text = "This project is open read-only. Detect or import keypoints where it is open for writing."
     elif session.source.busy:
-        text = "You can watch the video meanwhile: keypoints appear in it as they are found."
+        text = "You can watch the video meanwhile; keypoints appear as they are found."
     else:
         text = "tcfit finds the person's body, hands and face in the video, and fits the body model to them."
     return [heading("No keypoints yet", first=True), paragraph(text)]
@@ -198,37 +200,39 @@ def _finished(gestures: Gestures) -> list[Html]:
 def _what_next(gestures: Gestures) -> list[Html]:
     tab = gestures.tab
     if tab.session.jobs:
-        return [paragraph("They are being fitted: the picture shows each body as soon as it is there.")]
+        return [paragraph("Fitting now: the picture shows each body as soon as it is ready.")]
     if tab.session.fits.showable():
-        text = "They are fitted. Next: play the clip, and let the panel Review lead you to what is suspicious."
+        text = "The fit is done. Next: play the clip, and let the panel Review show you suspicious frames."
         return [paragraph(text), row(action(gestures, "next_suspect"))]
-    text = "Next: fit the body. Keypoints that are wrong can be corrected before or after."
+    text = "Next: fit the body. Wrong keypoints can be corrected before or after."
     return [paragraph(text), row(action(gestures, "fit", kind="main"))]
 
 
 def _others(tab: Tab) -> list[Html]:
-    """How many people there are, and what to do where another one is meant."""
+    """How many people there are, and how to choose another one."""
     people = tab.session.source.people
     if people is None or people.count < 2:
         return []
     if tab.session.can_choose_person:
-        text = "If you mean another one, click on that person in the picture."
+        text = "To choose another person, click on them in the picture."
     else:
-        text = "There are fits or corrections of this one: make a new project for another (--person N, --out FOLDER)."
+        text = (
+            "This person already has fits or corrections; for another, make a new project (--person N, --out FOLDER)."
+        )
     return [paragraph(f"{people.count} people were found. {text}")]
 
 
 def _said(going: Going, people: int) -> list[Html]:
-    """How far a job is, or how it ended."""
+    """The progress of a job, or how it ended."""
     title = heading(going.title)
     if going.state == "failed":
         return [title, paragraph(going.reason, "bad")]
     if going.state == "cancelled":
-        return [title, paragraph("Cancelled. What was found is kept: the next start goes on there.")]
+        return [title, paragraph("Cancelled. Keypoints found so far are kept; starting again continues from there.")]
     if going.state == "finished":
         return [title, paragraph("Done.", "good")]
     doing = "Stopping …" if going.stopping else f"{going.text} …"
-    several = f"{people} people found. If you do not mean the one in colour, click on another one in the picture."
+    several = f"{people} people found. To choose someone other than the one in colour, click on them in the picture."
     return [
         title,
         paragraph(doing),

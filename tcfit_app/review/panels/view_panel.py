@@ -1,4 +1,4 @@
-"""The panel that says what is seen: mode, playing, which runs are A and B, layers."""
+"""The View panel: mode, playback, which runs are A and B, layers."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -8,7 +8,7 @@ import viser
 
 from fitting_core.errors import InputError
 from fitting_core.keypoints import GROUPS
-from tcfit_app.fitting.fits import TITLES, FitChoice, Shown, phase_title
+from tcfit_app.fitting.fits import SHORT_TITLES, FitChoice, Shown, phase_title
 from tcfit_app.project.storage.run_record import Run
 from tcfit_app.review.browser.page_states import GROUP_COLORS
 from tcfit_app.review.gestures.actions import ACTIONS, Gestures
@@ -31,25 +31,25 @@ from tcfit_app.review.scene.poses import SPACE_FROM
 from tcfit_app.review.scene.side_view import angle_of
 from tcfit_app.review.scene.windows import ARRANGEMENTS
 from tcfit_app.review.tab.buttons import one_of
-from tcfit_app.review.tab.on_show import SIDES
+from tcfit_app.review.tab.on_show import SLOTS
 from tcfit_app.review.tab.state import CLOSE_UPS, MODES, OPACITIES, SIDES_SEEN, SPEEDS, Part
 
 _SWITCHES = {"video", "bones", "detections", "others", "error_bars"}
-"""What can be switched here and has no key."""
+"""Toggles without a key."""
 _COLORS_BY = ("group", "confidence")
 _SPEEDS = {f"{speed:g}": speed for speed in SPEEDS}
-"""By the value of their button."""
+"""By the button's value."""
 _WIDER = {"−": 1 / 1.25, "+": 1.25}
-"""By the value of their button: by how much the side view becomes wider."""
+"""By the button's value: the factor by which the side view becomes wider."""
 _SPACE_FROM = (*SPACE_FROM, "camera")
-_CLOSE_UP = "The view follows it from frame to frame; once more: the whole picture"
-_ARRANGE = f"How A and B lie ({ACTIONS['arrangement'].key_text}: the next)"
+_CLOSE_UP = "The view follows it from frame to frame; press again for the whole picture"
+_ARRANGE = f"Arrangement of A and B ({ACTIONS['arrangement'].key_text}: the next)"
 _APART = 1.2
-"""Metres: two bodies with their arms stretched do not touch."""
+"""Metres: two bodies with outstretched arms do not touch."""
 
 
 class ViewPanel:
-    """What is seen."""
+    """What is visible."""
 
     title: ClassVar[str] = "View"
     icon: ClassVar[viser.IconName] = viser.Icon.EYE
@@ -68,12 +68,12 @@ class ViewPanel:
         self._opacity = Field(tab, opacity, lambda value: tab.set(opacity=value))
         self._side = Board(tab)
         self._turn_slider = gui.add_slider(
-            "Turn", -180, 180, 5, 90, hint="Degrees about up: 0 is the camera's own view"
+            "Turn", -180, 180, 5, 90, hint="Degrees about the vertical: 0 is the camera's own view"
         )
         self._turn = Field(tab, self._turn_slider, lambda value: tab.set(side_from=float(value)))
         self._keypoints = Board(tab)
         minimum = gui.add_slider(
-            "Min. conf.", 0.0, 1.0, 0.05, 0.0, hint="Keypoints of less confidence are left out, unless selected"
+            "Min. conf.", 0.0, 1.0, 0.05, 0.0, hint="Keypoints below this confidence are hidden, unless selected"
         )
         self._minimum = Field(tab, minimum, lambda value: tab.set(minimum=value))
         Board(tab).show(row(self._action("help", "All keys and gestures")))
@@ -110,7 +110,7 @@ class ViewPanel:
         self._tab.set(groups=self._tab.state.groups ^ {name})
 
     def draw(self) -> None:
-        """Bring it to the tab's state."""
+        """Update from the tab's state."""
         tab, state = self._tab, self._tab.state
         self._draw_playing()
         self._runs.draw()
@@ -165,14 +165,14 @@ class ViewPanel:
             rows.append(row(button("Other people", "view.switch", "others", pressed=state.others, hint=hint)))
         difference = self._action("difference", "A-B difference", pressed=state.difference)
         if state.mode != "space":
-            hint = "Bodies end where the picture ends; else they are seen beyond it"
+            hint = "Cut bodies off at the picture's edge"
             clip = button("Clip to the picture", "view.clip", pressed=self._tab.clipped, hint=hint)
             rows += [row(clip, difference), row(self._action("peek", "Video only, while held"))]
         else:
             rows.append(row(difference))
             looks = (button(name.title(), "view.from", name) for name in _SPACE_FROM)
             rows.append(row(choice(*looks), label="Seen from"))
-            hint = "Draws A and B beside each other instead of where they are"
+            hint = "Draw A and B next to each other instead of in their places"
             rows.append(row(button("A and B side by side", "view.apart", pressed=bool(state.apart), hint=hint)))
         self._layers.show(*rows)
 
@@ -228,7 +228,7 @@ class ViewPanel:
                     "view.switch",
                     "detections",
                     pressed=state.detections,
-                    hint="Lines from corrected keypoints to where they were detected",
+                    hint="Lines from corrected keypoints to their detected positions",
                 ),
                 self._action("trail", "Trail", pressed=state.trail),
                 self._silhouette(),
@@ -241,8 +241,8 @@ class ViewPanel:
 
     def _error_bars(self, held: Shown | None) -> Html:
         known = held is not None and held.result is not None and held.result.error_bars is not None
-        hint = "In the side view and in 3D: two of three joints lie within, relative to the pelvis"
-        unknown = "Not known of this fit: only phase 3 with the lifter has them"
+        hint = "In the side view and in 3D: about two thirds of joints lie within, relative to the pelvis"
+        unknown = "This fit has none: only phase 3 with the lifter does"
         pressed = known and self._tab.state.error_bars
         hint = hint if known else unknown
         return button("Error bars", "view.switch", "error_bars", pressed=pressed, disabled=not known, hint=hint)
@@ -250,19 +250,19 @@ class ViewPanel:
     def _silhouette(self) -> Html:
         known = self._tab.session.project.footage.silhouettes is not None
         pressed = known and self._tab.state.silhouette
-        return self._action("silhouette", "Silhouette", pressed=pressed, hint="What the person covers of the picture")
+        return self._action("silhouette", "Silhouette", pressed=pressed, hint="The detected outline of the person")
 
 
 NEWEST = "Newest"
-"""Stands for the newest run that has a result."""
+"""The newest run with a result."""
 _LONGEST, _END = 28, 11
-"""Characters of a run's name that are shown, and those of its end among them: more are wider than the field."""
+"""Characters of a run's name that are shown, and those of its end among them: longer ones do not fit the field."""
 _HINTS = {"a": "Left of A | B, and what blinking shows", "b": "Right of A | B; corrections are made to it"}
 _LEGEND = joined(dot(css(RUN_COLORS[0])), text("A"), Html("&emsp;"), dot(css(RUN_COLORS[1])), text("B"))
-_PHASES: tuple[int | None, ...] = (*TITLES, None)
-"""What can be chosen of a run; None: the last that it has."""
-_PHASE_CHOICES = {f"{side} {phase or ''}": (side, phase) for side in SIDES for phase in _PHASES}
-"""By the value of their button."""
+_PHASES: tuple[int | None, ...] = (*SHORT_TITLES, None)
+"""Choices for a run's phase; None: its last."""
+_PHASE_CHOICES = {f"{side} {phase or ''}": (side, phase) for side in SLOTS for phase in _PHASES}
+"""By the button's value."""
 
 
 class RunsShown:
@@ -272,11 +272,11 @@ class RunsShown:
         self._tab, self._action = gestures.tab, partial(action, gestures)
         tab = gestures.tab
         self._numbers: dict[str, int | None] = {}
-        """Runs by what they are called in the dropdowns."""
+        """Runs by their names in the dropdowns."""
         self._head = Board(tab)
         self._runs: dict[str, Dropdown] = {}
         self._phases: dict[str, Board] = {}
-        for side in SIDES:
+        for side in SLOTS:
             handle = tab.client.gui.add_dropdown(f"{side.upper()} shows", (NEWEST,), hint=_HINTS[side])
             self._runs[side] = Dropdown(tab, handle, partial(self._choose_run, side))
             self._phases[side] = Board(tab)
@@ -297,13 +297,13 @@ class RunsShown:
         return self._tab.session.fits.standing(self._tab.state.a if side == "a" else self._tab.state.b)
 
     def draw(self) -> None:
-        """Bring it to the tab's state."""
+        """Update from the tab's state."""
         tab, state = self._tab, self._tab.state
         fits = tab.session.fits
-        showable, chosen = fits.showable(), {self._choice(side).run for side in SIDES}
+        showable, chosen = fits.showable(), {self._choice(side).run for side in SLOTS}
         runs = [run for run in fits.runs if run in showable or run.id in chosen]
-        shown = {side: fits.meant(self._choice(side)) for side in SIDES}
-        there = {side: self._phases_of(shown[side]) for side in SIDES}
+        shown = {side: fits.meant(self._choice(side)) for side in SLOTS}
+        there = {side: self._phases_of(shown[side]) for side in SLOTS}
         self._head.show(
             heading("Fits on show", _LEGEND),
             row(
@@ -313,7 +313,7 @@ class RunsShown:
         )
         names = run_names(runs)
         self._numbers = {NEWEST: None, **{name: run.id for run, name in zip(runs, names, strict=True)}}
-        for side in SIDES:
+        for side in SLOTS:
             self._draw_side(side, runs, shown[side], there[side])
 
     def _phases_of(self, run: Run | None) -> tuple[int, ...]:
@@ -333,7 +333,7 @@ class RunsShown:
     def _phase_buttons(self, side: str, now: FitChoice, run: Run | None, there: tuple[int, ...]) -> list[Html]:
         return [
             button(
-                "last" if phase is None else TITLES[phase] if run is None else phase_title(run, phase),
+                "last" if phase is None else SHORT_TITLES[phase] if run is None else phase_title(run, phase),
                 "runs.phase",
                 f"{side} {phase or ''}",
                 pressed=now.phase == phase,
@@ -344,13 +344,13 @@ class RunsShown:
 
 
 def run_names(runs: Sequence[Run]) -> list[str]:
-    """What runs are called in a list of options, where each name stands only once; long ones without their middle."""
+    """Names of runs for a list of options, each distinct; long ones lose their middle."""
     names = [_shortened(run.name) for run in runs]
     alike = [names.count(name) > 1 or name == NEWEST for name in names]
     return [f"{name} (#{run.id})" if also else name for run, name, also in zip(runs, names, alike, strict=True)]
 
 
 def _shortened(name: str) -> str:
-    """Names of a long list often begin alike, and end differently."""
+    """Keeps both ends: names in a long list often begin alike and end differently."""
     start = _LONGEST - _END - 1
     return name if len(name) <= _LONGEST else f"{name[:start]}…{name[-_END:]}"

@@ -1,4 +1,4 @@
-"""Whether the person on show is another of the clip's people in some frames: a part of the panel Review."""
+"""Frames in which the person on show may be someone else: a part of the Review panel."""
 
 from fitting_core.io.people_file import Span
 from tcfit_app.review.gestures.actions import Gestures
@@ -7,13 +7,13 @@ from tcfit_app.review.session.group import Doubt
 from tcfit_app.review.tab.people import Someone
 
 _MOST = 12
-"""Spans that are listed; those that are settled make room."""
-_RIGHT = "It is the same person before and after these frames"
-_EXCHANGE = "Exchanges the keypoints of both people from the frame on show to the end. Undo takes it back for both"
+"""Spans listed; settled ones make room."""
+_RIGHT = "Confirm that it is the same person before and after these frames"
+_EXCHANGE = "Swaps the keypoints of both people from the frame on show to the end. Undo reverts both"
 
 
 class WhoIsWho:
-    """Lists the frames that are not sure, with what can be done; nothing where there is but one person."""
+    """Lists the uncertain frames, with what can be done; empty if there is only one person."""
 
     def __init__(self, gestures: Gestures) -> None:
         self._gestures, self._tab = gestures, gestures.tab
@@ -44,14 +44,14 @@ class WhoIsWho:
         someone, fixed = self._tab.someone, self._tab.session.project.read_only
         rows = [heading("Who is who", f"{len(spans)} not sure" if spans else "")]
         if spans:
-            rows.append(paragraph(f"Is it {someone.name} before and after these frames?", "dim"))
+            rows.append(paragraph(f"Is this {someone.name} before and after these frames?", "dim"))
         for i, (first, last) in enumerate(spans[:_MOST]):
             where = f"Frame {first}" if first == last else f"Frames {first}–{last}"
             there = number is not None and first <= number <= last
             rows.append(
                 row(
                     button(where, "people.go", f"{i}", pressed=there, hint="Go there, and select them"),
-                    button("It is", "people.right", f"{i}", disabled=fixed, hint=_RIGHT),
+                    button("Same person", "people.right", f"{i}", disabled=fixed, hint=_RIGHT),
                 )
             )
         rows += [paragraph(half, "warn") for half in self._gestures.exchanging.halves]

@@ -1,1 +1,1 @@
-"""What is drawn."""
+"""The 2D and 3D scenes."""

@@ -1,4 +1,4 @@
-"""What both modes draw: bodies and video frames, as values. No viser here."""
+"""What both modes draw, bodies and video frames, as values. No viser here."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,57 +14,57 @@ RGB = tuple[int, int, int]
 """0 to 255, sRGB."""
 
 RUN_COLORS: tuple[RGB, RGB] = (90, 160, 255), (255, 150, 60)
-"""Of run A and run B: blue and orange, apart for every kind of colour vision."""
+"""Of run A and run B: blue and orange, distinguishable with every kind of colour vision."""
 OTHER_COLOR: RGB = (168, 142, 222)
-"""Of people who are not the one on show: violet, which neither grey clothes nor skin swallow, as they did pale grey."""
+"""Of people other than the one on show: violet stands out from grey clothes and from skin, which pale grey did not."""
 OTHER_OPACITY = 0.5
-"""Of these, at most."""
+"""Their maximum opacity."""
 MOST_OTHERS = 9
-"""Other people that are drawn; those that come first."""
+"""How many other people are drawn: the first ones."""
 OPACITY = 0.6
-"""Of bodies at first: fingers and seams of clothes in the video are seen through it, and shading on it."""
+"""Initial opacity of bodies: the video's fingers and seams show through, and so does the shading."""
 DISTANCE_LIMIT = 0.1
-"""Metres at the top end of the colours; larger values look the same."""
+"""Metres at the top of the colour scale; larger values are clipped."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BodyLayer:
     """A body of one frame.
 
-    The arrays are compared by identity: to change one, give a new array and leave the old one as it is.
+    Arrays are compared by identity: to change one, pass a new array and leave the old one unchanged.
     """
 
     vertices: Float[np.ndarray, "V 3"]
     """Camera space: x right, y down, z away from the camera, metres."""
     faces: Int[np.ndarray, "F 3"]
-    """Corners counter-clockwise as seen from outside; the same array for all frames."""
+    """Corners counter-clockwise seen from outside; the same array for all frames."""
     color: RGB = RUN_COLORS[0]
     opacity: float = OPACITY
     wireframe: bool = False
     outline: bool = False
-    """On a poster: as lines where it turns from the viewer, with the video between them."""
+    """On a poster: as outlines, with the video between them."""
     values: Float[np.ndarray, "V"] | None = None
-    """Metres at each vertex, such as the distance to another run. They are drawn as colours, instead of `color`."""
+    """Metres at each vertex, such as the distance to another run, drawn as colours instead of `color`."""
     camera: Camera | None = None
-    """What it was fitted with; None: the poster's own."""
+    """The camera it was fitted with; None: the poster's."""
 
     @cached_property
     def problem(self) -> str | None:
-        """Why this body cannot be drawn, for the user; None if it can."""
+        """Why this body cannot be drawn, for users; None if it can."""
         if not np.isfinite(self.vertices).all():
-            return "the mesh has coordinates that are not numbers"
+            return "the mesh has coordinates that are not finite"
         if np.median(self.vertices[:, 2]) < NEAREST:
-            return "the body lies behind the camera"
+            return "the body is behind the camera"
         return None
 
 
 NEAREST = 0.05
-"""Metres from the camera within which nothing is projected: vertices nearer than that are put there."""
+"""The near plane, metres from the camera: nearer vertices are moved onto it."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FrameImage:
-    """An encoded image, handed to the browser as it is."""
+    """An encoded image, sent to the browser unchanged."""
 
     data: bytes
     """JPEG."""
@@ -79,12 +79,12 @@ class FrameImage:
     @classmethod
     @cache
     def uniform(cls, color: RGB) -> "FrameImage":
-        """A plate of one colour, of any size."""
+        """An image of one colour, for any size."""
         return cls.encode(np.full((8, 8, 3), color, np.uint8))
 
 
 def css(color: RGB) -> str:
-    """A colour as browsers write it."""
+    """A CSS colour."""
     return "#" + "".join(f"{channel:02x}" for channel in color)
 
 
@@ -92,18 +92,18 @@ def css(color: RGB) -> str:
 def color_table() -> UInt8[np.ndarray, "256 3"]:
     """The colours of values from 0 to the limit, RGB: OpenCV's inferno, perceptually uniform, dark to light."""
     ramp = np.arange(256, dtype=np.uint8)[:, None]
-    # The darkest fifth would look like shadow on a shaded body.
+    # The darkest fifth would look like shading.
     ramp = (48 + ramp * (207 / 255)).astype(np.uint8)
     return cv2.applyColorMap(ramp, cv2.COLORMAP_INFERNO)[:, 0, ::-1].copy()
 
 
 def color_index(values: Float[np.ndarray, "V"]) -> UInt8[np.ndarray, "V"]:
-    """Which line of `color_table` each value has; what is not a number is drawn as 0."""
+    """The row of `color_table` for each value; NaN and infinity as 0."""
     return (np.clip(np.nan_to_num(values) / DISTANCE_LIMIT, 0, 1) * 255).astype(np.uint8)
 
 
 def drawable(bodies: Sequence[BodyLayer]) -> tuple[list[BodyLayer | None], list[str]]:
-    """The bodies with None for those that cannot be drawn, and why."""
+    """The bodies, with None for those that cannot be drawn, and the reasons."""
     problems = [body.problem for body in bodies]
     shown = [None if problem else body for body, problem in zip(bodies, problems, strict=True)]
     return shown, [problem for problem in problems if problem]

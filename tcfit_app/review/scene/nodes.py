@@ -1,6 +1,6 @@
 """Bodies and images as nodes of viser's scene, which send only what changed.
 
-What viser's meshes cannot do, a script in the page does: colours at vertices, clean transparency, dark plates.
+A script in the page does what viser's meshes cannot: vertex colours, correct transparency, dark placeholders.
 """
 
 import base64
@@ -15,22 +15,22 @@ from tcfit_app.review.scene.outlines import outline
 from tcfit_app.server.viser_bridge import run_javascript, show_jpeg
 
 _OPAQUE = 0.995
-"""From here on a body is drawn as opaque: without blending, and so without a seam where it lies over itself."""
+"""Opacity above which a body is drawn as opaque: without blending, and so without seams where it overlaps itself."""
 _LINE = 2.0
-"""CSS pixels: the width of an outline."""
+"""Width of an outline, CSS pixels."""
 _ABOVE = 0.003
-"""How far an outline lies before its body, in image heights, so that the body does not hide it."""
+"""How far an outline is in front of its body, in image heights, so that the body does not hide it."""
 _WHITE: RGB = (255, 255, 255)
 
 
 class MeshDressing:
-    """Dresses the mesh nodes of one browser tab, which has a Channel. A node may have been added just before.
+    """Adjusts the mesh nodes of one browser tab, which has a Channel. A node may have just been added.
 
-    Colours: viser's own way to colours at vertices is a GLB file, built and parsed anew for each frame; this adds an
-    attribute to the mesh that is there, with one byte for each vertex on the wire.
+    Colours: viser's own vertex colours need a GLB file, built and parsed again for each frame; this adds an attribute
+        to the existing mesh, with one byte per vertex sent.
 
-    Transparency: a browser blends a mesh's triangles in the order in which they are listed, so that the back of an arm
-    may shine through its front. Drawn into the depth buffer first, the mesh lets only its nearest surface through.
+    Transparency: a browser blends a mesh's triangles in list order, so that the back of an arm may show through its
+        front. The mesh is drawn into the depth buffer first, so that only its nearest surface is visible.
     """
 
     def __init__(self, client: viser.ClientHandle) -> None:
@@ -38,27 +38,27 @@ class MeshDressing:
         self._call("setColorTable", _linear_table())
 
     def paint(self, name: str, indices: UInt8[np.ndarray, "V"] | None) -> None:
-        """Gives the node's mesh colours, lines of `layers.color_table` by vertex; None takes them away.
+        """Set the vertex colours of the node's mesh, rows of `layers.color_table`; None removes them.
 
-        The mesh's own colour multiplies them: make it white.
+        They are multiplied by the mesh's own colour: make it white.
         """
         colors = None if indices is None else base64.b64encode(indices.tobytes()).decode()
         self._dress(name, colors=colors)
 
     def show_front_only(self, name: str, front: bool) -> None:
-        """Whether the node's mesh hides its own far side although it is transparent, or a wireframe."""
+        """Whether the node's mesh hides its own far side although it is transparent or a wireframe."""
         self._dress(name, front=front)
 
     def show_nothing(self, name: str, nothing: bool) -> None:
-        """Whether the node's mesh is not drawn, but hides what is behind it."""
+        """Whether the node's mesh is invisible but hides what is behind it."""
         self._dress(name, nothing=nothing)
 
     def draw_last(self, name: str) -> None:
-        """Draws a node's lines after the bodies, which may hide them."""
+        """Draw a node's lines after the bodies, which may hide them."""
         self._dress(name, last=True)
 
     def keep_dark(self, name: str) -> None:
-        """Draws an image node dark, and not white, until the browser has decoded its first image."""
+        """Draw an image node dark instead of white until the browser has decoded its first image."""
         self._dress(name, dark=True)
 
     def _dress(self, name: str, **wish: object) -> None:
@@ -69,14 +69,14 @@ class MeshDressing:
 
 
 def _linear_table() -> list[float]:
-    """The colour table as three.js wants colours at vertices: linear, 0 to 1, flattened."""
+    """The colour table as three.js expects vertex colours: linear, 0 to 1, flattened."""
     srgb = color_table().astype(np.float64) / 255
     linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
     return linear.round(4).ravel().tolist()
 
 
 class BodyNode:
-    """One body in a browser tab. Nothing is made before it is first shown."""
+    """One body in a browser tab. Created when first shown."""
 
     def __init__(
         self,
@@ -89,7 +89,7 @@ class BodyNode:
         self._node: viser.MeshHandle | None = None
         self._lines: viser.LineSegmentsHandle | None = None
         self._outlined: np.ndarray | None = None
-        """The vertices that the lines are of."""
+        """The vertices of the outline."""
         self._vertices = self._faces = self._values = None
         self._front = False
 
@@ -102,14 +102,14 @@ class BodyNode:
         solid: bool = False,
         lines: bool = False,
     ) -> None:
-        """Shows the layer with these vertices in place of its own (which are in camera space).
+        """Show the layer with these vertices instead of its own (which are in camera space).
 
         Args:
             layer: What to draw.
             vertices: World units, compared by identity.
-            position: Of the node; None leaves it.
-            solid: Opaque, whatever the layer's opacity is.
-            lines: It may be drawn as an outline: it is looked at along z.
+            position: Of the node; None keeps it.
+            solid: Opaque, whatever the layer's opacity.
+            lines: It may be drawn as an outline, because the view is along z.
         """
         self._position = position or self._position
         if self._node is None or layer.faces is not self._faces:
@@ -130,12 +130,12 @@ class BodyNode:
         self._outline(layer if outlined else None, vertices)
 
     def hide(self) -> None:
-        """Draws nothing, and keeps what was there for the next time."""
+        """Draw nothing, but keep the node for the next time."""
         if self._node is not None:
             self._node.visible = False
 
     def _create(self, layer: BodyLayer, vertices: Float[np.ndarray, "V 3"]) -> None:
-        """A node of its own for each body model: its faces stay on the client."""
+        """A new node for each body model: its faces stay on the client."""
         self._node = self._client.scene.add_mesh_simple(
             self._name,
             vertices,
@@ -147,10 +147,10 @@ class BodyNode:
             receive_shadow=False,
         )
         self._faces, self._values, self._front = layer.faces, None, False
-        self._lines = self._outlined = None  # they went with the node before
+        self._lines = self._outlined = None  # removed with the previous node
 
     def _outline(self, layer: BodyLayer | None, vertices: Float[np.ndarray, "V 3"]) -> None:
-        """Lines in place of the body, which then only hides the lines behind it; None: no lines."""
+        """Draw an outline instead of the body, which then only hides the lines behind it; None: no outline."""
         if layer is None:
             if self._lines is not None and self._lines.visible:
                 self._lines.visible = False
@@ -173,7 +173,7 @@ class BodyNode:
             self._dressing.show_nothing(self._name, True)
 
     def _paint(self, layer: BodyLayer) -> None:
-        """Colours at the vertices, if they changed."""
+        """Update the vertex colours if they changed."""
         if layer.values is not self._values:
             self._values = layer.values
             self._dressing.paint(self._name, None if layer.values is None else color_index(layer.values))
@@ -185,7 +185,7 @@ class BodyNode:
 
 
 class ImageNode:
-    """One image of any size in a browser tab: y down, seen from -z. The image's own size is nowhere in it."""
+    """One image in a browser tab: y down, seen from -z. Its world size is independent of its pixels."""
 
     def __init__(self, client: viser.ClientHandle, name: str, dressing: MeshDressing, first: FrameImage) -> None:
         self._node = client.scene.add_image(
@@ -198,7 +198,7 @@ class ImageNode:
     def draw(
         self, image: FrameImage, size: tuple[float, float], position: tuple[float, float, float] = (0.0, 0.0, 0.0)
     ) -> None:
-        """Shows the image in a rectangle of that width and height around the position, in world units."""
+        """Show the image in a rectangle of this width and height around the position, in world units."""
         if image is not self._image:
             show_jpeg(self._node, image.data)
             self._image = image

@@ -1,4 +1,4 @@
-"""The lines in which a body turns from the viewer: its contour, and those of limbs before it. Arithmetic, no viser."""
+"""Outlines: the lines where a body's surface turns away from the viewer. Arithmetic, no viser."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -14,11 +14,11 @@ class Edges:
     ends: Int[np.ndarray, "E 2"]
     """Vertices."""
     sides: Int[np.ndarray, "E 2"]
-    """The faces on both sides; the same twice where there is but one."""
+    """The faces on both sides; the same one twice at a border."""
 
 
 class _ByIdentity:
-    """Faces as a key: they are one array for all frames of a body."""
+    """Faces as a key, by identity: one array serves all frames of a body."""
 
     def __init__(self, faces: Int[np.ndarray, "F 3"]) -> None:
         self.faces = faces
@@ -31,7 +31,7 @@ class _ByIdentity:
 
 
 def edges_of(faces: Int[np.ndarray, "F 3"]) -> Edges:
-    """The edges of a mesh, remembered for the bodies that were asked for last."""
+    """The edges of a mesh, cached for the most recent bodies."""
     return _edges(_ByIdentity(faces))
 
 
@@ -41,13 +41,13 @@ def _edges(key: _ByIdentity) -> Edges:
     half = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     ends, first, which = np.unique(half, axis=0, return_index=True, return_inverse=True)
     last = np.zeros(len(ends), int)
-    last[which.reshape(-1)] = np.arange(len(half))  # of several assignments the last one counts
+    last[which.reshape(-1)] = np.arange(len(half))  # of several assignments, the last wins
     return Edges(ends=ends, sides=np.stack([first, last], 1) // 3)
 
 
 def outline(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> Float32[np.ndarray, "n 2 3"]:
-    """Edges between a face that is seen and one that is turned away, of a body that is looked at along z; hidden ones
-    as well, and those at the rim of a hole."""
+    """Edges between a front-facing and a back-facing face, of a body viewed along z; hidden ones too, and those at the
+    rim of a hole."""
     a, b, c = (vertices[faces[:, i], :2] for i in range(3))
     seen = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) > (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
     edges = edges_of(faces)

@@ -1,4 +1,4 @@
-"""Where the viewer's camera stands to see posters, or a body in space: arithmetic, no viser."""
+"""The poses of the viewer's camera for posters and for bodies in space. Arithmetic, no viser."""
 
 import math
 from dataclasses import dataclass, replace
@@ -13,27 +13,28 @@ Rectangle = tuple[float, float, float, float]
 """Left, top, right, bottom."""
 
 POSTER_FOV = 0.0004
-"""Radians. The further away and the narrower, the less a relief's depth shifts it: by depth / distance of what lies off
-the middle of the window. With this a body shifts by less than a pixel at 20-fold zoom."""
+"""Field of view, radians. The farther away and the narrower, the less a relief's depth shifts it on the screen: by
+depth / distance times the offset from the window's centre. With this value, by under a pixel at 20-fold zoom."""
 SPACE_FOV = 0.75
 _MOST_ZOOM = 60.0
-"""How much nearer than the whole poster the user may get."""
+"""Maximum zoom relative to the whole poster."""
 _LEAST_ZOOM = 0.3
 _TARGET_DEPTH = 0.1
-"""Posters are orbited around a point behind them, in image heights: viser marks it with a cross, which they hide."""
+"""Posters are orbited around a point this far behind them, in image heights: they hide the cross that viser draws
+there."""
 _MARGIN = 1.03
 _BODY_FROM = np.array([0.62, -0.28, -0.73])
-"""From the body towards the viewer in 3D: the video camera's side, from the right and a little from above."""
+"""From the body towards the viewer in 3D: the video camera's side, from the right and slightly above."""
 _OVERVIEW_FROM = np.array([0.74, -0.38, -0.6])
 SPACE_FROM = {"front": (0.0, -0.05, -1.0), "side": (1.0, -0.05, 0.0), "top": (0.0, -1.0, -0.002)}
-"""From the body towards the viewer, by what that is called. From right above there would be no up on the screen."""
+"""From the body towards the viewer, by name. From exactly above, the screen would have no up direction."""
 _BODY_DISTANCE, _OVERVIEW_DISTANCE = 1.3, 0.95
-"""Of the viewer, in diagonals of what is looked at."""
+"""Distance of the viewer, in diagonals of the subject."""
 
 
 _ORIGIN = np.zeros(3)
 _LEAST_SIZE, _CLOSE = 0.15, 1.3
-"""Of what is zoomed to in 3D: metres at least, and how much more than it is seen."""
+"""Zooming in 3D: minimum size in metres, and the margin relative to the subject."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +48,7 @@ class Pose:
     near: float
     far: float
     least_distance: float
-    """How near to `look_at` the user may get."""
+    """The minimum distance to `look_at`."""
     most_distance: float
 
     @property
@@ -57,11 +58,11 @@ class Pose:
 
     @property
     def height(self) -> float:
-        """Of what the window shows at `look_at`."""
+        """Height of the visible part at `look_at`."""
         return 2 * self.distance * math.tan(self.fov / 2)
 
     def close_to(self, other: "Pose") -> bool:
-        """Whether the user sees the same, within about a tenth of a pixel."""
+        """Whether the view is the same to within about a tenth of a pixel."""
         tolerance = 1e-4 * self.height
         return (
             abs(self.fov - other.fov) < 1e-3 * self.fov
@@ -72,22 +73,22 @@ class Pose:
 
 @dataclass(frozen=True, kw_only=True)
 class Window:
-    """What the user looks through, in any unit of length that all three share."""
+    """The user's window, in any common unit of length."""
 
     width: float
     height: float
     covered: float = 0.0
-    """Of the height, at the bottom: what lies over it."""
+    """Height at the bottom covered by something else."""
 
 
 def poster_pose(middle: tuple[float, float], scale: float, *, whole: float, canvas: Window) -> Pose:
-    """Looks straight at a place of the poster world.
+    """Looks straight at a point of the poster world.
 
     Args:
-        middle: What is in the middle of each window.
+        middle: The point at the centre of each window.
         scale: Pixels of the canvas per image height.
-        whole: The scale with which the whole picture is seen: sets how far the user may zoom.
-        canvas: All of it.
+        whole: The scale that shows the whole picture; determines the zoom limit.
+        canvas: The whole canvas.
     """
     furthest = _distance(whole, canvas)
     least, most = furthest / _MOST_ZOOM, furthest / _LEAST_ZOOM
@@ -108,18 +109,18 @@ def _distance(scale: float, canvas: Window) -> float:
 
 
 def straightened(pose: Pose) -> Pose:
-    """From as far away at the same point of the posters, without any turn."""
+    """The same point seen from the same distance, without rotation."""
     x, y, z = pose.look_at
     return replace(pose, position=(x, y, z - pose.distance), up=(0.0, -1.0, 0.0))
 
 
 def space_pose(bounds: Float[np.ndarray, "2 3"], window: Window) -> Pose:
-    """Looks at bodies in a box (least and greatest coordinates), half from the side."""
+    """Looks at bodies in a bounding box (least and greatest coordinates), from half to the side."""
     return _space_pose(bounds, window, _BODY_FROM, _BODY_DISTANCE)
 
 
 def named_pose(name: str, bounds: Float[np.ndarray, "2 3"], window: Window) -> Pose:
-    """Looks at bodies in a box from one of SPACE_FROM."""
+    """Looks at bodies in a bounding box from one of SPACE_FROM."""
     return _space_pose(bounds, window, np.array(SPACE_FROM[name]), _BODY_DISTANCE)
 
 
@@ -132,15 +133,15 @@ def filming_pose(
     near: float,
     place: Float[np.ndarray, "3"] = _ORIGIN,
 ) -> Pose:
-    """Looks at bodies in a box from the video camera, the way that it looks; its whole picture is in the window.
+    """Looks at bodies in a bounding box from the video camera, in its direction, with its whole picture in the window.
 
     Args:
-        camera: Of the video; its picture's middle is taken for that of the view.
+        camera: Of the video; its image centre becomes the view's.
         turn: From camera space to the world.
         bounds: Least and greatest coordinates, in the world.
         window: The canvas.
-        near: Metres within which nothing is drawn.
-        place: Of the camera, in the world.
+        near: Metres from the camera within which nothing is drawn.
+        place: The camera's position in the world.
     """
     free = max(window.height - window.covered, 0.1 * window.height)
     scale = _MARGIN * max(camera.size[0] / window.width, camera.size[1] / free)
@@ -158,7 +159,7 @@ def filming_pose(
 
 
 def nearer_pose(pose: Pose, bounds: Float[np.ndarray, "2 3"], window: Window) -> Pose:
-    """Looks at a box (least and greatest coordinates), which fills the window, from the side of another pose."""
+    """Fits a bounding box (least and greatest coordinates) into the window, seen from another pose's direction."""
     away = np.subtract(pose.position, pose.look_at) / pose.distance
     middle, size = bounds.mean(0), max(math.dist(bounds[0], bounds[1]), _LEAST_SIZE)
     narrow = max(1.0, window.height / window.width)
@@ -167,7 +168,7 @@ def nearer_pose(pose: Pose, bounds: Float[np.ndarray, "2 3"], window: Window) ->
 
 
 def overview_pose(bounds: Float[np.ndarray, "2 3"], window: Window, place: Float[np.ndarray, "3"] = _ORIGIN) -> Pose:
-    """Looks at bodies in a box and at the video camera, which is in that place, from the side."""
+    """Looks at bodies in a bounding box and at the video camera's position, from the side."""
     everything = np.stack([np.minimum(bounds[0], place), np.maximum(bounds[1], place)])
     return _space_pose(everything, window, _OVERVIEW_FROM, _OVERVIEW_DISTANCE)
 
@@ -175,11 +176,11 @@ def overview_pose(bounds: Float[np.ndarray, "2 3"], window: Window, place: Float
 def _space_pose(
     bounds: Float[np.ndarray, "2 3"], window: Window, view_from: Float[np.ndarray, "3"], diagonals: float
 ) -> Pose:
-    middle = bounds.mean(0)  # what the user turns around
+    middle = bounds.mean(0)  # the centre of rotation
     free = (window.height - window.covered) / window.height
-    # A window higher than wide must stand further off.
+    # A window higher than wide needs a greater distance.
     distance = diagonals * math.dist(bounds[0], bounds[1]) / free * max(1.0, window.height / window.width)
-    middle[1] += distance * math.tan(SPACE_FOV / 2) * window.covered / window.height  # bodies above what is covered
+    middle[1] += distance * math.tan(SPACE_FOV / 2) * window.covered / window.height  # bodies above the covered part
     position = middle + view_from / np.linalg.norm(view_from) * distance
     return Pose(
         position=_vector(position),

@@ -1,9 +1,9 @@
-"""The flat world of the 2D modes: video frames as posters, and bodies as reliefs that lie on them exactly.
+"""The flat world of the 2D modes: video frames as posters, and bodies as reliefs that coincide with them.
 
-Pixel (u, v) of a clip of W x H pixels lies at world ((u - W/2)/H, (v - H/2)/H, 0), on every poster: the page draws each
-in a window of its own (`windows.py`). Pixels are counted from the image's corner: the middle of the first one is
-(0.5, 0.5). The viewer looks along +z from far away (`poses.py`), so that z shifts nothing on the screen, and a body is
-projected here, with the clip's own intrinsics.
+Pixel (u, v) of a clip of W x H pixels is at world ((u - W/2)/H, (v - H/2)/H, 0) on every poster; the page draws each in
+its own window (`windows.py`). Pixel coordinates start at the image's corner: the centre of the first pixel is (0.5,
+0.5). The viewer looks along +z from far away (`poses.py`), so that z does not shift anything on the screen, and bodies
+are projected here, with the clip's own intrinsics.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,22 +23,23 @@ from tcfit_app.review.scene.side_view import SideView
 from tcfit_app.review.scene.windows import Arrangement, Division, divide
 
 PLATE = FrameImage.uniform((38, 40, 44))
-"""In place of a frame that is not there yet, or of a video that is switched off."""
+"""Replaces a frame that is not ready, or a video that is switched off."""
 _FAR_OUT = 8.0
-"""How far from the middle, in image heights, a vertex is drawn: beyond, float32 and the browser's clipping lose it."""
+"""Maximum distance of a drawn vertex from the centre, in image heights: float32 and the browser's clipping fail
+beyond."""
 _CLEARANCE = 0.01
-"""Between the image and the furthest vertex, in image heights."""
+"""Between the image and the farthest vertex, in image heights."""
 SIDE_PLATE = FrameImage.uniform((27, 29, 33))
-"""Of the side view, which has no video: darker than a picture that is missing."""
+"""Of the side view, which has no video: darker than a missing picture."""
 _SLOTS = 2
 _ROOT = "/posters"
 PICTURE_NODES = tuple(f"{_ROOT}/{i}" for i in range(_SLOTS))
-"""viser's nodes that hold the pictures, and the side view."""
+"""viser's nodes for the pictures and the side view."""
 SIDE_NODE = f"{_ROOT}/side"
 
 
 def body_nodes(poster: str) -> tuple[str, ...]:
-    """viser's nodes of the bodies on a poster, given its own: of the fits, and of other people."""
+    """viser's nodes for the bodies on a poster, given its own: of the fits, and of other people."""
     return tuple(f"{poster}/body{i}" for i in range(_SLOTS + MOST_OTHERS))
 
 
@@ -47,7 +48,7 @@ class Poster:
     """A video frame and the bodies on it."""
 
     image: FrameImage | None = None
-    """None: not there yet; a plain plate is shown. Compared by identity."""
+    """None: not ready; a plain plate is shown. Compared by identity."""
     bodies: tuple[BodyLayer, ...] = ()
     """At most two."""
     others: tuple[BodyLayer, ...] = ()
@@ -56,26 +57,26 @@ class Poster:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SidePoster:
-    """The plate beside the pictures, with the same bodies as they are seen from aside."""
+    """The plate beside the pictures, with the same bodies seen from the side."""
 
     view: SideView
     """Compared by identity."""
     bodies: tuple[BodyLayer, ...] = ()
     """At most two."""
     others: tuple[BodyLayer, ...] = ()
-    """Of other people; those are drawn that the plate has room for."""
+    """Of other people; only those that fit on the plate are drawn."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Posters:
-    """What the 2D modes show: one picture or two, and at their right the side view."""
+    """What the 2D modes show: one or two pictures, with the side view to the right."""
 
     camera: Camera
-    """The clip's. Its size is the size of the pictures, whatever that of the encoded images is."""
+    """The clip's. Pictures have its size, whatever the resolution of the encoded images."""
     posters: tuple[Poster, ...]
     side: SidePoster | None = None
     arrangement: Arrangement | None = None
-    """Of two pictures; None: whichever makes them larger."""
+    """Arrangement of two pictures; None: whichever makes them larger."""
 
     def __post_init__(self) -> None:
         assert 1 <= len(self.posters) <= _SLOTS
@@ -84,7 +85,7 @@ class Posters:
 
     @property
     def width(self) -> float:
-        """Of a picture, in image heights."""
+        """Width of a picture, in image heights."""
         return self.camera.size[0] / self.camera.size[1]
 
     def divide(self, canvas: Window) -> Division:
@@ -94,22 +95,22 @@ class Posters:
 
 
 def world_of_pixels(pixels: Float[np.ndarray, "*n 2"], size: tuple[int, int]) -> Float[np.ndarray, "*n 2"]:
-    """World x and y of pixels."""
+    """World x and y of pixel positions."""
     return (pixels - np.array(size) / 2) / size[1]
 
 
 def relief(
     bodies: Sequence[Float[np.ndarray, "V 3"]], camera: Camera, own: Sequence[Camera | None] = ()
 ) -> list[Float[np.ndarray, "V 3"]]:
-    """Vertices on a poster, of bodies that hide each other by their depth.
+    """Vertices on a poster of bodies that occlude each other by depth.
 
-    Depth is drawn as f/H log(z / furthest z): it keeps the order and stretches z as the projection stretches x and y,
-    at every z, so that a body is shaded as it is shaped.
+    Depth is drawn as f/H log(z / greatest z): this preserves the order, and scales z like the projection scales x and y
+    at every z, so that the shading matches the body's shape.
 
     Args:
         bodies: In camera space, metres.
         camera: The poster's.
-        own: Of each body that has one of its own, of the same image size: its intrinsics.
+        own: Intrinsics of each body that has its own, for the same image size.
     """
     if not bodies:
         return []
@@ -134,7 +135,7 @@ class PosterNodes:
         self._side = _Slot(client, SIDE_NODE, dressing, SIDE_PLATE)
 
     def draw(self, snapshot: Posters) -> list[str]:
-        """Sends what changed; returns what cannot be shown, and why."""
+        """Send what changed; returns what cannot be shown, and why."""
         camera, problems = snapshot.camera, []
         for i, slot in enumerate(self._slots):
             if i < len(snapshot.posters):
@@ -148,17 +149,17 @@ class PosterNodes:
             self._side.hide()
         else:
             self._side.show(SIDE_PLATE, side.view.width)
-            # There is no video to be seen through them.
+            # No video would be visible through them.
             self._side.draw(side.bodies, side.others, side.view, partial(_on_side, side.view), solid=True)
         return problems
 
     def set_visible(self, visible: bool) -> None:
-        """Shows or hides all of them."""
+        """Show or hide all of them."""
         self._root.visible = visible
 
 
 Project = Callable[[list[BodyLayer], list[BodyLayer]], list[Float[np.ndarray, "V 3"] | None]]
-"""From bodies, and those of other people, to their vertices on a poster; None for who is not on it."""
+"""Maps bodies, and those of other people, to their vertices on a poster; None for those outside it."""
 
 
 def _on_picture(
@@ -171,8 +172,8 @@ def _on_picture(
 def _on_side(view: SideView, bodies: list[BodyLayer], others: list[BodyLayer]) -> list[Float[np.ndarray, "V 3"] | None]:
     vertices, besides = [body.vertices for body in bodies], [body.vertices for body in others]
     shifts = view.shifts(vertices)
-    # Others stand where they are beside the body that is corrected. They move nothing, and hide nothing of it: two who
-    # stand beside each other before the camera lie on each other here.
+    # Other people keep their places relative to the corrected body, but neither move nor hide it: two people standing
+    # side by side before the camera overlap here.
     beside = shifts[-1] if len(shifts) else np.zeros(2)
     there = [view.holds(points, beside) for points in besides]
     seen = [points for points, is_there in zip(besides, there, strict=True) if is_there]
@@ -186,19 +187,19 @@ def _on_side(view: SideView, bodies: list[BodyLayer], others: list[BodyLayer]) -
 
 
 class _Slot:
-    """One poster's nodes, made once, so that frames replace each other without a gap."""
+    """One poster's nodes, created once, so that frames replace each other without a gap."""
 
     def __init__(self, client: viser.ClientHandle, name: str, dressing: MeshDressing, plate: FrameImage) -> None:
         self._frame = client.scene.add_frame(name, show_axes=False, visible=False)
         self._image = ImageNode(client, f"{name}/video", dressing, plate)
-        # Transparent things are drawn from far to near by their nodes' places: the bodies' lie in front of the image's.
+        # Transparent nodes are drawn from far to near by their positions: bodies are in front of the image.
         front = (0.0, 0.0, -_CLEARANCE)
         self._bodies = [BodyNode(client, body, dressing, front) for body in body_nodes(name)]
         self._source: tuple[object, ...] = ()
         self._reliefs: list[np.ndarray | None] = []
 
     def show(self, image: FrameImage, width: float) -> None:
-        """Shows it. Its frame stays where it is: the page moves that into the poster's window."""
+        """Show it. Its node stays in place; the page moves it into the poster's window."""
         self._image.draw(image, (width, 1.0))
         self._frame.visible = True
 
@@ -214,14 +215,14 @@ class _Slot:
         *,
         solid: bool = False,
     ) -> list[str]:
-        """Draws bodies on it; returns what of the fits cannot be shown, and why.
+        """Draw bodies on it; returns which of the fits cannot be shown, and why.
 
         Args:
-            bodies: The fits'.
-            others: Other people's.
-            how: Stands for `project`, by identity.
-            project: How they are drawn.
-            solid: Opaque, whatever their layers' opacity is.
+            bodies: Of the fits.
+            others: Of other people.
+            how: Identifies `project`.
+            project: The projection.
+            solid: Opaque, whatever the layers' opacity.
         """
         shown, problems = drawable(bodies)
         besides, _ = drawable(others)

@@ -1,7 +1,7 @@
-"""Where a clip's person moves: which way is up, where the floor is, and where the body goes. No viser here.
+"""The space in which a clip's person moves: up direction, floor, and extent. No viser here.
 
-Level space has the camera in its origin and looks where the camera looks, but is upright: x right, y along gravity,
-z ahead, metres. A camera that moves is there in the clip's first frame.
+Level space has the camera at its origin and the camera's heading, but is upright: x right, y along gravity, z ahead,
+metres. A moving camera is there in the clip's first frame.
 """
 
 from dataclasses import dataclass, field, replace
@@ -13,35 +13,36 @@ from fitting_core.camera import Camera
 from fitting_core.ground.level import Level
 
 _STRAY = 2.0
-"""Percent of the frames that need not be in view."""
+"""Percentage of frames that need not be in view."""
 _FLOOR_PERCENTILE = 95.0
-"""Of the lowest vertex's height over the frames: a foot that the fit pushes through the floor now and then is none."""
+"""Percentile over frames of the lowest vertex's height: a foot that is now and then fitted below the floor is no
+floor."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Room:
-    """The space of a clip, as one fit has it."""
+    """The space of a clip according to one fit."""
 
     turn: Float[np.ndarray, "3 3"]
-    """x_level = turn @ x_camera + place; of a camera that moves, from still space (see `CameraPath`)."""
+    """x_level = turn @ x_camera + place; for a moving camera, x_still instead of x_camera (see `CameraPath`)."""
     floor: float
     """y of the floor in level space."""
     boxes: Float[np.ndarray, "T 2 3"]
-    """Least and greatest coordinates of the body in some frames, in level space. One at least."""
+    """Least and greatest coordinates of the body in some frames, at least one, in level space."""
     level: bool = True
-    """Whether gravity is known; else the room is held as the camera is."""
+    """Whether gravity is known; otherwise the room has the camera's orientation."""
     place: Float[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
-    """Of the camera, in level space."""
+    """Camera position in level space."""
 
     def before(self, camera: Camera, frame: int) -> "Room":
-        """The same room as the camera of a frame is in it."""
+        """The same room relative to the camera of a frame."""
         if camera.path is None:
             return self
         return replace(self, turn=self.turn @ camera.path.to_still[frame], place=self.turn @ camera.path.places[frame])
 
     @property
     def extent(self) -> Float[np.ndarray, "2 3"]:
-        """Where the body is in the whole clip, in level space."""
+        """The extent of the body over the whole clip, in level space."""
         return extent(self.boxes)
 
 
@@ -49,8 +50,8 @@ def room_around(vertices: Float[np.ndarray, "T V 3"], level: Level | None) -> Ro
     """The room of a body.
 
     Args:
-        vertices: Of some of its frames, in still space, metres.
-        level: How the camera is held; None where that is not known.
+        vertices: Of some frames, in still space, metres.
+        level: The camera's tilt and the floor; None if unknown.
     """
     turn = np.eye(3) if level is None else level.turn
     found = boxes(vertices @ turn.T.astype(vertices.dtype))
@@ -67,7 +68,7 @@ def boxes(vertices: Float[np.ndarray, "T V 3"]) -> Float[np.ndarray, "T 2 3"]:
 
 
 def extent(vertices: Float[np.ndarray, "T V 3"]) -> Float[np.ndarray, "2 3"]:
-    """Least and greatest coordinates of a body's frames, but for the few in which a fit throws it far away."""
+    """Least and greatest coordinates over frames, except for the few in which a fit puts the body far away."""
     least, most = vertices.min(1), vertices.max(1)
     usual = np.isfinite(least + most).all(1)
     least, most = least[usual], most[usual]

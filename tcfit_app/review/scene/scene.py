@@ -1,4 +1,4 @@
-"""All that viser's scene shows in one browser tab: the 2D and the 3D mode, and the viewer's camera in them."""
+"""viser's scene in one browser tab: the 2D and the 3D mode, and the viewer's camera in them."""
 
 import math
 from collections.abc import Sequence
@@ -29,30 +29,30 @@ from tcfit_app.review.scene.windows import Division
 from tcfit_app.server.viser_bridge import place_camera
 
 Scene = Literal["posters", "space"]
-"""What there is to look at."""
+"""The scenes."""
 
 _BEYOND_IMAGE = 1.05 * FRUSTUM_DEPTH
-"""Metres from the video camera from where on nothing is hidden by its picture."""
+"""Metres from the video camera beyond which its picture hides nothing."""
 _SLACK = 0.1
-"""Of the camera's distance: so far from where it should be it stays in 3D, rather than move with every frame."""
+"""Tolerance relative to the camera's distance: within it the 3D view stays put, rather than move with every frame."""
 
 
 @dataclass
 class _Place:
-    """Where the camera is in a scene."""
+    """The camera's pose in a scene."""
 
     pose: Pose
     moved: bool = False
-    """By the user, or by a zoom that the user asked for."""
+    """Moved by the user, or by a zoom that the user requested."""
     by_hand: bool = False
-    """The browser knows the pose, which the user has changed since."""
+    """The browser has a newer pose, because the user moved the camera since."""
 
 
 class Cameras:
-    """Sets the camera of a client, and leaves it alone once the user has moved it.
+    """Sets a client's camera, and leaves it alone once the user has moved it.
 
-    That the user moves it comes from the page (`touched`), not from the camera that the browser reports: a busy browser
-    goes on reporting an old one for seconds.
+    The page reports that the user moves it (`touched`); viser's reported camera is no sign of that, because a busy
+    browser reports an old one for seconds.
     """
 
     def __init__(self, client: viser.ClientHandle) -> None:
@@ -66,7 +66,7 @@ class Cameras:
         self._division: Division | None = None
 
     def _enter(self, scene: Scene) -> None:
-        """To a scene: where the user was in it, or where all of it is seen."""
+        """Go to a scene: to the user's last pose in it, or to the whole view."""
         if scene == self._scene:
             return
         if self._scene is not None:
@@ -77,16 +77,15 @@ class Cameras:
         self._go(place.pose if place and moved else self._fitted(scene), moved=moved)
 
     def show_posters(self, division: Division) -> None:
-        """To posters in such windows: where the user was, or where all of the picture is seen."""
+        """Go to posters in these windows: to the user's last pose, or to the whole picture."""
         self._division = division
         self._enter("posters")
         if not self.moved and self.pose != (fitted := self._fitted("posters")):
             self._go(fitted)
 
     def show_space(self, bounds: Float[np.ndarray, "2 3"] | None, place: Float[np.ndarray, "3"] | None = None) -> None:
-        """To 3D, with bodies in that box and the video camera in that place: where the user was, or where they are seen
-        well, also when the box becomes quite another one.
-        """
+        """Go to 3D, with bodies in this box and the video camera at this position: to the user's last pose, or to one
+        that shows them well; also when the box changes completely."""
         self._bounds = self._bounds if bounds is None else bounds
         self._filmed_from = self._filmed_from if place is None else place
         self._enter("space")
@@ -95,9 +94,8 @@ class Cameras:
             self._go(fitted)
 
     def reset(self) -> None:
-        """Back to the whole view of the current scene. In 3D, where nothing is left to reset, it takes the video camera
-        into view as well, and back again.
-        """
+        """Reset to the whole view of the current scene. In 3D, if that is already the case, include the video camera,
+        or exclude it again."""
         if self._scene is None:
             return
         fitted = self._fitted(self._scene)
@@ -105,26 +103,26 @@ class Cameras:
         self._go(overview_pose(self._bounds, self._window, self._filmed_from) if overview else fitted, moved=overview)
 
     def zoom_to(self, rectangle: Rectangle) -> None:
-        """In 2D: a part of the picture, in the poster world, fills its window."""
+        """In 2D: fit a part of the picture, in the poster world, to its window."""
         if self._scene == "posters" and self._division is not None:
             left, top, right, bottom = rectangle
             scale = self._division.scale_of(right - left, bottom - top)
             self._go(self._flat((left + right) / 2, (top + bottom) / 2, scale), moved=True)
 
     def zoom_in_space(self, bounds: Float[np.ndarray, "2 3"]) -> None:
-        """In 3D: a box (least and greatest coordinates) fills the window, seen from where the user looks."""
+        """In 3D: fit a bounding box (least and greatest coordinates) to the window, from the current direction."""
         if self._scene == "space":
             self._go(nearer_pose(self.pose, bounds, self._window), moved=True)
 
     def look_from(self, name: str) -> None:
-        """In 3D: from one of SPACE_FROM. The video's picture is left out where it would be in the way."""
+        """In 3D: look from one of SPACE_FROM. The video's picture is hidden if it would be in the way."""
         if self._scene == "space":
             pose = named_pose(name, self._bounds, self._window)
             near = _BEYOND_IMAGE - pose.position[2] if name == "front" else pose.near
             self._go(replace(pose, near=max(pose.near, near)), moved=True)
 
     def look_as_filmed(self, space: Space) -> None:
-        """In 3D: from where the video camera is. Its picture hangs before it: all that is nearer is left out."""
+        """In 3D: look from the video camera. Everything nearer than its picture is hidden."""
         if self._scene == "space":
             pose = filming_pose(
                 space.camera, space.turn, self._bounds, self._window, near=_BEYOND_IMAGE, place=space.place
@@ -137,12 +135,12 @@ class Cameras:
             self._places[self._scene].moved = self._places[self._scene].by_hand = True
 
     def follow(self, canvas: tuple[float, float] | None = None, covered: float | None = None) -> None:
-        """Refits the 3D scene to a new window unless the user has moved the camera; posters get windows of their own.
+        """Refit the 3D scene to a new window unless the user has moved the camera; posters have their own windows.
 
         Args:
-            canvas: Width and height in CSS pixels, where the page tells them; else the browser's report is used, which
-                counts device pixels.
-            covered: CSS pixels at the canvas's bottom over which something else lies, where that changes.
+            canvas: Width and height in CSS pixels, if reported by the page; otherwise viser's report is used, in device
+                pixels.
+            covered: CSS pixels at the canvas's bottom covered by something else, if that changes.
         """
         self._canvas = canvas or self._canvas
         self._covered = self._covered if covered is None else covered
@@ -152,7 +150,7 @@ class Cameras:
 
     @property
     def window(self) -> Window:
-        """The canvas, as far as it is known."""
+        """The canvas, as far as known."""
         return self._window
 
     @property
@@ -162,7 +160,7 @@ class Cameras:
 
     @property
     def pose(self) -> Pose:
-        """Where the camera is, as far as is known; something must have been shown."""
+        """The camera's pose as far as known; something must have been shown."""
         assert self._scene is not None
         place = self._places[self._scene]
         if not place.by_hand:
@@ -212,8 +210,8 @@ class Cameras:
 
 Snapshot = Posters | Space
 
-# Directions towards the lights (x right, y down, z away from the camera), colours, intensities: a key
-# light from the upper left of the camera, a weak fill from its right, and a rim from behind.
+# Directions towards the lights (x right, y down, z away from the camera), colours, intensities: a key light from the
+# camera's upper left, a weak fill from its right, and a rim light from behind.
 _LIGHTS: tuple[tuple[str, tuple[float, float, float], RGB, float], ...] = (
     ("key", (-0.5, -0.7, -0.9), (255, 250, 242), 2.5),
     ("fill", (0.9, -0.1, -0.6), (226, 236, 255), 0.55),
@@ -223,9 +221,9 @@ _AMBIENT = 0.6
 
 
 class SceneView:
-    """Draws snapshots into one browser tab and sends only what differs from the last one.
+    """Draws snapshots into one browser tab, sending only differences from the last one.
 
-    One thread at a time may use it. Make it when the client has connected.
+    For one thread at a time. Create it when the client has connected.
     """
 
     def __init__(self, client: viser.ClientHandle) -> None:
@@ -238,7 +236,7 @@ class SceneView:
         self._last: Snapshot | None = None
 
     def show(self, snapshot: Snapshot) -> tuple[str, ...]:
-        """Shows it, and hides the other mode. Returns what it cannot show, and why, in words for the user."""
+        """Show it, and hide the other mode. Returns what cannot be shown, and why, in words for users."""
         with self._client.atomic():
             if isinstance(snapshot, Posters):
                 problems = self._posters.draw(snapshot)
@@ -252,7 +250,7 @@ class SceneView:
         return tuple(problems)
 
     def look_from(self, name: str) -> None:
-        """In 3D: from one of SPACE_FROM, or as the video's "camera" looks."""
+        """In 3D: look from one of SPACE_FROM, or as the video's "camera"."""
         if not isinstance(self._last, Space):
             return
         if name == "camera":
@@ -261,7 +259,7 @@ class SceneView:
             self.cameras.look_from(name)
 
     def zoom_to(self, pixels: Rectangle) -> None:
-        """In 2D: a rectangle of image pixels (left, top, right, bottom) fills each picture's window."""
+        """In 2D: fit a rectangle of image pixels (left, top, right, bottom) to each picture's window."""
         if not isinstance(self._last, Posters):
             return
         corners = np.array(pixels, float).reshape(2, 2)
@@ -269,12 +267,12 @@ class SceneView:
         self.cameras.zoom_to((*world[0].tolist(), *world[1].tolist()))
 
     def zoom_about_middle(self, pixels: float) -> None:
-        """In 2D: so much of the picture's height and width, around its middle, fills each picture's window."""
+        """In 2D: fit this fraction of the picture's height and width, around its centre, to each picture's window."""
         height, half = (self._last.camera.size[1], pixels / 2) if self._last else (1, 0.5)
         self.cameras.zoom_to((-half / height, -half / height, half / height, half / height))
 
     def zoom_in_space(self, points: Sequence[Float[np.ndarray, "n 3"]]) -> None:
-        """In 3D: points of the bodies on show, in camera space, fill the window; NaN are left out."""
+        """In 3D: fit points of the bodies on show, in camera space, to the window; NaN are ignored."""
         if not isinstance(self._last, Space):
             return
         moved = [
@@ -287,7 +285,7 @@ class SceneView:
 
 
 def _light(client: viser.ClientHandle) -> None:
-    """Soft light from the video camera's side, in place of viser's, and y downwards."""
+    """Replace viser's lights by soft light from the video camera's side, and set y down."""
     scene = client.scene
     scene.set_up_direction("-y")
     scene.configure_default_lights(enabled=False, cast_shadow=False)

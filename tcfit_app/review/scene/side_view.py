@@ -1,8 +1,8 @@
-"""The side view: the picture's bodies as they are seen from aside, upright and without perspective, on a plate of the
-poster world (see poster.py). Arithmetic, no viser.
+"""The side view: the picture's bodies seen from the side, upright and without perspective, on a plate of the poster
+world (see poster.py). Arithmetic, no viser.
 
-The scale and the plate's middle are the whole clip's: ground and ticks stand still, and a step towards the camera is
-seen as one. Only a body that would leave the plate takes the view with it.
+The scale and the plate's centre are fixed for the whole clip: the ground and its ticks do not move, and a step towards
+the camera is visible. Only a body that would leave the plate shifts the view.
 """
 
 from collections.abc import Sequence
@@ -18,33 +18,33 @@ from tcfit_app.review.scene.room import Room, extent
 
 Named = Literal["left", "right", "top"]
 Direction = Named | float
-"""Where the viewer stands: left or right of the picture, above, or so many degrees about up from where the camera is,
-towards the right."""
+"""Where the viewer is: left or right of the picture, above, or an angle in degrees about the vertical from the camera's
+position towards the right."""
 _ANGLES: dict[Named, float] = {"left": -90.0, "right": 90.0}
 _CUT = 0.15
-"""Share of a body's height beyond the picture from which on it counts as cut off."""
+"""Fraction of a body's height outside the picture above which it counts as cut off."""
 _FREE = 0.05
-"""Of the plate's height and width, on each side: no body reaches into it in the usual frames."""
+"""Margin on each side, relative to the plate's height and width, that bodies usually do not enter."""
 
 
 def angle_of(direction: Direction) -> float | None:
-    """Of a direction, in degrees about up; None from above."""
+    """The angle of a direction, in degrees about the vertical; None from above."""
     if isinstance(direction, str):
         return _ANGLES.get(direction)
     return float(direction)
 
 
 def view_axes(direction: Direction) -> Float[np.ndarray, "3 3"]:
-    """What is right, down and away for a viewer: rows, unit vectors in level space."""
+    """Right, down and away for a viewer: rows, unit vectors in level space."""
     angle = angle_of(direction)
-    if angle is None:  # ahead is up
+    if angle is None:  # up on the plate is ahead
         return np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
     c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
 def direction_text(direction: Direction) -> str:
-    """For the user."""
+    """For users."""
     angle = angle_of(direction)
     if angle is None:
         return "from above"
@@ -53,31 +53,31 @@ def direction_text(direction: Direction) -> str:
 
 
 def usual_width(pictures: float) -> float:
-    """Of a plate beside pictures that are so wide together, in image heights: narrow where that is much."""
+    """Width of a plate beside pictures of this total width, in image heights: narrower for wide pictures."""
     return min(max(1.75 - pictures, 0.5), 0.9)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SideView:
-    """From camera space to a plate in the poster world whose middle is the origin: x right, y down, image heights."""
+    """Maps camera space to a plate in the poster world whose centre is the origin: x right, y down, image heights."""
 
     axes: Float[np.ndarray, "3 3"]
-    """What is right, down and away on the plate: rows, unit vectors in camera space."""
+    """Right, down and away on the plate: rows, unit vectors in camera space."""
     middle: Float[np.ndarray, "2"]
-    """Metres along right and down, from the camera, of what lies in the plate's middle."""
+    """The point at the plate's centre: metres right and down of the camera."""
     scale: float
     """Image heights per metre."""
     width: float
-    """Of the plate, in image heights."""
+    """Size of the plate, in image heights."""
     floor: float | None
     """Metres along down; None from above."""
     turn: Float[np.ndarray, "3 3"]
-    """Of the room."""
+    """The room's."""
     ground: float
     """y of the room's floor in level space."""
 
     def before(self, camera: Camera, frame: int) -> "SideView":
-        """The same plate, from the camera space of a frame; made from still space, where the camera moves."""
+        """The same plate relative to the camera space of a frame; derived from still space if the camera moves."""
         if camera.path is None:
             return self
         turn, place = camera.path.to_still[frame], camera.path.places[frame]
@@ -92,17 +92,17 @@ class SideView:
 
     @property
     def half(self) -> Float[np.ndarray, "2"]:
-        """Of the plate's width and height."""
+        """Half the plate's width and height."""
         return np.array([self.width, 1.0]) / 2
 
     def flat(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 2"]:
-        """Where points of camera space lie, before any shift."""
+        """Plate positions of points in camera space, before any shift."""
         return (points @ self.axes[:2].T - self.middle) * self.scale
 
     def shifts(self, bodies: Sequence[Float[np.ndarray, "V 3"]]) -> Float[np.ndarray, "n 2"]:
-        """By how much each of the bodies on show is moved to be on the plate: all by the same, if they fit together.
+        """Shifts that bring each body onto the plate: the same for all, if they fit together.
 
-        Only sideways, where there is a floor to stand on.
+        Only sideways if there is a floor.
         """
         if not bodies:
             return np.zeros((0, 2))
@@ -113,13 +113,14 @@ class SideView:
         return shifts if self.floor is None else shifts * [1.0, 0.0]
 
     def holds(self, vertices: Float[np.ndarray, "V 3"], shift: Float[np.ndarray, "2"]) -> bool:
-        """Whether a body is on the plate as a whole, with that shift."""
+        """Whether a body is entirely on the plate with this shift."""
         return bool((np.abs(self.flat(vertices) + shift) <= self.half).all())
 
     def relief(
         self, bodies: Sequence[Float[np.ndarray, "V 3"]], shifts: Float[np.ndarray, "n 2"]
     ) -> list[Float[np.ndarray, "V 3"]]:
-        """Vertices of bodies that hide each other, the furthest at z = 0; what is off the plate lies on its edge."""
+        """Vertices of bodies that occlude each other, the farthest at z = 0; parts outside are moved to the plate's
+        edge."""
         if not bodies:
             return []
         away = [vertices @ self.axes[2] for vertices in bodies]
@@ -133,27 +134,28 @@ class SideView:
     def pixels(
         self, points: Float[np.ndarray, "*n 3"], shift: Float[np.ndarray, "2"], height: int
     ) -> Float[np.ndarray, "*n 2"]:
-        """Points of camera space in pixels of a plate that many pixels high, from its upper left corner."""
+        """Points of camera space in pixels of a plate of this height, from its upper left corner."""
         return (self.flat(points) + shift + self.half) * height
 
     def sight(self, camera: Camera, height: int) -> Float[np.ndarray, "2 3"]:
-        """From pixels (u, v, 1) of the picture to the way of their ray on the plate, pixels per metre of depth."""
+        """Maps the picture's pixels (u, v, 1) to the direction of their viewing ray on the plate, pixels per metre of
+        depth."""
         inverse = np.linalg.inv(
             [[camera.focal[0], 0.0, camera.center[0]], [0.0, camera.focal[1], camera.center[1]], [0.0, 0.0, 1.0]]
         )
         return self.plate(height) @ inverse
 
     def plate(self, height: int) -> Float[np.ndarray, "2 3"]:
-        """From camera space, metres, to pixels of a plate that many pixels high, but for where the origin lies."""
+        """Maps camera space, metres, to pixels of a plate of this height, up to the origin's position."""
         return height * self.scale * self.axes[:2]
 
     def heights(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n"]:
-        """Metres of points of camera space above the floor."""
+        """Heights above the floor of points in camera space, metres."""
         return self.ground - points @ self.turn[1]
 
 
 def _onto(box: Float[np.ndarray, "2 2"], half: Float[np.ndarray, "2"]) -> Float[np.ndarray, "2"]:
-    """The least move that takes a box onto a plate; to its middle, if it is too large."""
+    """The smallest shift that moves a box onto a plate; to its centre if it is too large."""
     least, most = -half - box[0], half - box[1]
     return np.where(least > most, (least + most) / 2, np.clip(0.0, least, most))
 
@@ -161,13 +163,13 @@ def _onto(box: Float[np.ndarray, "2 2"], half: Float[np.ndarray, "2"]) -> Float[
 def side_view(room: Room, camera: Camera, direction: Direction, width: float) -> SideView:
     """How a room is seen from a direction.
 
-    The body is as tall as in the picture where it is most of the time, and as high up. It is smaller where the plate
-    has no room for all of it; but legs that the picture cuts off, the plate cuts off as well.
+    The body has the height and vertical position that it usually has in the picture. It is smaller if the whole body
+    does not fit on the plate; but legs cut off by the picture are cut off by the plate too.
 
     Args:
-        room: Where the body is in the clip.
+        room: The clip's.
         camera: The fit's.
-        direction: Where the viewer stands.
+        direction: Where the viewer is.
         width: Of the plate, in image heights.
     """
     axes = view_axes(direction)
@@ -185,7 +187,7 @@ def side_view(room: Room, camera: Camera, direction: Direction, width: float) ->
     tall = seen[1, 1] - seen[0, 1]
     beyond = abs(seen[:, 1] - middle[1]).max() - 0.5 / in_picture
     cut = not above and beyond > _CUT * tall
-    # From above the view may follow in both directions, and else only sideways: the floor stays where it is.
+    # From above the view may follow in both directions, otherwise only sideways, so that the floor stays put.
     widest = np.percentile(2 * halves[:, :2], 98, axis=0)
     needed = np.maximum([widest[0], widest[1] if above else 0.0 if cut else tall], 1e-3)
     scale = min(in_picture, *(free / needed))

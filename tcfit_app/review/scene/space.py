@@ -1,6 +1,6 @@
-"""The 3D mode: bodies in true metres, the ground they stand on, and the camera that filmed them with its image.
+"""The 3D mode: bodies in metres, the ground, and the camera that filmed them with its image.
 
-Its world is level space (room.py): bodies are sent as the camera has them, in a frame that turns them upright.
+Its world is level space (room.py): bodies are sent in camera space, under a node that turns them upright.
 """
 
 from dataclasses import dataclass, field
@@ -22,7 +22,7 @@ FRUSTUM_DEPTH = 0.9
 _SLOTS = 2
 _ROOT = "/space"
 _FILMED = f"{_ROOT}/filmed"
-"""What is in camera space."""
+"""The node for what is in camera space."""
 _CELL_COLOR: RGB = (62, 66, 74)
 _SECTION_COLOR: RGB = (104, 110, 122)
 _FRUSTUM_COLOR: RGB = (190, 196, 206)
@@ -35,24 +35,24 @@ class Space:
     camera: Camera
     """The clip's."""
     bodies: tuple[BodyLayer, ...] = ()
-    """At most two. They are drawn opaque: one sees through to the video in 2D, and to a body's own far side here."""
+    """At most two, drawn opaque: in 3D transparency would show a body's far side, not the video."""
     others: tuple[BodyLayer, ...] = ()
-    """Of other people, at most MOST_OTHERS; always in their places."""
+    """Of other people, at most MOST_OTHERS; never shifted."""
     others_extents: tuple[Float[np.ndarray, "2 3"], ...] = ()
-    """Where these are in the whole clip, as far as that is known."""
+    """Their extents over the whole clip, as far as known."""
     image: FrameImage | None = None
-    """The frame, drawn in the camera's frustum. None: not there yet. Compared by identity."""
+    """The frame, drawn in the camera's frustum. None: not ready. Compared by identity."""
     turn: Float[np.ndarray, "3 3"] = field(default_factory=lambda: np.eye(3))
-    """From camera space to the world, which is upright: x_world = turn @ x_camera + place."""
+    """From camera space to the upright world: x_world = turn @ x_camera + place."""
     place: Float[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
-    """Where the camera is in the world, metres."""
+    """The camera's position in the world, metres."""
     ground: float | None = None
     """Height of the ground grid: y in the world, downwards, metres. None: no grid."""
     extents: tuple[Float[np.ndarray, "2 3"] | None, ...] = ()
-    """Of each body, where it is in the world in the whole clip (see `extent`), so that the viewer's camera can stay
-    where it is. None or none at all: not known yet."""
+    """The extent of each body over the whole clip in the world (see `extent`), so that the viewer's camera need not
+    move. None or empty: not known yet."""
     apart: float = 0.0
-    """Metres between two bodies along x that are drawn side by side; 0 leaves both in place."""
+    """Distance along x between two bodies drawn side by side, metres; 0 leaves both in place."""
 
     def __post_init__(self) -> None:
         assert len(self.bodies) <= _SLOTS and len(self.others) <= MOST_OTHERS
@@ -60,13 +60,12 @@ class Space:
 
     @property
     def offsets(self) -> tuple[float, ...]:
-        """By how much each body is moved along x of the world."""
+        """The shift of each body along the world's x."""
         return offsets(len(self.bodies), self.apart)
 
     def bounds(self) -> Float[np.ndarray, "2 3"] | None:
-        """Least and greatest coordinates of the bodies as drawn, over the clip as far as that is known; None without
-        any that can be drawn.
-        """
+        """Least and greatest coordinates of the bodies as drawn, over the clip as far as known; None if none can be
+        drawn."""
         extents = self.extents or (None,) * len(self.bodies)
         corners = [
             (extent((body.vertices @ self.turn.T + self.place)[None]) if known is None else known)
@@ -79,7 +78,7 @@ class Space:
 
 
 def offsets(count: int, apart: float) -> tuple[float, ...]:
-    """By how much each of so many bodies is moved along x, metres, to stand so far apart."""
+    """Shifts of several bodies along x, metres, that put them this far apart."""
     return tuple(apart * (i - (count - 1) / 2) for i in range(count))
 
 
@@ -96,7 +95,7 @@ class SpaceNodes:
         self._grid: viser.GridHandle | None = None
 
     def draw(self, snapshot: Space) -> list[str]:
-        """Sends what changed; returns what cannot be shown, and why."""
+        """Send what changed; returns what cannot be shown, and why."""
         shown, problems = drawable(snapshot.bodies)
         self._filmed.wxyz = SO3.from_matrix(snapshot.turn).wxyz
         self._filmed.position = snapshot.place
@@ -116,7 +115,7 @@ class SpaceNodes:
         return problems
 
     def set_visible(self, visible: bool) -> None:
-        """Shows or hides all of it."""
+        """Show or hide all of it."""
         self._root.visible = visible
 
     def _draw_camera(self, camera: Camera) -> None:
@@ -158,7 +157,7 @@ class SpaceNodes:
 
 
 def frustum(camera: Camera, depth: float = FRUSTUM_DEPTH) -> Float[np.ndarray, "4 3"]:
-    """Where the image's corners lie at that depth (camera space, metres): left top, right top, right bottom, ..."""
+    """The image's corners at this depth (camera space, metres): left top, right top, right bottom, ..."""
     width, height = camera.size
     pixels = np.array([(0, 0), (width, 0), (width, height), (0, height)], float)
     rays = (pixels - np.array(camera.center)) / np.array(camera.focal)

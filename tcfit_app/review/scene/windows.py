@@ -1,8 +1,8 @@
-"""How the canvas is divided among posters: each has a window of its own, and all pictures show the same part of theirs.
-Arithmetic, no viser.
+"""Division of the canvas among posters: each has its own window, and all pictures show the same part. Arithmetic, no
+viser.
 
-There is one camera, which looks at one picture. The page draws each poster as if its window's middle were the canvas's,
-and nothing of it outside its window: so the wheel zooms all pictures at once, each about the same pixel.
+There is one camera, which looks at one picture. The page draws each poster as if its window's centre were the canvas's,
+clipped to its window: so the wheel zooms all pictures at once, each about the same pixel.
 """
 
 from dataclasses import dataclass
@@ -11,13 +11,13 @@ from typing import Literal
 from tcfit_app.review.scene.poses import Rectangle, Window
 
 Arrangement = Literal["beside", "stacked", "wipe"]
-"""Of two pictures: beside each other, one above the other, or one on the other with a divider between them."""
+"""Of two pictures: side by side, one above the other, or superimposed with a divider."""
 ARRANGEMENTS: dict[Arrangement, str] = {"beside": "Side by side", "stacked": "Stacked", "wipe": "Wipe"}
 _GAP = 8.0
-"""CSS pixels between two windows."""
+"""Gap between two windows, CSS pixels."""
 _MARGIN = 1.03
 _CLEARLY = 1.05
-"""By how much larger stacked pictures are where they are stacked unasked."""
+"""How much larger stacking must make the pictures to be chosen by default."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,9 +25,9 @@ class Division:
     """The posters' windows, in CSS pixels of the canvas."""
 
     windows: tuple[Rectangle, ...]
-    """Of the pictures, all of one size, then of the side view if there is one."""
+    """Of the pictures, all of one size, then of the side view if any."""
     scale: float
-    """Pixels per image height with which a window shows the whole picture."""
+    """Pixels per image height at which a window shows the whole picture."""
     arrangement: Arrangement
 
     @property
@@ -37,7 +37,7 @@ class Division:
         return right - left, bottom - top
 
     def scale_of(self, width: float, height: float) -> float:
-        """Pixels per image height with which a part of a picture fills its window; its size in image heights."""
+        """Pixels per image height at which a part of a picture fills its window; its size in image heights."""
         return min(self.room[0] / width, self.room[1] / height) / _MARGIN
 
 
@@ -47,11 +47,11 @@ def divide(
     """Windows for posters.
 
     Args:
-        canvas: What there is; nothing lies in its covered part.
-        pictures: One or two of them.
+        canvas: The available space, except for its covered part.
+        pictures: One or two.
         width: Of a picture, in image heights.
-        side: Of the side view's plate, in image heights; None: there is none. It stands at the right.
-        arrangement: Of two pictures; None: beside each other, or stacked where they are then clearly larger.
+        side: Width of the side view's plate on the right, in image heights; None: there is none.
+        arrangement: Of two pictures; None: side by side, or stacked if that makes them clearly larger.
     """
     if pictures == 1:
         return _divided(canvas, 1, width, side, "beside")

@@ -1,4 +1,4 @@
-"""The open projects of one clip's people, with all that works on them."""
+"""The open projects of one clip's people, with their sessions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -6,7 +6,7 @@ from itertools import combinations
 
 import msgspec
 
-from fitting_core.io.people_file import Person, Span, read_people, write_people
+from fitting_core.io.people_file import Person, Span, read_people_file, write_people_file
 from tcfit_app.project.edits.edit_log import LogEntry
 from tcfit_app.project.edits.kinds import TakeOver
 from tcfit_app.project.people import OpenPeople
@@ -18,39 +18,39 @@ class Member:
     """One of the people."""
 
     person: Person
-    """As people.json has it."""
+    """As in people.json."""
     number: int
-    """From 1, in the order of people.json, as --person has it."""
+    """From 1, in the order of people.json, as for --person."""
     session: Session
 
     @property
     def exchanges(self) -> dict[str, LogEntry]:
-        """What this one has taken over from others, by what the edits of both name it."""
+        """What this person has taken over from others, by the key shared by both edits."""
         return {_taken(entry).exchange: entry for entry in self.session.project.exchanges}
 
     def span(self, entry: LogEntry) -> Span:
-        """The frames of an edit, by number in the video."""
+        """The video frame numbers of an edit."""
         first, frames = self.session.project.footage.first_frame, _taken(entry).frames
         return first + frames[0], first + frames[-1]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Doubt:
-    """Frames in which somebody may be another of the people, by number in the video."""
+    """Frames, as video frame numbers, in which a person may be someone else."""
 
     span: Span
     listed: Span
-    """As people.json has it, which knows of no exchanges."""
+    """As in people.json, which does not record exchanges."""
     owner: int
-    """The member with whom it stands there."""
+    """The member whose entry there contains it."""
 
 
 class Group:
-    """Several people under review. For the one thread that draws.
+    """Several people under review. For the drawing thread only.
 
     Args:
         people: Their open projects.
-        sessions: On these, in their order.
+        sessions: Theirs, in the same order.
     """
 
     def __init__(self, people: OpenPeople, sessions: Sequence[Session]) -> None:
@@ -65,7 +65,7 @@ class Group:
         """What they were found from, and they."""
 
     def doubts(self, number: int) -> list[Doubt]:
-        """What is uncertain about a member, in order; two who were exchanged have exchanged what comes after that."""
+        """What is uncertain about a member, in order; for two who were exchanged, later doubts are exchanged too."""
         state = [(member.person, member.session.project.keypoints_version) for member in self.members]
         if self._doubts[0] != state:
             found = [
@@ -79,7 +79,7 @@ class Group:
         return self._doubts[1][number]
 
     def _exchanges(self) -> list[tuple[int, int, Span]]:
-        """Which members were exchanged, and in which frames; the oldest first."""
+        """Which members were exchanged, and in which frames; oldest first."""
         found = []
         for (i, one), (j, other) in combinations(enumerate(self.members), 2):
             taken = one.exchanges
@@ -87,7 +87,7 @@ class Group:
         return [(i, j, span) for _, i, j, span in sorted(found)]
 
     def half_exchanged(self, number: int) -> list[tuple[Member, Span]]:
-        """From whom a member has taken frames over who has not taken any in return, and which."""
+        """From whom a member has taken frames over without an exchange in return, and which frames."""
         own = self.members[number]
         return [
             (other, own.span(entry))
@@ -97,12 +97,12 @@ class Group:
         ]
 
     def settle(self, doubt: Doubt) -> None:
-        """These frames are uncertain no more: they go out of people.json.
+        """Mark these frames as certain, removing them from people.json.
 
         Raises:
-            InputError: people.json cannot be read any more, or not be written; nothing has changed then.
+            InputError: people.json can no longer be read or written; nothing has changed then.
         """
-        file = read_people(self.folder)  # anew: another process may have settled others
+        file = read_people_file(self.folder)  # again: another process may have settled others
         folder = self.members[doubt.owner].person.folder
         people = tuple(
             msgspec.structs.replace(one, uncertain=tuple(span for span in one.uncertain if span != doubt.listed))
@@ -110,14 +110,14 @@ class Group:
             else one
             for one in file.people
         )
-        write_people(self.folder, msgspec.structs.replace(file, people=people))
+        write_people_file(self.folder, msgspec.structs.replace(file, people=people))
         by_folder = {one.folder: one for one in people}
         for member in self.members:
             member.person = by_folder.get(member.person.folder, member.person)
 
 
 def _after(own: list[Doubt], others: list[Doubt], exchanged: Span) -> list[Doubt]:
-    """What is uncertain about one of two people after an exchange, which settles what it begins in."""
+    """The doubts about one of two people after an exchange, which settles those it begins in."""
     first, last = exchanged
     stay = [doubt for doubt in own if doubt.span[1] + 1 < first or doubt.span[0] > last]
     come = [

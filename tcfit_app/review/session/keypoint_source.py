@@ -1,4 +1,4 @@
-"""Keypoints for a project that was made without: one job at a time, for all browsers."""
+"""Keypoints for a project created without any: one job at a time, for all browsers."""
 
 import threading
 from collections.abc import Callable, Iterator
@@ -16,39 +16,39 @@ from tcfit_app.project.project import Project
 from tcfit_app.review.session.tasks import Step, Task, Tasks
 
 Going = Task[FoundKeypoints | None]
-"""A job from its start to its end."""
+"""A running or finished job."""
 
 
 class KeypointSource:
-    """Gets a project its keypoints. For the one thread that draws.
+    """Provides a project's keypoints. For the drawing thread only.
 
     Args:
-        project: Open.
-        tasks: Do the jobs.
-        ended: Is called when a job has ended; what it found is in the project then.
+        project: An open project.
+        tasks: Runs the jobs.
+        ended: Called when a job has ended; its keypoints are in the project by then.
     """
 
     def __init__(self, project: Project, tasks: Tasks, ended: Callable[[Going], None]) -> None:
         self._project, self._tasks, self._ended = project, tasks, ended
         self.going: Going | None = None
-        """The job that began last."""
+        """The job started last."""
         self.people: FoundPeople | None = None
-        """Whom the detection that began last has found; None without one."""
+        """The people found by the last detection; None without one."""
         self._detector = ""
         self._before: Clip | None = None
-        """The clip as the detection that began last found it."""
+        """The clip before that detection."""
         self._beginning = threading.Lock()
         self._cameras = 0
-        """How many calibrations are being read that may become the project's camera."""
+        """Number of calibrations being read that may replace the project's camera."""
         self._camera: Camera | None = None
-        """The clip's, as that detection left it."""
+        """The clip's camera after that detection."""
 
     def detect(self, detector: str, *, person: int | None = None) -> None:
-        """Begin to find keypoints, or go on with it. Raises InputError as `begin`.
+        """Start or resume detecting keypoints. Raises InputError as `begin`.
 
         Args:
             detector: A name in `DETECTORS`, or the path of a model.
-            person: As of `read_clip`, as long as nobody clicks on another one.
+            person: As in `read_clip`, until the user clicks on someone else.
         """
         people, before = FoundPeople(), self._project.clip
         self.begin(Detect(detector=detector, person=person, people=people))
@@ -56,7 +56,7 @@ class KeypointSource:
 
     @property
     def can_choose(self) -> bool:
-        """Whether another one of the people who were found can be taken, as far as fits do not forbid it."""
+        """Whether another of the detected people can be chosen, unless fits forbid it."""
         project, people = self._project, self.people
         if people is None or project.read_only or people.count < 2:
             return False
@@ -66,11 +66,11 @@ class KeypointSource:
         return not (edited or self.busy) and project.footage.camera == self._camera
 
     def choose(self, frame: int, place: int) -> None:
-        """Say who is meant of those who were found; keypoints that the project has got already are replaced.
+        """Choose one of the detected people; keypoints already in the project are replaced.
 
         Args:
-            frame: Counted from the clip's first.
-            place: In the list of the frame's people.
+            frame: From the clip's first frame.
+            place: Index in the frame's list of people.
 
         Raises:
             InputError: The project has edits or runs.
@@ -83,7 +83,7 @@ class KeypointSource:
             self._begin(Detect(detector=self._detector, people=people), before)
 
     def feed(self) -> Callable[[], Fresh]:
-        """What the detection that began last has found since it was asked last; see `FitEverything.fresh`."""
+        """What the last detection has found since the previous call; see `FitEverything.fresh`."""
         going, people = self.going, self.people
         assert going is not None and people is not None
         taken: set[int] = set()
@@ -108,7 +108,7 @@ class KeypointSource:
         return fresh
 
     def cancel(self) -> None:
-        """Stop what is going on; a detection goes on with what it has when it begins again."""
+        """Stop the running job; a detection resumes from its results when restarted."""
         if self.going is not None:
             self.going.cancel()
 
@@ -119,7 +119,7 @@ class KeypointSource:
 
     @contextmanager
     def camera_changes(self) -> Iterator[None]:
-        """No job begins meanwhile, whose keypoints would be those of the camera before. For any thread.
+        """Blocks jobs, which would use the previous camera. For any thread.
 
         Raises:
             InputError: A job is running.
@@ -127,7 +127,7 @@ class KeypointSource:
         with self._beginning:
             if self.busy:
                 raise InputError(
-                    "Keypoints are being read or found with the camera as it is: wait for them, or cancel."
+                    "Keypoints are being read or detected with the current camera: wait for them, or cancel."
                 )
             self._cameras += 1
         try:
@@ -137,10 +137,10 @@ class KeypointSource:
                 self._cameras -= 1
 
     def begin(self, job: KeypointJob) -> None:
-        """Begin a job. Raises InputError if the project has keypoints or cannot be changed, or another job goes on."""
+        """Start a job. Raises InputError if the project has keypoints, cannot be changed, or has a running job."""
         self._project.refuse_read_only()
         if self._project.has_detections:
-            raise InputError("This project has its keypoints already. Make a new project for others.")
+            raise InputError("This project already has keypoints. Make a new project for others.")
         if self.busy:
             assert self.going is not None
             raise InputError(f"{self.going.title}: wait for it, or cancel it.")
@@ -150,13 +150,13 @@ class KeypointSource:
     def _begin(self, job: KeypointJob, before: Clip | None) -> None:
         with self._beginning:
             if self._cameras:
-                raise InputError("The project's camera is being changed: wait for that, and begin again.")
+                raise InputError("The project's camera is being changed: wait, and start again.")
             self.going = self._tasks.submit(
                 job.title, lambda report: self._found(job, before, report), then=self._ended
             )
 
     def _found(self, job: KeypointJob, before: Clip | None, report: Step) -> FoundKeypoints | None:
-        """What a job finds, which is in the project when this returns."""
+        """What a job finds; it is in the project when this returns."""
         found = job.run(before or self._project.clip, report)
         if found is not None:
             self._project.take_detections(

@@ -9,7 +9,7 @@ from tcfit_app.review.session.tasks import Task
 
 
 class OwnRig:
-    """What the project has, as it stands in its folder. For the one thread that draws.
+    """The project's rig, as stored in its folder. For the drawing thread only.
 
     Args:
         folder: of the project.
@@ -18,10 +18,10 @@ class OwnRig:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self.reading: Task[KeptRig] | None = None
-        """What does `keep` for the upload that began last."""
+        """The task for the upload started last."""
         self.kept: KeptRig | None = None
         self.problem = ""
-        """Why there is one that cannot be read; empty if nothing is wrong."""
+        """Why the stored rig cannot be read; empty if it can."""
         try:
             self.kept = kept_rig(folder)
         except InputError as error:
@@ -29,21 +29,21 @@ class OwnRig:
 
     @property
     def busy(self) -> bool:
-        """Whether another one is being read."""
+        """Whether another rig is being read."""
         return self.reading is not None and self.reading.state == "running"
 
     def refuse_busy(self) -> None:
-        """Raises InputError while another one is being read."""
+        """Raises InputError while another rig is being read."""
         if self.busy:
             raise InputError("Another rig is still being read: wait for it.")
 
     def keep(self, name: str, content: bytes) -> KeptRig:
-        """Make a rig the project's. Slow: for `tasks`. Arguments and errors as of `keep_rig`."""
+        """Store a rig in the project. Slow: for `tasks`. Arguments and errors as in `keep_rig`."""
         self.kept, self.problem = keep_rig(self._folder, name, content), ""
         return self.kept
 
     def map_to(self, joints: Joints) -> None:
-        """Say what its joints stand for. Raises InputError while another one is being read, OSError."""
+        """Set the mapping of its joints. Raises InputError while another rig is being read, OSError."""
         self.refuse_busy()
         if self.kept is not None:
             self.kept = keep_joints(self.kept, joints)

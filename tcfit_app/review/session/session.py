@@ -1,4 +1,4 @@
-"""An open project with everything that works on it: what all browsers share."""
+"""An open project with everything that works on it, shared by all browsers."""
 
 import logging
 import time
@@ -20,9 +20,9 @@ from tcfit_app.fitting.fits import Fits, Shown
 from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.fitting.jobs import FitEverything, FitShape, Job, RerunFrames, RunJob
 from tcfit_app.fitting.reports import DragEnded, ErrandEnded, JobEnded, JobReported, JobStarted, Notice, Report
-from tcfit_app.fitting.worker import Drag, Worker
+from tcfit_app.fitting.worker import LiveDrag, Worker
 from tcfit_app.imports.elan import ElanNotes, notes_of
-from tcfit_app.imports.given import NOTHING, Known, read_given
+from tcfit_app.imports.given import NOTHING, KnownInputs, read_given
 from tcfit_app.imports.results import ImportChoices, import_run, kept_as, upload
 from tcfit_app.project.edits.edit_log import LogEntry, Remark, WriteNote, WriteNotes
 from tcfit_app.project.edits.kinds import Edit, MoveKeypoint, PlaceKey, SetDepth
@@ -35,16 +35,16 @@ from tcfit_app.review.session.stored_fits import StoredFits
 from tcfit_app.review.session.tasks import Step, Tasks
 
 _RETRY = 5.0
-"""Seconds after which it is tried again to write what could not be written."""
+"""Seconds between attempts to write what could not be written."""
 _log = logging.getLogger(__name__)
 
 
 class Session:
-    """What browsers do to a project. All methods are for the one thread that draws.
+    """What browsers do to a project. All methods are for the drawing thread only.
 
     Args:
-        project: open; `close` does not close it.
-        bodies: where body models come from.
+        project: an open project; `close` does not close it.
+        bodies: the source of body models.
     """
 
     def __init__(self, project: Project, bodies: Bodies) -> None:
@@ -52,32 +52,32 @@ class Session:
         self.fits = Fits(project)
         self.worker = Worker(self.fits)
         self.edit_follower = EditFollower(project, bodies, self.fits, self.worker)
-        """Lets the fit follow drags and edits."""
+        """Makes the fit follow drags and edits."""
         self.tasks = Tasks()
-        """Whatever else is slow."""
+        """All other slow work."""
         self.stored = StoredFits(self.fits, self.tasks)
-        """The fits, for whoever draws."""
+        """The fits, for drawing."""
         self.source = KeypointSource(project, self.tasks, self._take_keypoints)
-        """Gets keypoints for a project that has none."""
+        """Provides keypoints for a project without any."""
         self.rig = OwnRig(project.folder)
-        """The user's own, which exports can move."""
+        """The user's own rig, for exports."""
         self._as_found: int | None = None
-        """The run that is fitted while its keypoints are found."""
+        """The run being fitted while its keypoints are detected."""
         self.jobs: dict[int, RunningJob] = {}
         """By number, in the order in which they run."""
         self._unended: list[RunningJob] = []
         """Runs whose end could not be written yet."""
         self._next_try = 0.0
         self.ended: RunningJob | None = None
-        """The run's job that ended last."""
+        """The job that ended last."""
         self.tell: Callable[[Notice], None] = lambda notice: None
 
     def close(self) -> None:
-        """End all work; what had finished is on the disk."""
+        """End all work; what has finished is on disk."""
         self.tasks.close()
         self.take_news()
         self.worker.close()
-        for report in self.worker.reports.take().reports:  # what ended by itself before it was cancelled
+        for report in self.worker.reports.take().reports:  # jobs that ended before they were cancelled
             if not (isinstance(report, JobEnded) and report.how == "cancelled"):
                 self._take_whatever_comes(report)
         for job in self.jobs.values():
@@ -88,10 +88,10 @@ class Session:
     # --- keypoints ---
 
     def edit(self, edit: Edit, *, author: str, shown: Shown | None = None) -> LogEntry:
-        """Make an edit, which is on the disk when this returns; the fit on show follows it.
+        """Make an edit, which is on disk when this returns; the fit on show follows it.
 
         Raises:
-            InputError: It makes no sense, or the project cannot be written.
+            InputError: The edit is invalid, or the project cannot be written.
         """
         self.refuse_without_keypoints()
         entry = self.project.append(edit, author=author)
@@ -100,11 +100,11 @@ class Session:
         return entry
 
     def undo(self, *, author: str, shown: Shown | None = None) -> LogEntry | None:
-        """Take back the project's last edit or remark, whoever made it; None if there is none. Raises as `edit`."""
+        """Undo the project's last edit or remark, whoever made it; None if there is none. Raises as `edit`."""
         return self._went_back(self.project.undo(author=author), shown)
 
     def redo(self, *, author: str, shown: Shown | None = None) -> LogEntry | None:
-        """Bring back what was undone last; None if there is nothing. Raises as `edit`."""
+        """Redo what was undone last; None if there is nothing. Raises as `edit`."""
         return self._went_back(self.project.redo(author=author), shown)
 
     def _went_back(self, entry: LogEntry | None, shown: Shown | None) -> LogEntry | None:
@@ -113,57 +113,58 @@ class Session:
         return entry
 
     def mark(self, frames: Iterable[int], state: Literal["checked", "flag"] | None, *, author: str) -> None:
-        """Say that frames look fine, need attention, or neither. Raises InputError if that cannot be stored."""
+        """Mark frames as fine or as needing attention, or remove the mark. Raises InputError if that cannot be
+        stored."""
         self.project.marks.set(frames, state, author=author)
 
     def write_note(self, frames: Iterable[int], text: str, *, author: str, replaces: int | None = None) -> None:
-        """Keep a note on frames that follow each other.
+        """Save a note on consecutive frames.
 
         Args:
             frames: which.
-            text: what it says; empty takes the note away that it replaces.
-            author: who says it.
-            replaces: the `Note.id` of the one whose place it takes.
+            text: its text; empty deletes the note it replaces.
+            author: who wrote it.
+            replaces: the `Note.id` of the note it replaces.
 
         Raises:
-            InputError: It makes no sense, or the project cannot be written.
+            InputError: The note is invalid, or the project cannot be written.
         """
         note = WriteNote(frames=tuple(frames), text=text.strip(), replaces=replaces)
         self.project.append(note, author=author)
 
     def read_elan(self, name: str, content: bytes, tiers: tuple[str, ...]) -> tuple[WriteNotes | None, ElanNotes]:
-        """The notes in an .eaf file that a browser has sent, for `keep_notes`. Slow: for `tasks`.
+        """The notes in an uploaded .eaf file, for `keep_notes`. Slow: for `tasks`.
 
         Raises:
-            InputError: As `import_notes`; nothing is kept yet.
+            InputError: As `import_notes`; nothing is stored.
         """
         with kept_as("upload.eaf", content, name_of_file(name)) as path:
             return notes_of(path, self.project, tiers)
 
     def keep_notes(self, notes: WriteNotes, *, author: str) -> None:
-        """Keep several notes at once. Raises InputError as `write_note`."""
+        """Save several notes at once. Raises InputError as `write_note`."""
         self.project.append(notes, author=author)
 
     # --- fits ---
 
     def clip_of(self, camera: Camera) -> Clip:
-        """The clip with its keypoints as they stand, and the camera of a run."""
+        """The clip with its current keypoints, and a run's camera."""
         return replace(self.project.clip, camera=camera)
 
     def fit_everything(
-        self, config: FitConfig, *, kind: str, gender: str, camera: Camera | None = None, known: Known = NOTHING
+        self, config: FitConfig, *, kind: str, gender: str, camera: Camera | None = None, known: KnownInputs = NOTHING
     ) -> Run:
         """Submit a whole fit.
 
         Args:
             config: All settings.
-            kind: Of the body model.
-            gender: Of the body model.
-            camera: None: the clip's. Runs that start from this one keep it.
-            known: A start and a shape, of this body and this camera.
+            kind: The body model.
+            gender: Its gender.
+            camera: None: the clip's. Runs started from this one keep it.
+            known: A start and a shape, for this body and camera.
 
         Raises:
-            InputError: The body is not there, or the project cannot be written.
+            InputError: The body model is missing, or the project cannot be written.
         """
         self.refuse_without_keypoints()
         body = self.bodies.find(kind=kind, gender=gender)
@@ -189,17 +190,17 @@ class Session:
         kind: str = "smplx",
         gender: str = "neutral",
     ) -> None:
-        """Begin to find keypoints in the video, and to fit them as they are found.
+        """Start detecting keypoints in the video, and fit them as they are found.
 
         Args:
-            detector: As of `KeypointSource.detect`.
-            config: All settings; None: those of the default preset.
-            person: As of `KeypointSource.detect`.
-            kind: Of the body model.
-            gender: Of the body model.
+            detector: As in `KeypointSource.detect`.
+            config: All settings; None: the default preset's.
+            person: As in `KeypointSource.detect`.
+            kind: The body model.
+            gender: Its gender.
 
         Raises:
-            InputError: As `fit_everything` and `KeypointSource.begin`; nothing has begun then.
+            InputError: As `fit_everything` and `KeypointSource.begin`; nothing has been started then.
         """
         body = self.bodies.find(kind=kind, gender=gender)
         self.source.detect(detector, person=person)
@@ -208,34 +209,36 @@ class Session:
 
     @property
     def can_choose_person(self) -> bool:
-        """Whether another one of the people who were found can be taken: there are no keypoints, or nothing stands on
-        them yet."""
+        """Whether another of the detected people can be chosen: there are no keypoints, or nothing depends on them
+        yet."""
         return self.source.can_choose and not (self.project.has_detections and self.fits.runs)
 
-    def reading(self, given: Given, *, kind: str, gender: str, camera: Camera | None = None) -> Callable[[], Known]:
-        """What reads a start and a shape for a whole fit of that body and camera, in a thread of its own.
+    def reading(
+        self, given: Given, *, kind: str, gender: str, camera: Camera | None = None
+    ) -> Callable[[], KnownInputs]:
+        """A function that reads a start and a shape for a whole fit with that body and camera, for another thread.
 
         Raises:
-            InputError: The body is not there, or nothing can be fitted. The function as `read_given`.
+            InputError: The body model is missing, or nothing can be fitted. The function raises as `read_given`.
         """
         self.refuse_without_keypoints()
         body, clip = self.bodies.find(kind=kind, gender=gender), self.clip_of(camera or self.project.footage.camera)
         return lambda: read_given(given, self.project, clip, body, self.bodies)
 
-    def reading_shape(self, given: Given, shown: Shown) -> Callable[[], Known]:
-        """The same for a shape with which a run is fitted again."""
+    def reading_shape(self, given: Given, shown: Shown) -> Callable[[], KnownInputs]:
+        """The same for a shape with which a run is refitted."""
         body, clip, only = self.bodies.of(shown.run.body), self.clip_of(shown.camera), Given(shape=given.shape)
         return lambda: read_given(only, self.project, clip, body, self.bodies)
 
     def set_camera(self, file: CameraFile, *, sent_as: str = "") -> Camera:
-        """Take a calibration as the project's camera. Slow: for `tasks`.
+        """Use a calibration as the project's camera. Slow: for `tasks`.
 
         Args:
             file: On this computer.
-            sent_as: What a browser calls it, if it has sent it.
+            sent_as: Its name in the browser, if it was uploaded.
 
         Raises:
-            InputError: It cannot be read, is of no use for this clip, or the project cannot be written.
+            InputError: It cannot be read, does not fit this clip, or the project cannot be written.
         """
         self.project.refuse_read_only()
         with self.source.camera_changes():
@@ -247,17 +250,17 @@ class Session:
             return camera
 
     def import_run(self, path: Path, choices: ImportChoices, report: Step, *, sent_as: str = "") -> Run:
-        """Keep another program's result as a run to compare with. Slow: for `tasks`.
+        """Store another program's result as a run to compare. Slow: for `tasks`.
 
         Args:
             path: On this computer.
-            choices: What its files do not tell.
+            choices: What its files do not say.
             report: Called before anything is written.
-            sent_as: What a browser calls the file, if it has sent it.
+            sent_as: Its name in the browser, if it was uploaded.
 
         Raises:
-            InputError: It cannot be read or does not fit the clip, its body is not there, or the project cannot be
-                written; nothing is kept then.
+            InputError: It cannot be read or does not match the clip, its body model is missing, or the project cannot
+                be written; nothing is stored then.
         """
         self.project.refuse_read_only()
         name = name_of_file(sent_as) if sent_as else ""
@@ -267,12 +270,12 @@ class Session:
         return run
 
     def import_upload(self, name: str, content: bytes, choices: ImportChoices, report: Step) -> Run:
-        """The same with a file that a browser has sent. Raises InputError as `import_run`."""
+        """The same for an uploaded file. Raises InputError as `import_run`."""
         with upload(name, content) as path:
             return self.import_run(path, choices, report, sent_as=name)
 
     def rerun_frames(self, shown: Shown, config: FitConfig, windows: tuple[range, ...]) -> Run:
-        """Submit phase 3 of some frames again, as a new run; of one that is not finished, once it is.
+        """Submit phase 3 of some frames again, as a new run; if this run is unfinished, once it has finished.
 
         Raises:
             InputError: As `fit_everything`.
@@ -280,15 +283,15 @@ class Session:
         start = self._start_of(shown)
         if start.last.phase < 2 and shown.run.state != "running":
             raise InputError(
-                f"{shown.run.name} ended after its first phase, in which each frame has a shape of its own. Find one "
-                "that all share with Re-run shape, and re-run frames of that."
+                f"{shown.run.name} ended after phase 1, in which each frame has its own shape. Find a shape "
+                "for all frames with Re-run shape, then re-run frames of that run."
             )
         body = self.bodies.of(shown.run.body)
         job = RerunFrames(clip=self.clip_of(start.camera), body=body, config=config, start=start, windows=windows)
         return self._submit(job, kind="frames", start=shown, windows=windows)
 
-    def rerun_shape(self, shown: Shown, config: FitConfig, *, known: Known = NOTHING) -> Run:
-        """Submit phases 2 and 3 again, as a new run, by a known shape if there is one. Raises InputError as
+    def rerun_shape(self, shown: Shown, config: FitConfig, *, known: KnownInputs = NOTHING) -> Run:
+        """Submit phases 2 and 3 again, as a new run, with a known shape if given. Raises InputError as
         `fit_everything`."""
         start = self._start_of(shown)
         body = self.bodies.of(shown.run.body)
@@ -304,7 +307,7 @@ class Session:
     def _start_of(self, shown: Shown) -> FitResult:
         if shown.run.kind == "imported":
             raise InputError(
-                f"{shown.run.name} was imported: its frames and its shape cannot be fitted again. Refine it in the "
+                f"{shown.run.name} was imported: its frames and shape cannot be refitted. Refine it in the "
                 "panel Runs, or show another run as B."
             )
         return self.fits.fit(shown.run)
@@ -320,7 +323,7 @@ class Session:
     ) -> Run:
         self.project.refuse_read_only()
         seen, parent = self.project.last_edit, None if given.start is None else given.start.run
-        if start is not None:  # It has the same evidence; a shape that is found again is told anew.
+        if start is not None:  # same evidence, but a re-estimated shape is given anew
             before, parent = start.run.given, start.run.id
             given = Given(start=before.start, shape=before.shape if windows else given.shape)
         if start is not None and windows:
@@ -343,7 +346,7 @@ class Session:
     def _finished(self, number: int) -> FitResult:
         run = self.project.runs.get(number)
         if run.state != "finished":
-            raise InputError(f"{run.name}, in which frames were to be fitted again, did not finish: take another run.")
+            raise InputError(f"{run.name}, whose frames were to be refitted, did not finish: choose another run.")
         return self.fits.fit(run)
 
     def _enqueue(self, job: Job, run: int | None, *, follows: int | None = None) -> None:
@@ -357,44 +360,45 @@ class Session:
                 self.worker.cancel(job.number)
 
     def rename(self, run: int, name: str) -> None:
-        """Give a run another name. Raises InputError if it cannot have it."""
+        """Rename a run. Raises InputError if the name is invalid."""
         self.project.runs.rename(run, name)
 
     def delete(self, run: int) -> None:
-        """Take a run out of the list; it can be restored. Raises InputError while it is running."""
+        """Remove a run from the list; it can be restored. Raises InputError while it is running."""
         self.project.runs.delete(run)
         self.fits.forget(run)
 
     def restore(self, run: int) -> None:
-        """Bring a deleted run back. Raises InputError if it is gone for good."""
+        """Restore a deleted run. Raises InputError if it was removed permanently."""
         self.project.runs.undelete(run)
 
     def purge(self) -> int:
-        """Remove deleted runs for good; how many. Raises InputError if the project cannot be written."""
+        """Remove deleted runs permanently; returns how many. Raises InputError if the project cannot be written."""
         gone = self.project.runs.purge()
         return len(gone)
 
     def edits_since(self, run: Run) -> int:
-        """How many edits were made or taken back since a run."""
+        """How many edits were made or undone since a run."""
         return self.project.edits_since(run.edits_seen)
 
     def as_corrected(self, run: Run) -> Run:
-        """What shows a run, or one of corrections, as it is corrected now: the run itself once no correction stands."""
+        """The run that shows a run's (or its corrections' run's) current corrections; the run itself once none
+        remain."""
         base = run if run.kind != "corrections" or run.parent is None else self.fits.run(run.parent)
         if base is None:
             return run
         return self.fits.corrections.of(base.id) if self.edits_since(base) else base
 
     def frames_edited_since(self, run: Run) -> frozenset[int]:
-        """Their frames."""
+        """The frames of those edits."""
         return self.project.frames_edited_since(run.edits_seen)
 
     # --- live correction ---
 
     def release(
-        self, drag: Drag | None, edit: MoveKeypoint | PlaceKey | SetDepth, *, author: str, shown: Shown | None
+        self, drag: LiveDrag | None, edit: MoveKeypoint | PlaceKey | SetDepth, *, author: str, shown: Shown | None
     ) -> None:
-        """End a drag: the edit is on the disk first, then the fit converges. Raises InputError as `edit`."""
+        """End a drag: store the edit first, then let the fit converge. Raises InputError as `edit`."""
         followed = drag is not None and not drag.failed
         try:
             entry = self.edit(edit, author=author, shown=None if followed else shown)
@@ -411,7 +415,7 @@ class Session:
     # --- news from the worker ---
 
     def take_news(self) -> None:
-        """Take up what the worker has done since the last call."""
+        """Process what the worker has reported since the last call."""
         news = self.worker.reports.take()
         for report in news.reports:
             self._take_whatever_comes(report)
@@ -427,20 +431,20 @@ class Session:
             self._enqueue(correction, None, follows=correction.origin)
 
     def _take_keypoints(self, ended: Going) -> None:
-        """Take up what has ended of getting keypoints."""
+        """Process the end of a keypoint job."""
         if ended.state != "finished" and self._as_found is not None:
             self.cancel(self._as_found)
         if ended.state == "failed":
             self.tell(Notice(title=f"{ended.title} failed", text=ended.reason, kind="error"))
         elif ended.state == "finished" and (found := ended.result()) is not None:
-            self.tell(Notice(title="This project has its keypoints", text="\n".join(found.notes), kind="done"))
+            self.tell(Notice(title="Keypoints ready", text="\n".join(found.notes), kind="done"))
 
     def _take_whatever_comes(self, report: Report) -> None:
-        """A report that cannot be taken up must not take those after it along: jobs would seem to run for ever."""
+        """Process a report; a failure must not take later ones with it, or jobs would seem to run for ever."""
         try:
             self._take(report)
         except Exception as error:
-            _log.exception("News of the worker could not be taken up: %s", type(report).__name__)
+            _log.exception("A report of the worker could not be processed: %s", type(report).__name__)
             text = f"{type(error).__name__}: {error}. Nothing is lost; tcfit's terminal has the details."
             self.tell(Notice(title="Something went wrong in tcfit", text=text, kind="error"))
 
@@ -453,7 +457,9 @@ class Session:
         if isinstance(report, ErrandEnded):
             self.edit_follower.take_errand(report)
             if report.reason:
-                self.tell(Notice(title="The fit could not be taken back", text=report.reason, kind="error"))
+                self.tell(
+                    Notice(title="The edit's effect on the fit could not be undone", text=report.reason, kind="error")
+                )
             return
         job = self.jobs.get(report.job)
         if job is None:
@@ -488,7 +494,7 @@ class Session:
             self.edit_follower.ended(job.follows, cancelled=report.how == "cancelled")
 
     def _drop_empty(self, job: RunningJob) -> bool:
-        """Take a run away whose keypoints were not found, which is told already. Whether it was so."""
+        """Remove a run whose keypoints were not found, which has already been reported; returns whether it was one."""
         going = self.source.going
         if job.run is None or going is None or going.state == "finished" or self.project.runs.get(job.run).stored:
             return False
@@ -496,23 +502,23 @@ class Session:
         return True
 
     def _end_run(self, job: RunningJob) -> None:
-        """Keep that a run was cancelled or has failed; what cannot be written now is tried again."""
+        """Record that a run was cancelled or failed; what cannot be written now is retried."""
         if job.run is not None and (problem := self._ended(job)):
             self._unended.append(job)
             self.tell(Notice(title="The project cannot be written", text=problem, kind="error"))
 
     def _ended(self, job: RunningJob) -> str:
-        """Write the end of a job's run; why that is impossible, empty if it is done."""
+        """Write the end of a job's run; returns why that failed, or an empty text."""
         assert job.run is not None and job.outcome in ("cancelled", "failed")
         try:
             self.fits.end(job.run, job.outcome, job.reason)
-        except Exception as error:  # a full disk, or whatever it was: no run may seem to go on for ever
+        except Exception as error:  # a full disk, or anything else: no run may seem to run for ever
             _log.warning("Run %d could not be ended", job.run, exc_info=not isinstance(error, InputError))
             return str(error) or type(error).__name__
         return ""
 
     def _end_late(self, now: float) -> None:
-        """Write what could not be written, if that is possible by now."""
+        """Write what could not be written before, if possible now."""
         if not (self._unended or self.fits.unwritten) or 0 < now < self._next_try:
             return
         self._next_try = now + _RETRY
@@ -523,9 +529,9 @@ class Session:
         for run in self.fits.write_late():
             if self.ended is not None and self.ended.run == run.id:
                 self.ended.outcome, self.ended.reason = "finished", ""
-            self.tell(Notice(title=f"{run.name} is written after all", text="", kind="done"))
+            self.tell(Notice(title=f"{run.name} was saved after all", text="", kind="done"))
 
     def refuse_without_keypoints(self) -> None:
-        """Raises InputError where there is nothing yet to correct or fit."""
+        """Raises InputError if there is nothing yet to correct or fit."""
         if not self.project.has_detections:
-            raise InputError("This project has no keypoints yet: have them found first, in the panel Start.")
+            raise InputError("This project has no keypoints yet: detect them first, in the panel Start.")

@@ -1,4 +1,4 @@
-"""Fits for the thread that draws, which does not wait for the disk: what is not in memory is read beside it."""
+"""Fits for the drawing thread, which must not wait for the disk: those not in memory are read in another thread."""
 
 from collections.abc import Hashable
 
@@ -10,23 +10,23 @@ from tcfit_app.review.session.tasks import Tasks
 
 
 class StoredFits:
-    """See `Fits`; all methods raise InputError for what cannot be read.
+    """See `Fits`. All methods raise InputError for what cannot be read.
 
     Args:
         fits: Of the project.
-        tasks: Read them.
+        tasks: Reads them.
     """
 
     def __init__(self, fits: Fits, tasks: Tasks) -> None:
         self._fits, self._tasks = fits, tasks
 
     def here(self, run: Run) -> bool:
-        """Whether a run's fit is in memory; if not, it is being read when this returns."""
+        """Whether a run's fit is in memory; if not, reading it has been started."""
         if self._fits.held(run):
             return True
         key: Hashable = ("stored fit", run.id, self._fits.version)
         if self._tasks.get(key, lambda: self._fits.fit(run) is not None, lane="disk"):
-            self._tasks.drop(key)  # it may be needed, and read, again
+            self._tasks.drop(key)  # it may have to be read again
         if problem := self._tasks.problem(key):
             raise InputError(problem)
         return self._fits.held(run)
@@ -39,14 +39,14 @@ class StoredFits:
             return False
 
     def show(self, choice: FitChoice) -> Shown | None:
-        """What a choice means now; None if there is nothing, or nothing yet."""
+        """What a choice refers to now; None if there is nothing, or nothing yet."""
         run = self._fits.meant(choice)
         return self._fits.show(choice) if run is not None and self.here(run) else None
 
     def fit(self, run: Run) -> FitResult | None:
-        """Everything that a run has found; None while it is read."""
+        """The result of a run; None while it is being read."""
         return self._fits.fit(run) if self.here(run) else None
 
     def phases(self, run: Run) -> tuple[int, ...]:
-        """Which phases of a run can be shown; none while it is read."""
+        """Which phases of a run can be shown; none while it is being read."""
         return self._fits.phases(run) if self.here(run) else ()

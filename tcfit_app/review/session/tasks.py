@@ -1,8 +1,8 @@
-"""Slow work beside the thread that draws: the one way in which it is done, but for the fits themselves (`Worker`).
+"""Slow work off the drawing thread: all of it except the fits themselves (`Worker`).
 
-There are two kinds. Values are asked for by key at every draw until they are there, and made one after the other:
-curves and figures by one thread, fits from the disk by another. Tasks are begun by somebody, say how far they are, can
-be cancelled, and have a thread each: exports, imports, detections. Both end in `Tasks`, on the drawing thread.
+There are two kinds. Values are requested by key at every draw until they are ready, and computed one after the other:
+curves and figures in one thread, fits from disk in another. Tasks are started by someone, report progress, can be
+cancelled, and have a thread each: exports, imports, detections. Both end in `Tasks`, on the drawing thread.
 """
 
 import logging
@@ -19,25 +19,25 @@ import torch
 from fitting_core.errors import InputError
 
 KEPT = 64
-"""Values that are remembered, those that were asked for last."""
+"""Number of values kept, the most recently requested."""
 IN_USE = 5.0
-"""Seconds since it was last asked for until a value counts as not wanted any more; tabs ask several times a second."""
+"""Seconds after its last request until a value counts as unwanted; tabs request several times a second."""
 _PATIENCE = 10.0
-"""Seconds for which `close` waits for work to notice that it was cancelled."""
+"""How long `close` waits for work to notice that it was cancelled, seconds."""
 Value = TypeVar("Value")
 Step = Callable[[str, float | None], None]
-"""Takes what is being done, and how far it is (0 to 1; None: unknown). Raises to end the work."""
+"""Receives the current step and the progress (0 to 1; None: unknown). Raises to end the work."""
 Work = Callable[[Step], Value]
 Lane = Literal["figures", "disk"]
 _log = logging.getLogger(__name__)
 
 
 class _Cancelled(Exception):
-    """Ends the work from within."""
+    """Ends the work from inside."""
 
 
 class Task(Generic[Value]):
-    """Work from its start to its end, however that comes: finished, cancelled, or failed with a reason."""
+    """Work from start to end: finished, cancelled, or failed with a reason."""
 
     def __init__(self, title: str, owner: object, then: "Callable[[Task[Value]], None]") -> None:
         self.title, self.owner, self.then = title, owner, then
@@ -45,9 +45,9 @@ class Task(Generic[Value]):
         self.text = ""
         self.share: float | None = None
         self.reason = ""
-        """Why it failed, for the user."""
+        """Why it failed, for users."""
         self.value: Value | None = None
-        """What it has made, until `then` has returned; see `result`."""
+        """What it produced, until `then` has returned; see `result`."""
         self._error: Exception | None = None
         self._cancelled = threading.Event()
 
@@ -57,11 +57,11 @@ class Task(Generic[Value]):
 
     @property
     def stopping(self) -> bool:
-        """Whether it was cancelled and has not ended yet."""
+        """Whether it was cancelled but has not ended yet."""
         return self._cancelled.is_set() and self.state == "running"
 
     def result(self) -> Value:
-        """What a finished task has made, until `then` has returned; of one that failed, what went wrong is raised."""
+        """What a finished task produced, until `then` has returned; raises the error of a failed one."""
         if self._error is not None:
             raise self._error
         assert self.state == "finished"
@@ -74,13 +74,13 @@ class Task(Generic[Value]):
         self.text, self.share = text, share
 
     def run(self, work: Work[Value]) -> None:
-        """Do it, on the task's own thread."""
+        """Do the work, on the task's own thread."""
         try:
             self.report("", None)
             self.value, self.state = work(self.report), "finished"
         except _Cancelled:
             self.state = "cancelled"
-        except Exception as error:  # whatever it was: the user is told
+        except Exception as error:  # any error: the user is told
             if not isinstance(error, InputError):
                 _log.exception("%s failed", self.title)
             self.reason = reason_of(error)
@@ -88,7 +88,7 @@ class Task(Generic[Value]):
 
 
 def reason_of(error: Exception) -> str:
-    """What went wrong, for the user: of an error that nobody foresaw only its kind; the log has the rest."""
+    """What went wrong, for users: only the kind of an unforeseen error; the log has the rest."""
     if isinstance(error, InputError):
         return str(error)
     if isinstance(error, OSError) and error.strerror:
@@ -120,13 +120,13 @@ class _Made:
 
 
 class Tasks:
-    """For the one thread that draws: all methods are called there, and what ends is told there."""
+    """For the drawing thread only: all methods are called there, and results are delivered there."""
 
     def __init__(self) -> None:
         self.arrived: Callable[[], None] = lambda: None
-        """Called, from another thread, when something has ended."""
+        """Called from another thread when something has ended."""
         self.known: OrderedDict[Hashable, _Made] = OrderedDict()
-        """Values by key, made and to be made."""
+        """Values by key, computed or pending."""
         self._running: dict[Task[Any], threading.Thread] = {}
         self._ended: SimpleQueue[Task[Any]] = SimpleQueue()
         self._waiting: dict[Lane, SimpleQueue[_Made | None]] = {lane: SimpleQueue() for lane in get_args(Lane)}
@@ -140,12 +140,12 @@ class Tasks:
     # --- values ---
 
     def get(self, key: Hashable, compute: Callable[[], Value], *, lane: Lane = "figures") -> Value | None:
-        """The value of a key, or None while it is made; what fails stays None, and `problem` says why.
+        """The value of a key, or None while it is computed; a failed one stays None, and `problem` says why.
 
         Args:
-            key: Stands for everything that the value depends on.
-            compute: Makes it.
-            lane: Which thread does so: what comes from the disk in milliseconds does not wait for long computations.
+            key: Identifies everything the value depends on.
+            compute: Computes it.
+            lane: In which thread: reads of milliseconds do not wait behind long computations.
         """
         made = self.known.get(key)
         if made is None:
@@ -160,16 +160,16 @@ class Tasks:
         return made.value if made.done else None
 
     def problem(self, key: Hashable) -> str:
-        """Why a key has no value and will not get one; empty if that is not so."""
+        """Why a key has no value and will not get one; empty otherwise."""
         made = self.known.get(key)
         return made.problem if made is not None and made.done else ""
 
     def drop(self, key: Hashable) -> None:
-        """Forget a value: it is made again when it is asked for."""
+        """Forget a value, so that it is recomputed on request."""
         self.known.pop(key, None)
 
     def _forget(self) -> None:
-        """Leave what is in use alone: tabs that evict each other's values would make them for ever."""
+        """Evict values, but none in use: tabs that evicted each other's values would recompute them for ever."""
         while len(self.known) > KEPT and not next(iter(self.known.values())).in_use:
             self.known.popitem(last=False)
 
@@ -192,13 +192,13 @@ class Tasks:
         owner: object = None,
         then: Callable[[Task[Value]], None] = lambda task: None,
     ) -> Task[Value]:
-        """Begin some work.
+        """Start a task.
 
         Args:
-            title: What it is, for the user and the log.
-            work: Is given a `Step`, which it calls at every step.
-            owner: Who began it; `leave` ends it with them.
-            then: Gets the task once it has ended, on the drawing thread; not if its owner has left.
+            title: What it is, for users and the log.
+            work: Given a `Step`, which it calls at every step.
+            owner: Who started it; `leave` cancels the owner's tasks.
+            then: Given the ended task, on the drawing thread; not called if the owner has left.
         """
         task = Task(title, owner, then)
         thread = threading.Thread(target=self._run, args=(task, work), name=f"tcfit: {title}", daemon=True)
@@ -208,7 +208,7 @@ class Tasks:
 
     @property
     def busy(self) -> bool:
-        """Whether something that was begun has not ended."""
+        """Whether any task is unfinished."""
         return bool(self._running)
 
     def _run(self, task: Task[Value], work: Work[Value]) -> None:
@@ -217,28 +217,28 @@ class Tasks:
         self.arrived()
 
     def take(self) -> None:
-        """Tell of the tasks that have ended since the last call."""
+        """Deliver the tasks that have ended since the last call."""
         while not self._ended.empty():
             task = self._ended.get()
             if self._running.pop(task, None) is not None:
                 try:
                     task.then(task)
                 except Exception:
-                    _log.exception("%s has ended, and could not be taken up", task.title)
+                    _log.exception("%s has ended, but its result could not be processed", task.title)
                 task.value = None  # it may be a file of some 100 MB
 
     def leave(self, owner: object) -> None:
-        """Cancel what somebody began who is gone, and tell nobody how it ends."""
+        """Cancel the tasks of an owner who is gone, and deliver nothing."""
         for task in [task for task in self._running if task.owner is owner]:
             task.cancel()
             del self._running[task]
 
     def close(self) -> None:
-        """End everything; work that is being done is waited for, for a while."""
+        """End everything, waiting a while for running work."""
         for waiting in self._waiting.values():
             waiting.put(None)
         for made in self.known.values():
-            made.asked = -math.inf  # nobody is there to look at it
+            made.asked = -math.inf  # nobody will look at it
         for task in self._running:
             task.cancel()
         end = time.monotonic() + _PATIENCE

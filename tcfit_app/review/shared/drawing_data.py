@@ -1,4 +1,4 @@
-"""What all browsers draw from: frames of the video, meshes and figures, made once for all of them."""
+"""What all browsers draw from: video frames, meshes and figures, computed once for all of them."""
 
 import logging
 from collections.abc import Callable, Hashable
@@ -25,9 +25,9 @@ from tcfit_app.review.session.tasks import Value
 from tcfit_app.review.shared.shared_video import SharedVideo, Videos
 
 _SAMPLED = 120
-"""Frames of a clip, at most, whose whole bodies say where the body goes: 0.1 s."""
+"""Maximum number of frames whose whole bodies determine a clip's extent: 0.1 s."""
 _POINTS_KEPT = 500
-"""Frames whose keypoints are remembered: as long as they are played, each is posed once."""
+"""Frames whose keypoints are cached, so that playback poses each once."""
 _log = logging.getLogger(__name__)
 
 
@@ -37,16 +37,16 @@ class Drawn:
 
     vertices: Float32[np.ndarray, "V 3"]
     version: Hashable
-    """Stands for the vertices."""
+    """Identifies the vertices."""
 
 
 class DrawingData:
-    """What is drawn and measured of a project, asked for until it is made. For the one thread that draws.
+    """What is drawn and measured of a project, requested until it is ready. For the drawing thread only.
 
     Args:
         session: the project.
-        wake: called when something is there that was asked for.
-        videos: shared with other people of the clip; None: there are none.
+        wake: called when something requested is ready.
+        videos: shared with the clip's other people; None: there are none.
     """
 
     def __init__(self, session: Session, wake: Callable[[], None], videos: Videos | None = None) -> None:
@@ -58,7 +58,7 @@ class DrawingData:
         self._meshes: dict[str, Meshes] = {}
         self._points: dict[Hashable, np.ndarray] = {}
         self.warming = False
-        """Whether the first body is still being read (a second): nothing on the drawing thread waits for it."""
+        """Whether the first body is still being read (a second); the drawing thread does not wait for it."""
         self._video = self._opened()
 
     def _opened(self) -> SharedVideo:
@@ -67,14 +67,14 @@ class DrawingData:
 
     @property
     def video(self) -> SharedVideo:
-        """The frames of the project's media: another object when these have become others."""
+        """The frames of the project's media: a new object when the media change."""
         if self._of_video != self.session.project.video_version:
             self._video.close()
             self._video = self._opened()
         return self._video
 
     def warm_up(self) -> None:
-        """Read what the first picture of a fitted project needs, before anybody asks for it."""
+        """Read what the first picture of a fitted project needs, before it is requested."""
         self.warming = True
         self.video.get(0)
         self.tasks.get("warm", self._first_body)
@@ -84,24 +84,24 @@ class DrawingData:
             shown = self.session.fits.show(FitChoice())
             if shown is not None:
                 self.body(shown, 0)
-        except InputError as error:  # who looks at it is told then
+        except InputError as error:  # reported when it is shown
             _log.info("Nothing to show yet: %s", error)
         finally:
             self.warming = False
 
     def close(self) -> None:
-        """End its thread."""
+        """End the video thread."""
         self._video.close()
 
     def meshes(self, shown: Shown) -> Meshes:
-        """Of the run's body. Raises InputError if that is not there."""
+        """Of the run's body. Raises InputError if its model is missing."""
         body = self.session.bodies.of(shown.run.body)
         if body.hash not in self._meshes:
             self._meshes[body.hash] = Meshes(body)
         return self._meshes[body.hash]
 
     def body(self, shown: Shown, frame: int, live: LiveWindow | None = None) -> Drawn:
-        """A run's body, as a live correction has it if one is given. Raises InputError without its body model."""
+        """A run's body, or that of a live correction if given. Raises InputError without its body model."""
         meshes = self.meshes(shown)
         if live is not None:
             version, place = ("live", live.revision), frame - live.frames.start
@@ -110,10 +110,10 @@ class DrawingData:
         return Drawn(vertices=vertices, version=(shown.version, frame))
 
     def posed(self, shown: Shown) -> Callable[[], PosedFit]:
-        """What poses a run beside the keypoints as they are now, for another thread.
+        """A function that poses a run together with the current keypoints, for another thread.
 
         Raises:
-            InputError: Its body model is not there.
+            InputError: The body model is missing.
         """
         project, meshes = self.session.project, self.meshes(shown)
         fit = self.session.fits.fit(shown.run)
@@ -123,41 +123,41 @@ class DrawingData:
             if shown.result is None:
                 return PosedFit.posed(replace(clip, camera=fit.camera), shown.params, meshes, bad=bad)
             made = PosedFit.of(clip, fit, meshes, phase=shown.result, bad=bad, there=shown.there)
-            # What another program found has no costs here.
+            # Another program's result has no costs here.
             return replace(made, frame_cost=None) if shown.run.kind == "imported" else made
 
         return posed
 
     def key(self, shown: Shown) -> Hashable:
-        """Stands for everything that `posed` is made of."""
+        """Identifies everything that `posed` depends on."""
         return *shown.version, self.session.project.keypoints_version
 
     def curve(self, name: str, shown: Shown) -> Curve | None:
-        """A curve of the timeline; None while it is made."""
+        """A curve of the timeline; None while it is computed."""
         return self._made(("curve", name, self.key(shown)), shown, lambda posed: curve(name, posed))
 
     def heat_map(self, name: str, shown: Shown) -> HeatMap | None:
-        """A heat map of the timeline; None while it is made."""
+        """A heat map of the timeline; None while it is computed."""
         return self._made(("heat map", name, self.key(shown)), shown, lambda posed: heat_map(name, posed))
 
     def between(self, a: Shown, b: Shown) -> Curve | None:
-        """How far two runs lie apart along the clip; None while it is made."""
+        """The distance between two runs along the clip; None while it is computed."""
         one, other = self._ready(a), self._ready(b)
         if one is None or other is None:
             return None
         return self.tasks.get(("between", self.key(a), self.key(b)), lambda: between_runs(one(), other()))
 
     def level(self, shown: Shown) -> Level | None:
-        """How a run says that the camera is held; None where it does not know, or not yet."""
+        """The camera's tilt and the floor according to a run; None if unknown, or not computed yet."""
         return None if shown.result is None else level_of(self.session.fits.fit(shown.run).grounding)
 
     def room(self, shown: Shown, held: Shown, of: "DrawingData | None" = None) -> Room | None:
-        """Where a run's person moves; None while that is made, or if there is no body yet.
+        """The space in which a run's person moves; None while it is computed, or if there is no body yet.
 
         Args:
             shown: The run.
-            held: The one that says how the camera is held, which may be another.
-            of: Whose run that is; None: this person's.
+            held: The run that determines the camera's tilt, possibly another one.
+            of: The person whose run that is; None: this one.
         """
         holder = of or self
         meshes = self.meshes(shown)
@@ -173,12 +173,12 @@ class DrawingData:
         return self.tasks.get(("room", _stage(shown), id(holder), _stage(held)), made)
 
     def body_points(self, shown: Shown, frame: int, live: LiveWindow | None = None) -> Float[np.ndarray, "25 3"]:
-        """A body's BODY_25 keypoints in camera space, metres, NaN for those that it has not; arguments as of `body`."""
+        """A body's BODY_25 keypoints in camera space, metres, NaN for missing ones; arguments as in `body`."""
         params = shown.params[[frame]] if live is None else live.params[[frame - live.frames.start]]
         return self.meshes(shown).body_points(params)[0]
 
     def keypoints(self, shown: Shown, frame: int, live: LiveWindow | None = None) -> Float[np.ndarray, "137 3"]:
-        """A body's keypoints in camera space, metres, NaN for those that it has not; arguments as of `body`."""
+        """A body's keypoints in camera space, metres, NaN for missing ones; arguments as in `body`."""
         version = shown.version if live is None else ("live", live.revision)
         key = (*version, frame)
         if key not in self._points:
@@ -189,7 +189,7 @@ class DrawingData:
         return self._points[key]
 
     def metrics(self, shown: Shown, frames: range | None = None) -> tuple[Metric, ...] | None:
-        """Figures of a run, or of some of its frames; None while they are taken."""
+        """Figures of a run, or of some of its frames; None while they are computed."""
         result = shown.result
         if result is None:
             return None
@@ -206,7 +206,7 @@ class DrawingData:
         return self._made(key if frames is None else (*key, frames), shown, measured)
 
     def reference_metrics(self, shown: Shown) -> tuple[Metric, ...] | None:
-        """Figures of a run against the project's reference, empty without one; None while they are taken."""
+        """Figures of a run against the project's reference, empty without one; None while they are computed."""
         reference, bodies = self.session.project.reference, self.session.bodies
         if reference is None or shown.result is None:
             return ()
@@ -223,7 +223,7 @@ class DrawingData:
         return "reference", *shown.version, self.session.project.reference_version
 
     def distances(self, a: Shown, b: Shown) -> Curve | None:
-        """How far two runs lie apart, by frame; None while that is made."""
+        """The distance between two runs, by frame; None while it is computed."""
         one = self._ready(a)
         if one is None:
             return None
@@ -231,12 +231,12 @@ class DrawingData:
         return self._made(key, b, lambda other: between_runs(one(), other))
 
     def suspects(self, shown: Shown) -> tuple[Suspect, ...] | None:
-        """What is left of the review queue of a run; None while it is made."""
+        """The rest of a run's review queue; None while it is computed."""
         found = self.queue(shown)
         return None if found is None else found.left
 
     def queue(self, shown: Shown) -> ReviewQueue | None:
-        """The review queue of a run; None while it is made."""
+        """The review queue of a run; None while it is computed."""
         project = self.session.project
 
         def queue(posed: PosedFit) -> ReviewQueue:
@@ -248,7 +248,7 @@ class DrawingData:
         return self._made(self._suspects_key(shown), shown, queue)
 
     def _refitted(self, run: Run) -> list[tuple[int, range]]:
-        """When which frames were fitted again, as `Run.moment`. Of corrections the edits tell that."""
+        """When which frames were refitted, as `Run.moment`; for corrections, according to the edits."""
         if run.kind in ("imported", "corrections"):
             return []
         return [(run.moment, run.frames or range(self.length))]
@@ -261,14 +261,14 @@ class DrawingData:
         return None if posed is None else self.tasks.get(key, lambda: make(posed()))
 
     def _ready(self, shown: Shown) -> Callable[[], PosedFit] | None:
-        """`posed` of a run, if its body model is there by now."""
+        """`posed` of a run, if its body model is loaded."""
         try:
             return None if self.warming else self.posed(shown)
         except InputError:
             return None
 
     def problem(self, what: Literal["metrics", "reference", "suspects"], shown: Shown) -> str:
-        """Why a run will get no figures, none against the reference, or no review queue; empty if nothing is wrong."""
+        """Why a run has no figures, none against the reference, or no review queue; empty if nothing is wrong."""
         try:
             if not self.warming:
                 self.meshes(shown)
@@ -279,7 +279,7 @@ class DrawingData:
 
 
 def _stage(shown: Shown) -> Hashable:
-    """Stands for a run; while its frames come in, for how far it has come."""
+    """Identifies a run; while it is running, also its progress."""
     if shown.result is not None:
         return shown.version
     return shown.run.id, shown.phase, "all" if shown.there is None else int(shown.there.sum()).bit_length()

@@ -1,4 +1,4 @@
-"""One video for several people of a clip: it is decoded once, and each of them counts its frames from the own first."""
+"""One video for several people of a clip: it is decoded once, and each person's frames are counted from their first."""
 
 from collections.abc import Callable, Hashable, Iterable
 from pathlib import Path
@@ -8,16 +8,16 @@ from fitting_core.clip import Clip
 from tcfit_app.review.shared.video_frames import FrameSize, VideoFrames, Wanted
 
 _Filmed = tuple[Path | None, tuple[int, int], Lens | None]
-"""What must be the same for frames to be shared: the source, the size and the lens of the camera."""
+"""What must match for frames to be shared: the source, and the camera's size and lens."""
 
 
 class SharedVideo:
-    """The frames of one person's clip, in a video that others may read as well. As `VideoFrames`, for one thread.
+    """The frames of one person's clip, in a video that others may also read. Like `VideoFrames`, for one thread.
 
     Args:
         frames: Of the video.
-        first: The frame of it that is the clip's first.
-        count: Frames of the clip.
+        first: The video frame of the clip's first frame.
+        count: Number of frames in the clip.
         left: Called once it is closed.
     """
 
@@ -26,44 +26,44 @@ class SharedVideo:
         self.count, self.size = count, frames.size
 
     def problem_of(self, frame: int) -> str:
-        """Why a frame is grey; empty if it is not, or was not decoded yet."""
+        """Why a frame is grey; empty if it is not, or not decoded yet."""
         return self._frames.problem_of(frame + self._first)
 
     def get(self, frame: int, shown: FrameSize = "full") -> bytes | None:
-        """The frame as JPEG if it is there; else None, and it is decoded next."""
+        """The frame as JPEG if it is ready; otherwise None, and it is decoded next."""
         assert 0 <= frame < self.count
         return self._frames.get(frame + self._first, shown)
 
     def nearest(self, frame: int, shown: FrameSize = "full") -> bytes | None:
-        """The frame in this size, or else in the other one if that is there; what is missing is decoded next."""
+        """The frame in this size, or in the other one if that is ready; a missing one is decoded next."""
         assert 0 <= frame < self.count
         return self._frames.nearest(frame + self._first, shown)
 
     def thumbnails(self, wanted: Iterable[Wanted], *, reader: Hashable = None) -> dict[Wanted, bytes]:
-        """Those small pictures that are there; the others are made while nobody waits for anything else."""
+        """Those thumbnails that are ready; the others are made when nothing else is requested."""
         moved: list[Wanted] = [(frame + self._first, shown) for frame, shown in wanted]
         found = self._frames.thumbnails(moved, reader=reader)
         return {(frame - self._first, shown): made for (frame, shown), made in found.items()}
 
     def prefetch(self, frames: Iterable[int], *, reader: Hashable = None) -> None:
-        """Decode frames that are about to be played, in the size for that."""
+        """Decode frames that will be played soon, at the playing size."""
         self._frames.prefetch([frame + self._first for frame in frames if 0 <= frame < self.count], reader=reader)
 
     def leave(self, reader: Hashable) -> None:
-        """Forget what a reader was about to play."""
+        """Forget a reader's prefetched frames."""
         self._frames.leave(reader)
 
     def close(self) -> None:
-        """Its clip is not shown any more; the video is released with the last."""
+        """The clip is no longer shown; the video is released with its last clip."""
         self._left()
 
 
 class Videos:
-    """The videos of a clip's people, each open once and for as long as somebody shows it.
+    """The videos of a clip's people, each open once while someone shows it.
 
     Args:
         clips: Of the people.
-        arrived: Called, from another thread, when a frame is there that was asked for.
+        arrived: Called from another thread when a requested frame is ready.
     """
 
     def __init__(self, clips: Iterable[Clip], arrived: Callable[[], None]) -> None:
@@ -74,10 +74,10 @@ class Videos:
             known = self._spans.setdefault(_filmed(clip), own)
             self._spans[_filmed(clip)] = range(min(known.start, own.start), max(known.stop, own.stop))
         self._open: dict[tuple[_Filmed, range], tuple[VideoFrames, int]] = {}
-        """With how many show it."""
+        """With the number of users."""
 
     def of(self, clip: Clip) -> SharedVideo:
-        """The frames of a clip, whose media may have been found elsewhere since."""
+        """The frames of a clip, whose media may have been relinked since."""
         filmed, own = _filmed(clip), _numbers(clip)
         span = self._spans.get(filmed, own)
         span = span if span.start <= own.start and own.stop <= span.stop else own

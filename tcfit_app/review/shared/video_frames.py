@@ -1,14 +1,14 @@
-"""The frames of a clip's video as JPEGs, decoded in a thread ahead of whoever shows them.
+"""The frames of a clip's video as JPEGs, decoded ahead in a thread.
 
-Nothing here waits, and nothing raises for a video that is missing or broken: there is a grey
-frame then, and a text that says what is wrong.
+Nothing here blocks, and nothing raises for a missing or broken video: instead there is a grey frame, and a text that
+says what is wrong.
 
-One thread opens, decodes and encodes, for a video is read forward: what it does first is what somebody waits for, then
-what is about to be played, then thumbnails, then the rest of the clip at the playing size, as far as memory allows. So
-a jump within a clip that was open for some seconds shows the playing size at once, and the full size after a seek; a
-clip that is no larger is kept in one size only.
+One thread opens, decodes and encodes, because a video is read forwards. First come requested frames, then those about
+to be played, then thumbnails, then the rest of the clip at the playing size, as far as memory allows. So a jump in a
+clip that has been open for some seconds shows the playing size at once, and the full size after a seek; a clip no
+larger than that is stored in one size only.
 
-A seek decodes from the last key frame on. Milliseconds of `FrameSource.frame` at 25 random frames, and of encoding one
+A seek decodes from the previous keyframe. Milliseconds of `FrameSource.frame` at 25 random frames, and of encoding one
 as "playing" and "full", on one thread:
 
     pixels         codec     key frames every    median    slowest    encode
@@ -36,25 +36,25 @@ from tcfit_app.analysis.byte_cache import ByteCache
 from tcfit_app.review.scene.layers import FrameImage
 
 FrameSize = Literal["thumbnail", "playing", "full"]
-"""For the timeline; small, for frames that follow each other quickly; or every pixel of the video."""
+"""For the timeline; small, for fast playback; or every pixel of the video."""
 SIZES: tuple[FrameSize, ...] = get_args(FrameSize)
 PLAYING = (960, 540)
-"""Most pixels of a playing frame; an upright one has them the other way round."""
+"""Maximum size of a playing frame; transposed for portrait video."""
 THUMBNAIL = (144, 96)
-"""Most pixels of a thumbnail, likewise."""
+"""Maximum size of a thumbnail, likewise."""
 _QUALITY = {"thumbnail": 70, "playing": 80, "full": 85}
 _GREY = 96
 _log = logging.getLogger(__name__)
 _LIMIT = 256 * 2**20
 _FILLED = 0.5
-"""Share of the cache up to which frames that nobody has asked for are kept."""
+"""Fraction of the cache up to which frames that were not requested are kept."""
 _WAITING = 16
-"""Frames that can be waited for: of more, the oldest were jumped over."""
+"""Number of pending requests; older ones have been skipped over."""
 _BLOCK = 12
-"""Frames that are decoded in ascending order when they are played backwards."""
+"""Frames per block that are decoded in ascending order for backward playback."""
 
 Crop = tuple[int, int, int, int]
-"""A part of a frame as a thumbnail: left, top, right and bottom in the video's pixels."""
+"""A crop of a frame as a thumbnail: left, top, right and bottom in the video's pixels."""
 Wanted = tuple[int, FrameSize | Crop]
 
 
@@ -63,13 +63,13 @@ class VideoFrames:
 
     Args:
         source: A video or a folder of images; None if there is none.
-        first_frame: Frame 0 of the clip is this one of the source.
-        count: Frames of the clip.
-        size: Width and height in pixels of the clip's camera: the shape of the placeholder.
-        lens: Of the clip's camera, which frames are straightened for.
-        limit: Bytes of the cache.
-        fill: Whether to go on with the rest of the clip when there is nothing else to do.
-        arrived: Called, from another thread, when a frame is there that `get` or `nearest` was asked for.
+        first_frame: The source's frame number of the clip's frame 0.
+        count: Number of frames in the clip.
+        size: Width and height in pixels of the clip's camera: the placeholder's shape.
+        lens: Of the clip's camera, whose distortion is removed.
+        limit: Size of the cache in bytes.
+        fill: Whether to decode the rest of the clip when idle.
+        arrived: Called from another thread when a frame requested by `get` or `nearest` is ready.
     """
 
     def __init__(
@@ -92,7 +92,7 @@ class VideoFrames:
         one = shown_size(size, "playing") == size
         self._kept: dict[FrameSize, FrameSize] = {"playing": "full" if one else "playing", "full": "full"}
         self._thumbnails: dict[Hashable, deque[Wanted]] = {}
-        self._problem = "" if source else "There is no video: the project was made without one, or it is not found."
+        self._problem = "" if source else "There is no video: the project was made without one, or it was not found."
         self._problems: dict[int, str] = {}
         self._asked: deque[Wanted] = deque(maxlen=_WAITING)
         self._coming: dict[Hashable, deque[Wanted]] = {}
@@ -104,11 +104,11 @@ class VideoFrames:
             self._thread.start()
 
     def problem_of(self, frame: int) -> str:
-        """Why a frame is grey; empty if it is not, or was not decoded yet."""
+        """Why a frame is grey; empty if it is not, or not decoded yet."""
         return self._problem or self._problems.get(frame, "")
 
     def get(self, frame: int, shown: FrameSize = "full") -> bytes | None:
-        """The frame as JPEG if it is there; else None, and it is decoded next."""
+        """The frame as JPEG if it is ready; otherwise None, and it is decoded next."""
         assert 0 <= frame < self.count
         wanted: tuple[int, FrameSize] = frame, self._kept[shown]
         found = self._cached(wanted)
@@ -117,15 +117,15 @@ class VideoFrames:
         return found
 
     def nearest(self, frame: int, shown: FrameSize = "full") -> bytes | None:
-        """The frame in this size, or else in the other one if that is there; what is missing is decoded next."""
+        """The frame in this size, or in the other one if that is ready; a missing one is decoded next."""
         return self.get(frame, shown) or self._cached((frame, "playing" if shown == "full" else "full"))
 
     def thumbnails(self, wanted: Iterable[Wanted], *, reader: Hashable = None) -> dict[Wanted, bytes]:
-        """Those small pictures that are there; the others are made while nobody waits for anything else.
+        """Those thumbnails that are ready; the others are made when nothing else is requested.
 
         Args:
-            wanted: Frames, each whole as a "thumbnail" or a part of it.
-            reader: Who asks; what it asked for before is forgotten.
+            wanted: Frames, each whole as a "thumbnail", or a crop.
+            reader: Who requests them; replaces the reader's previous request.
         """
         asked = list(wanted)
         found = {one: made for one in asked if (made := self._cache.get(one))}
@@ -138,11 +138,11 @@ class VideoFrames:
         return found
 
     def prefetch(self, frames: Iterable[int], *, reader: Hashable = None) -> None:
-        """Decode frames that are about to be played, in the size for that.
+        """Decode frames that will be played soon, at the playing size.
 
         Args:
-            frames: In the order in which they will be shown: forward, backward, around a loop.
-            reader: Who plays; the frames take the place of what it asked for before.
+            frames: In playing order: forwards, backwards, around a loop.
+            reader: Who plays; replaces the reader's previous frames.
         """
         kept = self._kept["playing"]
         coming: deque[Wanted] = deque((frame, kept) for frame in _forward(list(frames)) if 0 <= frame < self.count)
@@ -151,7 +151,7 @@ class VideoFrames:
             self._changed.notify_all()
 
     def leave(self, reader: Hashable) -> None:
-        """Forget what a reader was about to play."""
+        """Forget a reader's prefetched frames."""
         with self._changed:
             self._coming.pop(reader, None)
 
@@ -180,7 +180,7 @@ class VideoFrames:
     def _work(self, source: Path, lens: Lens | None) -> None:
         try:
             frames = FrameSource(source, lens=lens)
-        except Exception as error:  # whatever it was: the thread's end would leave everybody waiting
+        except Exception as error:  # any error: if the thread ended, everyone would wait
             self._problem = _reason(error)
             self._arrived()
             return
@@ -203,7 +203,7 @@ class VideoFrames:
             wanted = self._asked.pop()
             if self._missing(wanted):
                 return wanted
-        # One frame for each reader in turn: the one that has waited longest is first.
+        # One frame for each reader in turn, starting with the one that has waited longest.
         for reader in list(self._coming):
             queue = self._coming.pop(reader)
             while queue:
@@ -229,7 +229,7 @@ class VideoFrames:
     def _decoded(
         self, frames: FrameSource, wanted: Wanted, last: tuple[int, np.ndarray] | None
     ) -> tuple[int, np.ndarray] | None:
-        """Decode and keep a frame; returns it in pixels, for its other size is often wanted next."""
+        """Decode and cache a frame; returns its pixels, because its other size is often wanted next."""
         frame, shown = wanted
         try:
             image = last[1] if last and last[0] == frame else frames.frame(self._first + frame)
@@ -246,7 +246,7 @@ class VideoFrames:
 
 
 def _reason(error: Exception) -> str:
-    """Why a frame is grey, for the user; what should not happen is in the log as well."""
+    """Why a frame is grey, for users; unexpected errors are also logged."""
     if isinstance(error, InputError | OSError | cv2.error):
         return str(error)
     _log.error("A frame cannot be shown", exc_info=error)
@@ -254,7 +254,7 @@ def _reason(error: Exception) -> str:
 
 
 def _forward(frames: list[int]) -> list[int]:
-    """Frames in an order in which a video decodes quickly: descending ones in ascending blocks, the first one first."""
+    """An order in which a video decodes quickly: descending frames in ascending blocks, the first one first."""
     backwards = len(frames) > 1 and frames[1] < frames[0]
     if not backwards:
         return frames
@@ -262,7 +262,7 @@ def _forward(frames: list[int]) -> list[int]:
 
 
 def shown_size(size: tuple[int, int], shown: FrameSize) -> tuple[int, int]:
-    """Width and height in pixels of a JPEG, for a video of `size`: never larger, of the same shape."""
+    """Width and height in pixels of a JPEG for a video of `size`: the same shape, never larger."""
     if shown == "full":
         return size
     bounds = PLAYING if shown == "playing" else THUMBNAIL
@@ -273,18 +273,18 @@ def shown_size(size: tuple[int, int], shown: FrameSize) -> tuple[int, int]:
 
 
 def encoded(image: UInt8[np.ndarray, "H W 3"], shown: FrameSize | Crop) -> bytes:
-    """A frame (RGB), or a part of it, as JPEG."""
+    """A frame (RGB) or a crop of it, as JPEG."""
     if not isinstance(shown, str):
         left, top, right, bottom = shown
         image, shown = image[top:bottom, left:right], "thumbnail"
     size = shown_size((image.shape[1], image.shape[0]), shown)
     if size != (image.shape[1], image.shape[0]):
-        # Linear, not by area: 2 against 20 ms where 1080p shrinks by a factor that is no whole number.
+        # Linear, not by area: 2 against 20 ms when 1080p shrinks by a non-integer factor.
         image = cv2.resize(image, size, interpolation=cv2.INTER_LINEAR)
     return FrameImage.encode(image, quality=_QUALITY[shown]).data
 
 
 def placeholder(size: tuple[int, int], shown: FrameSize) -> bytes:
-    """A grey frame in the place of one that cannot be shown."""
+    """A grey frame instead of one that cannot be shown."""
     width, height = shown_size(size, shown)
     return encoded(np.full((height, width, 3), _GREY, np.uint8), "full")

@@ -1,4 +1,4 @@
-"""What a browser's tab has whoever of the people it shows: the way to its page, its scene, its messages."""
+"""What a browser tab has whichever person it shows: its connection to the page, its scene, its messages."""
 
 from collections.abc import Callable
 
@@ -14,33 +14,33 @@ from tcfit_app.server.gated_viser import Visitor
 from tcfit_app.server.page_files import PageFiles
 
 BROWSER = "browser "
-"""What authors begin with, as edits have them; versions before had "tab "."""
+"""The start of authors' names in edits; earlier versions used "tab "."""
 
 
 class BrowserTab:
     """One of viser's clients.
 
     Args:
-        client: viser's tab.
-        files: which files of this computer the page may name.
+        client: viser's client.
+        files: which files on this computer the page may read.
         whose: its user, as the gate knows them.
     """
 
     def __init__(self, client: viser.ClientHandle, files: PageFiles, whose: Visitor | None = None) -> None:
         self.client, self.files = client, files
         self.receive: Callable[[PageEvent], None] = lambda event: None
-        """Takes up what the page tells, for whoever is shown."""
+        """Handles the page's events for the person on show."""
         self.go_to: Callable[[Someone], None] = lambda someone: None
-        """Shows another of the people."""
+        """Shows another person."""
         self.has_come: Callable[[], None] = lambda: None
-        """The page has said hello: called once it is known which tab it is."""
+        """Called once the page has said hello, and so which tab it is."""
         self.show_first_steps: Callable[[], None] = lambda: None
-        """Tells the page what to do first."""
+        """Shows the first steps in the page."""
         self.channel = Channel(client, lambda event: self.receive(event), timeline=True)
         self.scene = SceneView(client)
         self.toasts = Toasts(client)
         self.name: str | None = None
-        """Made up by the page; None until it has said hello."""
+        """Chosen by the page; None until it has said hello."""
         whose = whose or Visitor()
         self.reviewer = whose.reviewer
         """Under what name the time spent and approvals are kept."""
@@ -49,15 +49,15 @@ class BrowserTab:
         self._signed_in = whose.name
         self.author = whose.name or f"{BROWSER}{client.client_id}"
         self.size = (0, 0)
-        """Of the canvas, in CSS pixels, as the page told it last."""
+        """Canvas size in CSS pixels, as last reported by the page."""
         self.has_commands = False
-        """The command palette knows the actions."""
+        """The command palette has the actions."""
 
     def greet(self, name: str, browser: str, size: tuple[int, int]) -> None:
-        """The page's script is there, and calls itself so.
+        """The page's script has started, and gives its name.
 
-        Its edits are those of whoever has signed in, or else of its browser: a new tab, after tcfit was started again,
-        is still the same person's.
+        Edits are attributed to whoever signed in, or else to the browser, so that a new tab after a restart of tcfit
+        still has the same author.
         """
         self.name, self.size = name, size
         self.author = self._signed_in or f"{BROWSER}{(browser or name)[:8]}"

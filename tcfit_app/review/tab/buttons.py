@@ -1,7 +1,7 @@
-"""Buttons in the HTML of panels: what each does, and which of them can be pressed now.
+"""Buttons in the HTML of panels: what each does, and which can be pressed now.
 
-A press comes from the page and may be anything: a strange page sends what it likes, and a slow one sends what was on
-show a moment ago. So a button does something only while a panel shows it, switched on.
+A press comes from the page and may be anything: a foreign page sends what it likes, a slow one sends what was shown a
+moment ago. So a button works only while a panel shows it, enabled.
 """
 
 import re
@@ -15,7 +15,7 @@ from tcfit_app.server.screen import Dropped
 
 Name = TypeVar("Name", bound=str)
 LATE = 2.0
-"""Seconds for which a value still counts that has just been replaced: the press was on its way."""
+"""Seconds for which a value just replaced still counts: the press was on its way."""
 _TAG = re.compile(r"<(?:button|tr)\b([^>]*)>")
 _ATTRIBUTE = re.compile(r'([\w-]+)(?:="([^"]*)")?')
 
@@ -26,24 +26,24 @@ class Buttons:
     def __init__(self) -> None:
         self._known: dict[str, tuple[Callable[[Any], None], Callable[[str], Any]]] = {}
         self._shown: dict[object, frozenset[tuple[str, str]]] = {}
-        """Command and value of what can be pressed, by who shows it."""
+        """Command and value of the enabled buttons, by who shows them."""
         self._until: dict[tuple[str, str], float] = {}
-        """When a button that is gone stops to count."""
+        """When a removed button stops counting."""
         self._dropped = Dropped()
 
     def on(self, command: str, run: Callable[[Any], None], read: Callable[[str], Any] = str) -> None:
-        """What a button does.
+        """Register what a button does.
 
         Args:
-            command: a name that is not taken.
-            run: does it, given what `read` makes of the button's value.
-            read: raises KeyError or ValueError for what no button has.
+            command: a unique name.
+            run: does it, given the result of `read`.
+            read: parses the button's value; raises KeyError or ValueError for one that no button has.
         """
         assert command not in self._known, f"{command} is taken"
         self._known[command] = (run, read)
 
     def show(self, owner: object, html: str) -> None:
-        """From now on the buttons in this HTML are those that its owner shows; none in an empty text."""
+        """Set the buttons that an owner shows to those in this HTML; an empty text removes them."""
         now, there = time.monotonic(), offered(html)
         self._until = {button: end for button, end in self._until.items() if end > now}
         self._until |= dict.fromkeys(self._shown.get(owner, frozenset()) - there, now + LATE)
@@ -52,7 +52,7 @@ class Buttons:
             self._shown[owner] = there
 
     def on_show(self, command: str, value: str) -> bool:
-        """Whether such a button can be pressed: it is there, or its command is, with a value that was just replaced."""
+        """Whether such a button can be pressed: it is shown, or its command is, with a value that was just replaced."""
         there = frozenset[tuple[str, str]]().union(*self._shown.values())
         if (command, value) in there:
             return True
@@ -60,7 +60,7 @@ class Buttons:
         return replaced and any(command == other for other, _ in there)
 
     def take(self, event: Press) -> None:
-        """Do what a button does; a press of what is not on show is dropped."""
+        """Do what a button does; presses of buttons not shown are dropped."""
         try:
             run, read = self._known[event.command]
             value = read(event.value)
@@ -74,7 +74,7 @@ class Buttons:
 
 
 def offered(html: str) -> frozenset[tuple[str, str]]:
-    """Command and value of every button and row in HTML of `panels/elements/html.py` that can be pressed."""
+    """Command and value of every enabled button and row in HTML made by `panels/elements/html.py`."""
     found = set()
     for tag in _TAG.finditer(html):
         given = {name: unescape(value) for name, value in _ATTRIBUTE.findall(tag[1])}
@@ -84,7 +84,7 @@ def offered(html: str) -> frozenset[tuple[str, str]]:
 
 
 def one_of(names: Collection[Name]) -> Callable[[str], Name]:
-    """Reads one of these names."""
+    """A parser that accepts only these names."""
 
     def read(value: str) -> Name:
         if (found := next((name for name in names if name == value), None)) is None:

@@ -1,4 +1,4 @@
-"""What is on show in a tab: resolved once for each drawing, from what the tab has set and what the project has now."""
+"""What a tab shows, resolved once per drawing from the tab's state and the project."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -11,8 +11,8 @@ from tcfit_app.review.session.session import Session
 from tcfit_app.review.session.stored_fits import StoredFits
 from tcfit_app.review.tab.state import TabState
 
-Side = Literal["a", "b"]
-SIDES: tuple[Side, ...] = ("a", "b")
+Slot = Literal["a", "b"]
+SLOTS: tuple[Slot, ...] = ("a", "b")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,50 +23,50 @@ class OnShow:
     a: Shown | None
     """None: there is none yet, or it cannot be read."""
     b: Shown | None
-    """The one that corrections are made to."""
+    """The one that corrections apply to."""
     live_a: LiveWindow | None
-    """What a drag makes of the frames around this one in A, drawn in place of what is stored."""
+    """The live result of a drag in the frames around this one for A, drawn instead of the stored one."""
     live_b: LiveWindow | None
     """The same for B."""
-    places: tuple[tuple[Side, ...], ...]
-    """The bodies of each poster, or of the room."""
+    places: tuple[tuple[Slot, ...], ...]
+    """The bodies on each poster, or in the room."""
     camera: Camera
-    """Where the video's picture is seen from: the clip's; in 3D that of the fit, whose focal length may be its own."""
+    """The camera of the video: the clip's; in 3D the fit's, whose focal length may differ."""
     problem: str = ""
-    """Why A or B cannot be read; empty if nothing is wrong."""
+    """Why A or B cannot be read; empty if both can."""
 
-    def fit(self, side: Side) -> Shown | None:
+    def fit(self, side: Slot) -> Shown | None:
         """A or B."""
         return self.a if side == "a" else self.b
 
     @property
     def held(self) -> Shown | None:
-        """The fit that says how the camera is held and where the floor is: the same when A is seen in B's place."""
+        """The fit that determines the camera's tilt and the floor; stays the same when A is shown in B's place."""
         return self.b or self.a
 
-    def with_body(self, side: Side) -> Shown | None:
+    def with_body(self, side: Slot) -> Shown | None:
         """A or B, if it has a body in this frame."""
         fit = self.fit(side)
         return fit if fit is not None and fit.has(self.frame) else None
 
-    def live_of(self, side: Side) -> LiveWindow | None:
-        """The live window from which this side's body is drawn, if there is one."""
+    def live_of(self, side: Slot) -> LiveWindow | None:
+        """The live window that this side's body is drawn from, if any."""
         return self.live_a if side == "a" else self.live_b
 
     @property
     def live(self) -> LiveWindow | None:
-        """The newer of both live windows."""
+        """The newer of the two live windows."""
         windows = (window for window in (self.live_a, self.live_b) if window is not None)
         return max(windows, key=lambda window: window.revision, default=None)
 
     @property
     def revision(self) -> int | None:
-        """Another number whenever a drag has led to another body on show; None without one."""
+        """Changes whenever a drag has changed a body on show; None without a drag."""
         return None if self.live is None else self.live.revision
 
 
 def on_show(state: TabState, session: Session) -> OnShow:
-    """What a tab's state means now."""
+    """Resolve a tab's state."""
     problems: list[str] = []
     a, b = (_read(session.stored, choice, problems) for choice in (state.a, state.b))
     clip = session.project.footage.camera
@@ -92,15 +92,15 @@ def _read(fits: StoredFits, choice: FitChoice, problems: list[str]) -> Shown | N
 
 
 def live_window(session: Session, fit: Shown | None, frame: int) -> LiveWindow | None:
-    """What a drag makes of a fit in a frame: a drag in this run, or in the one whose corrections it is."""
+    """The live result of a drag for a fit in a frame: a drag in this run, or in the one whose corrections it is."""
     if fit is None or fit.phase != 3:
         return None
     return session.edit_follower.window(fit.run.id, frame)
 
 
-def _places(state: TabState) -> tuple[tuple[Side, ...], ...]:
+def _places(state: TabState) -> tuple[tuple[Slot, ...], ...]:
     if state.mode == "space":
-        return (SIDES,)
+        return (SLOTS,)
     if state.mode == "edit":
         return (("a",),) if state.blinked else (("b",),)
     return (("b",), ("a",)) if state.blinked else (("a",), ("b",))

@@ -1,4 +1,4 @@
-"""The people under review: one, or all those of a clip, each of whom is a project of its own."""
+"""The people under review: one, or all those of a clip, each with a project of their own."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -17,19 +17,19 @@ from tcfit_app.review.tab.state import TabState
 
 @dataclass(kw_only=True, eq=False)
 class Someone:
-    """One of the people, with what is drawn of them."""
+    """One of the people, with the data to draw them."""
 
     data: DrawingData
     name: str = ""
-    """Empty where there is but one."""
+    """Empty if there is only one."""
     others: tuple["Someone", ...] = ()
-    """The clip's other people, in their order."""
+    """The clip's other people, in order."""
     number: int = 0
-    """In that order."""
+    """The position in that order."""
     group: Group | None = None
-    """The people's common folder, if there are several."""
+    """The folder of all people, if there are several."""
     remembered: dict[str, TabState] = field(default_factory=dict)
-    """States of tabs that were closed or reloaded, or that show somebody else now, by the tab's own name."""
+    """States of tabs that were closed or reloaded, or that now show someone else, by the tab's own name."""
 
     @property
     def session(self) -> Session:
@@ -38,19 +38,19 @@ class Someone:
 
     @property
     def everybody(self) -> tuple["Someone", ...]:
-        """This one and the others, in their order."""
+        """This person and the others, in order."""
         return (*self.others[: self.number], self, *self.others[self.number :])
 
     @property
     def listed(self) -> int | None:
-        """The number from 1 in people.json, which links have; None where there is but one."""
+        """The number from 1 in people.json, used in links; None if there is only one."""
         return None if self.group is None else self.group.members[self.number].number
 
     def numbered(self, listed: int) -> "Someone":
-        """Whom a link means.
+        """The person a link refers to.
 
         Args:
-            listed: See there.
+            listed: As in `listed`.
 
         Raises:
             InputError: There is no such person here.
@@ -60,25 +60,29 @@ class Someone:
             there = ", ".join(f"{one.listed} ({one.name})" for one in self.everybody if one.listed is not None)
             raise InputError(
                 f"The link leads to person {listed}; "
-                + (f"here are {there}." if there else "here is one person's project. Open the folder of all people.")
+                + (
+                    f"this clip has {there}."
+                    if there
+                    else "this is one person's project. Open the folder of all people."
+                )
             )
         return found
 
     @property
     def uncertain(self) -> tuple[Span, ...]:
-        """Frames in which this may be another of the people, by number in the video."""
+        """Frames in which this may be someone else, as video frame numbers."""
         return () if self.group is None else tuple(doubt.span for doubt in self.group.doubts(self.number))
 
     def undo(self, *, author: str, shown: Shown | None) -> LogEntry | None:
-        """Take back the last edit or remark; an exchange of two people for both.
+        """Undo the last edit or remark; an exchange of two people is undone for both.
 
         Raises:
-            InputError: As of `Session.undo`; or the other one was corrected since they were exchanged.
+            InputError: As `Session.undo`; or the other person was corrected after the exchange.
         """
         return self._step(Session.undo, lambda project: project.undoable, author=author, shown=shown)
 
     def redo(self, *, author: str, shown: Shown | None) -> LogEntry | None:
-        """Bring back what was undone last. Raises InputError as `undo`."""
+        """Redo what was undone last. Raises InputError as `undo`."""
         return self._step(Session.redo, lambda project: project.redoable, author=author, shown=shown)
 
     def _step(
@@ -100,38 +104,38 @@ class Someone:
             done = any(_is(taken, theirs) for theirs in other.session.project.exchanges)
             if other.name == taken.source and done == (step is Session.undo):
                 raise InputError(
-                    f"{other.name} and {self.name} were exchanged, and {other.name} was corrected or marked since. "
-                    f"Undo that first, or exchange them once more."
+                    f"{other.name} and {self.name} were exchanged, and {other.name} has been corrected or marked "
+                    f"since. Undo that first, or exchange them once more."
                 )
-        return step(self.session, author=author)  # fits that were made before the exchange are right again
+        return step(self.session, author=author)  # fits made before the exchange are valid again
 
     @property
     def stop(self) -> int:
-        """The number in the video behind the last frame."""
+        """The video frame number after the last frame."""
         return self.data.session.project.footage.first_frame + self.data.length
 
     def frames_from(self, number: int) -> range:
-        """The numbers of the frames from one on."""
+        """The video frame numbers from one on."""
         return range(max(number, self.data.session.project.footage.first_frame), self.stop)
 
     def frame_of(self, number: int) -> int | None:
-        """The own frame with a number in the video; None if the clip does not have it."""
+        """The clip's frame with a video frame number; None if the clip does not have it."""
         frame = number - self.data.session.project.footage.first_frame
         return frame if 0 <= frame < self.data.length else None
 
 
 def _is(taken: TakeOver, entry: LogEntry | None) -> bool:
-    """Whether an edit is of the same exchange."""
+    """Whether an edit is part of the same exchange."""
     return entry is not None and isinstance(entry.action, TakeOver) and entry.action.exchange == taken.exchange
 
 
 def alone(data: DrawingData) -> Someone:
-    """The only one."""
+    """The only person."""
     return Someone(data=data)
 
 
 def together(group: Group, data: list[DrawingData]) -> tuple[Someone, ...]:
-    """The people of a group, in its order, who know each other."""
+    """The people of a group, in order, linked to each other."""
     people = [
         Someone(data=one, name=member.person.name, number=number, group=group)
         for number, (member, one) in enumerate(zip(group.members, data, strict=True))

@@ -1,13 +1,13 @@
-"""Playing a clip in one browser: by the clock, and no faster than the page draws."""
+"""Playing a clip in one browser: in real time, but no faster than the page draws."""
 
 from collections.abc import Sequence
 
 PATIENCE = 0.5
-"""Seconds after which a frame counts as drawn that the page has said nothing about: a hidden tab says nothing."""
+"""Seconds after which a frame counts as drawn although the page did not report it: a hidden tab reports nothing."""
 
 
 class Playback:
-    """Says which frame is due. Times are seconds of one clock.
+    """Says which frame is due. Times are in seconds of one clock.
 
     Args:
         frame_rate: of the clip.
@@ -19,11 +19,11 @@ class Playback:
         self._sent: tuple[float, int] | None = None
 
     def begin(self, now: float, frame: int) -> None:
-        """Play from this frame on."""
+        """Play from this frame."""
         self._start, self._sent = (now, frame), None
 
     def sent(self, now: float, frame: int) -> None:
-        """A frame is on its way to the page."""
+        """A frame was sent to the page."""
         self._sent = (now, frame)
 
     def drawn(self, frame: int) -> None:
@@ -32,17 +32,17 @@ class Playback:
             self._sent = None
 
     def waits(self, now: float) -> bool:
-        """Whether the page is still busy with the last frame: later ones are dropped meanwhile."""
+        """Whether the page is still busy with the last frame; later ones are dropped meanwhile."""
         return self._sent is not None and now - self._sent[0] < PATIENCE
 
     def due(self, now: float, speed: float, frames: range, *, loop: bool) -> tuple[int, bool]:
-        """The frame to show, and whether playing goes on.
+        """The frame to show, and whether playing continues.
 
         Args:
             now: the time.
             speed: 1 for real time.
-            frames: what is played.
-            loop: begin again at the end; else stop there.
+            frames: the frames to play.
+            loop: start again at the end; otherwise stop there.
         """
         began, first = self._start
         frame = first + int((now - began) * self.frame_rate * speed)
@@ -56,7 +56,7 @@ class Playback:
 
 
 def coming(frame: int, frames: range, count: int, *, loop: bool) -> Sequence[int]:
-    """The frames after this one, in the order in which they will be played."""
+    """The frames after this one, in playing order."""
     rest = list(range(frame + 1, min(frame + 1 + count, frames.stop)))
     if loop and len(rest) < count:
         rest += list(frames[: count - len(rest)])

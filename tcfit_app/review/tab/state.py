@@ -1,4 +1,4 @@
-"""What one browser tab has set: its own frame, selection and looks."""
+"""The state of one browser tab: its frame, selection and display settings."""
 
 from dataclasses import dataclass, field, fields, replace
 from typing import Literal
@@ -15,67 +15,67 @@ Mode = Literal["edit", "ab", "space"]
 MODES: dict[Mode, str] = {"edit": "Edit", "ab": "A | B", "space": "3D"}
 """One poster; two posters; a room around the bodies."""
 SIDES_SEEN: tuple[Named, ...] = ("left", "right", "top")
-"""From where the side view can be seen with one key."""
+"""Directions of the side view that a key cycles through."""
 SIDE_WIDTHS = (0.25, 2.0)
-"""Least and greatest width of the side view's plate, in image heights."""
+"""Minimum and maximum width of the side view's plate, in image heights."""
 OPACITIES = (0.1, 1.0)
-"""Least and greatest opacity of bodies."""
+"""Minimum and maximum opacity of bodies."""
 Part = Literal["right_hand", "left_hand", "face"]
 CLOSE_UPS: dict[Part, str] = {"right_hand": "Right hand", "left_hand": "Left hand", "face": "Face"}
-"""Groups of keypoints that the view can follow."""
+"""Keypoint groups that the view can follow."""
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class FitSettings:
-    """What the fit panel is set to."""
+    """The settings in the Fit panel."""
 
     config: FitConfig = field(default_factory=lambda: PRESETS[DEFAULT_PRESET])
     preset: str = DEFAULT_PRESET
     kind: str = "smplx"
     gender: str = "neutral"
     focal: float | None = None
-    """Focal length along x for a whole fit, in pixels; None: the clip's."""
+    """Focal length along x for a whole fit, pixels; None: the clip's."""
     given: Given = field(default_factory=Given)
-    """The start and the shape of a whole fit; the shape counts for a shape that is re-run as well."""
+    """The start and the shape of a whole fit; the shape also applies to a re-run of the shape."""
     reach: int = 10
-    """Frames before and after an edited or flagged one that are fitted again with it."""
+    """Frames before and after an edited or flagged one that are refitted with it."""
     problems: tuple[tuple[str, str], ...] = ()
-    """What was entered and cannot be used: the name of the setting, and why. Nothing is fitted until it is right."""
+    """Invalid inputs: the name of the setting, and why. No fit can be started until they are corrected."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TabState:
-    """Everything that one browser can set about what it sees."""
+    """Everything a browser can set about its view."""
 
     frame: int = 0
     mode: Mode = "edit"
     a: FitChoice = field(default_factory=lambda: FitChoice(phase=1))
-    """Left of A | B; what blinking shows."""
+    """Left in A | B; shown when blinking."""
     b: FitChoice = field(default_factory=FitChoice)
-    """Right of A | B; what is edited."""
+    """Right in A | B; the one that is edited."""
     arrangement: Arrangement | None = None
-    """Of A and B in A | B; None: whichever makes them larger."""
+    """Arrangement of A and B in A | B; None: whichever makes them larger."""
     clipped: bool | None = None
-    """Bodies end where the picture ends; None: in A | B they do."""
+    """Bodies are clipped to the picture; None: in A | B they are."""
     blinked: bool = False
     """A is shown in B's place."""
     selection: tuple[int, ...] = ()
-    """Keypoints, the one selected last at the end."""
+    """Selected keypoints, the last selected at the end."""
     suggested: bool = False
-    """The review queue has selected them, not the user: a drag moves the one under the pointer, and no others."""
+    """The review queue selected them, not the user: a drag moves only the one under the pointer."""
     frames: range | None = None
     """The selected frames."""
     keyframes: bool = True
-    """What is put somewhere in one frame is a keyframe: what lies between two of them follows both."""
+    """Moves in one frame are keyframes: frames between two of them are interpolated."""
     hand_along: bool = True
-    """A wrist that is moved takes its hand along, and a hand's its body's."""
+    """A moved wrist takes its hand along, and a hand's wrist the body's."""
     side: bool = True
-    """The side view stands beside the picture, where there is a fit."""
+    """The side view is beside the picture, if there is a fit."""
     side_from: Direction = "right"
-    """Where its viewer stands. It is at the picture's right: so the camera is on the picture's side of it."""
+    """Where its viewer is. The plate is to the right of the picture, hence this default side."""
     side_width: float | None = None
-    """Of its plate, in image heights; None: as suits the pictures."""
+    """Width of its plate, in image heights; None: chosen to suit the pictures."""
     close_up: Part | None = None
     """What the view follows from frame to frame."""
     trail: bool = False
@@ -90,22 +90,22 @@ class TabState:
     outline: bool = False
     """Bodies are drawn as lines."""
     others: bool = True
-    """The other people of the clip are drawn as well, if there are some."""
+    """The other people of the clip are drawn too, if any."""
     silhouette: bool = False
-    """What the detector says that the person covers of the picture is drawn, where it is known."""
+    """The person's silhouette is drawn, where known."""
     difference: bool = False
     """Bodies are coloured by the distance between A and B."""
     groups: frozenset[str] = frozenset(GROUPS)
-    """Groups of keypoints that are shown."""
+    """Keypoint groups shown."""
     keypoints: bool = True
     bones: bool = True
     color_by: Literal["group", "confidence"] = "group"
     minimum: float = 0.0
-    """Keypoints of less confidence are left out."""
+    """Keypoints with less confidence are hidden."""
     error_bars: bool = True
-    """How far off joints may be is drawn in the side view and in 3D, where it is known."""
+    """Error bars of joints are drawn in the side view and in 3D, where known."""
     detections: bool = True
-    """Corrected keypoints have a trace to where they were detected."""
+    """Corrected keypoints are linked to their detected positions."""
     plots: tuple[str, ...] = ("reprojection", "jitter")
     """The rows of the timeline, names of PLOTS."""
     apart: float = 0.0
@@ -116,10 +116,10 @@ class TabState:
 
 
 _OF_A_PERSON = {"frame", "a", "b", "selection", "suggested", "frames", "settings", "playing", "keys"}
-"""What is about one person's project; all else is how things are looked at."""
+"""State that belongs to one person's project; the rest is how it is displayed."""
 
 
 def seen_alike(state: TabState, other: TabState) -> TabState:
-    """A state of one person that is looked at as another person's is."""
+    """One person's state, displayed like another's."""
     looks = {one.name: getattr(other, one.name) for one in fields(TabState) if one.name not in _OF_A_PERSON}
     return replace(state, playing=False, keys=False, **looks)

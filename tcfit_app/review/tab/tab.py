@@ -1,4 +1,4 @@
-"""One browser tab: what its gestures, its panels and its picture share. All of it is for the thread that draws."""
+"""One browser tab: what its gestures, panels and picture share. For the drawing thread only."""
 
 import logging
 import time
@@ -22,9 +22,9 @@ from tcfit_app.review.tab.state import SIDE_WIDTHS, FitSettings, TabState, seen_
 from tcfit_app.review.tab.toasts import SHORT
 
 Do = Callable[[Callable[[], None]], None]
-"""Runs something on the drawing thread, soon."""
+"""Runs a command on the drawing thread, soon."""
 REMEMBERED = 256
-"""Tabs whose states are kept after they were closed."""
+"""Number of tabs whose states are kept after they were closed."""
 _log = logging.getLogger(__name__)
 
 
@@ -32,9 +32,9 @@ class Tab:
     """A tab that shows the project of one person.
 
     Args:
-        browser: what it has whoever it shows.
-        someone: whom it shows.
-        do: how callbacks get to the drawing thread.
+        browser: what the tab has whichever person it shows.
+        someone: the person it shows.
+        do: how callbacks reach the drawing thread.
     """
 
     def __init__(self, browser: BrowserTab, someone: Someone, do: Do) -> None:
@@ -47,12 +47,12 @@ class Tab:
         )
         self.length = self.data.length
         self.first_frame = self.session.project.footage.first_frame
-        """The number that users see for frame 0."""
+        """The number shown for frame 0."""
         self.state = TabState(settings=FitSettings(config=self.session.preset()))
         self.message: tuple[str, float] = ("", 0.0)
-        """What was done last, and until when it is shown."""
+        """The latest message, and until when it is shown."""
         self.doing = ""
-        """The action that a command does, for what is told if it cannot be done; empty for any other command."""
+        """The action being done, for error messages; empty for other commands."""
         self.corrected: int | None = None
         """The run that this tab has corrected, until its corrections are on show."""
         self.playback = Playback(self.session.project.footage.frame_rate)
@@ -60,30 +60,30 @@ class Tab:
         self._do, self._remembered = do, someone.remembered
         self._shown: OnShow | None = None
         self._made: dict[str, tuple[Hashable, Any]] = {}
-        """By name: what `once` has made, and of what."""
+        """By name: the result of `once`, and its key."""
 
     @property
     def author(self) -> str:
-        """Whose its edits are."""
+        """The author of its edits."""
         return self.browser.author
 
     # --- doing things ---
 
     def do(self, command: Callable[[], None]) -> None:
-        """Run something on the drawing thread; for callbacks. What goes wrong is told in the tab."""
+        """Run a command on the drawing thread; for callbacks. Errors are shown in the tab."""
         self._do(self.guarded(command))
 
     def begin(
         self, title: str, work: Work[Value], then: Callable[[Value], None], *, writes: bool = False
     ) -> Task[Value]:
-        """Do something slow beside the drawing thread. What goes wrong is told in the tab.
+        """Do slow work off the drawing thread. Errors are shown in the tab.
 
         Args:
             title: What it is.
             work: See `Tasks.submit`.
-            then: Gets what it has made, on the drawing thread.
-            writes: It changes the project, which goes on, and is told to everybody, when the tab is closed; anything
-                else ends with the tab.
+            then: Receives the result, on the drawing thread.
+            writes: It changes the project: it continues when the tab is closed, and everyone is told; anything else
+                ends with the tab.
         """
 
         def ended(task: Task[Value]) -> None:
@@ -93,7 +93,7 @@ class Tab:
         return self.session.tasks.submit(title, work, owner=None if writes else self, then=ended)
 
     def guarded(self, command: Callable[[], None]) -> Callable[[], None]:
-        """A command that tells in the tab what goes wrong in it."""
+        """A command whose errors are shown in the tab."""
 
         def run() -> None:
             self.doing = ""
@@ -110,26 +110,26 @@ class Tab:
         return run
 
     def notify(self, notice: Notice) -> None:
-        """Tell the user."""
+        """Show a notice to the user."""
         self.browser.toasts.show(notice)
 
     def say(self, text: str) -> None:
-        """Say in passing what was done."""
+        """Show a passing message about what was done."""
         self.message = (text, time.monotonic() + SHORT)
 
     def save_picture(self) -> None:
-        """Have the page save what its canvas shows."""
+        """Have the page save its canvas."""
         name = f"{self.session.project.footage.name} frame {self.state.frame + self.first_frame}.png"
         self.channel.ask("saving", Saving(name=name))
         self.say(f"Saved: {name}")
 
     def show_first_steps(self) -> None:
-        """Have the page show what to do first."""
+        """Have the page show the first steps."""
         self.set(keys=False)
         self.browser.show_first_steps()
 
     def refuse_read_only(self) -> None:
-        """Raises InputError where nothing can be changed."""
+        """Raises InputError if nothing can be changed."""
         self.session.project.refuse_read_only()
 
     # --- its state ---
@@ -140,10 +140,10 @@ class Tab:
         return self.browser.name is not None
 
     def greet(self, *, plots: tuple[str, ...] | None = None) -> None:
-        """The page's script is there; a name that is known brings its state back.
+        """The page's script has started; a known name restores its state.
 
         Args:
-            plots: The timeline's rows for one that is not known; None: the usual ones.
+            plots: The timeline's rows for an unknown one; None: the default ones.
         """
         known = self._remembered.get(self.browser.name or "")
         if known is not None:
@@ -155,32 +155,32 @@ class Tab:
         self.set()
 
     def come_from(self, other: "Tab") -> None:
-        """Show this person in the place of another: the same moment, seen in the same way."""
+        """Show this person instead of another: the same moment, displayed in the same way."""
         known = self._remembered.get(self.browser.name or "", self.state)
         self.state = seen_alike(known, other.state)
         self._shown = None
         self.seek(other.state.frame + other.first_frame - self.first_frame)
 
     def set(self, **changes: Any) -> None:
-        """Another state; names and values as in TabState."""
+        """Change the state; names and values as in TabState."""
         suggested = {"suggested": False} if "selection" in changes else {}
         self.state = replace(self.state, **(suggested | changes))
         name = self.browser.name
         if name is not None:
-            self._remembered.pop(name, None)  # so that the last is the newest
+            self._remembered.pop(name, None)  # so that the newest is last
             self._remembered[name] = self.state
             while len(self._remembered) > REMEMBERED:
                 del self._remembered[next(iter(self._remembered))]
 
     def seek(self, frame: int) -> None:
-        """Go to a frame, or as near as the clip has one."""
+        """Go to a frame, clamped to the clip."""
         frame = min(max(frame, 0), self.length - 1)
         self.set(frame=frame)
         if self.state.playing:
             self.playback.begin(time.monotonic(), frame)
 
     def step(self, frames: int) -> None:
-        """Go some frames on or back, and stop playing."""
+        """Go some frames forward or back, and stop playing."""
         self.pause()
         self.seek(self.state.frame + frames)
 
@@ -191,31 +191,31 @@ class Tab:
 
     @property
     def chosen_frames(self) -> range:
-        """The frames that corrections and marks are for: those selected, or else the one on show."""
+        """The frames that corrections and marks apply to: those selected, or the one on show."""
         return self.state.frames if self.state.frames is not None else range(self.state.frame, self.state.frame + 1)
 
     @property
     def frames_to_change(self) -> tuple[int, ...]:
-        """`chosen_frames`, for what changes them. Raises InputError as `refuse_unseen`."""
+        """`chosen_frames`, for changing them. Raises InputError as `refuse_unseen`."""
         self.refuse_unseen()
         return tuple(self.chosen_frames)
 
     def refuse_unseen(self) -> None:
-        """Raises InputError if frames are selected, and the one on show is none of them: a change would not be seen."""
+        """Raises InputError if frames are selected but not the one on show: the change would not be visible."""
         if self.hits_unseen:
             chosen = in_words(self.chosen_frames, self.first_frame)
             raise InputError(
                 f"This would change the selected {chosen}, and frame {self.state.frame + self.first_frame} is on show. "
-                "Go to one of them first, or select no frames (× in the timeline)."
+                "Go to one of them first, or clear the frame selection (× in the timeline)."
             )
 
     @property
     def hits_unseen(self) -> bool:
-        """Whether frames are selected, and the one on show is none of them."""
+        """Whether frames are selected, but not the one on show."""
         return self.state.frames is not None and self.state.frame not in self.state.frames
 
     def toggle_playing(self) -> None:
-        """Play, or pause; at the end of what is played, from its start."""
+        """Play or pause; from the start if at the end."""
         if self.state.playing:
             return self.pause()
         frames = self.played
@@ -232,7 +232,7 @@ class Tab:
             self.data.video.leave(self)
 
     def set_speed(self, speed: float) -> None:
-        """Play at this many times the real speed."""
+        """Set the playing speed, relative to real time."""
         self.set(speed=speed)
         self.playback.begin(time.monotonic(), self.state.frame)
 
@@ -250,12 +250,12 @@ class Tab:
     # --- what it draws ---
 
     def once(self, name: str, key: Hashable, make: Callable[[], Value]) -> Value:
-        """What takes long to make, made anew only if what it is made of is another than the last time.
+        """A slow result, recomputed only when its key has changed.
 
         Args:
-            name: Stands for it.
-            key: Stands for what it is made of: versions that count where something is written, and frames.
-            make: Makes it.
+            name: Identifies it.
+            key: Identifies its inputs: versions that count where something is written, and frames.
+            make: Computes it.
         """
         known = self._made.get(name)
         if known is None or known[0] != key:
@@ -266,7 +266,7 @@ class Tab:
 
     @property
     def arrangement(self) -> Arrangement:
-        """How A and B lie in A | B: as was chosen, or as suits the canvas."""
+        """How A and B are arranged in A | B: as chosen, or as suits the canvas."""
         if self.state.arrangement is not None:
             return self.state.arrangement
         size = self.session.project.footage.camera.size
@@ -276,18 +276,18 @@ class Tab:
 
     @property
     def clipped(self) -> bool:
-        """Whether bodies end where the picture ends."""
+        """Whether bodies are clipped to the picture."""
         return self.state.mode == "ab" if self.state.clipped is None else self.state.clipped
 
     @property
     def side_width(self) -> float:
-        """Of the side view's plate, in image heights."""
+        """Width of the side view's plate, in image heights."""
         width, height = self.session.project.footage.camera.size
         beside = len(self.shown.places) if self.arrangement == "beside" else 1
         return self.state.side_width or usual_width(beside * width / height)
 
     def set_side_width(self, width: float) -> None:
-        """Make the side view's plate as wide as that, as far as it can be."""
+        """Set the width of the side view's plate, within its limits."""
         least, most = SIDE_WIDTHS
         self.set(side_width=round(min(max(width, least), most), 2))
 
@@ -295,20 +295,21 @@ class Tab:
 
     @property
     def shown(self) -> OnShow:
-        """What is on show, as it was resolved last: the same for all that is drawn in one go."""
+        """What is on show, as last resolved: the same for everything in one drawing."""
         return self.look() if self._shown is None else self._shown
 
     def look(self) -> OnShow:
-        """Resolve anew what is on show; for each drawing, and for gestures, which may follow each other at once."""
+        """Resolve again what is on show: for each drawing, and for gestures, which may follow each other
+        immediately."""
         self._go_over_to_corrections()
         self._shown = on_show(self.state, self.session)
         return self._shown
 
     def _go_over_to_corrections(self) -> None:
-        """Where B is a run that this tab has corrected, it becomes the run of its corrections; and the run itself again
-        when all of them were taken back.
+        """If B is a run that this tab has corrected, switch to the run of its corrections; and back to the run itself
+        once all of them are undone.
 
-        In the same drawing in which a drag's live body ends: the run itself still has the body from before.
+        This happens in the drawing in which a drag's live body ends, because the run itself still has the old body.
         """
         session = self.session
         run = None if self.corrected is None else session.fits.run(self.corrected)

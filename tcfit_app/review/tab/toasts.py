@@ -1,4 +1,4 @@
-"""Messages that pass in a corner of a tab: one that comes again takes the place of its like, and counts."""
+"""Passing messages in a corner of a tab: a repeated one replaces the previous one, with a count."""
 
 import time
 from collections.abc import Callable
@@ -16,7 +16,7 @@ SHORT, LONG = 4.0, 12.0
 
 @dataclass(frozen=True, kw_only=True)
 class _Toast:
-    """One that is on show."""
+    """A message on show."""
 
     handle: viser.NotificationHandle
     until: float
@@ -24,11 +24,11 @@ class _Toast:
 
 
 class Toasts:
-    """Those of one tab.
+    """The messages of one tab.
 
     Args:
         client: viser's tab.
-        clock: seconds.
+        clock: in seconds.
     """
 
     def __init__(self, client: viser.ClientHandle, clock: Callable[[], float] = time.monotonic) -> None:
@@ -36,12 +36,12 @@ class Toasts:
         self._shown: dict[Notice, _Toast] = {}
 
     def show(self, notice: Notice) -> None:
-        """Tell the user; for as long as if it had not been told before."""
+        """Show a notice, for its full time even if it was already shown."""
         now = self._clock()
         self._shown = {told: toast for told, toast in self._shown.items() if toast.until > now}
         before = self._shown.pop(notice, None)
         if before is not None:
-            before.handle.remove()  # not updated: the user may have closed it
+            before.handle.remove()  # rather than updated: the user may have closed it
         count = before.count + 1 if before is not None else 1
         stay = LONG if notice.kind == "error" else SHORT
         handle = self._client.add_notification(

@@ -43,7 +43,9 @@ def test_a_motion_comes_back_through_its_keypoints(free_body: BodyModel):
     points = keypoint_points(free_body)
     chosen = [i for i in range(kp.HANDS.stop) if exists[i]]
     places[:, kp.INDEX["left_ear"]] = np.nan
-    found = pose_through(free_body, [p for i in chosen if (p := points[i])], places[:, chosen], pull=KEYPOINTS)
+    found = pose_through(
+        free_body, [p for i in chosen if (p := points[i])], places[:, chosen], regularisation=KEYPOINTS
+    )
     off = np.linalg.norm(joints_in_space(free_body, found.params) - joints_in_space(free_body, params), axis=-1)
     assert found.off.max() < 0.005 and off[:, :22].mean() < 0.01 and off.max() < 0.06
     assert (found.params.betas == found.params.betas[:1]).all()

@@ -162,10 +162,12 @@ RESULTS |= {
     "fit.npz of objects": _fit(npz(format=np.array([{}], dtype=object)), "array of Python objects"),
     "run missing": Case(lambda f: f / "000001.npz", lambda path: read_run(path, _NO_RUN), "is missing; expected the"),
     "run truncated": Case(
-        content("000001.npz", npz(about="{}")[:-9]), lambda path: read_run(path, _NO_RUN), "no complete result of a run"
+        content("000001.npz", npz(about="{}")[:-9]),
+        lambda path: read_run(path, _NO_RUN),
+        "not a complete result of a run",
     ),
     "run of another kind": Case(
-        content("000001.npz", npz(about='{"format": 1}')), lambda path: read_run(path, _NO_RUN), "no complete result"
+        content("000001.npz", npz(about='{"format": 1}')), lambda path: read_run(path, _NO_RUN), "not a complete result"
     ),
     "run says 8 TB": Case(
         content("000001.npz", endless_npz("about")), lambda path: read_run(path, _NO_RUN), "declares the shape"

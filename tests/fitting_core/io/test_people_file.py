@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from fitting_core.errors import InputError
-from fitting_core.io.people_file import PEOPLE_NAME, People, Person, holds_people, read_people, write_people
+from fitting_core.io.people_file import PEOPLE_NAME, People, Person, holds_people, read_people_file, write_people_file
 
 TWO = People(
     name="a talk",
@@ -20,13 +20,13 @@ TWO = People(
 
 def test_what_is_written_is_read_again(tmp_path: Path) -> None:
     assert not holds_people(tmp_path)
-    write_people(tmp_path, TWO)
-    assert holds_people(tmp_path) and read_people(tmp_path) == TWO
+    write_people_file(tmp_path, TWO)
+    assert holds_people(tmp_path) and read_people_file(tmp_path) == TWO
     assert [path.name for path in tmp_path.iterdir()] == [PEOPLE_NAME]
 
 
 def test_the_file_is_as_the_documentation_has_it(tmp_path: Path) -> None:
-    write_people(tmp_path, TWO)
+    write_people_file(tmp_path, TWO)
     content = json.loads((tmp_path / PEOPLE_NAME).read_text(encoding="utf-8"))
     assert content["tcfit_people"] == 1 and content["name"] == "a talk"
     assert content["people"][1] == {
@@ -80,30 +80,30 @@ def test_a_malformed_file_is_refused_with_its_reason(name: str, tmp_path: Path) 
     made, told = MALFORMED[name]
     (tmp_path / PEOPLE_NAME).write_text(made if isinstance(made, str) else json.dumps(made))
     with pytest.raises(InputError, match=told):
-        read_people(tmp_path)
+        read_people_file(tmp_path)
 
 
 def test_it_may_be_edited_on_windows(tmp_path: Path) -> None:
     (tmp_path / PEOPLE_NAME).write_text(json.dumps(content()), encoding="utf-8-sig")
-    assert read_people(tmp_path).name == "a talk"
+    assert read_people_file(tmp_path).name == "a talk"
 
 
 def test_a_folder_without_the_file_says_so(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="has no people"):
-        read_people(tmp_path)
+        read_people_file(tmp_path)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="links need rights there")
 def test_a_link_in_the_place_of_a_folder_is_refused(tmp_path: Path) -> None:
-    write_people(tmp_path, TWO)
+    write_people_file(tmp_path, TWO)
     (tmp_path / "person-2").symlink_to(tmp_path.parent)
     with pytest.raises(InputError, match="is a link"):
-        read_people(tmp_path)
+        read_people_file(tmp_path)
 
 
 def test_nothing_is_written_that_could_not_be_read(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="plain name"):
-        write_people(tmp_path, People(name="x", people=(Person(name="a", folder="../b", frames=(0, 1)),)))
+        write_people_file(tmp_path, People(name="x", people=(Person(name="a", folder="../b", frames=(0, 1)),)))
     assert not holds_people(tmp_path)
     with pytest.raises(InputError, match="cannot be written"):
-        write_people(tmp_path / "missing", TWO)
+        write_people_file(tmp_path / "missing", TWO)

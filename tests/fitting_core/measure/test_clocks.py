@@ -19,7 +19,7 @@ from fitting_core.io.points.named_points import NamedPoints
 from fitting_core.io.points.trc import write_trc
 from fitting_core.measure.clocks import found_offset
 from fitting_core.measure.comparison import Comparison, compare
-from fitting_core.measure.pairing import Estimate
+from fitting_core.measure.pairing import PosedMotion
 from fitting_core.measure.references.bodies import reference_of
 from fitting_core.measure.references.files import read_reference
 from fitting_core.measure.references.resampling import at_frames_of, interpolated
@@ -53,11 +53,11 @@ _FREE = np.array([name.split("_")[-1] in ("hip", "knee", "shoulder", "elbow", "w
 
 
 @pytest.fixture(scope="module")
-def fit(free_body: BodyModel) -> Estimate:
+def fit(free_body: BodyModel) -> PosedMotion:
     """What was fitted: the truth at the video's frames, each joint off by some degrees."""
     params = acted(np.arange(0, SECONDS, 1 / RATE))
     wrong = torch.as_tensor(np.random.default_rng(1).normal(0, 0.04, params.body_pose.shape))
-    return Estimate(
+    return PosedMotion(
         body=free_body, params=replace(params, body_pose=params.body_pose + wrong), camera=None, frame_rate=RATE
     )
 
@@ -108,7 +108,7 @@ def camera(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def against_truth(fit: Estimate) -> Comparison:
+def against_truth(fit: PosedMotion) -> Comparison:
     truth = acted(np.arange(0, SECONDS, 1 / RATE))
     reference = reference_of("truth", "truth", fit.body, truth, frame_rate=RATE, in_camera=True)
     return compare(fit, reference, meshes=False)
@@ -116,7 +116,7 @@ def against_truth(fit: Estimate) -> Comparison:
 
 @pytest.mark.parametrize("form", ["trc", "c3d"])
 def test_joints_of_a_laboratory_give_the_errors_of_the_truth(
-    fit: Estimate, against_truth: Comparison, camera: Path, tmp_path: Path, form: str
+    fit: PosedMotion, against_truth: Comparison, camera: Path, tmp_path: Path, form: str
 ):
     path = written(tmp_path, form, *measured(fit.body, "joints", gaps=False, noise=0.0))
     reference = read_reference(path, camera=camera)
@@ -136,14 +136,14 @@ def test_joints_of_a_laboratory_give_the_errors_of_the_truth(
 
 @pytest.mark.parametrize("form", ["trc", "c3d"])
 @pytest.mark.parametrize("what", ["joints", "markers"])
-def test_the_offset_is_found_with_noise_and_gaps(fit: Estimate, tmp_path: Path, form: str, what: str):
+def test_the_offset_is_found_with_noise_and_gaps(fit: PosedMotion, tmp_path: Path, form: str, what: str):
     path = written(tmp_path, form, *measured(fit.body, what, gaps=True, noise=0.004))
     found = found_offset(fit, read_reference(path))
     assert found.seconds == pytest.approx(START, abs=0.5 / RATE / 2)
     assert "-0.37" in found.text and "standard error" in found.text
 
 
-def test_markers_are_compared_with_the_fit_s_own_markers(fit: Estimate, camera: Path, tmp_path: Path):
+def test_markers_are_compared_with_the_fit_s_own_markers(fit: PosedMotion, camera: Path, tmp_path: Path):
     """At the same vertices: so a fit without error has none, and one of other joints has theirs."""
     path = written(tmp_path, "c3d", *measured(fit.body, "markers", gaps=True, noise=0.0))
     reference = at_frames_of(read_reference(path, camera=camera), RATE, start=START)
@@ -160,7 +160,7 @@ def test_markers_are_compared_with_the_fit_s_own_markers(fit: Estimate, camera: 
     assert found.figures["joint_error_mean"] == pytest.approx(np.mean(expected), abs=0.2)
 
 
-def test_a_user_s_own_names(fit: Estimate, tmp_path: Path):
+def test_a_user_s_own_names(fit: PosedMotion, tmp_path: Path):
     names, places = measured(fit.body, "markers", gaps=False, noise=0.0)
     own = {f"P{i}": name for i, name in enumerate(names)}
     path = written(tmp_path, "trc", tuple(own), places)
@@ -171,7 +171,7 @@ def test_a_user_s_own_names(fit: Estimate, tmp_path: Path):
     assert found_offset(fit, found).seconds == pytest.approx(START, abs=0.005)
 
 
-def test_movements_that_repeat_themselves_are_refused(fit: Estimate, tmp_path: Path):
+def test_movements_that_repeat_themselves_are_refused(fit: PosedMotion, tmp_path: Path):
     seconds = np.arange(0, SECONDS, 1 / RATE)
     repeating = replace(fit, params=acted(seconds, period=1.2))
     names, places = places_of(fit.body, START + np.arange(0, SECONDS + 4, 1 / OWN_RATE), "joints", period=1.2)
@@ -180,7 +180,7 @@ def test_movements_that_repeat_themselves_are_refused(fit: Estimate, tmp_path: P
         found_offset(repeating, reference)
 
 
-def test_other_movements_and_stillness_are_refused(fit: Estimate, tmp_path: Path):
+def test_other_movements_and_stillness_are_refused(fit: PosedMotion, tmp_path: Path):
     names, places = places_of(fit.body, np.arange(0, SECONDS, 1 / OWN_RATE), "joints", seed=9)
     reference = read_reference(written(tmp_path, "trc", names, places))
     with pytest.raises(InputError, match=r"no offset makes it move like the fit: the best .* of 0\.[0-6]"):
@@ -193,7 +193,7 @@ def test_other_movements_and_stillness_are_refused(fit: Estimate, tmp_path: Path
         found_offset(short, reference)
 
 
-def test_a_clip_from_the_middle_of_the_video(fit: Estimate, tmp_path: Path):
+def test_a_clip_from_the_middle_of_the_video(fit: PosedMotion, tmp_path: Path):
     """The fit's own first frame counts: it begins at the video's frame 45."""
     later = replace(fit, params=fit.params[45:150], first_frame=45)
     path = written(tmp_path, "c3d", *measured(fit.body, "joints", gaps=False, noise=0.0))
@@ -216,7 +216,7 @@ def test_values_between_frames():
     assert np.isfinite(found[:, 2]).all(-1).tolist() == [moment == 4.0 for moment in moments]
 
 
-def test_the_standard_error_holds_where_the_reference_is_a_part_of_the_clip(fit: Estimate, tmp_path: Path):
+def test_the_standard_error_holds_where_the_reference_is_a_part_of_the_clip(fit: PosedMotion, tmp_path: Path):
     """By four parts of what lies in both: of what lies beside it, few frames would tell anything."""
     names, places = places_of(fit.body, np.arange(0, SECONDS, 1 / OWN_RATE), "joints")
     off = []

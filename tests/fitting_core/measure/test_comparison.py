@@ -13,7 +13,7 @@ from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera, path_of
 from fitting_core.io.motion.imported_motion import from_still
 from fitting_core.measure.comparison import compare, figure_titles
-from fitting_core.measure.pairing import Estimate
+from fitting_core.measure.pairing import PosedMotion
 from fitting_core.measure.references.bodies import reference_of
 from fitting_core.measure.references.reference import Reference
 from tests.samples.scenes import arms_in_motion, random_params
@@ -21,8 +21,8 @@ from tests.samples.scenes import arms_in_motion, random_params
 CAMERA = Camera(focal=(800.0, 800.0), center=(320.0, 240.0), size=(640, 480))
 
 
-def estimate(body: BodyModel, params: BodyParams) -> Estimate:
-    return Estimate(body=body, params=params, camera=CAMERA, frame_rate=25.0)
+def estimate(body: BodyModel, params: BodyParams) -> PosedMotion:
+    return PosedMotion(body=body, params=params, camera=CAMERA, frame_rate=25.0)
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ from fitting_core.lifting.clip_lifting import LiftedClip
 from tcfit_app.analysis.findings import FINDINGS, scores
 from tcfit_app.analysis.posed_fit import PosedFit
 from tcfit_app.analysis.suspicion import Suspect, review_queue, still_checked
-from tcfit_app.project.edits.edit_log import Action, LogEntry, Redo, Undo, frames_of
+from tcfit_app.project.edits.edit_log import LogAction, LogEntry, Redo, Undo, frames_changed
 from tcfit_app.project.edits.kinds import MarkBad
 from tcfit_app.project.storage.marks import Mark, MarkState
 from tests.samples.posed import displaced, fit_of, keypoints_of, still_fit, still_params, with_keypoints
@@ -210,7 +210,7 @@ def test_a_limb_that_stands_still_while_the_others_move(fine: PosedFit):
     arm = [kp.INDEX["left_elbow"], WRIST]
     (entry,) = queue_of(frozen(shaken(fine), range(12, 21), arm), kinds=["frozen"])
     assert (entry.frames, set(entry.joints), entry.score) == (range(12, 21), set(arm), 2.0)
-    assert entry.reason == "left arm detections stand still for 10 frames" and entry.frame > 15
+    assert entry.reason == "left arm keypoints frozen for 10 frames" and entry.frame > 15
 
 
 def test_what_may_stand_still(fine: PosedFit):
@@ -250,7 +250,7 @@ def test_swapped_sides_are_the_cause_that_is_told(fine: PosedFit, pair: str):
     fit = displaced(with_keypoints(fine, xy=xy), 30, "nose", (20.0, 10.0))
     first, second = review_queue(fit).left
     assert first.frame == 30, "what the fit has put right is not as bad as what is off"
-    assert second.reason == f"{pair} were swapped, and put right in the fit" and second.score == 1
+    assert second.reason == f"{pair} were swapped, but corrected in the fit" and second.score == 1
     assert second.kind == "swap" and set(second.joints) == {*one, *other}
     assert second.frames == range(18, 22) and second.also == ()
 
@@ -284,7 +284,7 @@ def test_a_pose_that_costs_more_than_its_errors_explain(fine: PosedFit):
     assert queue_of(replace(fine, frame_cost=cost), kinds=["cost"]) == ()
     cost[9] += 6 * np.median(cost)
     (entry,) = queue_of(replace(fine, frame_cost=cost), kinds=["cost"])
-    assert entry.frame == 9 and entry.joints == () and entry.reason.startswith("unlikely pose: costs")
+    assert entry.frame == 9 and entry.joints == () and entry.reason.startswith("unlikely pose: cost")
 
 
 def test_a_frame_whose_fit_failed(fine: PosedFit):
@@ -306,14 +306,14 @@ def test_frames_that_were_checked_are_left_out(fine: PosedFit):
 def test_a_check_holds_until_the_frame_changes():
     time: Any = None  # says nothing: clocks are set back
 
-    def entry(number: int, action: Action) -> LogEntry:
+    def entry(number: int, action: LogAction) -> LogEntry:
         return LogEntry(id=number, time=time, author="", action=action)
 
     def mark(state: MarkState) -> Mark:
         return Mark(state=state, time=time, author="", last_edit=2, last_moment=5)
 
     def checked(log: list[LogEntry], **given: Any) -> frozenset[int]:
-        return still_checked(marks, frames_of(log, {1: first, 2: second}.__getitem__), **given)
+        return still_checked(marks, frames_changed(log, {1: first, 2: second}.__getitem__), **given)
 
     marks = {frame: mark("checked") for frame in (1, 2, 3, 4)} | {6: mark("flag")}
     first, second = MarkBad(frames=(1,), joints=(0,)), MarkBad(frames=(2,), joints=(0,))

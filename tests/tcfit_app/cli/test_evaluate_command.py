@@ -173,7 +173,7 @@ def test_which_run_is_measured_is_the_same_as_anywhere_else(
     with Project.open(folder) as project:
         project.runs.rename(3, "far")
     assert main(["evaluate", str(folder), "--run", "far"]) == 2
-    assert "several runs have this name; give the number of one" in capsys.readouterr().err
+    assert "several runs have this name; give a number" in capsys.readouterr().err
 
 
 def test_a_reference_at_an_odd_rate_is_told_to_leave_accelerations_out(free_body: BodyModel):

@@ -276,7 +276,7 @@ def test_the_project_as_one_file_and_back(project: Path, tmp_path: Path, monkeyp
         (["--frames", "0:3"], "from 7 to 12"),
         (["--frames", "9:8"], "from 7 to 12"),
         (["--frames", "a"], "FIRST:LAST"),
-        (["--against", "middle"], "there is no such run"),
+        (["--against", "middle"], "no such run"),
     ],
 )
 def test_wrong_options_are_explained(project: Path, tmp_path: Path, options: list[str], said: str, capsys):

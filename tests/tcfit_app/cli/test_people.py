@@ -16,7 +16,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.camera import project
 from fitting_core.fit.events import FitEvent
-from fitting_core.io.people_file import read_people, write_people
+from fitting_core.io.people_file import read_people_file, write_people_file
 from fitting_core.io.result_files import read_fit
 from fitting_core.keypoints import BODY
 from tcfit_app.cli import fit_command
@@ -67,7 +67,7 @@ def fitted(two: Path, tmp_path_factory: pytest.TempPathFactory, free_body: BodyM
 
 def test_each_has_a_result_from_left_to_right(fitted: Path):
     assert sorted(path.name for path in fitted.iterdir()) == ["people.glb", "people.json", "person-1", "person-2"]
-    listed = read_people(fitted)
+    listed = read_people_file(fitted)
     assert listed.name == "talk" and [one.folder for one in listed.people] == ["person-1", "person-2"]
     assert [one.frames for one in listed.people] == [(0, FRAMES - 2), (0, FRAMES - 1)]
     left, right = (read_fit(fitted / one.folder) for one in listed.people)
@@ -112,9 +112,9 @@ def test_the_export_of_everybody(fitted: Path, tmp_path: Path, capsys: pytest.Ca
 def test_whose_file_it_is_can_be_told(fitted: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     folder, out = tmp_path / "talk", tmp_path / "files"
     shutil.copytree(fitted, folder)
-    file = read_people(folder)
+    file = read_people_file(folder)
     people = (msgspec.structs.replace(one, name=f"A{k}b") for one, k in zip(file.people, "/:", strict=True))
-    write_people(folder, msgspec.structs.replace(file, people=tuple(people)))
+    write_people_file(folder, msgspec.structs.replace(file, people=tuple(people)))
     assert main(["export", str(folder), "--out", str(out), "--formats", "npz"]) == 2
     assert "would be the file of two people" in capsys.readouterr().err and not out.exists()
     shutil.rmtree(folder / "person-2")
@@ -144,7 +144,7 @@ def test_a_next_fit_takes_the_last_one_s_place(
     again = ["fit", *clip, "--people", "all", "--first-frame", "1", "--out", str(folder), "--no-overlay", *QUICK]
     assert main([*again, "--set", "last_phase=1"]) == 0
     assert sorted(path.name for path in folder.iterdir()) == ["people.glb", "people.json", "person-1"]
-    assert [one.frames for one in read_people(folder).people] == [(1, FRAMES - 1)]
+    assert [one.frames for one in read_people_file(folder).people] == [(1, FRAMES - 1)]
 
 
 @pytest.mark.parametrize("other", ["note.txt", "fit.npz", "person-3/fit.npz", "person-1/note.txt"])
@@ -227,7 +227,7 @@ def test_a_project_of_each_and_one_copy_of_the_images(two: Path, tmp_path: Path,
     assert not (tmp_path / "linked" / "media").exists()
     shutil.move(tmp_path / "copied", tmp_path / "elsewhere")
     assert sum(1 for path in (tmp_path / "elsewhere").rglob("*.png")) == FRAMES
-    listed = read_people(tmp_path / "elsewhere")
+    listed = read_people_file(tmp_path / "elsewhere")
     assert [one.frames for one in listed.people] == [(0, FRAMES - 2), (0, FRAMES - 1)]
     for one in listed.people:
         with Project.open(tmp_path / "linked" / one.folder) as linked:
@@ -236,7 +236,7 @@ def test_a_project_of_each_and_one_copy_of_the_images(two: Path, tmp_path: Path,
             assert copied.clip.source and copied.clip.source.resolve() == tmp_path / "elsewhere" / "media" / "images"
             assert len(copied.clip) == one.frames[1] + 1 and not copied.media.problem
     assert main([*arguments, "--out", str(tmp_path / "linked")]) == 2
-    assert "is a folder of several people already" in capsys.readouterr().err
+    assert "is already a folder of several people" in capsys.readouterr().err
     # Keypoints of everybody, from the projects.
     assert main(["export", str(tmp_path / "linked"), "--out", str(tmp_path / "k"), "--formats", "coco"]) == 0
     assert len(list((tmp_path / "k").iterdir())) == 2
@@ -273,7 +273,7 @@ def test_a_killed_fit_leaves_a_folder_of_several_people(
     whole = fit_command.write_result
 
     def seen(folder: Path, *arguments: Any, **options: Any) -> dict[str, Any]:
-        listed.append([one.folder for one in read_people(folder.parent).people])
+        listed.append([one.folder for one in read_people_file(folder.parent).people])
         return whole(folder, *arguments, **options)
 
     monkeypatch.setattr(fit_command, "load_body", lambda path: free_body)
@@ -309,5 +309,5 @@ def test_what_was_fitted_before_a_cancel_is_listed(
     monkeypatch.setattr(fit_people, "fit_into", cancelled)
     arguments = ["--people", "all", "--no-overlay", *QUICK, "--set", "last_phase=1"]
     assert main(["fit", *clip, "--out", str(tmp_path / "out"), *arguments]) == 130
-    assert [one.folder for one in read_people(tmp_path / "out").people] == ["person-1"]
+    assert [one.folder for one in read_people_file(tmp_path / "out").people] == ["person-1"]
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["people.json", "person-1"]

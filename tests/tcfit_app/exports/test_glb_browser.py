@@ -69,7 +69,7 @@ def test_the_app_s_download_opens(browser: "Browser", free_body: BodyModel, tmp_
             review.tab.locator("[data-tcfit='export.begin'][data-value=glb]").click()
         assert download.value.suggested_filename == "walk.glb"
         download.value.save_as(tmp_path / "got.glb")
-        review.tab.get_by_text("sent to the downloads").wait_for()
+        review.tab.get_by_text("downloaded").wait_for()
         assert not review.complaints
     page = ThreePage(browser, tmp_path / "got.glb")
     expected = Mesh(free_body)(waving_fit(2.0).last.params[3:4])[0].numpy() * (1, -1, -1)

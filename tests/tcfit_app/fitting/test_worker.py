@@ -36,7 +36,7 @@ from tcfit_app.fitting.reports import (
     Report,
     Reports,
 )
-from tcfit_app.fitting.worker import Drag, Worker
+from tcfit_app.fitting.worker import LiveDrag, Worker
 from tests.samples import sessions
 from tests.samples.scenes import arms_in_motion, clip_of, finished, hidden, keypoints_of, noisy
 from tests.samples.sessions import PATIENCE
@@ -371,7 +371,7 @@ def test_drags_of_several_people_are_followed_in_turn(
     """Both pointers go on moving; then one rests, which holds jobs for a while but nobody's drag."""
     monkeypatch.setattr(worker_module, "LINGER", PATIENCE)
     order: list[int] = []
-    drags: dict[int, Drag] = {}
+    drags: dict[int, LiveDrag] = {}
     resolve = LiveCorrection.resolve
     resting = False
 

@@ -14,7 +14,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
 from fitting_core.results.fit_result import FitResult, PhaseResult
 from tcfit_app.fitting.bodies import record_of
-from tcfit_app.imports.given import Known, read_given, read_shape
+from tcfit_app.imports.given import KnownInputs, read_given, read_shape
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_record import Given, Run, Source
 from tests.samples.scenes import arms_in_motion
@@ -43,7 +43,7 @@ def run_of(project: Project, body: BodyModel, *, kind: Any = "fit", phase: int =
     return project.runs.finish(run.id, fit, summary=summary or None)
 
 
-def read(project: Project, body: BodyModel, **given: Source) -> Known:
+def read(project: Project, body: BodyModel, **given: Source) -> KnownInputs:
     return read_given(Given(**given), project, project.clip, body, OneBody(body))  # pyright: ignore
 
 
@@ -98,12 +98,12 @@ def test_what_is_of_no_use_is_told(project: Project, tiny_body: BodyModel, tmp_p
     with pytest.raises(InputError, match="has no fit yet"):
         read_shape(project.folder, tiny_body)
     first, whole = run_of(project, tiny_body, phase=1), run_of(project, tiny_body)
-    with pytest.raises(InputError, match="no shape of the whole clip yet"):
+    with pytest.raises(InputError, match="no shape for the whole clip yet"):
         read(project, tiny_body, shape=Source(run=first.id))
     other = replace(tiny_body, hash="another")
-    with pytest.raises(InputError, match="on another body model"):
+    with pytest.raises(InputError, match="uses another body model"):
         read(project, other, shape=Source(run=whole.id))
-    with pytest.raises(InputError, match=r"walk\.tcfit: .* on another body model"):
+    with pytest.raises(InputError, match=r"walk\.tcfit: .* uses another body model"):
         read_shape(project.folder, other)
     begun = project.runs.start(QUICK, body=whole.body, edits_seen=0)
     with pytest.raises(InputError, match="has no result yet"):

@@ -160,7 +160,7 @@ def test_on_the_command_line(tmp_path: Path, free_body: BodyModel, capsys: pytes
     assert main(["import", str(folder), str(good)]) == 2
     err = capsys.readouterr().err
     assert err.startswith("tcfit: ") and "walk_000001/000.pkl: has no 'global_orient'" in err and "Traceback" not in err
-    assert main(["import", str(tmp_path), str(good)]) == 2 and "is no project of tcfit" in capsys.readouterr().err
+    assert main(["import", str(tmp_path), str(good)]) == 2 and "not a tcfit project" in capsys.readouterr().err
     with Project.open(folder, read_only=True) as project:
         assert [run.kind for run in project.runs.all()] == ["imported"]
 

@@ -76,10 +76,10 @@ def test_a_packed_single_file(folder: Path):
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [
-        ("a.txt", b"hello", "and its name is not that of a keypoint file"),
+        ("a.txt", b"hello", "and its name is not a keypoint file's"),
         ("a.json", b"", "0 bytes"),
         ("a.zip", b"", "0 bytes"),
-        ("a.zip", b"no archive", "and its name is not that of a keypoint file"),
+        ("a.zip", b"no archive", "and its name is not a keypoint file's"),
         ("a.zip", packed(), "holds no file"),
         ("a.zip", packed(("a_keypoints.json", FRAME), ("run.py", b"x")), "other files, such as run.py"),
         ("a.zip", packed(("../a_0_keypoints.json", FRAME)), "leads out of the archive"),

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from fitting_core.errors import InputError
 from fitting_core.keypoints import Keypoints
 from tcfit_app.project.edits import edit_log
-from tcfit_app.project.edits.edit_log import Action, EditHistory, LogEntry, Redo, Undo
+from tcfit_app.project.edits.edit_log import EditHistory, LogAction, LogEntry, Redo, Undo
 from tcfit_app.project.edits.kinds import Edit, MarkBad, MoveKeypoint
 from tcfit_app.project.project import Project
 from tests.samples.project_samples import applied, edits, random_edit, same_keypoints, sample_clip, sample_keypoints
@@ -23,7 +23,7 @@ NOW: Any = None
 STEPS = st.lists(st.one_of(edits(), st.sampled_from(["undo", "redo"])), max_size=25)
 
 
-def entry(number: int, action: Action) -> LogEntry:
+def entry(number: int, action: LogAction) -> LogEntry:
     return LogEntry(id=number, time=NOW, author="a", action=action)
 
 
@@ -50,7 +50,7 @@ def test_every_step_equals_the_edits_that_are_done_made_from_scratch(memory: int
                 if not done:
                     continue
                 undone.append(done.pop())
-                action: Action = Undo(edit=undone[-1][0])
+                action: LogAction = Undo(edit=undone[-1][0])
             elif step == "redo":
                 assert (history.redoable is None) == (not undone)
                 if not undone:

@@ -15,7 +15,7 @@ from tcfit_app.project.edits.edit_log import EditHistory, LogEntry, decode, enco
 from tcfit_app.project.edits.kinds import (
     KINDS,
     MIRRORED,
-    SIDES,
+    SWAPPABLE,
     ClearDepth,
     CopyFrom,
     DetectAgain,
@@ -115,17 +115,17 @@ def test_nudge_moves_what_is_there(detected: Keypoints):
 
 def test_swap_exchanges_left_and_right_with_their_confidence(detected: Keypoints):
     left, right = INDEX["left_wrist"], INDEX["right_wrist"]
-    once = after(detected, SwapSides(frames=(2,), joints=SIDES["arms"]))
+    once = after(detected, SwapSides(frames=(2,), joints=SWAPPABLE["arms"]))
     assert np.array_equal(once.keypoints.xy[2, left], detected.xy[2, right])
     assert once.keypoints.confidence[2, left] == detected.confidence[2, right]
-    assert untouched(once, detected, [2], list(SIDES["arms"]))
+    assert untouched(once, detected, [2], list(SWAPPABLE["arms"]))
     sides = np.zeros_like(once.corrected.edited)
-    sides[2, list(SIDES["arms"])] = True
+    sides[2, list(SWAPPABLE["arms"])] = True
     assert np.array_equal(once.corrected.edited, sides)
-    hands = after(detected, SwapSides(frames=(2,), joints=SIDES["hands"])).keypoints
+    hands = after(detected, SwapSides(frames=(2,), joints=SWAPPABLE["hands"])).keypoints
     assert np.array_equal(hands.xy[2, LEFT_HAND], detected.xy[2, RIGHT_HAND])
     assert np.array_equal(hands.confidence[2, RIGHT_HAND], detected.confidence[2, LEFT_HAND])
-    bad = after(detected, MarkBad(frames=(2,), joints=(left,)), SwapSides(frames=(2,), joints=SIDES["arms"]))
+    bad = after(detected, MarkBad(frames=(2,), joints=(left,)), SwapSides(frames=(2,), joints=SWAPPABLE["arms"]))
     assert bad.corrected.bad[2, right] and not bad.corrected.bad[2, left]
 
 
@@ -135,8 +135,8 @@ def test_the_other_side_of_a_keypoint():
         swapped = {"left": "right", "right": "left"}.get(NAMES[joint].split("_")[0])
         assert NAMES[other] == (NAMES[joint] if swapped is None else f"{swapped}_{NAMES[joint].split('_', 1)[1]}")
         assert (joint in range(137)[BODY]) == (other in range(137)[BODY])
-    assert {NAMES[j].partition("_")[2] for j in SIDES["arms"]} == {"elbow", "wrist"}, "shoulders are not mixed up"
-    assert len(SIDES["body"]) == 22 and set(SIDES["hands"]) == set(range(137)[HANDS])
+    assert {NAMES[j].partition("_")[2] for j in SWAPPABLE["arms"]} == {"elbow", "wrist"}, "shoulders are not mixed up"
+    assert len(SWAPPABLE["body"]) == 22 and set(SWAPPABLE["hands"]) == set(range(137)[HANDS])
 
 
 def test_copy_takes_over_what_another_frame_has(detected: Keypoints):
@@ -200,7 +200,7 @@ def test_the_depth_of_a_bad_keypoint_counts_once_it_is_restored(detected: Keypoi
 
 
 def test_depths_change_sides_with_their_keypoints(detected: Keypoints):
-    found = after(detected, FARTHER, SwapSides(frames=(1,), joints=SIDES["arms"])).keypoints.told_depth
+    found = after(detected, FARTHER, SwapSides(frames=(1,), joints=SWAPPABLE["arms"])).keypoints.told_depth
     assert found[1, RIGHT] == 0.75 and np.isnan(found[1, LEFT]) and found[4, LEFT] == 0.25
 
 
@@ -257,7 +257,7 @@ def test_joints_are_locked_until_they_are_unlocked_or_reset(detected: Keypoints)
     assert untouched(history, detected, [], []) and history.corrected.locked.sum() == 6
     assert history.keypoints.turn is not None
     np.testing.assert_allclose(history.keypoints.turn[2, [4, 7]], [(0.1, 0.2, 0.3), (1, 0, 0)], atol=1e-7)
-    stays = SwapSides(frames=(0,), joints=SIDES["arms"]), Nudge(frames=(0,), joints=(4,), by=(1.0, 1.0))
+    stays = SwapSides(frames=(0,), joints=SWAPPABLE["arms"]), Nudge(frames=(0,), joints=(4,), by=(1.0, 1.0))
     moved = after(detected, lock, *stays, MarkBad(frames=(0,), joints=(4,)))
     np.testing.assert_array_equal(moved.corrected.turn, history.corrected.turn)
     freed = after(detected, lock, Unlock(frames=(0, 1), joints=(4,)), Reset(frames=(2,), joints=(4, 7)))
@@ -341,7 +341,10 @@ REFUSED = {
     "negative frame": (Reset(frames=(-1,), joints=(0,)), "no frame -1"),
     "keypoint": (Reset(frames=(0,), joints=(137,)), "no keypoint 137"),
     "frame twice": (Reset(frames=(1, 1), joints=(0,)), "a frame twice"),
-    "too few positions": (MoveKeypoint(frames=(0, 1), joints=(0,), xy=(((1.0, 1.0),),)), "not one position for each"),
+    "too few positions": (
+        MoveKeypoint(frames=(0, 1), joints=(0,), xy=(((1.0, 1.0),),)),
+        "not have one position for each",
+    ),
     "not a number": (MoveKeypoint(**ONE, xy=(((float("nan"), 1.0),),)), "not a number"),
     "far away": (MoveKeypoint(**ONE, xy=(((1e9, 1.0),),)), "not a number between"),
     "confidence": (SetConfidence(**ONE, confidence=1.5), "confidence is 1.5; expected 0 to 1"),
@@ -349,28 +352,31 @@ REFUSED = {
     "infinite nudge": (Nudge(**ONE, by=(float("inf"), 0.0)), "distance is not a number"),
     "source": (CopyFrom(**ONE, source=6), "copies from a frame that the clip does not have"),
     "nothing between": (Interpolate.between(2, 3, (0,)), "names no frame"),
-    "outside of the ends": (Interpolate(frames=(1, 4), joints=(0,), first=0, last=3), "do not lie between"),
-    "end outside the clip": (Interpolate.between(3, 6, (0,)), "do not lie between the two"),
+    "outside of the ends": (Interpolate(frames=(1, 4), joints=(0,), first=0, last=3), "are not between"),
+    "end outside the clip": (Interpolate.between(3, 6, (0,)), "are not between its two"),
     "one side": (SwapSides(frames=(0,), joints=(INDEX["left_wrist"],)), "left_wrist is named without"),
     "too few depths": (SetDepth(frames=(0, 1), joints=(0,), depth=((0.1,),)), "not one value for each of 2 frames"),
     "depth no number": (SetDepth(**ONE, depth=((float("nan"),),)), "a depth is not a number between -3 and 3 m"),
     "too deep": (SetDepth(**ONE, depth=((3.01,),)), "a depth is not a number between -3 and 3 m"),
-    "depth of a finger": (SetDepth(frames=(0,), joints=(30,), depth=((0.0,),)), "left_index1 is none of the body's"),
-    "no depth to clear": (ClearDepth(frames=(0,), joints=(100,)), "is none of the body's"),
-    "gap around a key": (RemoveKey(frames=(0, 2), joints=(0,), at=0), "frames do not follow each other"),
-    "key elsewhere": (RemoveKey(frames=(1, 2), joints=(0,), at=3), "keyframe is in none of the frames"),
-    "key goes elsewhere": (MoveKey(frames=(1, 2), joints=(0,), at=1, to=3), "keyframe goes to none of the frames"),
-    "too few positions of a key": (PlaceKey(**ONE, at=0, xy=()), "not one position for each of 1 keypoints"),
+    "depth of a finger": (SetDepth(frames=(0,), joints=(30,), depth=((0.0,),)), "left_index1 is not a body keypoint"),
+    "no depth to clear": (ClearDepth(frames=(0,), joints=(100,)), "is not a body keypoint"),
+    "gap around a key": (RemoveKey(frames=(0, 2), joints=(0,), at=0), "frames are not consecutive"),
+    "key elsewhere": (RemoveKey(frames=(1, 2), joints=(0,), at=3), "keyframe is not among its frames"),
+    "key goes elsewhere": (MoveKey(frames=(1, 2), joints=(0,), at=1, to=3), "new keyframe is not among its frames"),
+    "too few positions of a key": (PlaceKey(**ONE, at=0, xy=()), "not have one position for each of 1 keypoints"),
     "key far away": (PlaceKey(**ONE, at=0, xy=((1e9, 1.0),)), "a position is not a number between"),
     "too few turns": (Lock(frames=(0,), joints=(4, 7), turn=((0.0, 0.0, 0.0),)), "not one rotation for each of 2"),
     "turned too far": (Lock(frames=(0,), joints=(4,), turn=((8.0, 0.0, 0.0),)), "not between -7 and 7 radians"),
-    "a hand locked": (Lock(frames=(0,), joints=(30,), turn=((0.0, 0.0, 0.0),)), "no joint that can be locked"),
-    "too few pinned": (Pin(**ONE, xy=(), depth=((0.0,),)), "not one position for each of 1 keypoints"),
+    "a hand locked": (Lock(frames=(0,), joints=(30,), turn=((0.0, 0.0, 0.0),)), "cannot be locked"),
+    "too few pinned": (Pin(**ONE, xy=(), depth=((0.0,),)), "not have one position for each of 1 keypoints"),
     "pinned too deep": (Pin(**ONE, xy=((0.0, 0.0),), depth=((9.0,),)), "a depth is not a number between -3 and 3 m"),
     "another part": (msgspec.structs.replace(AGAIN, part="face"), "keypoints are not those of the face"),
     "some of a part": (msgspec.structs.replace(AGAIN, joints=HAND[1:]), "keypoints are not those of the left hand"),
     "packed nothing": (msgspec.structs.replace(AGAIN, packed=b"nothing"), "cannot be unpacked"),
-    "packed too much": (msgspec.structs.replace(AGAIN, packed=zlib.compress(bytes(10**7))), "has not one position"),
+    "packed too much": (
+        msgspec.structs.replace(AGAIN, packed=zlib.compress(bytes(10**7))),
+        "does not have one position",
+    ),
     "found nowhere": (DetectAgain.found((0,), "left_hand", hand_at(np.nan)), "a position is not a number"),
     "found too surely": (DetectAgain.found((0,), "left_hand", hand_at(7, confidence=1.5)), "a confidence is not"),
     "found unsurely": (DetectAgain.found((0,), "left_hand", hand_at(7, confidence=np.nan)), "a confidence is not"),
@@ -392,7 +398,7 @@ def test_an_edit_reads_back_from_its_text(edit: Edit):
 
 def test_every_kind_is_drawn_in_these_tests():
     assert set(KINDS.values()) == set(get_args(Edit)) and len(KINDS) == 19
-    assert set(get_args(edit_log.Action)) == {
+    assert set(get_args(edit_log.LogAction)) == {
         *KINDS.values(),
         edit_log.MarkFrames,
         edit_log.WriteNote,

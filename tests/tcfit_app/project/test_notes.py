@@ -60,8 +60,8 @@ def test_they_are_there_when_it_is_opened_again(project: Project):
     ("note", "message"),
     [
         (WriteNote(frames=(1,), text=""), "is empty"),
-        (WriteNote(frames=(), text="x"), "one frame, or on several"),
-        (WriteNote(frames=(1, 3), text="x"), "follow each other"),
+        (WriteNote(frames=(), text="x"), "must be on one frame"),
+        (WriteNote(frames=(1, 3), text="x"), "consecutive frames"),
         (WriteNote(frames=(999,), text="x"), "no frame 1006; the clip has frames 7 to 12"),
         (WriteNote(frames=(1,), text="x" * (NOTE_CHARACTERS + 1)), "2,001 characters; expected 2,000 at most"),
         (WriteNote(frames=(1,), text="x", replaces=77), "is gone"),

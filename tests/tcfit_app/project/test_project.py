@@ -255,7 +255,7 @@ with Project.open(folder, read_only=True) as project:
         project.append(BAD)
     locked, read, refused = done.stdout.splitlines()
     assert locked == (
-        f"{folder}: is open in another tcfit (process {os.getpid()}). Close that one, or open the project read-only."
+        f"{folder}: is open in another tcfit (process {os.getpid()}). Close it there, or open the project read-only."
     )
     assert read == "True 4 3" and refused == f"InputError {database.read_only_refusal(folder)}"
     with Project.open(folder) as project:
@@ -417,9 +417,9 @@ DAMAGE: dict[str, tuple[Callable[[Path], None], str]] = {
     "header": (_overwrite(0), "is damaged"),
     "a page": (_overwrite(4096), "is damaged"),
     "cut off": (lambda path: path.write_bytes(path.read_bytes()[:5000]), "is damaged"),
-    "empty": (lambda path: path.write_bytes(b""), "database of another program"),
-    "another program's": (_other_program, "database of another program"),
-    "no clip": (_execute("DELETE FROM clip"), "has no clip in it"),
+    "empty": (lambda path: path.write_bytes(b""), "another program's database"),
+    "another program's": (_other_program, "another program's database"),
+    "no clip": (_execute("DELETE FROM clip"), "has no clip:"),
     "table gone": (_execute("DROP TABLE edits"), r"is damaged \(no such table: edits\)"),
 }
 
@@ -447,7 +447,7 @@ def test_what_cannot_be_opened_where_it_lies_is_to_be_copied(folder: Path, read_
     for ending, content in left.items():
         (folder / f"{database.NAME}{ending}").write_bytes(content)
     (folder / f"{database.NAME}-shm").symlink_to(folder / "nowhere" / "x")
-    with pytest.raises(InputError, match="copy that folder to where you may write, and open the copy"):
+    with pytest.raises(InputError, match="copy that folder to a writable place, and open the copy"):
         Project.open(folder, read_only=read_only)
     (folder / f"{database.NAME}-shm").unlink()
     shutil.copytree(folder, folder.with_name("copy"))
@@ -463,7 +463,7 @@ def test_detections_are_never_changed(folder: Path):
             project.append(random_edit(seed))
     assert path.read_bytes() == before
     _overwrite(300, 10)(path)
-    with pytest.raises(InputError, match=r"detections\.npz: was changed since the project was made"):
+    with pytest.raises(InputError, match=r"detections\.npz: was changed since the project was created"):
         Project.open(folder)
     path.unlink()
     with pytest.raises(InputError, match=r"detections\.npz: cannot be read"):
@@ -495,7 +495,7 @@ MADE_UP: dict[str, tuple[bytes, str]] = {
     "texts": (_npz(xy=XY.astype(str), confidence=CONFIDENCE), "xy is <U32"),
     "other keypoints": (_npz(xy=XY[:, :5], confidence=CONFIDENCE), r"xy .* the shape \(6, 5, 2\)"),
     "a number": (_npz(xy=XY, confidence=np.array(1.0)), r"confidence .* the shape \(\)"),
-    "not finite": (_npz(xy=XY + np.nan, confidence=CONFIDENCE), "xy has values that are no finite numbers"),
+    "not finite": (_npz(xy=XY + np.nan, confidence=CONFIDENCE), "xy has values that are not finite"),
     "sure": (_npz(xy=XY, confidence=CONFIDENCE + 7), "a confidence is not between 0 and 1"),
     "fewer": (_npz(xy=XY, confidence=CONFIDENCE[1:]), "6 frames of positions and 5 of confidences"),
     "no frames": (_npz(xy=XY[:0], confidence=CONFIDENCE[:0]), "0 frames of positions"),
@@ -545,7 +545,7 @@ def test_detections_that_could_not_be_read_back_are_not_stored(tmp_path: Path):
 
 def test_what_is_no_project(tmp_path: Path):
     for path in (tmp_path, tmp_path / "nothing"):
-        with pytest.raises(InputError, match="is no project of tcfit"):
+        with pytest.raises(InputError, match="not a tcfit project"):
             Project.open(path)
     assert list(tmp_path.iterdir()) == []
 
@@ -608,7 +608,7 @@ def test_a_linked_video_is_found_again(tmp_path: Path, video: Path):
         assert project.media.path and project.media.path.samefile(video)
     video.write_bytes(b"another film")
     with Project.open(moved) as project:
-        assert "is not what the project was made with" in project.media.problem
+        assert "differs from what the project was created with" in project.media.problem
     video.unlink()
     with Project.open(moved) as project:
         assert project.media.path is None and "no longer there" in project.media.problem
@@ -653,7 +653,7 @@ def test_a_video_that_may_not_be_looked_for_keeps_no_project_closed(
 
     monkeypatch.setattr(os, "stat", stat)
     with Project.open(folder, read_only=read_only) as project:
-        assert project.clip.source is None and re.search(f"{words}.*Say where", project.media.problem)
+        assert project.clip.source is None and re.search(f"{words}.*Relink", project.media.problem)
 
 
 def test_media_can_be_copied_into_the_project(tmp_path: Path, video: Path):

@@ -121,7 +121,7 @@ def test_detections_that_come_while_a_project_is_packed(waiting: Path, tmp_path:
 
 def test_damaged_detections_are_not_packed(project: Path, tmp_path: Path):
     (project / clip.DETECTIONS).write_bytes(b"")
-    with pytest.raises(InputError, match="was changed since the project was made"):
+    with pytest.raises(InputError, match="was changed since the project was created"):
         pack(project, tmp_path / "a.tcfit.zip")
     assert not (tmp_path / "a.tcfit.zip").exists()
 
@@ -358,15 +358,15 @@ def linked(relative: str) -> Callable[[Path], None]:
 
 
 BAD = {
-    "traversal": (added("../evil.txt"), "no project of tcfit has"),
-    "traversal in media": (added("media/../../evil"), "no project of tcfit has"),
-    "two dots": (added("media/.."), "no project of tcfit has"),
-    "absolute": (added("/tmp/evil"), "no project of tcfit has"),
-    "drive": (added("media/C:evil"), "no project of tcfit has"),
-    "backslash": (added("media/..\\evil"), "no project of tcfit has"),
-    "deep": (added("media/a/b/c"), "no project of tcfit has"),
-    "script": (added("runs/evil.py"), "no project of tcfit has"),
-    "link": (link, "no project of tcfit has"),
+    "traversal": (added("../evil.txt"), "not part of a tcfit project"),
+    "traversal in media": (added("media/../../evil"), "not part of a tcfit project"),
+    "two dots": (added("media/.."), "not part of a tcfit project"),
+    "absolute": (added("/tmp/evil"), "not part of a tcfit project"),
+    "drive": (added("media/C:evil"), "not part of a tcfit project"),
+    "backslash": (added("media/..\\evil"), "not part of a tcfit project"),
+    "deep": (added("media/a/b/c"), "not part of a tcfit project"),
+    "script": (added("runs/evil.py"), "not part of a tcfit project"),
+    "link": (link, "not part of a tcfit project"),
     "encrypted": (encrypted, "encrypted"),
     "twice": (twice, "twice"),
     "oversized": (oversized, "cannot be"),
@@ -374,8 +374,8 @@ BAD = {
     "flipped": (flipped, "damaged"),
     "newer": (newer, "update tcfit"),
     "foreign": (foreign, "'other'"),
-    "unnamed": (unnamed, "no packed project"),
-    "no database": (no_database, "no project of tcfit"),
+    "unnamed": (unnamed, "not a packed project"),
+    "no database": (no_database, "not a tcfit project"),
     "other database": (other_database, "database"),
     "other detections": (other_detections, "changed since"),
     "video above": (linked("media/../../secrets"), "its video is 'media/../../secrets'"),
@@ -448,7 +448,7 @@ def test_a_link_to_elsewhere_is_packed_as_a_link(project: Path, secrets: Path, t
     say_video(project, str(secrets) if absolute else "../secrets")
     pack(project, tmp_path / "x.zip")
     assert not any("key" in name for name in zipfile.ZipFile(tmp_path / "x.zip").namelist())
-    with pytest.raises(InputError, match="is not what the project was made with"):
+    with pytest.raises(InputError, match="differs from what the project was created with"):
         pack(project, tmp_path / "y.zip", with_media=True)
 
 

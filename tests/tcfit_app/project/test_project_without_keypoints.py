@@ -15,7 +15,7 @@ from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT, Keypoints
 from tcfit_app.cli.main import main
 from tcfit_app.fitting.bodies import Bodies
-from tcfit_app.project.edits.kinds import SIDES, MoveKeypoint, SwapSides
+from tcfit_app.project.edits.kinds import SWAPPABLE, MoveKeypoint, SwapSides
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage import clip as clip_storage
 from tcfit_app.project.storage.database import Database
@@ -47,8 +47,8 @@ def images(tmp_path: Path) -> Path:
 def test_nothing_is_corrected_before_there_is_something(folder: Path):
     with Project.open(folder) as project:
         session = Session(project, Bodies())
-        with pytest.raises(InputError, match="no keypoints yet: have them found first"):
-            session.edit(SwapSides(frames=(0,), joints=SIDES["arms"]), author="test")
+        with pytest.raises(InputError, match="no keypoints yet: detect them first"):
+            session.edit(SwapSides(frames=(0,), joints=SWAPPABLE["arms"]), author="test")
         session.close()
         assert not project.log
 
@@ -61,7 +61,7 @@ def test_a_project_takes_its_keypoints_once(folder: Path):
         assert project.clip.detector == "mediapipe"
         assert project.has_detections and same_keypoints(project.detections, found)
         assert same_keypoints(project.clip.keypoints, found) and project.clip.notes[-1] == "Person: found."
-        with pytest.raises(InputError, match="has its keypoints already"):
+        with pytest.raises(InputError, match="already has keypoints"):
             project.take_detections(sample_keypoints(seed=4))
         with pytest.raises(ValueError, match="read-only"):
             project.detections.xy[:] = 0
@@ -88,7 +88,7 @@ def test_keypoints_placed_by_hand_before_stay(folder: Path):
     ("found", "words"),
     [
         (sample_keypoints(FRAMES - 1), f"keypoints of {FRAMES - 1} frames; expected {FRAMES}"),
-        (empty_clip().keypoints, "No keypoint was found in any"),
+        (empty_clip().keypoints, "No keypoints were found in any"),
     ],
 )
 def test_keypoints_that_do_not_fit_the_clip(folder: Path, found: Keypoints, words: str):

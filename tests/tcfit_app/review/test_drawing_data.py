@@ -14,7 +14,7 @@ from tcfit_app.analysis.suspicion import ReviewQueue
 from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.project.edits.kinds import MarkBad
 from tcfit_app.project.project import Project
-from tcfit_app.project.storage.marks import Marks
+from tcfit_app.project.storage.marks import MarkStore
 from tcfit_app.review.shared import drawing_data as drawing_data_module
 from tcfit_app.review.shared.drawing_data import DrawingData
 from tests.samples.sessions import QUICK, idle, newest, session_of, small_clip, until
@@ -86,7 +86,7 @@ def test_what_is_there_is_not_made_again(data: DrawingData, monkeypatch: pytest.
     def refuse(*_: object, **__: object) -> None:
         raise AssertionError("copied or read again")
 
-    for owner, name in ((PosedFit, "posed"), (Corrected, "put_into"), (Corrected, "keypoints"), (Marks, "all")):
+    for owner, name in ((PosedFit, "posed"), (Corrected, "put_into"), (Corrected, "keypoints"), (MarkStore, "all")):
         monkeypatch.setattr(owner, name, refuse)
     assert [name for name, draw in draws.items() if draw() is None] == []
 

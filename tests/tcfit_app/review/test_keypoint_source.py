@@ -24,7 +24,7 @@ from fitting_core.errors import InputError
 from fitting_core.io.cameras.reading import CameraFile
 from fitting_core.keypoints import COUNT, INDEX, Keypoints
 from tcfit_app.fitting.fits import FitChoice
-from tcfit_app.imports.keypoint_jobs import FoundKeypoints, ImportFiles, ImportUpload, Report
+from tcfit_app.imports.keypoint_jobs import FoundKeypoints, ImportFiles, ImportUpload, ProgressReport
 from tcfit_app.project import project as project_module
 from tcfit_app.project.edits.kinds import MarkBad
 from tcfit_app.project.project import Project
@@ -71,7 +71,7 @@ class Waits:
 
     title: str = "Waiting"
 
-    def run(self, clip: Clip, report: Report) -> FoundKeypoints | None:
+    def run(self, clip: Clip, report: ProgressReport) -> FoundKeypoints | None:
         while True:
             report("waits", 0.5)
             time.sleep(0.005)
@@ -90,7 +90,7 @@ def test_keypoints_of_this_computer(session: Session, files: Path):
     assert np.array_equal(session.project.detections.xy, imported_xy())
     assert session.project.clip.detector == "openpose"
     assert told(session)[-1].kind == "done"
-    with pytest.raises(InputError, match="has its keypoints already"):
+    with pytest.raises(InputError, match="already has keypoints"):
         session.source.begin(ImportFiles(path=files))
 
 
@@ -187,13 +187,13 @@ def test_no_detection_begins_while_the_camera_changes(
         "camera", lambda report: session.set_camera(CameraFile(path=Path("c.toml"))), then=lambda task: None
     )
     assert reading.wait(60)
-    with pytest.raises(InputError, match="camera is being changed: wait for that"):
+    with pytest.raises(InputError, match="camera is being changed: wait"):
         session.source.detect(DEFAULT)
     assert session.source.going is None
     gone_on.set()
     until(session, lambda: task.state == "finished")
     session.source.detect(DEFAULT)
-    with pytest.raises(InputError, match="with the camera as it is: wait for them"):
+    with pytest.raises(InputError, match="with the current camera: wait for them"):
         session.set_camera(CameraFile(path=Path("c.toml")))
     until(session, lambda: not session.source.busy)
 
@@ -293,7 +293,7 @@ def test_the_drawing_thread_does_not_wait_for_detections_to_be_written(
         (lambda source: source.begin(ImportFiles(path=Path("/no/such/folder"))), "there is no such file or folder"),
         (
             lambda source: source.begin(ImportUpload(name="a.exe", content=b"x")),
-            "and its name is not that of a keypoint file",
+            "and its name is not a keypoint file's",
         ),
         (lambda source: source.detect("/no/model.onnx"), "there is no such model file"),
     ],
@@ -344,7 +344,7 @@ def test_the_panel_imports_a_path_and_offers_the_fit(page: LonePage, files: Path
     for path in ("", "  "):
         page.enter("Path", path)
         page.click("Import from this path")
-        assert page.notices[-1].text.startswith("No path is given")
+        assert page.notices[-1].text.startswith("The path is empty")
     page.enter("Path", f"  {files} ")
     page.click("Import from this path")
     finish(page)
@@ -360,7 +360,7 @@ def test_one_button_finds_keypoints(page: LonePage, detector: FakeDetector):
     assert f"Found in {FRAMES} of {FRAMES} frames" in page.html()
     assert "2 people were found. If you mean another one, click" in page.html()
     page.page.tab.session.edit(MarkBad(frames=(0,), joints=(0,)), author="me")
-    assert "make a new project for another" in page.html()
+    assert "for another, make a new project" in page.html()
 
 
 def test_a_detector_that_is_not_here_is_shown_before_it_is_fetched(
@@ -388,11 +388,11 @@ def test_networks_that_are_not_here_are_told(page: LonePage, monkeypatch: pytest
 
 def test_a_file_of_the_users_own(page: LonePage, model: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     monkeypatch.setattr(stored, "users_folder", lambda: tmp_path / "cache")
-    page.enter("Detector", "An ONNX file of yours")
+    page.enter("Detector", "Your own ONNX file")
     page.draw()
     assert page.field("Model file").visible
     page.click("Find keypoints only")
-    assert page.notices[-1].text.startswith("No model is given")
+    assert page.notices[-1].text.startswith("The model file is empty")
     page.enter("Model file", str(model))
     page.click("Find keypoints only")
     finish(page)

@@ -20,7 +20,7 @@ import viser
 
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
-from fitting_core.io.people_file import read_people, write_people
+from fitting_core.io.people_file import read_people_file, write_people_file
 from tcfit_app.cli.main import main
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.fitting.fits import FitChoice
@@ -231,7 +231,7 @@ def test_who_cannot_be_opened_is_told_and_left_out(folder: Path, capsys: pytest.
     assert "person 1 is left out" in capsys.readouterr().out
     shutil.rmtree(folder / "person-2")
     (folder / "person-2").mkdir()
-    with pytest.raises(InputError, match="none of its people"), open_two(folder):
+    with pytest.raises(InputError, match="no person's project"), open_two(folder):
         pass
 
 
@@ -348,12 +348,12 @@ def test_half_an_exchange_is_told_and_can_be_undone(folder: Path, panel_server: 
 
 
 def test_what_is_uncertain_later_goes_with_whom_it_is_about(folder: Path, panel_server: viser.ViserServer):
-    file = read_people(folder)
+    file = read_people_file(folder)
     spans = ((6, 7), (9, 11)), ((5, 7),)
     people = tuple(
         msgspec.structs.replace(one, uncertain=uncertain) for one, uncertain in zip(file.people, spans, strict=True)
     )
-    write_people(folder, msgspec.structs.replace(file, people=people))
+    write_people_file(folder, msgspec.structs.replace(file, people=people))
     with reviewed(folder, panel_server) as app:
         hello(app, "mine")
         exchanged(app, 6)
@@ -362,7 +362,7 @@ def test_what_is_uncertain_later_goes_with_whom_it_is_about(folder: Path, panel_
         gestures = app.pages[1].gestures
         gestures.exchanging.confirm(gestures.exchanging.doubts[0])
         assert [someone.uncertain for someone in app.people] == [(), ()]
-        assert [one.uncertain for one in read_people(folder).people] == [((6, 7),), ((5, 7),)]
+        assert [one.uncertain for one in read_people_file(folder).people] == [((6, 7),), ((5, 7),)]
         gestures.correcting.undo()
         assert [someone.uncertain for someone in app.people] == [((6, 7),), ((5, 7),)]
 
@@ -394,7 +394,7 @@ def test_what_is_right_is_uncertain_no_more(folder: Path, panel_server: viser.Vi
         page.receive(Press("people.go", "0"))
         assert page.tab.state.frames == range(9 - LATE, FRAMES - LATE) and page.tab.state.frame == 9 - LATE
         page.receive(Press("people.right", "0"))
-        assert page.tab.someone.uncertain == () and read_people(folder).people[1].uncertain == ()
+        assert page.tab.someone.uncertain == () and read_people_file(folder).people[1].uncertain == ()
         panel.draw()
         assert not page.tab.buttons.on_show("people.go", "0")
         page.receive(Press("people.exchange", "0"))
@@ -414,8 +414,8 @@ def taken(xy: np.ndarray, confidence: np.ndarray) -> bytes:
     ("changes", "told"),
     [
         ({"packed": b"nothing"}, "cannot be unpacked"),
-        ({"packed": taken(np.zeros((1, 1, 2)), np.zeros((1, 1)))}, "has not one position"),
-        ({"packed": zlib.compress(bytes(10**7))}, "has not one position"),
+        ({"packed": taken(np.zeros((1, 1, 2)), np.zeros((1, 1)))}, "does not have one position"),
+        ({"packed": zlib.compress(bytes(10**7))}, "does not have one position"),
         ({"packed": taken(np.full((2, 1, 2), np.nan), np.zeros((2, 1)))}, "a position is not a number"),
         ({"packed": taken(np.zeros((2, 1, 2)), np.full((2, 1), 1.5))}, "a confidence"),
         ({"packed": taken(np.zeros((2, 1, 2)), np.full((2, 1), np.nan))}, "a confidence"),
@@ -432,8 +432,8 @@ def test_keypoints_that_make_no_sense_are_not_taken_over(changes: dict[str, Any]
 
 
 def test_the_second_person_may_be_the_first_at_the_end(talk: Path):
-    assert [person.uncertain for person in read_people(talk).people] == [(), ((9, FRAMES - 1),)]
-    assert np.all([len(person.frames) == 2 for person in read_people(talk).people])
+    assert [person.uncertain for person in read_people_file(talk).people] == [(), ((9, FRAMES - 1),)]
+    assert np.all([len(person.frames) == 2 for person in read_people_file(talk).people])
 
 
 class Exporting:
@@ -506,7 +506,7 @@ def test_everybody_is_exported_in_one_glb(folder: Path, panel_server: viser.Vise
         assert note.count("keys (") == 2 and "talk person 2: " in note
         app.pages[1].tab.set(frames=range(LATE))
         name, note, player = tested.read()
-        assert note.endswith("person 2 is not there in these frames") and len(player.document.skins) == 1
+        assert note.endswith("person 2 is not present in these frames") and len(player.document.skins) == 1
 
 
 def test_everybody_is_exported_as_the_tab_shows_them(folder: Path, panel_server: viser.ViserServer, tmp_path: Path):
@@ -537,14 +537,14 @@ def test_everybody_is_exported_as_the_tab_shows_them(folder: Path, panel_server:
 
 def test_who_has_no_fit_is_left_out_and_told(free_body: BodyModel, panel_server: viser.ViserServer, tmp_path: Path):
     nobody = two_people(tmp_path / "nobody", free_body, fitted=False)
-    with reviewed(nobody, panel_server) as app, pytest.raises(InputError, match="Nobody has a fit"):
+    with reviewed(nobody, panel_server) as app, pytest.raises(InputError, match="There is no fit to export"):
         Exporting(app, tmp_path).begin()
     folder = two_people(tmp_path / "again", free_body)
     with Project.open(folder / "person-2") as other:
         other.runs.delete(1)
     with reviewed(folder, panel_server) as app:
         _, note, player = Exporting(app, tmp_path).read()
-        assert note == "talk person 1. person 2 has no fit yet and is left out" and len(player.document.skins) == 1
+        assert note == "talk person 1. person 2 has no fit yet and was left out" and len(player.document.skins) == 1
 
 
 def test_no_panel_of_several_people_stumbles_over_a_strange_value(

@@ -161,7 +161,7 @@ def test_frames_that_are_selected_elsewhere_are_not_changed(review: Reviewing):
     refusal = review.tab.get_by_text("This would change the selected frames 2–5, and frame 8 is on show")
     refusal.wait_for()
     assert review.session.project.last_edit == edits
-    review.tab.get_by_role("button", name="Select no frames").click()
+    review.tab.get_by_role("button", name="Clear frame selection").click()
     until(lambda: tab.state.frames is None, "no frames")
     refusal.wait_for(state="hidden")  # it lies over the picture
 
@@ -417,7 +417,7 @@ def test_states_without_a_fit_a_video_or_the_lock(demo_project: Path, browser: "
     with Project.open(folder), reviewing(folder, browser, read_only=True) as found:
         texts = until(lambda: chips(found), "the status line")
         assert any("No fit yet" in text for text in texts) and any("Read-only" in text for text in texts)
-        assert any("made without a video" in text for text in texts)
+        assert any("created without a video" in text for text in texts)
         found.press("d", lambda: found.page.tab.state.difference)
         assert found.tab.locator(".tcfit-legend").is_hidden(), "there is nothing between two fits yet"
         found.tab.keyboard.press("Shift+R")

@@ -115,7 +115,7 @@ def test_bodies_of_the_first_phase_can_be_looked_at_before_it_is_finished(
             keep(job, found)
             if isinstance(found, FramesFitted) and found.phase == 1:
                 seen.append(newest(session))
-                with pytest.raises(InputError, match="is in its first phase"):
+                with pytest.raises(InputError, match="is in phase 1"):
                     session.fits.fit(seen[-1].run)
 
         monkeypatch.setattr(session.fits, "keep", keep_and_look)
@@ -653,11 +653,11 @@ def test_a_fit_that_finds_no_room_on_the_disk_is_written_later(
     idle(session)
     kept = session.fits.run(run.id)
     assert kept is not None and kept.state == ("running" if "end" in barred else "failed") and not kept.stored
-    assert any("leave tcfit running" in notice.text for notice in told(session))
+    assert any("keep tcfit running" in notice.text for notice in told(session))
     full = False
     session.take_news()
     kept = session.fits.run(run.id)
-    assert kept is not None and kept.state == "finished" and "is written after all" in told(session)[-1].title
+    assert kept is not None and kept.state == "finished" and "was saved after all" in told(session)[-1].title
     assert newest(session).run.id == run.id and torch.equal(
         session.project.runs.load(run.id).last.params.body_pose, newest(session).params.body_pose
     )

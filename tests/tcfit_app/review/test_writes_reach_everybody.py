@@ -56,20 +56,20 @@ class Write:
 
 
 WRITES = {
-    "video": Write(images, "New place", "review.relink", lambda page: page.page.tab.data.video, "The video is found"),
+    "video": Write(images, "New location", "review.relink", lambda page: page.page.tab.data.video, "Video found"),
     "camera": Write(
         lambda path: camera(path.with_suffix(".npz")),
         "Camera file",
         "fit.camera",
         lambda page: page.page.tab.session.project.keypoints_version,
-        "The project has another camera",
+        "Camera replaced",
     ),
     "reference": Write(
         lambda path: points(path.with_suffix(".npz")),
         "File",
         "compare.reference",
         lambda page: page.page.tab.session.project.reference_version,
-        "Fits are compared with it",
+        "Reference set",
     ),
 }
 

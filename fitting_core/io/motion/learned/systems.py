@@ -21,7 +21,7 @@ from fitting_core.errors import InputError, some_of
 from fitting_core.files.archives import files_below
 from fitting_core.files.regular import refusal
 from fitting_core.files.torch_pickles import plain
-from fitting_core.io.motion.imported_motion import ImportedMotion, Person, body_params
+from fitting_core.io.motion.imported_motion import ImportedMotion, PersonTrack, body_params
 from fitting_core.io.motion.learned import crops, per_image, whole_image
 from fitting_core.io.motion.learned.opening import opened
 from fitting_core.io.motion.learned.tracks import System, Track, is_mapping_with
@@ -44,7 +44,7 @@ _DAMAGED = (
 _DEPTH, _MAX_PARTS, _MAX_IMAGE, _MAX_SHOWN = 1, 10**5, 2**26, 5
 
 
-def people_in(path: Path) -> tuple[Person, ...]:
+def people_in(path: Path) -> tuple[PersonTrack, ...]:
     """The people in a learned system's result, by which to choose one; none if it is no such result.
 
     Raises:
@@ -77,7 +77,7 @@ def read_learned(path: Path, *, person: int | None = None, gender: str | None = 
 
 
 def _motion(
-    path: Path, system: System, people: tuple[Person, ...], chosen: Person, track: Track, gender: str
+    path: Path, system: System, people: tuple[PersonTrack, ...], chosen: PersonTrack, track: Track, gender: str
 ) -> ImportedMotion:
     frames = len(track.pose)
     order = np.arange(frames) if track.numbers is None else np.argsort(track.numbers, kind="stable")
@@ -133,16 +133,16 @@ def _system_of(content: Any) -> System | None:
     return found
 
 
-def _people(system: System, content: Any) -> tuple[Person, ...]:
+def _people(system: System, content: Any) -> tuple[PersonTrack, ...]:
     """Who is in most frames first."""
     found: Mapping[int, Sequence[int]] = system.people(content)
     if not found:
         raise InputError(f"is a result of {system.title} with nobody in it")
-    people = (Person(number=number, numbers=tuple(sorted(frames))) for number, frames in found.items())
+    people = (PersonTrack(number=number, numbers=tuple(sorted(frames))) for number, frames in found.items())
     return tuple(sorted(people, key=lambda one: (-len(one.numbers), one.number)))
 
 
-def _chosen(people: tuple[Person, ...], number: int | None) -> Person:
+def _chosen(people: tuple[PersonTrack, ...], number: int | None) -> PersonTrack:
     if number is None:
         return people[0]
     found = next((one for one in people if one.number == number), None)

@@ -1,4 +1,4 @@
-"""Where a user says with what the clip was filmed: a calibration file, and which of its cameras."""
+"""Where the user says what the clip was filmed with: a calibration file, and which of its cameras."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -20,29 +20,29 @@ from tcfit_app.review.tab.tab import Tab
 _AS_FILE = "as the file has it"
 _UNIT = Number(label="Unit", low=1e-6, high=1e6, of="metres")
 _FORMS = "npz, TOML of Pose2Sim or caliscope, OpenCV's YAML, XML or JSON"
-_HINT = "For the whole project: fits from now on are seen by it, those before keep theirs"
+_HINT = "For the whole project: new fits use it, existing ones keep theirs"
 _SUFFIXES = (".npz", ".toml", ".yaml", ".yml", ".xml", ".json")
 
 
 class CameraInput:
-    """A part of a panel: the project's camera, and a calibration that becomes it.
+    """A part of a panel: the project's camera, and a calibration to replace it.
 
     Args:
-        tab: whose panel it is.
-        command: of its button, which no other one has.
+        tab: the panel's tab.
+        command: of its button; must be unique.
     """
 
     def __init__(self, tab: Tab, command: str) -> None:
         self._tab, self._command, gui = tab, command, tab.client.gui
         self._reading: Task[Camera] | None = None
-        """The file that was asked for last."""
+        """The file requested last."""
         self._known = Board(tab)
         hint = f"On the computer that runs tcfit: {_FORMS}, or a folder with COLMAP's cameras.txt and images.txt"
         self._path = gui.add_text("Camera file", "", hint=hint)
         self._name = gui.add_text("Camera name", "", hint="Which camera of the file; empty: the only one")
-        hint = f"Metres of one unit of the file's world: 0.001 for millimetres; empty: 1. {_UNIT.range.capitalize()}."
+        hint = f"Metres per unit of the file's world: 0.001 for millimetres; empty: 1. {_UNIT.range.capitalize()}."
         self._unit = gui.add_text(_UNIT.label, "", hint=hint)
-        hint = "The axis of the file's world that points up"
+        hint = "The axis that points up in the file's world"
         self._up: Any = gui.add_dropdown("Up", (_AS_FILE, *get_args(Up)), hint=hint)
         self._buttons = Board(tab)
         hint = f"From this browser's computer: {_FORMS}"
@@ -67,11 +67,11 @@ class CameraInput:
     def _take_upload(self, sent: viser.UploadedFile) -> None:
         shown = name_of_file(sent.name)
         if (suffix := Path(shown).suffix.lower()) not in _SUFFIXES:
-            raise InputError(f"{shown}: is no camera file by its name; expected {_FORMS}.")
+            raise InputError(f"{shown}: not a camera file, judging by its name; expected {_FORMS}.")
         self._read(self._file(Path(f"camera{suffix}")), sent.content, shown)
 
     def _read(self, file: CameraFile, content: bytes | None = None, shown: str = "") -> None:
-        """Beside the drawing thread: keypoints of a long clip are straightened and written."""
+        """Off the drawing thread: keypoints of a long clip are undistorted and written."""
         tab = self._tab
         tab.refuse_read_only()
         if self._busy:
@@ -90,7 +90,7 @@ class CameraInput:
         return self._reading is not None and self._reading.state == "running"
 
     def _taken(self, camera: Camera) -> None:
-        self._tab.session.tell(Notice(title="The project has another camera", text=camera.source, kind="done"))
+        self._tab.session.tell(Notice(title="Camera replaced", text=camera.source, kind="done"))
 
     def draw(self) -> None:
         """Send what changed."""
@@ -103,11 +103,11 @@ class CameraInput:
 
 
 def described(camera: Camera) -> str:
-    """The project's camera in words: where it is from, what bends, where it stands."""
+    """The project's camera in words: its source, its lens, its position."""
     focal = f"The project's camera: {camera.focal[0]:.1f} px, {camera.source}"
-    lens = "no distortion is known" if camera.lens is None else "the lens's distortion is taken away"
+    lens = "lens distortion unknown" if camera.lens is None else "lens distortion is corrected"
     if camera.world is None:
         return f"{focal}; {lens}."
-    up = "which way is up is not known" if camera.world.up is None else f"{camera.world.up} is up"
+    up = "up direction unknown" if camera.world.up is None else f"{camera.world.up} is up"
     place = ", ".join(f"{at:.2f}" for at in camera.world.place)
-    return f"{focal}; {lens}; it stands at ({place}) m, {up}."
+    return f"{focal}; {lens}; position ({place}) m, {up}."

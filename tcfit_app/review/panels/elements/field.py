@@ -18,14 +18,14 @@ Value = TypeVar("Value", str, int, float, Any)
 class Field(Generic[Value]):
     """Lets the user set a value, and follows it when something else sets it.
 
-    viser reports what the server itself assigns, too: such echoes come without a client and are left out. And while
-    something that the user did still waits for the drawing thread, the state is behind the input and not shown in it:
-    a slider would jump back under the pointer.
+    viser also reports values that the server assigned: such echoes come without a client and are ignored. While a
+    user's change is still waiting for the drawing thread, the state is behind the input and is not shown in it:
+    otherwise a slider would jump back under the pointer.
 
     Args:
-        tab: whose state it is.
+        tab: the tab whose state it shows.
         handle: made by `tab.client.gui`.
-        take: given what the user has set, on the thread that draws.
+        take: receives what the user set, on the drawing thread.
     """
 
     def __init__(self, tab: Tab, handle: viser.GuiInputHandle[Value], take: Callable[[Value], None]) -> None:
@@ -50,18 +50,18 @@ class Field(Generic[Value]):
         return self._given != self._taken
 
     def show(self, value: Value, *, wrong: bool = False) -> None:
-        """Bring it to the state.
+        """Update from the state.
 
         Args:
-            value: of the state.
-            wrong: what was entered cannot be used, so it is not in the state, and stays where it is.
+            value: from the state.
+            wrong: the entered value is invalid, so it is not in the state and stays in the input.
         """
         if not self.waiting and not wrong and self._handle.value != value:
             self._handle.value = value
 
 
 def take_uploads(tab: Tab, handle: viser.GuiUploadButtonHandle, take: Callable[[viser.UploadedFile], None]) -> None:
-    """Do something with each file that is uploaded, on the thread that draws; viser keeps none of them."""
+    """Handle each uploaded file on the drawing thread; viser keeps none of them."""
 
     async def uploaded(event: viser.GuiEvent[viser.GuiUploadButtonHandle]) -> None:
         file = event.target.value  # now: another upload may take its place
@@ -72,14 +72,14 @@ def take_uploads(tab: Tab, handle: viser.GuiUploadButtonHandle, take: Callable[[
 
 
 class Dropdown(Field[str]):
-    """A Field whose options come and go."""
+    """A Field whose options change."""
 
     def __init__(self, tab: Tab, handle: viser.GuiDropdownHandle[Any], take: Callable[[str], None]) -> None:
         super().__init__(tab, handle, take)
         self._dropdown = handle
 
     def offer(self, options: Sequence[str], value: str, *, wrong: bool = False) -> None:
-        """Bring it to these options, each of which there is only once, and to one of them; `wrong` as in `show`."""
+        """Offer these options, which must be distinct, and select `value`; `wrong` as in `show`."""
         if tuple(options) != self._dropdown.options:
             self._dropdown.options = tuple(options)
         self.show(value, wrong=wrong)
@@ -90,7 +90,7 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE)
 
 @dataclass(frozen=True, kw_only=True)
 class Number:
-    """A number that is typed into a field: what it may be, and how that is said."""
+    """A number typed into a field: its valid range, and how to state it."""
 
     label: str
     """The field's."""
@@ -107,7 +107,7 @@ class Number:
         return f"{kind}, {self.low:,.10g} to {self.high:,.10g}" + (f" ({self.of})" if self.of else "")
 
     def read(self, given: str) -> float:
-        """What was typed, as an int where it is to be whole. Raises InputError, in the field's own words."""
+        """What was typed, as an int where a whole number is required. Raises InputError with the field's label."""
         text = given.strip()
         value = float(text) if _NUMBER.fullmatch(text) else math.nan
         if not self.low <= value <= self.high or (self.whole and value != int(value)):
@@ -116,29 +116,29 @@ class Number:
 
     @staticmethod
     def shown(value: float) -> str:
-        """A value as the field has it."""
+        """A value as the field shows it."""
         return f"{value:.10g}"
 
 
 class NumberField(Field[str]):
-    """A Field for a number. Its input is a text: viser's own for numbers drops letters without a word, so that 1e9
-    becomes 19, and puts what is out of range right, without a word too.
+    """A Field for a number. Its input is a text: viser's own number input drops letters silently, so that 1e9
+    becomes 19, and silently clamps what is out of range.
 
     Args:
-        tab: whose state it is.
+        tab: the tab whose state it shows.
         handle: made by `tab.client.gui.add_text`.
-        take: given what the user has typed.
+        take: receives what the user typed.
     """
 
     def show(self, value: str, *, wrong: bool = False) -> None:
-        """See `Field.show`; what is typed in another way, such as 5. or 1e2, stays."""
+        """See `Field.show`; another spelling of the same value, such as 5. or 1e2, stays."""
         typed = self._handle.value.strip()
         same = _NUMBER.fullmatch(typed) is not None and Number.shown(float(typed)) == value
         super().show(value, wrong=wrong or same)
 
 
 def frame_number(label: str, text: str) -> int | None:
-    """A frame's number that was typed into a text field, None if nothing was. Raises InputError if it is no number."""
+    """A frame number typed into a text field, None if empty. Raises InputError if it is not a number."""
     given = text.strip()
     if given and not (given.isdecimal() and len(given) < 12):
         raise InputError(f"{label} is {given[:20]!r}; expected a whole number, or nothing.")

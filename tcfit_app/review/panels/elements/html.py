@@ -1,7 +1,7 @@
-"""HTML of the panels: buttons, rows and tables as text, and the element that shows it.
+"""HTML for the panels: buttons, rows and tables as text, and the element that shows it.
 
-Buttons come back as `page_events.Press`; their looks, and those of tables, are in `browser/web/panels/`. Whatever is
-given as text is escaped here; only what functions of this file return is taken as HTML.
+Presses come back as `page_events.Press`; the styles are in `browser/web/panels/`. Text is escaped here; only what
+the functions of this file return is taken as HTML.
 """
 
 from collections.abc import Iterable, Sequence
@@ -13,23 +13,23 @@ from tcfit_app.review.tab.tab import Tab
 
 
 class Html(str):
-    """Text that is HTML already, and safe."""
+    """Text that is already safe HTML."""
 
     __slots__ = ()
 
 
 def text(value: object) -> Html:
-    """Anything as HTML; what is HTML stays as it is."""
+    """Anything as HTML; HTML stays as it is."""
     return value if isinstance(value, Html) else Html(escape(str(value)))
 
 
 def joined(*parts: Html) -> Html:
-    """One after the other."""
+    """Parts concatenated."""
     return Html("".join(parts))
 
 
 def tag(name: str, content: object, **attributes: str) -> Html:
-    """An element with attributes, a trailing underscore of whose names is left out; empty ones are left out."""
+    """An element with attributes; empty ones are omitted, and so is an underscore at the end of a name."""
     given = "".join(
         f' {key.rstrip("_").replace("_", "-")}="{escape(value)}"' for key, value in attributes.items() if value
     )
@@ -37,7 +37,7 @@ def tag(name: str, content: object, **attributes: str) -> Html:
 
 
 def dot(color: str) -> Html:
-    """A disc of a colour, before a label."""
+    """A coloured disc before a label."""
     return tag("i", "", style=f"background:{color}")
 
 
@@ -57,17 +57,16 @@ def button(
     """A button.
 
     Args:
-        label: what is on it.
+        label: its text.
         command: a name given to `Buttons.on`.
-        value: what that gets.
-        pressed: whether it is on, for one that switches something.
+        value: passed to that command.
+        pressed: whether a toggle is on.
         disabled: cannot be pressed now.
         keys: that do the same.
-        hint: shown under the pointer.
-        kind: more of its looks: "main", "danger", "left", "mini"; "held": does something while it is
-            held; "close": Escape and a click outside press it, in a
-            window.
-        enter: the Enter key in the text field above presses it.
+        hint: its tooltip.
+        kind: its style: "main", "danger", "left", "mini"; "held": acts while it is held down; "close": in a window,
+        Escape and a click outside press it.
+        enter: Enter in the text field above presses it.
     """
     shown = joined(tag("span", label), tag("kbd", keys) if keys else Html())
     return Html(
@@ -91,16 +90,16 @@ def action(
     kind: str = "",
     hint: str = "",
 ) -> Html:
-    """A button for one of ACTIONS, with its keys, off while it cannot be done.
+    """A button for one of ACTIONS, with its keys; disabled while the action cannot be done.
 
     Args:
         gestures: Of the tab.
-        name: Of the action.
-        label: What is on it; empty: the action's title.
-        pressed: As of `button`.
-        disabled: It is off in any case.
-        kind: As of `button`.
-        hint: In place of the action's title; why it is off comes after it.
+        name: The action's name.
+        label: Its text; empty: the action's title.
+        pressed: As in `button`.
+        disabled: Disable it in any case.
+        kind: As in `button`.
+        hint: Replaces the action's title; the reason why it is disabled is appended.
     """
     known = ACTIONS[name]
     keys, why = short_keys(known), known.obstacle(gestures)
@@ -119,7 +118,7 @@ def action(
 
 @cache
 def short_keys(known: Action) -> str:
-    """The first of an action's keys, as short as keyboards have it; empty without any."""
+    """The first of an action's keys, abbreviated as on keyboards; empty without any."""
     shown = str(known.keys[0]) if known.keys else ""
     for name, sign in _SIGNS.items():
         shown = shown.replace(name, sign)
@@ -130,45 +129,45 @@ _SIGNS = {"Shift+": "⇧", "Backspace": "⌫"}
 
 
 def row(*parts: Html, label: str = "", wrap: bool = False) -> Html:
-    """Buttons beside each other, the first under viser's inputs if there is a label; with `wrap` in several lines."""
+    """Buttons in a row, aligned with viser's inputs if there is a label; with `wrap` on several lines."""
     named = [tag("label", label)] if label else []
     return tag("div", joined(*named, *parts), class_="tcfit-row tcfit-wrap" if wrap else "tcfit-row")
 
 
 def choice(*buttons: Html) -> Html:
-    """Buttons of which one is on, as one piece."""
+    """Mutually exclusive buttons, joined."""
     return tag("div", joined(*buttons), class_="tcfit-joined")
 
 
 def heading(title: str, note: object = "", *, first: bool = False) -> Html:
-    """The start of a section, with a note at the right; the first in a panel has no line above it."""
+    """A section heading with a note on the right; the first in a panel has no rule above it."""
     return tag("h3", joined(tag("b", title), tag("span", note)), class_="tcfit-first" if first else "")
 
 
 def paragraph(content: object, kind: str = "") -> Html:
-    """Text whose lines stay lines; `kind` as of `words`, or "warn"."""
+    """Text that keeps its line breaks; `kind` as in `words`, or "warn"."""
     return tag("p", content, class_=f"tcfit-{kind}" if kind else "")
 
 
 def words(content: object, kind: str) -> Html:
-    """A part of a text that is "good", "bad", "dim" or "strong"; on a button "phase", which is shown whole, and "name",
-    which then gives way."""
+    """A span of text: "good", "bad", "dim" or "strong"; on a button "phase", always shown whole, and "name",
+    which is shortened instead."""
     return tag("span", content, class_=f"tcfit-{kind}")
 
 
 def progress_bar(share: float) -> Html:
-    """How far something is, 0 to 1."""
+    """A progress bar, 0 to 1."""
     return tag("div", tag("div", "", class_="tcfit-bar", style=f"width:{100 * share:.1f}%"), class_="tcfit-track")
 
 
 def table(rows: Iterable[Html], head: Sequence[str] = (), *, numbers: Sequence[int] = ()) -> Html:
-    """Rows made by `line`, under headings, of which those of `numbers` are aligned at the right."""
+    """Rows made by `line` under a header; the columns of `numbers` are right-aligned."""
     cells = (tag("th", name, class_="tcfit-number" if i in numbers else "") for i, name in enumerate(head))
     return tag("table", joined(*([tag("tr", joined(*cells))] if head else []), *rows), class_="tcfit-table")
 
 
 def facts(known: Iterable[tuple[str, object]]) -> Html:
-    """Names and values beside each other."""
+    """Names and values side by side."""
     return tag("dl", joined(*(part for name, value in known for part in (tag("dt", name), tag("dd", value)))))
 
 
@@ -185,12 +184,12 @@ def line(
 
     Args:
         cells: its contents.
-        numbers: which cells are aligned at the right, and not broken.
-        whole: which others are not broken.
+        numbers: which cells are right-aligned and do not wrap.
+        whole: which others do not wrap.
         kind: "here" or "off".
-        command: as a button's, if the row can be pressed; an `opener` in it is for those without a mouse.
-        value: what that gets.
-        hint: shown under the pointer.
+        command: as for a button, if the row can be pressed; put an `opener` in it for keyboard users.
+        value: passed to that command.
+        hint: its tooltip.
     """
     looks = dict.fromkeys(whole, "tcfit-whole") | dict.fromkeys(numbers, "tcfit-number")
     made = [tag("td", cell, class_=looks.get(i, "")) for i, cell in enumerate(cells)]
@@ -200,19 +199,19 @@ def line(
 
 
 def opener(content: object, command: str, value: str) -> Html:
-    """A button that looks like text, in a row that does the same when it is pressed anywhere."""
+    """A button that looks like text, in a row that does the same when pressed anywhere."""
     return tag("button", content, type="button", class_="tcfit-open", data_tcfit=command, data_value=value)
 
 
 class Board:
-    """An element of a panel that shows HTML, and sends it when it is another. Its buttons are those on show."""
+    """A panel element that shows HTML and sends it only when it changes. Its buttons work while they are shown."""
 
     def __init__(self, tab: Tab) -> None:
         self._content = ""
         self._buttons, self._handle = tab.buttons, tab.client.gui.add_html("")
 
     def show(self, *parts: Html) -> None:
-        """Bring it to these parts, beneath each other; none hides it."""
+        """Show these parts, one below the other; none hides it."""
         content = tag("div", joined(*parts), class_="tcfit-panel") if parts else ""
         if content != self._content:
             self._handle.content = str(content)

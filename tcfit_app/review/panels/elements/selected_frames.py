@@ -6,7 +6,7 @@ from tcfit_app.review.tab.tab import Tab
 
 
 def listen(tab: Tab) -> None:
-    """Have the buttons of `unseen` do something; once for each tab."""
+    """Register the buttons of `unseen`; once per tab."""
     tab.buttons.on("frames.go", lambda _: _go(tab))
     tab.buttons.on("frames.none", lambda _: tab.set(frames=None))
 
@@ -18,16 +18,16 @@ def _go(tab: Tab) -> None:
 
 
 def named(label: str, tab: Tab) -> str:
-    """A button's label, with the selected frames if there are some: "Mark bad, frames 3–7"."""
+    """A button's label, with the selected frames if any: "Mark bad, frames 3–7"."""
     return label if tab.state.frames is None else f"{label}, {in_words(tab.state.frames, tab.first_frame)}"
 
 
 def unseen(tab: Tab) -> list[Html]:
-    """What there is to say while other frames are selected than the one on show: then nothing is changed."""
+    """A warning while the frame on show is not among the selected ones: then nothing is changed."""
     if not tab.hits_unseen:
         return []
     chosen = in_words(tab.chosen_frames, tab.first_frame)
     return [
-        paragraph(f"Selected: {chosen}, but the frame on show is none of them, so nothing is changed.", "warn"),
-        row(button("Go to them", "frames.go"), button("Select no frames", "frames.none")),
+        paragraph(f"Selected: {chosen}, which excludes the frame on show, so nothing is changed.", "warn"),
+        row(button("Go to them", "frames.go"), button("Clear frame selection", "frames.none")),
     ]

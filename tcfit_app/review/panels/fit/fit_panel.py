@@ -1,4 +1,4 @@
-"""The panel Fit: settings, what to fit with them, and how far that is."""
+"""The Fit panel: settings, what to fit with them, and progress."""
 
 from dataclasses import replace
 from typing import ClassVar
@@ -8,7 +8,7 @@ import viser
 from viser import uplot
 
 from fitting_core.errors import InputError
-from tcfit_app.fitting.fits import TITLES, Shown
+from tcfit_app.fitting.fits import SHORT_TITLES, Shown
 from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.project.frame_words import numbers
 from tcfit_app.project.storage.run_record import Given
@@ -45,10 +45,10 @@ class FitPanel:
         self._inputs.add("temporal.weight", "temporal.mode", "temporal.window_size", "temporal.space")
         self._everything = Board(tab)
         self._again = Board(tab)
-        hint = f"Frames fitted again before and after each edited or flagged one. {REACH.range.capitalize()}."
-        reach = gui.add_text(REACH.label, REACH.shown(tab.state.settings.reach), hint=hint)
+        hint = f"Frames refitted before and after each edited or flagged one. {MARGIN.range.capitalize()}."
+        reach = gui.add_text(MARGIN.label, MARGIN.shown(tab.state.settings.reach), hint=hint)
         self._reach = NumberField(tab, reach, self._take_reach)
-        self._progress = FitProgress(tab)  # below all buttons, which stay where they are when a fit begins
+        self._progress = FitProgress(tab)  # below all buttons, so that they do not move when a fit begins
         with gui.add_folder("Start, person", expand_by_default=False):
             self._inputs.add_height()
             self._inputs.add_given()
@@ -74,7 +74,7 @@ class FitPanel:
 
     def _draw_buttons(self) -> None:
         tab, state = self._tab, self._tab.state
-        self._reach.show(REACH.shown(state.settings.reach), wrong="reach" in dict(state.settings.problems))
+        self._reach.show(MARGIN.shown(state.settings.reach), wrong="reach" in dict(state.settings.problems))
         fit = tab.shown.b
         told = paragraph(self._told(state.settings), "dim") if state.settings.given != Given() else Html()
         self._everything.show(row(action(self._gestures, "fit", kind="main")), told)
@@ -86,15 +86,15 @@ class FitPanel:
         )
 
     def _told(self, now: FitSettings) -> str:
-        """What the next whole fit is told beside the clip."""
+        """What the next whole fit is given besides the clip."""
         runs, parts = self._tab.session.fits, []
         if now.given.start is not None:
             held = now.config.start_deviation
-            near = "" if held is None else f", held within some {100 * held:g} cm of it"
-            parts.append(f"begins with {runs.named(now.given.start)}{near}")
+            near = "" if held is None else f", held within about {100 * held:g} cm of it"
+            parts.append(f"starts from {runs.named(now.given.start)}{near}")
         if now.given.shape is not None:
-            parts.append(f"has the shape of {runs.named(now.given.shape)}")
-        return f"It {' and '.join(parts)}."
+            parts.append(f"uses the shape of {runs.named(now.given.shape)}")
+        return f"The next fit {' and '.join(parts)}."
 
     def _shape_label(self, now: FitSettings) -> str:
         shape = now.given.shape
@@ -117,35 +117,35 @@ class FitPanel:
         return f"Re-run around edits: {numbers(frames, self._tab.first_frame, most=2)}"
 
 
-REACH = Number(label="Around", low=0, high=1000, whole=True)
+MARGIN = Number(label="Margin (frames)", low=0, high=1000, whole=True)
 
 
 def with_reach(settings: FitSettings, typed: str) -> FitSettings:
-    """Settings with another number of frames around an edit, or with the reason why it cannot be that."""
+    """Settings with another margin around edits, or with the reason why the value is invalid."""
     problems = {name: why for name, why in settings.problems if name != "reach"}
     try:
-        reach = int(REACH.read(typed))
+        reach = int(MARGIN.read(typed))
     except InputError as error:
         return replace(settings, problems=(*problems.items(), ("reach", str(error))))
     return replace(settings, reach=reach, problems=tuple(problems.items()))
 
 
 Losses = list[tuple[float, dict[str, float]]]
-"""As `RunningJob.losses` has them."""
+"""As in `RunningJob.losses`."""
 TERMS = 5
-"""Curves beside the total: of the terms that cost most."""
+"""Curves besides the total: of the terms with the highest cost."""
 POINTS = 240
-"""Of a curve; longer ones are thinned."""
+"""Points per curve; longer ones are thinned."""
 _COLORS = ("#868e96", "#228be6", "#e8590c", "#2f9e44", "#be4bdb", "#b08900")
-"""Told apart on light ground and on dark."""
+"""Distinguishable on light and on dark backgrounds."""
 _LEAST = 0.1
-"""Costs below are drawn here: the axis is logarithmic."""
+"""The lowest cost drawn: the axis is logarithmic."""
 _AXIS = "#868e96"
 _GRID = uplot.Axis_Grid(stroke="rgba(128,128,128,0.22)")
 _FINE_GRID = uplot.Axis_Grid(stroke="rgba(128,128,128,0.1)")
-"""Of the logarithmic axis, which has nine lines for each power of ten."""
+"""Grid lines per decade of the logarithmic axis."""
 _LABELS = 54
-"""Pixels for the labels of costs, which go to 1,000,000."""
+"""Pixels for the labels of costs up to 1,000,000."""
 _POINTS = uplot.Series_Points(show=False)
 
 
@@ -155,7 +155,7 @@ class FitProgress:
     def __init__(self, tab: Tab) -> None:
         self._tab = tab
         gui = tab.client.gui
-        # The buttons apart from the text, which changes many times a second: one that has the focus keeps it.
+        # Buttons apart from the text, which changes many times a second: a focused button keeps its focus.
         self._buttons, self._said = Board(tab), Board(tab)
         self._plot = _empty_plot(gui)
         tab.buttons.on("fit.cancel", self._cancel)
@@ -199,14 +199,14 @@ class FitProgress:
 
 
 def charted(losses: Losses) -> tuple[str, ...]:
-    """Names of the curves: the total, and the terms that cost most at the end."""
+    """Names of the curves: the total, and the terms with the highest final cost."""
     last = losses[-1][1]
     terms = sorted((name for name in last if name != "total"), key=lambda name: -last[name])
     return ("total", *sorted(terms[:TERMS]))
 
 
 def curves(losses: Losses, names: tuple[str, ...]) -> tuple[np.ndarray, ...]:
-    """Seconds, and 1 + TERMS rows of costs, in the order of the names; what is not known is NaN."""
+    """Seconds, and 1 + TERMS rows of costs in the order of the names; NaN where unknown."""
     chosen = np.unique(np.linspace(0, len(losses) - 1, min(len(losses), POINTS)).round().astype(int))
     rows = [losses[i] for i in chosen]
     costs = np.array([[terms.get(name, np.nan) for _, terms in rows] for name in names])
@@ -216,7 +216,7 @@ def curves(losses: Losses, names: tuple[str, ...]) -> tuple[np.ndarray, ...]:
 
 
 def _all_series(names: tuple[str, ...]) -> tuple[uplot.Series, ...]:
-    """Always as many: uPlot shows nothing between two updates of which one has more curves than the other."""
+    """Always the same number: uPlot shows nothing after an update that changes the number of curves."""
     labels = [*names, *["–"] * (1 + TERMS - len(names))]
     return uplot.Series(label="s"), *map(_series, labels, _COLORS)
 
@@ -234,7 +234,7 @@ def _empty_plot(gui: viser.GuiApi) -> viser.GuiUplotHandle:
     return gui.add_uplot(
         (none, *[none] * (1 + TERMS)),
         _all_series(("total",)),
-        title="Mean cost of a frame, by term",
+        title="Mean cost per frame, by term",
         scales={"x": uplot.Scale(time=False), "y": uplot.Scale(distr=3)},
         axes=(x_axis, y_axis),
         height=178,
@@ -244,7 +244,7 @@ def _empty_plot(gui: viser.GuiApi) -> viser.GuiUplotHandle:
 
 
 def _cancelling(job: RunningJob, count: int) -> list[Html]:
-    """What cancels the job that is running, or the next, and what cancels all."""
+    """Buttons that cancel the running or next job, and all jobs."""
     buttons = [button("Cancel", "fit.cancel", str(job.number), kind="danger")]
     if count > 1:
         buttons.append(button(f"Cancel all {count}", "fit.cancel", "all", kind="danger"))
@@ -256,7 +256,7 @@ def _progress(job: RunningJob) -> list[Html]:
     if progress is None:
         return [paragraph(words(job.title, "strong")), paragraph("starting", "dim"), progress_bar(0.0)]
     part = job.phases.index(progress.phase) + 1 if progress.phase in job.phases else 1
-    where = f"phase {part} of {len(job.phases)}: {TITLES[progress.phase]}, {progress.label}"
+    where = f"phase {part} of {len(job.phases)}: {SHORT_TITLES[progress.phase]}, {progress.label}"
     left = "" if progress.remaining is None else f", about {duration(progress.remaining)} left"
     return [
         paragraph(words(job.title, "strong")),

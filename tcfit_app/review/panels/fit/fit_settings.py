@@ -1,4 +1,4 @@
-"""The settings of the next fit, as inputs: those that are changed most, and all others as TOML."""
+"""The settings of the next fit: inputs for those changed most often, and all others as TOML."""
 
 from collections.abc import Callable, Hashable
 from contextlib import suppress
@@ -28,14 +28,14 @@ from tcfit_app.review.tab.state import FitSettings
 from tcfit_app.review.tab.tab import Tab
 
 ORIGIN = "Fit settings"
-"""Where wrong values stand, for messages."""
+"""What messages call the source of wrong values."""
 LABELS = {
     "temporal.weight": "w_T",
     "temporal.window_size": "Window",
     "temporal.mode": "Mode",
     "temporal.space": "Space",
     "shape_sample.size": "Shape frames",
-    "shape_sample.strategy": "Chosen by",
+    "shape_sample.strategy": "Selected by",
     "shape_sample.seed": "Seed",
     "solver": "Solver",
     "pose_prior": "Pose prior",
@@ -43,45 +43,45 @@ LABELS = {
     "silhouettes": "Silhouettes",
     "height": "Height (cm)",
 }
-"""Settings with an input of their own, in short words."""
+"""Settings with an input of their own, with short labels."""
 _CHOICES: dict[str, Any] = {"sliding window": "sliding_window", "on": True, "off": False}
-"""Choices that read better otherwise, by the words for them."""
+"""Choices shown in other words, by those words."""
 CHOICE_WORDS = {str(choice): word for word, choice in _CHOICES.items()}
-"""The words by the choice as a text."""
+"""The words for each choice, by its text."""
 _HINTS = {
     "temporal.weight": "Weight of consistency over time: the higher, the smoother",
-    "temporal.mode": "Of consistency over time: a sliding window as in the paper, or all frames at once",
-    "temporal.window_size": "Frames of a sliding window; mode global has none",
+    "temporal.mode": "How consistency over time is solved: a sliding window as in the paper, or all frames at once",
+    "temporal.window_size": "Frames per sliding window; not used in global mode",
     "temporal.space": "Consistency over time compares joints relative to the body, or in the camera's space",
-    "shape_sample.size": "How many frames find the shared shape",
-    "shape_sample.strategy": "How they are chosen: at random, the most confident, or so that all parts are seen",
-    "shape_sample.seed": "Of the random choice of frames",
+    "shape_sample.size": "Number of frames that determine the shared shape",
+    "shape_sample.strategy": "How they are selected: at random, the most confident, or so that all parts are visible",
+    "shape_sample.seed": "Seed of the random selection",
     "solver": "lm: Levenberg-Marquardt. lbfgs: L-BFGS, as in the paper",
     "pose_prior": "What counts as a likely pose",
-    "keypoint_noise": "By whose noise keypoints are weighed; auto: that of the detector that found them",
-    "silhouettes": "Whether the shape is found with what the person covers of the image as well (Shift+U shows it)",
-    "height": "Of the person, without shoes: the distance follows it",
+    "keypoint_noise": "The detector whose noise model weights the keypoints; auto: the one that found them",
+    "silhouettes": "Also fit the shape to the person's silhouette (Shift+U shows it)",
+    "height": "The person's height without shoes; it determines the distance",
 }
 _MOST = {"temporal.weight": 1e5, "shape_sample.seed": 999_999_999}
-"""Bounds where the settings themselves have none: beyond, nothing gets better."""
+"""Bounds where the settings have none: nothing improves beyond them."""
 _FOCAL = (1.0, 1e6)
 _OF_FRAMES = ("temporal.window_size", "shape_sample.size")
-"""Counts of frames, of which there are no more than the clip has."""
+"""Numbers of frames, limited by the clip's length."""
 _SOURCE = "All settings"
 _LISTED = 80
-"""Characters of what is changed that two lines have room for."""
+"""Characters that fit on two lines."""
 
 
 @lru_cache(256)
 def differences(config: FitConfig, preset: str) -> tuple[str, ...]:
-    """Dotted names of the settings that are not the preset's; the height is the person's."""
+    """Dotted names of the settings that differ from the preset's, except the height, which belongs to the person."""
     base = replace(PRESETS[preset], height=config.height)
     return tuple(name for name in settings() if value_of(config, name) != value_of(base, name))
 
 
 @lru_cache(256)
 def nearest_preset(config: FitConfig) -> str:
-    """The preset from which a configuration differs least."""
+    """The preset that differs least from a configuration."""
     return min(PRESETS, key=lambda name: len(differences(config, name)))
 
 
@@ -92,14 +92,14 @@ def words(name: str) -> str:
 
 
 def pose_priors(now: str) -> tuple[str, ...]:
-    """Those that are on this computer, and the one that is set."""
+    """Those on this computer, and the current one."""
     latent = [prior.name for prior in list_priors() if not prior.problem]
     there = [name for name in POSE_PRIORS if name in ("axis_angle", "relaxed") or name in latent]
     return tuple(dict.fromkeys([*there, now]))
 
 
 class FitInputs:
-    """Inputs that set a tab's `FitSettings`."""
+    """Inputs for a tab's `FitSettings`."""
 
     def __init__(self, tab: Tab) -> None:
         self._tab, self._gui = tab, tab.client.gui
@@ -109,16 +109,21 @@ class FitInputs:
     # --- elements ---
 
     def add_preset(self) -> None:
-        """The preset, what is changed in it or wrong, and the way back: always as high, for the next click is meant for
-        what stands below."""
+        """The preset, what differs from it or is wrong, and the way back; always the same height, so that inputs below
+        do not move under the pointer."""
         now = self._tab.state.settings
-        handle = self._gui.add_dropdown("Preset", tuple(PRESETS), initial_value=now.preset, hint="Sets all settings")
+        handle = self._gui.add_dropdown(
+            "Preset",
+            tuple(PRESETS),
+            initial_value=now.preset,
+            hint="tcfit: best results; paper and smplifyx: as published",
+        )
         self._add("preset", handle, self._take_preset, lambda s: s.preset)
         self._changed = Board(self._tab)
         self._tab.buttons.on("fit.preset", lambda _: self._take_preset(self._tab.state.settings.preset))
 
     def add(self, *names: str) -> None:
-        """Inputs of settings of LABELS."""
+        """Inputs for settings in LABELS."""
         for name in names:
             value, setting = value_of(self._tab.state.settings.config, name), settings()[name]
             if isinstance(value, int | float) and not isinstance(value, bool):
@@ -132,9 +137,9 @@ class FitInputs:
                 )
 
     def add_height(self) -> None:
-        """The person's height, or nothing; the project keeps it."""
+        """The person's height, or nothing; stored in the project."""
         known = RANGES["height"]
-        number = Number(label=LABELS["height"], low=known.low, high=known.high, of="leave it empty if it is not known")
+        number = Number(label=LABELS["height"], low=known.low, high=known.high, of="leave it empty if unknown")
 
         def take(typed: str) -> None:
             self._taker("height")(number.read(typed) if typed.strip() else "none")
@@ -151,17 +156,17 @@ class FitInputs:
     def add_body(self) -> None:
         """Body model and gender."""
         now, gui = self._tab.state.settings, self._gui
-        hint = "The form of the body's file"
+        hint = "The model of the body file"
         kinds = gui.add_dropdown("Body model", tuple(KINDS), initial_value=now.kind, hint=hint)
         self._add("kind", kinds, lambda v: self._take_body(kind=v), lambda s: s.kind)
-        genders = gui.add_dropdown("Gender", GENDERS, initial_value=now.gender, hint="Which of its bodies")
+        genders = gui.add_dropdown("Gender", GENDERS, initial_value=now.gender, hint="Which variant of the model")
         self._add("gender", genders, lambda v: self._take_body(gender=v), lambda s: s.gender)
 
     def add_camera(self) -> None:
-        """The focal length, and a picture of what it means."""
+        """The focal length, with a drawing of its meaning."""
         clip = self._camera.focal[0]
         number = Number(label="Focal length", low=_FOCAL[0], high=_FOCAL[1], of="pixels")
-        hint = "Counts for whole fits; a re-run keeps that of its run"
+        hint = "For whole fits; a re-run keeps its run's focal length"
         self._add_number("focal", number, hint, self._take_focal, lambda s: round(float(s.focal or clip), 2))
         self._focal = Board(self._tab)
         self._tab.buttons.on("fit.lens", self._take_lens, one_of(LENSES))
@@ -169,11 +174,11 @@ class FitInputs:
         self._calibration = CameraInput(self._tab, "fit.camera")
 
     def add_given(self) -> None:
-        """A start and a shape that are known."""
+        """A known start and shape."""
         self._given = GivenInputs(self._tab, self.attempt)
 
     def add_source(self) -> None:
-        """All settings as a text that can be changed."""
+        """All settings as editable text."""
         self._source = self._gui.add_text("TOML", "", multiline=True)
         self._source_of: Hashable = None
         Board(self._tab).show(row(button("Use these settings", "fit.source")))
@@ -187,7 +192,7 @@ class FitInputs:
         return self._gui.add_dropdown(label, shown, initial_value=CHOICE_WORDS.get(str(value), value), hint=hint)
 
     def _number(self, name: str) -> Number:
-        """What a setting can be in this clip."""
+        """The valid range of a setting for this clip."""
         known, whole = RANGES.get(name, Range()), settings()[name].type is int
         length = self._tab.length
         if name in _OF_FRAMES:
@@ -213,7 +218,7 @@ class FitInputs:
     # --- what is entered ---
 
     def attempt(self, name: str, take: Callable[[], None]) -> None:
-        """Take a value over; if it is wrong, remember why."""
+        """Apply a value; if it is invalid, remember why."""
         problems = dict(self._tab.state.settings.problems)
         problems.pop(name, None)
         try:
@@ -265,16 +270,16 @@ class FitInputs:
 
     def _take_source(self) -> None:
         given = {}
-        with suppress(ValueError):  # which `parsed` tells
+        with suppress(ValueError):  # `parsed` reports it
             given = parsed_toml(self._source.value)
         prior = self._prior(given.get("pose_prior"))
         preset, config = parsed(self._source.value, origin=_SOURCE)
         config = replace(config, pose_prior=prior) if prior is not None else config
         self._set(preset=preset, config=config, problems=())
-        self._tab.say("Settings taken over")
+        self._tab.say("Settings applied")
 
     def _prior(self, given: Any) -> Any:
-        """A pose prior as it was entered; one that is no name is a file, which this page must be allowed to name."""
+        """A pose prior as entered; if it is not a known name it is a file, which this page must be allowed to read."""
         known = not isinstance(given, str) or given in (*POSE_PRIORS, self._tab.state.settings.config.pose_prior)
         return given if known else str(self._tab.files.path(given))
 
@@ -308,7 +313,7 @@ class FitInputs:
         said = listed if len(listed) <= _LISTED else f"{len(names)} settings"
         more = f" ({len(problems) - 1} more)" if len(problems) > 1 else ""
         told = marked(problems[0] + more, "bad") if problems else joined(text("Changed: "), marked(said, "strong"))
-        hint = "Sets all settings as the preset has them"
+        hint = "Resets all settings to the preset"
         back = button("Back to the preset", "fit.preset", disabled=not names and not problems, hint=hint)
         self._changed.show(tag("p", told, class_="tcfit-two-lines", title="\n".join(problems) or listed), row(back))
 
@@ -320,7 +325,7 @@ class FitInputs:
         lenses = [button(name, "fit.lens", name, kind="mini", hint=f"{mm:g} mm") for name, mm in LENSES.items()]
         self._focal.show(
             paragraph(self._focal_text(now), "dim"),
-            row(*lenses, button("as the clip", "fit.clip_focal", kind="mini", disabled=now.focal is None), wrap=True),
+            row(*lenses, button("clip's own", "fit.clip_focal", kind="mini", disabled=now.focal is None), wrap=True),
             focal_picture(seen),
             paragraph(seen.words),
         )
@@ -329,7 +334,7 @@ class FitInputs:
         camera = self._camera
         if now.focal is None:
             return f"px, from the clip: {camera.source}"
-        return f"px, set here; the clip's is {camera.focal[0]:.2f} ({camera.source})"
+        return f"px, set here; the clip's own is {camera.focal[0]:.2f} ({camera.source})"
 
     def _draw_source(self, now: FitSettings) -> None:
         key = (now.preset, now.config)

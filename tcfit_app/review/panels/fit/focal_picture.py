@@ -1,4 +1,4 @@
-"""What a focal length means, as a picture: camera, field of view and person from above, to scale."""
+"""A drawing of what a focal length means: camera, field of view and person from above, to scale."""
 
 import math
 from dataclasses import dataclass
@@ -12,24 +12,24 @@ from tcfit_app.review.panels.elements.html import Html, tag
 LENSES = {"wide 24": 24.0, "phone 28": 28.0, "35": 35.0, "50": 50.0, "portrait 85": 85.0}
 """Usual lenses by name: 35 mm equivalents."""
 _TRUNK, _SHOULDERS = 0.5, 0.37
-"""Metres from shoulders to hips, and from shoulder to shoulder, of usual people."""
+"""Typical distances in metres: shoulders to hips, and shoulder to shoulder."""
 _REACH = 0.6
-"""Metres that a hand reaches forward."""
+"""How far a hand reaches forward, metres."""
 _SURE = 0.3
 _WIDTH, _HEIGHT = 300, 96
-"""Of the picture, in CSS pixels."""
+"""Size of the drawing, CSS pixels."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Perspective:
-    """How a clip was filmed if the focal length is that."""
+    """How a clip was filmed if this is the focal length."""
 
     focal: float
     """Pixels."""
     size: tuple[int, int]
     """Width and height of the image in pixels."""
     metre: float | None
-    """Pixels that a metre has where the person is, for most frames; None if the keypoints do not tell."""
+    """Pixels per metre at the person's distance, median over frames; None if the keypoints do not tell."""
 
     @property
     def millimetres(self) -> float:
@@ -38,7 +38,7 @@ class Perspective:
 
     @property
     def angle(self) -> float:
-        """The horizontal field of view, radians."""
+        """Horizontal field of view, radians."""
         return 2 * math.atan(self.size[0] / 2 / self.focal)
 
     @property
@@ -48,19 +48,19 @@ class Perspective:
 
     @property
     def words(self) -> str:
-        """Lens, field of view, distance, and what it does to a hand that reaches forward."""
+        """Lens, field of view, distance, and how much it enlarges a hand that reaches forward."""
         said = f"{self.millimetres:.0f} mm (35 mm equivalent), {math.degrees(self.angle):.0f}° wide"
         if self.distance is None:
             return said
-        said += f"; the person about {self.distance:.1f} m away"
+        said += f"; the person is about {self.distance:.1f} m away"
         if self.distance < 1.5 * _REACH:
-            return f"{said}, hardly possible"
+            return f"{said}, which is hardly possible"
         larger = self.distance / (self.distance - _REACH) - 1
-        return f"{said}. A hand stretched forward looks {100 * larger:.0f} % larger"
+        return f"{said}. An outstretched hand looks {100 * larger:.0f} % larger"
 
 
 def metre_in_pixels(keypoints: Keypoints) -> float | None:
-    """Pixels of a metre where the person is, by trunk or shoulders, the median over frames; None without any."""
+    """Pixels per metre at the person's distance, by trunk or shoulders, median over frames; None without any."""
 
     def lengths(a: str, b: str) -> np.ndarray:
         i, j = INDEX[a], INDEX[b]
@@ -80,7 +80,7 @@ def focal_of_lens(name: str, size: tuple[int, int]) -> float:
 
 
 def focal_picture(perspective: Perspective) -> Html:
-    """An SVG: the camera at the left, what it sees as a wedge, the person in it, a tick for each metre."""
+    """An SVG: the camera on the left, its field of view as a wedge, the person in it, a tick every metre."""
     distance = perspective.distance or 4.0
     scale = (_WIDTH - 30) / (distance + 1.2)
     half, middle = math.tan(perspective.angle / 2), _HEIGHT / 2

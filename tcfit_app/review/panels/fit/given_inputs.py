@@ -1,4 +1,4 @@
-"""Inputs for what a fit is told that its clip does not say: the result that it begins with, the person's shape."""
+"""Inputs for what a fit is given besides its clip: the result it starts from, and the person's shape."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -14,15 +14,15 @@ from tcfit_app.review.tab.state import FitSettings
 from tcfit_app.review.tab.tab import Tab
 
 Attempt = Callable[[str, Callable[[], None]], None]
-"""Takes a value over, by its name; remembers why it cannot be used."""
+"""Applies the value of a setting; remembers why it is invalid."""
 FILE = "a file …"
 HELD = Number(label="Held near", low=0.001, high=10.0, of="metres")
-_PERSON, _FIRST = "Its person", "Its first frame"
+_PERSON, _FIRST = "Person in it", "Its first frame"
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Part:
-    """Of `Given`, in words."""
+    """One part of `Given`, in words."""
 
     name: Literal["start", "shape"]
     label: str
@@ -37,16 +37,16 @@ class _Part:
 START = _Part(
     name="start",
     label="Start from",
-    hint="A result with which phase 1 of a whole fit begins: a run of this project, or another program's",
-    none="nothing: the clip alone",
+    hint="The result that phase 1 of a whole fit starts from: a run of this project, or another program's",
+    none="nothing: only the clip",
     path="Path of the result",
-    path_hint="On the computer that runs tcfit: what the panel Runs imports, also of a part of the clip",
+    path_hint="On the computer that runs tcfit: any result that the panel Runs can import, also for part of the clip",
 )
 SHAPE = _Part(
     name="shape",
     label="Same person as",
-    hint="Whose shape this person has, for whole fits and for Re-run shape",
-    none="nobody: found from the clip",
+    hint="Use this run's or file's body shape, for whole fits and for Re-run shape",
+    none="nobody: estimate from the clip",
     path="Path of the shape",
     path_hint="On the computer that runs tcfit: a project, a result's folder, or an npz or JSON file with betas",
 )
@@ -56,20 +56,20 @@ class GivenInputs:
     """A part of a panel.
 
     Args:
-        tab: whose settings these are.
-        attempt: takes values over.
+        tab: the tab whose settings these are.
+        attempt: applies values.
     """
 
     def __init__(self, tab: Tab, attempt: Attempt) -> None:
         self._tab, self._attempt, gui = tab, attempt, tab.client.gui
         self._start = _SourceInput(tab, attempt, START)
-        hint = "Of several people in it; empty: who follows the keypoints"
+        hint = "If it has several people; empty: the one who matches the keypoints"
         self._person = gui.add_text(_PERSON, "", hint=hint, visible=False)
-        hint = "Number in the video of the result's first frame; empty: as it says"
+        hint = "Video frame number of the result's first frame; empty: as stored in it"
         self._first = gui.add_text(_FIRST, "", hint=hint, visible=False)
         self._person_field = self._number(self._person, _PERSON, "person")
         self._first_field = self._number(self._first, _FIRST, "first_frame")
-        hint = f"How near the fit stays to its start; empty: it only begins there. {HELD.range.capitalize()}."
+        hint = f"How close the fit stays to its start; empty: it only starts there. {HELD.range.capitalize()}."
         handle = gui.add_text(HELD.label, _shown_held(tab.state.settings), hint=hint)
         self._held = Field(tab, handle, lambda typed: attempt("held", lambda: self._take_held(typed)))
         self._shape = _SourceInput(tab, attempt, SHAPE)
@@ -107,7 +107,7 @@ def _shown_held(now: FitSettings) -> str:
 
 
 class _SourceInput:
-    """A choice among the runs of the project, with a path where it is a file."""
+    """A choice among the project's runs, or a file's path."""
 
     def __init__(self, tab: Tab, attempt: Attempt, part: _Part) -> None:
         self._tab, self._part, gui = tab, part, tab.client.gui
@@ -134,7 +134,7 @@ class _SourceInput:
         self.set(structs.replace(before, run=None, path=str(path)))
 
     def set(self, source: Source | None) -> None:
-        """Another one for the next fit."""
+        """Set the source for the next fit."""
         now = self._tab.state.settings
         given = structs.replace(now.given, **{self._part.name: source})
         self._tab.set(settings=replace(now, given=given))

@@ -1,4 +1,4 @@
-"""Bringing another program's result into the project, from a path of tcfit's computer or from the browser's."""
+"""Imports another program's result into the project, from a path on tcfit's computer or an upload."""
 
 from collections.abc import Callable
 from typing import Any
@@ -17,7 +17,7 @@ from tcfit_app.review.tab.tab import Tab
 _OWN = "the result's body"
 _SAID = (
     "SMPLify-X's output folder, an npz of SMPL-X or AMASS, a fit.npz, or what GVHMR, GEM, WHAM, TRAM, PromptHMR, "
-    "4D-Humans, VIBE, ROMP, BEV, SMPLer-X, Multi-HMR or SAM 3D Body wrote: a run to compare with. It must have this "
+    "4D-Humans, VIBE, ROMP, BEV, SMPLer-X, Multi-HMR or SAM 3D Body wrote, as a run to compare. It must match this "
     "clip's frames."
 )
 
@@ -26,22 +26,22 @@ class ImportRun:
     """A part of a panel.
 
     Args:
-        tab: whose panel it is.
-        imported: Gets the run that it has become.
+        tab: the panel's tab.
+        imported: receives the new run.
     """
 
     def __init__(self, tab: Tab, imported: Callable[[Run], None]) -> None:
         self._tab, self._imported = tab, imported
         self._reading: Task[Run] | None = None
-        """The import that began last."""
+        """The import started last."""
         gui = tab.client.gui
         with gui.add_folder("Import a result", expand_by_default=False):
             Board(tab).show(paragraph(_SAID, "dim"))
-            hint = "Of a folder or file on the computer where tcfit runs"
+            hint = "Folder or file on the computer where tcfit runs"
             self._path = gui.add_text("Path", "", hint=hint)
-            hint = "Number in the video of the result's first frame; empty: as its files are named"
+            hint = "Video frame number of the result's first frame; empty: as its files are named"
             self._first = gui.add_text("First frame", "", hint=hint)
-            hint = "Another body keeps the joint angles and leaves out the shape"
+            hint = "Another body keeps the joint angles but drops the shape"
             self._body: Any = gui.add_dropdown("Posed on", (_OWN, *KINDS), hint=hint)
             self._buttons = Board(tab)
             self._upload: Any = gui.add_upload_button(
@@ -59,7 +59,7 @@ class ImportRun:
     def _import_path(self) -> None:
         if not self._path.value.strip():
             raise InputError(
-                "Give the path of a result first; expected a folder or a file of one of the programs above."
+                "Type the path of a result first; expected a folder or a file of one of the programs above."
             )
         self._tab.refuse_read_only()
         path, choices, session = self._tab.files.path(self._path.value), self._choices(), self._tab.session

@@ -1,4 +1,4 @@
-"""What is said about runs, as HTML."""
+"""Descriptions of runs, as HTML."""
 
 from dataclasses import dataclass
 from datetime import datetime
@@ -33,7 +33,7 @@ LOOKS: dict[RunState, str] = {
     "cancelled": "dim",
     "failed": "bad",
 }
-"""How each state is marked."""
+"""The mark of each state."""
 _BADGES = {
     name: tag("b", name, class_="tcfit-badge", style=f"background:{css(color)}")
     for name, color in zip("AB", RUN_COLORS, strict=True)
@@ -53,7 +53,7 @@ class Listed:
 
 
 def seconds_of(run: Run) -> float | None:
-    """Of the phases that it did itself, or from its start to its end; None while it runs, or if there are none."""
+    """Total of its own phases, or from start to end; None while it runs, or if there are none."""
     if run.kind in ("imported", "corrections"):
         return None
     phases = run.summary.get("seconds", {})
@@ -64,7 +64,7 @@ def seconds_of(run: Run) -> float | None:
 
 
 def when(time: datetime) -> str:
-    """In the time of this computer; the day only if it is not today."""
+    """In this computer's time zone; with the date only if it is not today."""
     local = time.astimezone()
     return f"{local:%H:%M}" if local.date() == datetime.now().astimezone().date() else f"{local:%d %b %H:%M}"
 
@@ -79,7 +79,7 @@ def run_line(listed: Listed, *, first_frame: int, here: bool) -> Html:
     """
     run = listed.run
     badges = joined(*(_BADGES[name] for name in listed.shown_as))
-    begun = ["begun with another result"] if run.kind == "fit" and run.given.start else []
+    begun = ["started from another result"] if run.kind == "fit" and run.given.start else []
     said = [_kind(run, first_frame), *begun, *_since(listed.edits), *_settings(run)]
     taken = seconds_of(run)
     time = when(run.started) + ("" if taken is None else f", {duration(taken)}")
@@ -127,7 +127,7 @@ def _settings(run: Run) -> list[str]:
 
 
 def short(value: object) -> str:
-    """A setting's value."""
+    """A setting's value, shortened."""
     if isinstance(value, tuple):
         return ", ".join(map(short, value))
     if isinstance(value, float):
@@ -136,7 +136,7 @@ def short(value: object) -> str:
 
 
 def details(listed: Listed, session: Session, fit: FitResult | None) -> list[Html]:
-    """All that is known of a run but its result."""
+    """Everything known about a run except its result."""
     run, clip = listed.run, session.project.footage
     known = {
         "Fitted": _kind(run, clip.first_frame),
@@ -153,7 +153,7 @@ def details(listed: Listed, session: Session, fit: FitResult | None) -> list[Htm
 
 
 def _origin(run: Run, session: Session) -> str:
-    """The run from which it started, or the file that it was read from; empty without either."""
+    """The run it started from, or the file it was read from; empty without either."""
     if run.parent is None:
         return str(run.summary.get("source", ""))
     known = (*session.fits.runs, *session.project.runs.all(deleted=True))
@@ -164,17 +164,17 @@ def _origin(run: Run, session: Session) -> str:
 
 
 def _told(run: Run, session: Session, fit: FitResult | None) -> dict[str, str]:
-    """What the run was told that the clip does not say."""
+    """What the run was given besides the clip."""
     given = (run.given.start, run.given.shape)
     start, shape = ("" if source is None else session.fits.named(source) for source in given)
     if fit is not None and fit.start is not None:
         about = fit.start.about
         start = f"{about.source}, read as {about.format}, in {about.frames} of {about.clip_frames} frames"
-    return {"Begun with": start, "Shape": f"as given from {shape}" if shape else ""}
+    return {"Started from": start, "Shape": f"given by {shape}" if shape else ""}
 
 
 def _found(run: Run, fit: FitResult, clip: Camera) -> dict[str, str]:
-    own = "" if fit.camera.focal == clip.focal else f", the clip's is {clip.focal[0]:.2f}"
+    own = "" if fit.camera.focal == clip.focal else f", the clip's own is {clip.focal[0]:.2f}"
     if run.kind == "imported":
         return {"Read as": fit.pose_prior, "Focal length": f"{fit.camera.focal[0]:.2f} px ({fit.camera.source}{own})"}
     return {
@@ -187,13 +187,13 @@ def _found(run: Run, fit: FitResult, clip: Camera) -> dict[str, str]:
 
 
 def _phase(run: Run, phase: PhaseResult, *, own: bool) -> str:
-    """A phase with its time, if the run took it."""
+    """A phase, with its time if this run computed it."""
     title = phase_title(run, phase.phase)
     return f"{title} {duration(phase.seconds)}" if own else title
 
 
 def _cost(phase: PhaseResult) -> str:
-    """Mean of a frame; of a phase that was patched, without what couples frames: that is known of whole fits only."""
+    """Mean per frame; for a patched phase without the coupling between frames, which is known of whole fits only."""
     if "total" in phase.objective:
         return f"{phase.objective['total']:.4g}"
     return f"{phase.frame_cost.mean():.4g} without the temporal term"
@@ -218,7 +218,7 @@ def _notes(fit: FitResult | None) -> list[Html]:
 
 
 def result_of(session: Session, run: Run) -> FitResult | None:
-    """What a run has found so far; None if nothing, or nothing yet, or if it cannot be read."""
+    """What a run has found so far; None if nothing, nothing yet, or unreadable."""
     try:
         return session.stored.fit(run) if run.stored or run.state == "running" else None
     except InputError:

@@ -1,4 +1,4 @@
-"""The panel Runs: every fit of the project, what it was made with, and what can be done with it."""
+"""The Runs panel: every fit of the project, how it was made, and what can be done with it."""
 
 from dataclasses import replace
 from functools import partial
@@ -18,14 +18,14 @@ from tcfit_app.review.panels.runs.import_run import ImportRun
 from tcfit_app.review.panels.runs.parents import parent_of, show_beside_parent
 from tcfit_app.review.panels.runs.run_texts import Listed, details, result_of, run_line
 from tcfit_app.review.tab.buttons import one_of
-from tcfit_app.review.tab.on_show import SIDES
+from tcfit_app.review.tab.on_show import SLOTS
 from tcfit_app.review.tab.tab import Tab
 
 LISTED = 30
-"""Runs in the table, the newest; the choice has them all."""
+"""The newest runs listed; the dropdown has all."""
 _NONE = "no runs yet"
-_REFINE = "Fit everything, beginning with what this run has found, with the settings of the panel Fit"
-_RENAME = "To what stands in the field Name (Enter there)"
+_REFINE = "Fit everything, starting from this run, with the settings of the panel Fit"
+_RENAME = "Rename to the text in the Name field (or press Enter there)"
 
 
 class RunsPanel:
@@ -40,7 +40,7 @@ class RunsPanel:
         self._chosen: int | None = None
         """The run whose details are shown; None: the newest."""
         self._drawn: int | None = None
-        """The one that the user sees there now."""
+        """The run the user sees there now."""
         gui = tab.client.gui
         self._table = Board(tab)
         self._head = Board(tab)
@@ -77,10 +77,10 @@ class RunsPanel:
         return next((run for run in runs if run.id == self._chosen), runs[-1])
 
     def _pressed(self, number: int) -> Run:
-        """The run that a button was for: a newer one may have taken its place since. It stays on show."""
+        """The run that a button was for, even if a newer one has taken its place since. It stays on show."""
         run = self._tab.session.fits.run(number)
         if run is None:
-            raise InputError("This run was deleted meanwhile; it can be restored below.")
+            raise InputError("This run has been deleted; it can be restored below.")
         self._chosen = run.id
         return run
 
@@ -92,7 +92,7 @@ class RunsPanel:
         side, number = what
         run = self._pressed(number)
         if run not in self._tab.session.fits.showable():
-            raise InputError(f"{run.name} has no result that could be shown.")
+            raise InputError(f"{run.name} has no result to show.")
         self._tab.set(**{side: FitChoice(run=run.id)})
 
     def _rename(self, run: Run) -> None:
@@ -123,7 +123,7 @@ class RunsPanel:
             problems=(),
         )
         tab.set(settings=settings)
-        tab.say(f"The next fit has the settings of {run.name}")
+        tab.say(f"The next fit uses the settings of {run.name}")
 
     # --- drawing ---
 
@@ -154,9 +154,7 @@ class RunsPanel:
 
     def _draw_table(self, listed: list[Listed]) -> None:
         if not listed:
-            self._table.show(
-                heading("All runs", first=True), paragraph("Nothing was fitted yet: see the panel Fit.", "dim")
-            )
+            self._table.show(heading("All runs", first=True), paragraph("No fits yet: see the panel Fit.", "dim"))
             return
         first, here = self._tab.first_frame, self._run
         rows = [run_line(one, first_frame=first, here=one.run.id == here.id) for one in listed[:LISTED]]
@@ -174,7 +172,7 @@ class RunsPanel:
             return
         run = chosen.run
         self._drawn = run.id
-        if not self._naming.waiting:  # else what is being typed would go
+        if not self._naming.waiting:  # otherwise what is being typed would be lost
             self._tab.once("run name", (run.id, run.name), lambda: self._naming.show(run.name))
         self._draw_buttons(chosen)
         self._details.show(*details(chosen, session, result_of(session, run)))
@@ -193,7 +191,7 @@ class RunsPanel:
             row(
                 *(
                     show(f"Show as {side.upper()}", value=f"{side} {number}", pressed=side.upper() in chosen.shown_as)
-                    for side in SIDES
+                    for side in SLOTS
                 )
             ),
             row(
@@ -222,22 +220,22 @@ class RunsPanel:
 def _side_and_run(value: str) -> tuple[str, int]:
     """Where to show which run: "a 5"."""
     side, number = value.split(" ")
-    return one_of(SIDES)(side), int(number)
+    return one_of(SLOTS)(side), int(number)
 
 
-_BUTTONS = row(button("Restore", "deleted.restore"), button("Remove all for good …", "deleted.ask", kind="danger"))
+_BUTTONS = row(button("Restore", "deleted.restore"), button("Remove all permanently …", "deleted.ask", kind="danger"))
 
 
 class DeletedRuns:
-    """Runs that can be brought back, until they are removed for good: a part of the panel, while there are any."""
+    """Deleted runs, which can be restored until they are removed for good; shown only while there are any."""
 
     def __init__(self, tab: Tab) -> None:
         self._tab, gui = tab, tab.client.gui
         self._runs: tuple[Run, ...] = ()
         self._window: Any = None
-        """The window that asks, if it was ever open."""
+        """The confirmation window, if it was ever opened."""
         self._question: Board | None = None
-        """What it shows."""
+        """The runs it shows."""
         self._folder = gui.add_folder("Deleted runs", visible=False)
         with self._folder:
             self._choice: Any = gui.add_dropdown("Deleted", ("",))
@@ -254,15 +252,15 @@ class DeletedRuns:
             self._tab.say(f"Restored: {run.name}")
 
     def _ask(self) -> None:
-        """Remove them if the user confirms it in a window."""
+        """Remove them once the user confirms in a window."""
         what = f"{len(self._runs)} deleted run{'s' if len(self._runs) != 1 else ''}"
         self._close()
-        self._window = self._tab.client.gui.add_modal(f"Remove {what} for good?")
+        self._window = self._tab.client.gui.add_modal(f"Remove {what} permanently?")
         with self._window:
             self._question = Board(self._tab)
         self._question.show(
             *(paragraph(run.name) for run in self._runs),
-            paragraph("Their results cannot be brought back.", "warn"),
+            paragraph("Their results cannot be recovered.", "warn"),
             row(button(f"Remove {what}", "deleted.remove", kind="danger")),
             button("Keep them", "deleted.keep", kind="close"),
         )
@@ -286,5 +284,5 @@ class DeletedRuns:
         self._folder.visible = bool(self._runs)
         self._buttons.show(*([_BUTTONS] if self._runs else []))
         options = tuple(run.option for run in reversed(self._runs)) or ("",)
-        if options != self._choice.options:  # viser sends them each time that they are assigned
+        if options != self._choice.options:  # viser sends them on every assignment
             self._choice.options = options

@@ -12,7 +12,15 @@ from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.config.schema import FitConfig, SolverSettings, Weights
 from fitting_core.fit.events import drained
-from fitting_core.fit.evidence.given_start import FOLLOWS, beside, from_pelvis, given_start, placed, state_of, steadied
+from fitting_core.fit.evidence.given_start import (
+    FOLLOWS,
+    corrected_start,
+    from_pelvis,
+    given_start,
+    place_by_keypoints,
+    state_of,
+    steadied,
+)
 from fitting_core.fit.fitting import fit_clip, rerun_events, shape_events
 from fitting_core.fit.phase_figures import evaluated, patched
 from fitting_core.fit.stages import Stages
@@ -66,7 +74,7 @@ def test_bodies_are_placed_where_their_keypoints_are(free_body: BodyModel):
     wild = replace(keypoints, xy=keypoints.xy + np.where(np.arange(kp.COUNT)[:, None] == ELBOW, 150.0, 0.0))
     pelvis = joints_in_space(free_body, truth)[:, JOINT["pelvis"]]
     for seen, near in ((keypoints, 1e-5), (wild, 0.02)):
-        found = placed(from_pelvis(free_body, truth), seen, CAMERA)
+        found = place_by_keypoints(from_pelvis(free_body, truth), seen, CAMERA)
         assert np.abs(found.pelvis - pelvis).max() < near
         assert found.median_off.max() < near
     start = start_of(free_body, moved(truth, (0.5, -0.2, 1.5)), keypoints)
@@ -76,7 +84,7 @@ def test_bodies_are_placed_where_their_keypoints_are(free_body: BodyModel):
 def test_nobody_is_placed_by_too_few_keypoints(free_body: BodyModel):
     truth = arms_in_motion(2)
     three = hidden(body_seen(free_body, truth), slice(3, kp.COUNT), frames=slice(0, 1))
-    found = placed(from_pelvis(free_body, truth), three, CAMERA)
+    found = place_by_keypoints(from_pelvis(free_body, truth), three, CAMERA)
     assert np.isnan(found.pelvis[0]).all() and found.median_off[0] == np.inf
     assert np.isfinite(found.pelvis[1]).all()
 
@@ -273,7 +281,7 @@ def test_a_start_gives_way_where_a_person_has_put_a_keypoint_elsewhere(free_body
     truth = arms_in_motion(3)
     keypoints = body_seen(free_body, truth)
     start = start_of(free_body, truth, keypoints)
-    assert beside(start, keypoints, CAMERA) is start
+    assert corrected_start(start, keypoints, CAMERA) is start
     depth = joints_in_space(free_body, truth)[1, JOINT["left_elbow"], 2]
     xy, by_hand = keypoints.xy.copy(), keypoints.placed.copy()
     xy[1, ELBOW, 0] += 0.3 / depth * CAMERA.focal[0]

@@ -22,7 +22,7 @@ from tests.samples.posed_clips import clip_of, motion, shipped_body
 
 FRAMES = 5
 WITHOUT_COLLISION = FitConfig(weights=Weights(collision=(0.0,) * 5), pose_prior="axis_angle")
-"""For speed; tests/fitting_core/fit/terms/test_collision_term.py has both solvers on the collision term."""
+"""For speed; tests/fitting_core/fit/terms/test_collision.py has both solvers on the collision term."""
 TIGHT = SolverSettings(final_tolerance=1e-13, sequence_tolerance=1e-13, iterations=200)
 
 

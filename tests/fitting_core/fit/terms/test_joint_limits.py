@@ -17,7 +17,7 @@ from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.config.schema import PRESETS, FitConfig, Weights
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.stages import Stages
-from fitting_core.fit.terms.limits import AngleTable, Limits
+from fitting_core.fit.terms.limits import AngleTable, JointLimits
 from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.state import Free, State
 from fitting_core.priors.pose import relaxed_pose
@@ -36,7 +36,7 @@ def ranges(free_body: BodyModel) -> dict[str, JointRange]:
 
 def excess(ranges: dict[str, JointRange], pose: dict[str, Rotation]) -> dict[tuple[str, str], float]:
     """Degrees beyond the range, where any are."""
-    limits = Limits.of(1.0, {name: ranges[name] for name in pose}, fingers=True, like=LIKE)
+    limits = JointLimits.of(1.0, {name: ranges[name] for name in pose}, fingers=True, like=LIKE)
     vectors = [rotation.as_rotvec() for rotation in pose.values()]
     beyond = limits.excess(torch.tensor(np.array(vectors))[None])
     named = limits.table.named(beyond)[0].rad2deg().numpy()

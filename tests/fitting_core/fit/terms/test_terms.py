@@ -19,7 +19,7 @@ from fitting_core.fit.objective import FrameObjective, Normal
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.terms.collision import Collision
 from fitting_core.fit.terms.data import Data
-from fitting_core.fit.terms.limits import Limits
+from fitting_core.fit.terms.limits import JointLimits
 from fitting_core.fit.terms.positions import HeldPosition, RelativePosition
 from fitting_core.fit.terms.quadratic import Quadratic
 from fitting_core.fit.terms.table import TERMS
@@ -370,7 +370,7 @@ BY_HAND = {
 
 
 def test_every_term_is_written_out_by_hand(scene: Scene):
-    tested, elsewhere = {type(scene.term(name)) for name in BY_HAND}, {Limits, Collision, Evenness}
+    tested, elsewhere = {type(scene.term(name)) for name in BY_HAND}, {JointLimits, Collision, Evenness}
     assert tested == {Data, RelativePosition, HeldPosition, *(entry.kind for entry in TERMS.values())} - elsewhere
     assert {t.name for o in scene.objectives.values() for t in (*o.terms, *o.shared)} == set(BY_HAND)
 

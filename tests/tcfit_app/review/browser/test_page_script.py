@@ -610,7 +610,7 @@ def test_a_plot_has_its_title_on_one_line_from_the_beginning(tab: Tab, server: R
     }""")
     line = np.array([0.0, 1.0])
     series = uplot.Series(label="s"), uplot.Series(label="total", stroke="white")
-    plot = server.viser.gui.add_uplot((line, line), series, title="Mean cost of a frame, by term", height=170)
+    plot = server.viser.gui.add_uplot((line, line), series, title="Mean cost per frame, by term", height=170)
     tab.page.wait_for_function("() => window.heights.length === 20")
     plot.remove()
     assert max(tab.page.evaluate("() => window.heights")) < 40

@@ -147,7 +147,7 @@ def test_frames_are_selected_by_their_numbers(tab: Tab) -> None:
     last.press("Enter")
     tab.settle()
     assert last.input_value() == "306" and len([e for e in tab.events if isinstance(e, Range)]) == 2
-    tab.page.get_by_role("button", name="Select no frames").click()
+    tab.page.get_by_role("button", name="Clear frame selection").click()
     assert tab.await_event(Range, 3) == Range(first=None, last=None)
 
 
@@ -424,7 +424,7 @@ def test_a_right_click_says_what_can_be_done_with_the_selected_frames(tab: Tab) 
     tab.page.mouse.click(*strip_place(tab, 100), button="right")
     assert tab.await_event(Seek) == Seek(frame=100), "what is changed must be on show"
     offered = ["Re-run frames 90–150", "Mark bad, frames 90–150", "Zoom to frames 90–150", "Show the whole clip"]
-    assert menu_texts(tab) == [*offered, "Select no frames"]
+    assert menu_texts(tab) == [*offered, "Clear frame selection"]
     bad = tab.page.get_by_role("menuitem", name="Mark bad")
     assert bad.get_attribute("aria-disabled") == "true"
     bad.click(force=True)
@@ -432,7 +432,7 @@ def test_a_right_click_says_what_can_be_done_with_the_selected_frames(tab: Tab) 
     assert tab.await_event(Key) == Key(action="rerun", repeat=False)
     assert tab.page.get_by_role("menu").count() == 0 and len([e for e in tab.events if isinstance(e, Key)]) == 1
     tab.page.mouse.click(*strip_place(tab, 100), button="right")
-    tab.page.get_by_role("menuitem", name="Select no frames").click()
+    tab.page.get_by_role("menuitem", name="Clear frame selection").click()
     assert tab.await_event(Range) == Range(first=None, last=None)
 
 

@@ -15,7 +15,7 @@ from fitting_core.keypoints import GROUPS, INDEX
 from tcfit_app.project.project import Project
 from tcfit_app.review.browser.page_events import Hello, Key
 from tcfit_app.review.browser.page_states import Focus, Trail
-from tcfit_app.review.drawing.around import REACH, followed, in_image
+from tcfit_app.review.drawing.around import TRAIL_REACH, followed, in_image
 from tcfit_app.review.gestures.zooming import show_close_up, usual_size
 from tcfit_app.review.panels.view_panel import ViewPanel
 from tests.drivers.lone_page import LonePage, lone_page, told
@@ -110,7 +110,7 @@ def test_a_trail_has_the_detections_and_each_picture_s_fit(tested: LonePage):
     tested.page.receive(Key(action="trail", repeat=False))
     trail = heard(tested)["trail"]
     assert isinstance(trail, Trail)
-    first, last = max(0, 3 - REACH), min(3 + REACH, tab.length - 1)
+    first, last = max(0, 3 - TRAIL_REACH), min(3 + TRAIL_REACH, tab.length - 1)
     assert trail.now == 3 - first and len(trail.detected[0]) == last - first + 1
     corrected = tab.session.project.corrected
     assert trail.detected[0][trail.now] == pytest.approx(corrected.xy[3, WRIST], abs=0.01)

@@ -117,7 +117,7 @@ def test_a_row_says_why_there_is_no_curve(tested: LonePage):
     tab = tested.page.tab
     tab.set(plots=("reprojection",))
     nothing = of("reprojection", np.full(6, np.nan))
-    for curve, said in ((None, "Being measured"), (nothing, "nothing to measure")):
+    for curve, said in ((None, "Measuring"), (nothing, "nothing to measure")):
         tab.data.curve = lambda name, shown, curve=curve: curve  # pyright: ignore[reportAttributeAccessIssue]
         assert said in sent(tested)[-1]["rows"][0]["empty"]
 

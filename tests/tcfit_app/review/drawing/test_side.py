@@ -14,7 +14,7 @@ from fitting_core.keypoints import INDEX
 from fitting_core.results.error_bars import JOINTS
 from tcfit_app.project.project import Project
 from tcfit_app.review.browser.page_events import Hello, Key, Widen
-from tcfit_app.review.browser.page_states import Bodies, Layout, Side
+from tcfit_app.review.browser.page_states import Bodies, Layout, SidePlate
 from tcfit_app.review.drawing.joints import error_bars_of
 from tcfit_app.review.panels.view_panel import ViewPanel
 from tcfit_app.review.tab.state import SIDE_WIDTHS
@@ -110,7 +110,7 @@ def test_error_bars_are_told_of_the_keypoints_that_are_joints(tested: LonePage):
 
 def test_keypoints_are_told_in_space_and_how_the_plate_shows_them(tested: LonePage):
     tab, state, bodies = tested.page.tab, seen(tested), seen(tested, "bodies")
-    assert isinstance(state, Side) and isinstance(bodies, Bodies)
+    assert isinstance(state, SidePlate) and isinstance(bodies, Bodies)
     (body,), (shift,) = bodies.bodies, state.shifts
     shown = tab.look().b
     assert shown is not None

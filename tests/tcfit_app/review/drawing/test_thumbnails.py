@@ -9,7 +9,7 @@ import viser
 
 from tcfit_app.review.browser.page_states import Thumbnails as State
 from tcfit_app.review.drawing.rows import VIDEO
-from tcfit_app.review.drawing.thumbnails import MOST, Thumbnails, frames_of
+from tcfit_app.review.drawing.thumbnails import MOST, Thumbnails, evenly_spread
 from tests.drivers.lone_page import LonePage, lone_page, sample_project
 
 
@@ -21,7 +21,7 @@ def tested(panel_server: viser.ViserServer, tmp_path: Path) -> Iterator[LonePage
 
 @pytest.mark.parametrize("length", [1, 6, MOST, 1000, 20_000])
 def test_they_are_spread_over_the_clip(length: int):
-    frames = frames_of(length)
+    frames = evenly_spread(length)
     assert len(frames) == len(set(frames)) == min(length, MOST)
     assert frames[0] <= length / MOST and frames[-1] >= length - 1 - length / MOST
 

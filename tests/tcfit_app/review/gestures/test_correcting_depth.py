@@ -118,7 +118,7 @@ def test_depths_are_interpolated_between_told_ones(tested: LonePage):
     tested.press("action", "clear_depth")
     assert last_edit(tested) == ClearDepth(frames=(1, 2, 3, 4, 5), joints=(ELBOW, WRIST))
     assert project.clip.keypoints.depth is None
-    with pytest.raises(InputError, match="Nothing was said of the depth"):
+    with pytest.raises(InputError, match="No depth is set"):
         tested.press("action", "clear_depth")
 
 
@@ -126,7 +126,7 @@ def test_a_joint_is_pinned_where_it_is_now(tested: LonePage, tiny_body: BodyMode
     tab = tested.page.tab
     tab.seek(4)
     tab.set(selection=(WRIST,))
-    with pytest.raises(InputError, match="Select the frames first"):
+    with pytest.raises(InputError, match="First select the frames"):
         tested.press("action", "pin")
     shown = tab.look().b
     assert shown is not None

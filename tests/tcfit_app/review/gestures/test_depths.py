@@ -9,15 +9,15 @@ import pytest
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT, INDEX, Keypoints
-from tcfit_app.review.gestures.depths import Limb, SeenBody, Way, _unit, limbs_of
+from tcfit_app.review.gestures.depths import LimbPoints, SeenBody, Way, _unit, limbs_of
 
 CAMERA = Camera(focal=(1e5, 1e5), center=(500.0, 500.0), size=(1000, 1000))
 PELVIS, DISTANCE = 399.0, 400.0
 """Metres: so far away that all rays are parallel."""
 CLOSE = 1e-3
-LEFT_ARM: Limb = (INDEX["left_shoulder"], INDEX["left_elbow"], INDEX["left_wrist"])
-RIGHT_ARM: Limb = (INDEX["right_shoulder"], INDEX["right_elbow"], INDEX["right_wrist"])
-LEFT_LEG: Limb = (INDEX["left_hip"], INDEX["left_knee"], INDEX["left_ankle"])
+LEFT_ARM: LimbPoints = (INDEX["left_shoulder"], INDEX["left_elbow"], INDEX["left_wrist"])
+RIGHT_ARM: LimbPoints = (INDEX["right_shoulder"], INDEX["right_elbow"], INDEX["right_wrist"])
+LEFT_LEG: LimbPoints = (INDEX["left_hip"], INDEX["left_knee"], INDEX["left_ankle"])
 ROOT = DISTANCE - PELVIS
 """Depth of the shoulders, metres behind the pelvis."""
 WAYS: tuple[Way, ...] = get_args(Way)

@@ -140,7 +140,7 @@ def test_nothing_found_is_said_and_is_no_edit(tested: LonePage, looking: Looking
 
 def test_what_was_not_found_is_one_click_away(tested: LonePage, looking: Looking):
     assert "Left hand: not found" in tested.html() and "Face: not found" not in tested.html()
-    tested.click("Look for it")
+    tested.click("Detect it")
     tested.settle()
     assert looking.asked[0]["frames"] == [FIRST] and looking.asked[0]["part"] == "left_hand"
     assert "not found" not in tested.html()
@@ -229,7 +229,7 @@ def test_without_a_video_nothing_is_offered(panel_server: viser.ViserServer, tmp
     with Project.create(tmp_path / "walk.tcfit", clip) as project, lone_page(panel_server, project) as page:
         page.only(KeypointsPanel)
         assert "not found" not in page.html() and "Detect again" not in page.html()
-        with pytest.raises(InputError, match="video is not there"):
+        with pytest.raises(InputError, match="video is missing"):
             page.page.gestures.again.look("face")
 
 

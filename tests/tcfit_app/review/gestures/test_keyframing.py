@@ -101,7 +101,7 @@ def test_keys_are_deleted_and_moved(tested: LonePage):
     assert last_edit(tested) == MoveKey(frames=(2, 3, 4, 5), joints=(WRIST,), at=5, to=3)
     assert tab.message[0] == "Saved: left wrist keyframe moved to frame 3, frame 5; frames 2–4 follow"
     np.testing.assert_allclose((corrected(tested).xy[:, WRIST, 0] - detected)[:6], [0, 20, 20, 20, 0, 0])
-    with pytest.raises(InputError, match="There is a keyframe already"):
+    with pytest.raises(InputError, match="There is already a keyframe"):
         tested.page.gestures.correcting.move_key(3, 1)
     tab.seek(3)
     tested.click("Delete keyframe")

@@ -108,13 +108,13 @@ def test_a_drag_beyond_the_clip_is_none(panel_page: LonePage):
 def test_the_video_is_looked_for_elsewhere_only_while_it_is_missing(panel_page: LonePage, tmp_path: Path):
     tab = panel_page.page.tab
     folder = write_images(tmp_path / "images", *(f"{frame:03}.png" for frame in range(tab.length)))
-    panel_page.enter("New place", str(folder))
+    panel_page.enter("New location", str(folder))
     panel_page.press("review.relink")
     panel_page.settle()
     tab.data.video.problem_of = lambda frame: ""  # pyright: ignore[reportAttributeAccessIssue]
     panel_page.draw()
     linked = tab.session.project.media.path
     assert linked is not None and not tab.session.project.media.problem
-    panel_page.enter("New place", str(Path(__file__)))
+    panel_page.enter("New location", str(Path(__file__)))
     panel_page.page.receive(Press("review.relink", ""))
     assert tab.session.project.media.path == linked

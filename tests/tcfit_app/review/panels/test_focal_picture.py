@@ -39,9 +39,9 @@ def test_a_longer_lens_sees_less_from_farther_away():
     )
     assert short.angle > 3 * long.angle and short.millimetres == pytest.approx(24)
     assert short.words == (
-        "24 mm (35 mm equivalent), 76° wide; the person about 3.1 m away. A hand stretched forward looks 24 % larger"
+        "24 mm (35 mm equivalent), 76° wide; the person is about 3.1 m away. An outstretched hand looks 24 % larger"
     )
-    assert long.words.endswith("about 10.8 m away. A hand stretched forward looks 6 % larger")
+    assert long.words.endswith("about 10.8 m away. An outstretched hand looks 6 % larger")
     assert set(LENSES) >= {"phone 28"}
 
 
@@ -51,4 +51,4 @@ def test_what_is_not_known_or_cannot_be():
     alone = Perspective(focal=1000.0, size=SIZE, metre=None)
     assert alone.words == "20 mm (35 mm equivalent), 88° wide" and "tcfit-person" not in focal_picture(alone)
     near = Perspective(focal=100.0, size=SIZE, metre=200.0)
-    assert near.words.endswith("about 0.5 m away, hardly possible") and "tcfit-person" in focal_picture(near)
+    assert near.words.endswith("about 0.5 m away, which is hardly possible") and "tcfit-person" in focal_picture(near)

@@ -17,7 +17,7 @@ from tests.samples.spot_clips import empty_project, spot_video
 from tests.tcfit_app.hostile.paths import hostile_paths
 
 PRESSED = {
-    "video": ("New place", "review.relink"),
+    "video": ("New location", "review.relink"),
     "result": ("Path", "import.path"),
     "reference": ("File", "compare.reference"),
     "camera": ("Camera file", "fit.camera"),
@@ -50,7 +50,7 @@ def name(page: LonePage, named: str, path: str) -> list[str]:
     """Type it and press the button; what is told."""
     field, button = PRESSED[named]
     if named == "model":
-        page.enter("Detector", "An ONNX file of yours")
+        page.enter("Detector", "Your own ONNX file")
     page.draw()
     page.field(field)._impl.value = path
     page.notices.clear()

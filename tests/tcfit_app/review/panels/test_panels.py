@@ -344,7 +344,7 @@ def test_the_review_queue(tested: LonePage):
     page = tested.page
     with_suspects(tested, suspect(4), replace(suspect(2), reason="nose off", joints=(0,)))
     shown = tested.html()
-    assert "1 of 3 looked at; flagged frames: 0" in shown and "left wrist 42 px off" in shown
+    assert "1 of 3 reviewed; flagged frames: 0" in shown and "left wrist 42 px off" in shown
     tested.press("review.go", "2 cost")
     assert (page.tab.state.frame, page.tab.state.selection, page.tab.state.suggested) == (2, (0,), True)
     assert 'class="tcfit-here" data-tcfit="review.go" data-value="2 cost"' in tested.html()
@@ -360,7 +360,7 @@ def test_the_review_queue(tested: LonePage):
     assert "flagged frames: 1" in tested.html()
     page.tab.seek(0)
     tested.press("review.frame", "2")
-    assert page.tab.state.frame == 2 and "Take flag away" in tested.html()
+    assert page.tab.state.frame == 2 and "Remove flag" in tested.html()
 
 
 def test_looks_fine_is_taken_back_and_leaves_flags(tested: LonePage):
@@ -377,7 +377,7 @@ def test_looks_fine_is_taken_back_and_leaves_flags(tested: LonePage):
     page.tab.set(frames=range(2, 3))
     tested.press("action", "fine")
     assert marks.all()[2].state == "checked", "said of this frame alone it counts"
-    assert "Not fine after all" in tested.html()
+    assert "Undo &quot;looks fine&quot;" in tested.html()
     page.tab.set(frames=range(1, 4))
     tested.press("action", "fine")
     assert not marks.all()
@@ -446,7 +446,7 @@ def test_an_empty_review_queue(tested: LonePage):
 
 
 def test_a_review_queue_that_cannot_be_made_says_why(tested: LonePage):
-    assert "Suspicious frames cannot be looked for: " in tested.html()  # the sample's body is no real one
+    assert "Suspicious frames cannot be found: " in tested.html()  # the sample's body is no real one
 
 
 def test_no_fit_no_review_queue(panel_server: viser.ViserServer, tmp_path: Path):
@@ -456,15 +456,15 @@ def test_no_fit_no_review_queue(panel_server: viser.ViserServer, tmp_path: Path)
 
 def test_finding_the_video_again(tested: LonePage, tmp_path: Path):
     page = tested.page
-    assert "made without a video" in tested.html()
-    assert tested.field("New place").visible
+    assert "created without a video" in tested.html()
+    assert tested.field("New location").visible
     folder = write_images(tmp_path / "images", *(f"{frame:03}.png" for frame in range(FRAMES)))
-    tested.field("New place")._impl.value = f'"{folder}" '
+    tested.field("New location")._impl.value = f'"{folder}" '
     tested.press("review.relink")
     tested.settle()
     (told,) = tested.notices
     assert (told.title, told.text) == (
-        "The video is found",
+        "Video found",
         str(folder),
     ) and page.tab.session.project.media.problem == ""
 
@@ -472,7 +472,7 @@ def test_finding_the_video_again(tested: LonePage, tmp_path: Path):
 def test_a_wrong_place_is_told(tested: LonePage):
     told: list[str] = []
     tested.page.tab.notify = lambda notice: told.append(notice.kind)  # pyright: ignore[reportAttributeAccessIssue]
-    tested.field("New place")._impl.value = "/nowhere/walk.mp4"
+    tested.field("New location")._impl.value = "/nowhere/walk.mp4"
     tested.page.tab.do(lambda: tested.press("review.relink"))
     tested.settle()
     assert told == ["error"]
@@ -493,12 +493,12 @@ def test_an_entry_outside_the_selected_frames_ends_their_selection(tested: LoneP
     page = tested.page
     with_suspects(tested, suspect(4))
     page.tab.set(frames=range(1, 3))
-    assert f"Both are for frames {FIRST + 1}–{FIRST + 2}." in tested.html()
+    assert f"Both apply to frames {FIRST + 1}–{FIRST + 2}." in tested.html()
     tested.press("review.go", "4 cost")
-    assert page.tab.state.frames is None and f"Both are for frame {FIRST + 4}." in tested.html()
+    assert page.tab.state.frames is None and f"Both apply to frame {FIRST + 4}." in tested.html()
     wide = replace(suspect(2), frames=range(1, 4))
     page.gestures.reviewing.show(wide)
-    assert f"Looks fine is for frames {FIRST + 1}–{FIRST + 3}, Flag for frame {FIRST + 2}." in tested.html()
+    assert f"O marks frames {FIRST + 1}–{FIRST + 3} as fine, T flags frame {FIRST + 2}." in tested.html()
     tested.press("action", "fine")
     assert sorted(page.tab.session.project.marks.all()) == [1, 2, 3]
 

@@ -79,9 +79,9 @@ def test_what_is_entered_is_in_the_run(tested: LonePage):
         ("Shape frames", "0", "Shape frames is 0; expected a whole number, 1 to {frames}"),
         ("Focal length", "0", "Focal length is 0; expected a number, 1 to 1,000,000 (pixels)."),
         ("Gender", "male", "no male smplx body. Put &lt;SMPLX&gt;.npz there."),
-        ("Height (cm)", "17", "Height (cm) is 17; expected a number, 50 to 250 (leave it empty if it is not known)."),
+        ("Height (cm)", "17", "Height (cm) is 17; expected a number, 50 to 250 (leave it empty if unknown)."),
         ("Height (cm)", "tall", "Height (cm) is tall; expected a number, 50 to 250"),
-        ("Around", "-1", "Around is -1; expected a whole number, 0 to 1,000."),
+        ("Margin (frames)", "-1", "Margin (frames) is -1; expected a whole number, 0 to 1,000."),
     ],
 )
 def test_a_wrong_value_is_told_and_fits_nothing(tested: LonePage, label: str, value: object, said: str):
@@ -126,7 +126,7 @@ def test_a_fit_starts_from_a_run_and_has_its_shape(tested: LonePage):
     tested.enter("Start from", first.option)
     tested.enter("Held near", "0.05")
     tested.enter("Same person as", first.option)
-    said = f"It begins with {first.name}, held within some 5 cm of it and has the shape of {first.name}."
+    said = f"The next fit starts from {first.name}, held within about 5 cm of it, and uses the shape of {first.name}."
     assert said in tested.html()
     tested.click("Fit everything")
     tested.until(lambda: len(session.fits.runs) == 2 and not session.jobs)
@@ -136,7 +136,7 @@ def test_a_fit_starts_from_a_run_and_has_its_shape(tested: LonePage):
     assert fit.start is not None and fit.start.about.source == first.name
     assert torch.equal(fit.last.params.betas, before.last.params.betas)
     assert f"shape as given from {first.name}" in fit.warnings
-    tested.enter("Start from", "nothing: the clip alone")
+    tested.enter("Start from", "nothing: only the clip")
     tested.enter("Held near", "")
     assert tab.state.settings.config.start_deviation is None
     tab.set(b=FitChoice(run=first.id))
@@ -151,16 +151,16 @@ def test_a_start_from_a_file_is_told_and_its_problems(tested: LonePage, tmp_path
     tab, session = tested.page.tab, tested.page.tab.session
     tested.enter("Start from", "a file …")
     assert "Path of the result is empty; expected" in tested.html() and tested.button("Fit everything").disabled
-    assert tested.field("Path of the result").visible and tested.field("Its person").visible
+    assert tested.field("Path of the result").visible and tested.field("Person in it").visible
     tested.enter("Path of the result", str(tmp_path / "nothing.npz"))
     assert "does not exist" in tested.html()
     wrong = tmp_path / "wrong.npz"
     np.savez(wrong, numbers=np.zeros(3))
     tested.enter("Path of the result", str(wrong))
     assert not tested.button("Fit everything").disabled
-    tested.enter("Its person", "-1")
-    assert "Its person is &#x27;-1&#x27;; expected a whole number" in tested.html()
-    tested.enter("Its person", "2")
+    tested.enter("Person in it", "-1")
+    assert "Person in it is &#x27;-1&#x27;; expected a whole number" in tested.html()
+    tested.enter("Person in it", "2")
     tested.enter("Its first frame", "7")
     assert tab.state.settings.given == Given(start=Source(path=str(wrong), person=2, first_frame=7))
     tested.click("Fit everything")
@@ -199,7 +199,7 @@ def test_a_calibration_becomes_the_projects_camera(tested: LonePage, tmp_path: P
     bent = session.project.clip
     assert bent.camera.lens is not None and not np.array_equal(bent.keypoints.xy, before.keypoints.xy)
     tested.fit()
-    assert "This camera has another lens than the project" in use(Camera_name="straight")
+    assert "This camera's lens differs from the project" in use(Camera_name="straight")
     assert session.project.clip.camera == bent.camera
 
 
@@ -233,7 +233,7 @@ def test_all_settings_as_a_text(tested: LonePage):
 
 def test_echoes_of_the_server_are_ignored(tested: LonePage):
     before = tested.page.tab.state.settings
-    for label in ("Preset", "w_T", "Mode", "Focal length", "Around", "Gender", "TOML"):
+    for label in ("Preset", "w_T", "Mode", "Focal length", "Margin (frames)", "Gender", "TOML"):
         tested.call_back(tested.field(label), None)
     assert tested.page.tab.state.settings is before
 
@@ -267,9 +267,9 @@ def test_a_number_that_is_being_typed_stays_as_it_is(tested: LonePage):
 
 
 def test_every_field_has_a_hint_and_numbers_their_range(tested: LonePage):
-    for name in ("Preset", *LABELS.values(), "Body model", "Gender", "Focal length", "Around"):
+    for name in ("Preset", *LABELS.values(), "Body model", "Gender", "Focal length", "Margin (frames)"):
         assert tested.field(name).hint, name
-    for name in ("w_T", "Window", "Shape frames", "Seed", "Focal length", "Around"):
+    for name in ("w_T", "Window", "Shape frames", "Seed", "Focal length", "Margin (frames)"):
         assert " to " in tested.field(name).hint, name
 
 
@@ -326,7 +326,7 @@ def test_b_goes_over_to_the_corrections_of_the_run_that_it_was_set_to(tested: Lo
     page.gestures.correcting.toggle_bad()
     page.tab.look()
     assert page.tab.state.b.run == run.id, "not before they are fitted"
-    assert "The fit follows" in [chip.text for chip in page.status.chips(0.0, "")]
+    assert "Fit is following the edit" in [chip.text for chip in page.status.chips(0.0, "")]
     tested.until(lambda: page.tab.look() and page.tab.state.b.run != run.id)
     corrections = page.tab.session.fits.run(page.tab.state.b.run)  # pyright: ignore[reportArgumentType]
     assert corrections is not None and (corrections.kind, corrections.parent) == ("corrections", run.id)
@@ -344,7 +344,7 @@ def test_edited_and_flagged_frames_are_re_run(tested: LonePage):
     assert session.frames_edited_since(run) == set() and session.edits_since(run) == 0
     session.redo(author="test")
     session.mark([5], "flag", author="test")
-    tested.enter("Around", "0")
+    tested.enter("Margin (frames)", "0")
     tested.click("Re-run around edits: 1, 5")
     tested.until(lambda: not session.jobs)
     again = session.fits.fit(session.fits.runs[-1]).last.params.body_pose

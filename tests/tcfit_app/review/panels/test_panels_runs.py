@@ -58,7 +58,7 @@ def panel_of(panel_server: viser.ViserServer, tmp_path: Path, tiny_body: BodyMod
 def test_runs_are_renamed_shown_deleted_and_restored(panel_of: Opener):
     tested = panel_of(RunsPanel)
     session = tested.page.tab.session
-    assert "Nothing was fitted yet" in tested.html()
+    assert "No fits yet" in tested.html()
     first, second = tested.fit(), tested.fit()
     tested.enter("Run", f"{first.id} · {first.name}")
     tested.draw()
@@ -135,7 +135,7 @@ def test_a_body_without_any_keypoint_is_fainter(panel_of: Opener):
 
     (usual, title), (faint, told) = seen(2), seen(3)
     assert usual == tab.state.opacity and faint < 0.6 * usual
-    assert "no keypoint here" in told and "no keypoint" not in title
+    assert "no keypoints here" in told and "no keypoint" not in title
 
 
 def test_a_new_run_does_not_take_the_place_of_the_one_at_hand(panel_of: Opener):
@@ -151,7 +151,7 @@ def test_a_new_run_does_not_take_the_place_of_the_one_at_hand(panel_of: Opener):
     tested.draw()  # the user presses just before that is drawn
     tested.press(delete.command, delete.value)
     assert [run.id for run in tested.page.tab.session.fits.runs] == [second.id]
-    with pytest.raises(InputError, match="deleted meanwhile"):
+    with pytest.raises(InputError, match="has been deleted"):
         tested.press(rename.command, rename.value)
 
 
@@ -159,11 +159,11 @@ def test_removing_for_good_asks(panel_of: Opener):
     tested = panel_of(RunsPanel)
     run = tested.fit()
     tested.click("Delete")
-    tested.click("Remove all for good")
+    tested.click("Remove all permanently")
     assert tested.page.tab.session.project.runs.get(run.id).deleted
     tested.click("Keep them")
     assert "Remove 1 deleted run" not in tested.html()
-    tested.click("Remove all for good")
+    tested.click("Remove all permanently")
     tested.click("Remove 1 deleted run")
     with pytest.raises(InputError, match="no run"):
         tested.page.tab.session.project.runs.get(run.id)
@@ -224,7 +224,7 @@ def test_a_run_is_refined_beside_what_it_began_with(panel_of: Opener):
     assert tab.state.a == FitChoice(run=first.id), "what it began with stands beside it"
     tested.press("runs.choose", str(run.id))
     html = tested.html()
-    assert "begun with another result" in html and f"{first.name}, read as a fit of tcfit, in {FRAMES} of" in html
+    assert "started from another result" in html and f"{first.name}, read as a fit of tcfit, in {FRAMES} of" in html
     assert f"Phase 1 begins with {first.name}" in html, "the sentence is among its notes"
     tested.click("Use its settings")
     assert tab.state.settings.given == run.given
@@ -351,20 +351,20 @@ def test_fits_are_compared_with_a_reference(panel_of: Opener, monkeypatch: pytes
     np.savez(tmp_path / "reference.npz", points=points, names=np.array(kp.NAMES)[kp.LIMBS])
     tested.draw()
     assert "only be compared with each other" in tested.html()
-    tested.click("Compare with it")
+    tested.click("Compare with this")
     assert tested.notices[-1].kind == "error" and "Type where" in tested.notices[-1].text
     tested.enter("File", str(tmp_path / "reference.npz"))
     tested.enter("Begins at frame", "-2")
-    tested.click("Compare with it")
+    tested.click("Compare with this")
     assert "expected a whole number" in tested.notices[-1].text
     first = tested.page.tab.session.project.clip.first_frame
     tested.enter("Begins at frame", str(first + 2))
-    tested.click("Compare with it")
+    tested.click("Compare with this")
     tested.until(lambda: "a world of its own" in tested.html())
     tested.fit()
     tested.until(lambda: f"PA-MPJPE, {FRAMES - 2} of {FRAMES} frames" in tested.html())
     assert tested.page.tab.session.project.reference is not None
-    tested.click("Forget the reference")
+    tested.click("Remove the reference")
     tested.until(lambda: "PA-MPJPE" not in tested.html())
     assert tested.page.tab.session.project.reference is None
 
@@ -414,7 +414,7 @@ def downloaded(tested: LonePage, name: str) -> bytes:
     running = tested.panels[0].running
     tested.settle()
     assert running.state == "finished", running.reason
-    assert "sent to the downloads" in tested.html()
+    assert "downloaded" in tested.html()
     return tested.downloads[running.title]
 
 

@@ -169,7 +169,7 @@ def test_keypoints_are_seen_while_they_are_found_in_all_tabs(review: Reviewing, 
     for tab in (review, second):
         until(lambda tab=tab: found_until(tab) == 16, "the frames that were found")
         until(lambda tab=tab: meant(tab) == 0 and others(tab) == 1, "the people of the frame")
-        until(lambda tab=tab: "Finding keypoints" in chips(tab), "the status line")
+        until(lambda tab=tab: "Detecting keypoints" in chips(tab), "the status line")
     assert review.tab.get_by_text("Find keypoints only").is_hidden()
     second.tab.mouse.move(300, 300)
     second.press("ArrowRight", lambda: second.frame == 1)
@@ -199,7 +199,7 @@ def test_what_fails_is_told_in_the_panel(review: Reviewing, tmp_path: Path):
     (tmp_path / "text.onnx").write_text("hello")
     unfold(review, "How keypoints are found", "Detector")
     field(review, "Detector").click()
-    review.tab.get_by_role("option", name="An ONNX file of yours").click()
+    review.tab.get_by_role("option", name="Your own ONNX file").click()
     field(review, "Model file").fill(str(tmp_path / "text.onnx"))
     review.tab.get_by_text("Find keypoints only").click()
     review.tab.get_by_text("cannot be opened as an ONNX model").first.wait_for()

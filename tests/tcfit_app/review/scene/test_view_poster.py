@@ -74,7 +74,7 @@ def test_bodies_that_cannot_be_drawn_are_left_out_with_a_reason():
     broken[3, 1] = np.nan
     shown, problems = drawable([layer(good), layer(-good), layer(broken)])
     assert [body is not None for body in shown] == [True, False, False]
-    assert "behind the camera" in problems[0] and "not numbers" in problems[1]
+    assert "behind the camera" in problems[0] and "not finite" in problems[1]
 
 
 def test_colours_run_from_zero_to_the_limit():

@@ -132,7 +132,7 @@ def test_values_become_colours_and_go_again(shown: Screen):
 def test_what_is_behind_the_camera_is_said_and_not_drawn(shown: Screen):
     behind = replace(BODY, vertices=-VERTICES)
     posters = Posters(camera=CAMERA, posters=(Poster(image=PLATE, bodies=(behind,)),))
-    assert shown.show(posters) == ("the body lies behind the camera",)
+    assert shown.show(posters) == ("the body is behind the camera",)
     shown.settle()
     assert not seen_body(shown.picture()).any()
 

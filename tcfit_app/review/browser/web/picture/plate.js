@@ -1,11 +1,11 @@
 // Where points of camera space lie on the side view's plate.
 
-/** @import { Side } from "../wire" */
+/** @import { SidePlate } from "../wire" */
 
 /** @param {readonly number[]} a @param {readonly number[]} b */
 export const dot = (a, b) => a.reduce((sum, value, i) => sum + value * b[i], 0);
 
-/** In its pixels. @param {Side} side @param {number} body @param {readonly number[]} point in metres
+/** In its pixels. @param {SidePlate} side @param {number} body @param {readonly number[]} point in metres
  * @returns {[u: number, v: number]} */
 export function onPlate({ plate, shifts }, body, point) {
   const [across, down] = plate;

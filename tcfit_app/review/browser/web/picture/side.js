@@ -1,6 +1,6 @@
 // Draws over the side view: the floor, the camera, the fits' keypoints, and the lines of sight of selected ones.
 
-/** @import { FitBody, Side } from "../wire" */
+/** @import { FitBody, SidePlate } from "../wire" */
 /** @import { PosterMap } from "./projection.js" */
 /** @typedef {CanvasRenderingContext2D} Context */
 
@@ -64,7 +64,7 @@ const plateSeen = ({ window, ox, oy, width, height }) => ({
 });
 
 /** The floor with ticks, or, where that is not on the plate, the length between two of them.
- * @param {Context} context @param {PosterMap} map @param {Side} side */
+ * @param {Context} context @param {PosterMap} map @param {SidePlate} side */
 function drawRuler(context, map, side) {
   const { left, right, bottom } = plateSeen(map);
   const metre = side.metre * map.ux; // in CSS pixels
@@ -140,13 +140,13 @@ function drawBones(context, map, bodies) {
 }
 
 /** On the plate, for each metre away from the camera: the way of a picture's pixel.
- * @param {Side} side @param {number[]} pixel */
+ * @param {SidePlate} side @param {number[]} pixel */
 const wayOf = ({ sight }, [u, v]) => sight.map(([a, b, c]) => a * u + b * v + c);
 
-/** Where the camera that filmed stands. @param {Side} side */
+/** Where the camera that filmed stands. @param {SidePlate} side */
 const cameraOf = ({ shifts }) => shifts[shifts.length - 1];
 
-/** @param {Context} context @param {PosterMap} map @param {Side} side */
+/** @param {Context} context @param {PosterMap} map @param {SidePlate} side */
 function drawSights(context, map, side) {
   const lines = new Path2D();
   for (const joint of chosen.joints) {
@@ -165,7 +165,7 @@ function drawSights(context, map, side) {
 }
 
 /** Where it is, or at the edge an arrow towards it; nothing where one looks the way that it looks, or back.
- * @param {Context} context @param {PosterMap} map @param {Side} side */
+ * @param {Context} context @param {PosterMap} map @param {SidePlate} side */
 function drawCamera(context, map, side) {
   const [width, height] = known("layout").image;
   const [du, dv] = wayOf(side, [width / 2, height / 2]);

@@ -26,7 +26,7 @@ element("span", "", frames, "Frames");
 const first = frameField("First selected frame", "[");
 element("span", "", frames, "to");
 const last = frameField("Last selected frame", "]");
-const clear = button("×", "Select no frames", clearRange, frames);
+const clear = button("×", "Clear frame selection", clearRange, frames);
 export const more = button("⋯", "What to do with frames", null);
 const toggle = button("▾", "Hide curves and marks", toggleCollapsed);
 chooser.setAttribute("aria-haspopup", "menu");

@@ -28,7 +28,7 @@ function items(ofSelected) {
   if (range) {
     const name = `${frameNumber(range.first)}–${frameNumber(range.last)}`;
     own.unshift({ label: `Zoom to frames ${name}`, run: () => zoomTo(range.first, range.last) });
-    own.push({ label: "Select no frames", run: clearRange });
+    own.push({ label: "Clear frame selection", run: clearRange });
   }
   return [...groups.flatMap((group) => [...group, null]), ...own];
 }
