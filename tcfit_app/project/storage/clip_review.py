@@ -14,7 +14,7 @@ import msgspec
 from tcfit_app.project.storage.accessing import accessing
 from tcfit_app.project.storage.columns import Columns, Count, Damage, json_of, of, or_none, text, time
 from tcfit_app.project.storage.database import NAME, Database
-from tcfit_app.project.storage.lock import Lock
+from tcfit_app.project.storage.lock import ProjectLock
 from tcfit_app.project.storage.run_record import LAST_MOMENT
 
 State = Literal["new", "fitted", "in review", "approved"]
@@ -194,7 +194,7 @@ def reviewed(folder: Path) -> Iterator[ReviewOfClip]:
         InputError: It cannot be read or written.
     """
     with accessing(folder):
-        held = Lock(folder)
+        held = ProjectLock(folder)
     try:
         with closing(Database(folder / NAME, read_only=False)) as store:
             yield ReviewOfClip(store, lambda: store.rows("SELECT coalesce(max(id), 0) FROM edits")[0][0])

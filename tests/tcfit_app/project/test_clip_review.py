@@ -18,7 +18,7 @@ from tcfit_app.project.glance import glance, stamp
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage import database
 from tcfit_app.project.storage.clip_review import TOUCHED, Worst, reviewed
-from tcfit_app.project.storage.lock import Lock, ProjectLocked, holder
+from tcfit_app.project.storage.lock import ProjectLock, ProjectLocked, holder
 from tests.samples.project_samples import CONFIG, sample_clip
 from tests.samples.waving import waving_fit, waving_project
 
@@ -140,16 +140,16 @@ def test_who_works_is_known_until_the_project_is_closed(folder: Path):
 def test_who_was_killed_is_forgotten(folder: Path):
     code = f"""
 from pathlib import Path
-from tcfit_app.project.storage.lock import Lock
+from tcfit_app.project.storage.lock import ProjectLock
 import os
-held = Lock(Path({str(folder)!r}))
+held = ProjectLock(Path({str(folder)!r}))
 held.tell("anna")
 os._exit(9)
 """
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 9
     assert (folder / "project.lock").stat().st_size > 0
     assert holder(folder) is None
-    Lock(folder).release()
+    ProjectLock(folder).release()
 
 
 def test_lists_need_no_torch():
