@@ -1,7 +1,8 @@
 #!/bin/sh
-# Serves one project, or the projects of several people of one clip, behind the gate: what the container runs.
+# Serves one project, the projects of several people of one clip, or the list of all, behind the gate: what the
+# container runs.
 #
-# TCFIT_PROJECT   folder of the project or projects, below TCFIT_PROJECTS
+# TCFIT_PROJECT   folder of the project or projects, below TCFIT_PROJECTS; "." for the list of all
 # TCFIT_PROJECTS  folder of all projects; pages may name its files, and no others (default: /projects)
 # TCFIT_PUBLIC    address under which the proxy offers it, such as https://fits.example.org (default: none)
 # TCFIT_PASSWORD_FILE  file with the password (default: none; each browser then needs a link, which is in the log)
@@ -15,7 +16,7 @@ if [ -z "${TCFIT_PROJECT:-}" ]; then
     exit 2
 fi
 project=$projects/$TCFIT_PROJECT
-if [ ! -f "$project/project.sqlite" ] && [ ! -f "$project/people.json" ]; then
+if [ "$TCFIT_PROJECT" != . ] && [ ! -f "$project/project.sqlite" ] && [ ! -f "$project/people.json" ]; then
     echo "There is no project at $project: make one with tcfit new VIDEO --keypoints KEYPOINTS --out $project" >&2
     exit 2
 fi

@@ -4,11 +4,9 @@ The names that a notebook needs are here, and each is imported when it is first 
 no torch. Modules of this package import from each other, never from here.
 
 ```python
-from pathlib import Path
-
 from fitting_core import PRESETS, find_body, fit_clip, load_body, read_clip
 
-clip = read_clip(Path("walk.mp4"))
+clip = read_clip("walk.mp4")
 body = load_body(find_body(gender="neutral"))
 result = fit_clip(clip, body, PRESETS["tcfit"])
 print(result.last.params.body_pose.shape)  # frames, 63: axis-angle in radians

@@ -12,7 +12,7 @@ from fitting_core.clips.reading import Shot, check_inside, read_shot
 from fitting_core.detect.found import Tell
 from fitting_core.detect.part import Detector
 from fitting_core.errors import InputError
-from fitting_core.files.regular import legible
+from fitting_core.files.regular import StrPath, legible
 from fitting_core.io.people_file import LONGEST_NAME, MOST_PEOPLE, People, Person
 from fitting_core.keypoints import Keypoints
 from fitting_core.people.everybody import FoundPerson, find_everybody
@@ -32,8 +32,8 @@ class PersonInClip:
 
 
 def read_people(
-    video: Path | None,
-    keypoints: Path | None = None,
+    video: StrPath | None,
+    keypoints: StrPath | None = None,
     *,
     clip: ClipOptions = ClipOptions(),
     camera: CameraOptions = CameraOptions(),
@@ -48,6 +48,8 @@ def read_people(
 
     Args and errors as in `read_clip`; a choice of one person is refused.
     """
+    video = None if video is None else Path(video)
+    keypoints = None if keypoints is None else Path(keypoints)
     if clip.person is not None:
         raise InputError(f"`person` is {clip.person}; expected none when everybody is read.")
     shot = read_shot(video, keypoints, clip, camera, detector=detector, tell=tell)

@@ -17,6 +17,7 @@ from fitting_core.detect.found import Tell, find_keypoints, found_by, found_dete
 from fitting_core.detect.part import Detector
 from fitting_core.detections import Detections, to_pixels
 from fitting_core.errors import InputError
+from fitting_core.files.regular import StrPath
 from fitting_core.frame_alignment import Timeline, align, chosen, timeline_of_keypoints
 from fitting_core.io import read_detections
 from fitting_core.io.cameras.moving import ClipFrames
@@ -165,8 +166,8 @@ def _searched(shot: Shot, images: Path, detector: str | Detector, tell: Tell | N
 
 
 def read_clip(
-    video: Path | None,
-    keypoints: Path | None = None,
+    video: StrPath | None,
+    keypoints: StrPath | None = None,
     *,
     clip: ClipOptions = ClipOptions(),
     camera: CameraOptions = CameraOptions(),
@@ -197,6 +198,8 @@ def read_clip(
         InputError: A file is missing or broken, options contradict each other, nothing was detected, or the detector is
             not on this computer.
     """
+    video = None if video is None else Path(video)
+    keypoints = None if keypoints is None else Path(keypoints)
     shot = read_shot(video, keypoints, clip, camera, detector=detector, tell=tell)
     choice = choose_person(
         shot.detections, person=clip.person, first_frame=shot.first_frame, frame_rate=shot.frame_rate
@@ -231,7 +234,7 @@ def read_footage(video: Path, *, clip: ClipOptions = ClipOptions(), camera: Came
 
 
 def read_keypoints(
-    path: Path, clip: Clip, *, person: int | None = None, keypoint_scale: str = "auto"
+    path: StrPath, clip: Clip, *, person: int | None = None, keypoint_scale: str = "auto"
 ) -> tuple[Keypoints, tuple[str, ...], str]:
     """Keypoints for the frames of a known clip, notes on how they were read, and their detector.
 
@@ -244,6 +247,7 @@ def read_keypoints(
     Raises:
         InputError: As of `read_clip`.
     """
+    path = Path(path)
     detections = read_detections(path)
     detections, scale_notes = to_pixels(detections, clip.camera.size, keypoint_scale=keypoint_scale)
     timeline = Footage.of(clip.source).timeline or _timeline_around(clip, detections)

@@ -10,7 +10,7 @@ import msgspec
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.config.settings import NONE, changed, groups, nearest, settings, unknown, value_of
 from fitting_core.errors import InputError
-from fitting_core.files.regular import regular_file
+from fitting_core.files.regular import StrPath, regular_file
 from fitting_core.files.toml_text import parsed_toml
 
 _MAX_BYTES = 2**20
@@ -29,8 +29,9 @@ def preset(name: str, *, origin: str = "--preset") -> FitConfig:
     return PRESETS[name]
 
 
-def read_config(path: Path, *, preset_name: str | None = None) -> FitConfig:
+def read_config(path: StrPath, *, preset_name: str | None = None) -> FitConfig:
     """The configuration of `read_named`, without the name of its preset."""
+    path = Path(path)
     return read_named(path, preset_name=preset_name)[1]
 
 

@@ -13,6 +13,8 @@ from fitting_core.errors import InputError
 
 MAX_BYTES = 4 * 2**30
 """What is read as a whole is smaller: SMPL-X's pickles have 0.5 GB, an hour of keypoints in JSON 1 GB."""
+StrPath = str | os.PathLike[str]
+"""A path as users of the library give it."""
 _KINDS: dict[Callable[[int], bool], str] = {
     stat.S_ISDIR: "a folder",
     stat.S_ISFIFO: "a named pipe",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from fitting_core.detections import Detections
 from fitting_core.errors import InputError
-from fitting_core.files.regular import regular_file
+from fitting_core.files.regular import StrPath, regular_file
 from fitting_core.io.added_readers import read_added_keypoints, read_added_motion
 from fitting_core.io.keypoints.coco_wholebody import folder_holds_coco, holds_coco
 from fitting_core.io.keypoints.json_points import first_bytes, is_json
@@ -66,7 +66,7 @@ def read_detections(path: Path) -> Detections:
 
 
 def read_motion(
-    path: Path, *, person: int | None = None, gender: str | None = None, decode: "Decode | None" = None
+    path: StrPath, *, person: int | None = None, gender: str | None = None, decode: "Decode | None" = None
 ) -> "ImportedMotion":
     """Read the motion of a body: SMPLify-X results, an npz of SMPL-X, AMASS or tcfit, or a result of a learned system.
 
@@ -82,6 +82,7 @@ def read_motion(
     Raises:
         InputError: The path does not exist, its format is unknown, or its content is broken.
     """
+    path = Path(path)
     from fitting_core.io.motion.learned.systems import SYSTEMS, read_learned
     from fitting_core.io.motion.smplifyx import read_smplifyx
     from fitting_core.io.motion.smplx_npz import read_smplx_npz

@@ -10,7 +10,7 @@ import numpy as np
 from fitting_core.body.model import N_BETAS
 from fitting_core.errors import InputError
 from fitting_core.files.npz import read_npz
-from fitting_core.files.regular import regular_file
+from fitting_core.files.regular import StrPath, regular_file
 from fitting_core.io.result_files import FIT_NAME
 from fitting_core.results.known_shape import KnownShape
 
@@ -21,7 +21,7 @@ _LARGEST = 50.0
 _EXPECTED = f"expected a result of tcfit, or an npz or JSON file with {N_BETAS} betas"
 
 
-def read_known_shape(path: Path, *, body_hash: str = "") -> KnownShape:
+def read_known_shape(path: StrPath, *, body_hash: str = "") -> KnownShape:
     """The shape of a result's folder, its fit.npz or summary.json, or another npz or JSON file with `betas`.
 
     Of more than ten betas, as in AMASS, the first ten are taken: they are ordered by how much of a shape they explain.
@@ -34,6 +34,7 @@ def read_known_shape(path: Path, *, body_hash: str = "") -> KnownShape:
     Raises:
         InputError: The file is missing, has no betas, or those of another body.
     """
+    path = Path(path)
     file = path / FIT_NAME if path.is_dir() else path
     try:
         reader = _READERS.get(file.suffix.lower())

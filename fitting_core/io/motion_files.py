@@ -9,6 +9,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
+from fitting_core.files.regular import StrPath
 from fitting_core.ground.level import level_of
 from fitting_core.io.result_files import StoredFit
 from fitting_core.motion import Motion
@@ -100,7 +101,7 @@ def stored_motion(fit: StoredFit, body: BodyModel, *, name: str, phase: int | No
     )
 
 
-def write_motion(path: Path, motion: Motion, *, axes: str | None = None) -> None:
+def write_motion(path: StrPath, motion: Motion, *, axes: str | None = None) -> None:
     """Write a motion to one file, atomically; an existing file is replaced.
 
     Args:
@@ -111,6 +112,7 @@ def write_motion(path: Path, motion: Motion, *, axes: str | None = None) -> None
     Raises:
         InputError: The ending or the axes are unknown, or the file cannot be written.
     """
+    path = Path(path)
     form = MOTION_FILES.get(path.suffix.lower())
     if form is None:
         raise InputError(f"{path}: {path.suffix or 'no ending'} is not known; expected {', '.join(MOTION_FILES)}.")

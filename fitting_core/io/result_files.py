@@ -50,7 +50,7 @@ from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.files.npz import read_npz, write_npz
-from fitting_core.files.regular import legible, regular_file
+from fitting_core.files.regular import StrPath, legible, regular_file
 from fitting_core.ground.arrays import grounding_arrays, grounding_from
 from fitting_core.ground.grounding import Grounding
 from fitting_core.io.camera_arrays import camera_arrays, camera_from
@@ -108,7 +108,7 @@ class StoredFit:
 
 
 def write_result(
-    folder: Path, fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool = True, command: str = ""
+    folder: StrPath, fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool = True, command: str = ""
 ) -> dict[str, Any]:
     """Write fit.npz and summary.json, each atomically; an overlay of an earlier fit is removed.
 
@@ -126,6 +126,7 @@ def write_result(
     Raises:
         InputError: The folder cannot be written.
     """
+    folder = Path(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         (folder / OVERLAY_NAME).unlink(missing_ok=True)
@@ -209,12 +210,13 @@ def _smplx_arrays(body: BodyModel, params: BodyParams) -> dict[str, Any]:
     }
 
 
-def read_fit(path: Path) -> StoredFit:
+def read_fit(path: StrPath) -> StoredFit:
     """Read fit.npz, or the fit.npz of a result's folder.
 
     Raises:
         InputError: It is missing, damaged, or not a result of tcfit.
     """
+    path = Path(path)
     file = path / FIT_NAME if path.is_dir() else path
     arrays = _read_arrays(file)
     try:

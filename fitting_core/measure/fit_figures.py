@@ -1,10 +1,11 @@
 """What a program asks for: a fit measured by itself, or against what is known to be true."""
 
-from pathlib import Path
+import os
 
 from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
+from fitting_core.files.regular import StrPath
 from fitting_core.measure.comparison import Comparison, compare
 from fitting_core.measure.pairing import PosedMotion
 from fitting_core.measure.references.bodies import body_of
@@ -17,7 +18,7 @@ def evaluate_fit(
     fit: FitResult,
     clip: Clip,
     body: BodyModel,
-    reference: Path | Reference | None = None,
+    reference: StrPath | Reference | None = None,
     *,
     phase: int | None = None,
     every: int = 1,
@@ -47,7 +48,7 @@ def evaluate_fit(
         raise InputError(
             f"The fit has no phase {phase}; expected one of {', '.join(str(p.phase) for p in fit.phases)}."
         )
-    known = read_reference(reference) if isinstance(reference, Path) else reference
+    known = read_reference(reference) if isinstance(reference, str | os.PathLike) else reference
     estimate = PosedMotion(
         body=body,
         params=chosen.params,

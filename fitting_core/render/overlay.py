@@ -10,6 +10,7 @@ from jaxtyping import Float, Int, UInt8
 
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
+from fitting_core.files.regular import StrPath
 from fitting_core.keypoints import BONES, GROUPS, Keypoints
 from fitting_core.render.renderer import Renderer, scaled_camera
 from fitting_core.video.encoding import VideoWriter, video_writer
@@ -42,7 +43,7 @@ class Panel:
 
 
 def write_overlay(
-    path: Path,
+    path: StrPath,
     frames: Iterable[UInt8[np.ndarray, "H W 3"]],
     panels: Sequence[Panel],
     *,
@@ -78,6 +79,7 @@ def write_overlay(
         InputError: No off-screen OpenGL, no encoder, no frames, frames of another size than the camera's, or frames,
             vertices and keypoints of different number.
     """
+    path = Path(path)
     factor = min(1.0, max_height / camera.size[1])
     small = scaled_camera(camera, factor)
     size = (len(panels) * (small.size[0] + _GAP) - _GAP, small.size[1])

@@ -19,6 +19,7 @@ from fitting_core.body.points.positions import body_keypoints_in_space
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
+from fitting_core.files.regular import StrPath
 from fitting_core.fit.evidence.given_start import (
     FOLLOWS,
     Placed,
@@ -52,7 +53,7 @@ FindBody = Callable[[str, str], BodyModel | None]
 
 
 def read_start(
-    path: Path,
+    path: StrPath,
     clip: Clip,
     body: BodyModel,
     *,
@@ -81,6 +82,7 @@ def read_start(
     Raises:
         InputError: It cannot be read, has nothing for this clip, or nobody in it follows the keypoints.
     """
+    path = Path(path)
     motion = _posed(read_motion(path, person=person, decode=decode), body, find_body)
     numbers = [one.number for one in motion.people[:_CANDIDATES]] if person is None else []
     if len(numbers) < 2:

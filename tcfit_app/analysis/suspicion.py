@@ -1,11 +1,12 @@
 """The review queue: which frames of a fit to look at first, and why."""
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from tcfit_app.analysis.body_regions import LIMB_OF
 from tcfit_app.analysis.findings import FINDINGS, Finding, added_findings
 from tcfit_app.analysis.posed_fit import PosedFit
+from tcfit_app.project.storage.clip_review import Worst
 from tcfit_app.project.storage.marks import Mark
 
 _GAP = 2
@@ -62,6 +63,14 @@ def review_queue(fit: PosedFit, *, checked: Collection[int] = ()) -> ReviewQueue
         left=tuple(sorted(entries, key=lambda suspect: (-suspect.score, suspect.frame))),
         looked_at=sum(left.keys().isdisjoint(span) for span in _spans(by_frame)),
     )
+
+
+def worst_place(run: int, left: Sequence[Suspect]) -> Worst:
+    """What a project keeps of a run's queue, the worst first."""
+    if not left:
+        return Worst(run=run, left=0)
+    first = left[0]
+    return Worst(run=run, left=len(left), score=round(first.score, 2), frame=first.frame, words=first.reason)
 
 
 def still_checked(

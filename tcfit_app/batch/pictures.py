@@ -10,7 +10,6 @@ from fitting_core.body.model import BodyModel
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
-from fitting_core.files.atomic import replacing
 from fitting_core.render.overlay import draw_keypoints
 from fitting_core.results.fit_result import FitResult
 from fitting_core.video.frames import FrameSource
@@ -18,13 +17,10 @@ from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.analysis.posed_fit import PosedFit
 from tcfit_app.analysis.suspicion import Suspect, review_queue
 from tcfit_app.evaluation.worst_frames import camera_around, in_software, placed_body
+from tcfit_app.project.picture import GROUND, SIZE, as_jpeg, keep
 
-SIZE = (96, 120)
-"""Width and height in pixels: some 3 kB, of which 10,000 are 30 MB."""
 _SHARPNESS = 2
 """It is drawn so many times as large, and reduced."""
-_QUALITY = 72
-_GROUND = (236, 239, 243)
 _COLOR = (0.16, 0.40, 0.78)
 _OPACITY = 0.6
 """Of the body, so that the person stays to be seen."""
@@ -61,16 +57,12 @@ def write_picture(path: Path, fit: FitResult, clip: Clip, body: BodyModel, *, fr
         factor = np.array(camera.focal) / fit.camera.focal
         xy = (clip.keypoints.xy[frame] - fit.camera.center) * factor + camera.center
         draw_keypoints(image, xy, clip.keypoints.confidence[frame])
-    small = cv2.resize(image, SIZE, interpolation=cv2.INTER_AREA)
-    _, data = cv2.imencode(".jpg", small[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
-    path.parent.mkdir(exist_ok=True)
-    with replacing(path) as draft:
-        draft.write_bytes(data.tobytes())
+    keep(path, as_jpeg(image))
 
 
 def _ground(clip: Clip, own: Camera, cut: Camera, frame: int) -> UInt8[np.ndarray, "H W 3"]:
     """What the cut camera sees of the frame's image; plain where there is none."""
-    plain = np.full((*cut.size[::-1], 3), _GROUND, np.uint8)
+    plain = np.full((*cut.size[::-1], 3), GROUND, np.uint8)
     if clip.source is None:
         return plain
     try:
@@ -81,4 +73,4 @@ def _ground(clip: Clip, own: Camera, cut: Camera, frame: int) -> UInt8[np.ndarra
     factor = np.array(cut.focal) / own.focal
     shift = np.array(cut.center) - factor * own.center
     moved = np.array([[factor[0], 0, shift[0]], [0, factor[1], shift[1]]])
-    return cv2.warpAffine(image, moved, cut.size, flags=cv2.INTER_AREA, borderValue=_GROUND)
+    return cv2.warpAffine(image, moved, cut.size, flags=cv2.INTER_AREA, borderValue=GROUND)

@@ -32,6 +32,7 @@ _ORDER = (
     "name sorts by it. The picture is of the frame that the review would show first, and grows under the "
     "pointer."
 )
+_TOGETHER = "All projects in one list, to be reviewed and approved: "
 
 
 def write_report(
@@ -47,7 +48,7 @@ def write_report(
     shown = [_shown(folder, tasks[i], rows[i], figures[i], rank < _WITHIN) for rank, i in enumerate(worst)]
     path = folder / REPORT_HTML
     with replacing(path) as draft:
-        draft.write_text(_page(title, rows, shown), encoding="utf-8")
+        draft.write_text(_page(title, tasks, rows, shown), encoding="utf-8")
     return path
 
 
@@ -123,6 +124,15 @@ def _command(task: ClipTask) -> str:
     return " && ".join(map(shlex.join, steps))
 
 
+def _review_of(folders: Sequence[Path]) -> str:
+    """What opens the list of all projects in some folders; of the first where they lie on several drives."""
+    try:
+        common = os.path.commonpath(folders)
+    except ValueError:
+        common = str(folders[0])
+    return shlex.join(["tcfit", "review", common])
+
+
 def _picture(folder: Path, task: ClipTask, within: bool) -> str:
     path = picture_path(folder, task)
     if not within:
@@ -133,12 +143,14 @@ def _picture(folder: Path, task: ClipTask, within: bool) -> str:
         return ""
 
 
-def _page(title: str, rows: Sequence[Row], shown: Sequence[dict[str, Any]]) -> str:
+def _page(title: str, tasks: Sequence[ClipTask], rows: Sequence[Row], shown: Sequence[dict[str, Any]]) -> str:
     cards = [
         tag("div", tag("b", count), tag("span", STATES[state]), class_="card")
         for state, count in counts(rows).items()
         if count
     ]
+    listed = [task.out.absolute().parent for task in tasks if task.form == "project"]
+    together = [tag("p", _TOGETHER, tag("code", _review_of(listed)))] if listed else []
     data = msgspec.json.encode(shown).decode().replace("<", "\\u003c")  # </script> in a name must not end the data.
     body = tag(
         "main",
@@ -146,6 +158,7 @@ def _page(title: str, rows: Sequence[Row], shown: Sequence[dict[str, Any]]) -> s
         tag("p", f"{len(rows)} clips", class_="dim"),
         tag("div", *cards, class_="cards"),
         tag("p", _ORDER, class_="dim"),
+        *together,
         tag("noscript", tag("p", "The rows are made by a script; summary.csv beside this page has them too.")),
         tag("div", id="clips"),
     )

@@ -35,7 +35,8 @@ def review_demo(options: DemoOptions) -> None:
         InputError: As `review`, or the project cannot be written.
     """
     # viser, which a fit in the terminal does not need
-    from tcfit_app.cli.review_command import check_folders, open_project, review
+    from tcfit_app.cli.review_command import check_folders, review
+    from tcfit_app.review.opening import open_project
 
     check_folders(options.server)
     config = fit_config(options.method)

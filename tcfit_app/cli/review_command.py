@@ -3,13 +3,9 @@
 torch and what needs it are imported late: they take two seconds, in which the browser loads its page.
 """
 
-import gc
-import logging
-import threading
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, closing
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
@@ -21,12 +17,15 @@ from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
 from fitting_core.io.people_file import holds_people, read_people_file
+from fitting_core.video.frames import image_files
+from tcfit_app.home.found import find
 from tcfit_app.options.fit import NO_KEYPOINTS, ReferenceOptions, ReviewOptions, ServerOptions, height_of
 from tcfit_app.project.storage.database import NAME, Database, is_project
-from tcfit_app.project.storage.lock import ProjectLocked
 from tcfit_app.project.storage.run_record import newest_body
 from tcfit_app.review.browser.channel import web_files
+from tcfit_app.review.opening import load_app, log_warnings, open_project, prepare_fits
 from tcfit_app.server.gate import Entry
+from tcfit_app.server.gated_viser import TalkingSite
 from tcfit_app.server.serving import ReviewServer, review_server, tell
 
 if TYPE_CHECKING:
@@ -45,6 +44,9 @@ def run_review(options: ReviewOptions) -> None:
     entry_of(options.server)  # told before a project is made
     fit = PRESETS[DEFAULT_PRESET] if options.fit else None
     find = None if options.keypoints == NO_KEYPOINTS else options.clip
+    if options.video is not None and is_list(options):
+        _review_many(options)
+        return
     if options.video is not None and holds_people(options.video):
         with _served(read_people_file(options.video).name, options.server) as server:
             load_app()
@@ -89,7 +91,48 @@ def check_folders(options: ServerOptions, *, models: Path | None = None) -> None
         raise InputError(f"--models {models}: is not a folder; expected one with body models.")
 
 
-def _served(name: str, options: ServerOptions) -> AbstractContextManager[ReviewServer]:
+def is_list(options: ReviewOptions) -> bool:
+    """Whether a folder of many clips is meant: one that is no clip itself, and has clips in it."""
+    folder = options.video
+    if folder is None or options.keypoints is not None or not folder.is_dir():
+        return False
+    if is_project(folder) or holds_people(folder) or (folder / "images").is_dir() or (folder / "keypoints").is_dir():
+        return False
+    return not image_files(folder) and bool(find(folder.resolve()))
+
+
+def _review_many(options: ReviewOptions) -> None:
+    """Serve the list of a folder's clips until Ctrl-C."""
+    from tcfit_app.home.home import Home
+    from tcfit_app.options.clip_input import clip_options
+
+    root = options.video
+    assert root is not None
+    plain = ReviewOptions()
+    ones = {"--out": options.out, "--height": options.height, "--read-only": options.read_only, "--fit": options.fit}
+    given = [name for name, value in ones.items() if value] + clip_options(options)
+    given += ["--reference"] * (options.truth != plain.truth) + ["--copy-video"] * options.copy_video
+    if given:
+        raise InputError(f"{root} has many clips; {', '.join(given)} would be for one: leave it out, or name one clip.")
+    home = Home(root, files=options.server.files, models=options.models)
+    try:
+        with _served(home.catalogue.root.name, options.server, home) as server:
+            log_warnings()
+            home.run(server, _load_all)
+    except KeyboardInterrupt:
+        tell("Ending the review ...")
+    finally:
+        home.close()
+    tell(f"The review has ended. Everything is saved in {home.catalogue.root}")
+
+
+def _load_all() -> None:
+    """While the list is looked at: reading it would take twice as long beside this."""
+    load_app()
+    prepare_fits()
+
+
+def _served(name: str, options: ServerOptions, site: TalkingSite | None = None) -> AbstractContextManager[ReviewServer]:
     return review_server(
         f"tcfit: {name}",
         host=options.host,
@@ -97,6 +140,7 @@ def _served(name: str, options: ServerOptions) -> AbstractContextManager[ReviewS
         open_browser=options.browser,
         scripts=web_files(),
         entry=entry_of(options),
+        site=site,
     )
 
 
@@ -145,18 +189,13 @@ def _review(
     find: ClipOptions | None = None,
 ) -> None:
     load_app()
-    import torch
-
-    from fitting_core.fit.fused import ready
     from tcfit_app.fitting.bodies import Bodies
     from tcfit_app.review.app import ReviewApp
     from tcfit_app.review.session.group import Group
     from tcfit_app.review.session.session import Session
 
-    torch.set_num_threads(1)  # the fits, in threads of their own, need the other cores
-    # Until then they are computed in torch.
-    threading.Thread(target=ready.prepare, args=(tell,), daemon=True).start()
-    _log_warnings()
+    prepare_fits()
+    log_warnings()
     bodies = Bodies(models, body)
     sessions = [Session(one, bodies) for one in ([project] if people is None else [one for _, one in people.projects])]
     session = next(one for one in sessions if one.project is project)
@@ -201,13 +240,6 @@ def _take(project: "Project", options: ReviewOptions) -> None:
         project.set_reference(reference)
 
 
-def _log_warnings() -> None:
-    """Warnings and errors to the terminal, of all loggers, whatever their own level."""
-    handler = logging.StreamHandler()
-    handler.setLevel(logging.WARNING)
-    logging.basicConfig(format="tcfit: %(message)s", handlers=[handler])
-
-
 def opened(options: ReviewOptions) -> "Project":
     """The project that the options name: opened, made of a clip, or read-only if somebody else has it."""
     from tcfit_app.options.clip_input import clip_options, refusal
@@ -242,17 +274,6 @@ def _people(options: ReviewOptions) -> AbstractContextManager["OpenPeople"]:
     return opened_people(folder, lambda one: open_project(one, read_only=options.read_only), tell)
 
 
-def open_project(folder: Path, *, read_only: bool = False) -> "Project":
-    """Open a project, read-only if somebody else has it, and say so. Raises InputError as `Project.open`."""
-    from tcfit_app.project.project import Project
-
-    try:
-        return Project.open(folder, read_only=read_only)
-    except ProjectLocked as error:
-        tell(f"{error} It opens read-only here: nothing can be changed.")
-        return Project.open(folder, read_only=True)
-
-
 # --- what a review needs first, read while torch is being loaded, which keeps one core busy for two seconds ---
 
 
@@ -266,21 +287,6 @@ def body_ahead(project: Path) -> Future[BodyModel | None]:
         return pool.submit(_newest_body, project)
     finally:
         pool.shutdown(wait=False)
-
-
-def load_app() -> None:
-    """Import all that serves a project.
-
-    No garbage is looked for meanwhile, and what there is now is left out of it for good: 220,000 objects, torch's most
-    of all, which stay (0.3 s of a start, and 0.17 s of each full collection, for which a frame would wait).
-    """
-    gc.disable()
-    try:
-        for name in ("torch", "tcfit_app.project.project", "tcfit_app.review.app"):
-            import_module(name)
-    finally:
-        gc.freeze()
-        gc.enable()
 
 
 def _newest_body(project: Path) -> BodyModel | None:

@@ -18,6 +18,8 @@ NOTES, FLAGS, REVIEW = "Notes", "Flags", "Review"
 """Tiers written by tcfit besides those of the hands; overlapping notes continue on Notes 2 and so on."""
 OWN = frozenset((FLAGS, REVIEW, *(name for side in SIDES for name in names_of(side))))
 """Tiers that tcfit derives from other data: they do not become notes."""
+_MOST = 20_000
+"""Annotations of one import: two for each second of three hours. Many more hold up everybody's timeline."""
 _NOTES_TIER = re.compile(rf"{NOTES}( \d+)?")
 
 
@@ -71,6 +73,8 @@ def notes_of(path: Path, project: Project, tiers: Sequence[str] = ()) -> tuple[W
     source = project.clip.source
     found = read_eaf(path, "" if source is None else source.name)
     chosen = _chosen(found, tiers, path)
+    if (count := sum(len(tier.annotations) for tier in chosen)) > _MOST:
+        raise InputError(f"{path}: has {count:,} annotations; expected {_MOST:,} at most at a time. Choose tiers.")
     exported = any(tier.name in OWN for tier in found)
     clip, there = project.clip, list(project.notes)
     texts = {(note.frames, note.text) for note in there}
@@ -94,8 +98,9 @@ def notes_of(path: Path, project: Project, tiers: Sequence[str] = ()) -> tuple[W
                 )
             own = exported and _NOTES_TIER.fullmatch(tier.name)
             replaces = _replaced(there, inside) if own else None
-            there = [note for note in there if note.id != replaces]
-            changed += replaces is not None
+            if replaces is not None:
+                there = [note for note in there if note.id != replaces]
+                changed += 1
             texts.add((inside, text))
             wanted.append(NoteText(first=inside.start, last=inside.stop - 1, text=text, replaces=replaces))
     names = tuple(tier.name for tier in chosen)

@@ -65,6 +65,7 @@ from tcfit_app.project.storage.clip import (
     replace_height,
     write_clip,
 )
+from tcfit_app.project.storage.clip_review import ReviewOfClip
 from tcfit_app.project.storage.columns import UNKNOWN_TIME, Columns, Count, of, text, time
 from tcfit_app.project.storage.database import Database
 from tcfit_app.project.storage.lock import ProjectLock
@@ -90,6 +91,8 @@ class Project:
             store, len(stored), self._marks_done, lambda action, author: self.append(action, author=author)
         )
         self._stored, self._database, self._lock = stored, store, held
+        self.review = ReviewOfClip(store, lambda: self.last_edit)
+        """Of the clip as a whole: see `ClipReview`."""
         self.keypoints_version = self.marks_version = self.reference_version = self.video_version = 0
         """Versions: they change whenever the keypoints, the marks and notes, the reference, or the video frames
         change."""
@@ -187,6 +190,11 @@ class Project:
         """Raise InputError if nothing can be changed."""
         if self.read_only:
             raise InputError(database.read_only_refusal(self.folder))
+
+    def tell_who_works(self, names: str) -> None:
+        """Tell other processes who works on it."""
+        if self._lock is not None:
+            self._lock.tell(names)
 
     @property
     def detections(self) -> Keypoints:

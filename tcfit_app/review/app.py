@@ -5,14 +5,17 @@ import queue
 import threading
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import viser
 
+from fitting_core.errors import InputError
 from tcfit_app.fitting.reports import Notice
 from tcfit_app.review.faults import Faults
+from tcfit_app.review.keeping import Keeping
 from tcfit_app.review.page import Page
 from tcfit_app.review.session.group import Group
 from tcfit_app.review.session.session import Session
@@ -45,6 +48,7 @@ class ReviewApp:
         server: behind its gate.
         files: the only folder whose files pages may name; None: see `PageFiles`.
         group: all people, if there are several.
+        listen: to all of the server's tabs; else whoever serves several apps calls `connected` and `disconnected`.
     """
 
     def __init__(
@@ -54,6 +58,7 @@ class ReviewApp:
         *,
         files: Path | None = None,
         group: Group | None = None,
+        listen: bool = True,
     ) -> None:
         self.session, self._server, self._files = session, server, files
         self._commands: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
@@ -73,8 +78,10 @@ class ReviewApp:
         for someone in self.people:
             someone.session.tell = partial(self._tell, someone)
             someone.session.tasks.arrived = someone.session.worker.reports.arrived = self._wake
-        server.on_client_connect(self._connected)
-        server.on_client_disconnect(self._disconnected)
+        self._keeping = Keeping()
+        if listen:
+            server.on_client_connect(self.connected)
+            server.on_client_disconnect(self.disconnected)
 
     def _people(self, group: Group | None) -> tuple[Someone, ...]:
         if group is None:
@@ -83,10 +90,12 @@ class ReviewApp:
         videos = Videos([session.project.footage for session in sessions], self._wake)
         return together(group, [DrawingData(session, self._wake, videos) for session in sessions])
 
-    async def _connected(self, client: viser.ClientHandle) -> None:
+    async def connected(self, client: viser.ClientHandle) -> None:
+        """A tab has come."""
         self.post(lambda: self._open(client))
 
-    async def _disconnected(self, client: viser.ClientHandle) -> None:
+    async def disconnected(self, client: viser.ClientHandle) -> None:
+        """A tab is gone."""
         self.post(lambda: self._close(client.client_id))
 
     def post(self, command: Callable[[], None]) -> None:
@@ -97,18 +106,24 @@ class ReviewApp:
         """Draw soon."""
         self.post(lambda: None)
 
-    def _take(self, command: Callable[[], None]) -> None:
-        """Take a page's command, unless too many are waiting: a foreign page may send more than can be done."""
+    def _take(self, client: int, command: Callable[[], None]) -> None:
+        """Take a tab's command, unless too many are waiting: a foreign page may send more than can be done."""
+
+        def obey() -> None:
+            if (page := self.pages.get(client)) is not None:
+                self._keeping.acted(page)
+            command()
+
         if self._commands.qsize() < MOST_COMMANDS:
-            self.post(command)
+            self.post(obey)
 
     def _open(self, client: viser.ClientHandle) -> None:
         number = client.client_id
         whose = visitor(self._server, number)
-        browser = BrowserTab(client, PageFiles(here=whose.here, root=self._files), whose.name)
+        browser = BrowserTab(client, PageFiles(here=whose.here, root=self._files), whose)
         browser.go_to = lambda someone: self._go_to(number, someone)
         browser.has_come = lambda: self._go_back(number)
-        self.pages[number] = Page(browser, self._first, self._take)
+        self.pages[number] = Page(browser, self._first, partial(self._take, number))
         self._pages[number] = {self._first.number: self.pages[number]}
 
     def _go_to(self, client: int, someone: Someone) -> None:
@@ -118,7 +133,7 @@ class ReviewApp:
             return
         page.leave()
         if someone.number not in known:
-            known[someone.number] = Page(page.tab.browser, someone, self._take)
+            known[someone.number] = Page(page.tab.browser, someone, partial(self._take, client))
         self.pages[client] = known[someone.number]
         self.pages[client].come_from(page)
         self._remember(page.tab.browser.name, someone)
@@ -156,6 +171,7 @@ class ReviewApp:
                 self._faults.attempt(f"take the worker's news {someone.name}", someone.session.take_news, now)
             for number, page in list(self.pages.items()):
                 self._faults.attempt(f"draw tab {number}", partial(page.draw, now), now)
+            self._faults.attempt("keep the time spent", partial(self._keeping.keep, self.pages.values()), now)
 
     def stop(self) -> None:
         """End `run`, from any thread."""
@@ -164,6 +180,8 @@ class ReviewApp:
 
     def close(self) -> None:
         """End all work. Finished work is on disk."""
+        with suppress(InputError):  # where nothing can be written the tabs were told
+            self._keeping.keep(self.pages.values(), last=True)
         for client in list(self._pages):
             self._close(client)
         for someone in self.people:

@@ -17,6 +17,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from html import escape
 from http import HTTPStatus
+from typing import Protocol
 from urllib.parse import urlsplit
 
 from websockets.datastructures import Headers
@@ -34,13 +35,13 @@ PROTECTION = {
 """Headers of every answer: it is not stored, framed or embedded, and its address goes to nobody else."""
 
 HOME = "/"
-"""viser's page, which is a single file."""
+"""viser's page, which is a single file; of a site its own first page."""
 NAME_CHARACTERS = 40
 """Of a name with which somebody signs in, at most."""
 _TOKEN_BYTES = 32
-_PLACE = re.compile(r"/\?frame=-?[0-9]{1,15}(&(run|phase|person)=[0-9]{1,15})*")
-"""The page at a frame and a fit, as its links have it. No other query is for viser's page: with "?websocket=" it would
-take orders from a foreign server."""
+_PLACE = re.compile(r"(/|/[a-z]{1,20}/[0-9a-f]{1,64})(\?frame=-?[0-9]{1,15}(&(run|phase|person)=[0-9]{1,15})*)?")
+"""A review's page, as it is or at a frame and a fit, as its links have it. No other query is for viser's page: with
+"?websocket=" it would take orders from a foreign server."""
 
 _TRIES, _MINUTE = 20, 60.0
 """Wrong passwords from one place in so many seconds, after which it is asked for none; all others notice nothing."""
@@ -62,6 +63,22 @@ class Entry:
         return bool(self.public) and host_header.lower() == urlsplit(self.public).netloc
 
 
+class Site(Protocol):
+    """Several reviews at paths of their own, and pages around them. All methods may be called from any thread."""
+
+    def page(self, path: str) -> bytes | None:
+        """The HTML page at a path; None if there is none."""
+        ...
+
+    def has_review(self, path: str) -> bool:
+        """Whether a review is at a path, as page and websocket."""
+        ...
+
+    def talks_at(self, path: str) -> bool:
+        """Whether a websocket of its own pages is at a path."""
+        ...
+
+
 class Gate:
     """Answers, in viser's place, whatever must not reach it.
 
@@ -77,6 +94,7 @@ class Gate:
         scripts: Mapping[str, bytes] | None = None,
         admitted: Callable[[], None] = lambda: None,
         entry: Entry | None = None,
+        site: Site | None = None,
     ) -> None:
         """A gate that is closed to everybody without the link, or the password if there is one.
 
@@ -85,8 +103,9 @@ class Gate:
             entry: How else browsers on other computers may come in.
             scripts: JavaScript modules by their paths, for browsers that were let in.
             admitted: Called after each new browser, when `link` is a fresh one.
+            site: What is served; None: one review, at HOME.
         """
-        self._address, self._entry = address, entry or Entry()
+        self._address, self._entry, self.site = address, entry or Entry(), site
         self._wrong: OrderedDict[str, deque[float]] = OrderedDict()
         """When passwords were wrong, the last ones, by the place that they came from."""
         self._scripts = scripts or {}
@@ -119,7 +138,11 @@ class Gate:
         if not websocket and self._redeem(request.path):
             self._admitted()
             return self._welcome(request.path, secure=own.startswith("https:"))
-        if _PLACE.fullmatch(request.path) and "cross-site" in request.headers.get_all("Sec-Fetch-Site"):
+        if (
+            "?" in request.path
+            and _PLACE.fullmatch(request.path)
+            and "cross-site" in request.headers.get_all("Sec-Fetch-Site")
+        ):
             return _going_on(request.path)  # a click in another page, with which the strict cookie does not come
         if self._entry.password and not websocket:
             place = _place(_sent_from(request.headers) or address if public else address)
@@ -145,15 +168,24 @@ class Gate:
 
     def _lead(self, path: str, websocket: bool) -> Response | None:
         """Lets a known browser through to viser's page, and answers for all other paths."""
-        if path == HOME or (_PLACE.fullmatch(path) and not websocket):
+        place = _PLACE.fullmatch(path)
+        if place is not None and (path == place[1] or not websocket) and self._has_review(place[1]):
             return None
+        if self.site is not None and websocket and self.site.talks_at(path):
+            return None
+        if self.site is not None and not websocket and (page := self.site.page(path)) is not None:
+            return _answer(HTTPStatus.OK, page, {"Content-Type": "text/html; charset=utf-8"})
         if path in self._scripts and not websocket:
             return _answer(HTTPStatus.OK, self._scripts[path], {"Content-Type": "text/javascript; charset=utf-8"})
-        if path.startswith("/?") and not websocket:
-            return _page(HTTPStatus.SEE_OTHER, "", {"Location": HOME})
+        plain, asked, _ = path.partition("?")
+        if asked and not websocket and (plain == HOME or self._has_review(plain)):
+            return _page(HTTPStatus.SEE_OTHER, "", {"Location": plain})  # viser adds a query of its own
         if path == "/favicon.ico" and not websocket:  # browsers ask by themselves, and complain of a 404
             return Response(HTTPStatus.NO_CONTENT, HTTPStatus.NO_CONTENT.phrase, Headers({"Connection": "close"}))
-        return _page(HTTPStatus.NOT_FOUND, "There is nothing here. <a href='/'>To the review.</a>")
+        return _page(HTTPStatus.NOT_FOUND, "There is nothing here. <a href='/'>To the beginning.</a>")
+
+    def _has_review(self, path: str) -> bool:
+        return path == HOME if self.site is None else self.site.has_review(path)
 
     def name_of(self, headers: Headers) -> str | None:
         """With what name somebody has signed in, empty for who came by a link; None for who has not come in."""

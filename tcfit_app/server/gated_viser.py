@@ -3,13 +3,14 @@
 The one call with which viser starts its network server is answered here (`viser_bridge.network_server`).
 """
 
+import getpass
 import logging
 import socket
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
 from weakref import WeakKeyDictionary
 
 import rich
@@ -22,7 +23,7 @@ from websockets.http11 import Request, Response
 
 from tcfit_app.server import viser_bridge
 from tcfit_app.server.connections import BACKLOG, PAGES, Connection, LoopErrors, hang_up
-from tcfit_app.server.gate import Gate, busy, protect
+from tcfit_app.server.gate import HOME, Gate, Site, busy, protect
 from tcfit_app.server.page_files import on_this_computer
 from tcfit_app.server.page_messages import MESSAGE_BYTES
 from tcfit_app.server.screen import Screen
@@ -42,6 +43,29 @@ class Visitor:
     """It runs on this computer."""
     name: str = ""
     """With which somebody has signed in; empty: nobody has given one."""
+    path: str = HOME
+    """Of the page."""
+
+    @property
+    def reviewer(self) -> str:
+        """Under what name work and approvals are kept: on this computer that of the user, if nobody has signed in."""
+        return self.name or (_user() if self.here else "somebody")
+
+
+def _user() -> str:
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):  # a container's user that has no name
+        return "somebody"
+
+
+class TalkingSite(Site, Protocol):
+    """A site whose pages have websockets."""
+
+    async def talk(self, connection: ServerConnection, visitor: Visitor) -> None:
+        """Serve such a websocket until it ends, in viser's event loop. Whatever comes is from a browser that was let
+        in, and may be anything."""
+        ...
 
 
 _visitor: ContextVar[Visitor] = ContextVar("whose connection this is, in its own context")
@@ -62,7 +86,7 @@ _log.addFilter(_is_no_noise)
 
 
 @contextmanager
-def gated_viser(listening: socket.socket, gate: Gate) -> Iterator[viser.ViserServer]:
+def gated_viser(listening: socket.socket, gate: Gate, site: TalkingSite | None = None) -> Iterator[viser.ViserServer]:
     """A viser server on that socket (which it closes) behind that gate, without the share tunnel; stops at the end.
 
     Raises:
@@ -78,7 +102,7 @@ def gated_viser(listening: socket.socket, gate: Gate) -> Iterator[viser.ViserSer
         options |= {"process_request": _checked(gate, options["process_request"]), "logger": _log}
         options |= {"open_timeout": REQUEST_SECONDS, "close_timeout": REQUEST_SECONDS, "server_header": None}
         options |= {"max_size": MESSAGE_BYTES, "create_connection": Connection, "backlog": BACKLOG}
-        serving = websockets.asyncio.server.serve(_screened(gate, handler), sock=listening, **options)
+        serving = websockets.asyncio.server.serve(_screened(gate, handler, site), sock=listening, **options)
         started.append(serving.server)
         serving.server.loop.set_exception_handler(LoopErrors(serving.server))
         return serving
@@ -105,27 +129,37 @@ def visitor(server: viser.ViserServer, client: int) -> Visitor:
     return _visitors.get(server, {}).get(client, Visitor())
 
 
-def _screened(gate: Gate, handler: Callable[[Any], Awaitable[None]]) -> Callable[[ServerConnection], Awaitable[None]]:
-    """viser's handler of a websocket, which gets to see a Screen instead."""
+def _screened(
+    gate: Gate, handler: Callable[[Any], Awaitable[None]], site: TalkingSite | None
+) -> Callable[[ServerConnection], Awaitable[None]]:
+    """viser's handler of a websocket, which gets to see a Screen instead, and not those of the site's own pages."""
     room = UploadRoom()
 
     async def screened(connection: ServerConnection) -> None:
+        whose = _whose(gate, connection)
+        if site is not None and site.talks_at(whose.path):
+            await site.talk(connection, whose)
+            return
         found, known = connection.subprotocol, f"viser-v{viser.__version__}"
         if found != known:  # viser would say so in the terminal, each time
             await connection.close(CloseCode.PROTOCOL_ERROR, f"This page is of {found}, and the server of {known}")
             return
-        request, other_end = connection.request, connection.remote_address
-        here = request is not None and bool(other_end) and on_this_computer(other_end[0], request.headers)
-        screen = Screen(connection, room, here=here)
+        screen = Screen(connection, room, here=whose.here)
         _screen.set(screen)
-        name = None if request is None else gate.name_of(request.headers)
-        _visitor.set(Visitor(here=here, name=name or ""))
+        _visitor.set(whose)
         try:
             await handler(screen)
         finally:
             screen.end()
 
     return screened
+
+
+def _whose(gate: Gate, connection: ServerConnection) -> Visitor:
+    request, other_end = connection.request, connection.remote_address
+    assert request is not None
+    here = bool(other_end) and on_this_computer(other_end[0], request.headers)
+    return Visitor(here=here, name=gate.name_of(request.headers) or "", path=request.path)
 
 
 def _know_clients(server: viser.ViserServer) -> None:
@@ -151,7 +185,9 @@ def _checked(gate: Gate, answer: Callable[[Any, Request], Response | None]) -> C
         if response is None and "Upgrade" in request.headers and len(connection.server.connections) >= PAGES:
             response = busy()
         if response is None:
-            response = answer(connection, request)
+            # viser has one page, wherever it is offered.
+            page = request if "Upgrade" in request.headers else replace(request, path=HOME)
+            response = answer(connection, page)
             if response is not None:
                 response.body = viser_bridge.curtained(response.headers, bytes(response.body))
         if response is not None:

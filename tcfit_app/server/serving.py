@@ -13,7 +13,7 @@ import viser
 
 from tcfit_app.server.address import Address, listen
 from tcfit_app.server.gate import Entry, Gate
-from tcfit_app.server.gated_viser import gated_viser
+from tcfit_app.server.gated_viser import TalkingSite, gated_viser
 from tcfit_app.server.viser_bridge import run_javascript
 
 HOST = "127.0.0.1"
@@ -52,6 +52,7 @@ def review_server(
     open_browser: bool = True,
     scripts: Mapping[str, bytes] | None = None,
     entry: Entry | None = None,
+    site: TalkingSite | None = None,
     say: Say = tell,
 ) -> Iterator[ReviewServer]:
     """Serve until the end of the `with` block, which closes all connections and ends all of the server's threads.
@@ -63,6 +64,7 @@ def review_server(
         open_browser: Open the link in a browser, where there is one to see it.
         scripts: JavaScript modules for the page, by their paths.
         entry: A password, and the address of a proxy, if there are such.
+        site: Several reviews, and pages around them; None: one review.
         say: Gets the link, a fresh one after each use, and warnings.
 
     Raises:
@@ -71,8 +73,8 @@ def review_server(
     listening, address = listen(host, port)
     with listening:
         welcome = "A browser is connected. Link for another one: "
-        gate = Gate(address, scripts=scripts, entry=entry, admitted=lambda: _aside(say, welcome + gate.link))
-        with gated_viser(listening, gate) as server:
+        gate = Gate(address, scripts=scripts, entry=entry, site=site, admitted=lambda: _aside(say, welcome + gate.link))
+        with gated_viser(listening, gate, site) as server:
             _dress(server, title)
             for line in _greeting(address, port, gate.link, entry or Entry()):
                 say(line)
@@ -123,10 +125,15 @@ def set_theme(gui: viser.GuiApi, *, dark: bool) -> None:
     gui.configure_theme(dark_mode=dark, show_logo=False, show_share_button=False, brand_color=BRAND_COLOR)
 
 
+def set_title(receiver: viser.ViserServer | viser.ClientHandle, title: str) -> None:
+    """Above the panels and in the browser's tab, of a server's pages or of one client's."""
+    receiver.gui.set_panel_label(title)
+    # viser has no setting for the tab's title.
+    run_javascript(receiver, f"document.title = {json.dumps(title)};")
+
+
 def _dress(server: viser.ViserServer, title: str) -> None:
     set_theme(server.gui, dark=True)
-    server.gui.set_panel_label(title)
     server.gui.main_panel.dock_right()
     server.gui.main_panel.set_width(PANEL_WIDTH)
-    # viser has no setting for the tab's title.
-    run_javascript(server, f"document.title = {json.dumps(title)};")
+    set_title(server, title)

@@ -329,6 +329,11 @@ export interface Legend {
   colors: string[];
 }
 
+export interface Leaving {
+  to: "list" | "next" | "previous";
+  number: number;
+}
+
 export interface Hello {
   type: "hello";
   tab: string;
@@ -502,6 +507,7 @@ export interface States {
   saving: Saving;
   typing: Typing;
   linking: Linking;
+  leaving: Leaving;
   hints: Hints;
 }
 

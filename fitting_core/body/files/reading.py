@@ -12,6 +12,7 @@ from fitting_core.body.files.forms import FORMS, Form
 from fitting_core.body.files.raw_file import HAND_KEYS, OWN_KEYPOINTS, RawFile, read_raw
 from fitting_core.body.model import N_BETAS, N_EXPRESSION, SURFACE_KEYPOINTS, BodyModel, KeypointOffset
 from fitting_core.files.pickles import as_array
+from fitting_core.files.regular import StrPath
 
 _BONE = {"shoulder": "collar", "elbow": "shoulder", "wrist": "elbow", "knee": "hip", "ankle": "knee"}
 
@@ -54,7 +55,7 @@ _IN_USE: WeakValueDictionary[tuple[Path, int, int], BodyModel] = WeakValueDictio
 """By file, its time and its size: a command asks for the same body in many places, and SMPL-X takes long to read."""
 
 
-def load_body(path: Path) -> BodyModel:
+def load_body(path: StrPath) -> BodyModel:
     """Read a body model file: SMPL-X, SMPL-H or SMPL, `.npz` or `.pkl`; the body itself where it is in use already.
 
     The number of joints tells the kind (55, 52, 24); all are brought into SMPL-X's 55-joint form. In SMPL-H the jaw and

@@ -19,7 +19,7 @@ from fitting_core.body.files.reading import gender_of_name, load_body
 from fitting_core.errors import InputError
 from fitting_core.files.archives import Member, files_below, open_members
 from fitting_core.files.atomic import drafting, sync
-from fitting_core.files.regular import at_home, regular_file
+from fitting_core.files.regular import StrPath, at_home, regular_file
 from fitting_core.shipped import FREE_FOLDER
 
 ENVIRONMENT = "TCFIT_BODY_MODELS"
@@ -66,7 +66,7 @@ def search_folders() -> list[Path]:
     return [*given, user_folder(), FREE_FOLDER]
 
 
-def find_body(*, model: str = "smplx", gender: str = "neutral", search: Path | None = None) -> Path:
+def find_body(*, model: str = "smplx", gender: str = "neutral", search: StrPath | None = None) -> Path:
     """File of a body model.
 
     Args:
@@ -78,6 +78,7 @@ def find_body(*, model: str = "smplx", gender: str = "neutral", search: Path | N
     Raises:
         InputError: There is none; the message names the file, the folders searched and what to do.
     """
+    search = None if search is None else Path(search)
     _check_choice("body model", model, tuple(KINDS))
     _check_choice("gender", gender, GENDERS)
     if search is not None and not search.is_dir():
@@ -89,7 +90,7 @@ def find_body(*, model: str = "smplx", gender: str = "neutral", search: Path | N
     raise InputError(_not_found(model, gender, folders))
 
 
-def list_bodies(search: Path | None = None) -> list[BodyFile]:
+def list_bodies(search: StrPath | None = None) -> list[BodyFile]:
     """All body models found, those first that `find_body` prefers; broken ones with their problem.
 
     Args:
@@ -98,6 +99,7 @@ def list_bodies(search: Path | None = None) -> list[BodyFile]:
     Raises:
         InputError: The environment variable names something that is not a folder.
     """
+    search = None if search is None else Path(search)
     folders = [search] if search is not None else search_folders()
     return [_record(kind, gender, path) for folder in folders for (kind, gender), path in _bodies_in(folder).items()]
 

@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 from jaxtyping import Float
 
+from fitting_core.files.regular import StrPath
 from fitting_core.motion import Motion, Progress, stated_by_frame
 
 FACTS_NAME = "motion.json"
@@ -19,7 +20,7 @@ FACTS_NAME = "motion.json"
 MeshWriter = Callable[[Path, Float[np.ndarray, "V 3"], list[str]], None]
 
 
-def write_obj_sequence(folder: Path, motion: Motion, progress: Progress | None = None) -> None:
+def write_obj_sequence(folder: StrPath, motion: Motion, progress: Progress | None = None) -> None:
     """Write an OBJ file for each frame; vertices to 0.001 mm.
 
     Args:
@@ -27,6 +28,7 @@ def write_obj_sequence(folder: Path, motion: Motion, progress: Progress | None =
         motion: To write.
         progress: See `Progress`.
     """
+    folder = Path(folder)
     faces = motion.body.faces + 1
     tail = ("f %d %d %d\n" * len(faces)) % tuple(faces.ravel().tolist())
     pattern = "v %.6f %.6f %.6f\n" * len(motion.body.template)
@@ -38,8 +40,9 @@ def write_obj_sequence(folder: Path, motion: Motion, progress: Progress | None =
     _write(folder, motion, ".obj", write, progress)
 
 
-def write_ply_sequence(folder: Path, motion: Motion, progress: Progress | None = None) -> None:
+def write_ply_sequence(folder: StrPath, motion: Motion, progress: Progress | None = None) -> None:
     """Write a binary PLY file for each frame, in single precision; arguments as for `write_obj_sequence`."""
+    folder = Path(folder)
     faces = np.zeros(len(motion.body.faces), np.dtype([("count", "u1"), ("vertices", "<i4", 3)]))
     faces["count"], faces["vertices"] = 3, motion.body.faces
 

@@ -11,6 +11,7 @@ from fitting_core.body.markers.marker_set import MarkerSet
 from fitting_core.camera import Camera, World
 from fitting_core.errors import InputError, some_of
 from fitting_core.files.npz import npz_names, read_npz
+from fitting_core.files.regular import StrPath
 from fitting_core.io.result_files import FIT_NAME
 from fitting_core.measure.references import bodies as reference_bodies
 from fitting_core.measure.references import points as reference_points
@@ -87,11 +88,11 @@ POINT_FILES = {".trc": ("OpenSim TRC", "trc:read_trc"), ".c3d": ("C3D", "c3d_fil
 
 
 def read_reference(
-    path: Path,
+    path: StrPath,
     *,
-    camera: Path | None = None,
+    camera: StrPath | None = None,
     seen_by: Camera | None = None,
-    search: Path | None = None,
+    search: StrPath | None = None,
     markers: MarkerSet | None = None,
 ) -> Reference:
     """Read what a fit is to be compared with.
@@ -109,6 +110,9 @@ def read_reference(
         InputError: It cannot be read as any of these, or its body model is not there; or a camera is given that stands
             still, where the clip's moves.
     """
+    path = Path(path)
+    camera = None if camera is None else Path(camera)
+    search = None if search is None else Path(search)
     moves = seen_by is not None and seen_by.path is not None
     if camera is not None and moves:
         raise InputError(

@@ -1,7 +1,10 @@
 """One writer per project: a lock that the system releases when its process ends in any way."""
 
 import os
+import platform
+import time
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 from fitting_core.errors import InputError
@@ -30,6 +33,9 @@ class ProjectLock:
         self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
         try:
             free = try_lock(self._descriptor)
+            if not free:  # somebody may only have looked who has it
+                time.sleep(_LOOK)
+                free = try_lock(self._descriptor)
         except OSError as error:
             os.close(self._descriptor)
             raise InputError(
@@ -42,17 +48,67 @@ class ProjectLock:
             raise ProjectLocked(
                 f"{folder}: is open in another tcfit{holder}. Close it there, or open the project read-only."
             )
-        with suppress(OSError):  # on a full disk, the message above lacks the process
+        self.tell("")
+
+    def tell(self, names: str) -> None:
+        """Write down, for whoever finds it locked, which people work on it; one line."""
+        with suppress(OSError):  # on a full disk nobody is named
             os.ftruncate(self._descriptor, 0)
-            os.write(self._descriptor, f"{os.getpid()}\n".encode())
+            os.lseek(self._descriptor, 0, os.SEEK_SET)
+            os.write(self._descriptor, f"{os.getpid()}\n{platform.node()}\n{names}\n".encode())
 
     def release(self) -> None:
         """Let others write."""
+        with suppress(OSError):
+            os.ftruncate(self._descriptor, 0)
         os.close(self._descriptor)
+
+
+_LOOK = 0.05
+"""Seconds, in which `holder` has long looked."""
+_MOST = 1000
+"""Bytes that are read of what a holder has written down."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Holder:
+    """Who has a lock."""
+
+    process: str = ""
+    """Its number; empty if it has written none down."""
+    computer: str = ""
+    names: str = ""
+    """Of the people who work on it; empty if nobody is known by name."""
+
+
+def holder(folder: Path) -> Holder | None:
+    """Who writes to a project now; None if nobody does."""
+    try:
+        # Whoever has let go has left nothing written. All others may be gone, and are not disturbed by a look.
+        if not os.stat(folder / NAME).st_size:
+            return None
+        descriptor = os.open(folder / NAME, os.O_RDWR)
+    except OSError:
+        return None
+    try:
+        if try_lock(descriptor):
+            return None
+        return _written(descriptor)
+    except OSError:
+        return None
+    finally:
+        os.close(descriptor)
+
+
+def _written(descriptor: int) -> Holder:
+    os.lseek(descriptor, 0, os.SEEK_SET)
+    lines = [*os.read(descriptor, _MOST).decode("utf-8", "replace").splitlines(), "", "", ""]
+    process, computer, names = ("".join(filter(str.isprintable, line)) for line in lines[:3])
+    return Holder(process=process if process.isdigit() else "", computer=computer, names=names)
 
 
 def _holder(descriptor: int) -> str:
     """The process holding the lock, as recorded in the file, in words."""
-    os.lseek(descriptor, 0, os.SEEK_SET)
-    number = os.read(descriptor, 20).strip().decode("ascii", "replace")
-    return f" (process {number})" if number.isdigit() else ""
+    found = _written(descriptor)
+    by = f", by {found.names}" if found.names else ""
+    return f" (process {found.process}{by})" if found.process else ""

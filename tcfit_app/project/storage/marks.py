@@ -8,7 +8,7 @@ from typing import get_args
 from tcfit_app.project.edits.edit_log import LogEntry, MarkFrames, MarkState
 from tcfit_app.project.storage.columns import UNKNOWN_TIME, Columns, Count, of, text, time
 from tcfit_app.project.storage.database import Database
-from tcfit_app.project.storage.runs import LAST_MOMENT
+from tcfit_app.project.storage.run_record import LAST_MOMENT
 
 _LEFT_OUT = "the mark is ignored"
 

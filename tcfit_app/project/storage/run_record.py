@@ -113,3 +113,13 @@ def newest_body(database: Database) -> str:
         return msgspec.json.decode(rows[0]["body"], type=BodyRecord).source if rows else ""
     except (ValueError, TypeError):
         return ""
+
+
+def largest(column: str, table: str) -> str:
+    """The largest of some moments that are none the worse for damage, 0 without any, in SQL."""
+    sound = f"typeof(m) = 'integer' AND m BETWEEN 0 AND {2**52}"
+    return f"(SELECT coalesce(max(m), 0) FROM (SELECT {column} AS m FROM {table}) WHERE {sound})"
+
+
+LAST_MOMENT = largest("moment", "runs")
+"""The largest `Run.moment`, 0 without any, in SQL."""

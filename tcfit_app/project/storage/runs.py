@@ -27,7 +27,16 @@ from tcfit_app.project.storage.columns import UNKNOWN_TIME, Columns, Count, json
 from tcfit_app.project.storage.database import Database
 from tcfit_app.project.storage.names import checked_name
 from tcfit_app.project.storage.run_files import read_run, write_run
-from tcfit_app.project.storage.run_record import BodyRecord, Ended, Given, Run, RunKind, RunState
+from tcfit_app.project.storage.run_record import (
+    LAST_MOMENT,
+    BodyRecord,
+    Ended,
+    Given,
+    Run,
+    RunKind,
+    RunState,
+    largest,
+)
 
 ENTRY = r"runs/\d{6,}\.npz"
 """Paths of results in a project's folder, as a regular expression."""
@@ -37,16 +46,8 @@ _ORPHANS = "orphans"
 """In _FOLDER: files without a row, as after restoring an older database. They are never deleted."""
 
 
-def _largest(column: str, table: str) -> str:
-    """SQL for the largest valid moment, 0 without any."""
-    sound = f"typeof(m) = 'integer' AND m BETWEEN 0 AND {2**52}"
-    return f"(SELECT coalesce(max(m), 0) FROM (SELECT {column} AS m FROM {table}) WHERE {sound})"
-
-
-LAST_MOMENT = _largest("moment", "runs")
-"""SQL for the largest `Run.moment`, 0 without any."""
 _SAID = "CASE WHEN typeof(action) = 'text' AND json_valid(action) THEN json_extract(action, '$.moment') END"
-_NEXT = f"1 + max({LAST_MOMENT}, {_largest(_SAID, 'edits')}, {_largest('last_moment', 'marks')})"
+_NEXT = f"1 + max({LAST_MOMENT}, {largest(_SAID, 'edits')}, {largest('last_moment', 'marks')})"
 """SQL for the next `Run.moment`; marks still have those of purged runs."""
 
 

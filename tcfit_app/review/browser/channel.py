@@ -17,7 +17,7 @@ import numpy as np
 import viser
 
 from tcfit_app.review.browser.page_events import PageEvent, Stranger, decode
-from tcfit_app.review.browser.page_states import STATES, Hints, Linking, PageState, Saving, Typing
+from tcfit_app.review.browser.page_states import STATES, Hints, Leaving, Linking, PageState, Saving, Typing
 from tcfit_app.server.screen import Dropped
 from tcfit_app.server.uploads import UPLOAD_BYTES
 from tcfit_app.server.viser_bridge import field_id, run_javascript
@@ -59,7 +59,7 @@ class Channel:
             run_javascript(self._client, page_call("receive", name, state), key=f"tcfit {name}")
             self._sent[name] = state
 
-    def ask(self, name: str, state: Saving | Typing | Linking | Hints) -> None:
+    def ask(self, name: str, state: Saving | Typing | Linking | Leaving | Hints) -> None:
         """Request an action of the page; a repeated request repeats it."""
         self.send(name, msgspec.structs.replace(state, number=next(self._asked)))
 
@@ -82,7 +82,8 @@ class Channel:
 
 def loading() -> str:
     """JavaScript that loads the script into a page. A page with another version is reloaded."""
-    values = web_version(), tuple(web_files()), viser.__version__, CALLS
+    ahead = tuple(path for path in web_files() if not path.startswith(_LIST))
+    values = web_version(), ahead, viser.__version__, CALLS
     return f"({loader()})({', '.join(map(_json, values))})"
 
 
@@ -105,6 +106,8 @@ def _plain_number(value: object) -> object:
 
 
 _FOLDER = Path(__file__).with_name("web")
+_LIST = "/tcfit/home/"
+"""Before the modules of the list's page, which is not viser's."""
 _LOADER = "load.js"
 """The one that is not a module: the server sends it for the page to run."""
 

@@ -568,6 +568,14 @@ class Legend(_State, frozen=True, kw_only=True):
     """Evenly from low to high."""
 
 
+class Leaving(_State, frozen=True, kw_only=True):
+    """The page goes to another one, once for each of these: the order of clips is that of the browser's list."""
+
+    to: Literal["list", "next", "previous"]
+    number: int = 0
+    """As of `Typing`."""
+
+
 STATES: dict[str, type[_State]] = {
     "layout": Layout,
     "bodies": Bodies,
@@ -602,6 +610,7 @@ STATES: dict[str, type[_State]] = {
     "saving": Saving,
     "typing": Typing,
     "linking": Linking,
+    "leaving": Leaving,
     "hints": Hints,
 }
 """By name; sending None removes a state."""
@@ -624,7 +633,7 @@ PageState = (
         | OtherPeople
     )
     | (Timeline | Rows | Thumbnails | Marks | Keyframes | Suspicions | FrameMenus | PictureMenus | Fit | Provenance)
-    | (ChosenRange | Cursor | Keys | Notice | Chips | Beat | Saving | Typing | Linking | Hints)
+    | (ChosenRange | Cursor | Keys | Notice | Chips | Beat | Saving | Typing | Linking | Leaving | Hints)
 )
 
 

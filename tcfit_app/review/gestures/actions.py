@@ -245,6 +245,10 @@ def _suspects(g: Gestures) -> None:
         raise InputError("There are no suspicious frames: either there is no fit yet, or all were reviewed.")
 
 
+def _listed(g: Gestures) -> None:
+    g.reviewing.refuse_without_list()
+
+
 def _selected_frames(g: Gestures) -> None:
     g.fitting.selected_frames()
 
@@ -374,6 +378,12 @@ _FIT: tuple[_Row, ...] = (
     ("fit", "Fit everything", "Shift+r", lambda g: g.fitting.everything(), (writable, keypoints, settings)),
     ("cancel", "Cancel all fitting", "", lambda g: g.tab.session.cancel(), ()),
 )
+_CLIPS: tuple[_Row, ...] = (
+    ("approve", "Approve the clip, or take it back", "Shift+o", lambda g: g.reviewing.approve(), (writable,)),
+    ("next_clip", "Next clip of the list", "PageDown", lambda g: g.reviewing.leave("next"), (_listed,)),
+    ("previous_clip", "Previous clip of the list", "PageUp", lambda g: g.reviewing.leave("previous"), (_listed,)),
+    ("list", "All clips", "Shift+Home", lambda g: g.reviewing.leave("list"), (_listed,)),
+)
 _FAMILIES = {
     "Previous, next frame": ("previous", "next"),
     "10 frames back, forward": ("previous10", "next10"),
@@ -383,6 +393,7 @@ _FAMILIES = {
     "Nudge by 1 px": ("nudge_left", "nudge_right", "nudge_up", "nudge_down"),
     "Select frames from here on, up to here": ("range_start", "range_end"),
     "Next, previous suspicious frame": ("next_suspect", "previous_suspect"),
+    "Next, previous clip of the list": ("next_clip", "previous_clip"),
 }
 _FAMILY = {name: family for family, names in _FAMILIES.items() for name in names}
 _REPEATING = {
@@ -397,7 +408,7 @@ _REPEATING = {
     *_FAMILIES["Nudge by 1 px"],
 }
 _HELD = {"peek"}
-_GROUPS = {"Playing": _PLAYING, "View": _VIEW, "Keypoints": _KEYPOINTS, "Frames": _FRAMES, "Fit": _FIT}
+_GROUPS = {"Playing": _PLAYING, "View": _VIEW, "Keypoints": _KEYPOINTS, "Frames": _FRAMES, "Fit": _FIT, "Clips": _CLIPS}
 ACTIONS: dict[str, Action] = {
     name: Action(
         title=title,

@@ -1,11 +1,13 @@
 """Stepping through a clip's suspicious frames in one tab."""
 
 from collections.abc import Sequence
+from typing import Literal
 
 from fitting_core.errors import InputError
 from tcfit_app.analysis.suspicion import Suspect
 from tcfit_app.project.edits.edit_log import MarkState
 from tcfit_app.project.frame_words import in_words
+from tcfit_app.review.browser.page_states import Leaving
 from tcfit_app.review.tab.tab import Tab
 
 
@@ -59,6 +61,41 @@ class Reviewing:
         """The frames that `dismiss` marks as fine."""
         shown = self._on_show
         return tuple(shown.frames if shown is not None else self._tab.chosen_frames)
+
+    @property
+    def approved(self) -> str:
+        """Who has approved the clip as it is now; empty if nobody has."""
+        project = self._tab.session.project
+        versions = project.review.version, project.keypoints_version, project.runs.version
+        now = self._tab.once("review of the clip", versions, lambda: project.review.now)
+        return "" if now.approved is None or now.altered else now.approved_by
+
+    def approve(self) -> None:
+        """The clip is done, as it is now; or that is taken back. Raises InputError while there is no fit of it."""
+        tab = self._tab
+        project = tab.session.project
+        if self.approved:
+            project.review.withdraw()
+            tab.say("No longer approved")
+            return
+        if tab.session.jobs or tab.session.edit_follower.busy:
+            raise InputError("The clip is being fitted: wait for that, look at it, and approve it then.")
+        if not any(run.state == "finished" and run.kind != "imported" for run in project.runs.all()):
+            raise InputError("There is no finished fit that could be approved.")
+        project.review.approve(tab.browser.reviewer)
+        tab.say(f"Approved by {tab.browser.reviewer}. Shift+O takes it back")
+
+    def leave(self, to: Literal["list", "next", "previous"]) -> None:
+        """Have the page go to the list of clips, or to another one of them. Raises InputError if there is none."""
+        self.refuse_without_list()
+        self._tab.channel.ask("leaving", Leaving(to=to))
+
+    def refuse_without_list(self) -> None:
+        """Raise InputError if this is no clip of a list."""
+        if not self._tab.browser.in_list:
+            raise InputError(
+                "One clip was opened, so there is no other one: tcfit review FOLDER opens all in a folder."
+            )
 
     def are(self, state: MarkState, frames: Sequence[int]) -> bool:
         """Whether all of these frames have this mark."""

@@ -168,9 +168,17 @@ class ReviewPanel:
                 action(self._gestures, "flag", "Remove flag" if flagged else "Flag"),
             ),
             paragraph(where, "dim"),
+            row(action(self._gestures, "approve", self._approval()), *self._next_clip()),
             *unseen(self._tab),
             *self._flags(self._flagged),
         )
+
+    def _approval(self) -> str:
+        by = self._gestures.reviewing.approved
+        return f"Approved by {by}" if by else "Approve the clip"
+
+    def _next_clip(self) -> list[Html]:
+        return [action(self._gestures, "next_clip", "Next clip")] * self._tab.browser.in_list
 
     def _applies(self) -> str:
         """Which frames "Looks fine" and "Flag" apply to."""

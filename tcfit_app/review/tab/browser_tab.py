@@ -9,6 +9,8 @@ from tcfit_app.review.browser.page_events import PageEvent
 from tcfit_app.review.scene.scene import SceneView
 from tcfit_app.review.tab.people import Someone
 from tcfit_app.review.tab.toasts import Toasts
+from tcfit_app.server.gate import HOME
+from tcfit_app.server.gated_viser import Visitor
 from tcfit_app.server.page_files import PageFiles
 
 BROWSER = "browser "
@@ -18,13 +20,13 @@ BROWSER = "browser "
 class BrowserTab:
     """One of viser's clients.
 
-    client: viser's client.
-        client: viser's tab.
+    Args:
+        client: viser's client.
         files: which files on this computer the page may read.
-        signed_in: the name its user gave at the gate; empty: none.
+        whose: its user, as the gate knows them.
     """
 
-    def __init__(self, client: viser.ClientHandle, files: PageFiles, signed_in: str = "") -> None:
+    def __init__(self, client: viser.ClientHandle, files: PageFiles, whose: Visitor | None = None) -> None:
         self.client, self.files = client, files
         self.receive: Callable[[PageEvent], None] = lambda event: None
         """Handles the page's events for the person on show."""
@@ -39,8 +41,13 @@ class BrowserTab:
         self.toasts = Toasts(client)
         self.name: str | None = None
         """Chosen by the page; None until it has said hello."""
-        self._signed_in = signed_in
-        self.author = signed_in or f"{BROWSER}{client.client_id}"
+        whose = whose or Visitor()
+        self.reviewer = whose.reviewer
+        """Under what name the time spent and approvals are kept."""
+        self.in_list = whose.path != HOME
+        """Its clip is one of a folder that was opened."""
+        self._signed_in = whose.name
+        self.author = whose.name or f"{BROWSER}{client.client_id}"
         self.size = (0, 0)
         """Canvas size in CSS pixels, as last reported by the page."""
         self.has_commands = False

@@ -156,7 +156,7 @@ def test_a_project_has_its_own_reference(tmp_path: Path, free_body: BodyModel, c
         assert float(final["joint_error_mean [mm]"]) == pytest.approx(error, abs=1e-3)
         assert float(final["reprojection_mean [px]"]) == pytest.approx(0, abs=0.5 + 0.1 * error)
     assert main(["evaluate", str(project), "--run", "none"]) == 2
-    assert "there is no such run. Those with a result: 'exact' (#1), 'far' (#2)" in capsys.readouterr().err
+    assert "no such run. Runs with a result: 'exact' (#1), 'far' (#2)" in capsys.readouterr().err
 
 
 def test_which_run_is_measured_is_the_same_as_anywhere_else(

@@ -188,6 +188,7 @@ REFUSED = {
     "nothing": (("eyes", []), (), "has no annotations in this clip's frames"),
     "far away": (("eyes", [(100, 120, "x")]), (), "has no annotations in this clip's frames"),
     "too long": (("eyes", [(1, 1, "x" * (NOTE_CHARACTERS + 1))]), (), "2,001 characters; expected 2,000 at most"),
+    "too many": (("eyes", [(1, 1, "x")] * 20_001), (), "has 20,001 annotations; expected 20,000 at most at a time"),
 }
 
 
@@ -201,7 +202,7 @@ def test_refused(project: Project, tmp_path: Path, name: str):
 
 def test_the_command(folder: Path, exported: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     assert main(["import", str(folder), str(exported)]) == 0
-    assert "0 new notes, 2 here already" in capsys.readouterr().out
+    assert "0 new notes, 2 already present" in capsys.readouterr().out
     assert main(["import", str(folder), str(exported), "--person", "1"]) == 2
     assert "--person: has no meaning for" in capsys.readouterr().err
     assert main(["import", str(folder), str(tmp_path / "fit.npz"), "--tiers", "x"]) == 2

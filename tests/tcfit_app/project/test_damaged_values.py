@@ -8,7 +8,7 @@ from collections.abc import Callable
 from contextlib import closing
 from html import unescape
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 import viser
@@ -16,9 +16,11 @@ import viser
 from fitting_core.body.model import BodyModel
 from tcfit_app.cli.main import main
 from tcfit_app.exports.table import EXPORTS
+from tcfit_app.project.glance import glance
 from tcfit_app.project.packed import unpack
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage import database
+from tcfit_app.project.storage.clip_review import State, Worst
 from tcfit_app.review.browser.page_events import Hello
 from tcfit_app.review.drawing.status import damage_in_short
 from tests.drivers.lone_page import lone_page
@@ -76,6 +78,10 @@ def sound(tmp_path_factory: pytest.TempPathFactory, free_body: BodyModel) -> Pat
         again = project.runs.start(CONFIG, body=far.body, edits_seen=2, kind="frames", parent=2, frames=range(1, 3))
         project.runs.finish(again.id, waving_fit(1.0), summary={"seconds": {"phase3": 1.0}, "source": "x"})
         project.runs.delete(1)
+        project.review.approve("me")
+        project.review.add_time("me", 40.0)
+        project.review.set_note("left hand")
+        project.review.set_worst(Worst(run=2, left=1, score=1.5, frame=3, words="wrist is off"))
     with closing(sqlite3.connect(folder / database.NAME)) as connection, connection:
         values = ("3", "'flag'", "''", "'2026-01-01T00:00:00+00:00'", "'me'", "1", "1")
         connection.execute(f"INSERT INTO marks VALUES ({', '.join(values)})")
@@ -117,6 +123,8 @@ SILENT = {
     ("clip", "created"): "read only to compare projects",
     ("runs", "deleted"): "whatever is there, it was deleted",
     ("marks", "reason"): "nothing reads it any more",
+    ("review", "id"): "there is one row",
+    ("review_time", "last"): "it is an order, and no value",
 }
 """Columns of which nothing need be said, and why."""
 
@@ -184,6 +192,8 @@ def _look(project: Project) -> None:
     """Read all there is."""
     assert project.clip.keypoints is not None and project.corrected.xy.size and project.reference is None
     runs = [*project.runs.all(), *project.runs.all(deleted=True)]
+    assert project.review.now.state(fitted=True) in get_args(State)
+    assert glance(project.folder).frames == len(project.clip)
     assert len(runs) >= 2 and project.marks.all().keys() <= set(range(len(project.clip)))
     for run in (run for run in runs if run.stored):
         assert project.runs.load(run.id).phases
@@ -194,5 +204,7 @@ def _go_on(project: Project) -> None:
     project.append(random_edit(7))
     project.undo()
     project.marks.set([0], "flag")
+    project.review.approve("me")
+    project.review.add_time("me", 1.0)
     run = project.runs.start(CONFIG, body=project.runs.get(2).body, edits_seen=project.last_edit)
     project.runs.end(run.id, "cancelled")

@@ -382,7 +382,7 @@ def test_a_newer_project_is_refused_untouched(folder: Path):
     with closing(sqlite3.connect(folder / database.NAME)) as connection:
         connection.execute("PRAGMA user_version = 99")
     for read_only in (False, True):
-        said = rf"version 99, and this tcfit knows versions up to {len(MIGRATIONS)}\..*update tcfit"
+        said = rf"version 99, but this tcfit supports versions up to {len(MIGRATIONS)}\..*update tcfit"
         with pytest.raises(InputError, match=said):
             Project.open(folder, read_only=read_only)
     with closing(sqlite3.connect(folder / database.NAME)) as connection:

@@ -22,7 +22,6 @@ from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
 from fitting_core.io.people_file import read_people_file, write_people_file
 from tcfit_app.cli.main import main
-from tcfit_app.cli.review_command import open_project
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.fitting.reports import Notice
@@ -34,6 +33,7 @@ from tcfit_app.project.storage.lock import ProjectLocked
 from tcfit_app.review.app import ReviewApp
 from tcfit_app.review.browser.page_events import GoToPerson, Hello, OpenLink, Press
 from tcfit_app.review.drawing.rows import MOST_ROWS, PLOTS
+from tcfit_app.review.opening import open_project
 from tcfit_app.review.panels.export_panel import ExportPanel
 from tcfit_app.review.panels.review_panel import ReviewPanel
 from tcfit_app.review.session.group import Group

@@ -10,9 +10,10 @@ import pytest
 
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
-from tcfit_app.cli.review_command import body_ahead, load_app
+from tcfit_app.cli.review_command import body_ahead
 from tcfit_app.fitting.bodies import Bodies, record_of
 from tcfit_app.project.project import Project
+from tcfit_app.review.opening import load_app
 from tests.samples.posed_clips import shipped_body
 from tests.samples.sessions import QUICK, small_clip
 

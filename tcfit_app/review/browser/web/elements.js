@@ -1,25 +1,11 @@
 // The script's own elements, laid over viser's canvas, and how text and tooltips fit into them.
 
+import { element } from "./element.js";
 import { PANEL_SHEET, STYLE_SHEET } from "./style.js";
 import { THEME_SHEET } from "./theme.js";
 import { VISER_SHEET, canvas as sceneCanvas, canvasBox, correctCanvasSize, leaveRoomBelow } from "./viser/bridge.js";
 
-/**
- * An element with a class, and text if there is some: always as text, so that nothing in it is ever HTML.
- * @template {keyof HTMLElementTagNameMap} T
- * @param {T} tag
- * @param {string} className
- * @param {Element | null} [parent]
- * @param {string} [text]
- * @returns {HTMLElementTagNameMap[T]}
- */
-export function element(tag, className, parent, text) {
-  const made = document.createElement(tag);
-  if (className) made.className = className;
-  if (text !== undefined) made.textContent = text;
-  if (parent) parent.append(made);
-  return made;
-}
+export { element };
 
 /** CSS pixels that a pressed pointer may move before that is a drag. */
 export const DRAG_THRESHOLD = 3;

@@ -4,6 +4,7 @@ import { connect, receive, states } from "./connection.js";
 import "./curtain.js";
 import "./hints.js";
 import "./keys.js";
+import "./leaving.js";
 import "./links.js";
 import "./notice.js";
 import "./panels/buttons.js";

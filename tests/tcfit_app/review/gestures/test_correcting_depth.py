@@ -238,11 +238,11 @@ def test_a_keypoint_that_the_fit_swaps_back_takes_the_other_arms_depth(
 @pytest.mark.parametrize(
     ("depth", "words"),
     [
-        (((-0.12,),), "right wrist put 12 cm nearer than the pelvis, frame 7"),
-        (((0.12,), (0.304,)), "right wrist put 12 to 30 cm farther than the pelvis, frames 7–8"),
-        (((-0.12,), (-0.3,)), "right wrist put 12 to 30 cm nearer than the pelvis, frames 7–8"),
-        (((-0.12,), (0.3,)), "right wrist put 12 cm nearer to 30 cm farther than the pelvis, frames 7–8"),
-        (((0.001,),), "right wrist put 0 cm farther than the pelvis, frame 7"),
+        (((-0.12,),), "right wrist put 12 cm in front of the pelvis, frame 7"),
+        (((0.12,), (0.304,)), "right wrist put 12 to 30 cm behind the pelvis, frames 7–8"),
+        (((-0.12,), (-0.3,)), "right wrist put 12 to 30 cm in front of the pelvis, frames 7–8"),
+        (((-0.12,), (0.3,)), "right wrist put 12 cm in front of to 30 cm behind the pelvis, frames 7–8"),
+        (((0.001,),), "right wrist put 0 cm behind the pelvis, frame 7"),
     ],
 )
 def test_depths_in_words(depth: tuple, words: str):

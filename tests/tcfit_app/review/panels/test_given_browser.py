@@ -45,7 +45,7 @@ def test_a_start_and_a_shape_are_chosen_and_stay_after_a_reload(opened: Reviewin
     choose(opened, "Start from", "2 · second")
     choose(opened, "Same person as", "1 · first")
     until(lambda: state().given == Given(start=Source(run=2), shape=Source(run=1)))
-    opened.tab.get_by_text("and has the shape of first").wait_for()
+    opened.tab.get_by_text("and uses the shape of first").wait_for()
     opened.tab.get_by_text("Re-run shape as first").wait_for()
     choose(opened, "Same person as", "a file")
     opened.tab.get_by_text("Path of the shape is empty").wait_for()
@@ -56,7 +56,7 @@ def test_a_start_and_a_shape_are_chosen_and_stay_after_a_reload(opened: Reviewin
     opened.tab.reload()
     opened.tab.get_by_role("tab", name="Fit", exact=True).wait_for(timeout=60_000)
     panel(opened, "Fit")
-    opened.tab.get_by_text("and has the shape of her.json").wait_for()
+    opened.tab.get_by_text("and uses the shape of her.json").wait_for()
     assert state().given.start == Source(run=2)
 
 

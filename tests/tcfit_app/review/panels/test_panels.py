@@ -442,7 +442,7 @@ def test_the_review_queue_while_there_is_none(tested: LonePage):
 
 def test_an_empty_review_queue(tested: LonePage):
     with_suspects(tested)
-    assert "Nothing suspicious." in tested.html()
+    assert "Nothing suspicious" in tested.html()
 
 
 def test_a_review_queue_that_cannot_be_made_says_why(tested: LonePage):

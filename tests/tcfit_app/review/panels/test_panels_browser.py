@@ -183,9 +183,9 @@ def test_selected_keypoints_and_frames_leave_the_panel_as_wide_and_its_buttons_i
     opened.app.post(lambda: tab.session.edit(edit, author="me"))
     opened.app.post(lambda: tab.set(selection=(first, second), frame=0, frames=None))
     opened.tab.get_by_role("tab", name="Keypoints", exact=True).click()
-    opened.tab.get_by_text("nearer than the pelvis").wait_for()
+    opened.tab.get_by_text("in front of the pelvis").wait_for()
     ends = "(table) => [table, table.closest('.tcfit-panel')].map((box) => box.getBoundingClientRect().right)"
-    table, panel = opened.tab.locator(".tcfit-table", has_text="nearer than the pelvis").evaluate(ends)
+    table, panel = opened.tab.locator(".tcfit-table", has_text="in front of the pelvis").evaluate(ends)
     assert table <= panel
     bad, reset = (opened.tab.locator(f"[data-tcfit=action][data-value={name}]") for name in ("bad", "reset"))
     before = bad.bounding_box(), reset.bounding_box()

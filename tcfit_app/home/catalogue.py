@@ -1,0 +1,191 @@
+"""The rows of the list: read once, and again when something has changed. A thousand take some megabytes."""
+
+import os
+import platform
+import threading
+from collections.abc import Callable, Collection
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import msgspec
+
+from fitting_core.errors import InputError
+from tcfit_app.home.found import Found, find
+from tcfit_app.home.messages import Row, Work
+from tcfit_app.project.glance import Glance, Stamp, glance, stamp
+from tcfit_app.project.storage.lock import Holder
+
+SUMMARY = "summary.json"
+"""`result_files.SUMMARY_NAME`, which would take torch's two seconds to import."""
+
+_READERS = 4
+"""Threads that wait for the disk."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Entry:
+    """A clip that is listed."""
+
+    found: Found
+    stamp: Stamp
+    row: Row
+    media: tuple[Path, ...] = ()
+    """As of `Glance`."""
+    first_frame: int = 0
+    """As of `Glance`."""
+    by: str = ""
+    """Who has it open, as of `busy`."""
+
+
+class Catalogue:
+    """Everything below a folder. Thread-safe.
+
+    Args:
+        root: The folder.
+        work_on: Tells what is done to a clip in the background, by its key.
+    """
+
+    def __init__(self, root: Path, work_on: Callable[[str], Work | None] = lambda key: None) -> None:
+        self.root, self._work_on = root.resolve(), work_on
+        self._guard = threading.Lock()
+        self._entries: dict[str, Entry] = {}
+        self._videos: dict[str, tuple[int, float]] = {}
+        """Frames and seconds of those that were looked into."""
+
+    def get(self, key: str) -> Entry | None:
+        """A clip by its key."""
+        return self._entries.get(key)
+
+    def rows(self) -> list[Row]:
+        """All of them, by place."""
+        return [entry.row for entry in self._entries.values()]
+
+    def refresh(self) -> tuple[list[Row], list[str]]:
+        """Look at the disk; rows that are other ones than before, and keys of those that are gone."""
+        with self._guard:
+            before, now, claimed = self._entries, dict[str, Entry](), set[str]()
+            found = find(self.root)
+            with ThreadPoolExecutor(_READERS) as pool:
+                read = dict(zip(found, pool.map(lambda one: self._entry(one, before.get(one.key)), found), strict=True))
+            for one in sorted(found, key=lambda one: one.kind != "project"):  # which say of what videos they are
+                if one.kind == "video" and os.path.normpath(one.path) in claimed:
+                    continue
+                entry = now[one.key] = read[one]
+                claimed.update(map(os.path.normpath, entry.media))
+            self._entries = {one.key: now[one.key] for one in found if one.key in now}
+            changed = [e.row for key, e in self._entries.items() if key not in before or before[key].row != e.row]
+            return changed, [key for key in before if key not in self._entries]
+
+    def refresh_some(self, keys: Collection[str]) -> list[Row]:
+        """Look at some clips again; rows that are other ones than before."""
+        with self._guard:
+            changed = []
+            for key in keys:
+                if (before := self._entries.get(key)) is not None:
+                    entry = self._entries[key] = self._entry(before.found, before)
+                    changed += [entry.row] * (entry.row != before.row)
+            return changed
+
+    def knows_length(self, key: str, frames: int, seconds: float) -> None:
+        """Somebody has looked into a video."""
+        self._videos[key] = (frames, seconds)
+
+    def has_length(self, key: str) -> bool:
+        """Whether somebody has looked into that video."""
+        return key in self._videos
+
+    def _entry(self, found: Found, before: Entry | None) -> Entry:
+        new = _stamp(found)
+        entry = before if before is not None and before.stamp == new else _read(found, new)
+        work = self._work_on(found.key)
+        # A fit of our own has the project open: that is told already.
+        by = "" if work is not None and not work.ended else entry.by
+        row = msgspec.structs.replace(entry.row, work=work, busy=by)
+        if found.kind == "video" and (length := self._videos.get(found.key)):
+            row = msgspec.structs.replace(row, frames=length[0], seconds=length[1])
+        return Entry(found=found, stamp=new, row=row, media=entry.media, first_frame=entry.first_frame, by=entry.by)
+
+
+def _stamp(found: Found) -> Stamp:
+    if found.kind == "project":
+        return stamp(found.path)
+    try:
+        status = os.stat(found.path if found.kind == "video" else found.path / SUMMARY)
+    except OSError:
+        return ()
+    return status.st_mtime_ns, status.st_size
+
+
+def _read(found: Found, new: Stamp) -> Entry:
+    name = found.path.stem if found.kind != "result" else found.path.name
+    row = Row(
+        key=found.key, name="".join(c if c.isprintable() else "?" for c in name), place=found.place, kind=found.kind
+    )
+    media, first_frame, by = tuple[Path, ...](), 0, ""
+    try:
+        if found.kind == "project":
+            seen = glance(found.path)
+            row, media, first_frame = _of_project(row, seen), seen.media, seen.first_frame
+            by = busy(seen.holder)
+        elif found.kind == "result":
+            row = _of_result(row, found.path / SUMMARY)
+    except InputError as error:
+        row = msgspec.structs.replace(row, problem=str(error))
+    return Entry(found=found, stamp=new, row=row, media=media, first_frame=first_frame, by=by)
+
+
+def _of_project(row: Row, seen: Glance) -> Row:
+    review, worst = seen.review, seen.review.worst
+    if worst is not None and worst.run != seen.fit:
+        worst = None
+    begun = seen.state in ("in review", "approved")  # who has only looked in is no reviewer
+    return msgspec.structs.replace(
+        row,
+        name=seen.name,
+        state=seen.state,
+        frames=seen.frames,
+        seconds=seen.frames / seen.frame_rate,
+        score=None if worst is None else worst.score,
+        left=0 if worst is None else worst.left,
+        words="" if worst is None else worst.words,
+        frame=None if worst is None or not worst.left else seen.first_frame + worst.frame,
+        error=seen.error,
+        reviewer=review.reviewer if begun else "",
+        spent=sum(review.seconds.values()) if begun else 0.0,
+        altered=review.altered,
+        note=review.note,
+        notes=seen.notes,
+    )
+
+
+def busy(holder: Holder | None) -> str:
+    """Who works on a project, for the user. What this process keeps open and nobody looks at is free for all."""
+    if holder is None or holder.names:
+        return "" if holder is None else holder.names
+    here = holder.computer in ("", platform.node())
+    if here and holder.process == str(os.getpid()):
+        return ""
+    where = "" if here else f" on {holder.computer}"
+    return f"another tcfit (process {holder.process}{where})" if holder.process else "another tcfit"
+
+
+class _Summary(msgspec.Struct):
+    frames: int = 0
+    frame_rate: float = 30.0
+    reprojection_px: dict[str, dict[str, float | None]] = {}
+
+
+def _of_result(row: Row, path: Path) -> Row:
+    try:
+        found = msgspec.json.decode(path.read_bytes(), type=_Summary)
+    except (OSError, ValueError, RecursionError) as error:
+        raise InputError(f"{path}: cannot be read ({error}).") from error
+    phases = found.reprojection_px
+    return msgspec.structs.replace(
+        row,
+        state="fitted",
+        frames=max(found.frames, 0),
+        seconds=max(found.frames, 0) / found.frame_rate if found.frame_rate > 0 else 0.0,
+        error=phases[max(phases)].get("median") if phases else None,
+    )

@@ -1,0 +1,118 @@
+"""A fit in the background, in a process of its own: whatever happens to it, the list and the reviews go on, and it can
+be stopped at any moment. What it has stored by then stays; keypoints go on where they were."""
+
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+from fitting_core.body.files.reading import load_body
+from fitting_core.clips.options import ClipOptions
+from fitting_core.clips.reading import read_footage
+from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
+from fitting_core.errors import InputError
+from fitting_core.fit.events import Iteration, drained, mapped
+from fitting_core.fit.fitting import fit_events
+from fitting_core.fit.fused.ready import cores
+from fitting_core.io.summary import summary
+from tcfit_app.analysis.suspicion import worst_place
+from tcfit_app.batch.pictures import suspects, write_picture
+from tcfit_app.fitting import child_processes
+from tcfit_app.fitting.bodies import record_of
+from tcfit_app.home.messages import Work
+from tcfit_app.imports.keypoint_jobs import Detect
+from tcfit_app.options.fit import BodyOptions
+from tcfit_app.options.preparing import body_file, compile_kernels, prepare_solver
+from tcfit_app.project.picture import NAME
+from tcfit_app.project.project import Project
+from tcfit_app.project.storage.database import is_project
+
+Report = Callable[[Work], None]
+_BETWEEN = 0.5
+"""Seconds."""
+
+
+def serve(pipe: Connection, folder: Path, models: Path | None) -> None:
+    """What the process does: it sends `Work` through the pipe, and at its end None, or one that has ended."""
+    child_processes.end_with_parent()
+    try:
+        fit_project(folder, _seldom(pipe.send), models=models)
+        pipe.send(None)
+    except InputError as error:
+        pipe.send(Work(step=str(error), ended=True))
+    except Exception as error:
+        logging.getLogger(__name__).exception("%s could not be fitted", folder)
+        pipe.send(Work(step=f"{type(error).__name__}: {error}. tcfit's terminal has the details.", ended=True))
+
+
+def make_project(folder: Path, video: Path) -> None:
+    """A project of a video, whose keypoints are yet to come; one that is there stays. Raises InputError as
+    `Project.create`."""
+    if not is_project(folder):
+        Project.create(folder, read_footage(video)).close()
+
+
+def _seldom(report: Report) -> Report:
+    """The same, told of a step that goes on twice a second."""
+    step, told = "", 0.0
+
+    def seldom(work: Work) -> None:
+        nonlocal step, told
+        if work.step != step or time.monotonic() > told + _BETWEEN:
+            step, told = work.step, time.monotonic()
+            report(work)
+
+    return seldom
+
+
+def fit_project(folder: Path, report: Report, *, models: Path | None = None, config: FitConfig | None = None) -> None:
+    """Fit a project with the default preset; keypoints are found if it has none.
+
+    Args:
+        folder: Of the project.
+        report: Is told how far it is.
+        models: Folder of body models.
+        config: In place of the default.
+
+    Raises:
+        InputError: Somebody has it open, nobody is found, the body is missing, or it cannot be read or written.
+    """
+    with Project.open(folder) as project:
+        body = load_body(body_file(BodyOptions(models=models)))
+        _find_keypoints(project, report)
+        used = config or PRESETS[DEFAULT_PRESET]
+        if project.height is not None:
+            used = replace(used, height=project.height)
+        prepare_solver(used, max(1, cores() - 1))  # reviewers use this computer too
+        report(Work(step="Preparing the fit"))
+        compile_kernels(used)
+        clip = project.clip
+        run = project.runs.start(used, body=record_of(body), edits_seen=project.last_edit)
+        try:
+
+            def told(event: object) -> None:
+                if isinstance(event, Iteration):
+                    report(Work(step=f"Phase {event.phase} of {used.last_phase}", share=event.share))
+
+            fit = drained(mapped(fit_events(clip, body, used), told))
+        except InputError as error:
+            project.runs.end(run.id, "failed", str(error))
+            raise
+        project.runs.finish(run.id, fit, summary=summary(fit, clip, body, complete=True, command=""))
+        report(Work(step="Looking for suspicious frames"))
+        worst = worst_place(run.id, suspects(fit, clip, body))
+        project.review.set_worst(worst)
+        write_picture(folder / NAME, fit, clip, body, frame=worst.frame)
+
+
+def _find_keypoints(project: Project, report: Report) -> None:
+    if project.has_detections:
+        return
+    found = Detect(detector=ClipOptions().detector).run(
+        project.clip, lambda step, share: report(Work(step="Finding keypoints", share=share))
+    )
+    project.take_detections(
+        found.keypoints, found.notes, detector=found.detector, silhouettes=found.silhouettes, camera=found.camera
+    )

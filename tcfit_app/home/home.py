@@ -1,0 +1,295 @@
+"""The list of a folder's clips as a site: its page, its websockets, and the reviews that are opened from it."""
+
+import asyncio
+import base64
+import logging
+import threading
+import time
+from collections.abc import Callable, Collection, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import dataclass, field
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from websockets.asyncio.server import ServerConnection
+from websockets.exceptions import ConnectionClosed
+
+from fitting_core.errors import InputError
+from tcfit_app.home.catalogue import Catalogue, Entry
+from tcfit_app.home.messages import (
+    Approve,
+    Cancel,
+    Fit,
+    FromPage,
+    Look,
+    Open,
+    Opened,
+    Picture,
+    Row,
+    Rows,
+    Told,
+    ToPage,
+    WriteNote,
+    decode,
+)
+from tcfit_app.home.pictures import picture_of
+from tcfit_app.home.queue import FitQueue
+from tcfit_app.home.reviews import PATH, Reviews
+from tcfit_app.project.storage.clip_review import ReviewOfClip, reviewed
+from tcfit_app.server.gate import HOME
+from tcfit_app.server.gated_viser import Visitor
+from tcfit_app.server.screen import Dropped
+from tcfit_app.server.serving import ReviewServer
+
+SOCKET = "/list"
+"""Where the page's websocket is."""
+EVERY = 3.0
+"""Seconds between two looks at the disk, while somebody sees the list."""
+_SHARE = 0.05
+"""Of the time that looks at the disk may take: a slow one is followed by a longer rest."""
+_log = logging.getLogger(__name__)
+
+
+@dataclass(kw_only=True, eq=False)
+class _Watcher:
+    """A page with the list."""
+
+    connection: ServerConnection
+    loop: asyncio.AbstractEventLoop
+    visitor: Visitor
+    wanted: tuple[str, ...] = ()
+    """Whose pictures are in sight and not sent yet."""
+    dropped: Dropped = field(default_factory=Dropped)
+
+    def send(self, message: ToPage) -> None:
+        """From any thread; a page that is gone misses nothing."""
+        text = msgspec.json.encode(message).decode()
+
+        async def send() -> None:
+            with suppress(ConnectionClosed):
+                await self.connection.send(text)
+
+        asyncio.run_coroutine_threadsafe(send(), self.loop)
+
+
+class Home:
+    """A site of a folder's clips. See `TalkingSite`.
+
+    Args:
+        root: The folder.
+        files: The folder that alone pages may name files of; None: as of `PageFiles`.
+        models: Folder of body models.
+    """
+
+    def __init__(self, root: Path, *, files: Path | None = None, models: Path | None = None) -> None:
+        self._queue = FitQueue(self._place_of, self._refresh, models)
+        self.catalogue = Catalogue(root, self._queue.on)
+        self.reviews = Reviews(self._folder_of, lambda key: self._refresh([key]), files=files, models=models)
+        self._watchers: set[_Watcher] = set()
+        self._pool = ThreadPoolExecutor(4, "tcfit list")
+        self._drawing = ThreadPoolExecutor(1, "tcfit pictures")
+        """One at a time: decoding takes a core."""
+        self._wake = threading.Event()
+        self._stop = False
+
+    # --- the site ---
+
+    def page(self, path: str) -> bytes | None:
+        """See `Site.page`."""
+        return _PAGE.format(title=escape(self.catalogue.root.name)).encode() if path == HOME else None
+
+    def has_review(self, path: str) -> bool:
+        """See `Site.has_review`."""
+        return path.startswith(PATH) and self.catalogue.get(path.removeprefix(PATH)) is not None
+
+    def talks_at(self, path: str) -> bool:
+        """See `Site.talks_at`."""
+        return path == SOCKET
+
+    async def talk(self, connection: ServerConnection, visitor: Visitor) -> None:
+        """See `TalkingSite.talk`."""
+        watcher = _Watcher(connection=connection, loop=asyncio.get_running_loop(), visitor=visitor)
+        self._watchers.add(watcher)
+        self._wake.set()
+        try:
+            watcher.send(Rows(rows=self.catalogue.rows(), whole=True, me=visitor.reviewer))
+            with suppress(ConnectionClosed):
+                async for message in connection:
+                    await self._take(watcher, message)
+        finally:
+            self._watchers.discard(watcher)
+
+    async def _take(self, watcher: _Watcher, message: str | bytes) -> None:
+        try:
+            asked = decode(message)
+        except msgspec.DecodeError as error:
+            watcher.dropped.note(error)
+            return
+        # One after the other: a page that asks for more waits.
+        await watcher.loop.run_in_executor(self._pool, self._obey, watcher, asked)
+
+    # --- what pages ask for ---
+
+    def _obey(self, watcher: _Watcher, asked: FromPage) -> None:
+        try:
+            _RECEIVERS[type(asked)](self, watcher, asked)
+        except InputError as error:
+            watcher.send(Told(text=str(error)))
+        except Exception as error:
+            _log.exception("What a page asked for went wrong")
+            watcher.send(Told(text=f"{type(error).__name__}: {error}. tcfit's terminal has the details."))
+
+    def _look(self, watcher: _Watcher, asked: Look) -> None:
+        idle, watcher.wanted = not watcher.wanted, asked.keys
+        if idle and asked.keys:
+            self._drawing.submit(self._draw, watcher)
+
+    def _draw(self, watcher: _Watcher) -> None:
+        """Send the pictures that are wanted now: whoever scrolls on does not wait for those that went by."""
+        while watcher.wanted and watcher in self._watchers and not self._stop:
+            key, *rest = watcher.wanted
+            watcher.wanted = tuple(rest)
+            if (entry := self.catalogue.get(key)) is not None:
+                data = picture_of(entry, self.catalogue)
+                watcher.send(Picture(key=key, data=base64.b64encode(data).decode()))
+                if entry.found.kind == "video":
+                    self._refresh([key])
+
+    def _open(self, watcher: _Watcher, asked: Open) -> None:
+        entry = self._entry(asked.key)
+        if entry.found.kind == "video":
+            entry = self._made_of(entry)
+        self.reviews.open(entry.found.key)
+        watcher.send(Opened(key=entry.found.key))
+
+    def _made_of(self, video: Entry) -> Entry:
+        """The project that is made of a video, beside it, without keypoints yet."""
+        from tcfit_app.home.fitting import make_project
+
+        folder = video.found.path.with_suffix(".tcfit")
+        make_project(folder, video.found.path)
+        self.look()
+        entries = (self.catalogue.get(row.key) for row in self.catalogue.rows())
+        return next(entry for entry in entries if entry is not None and entry.found.path == folder)
+
+    def _fit(self, watcher: _Watcher, asked: Fit) -> None:
+        entries = list(map(self._entry, asked.keys))
+        if results := [entry.row.name for entry in entries if entry.found.kind == "result"]:
+            raise InputError(f"{results[0]}: is a result; make a project of its clip, to fit it again.")
+        for entry in entries:
+            try:
+                self._queue.add([(self._made_of(entry) if entry.found.kind == "video" else entry).found.key])
+            except InputError as error:  # the others are fitted all the same
+                watcher.send(Told(text=str(error)))
+
+    def _cancel(self, watcher: _Watcher, asked: Cancel) -> None:
+        self._queue.cancel(asked.keys)
+
+    def _approve(self, watcher: _Watcher, asked: Approve) -> None:
+        entries = list(map(self._entry, asked.keys))
+        if asked.approved and (without := [e.row.name for e in entries if e.row.state == "new"]):
+            raise InputError(f"{without[0]}: has no fit yet that could be approved.")
+        me = watcher.visitor.reviewer
+        for key in asked.keys:
+            self._say(key, lambda review: review.approve(me) if asked.approved else review.withdraw())
+
+    def _write_note(self, watcher: _Watcher, asked: WriteNote) -> None:
+        self._say(asked.key, lambda review: review.set_note(asked.text))
+
+    def _say(self, key: str, say: Callable[[ReviewOfClip], None]) -> None:
+        """Say something of a clip, which is on the disk when this returns."""
+        entry = self._entry(key)
+        if entry.found.kind != "project":
+            raise InputError(f"{entry.row.name}: is no project yet. Open or fit it first.")
+        if (project := self.reviews.project(key)) is not None:
+            say(project.review)
+        else:
+            with reviewed(entry.found.path) as review:
+                say(review)
+        self._refresh([key])
+
+    # --- clips ---
+
+    def _entry(self, key: str) -> Entry:
+        entry = self.catalogue.get(key)
+        if entry is None:
+            raise InputError("This clip is no longer there: it was moved or deleted.")
+        return entry
+
+    def _folder_of(self, key: str) -> Path:
+        entry = self._entry(key)
+        if entry.found.kind != "project":
+            raise InputError(f"{entry.row.name}: is no project. Open it from the list.")
+        return entry.found.path
+
+    def _place_of(self, key: str) -> Path:
+        """See `FitQueue`."""
+        folder = self._folder_of(key)
+        if not self.reviews.release(key):
+            raise InputError(f"{self.reviews.viewers(key) or 'Somebody'} has it open: fit it there.")
+        return folder
+
+    # --- news ---
+
+    def look(self) -> None:
+        """Look at the disk, and tell all pages what has changed."""
+        self._tell(*self.catalogue.refresh())
+
+    def _refresh(self, keys: Collection[str]) -> None:
+        self._tell(self.catalogue.refresh_some(keys), [])
+
+    def _tell(self, changed: list[Row], gone: Iterable[str]) -> None:
+        gone = list(gone)
+        if changed or gone:
+            for watcher in list(self._watchers):
+                watcher.send(Rows(rows=changed, gone=gone))
+
+    # --- life ---
+
+    def run(self, server: ReviewServer, then: Callable[[], None] = lambda: None) -> None:
+        """Serve until Ctrl-C; `then` is run by a thread of its own once the list is there."""
+        self.reviews.serve(server.viser)
+        self.look()
+        threading.Thread(target=then, daemon=True).start()
+        rest = 0.0
+        while not self._stop:
+            self._wake.wait(max(EVERY, rest) if self._watchers else EVERY)
+            self._wake.clear()
+            self.reviews.tidy()
+            if self._watchers:
+                begun = time.monotonic()
+                self.look()
+                rest = (time.monotonic() - begun) / _SHARE
+
+    def stop(self) -> None:
+        """End `run`, from any thread."""
+        self._stop = True
+        self._wake.set()
+
+    def close(self) -> None:
+        """End all work. What was done is on the disk."""
+        self._stop = True
+        self._queue.close()
+        self.reviews.close()
+        self._pool.shutdown(cancel_futures=True)
+        self._drawing.shutdown(cancel_futures=True)
+
+
+_RECEIVERS: dict[type, Callable[[Home, _Watcher, Any], None]] = {
+    Look: Home._look,
+    Open: Home._open,
+    Fit: Home._fit,
+    Cancel: Home._cancel,
+    Approve: Home._approve,
+    WriteNote: Home._write_note,
+}
+_PAGE = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
+<title>tcfit: {title}</title><meta name="color-scheme" content="dark light">
+<style>@media (prefers-color-scheme: dark) {{ html {{ background: #14171c; }} }}</style>
+<script type="module" src="/tcfit/home/list.js"></script></head>
+<body><h1 id="title">{title}</h1><noscript>The list needs JavaScript.</noscript></body></html>
+"""

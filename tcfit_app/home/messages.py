@@ -1,0 +1,147 @@
+"""What the list's page is sent, and what it may send."""
+
+from typing import Annotated
+
+import msgspec
+
+from tcfit_app.home.found import Kind
+from tcfit_app.project.storage.clip_review import NOTE_CHARACTERS, State
+
+Key = Annotated[str, msgspec.Meta(pattern="^[0-9a-f]{12}$")]
+"""Of a clip; one that is not in the list means nothing."""
+Keys = Annotated[tuple[Key, ...], msgspec.Meta(max_length=20_000)]
+
+# --- to the page ---
+
+
+class Work(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """What is done to a clip in the background."""
+
+    step: str
+    """In words."""
+    share: float | None = None
+    """0 to 1."""
+    ended: bool = False
+    """It has failed, and `step` says why."""
+
+
+class Row(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """A clip in the list."""
+
+    key: str
+    name: str
+    place: str
+    kind: Kind
+    state: State = "new"
+    frames: int = 0
+    """0: not known."""
+    seconds: float = 0.0
+    score: float | None = None
+    """Of the worst place of the last fit, from 1 on; 0: nothing is suspicious; None: it was not looked for."""
+    left: int = 0
+    """Suspicious places."""
+    words: str = ""
+    """About the worst of them."""
+    frame: int | None = None
+    """Of the worst of them, as users see it."""
+    error: float | None = None
+    """Pixels."""
+    reviewer: str = ""
+    spent: float = 0.0
+    """Seconds of all reviewers."""
+    altered: bool = False
+    """Approved once, and changed since."""
+    note: str = ""
+    notes: int = 0
+    """On frames."""
+    busy: str = ""
+    """Who works on it now."""
+    work: Work | None = None
+    problem: str = ""
+    """Why nothing is known of it."""
+
+
+class Rows(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="rows"):
+    """Clips that are new or others than before."""
+
+    rows: list[Row]
+    gone: list[str] = []
+    whole: bool = False
+    """There are no others."""
+    me: str = ""
+    """Under what name this page's user is known."""
+
+
+class Picture(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="picture"):
+    """A JPEG in base64; empty if there is none."""
+
+    key: str
+    data: str
+
+
+class Opened(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="opened"):
+    """A clip can be gone to."""
+
+    key: str
+
+
+class Told(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="told"):
+    """Something went wrong."""
+
+    text: str
+
+
+ToPage = Rows | Picture | Opened | Told
+
+# --- from the page ---
+
+
+class _Asked(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", forbid_unknown_fields=True):
+    """What a page asks for."""
+
+
+class Look(_Asked, frozen=True, kw_only=True, tag="look"):
+    """Pictures of the clips that are in sight."""
+
+    keys: Annotated[tuple[Key, ...], msgspec.Meta(max_length=100)]
+
+
+class Open(_Asked, frozen=True, kw_only=True, tag="open"):
+    """Make ready to be gone to; of a video a project is made."""
+
+    key: Key
+
+
+class Fit(_Asked, frozen=True, kw_only=True, tag="fit"):
+    """One after the other; where keypoints or a project are missing they are made."""
+
+    keys: Keys
+
+
+class Cancel(_Asked, frozen=True, kw_only=True, tag="cancel"):
+    """Their fits, or what is told of those that failed."""
+
+    keys: Keys
+
+
+class Approve(_Asked, frozen=True, kw_only=True, tag="approve"):
+    """Say that they are done, or no longer."""
+
+    keys: Keys
+    approved: bool
+
+
+class WriteNote(_Asked, frozen=True, kw_only=True, tag="note"):
+    """On the clip as a whole."""
+
+    key: Key
+    text: Annotated[str, msgspec.Meta(max_length=NOTE_CHARACTERS)]
+
+
+FromPage = Look | Open | Fit | Cancel | Approve | WriteNote
+_DECODER = msgspec.json.Decoder(FromPage)
+
+
+def decode(message: str | bytes) -> FromPage:
+    """Raises msgspec.DecodeError for what no page of ours sends."""
+    return _DECODER.decode(message)

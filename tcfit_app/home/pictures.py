@@ -1,0 +1,111 @@
+"""Pictures of the clips in sight, made when they are first asked for: of the person in the middle of the clip.
+
+Those of projects are kept in them, where a fit has drawn its body into it; those of videos in the user's cache.
+"""
+
+import hashlib
+from contextlib import suppress
+from pathlib import Path
+
+import cv2
+import numpy as np
+import platformdirs
+from jaxtyping import Float, UInt8
+
+from fitting_core.errors import InputError
+from fitting_core.files.npz import read_npz
+from fitting_core.files.regular import regular_file
+from fitting_core.video.frames import FrameSource
+from tcfit_app.home.catalogue import Catalogue, Entry
+from tcfit_app.project.picture import NAME, SIZE, as_jpeg, keep
+
+_MOST_BYTES = 1 << 20
+"""Of a picture that somebody else may have put into a project."""
+_DETECTIONS = "detections.npz"
+_CONFIDENT = 0.3
+_MARGIN = 1.25
+"""Height of the picture, in those of the person."""
+_LEAST = 40
+"""Pixels of the image that the picture shows at least in height."""
+
+
+def picture_of(entry: Entry, catalogue: Catalogue) -> bytes:
+    """A JPEG; empty if there is none. Takes some 0.1 s where it is made. Thread-safe."""
+    kind, path = entry.found.kind, entry.found.path
+    if kind == "result":
+        return b""
+    kept = path / NAME if kind == "project" else _in_cache(path)
+    with suppress(OSError, InputError, ValueError):
+        if kind == "project" or catalogue.has_length(entry.found.key):
+            return regular_file(kept, most=_MOST_BYTES).read_bytes()
+    try:
+        made = _of_project(entry) if kind == "project" else _of_video(entry, catalogue)
+    except (InputError, OSError, ValueError, KeyError, cv2.error):
+        return b""  # a clip without a picture is a clip all the same
+    with suppress(OSError):  # where nothing can be written it is made again
+        keep(kept, made)
+    return made
+
+
+def _in_cache(video: Path) -> Path:
+    status = video.stat()
+    about = f"{video} {status.st_size} {status.st_mtime_ns}"
+    name = hashlib.sha256(about.encode(errors="surrogateescape")).hexdigest()[:32]
+    return platformdirs.user_cache_path("tcfit", appauthor=False, ensure_exists=True) / "pictures" / f"{name}.jpg"
+
+
+def _of_video(entry: Entry, catalogue: Catalogue) -> bytes:
+    with FrameSource(entry.found.path) as source:
+        catalogue.knows_length(entry.found.key, source.count, source.count / (source.frame_rate or 30.0))
+        return as_jpeg(_cut(source.frame(source.count // 2), None))
+
+
+def _of_project(entry: Entry) -> bytes:
+    arrays = read_npz(entry.found.path / _DETECTIONS, ("xy", "confidence"))
+    xy, confidence = np.asarray(arrays["xy"], float), np.asarray(arrays["confidence"], float)
+    frames = len(xy)
+    seen = (confidence > _CONFIDENT).sum(1)
+    good = np.flatnonzero(seen >= 0.9 * seen.max()) if seen.any() else np.array([frames // 2])
+    frame = int(good[np.argmin(abs(good - frames // 2))])
+    points = xy[frame][confidence[frame] > _CONFIDENT]
+    media = next((path for path in entry.media if path.exists()), None)
+    if media is None:
+        return _drawn(xy[frame], confidence[frame])
+    with FrameSource(media) as source:
+        return as_jpeg(_cut(source.frame(entry.first_frame + frame), points if len(points) else None))
+
+
+def _cut(image: UInt8[np.ndarray, "H W 3"], points: Float[np.ndarray, "n 2"] | None) -> UInt8[np.ndarray, "h w 3"]:
+    """The part around some points, or the middle, in the picture's proportions."""
+    height, width = image.shape[:2]
+    if points is None:
+        middle, tall = np.array([width / 2, height / 2]), float(height)
+    else:
+        low, high = points.min(0), points.max(0)
+        middle = (low + high) / 2
+        tall = max(_MARGIN * max(high[1] - low[1], (high[0] - low[0]) * SIZE[1] / SIZE[0]), _LEAST)
+    size = (2 * SIZE[0], 2 * SIZE[1])
+    scale = size[1] / min(tall, height, width * SIZE[1] / SIZE[0])
+    # Nothing outside the image is shown.
+    shift = np.clip(np.array(SIZE) - scale * middle, np.array(size) - scale * np.array([width, height]), 0)
+    moved = np.array([[scale, 0, shift[0]], [0, scale, shift[1]]])
+    # Strongly reduced, a warp alone would leave out most pixels.
+    if scale < 0.5:
+        image = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+        moved[:, :2] = np.eye(2)
+    return cv2.warpAffine(image, moved, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+
+
+def _drawn(xy: Float[np.ndarray, "137 2"], confidence: Float[np.ndarray, "137"]) -> bytes:
+    """The keypoints alone, of a clip whose images are not there."""
+    from fitting_core.render.overlay import draw_keypoints
+
+    seen = confidence > _CONFIDENT
+    if not seen.any():
+        raise ValueError("nothing to draw")
+    low, high = xy[seen].min(0), xy[seen].max(0)
+    size = np.array([2 * SIZE[0], 2 * SIZE[1]])
+    scale = (size / np.maximum((high - low) * _MARGIN, 1)).min()
+    image = np.full((size[1], size[0], 3), 40, np.uint8)
+    draw_keypoints(image, (xy - (low + high) / 2) * scale + size / 2, confidence)
+    return as_jpeg(image)

@@ -1,0 +1,190 @@
+"""The projects that are open: each is reviewed by an app of its own, at a path of its own, behind the one server.
+
+Those that nobody looks at are closed after a while, unless something is being done to them.
+"""
+
+import asyncio
+import logging
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import viser
+
+from tcfit_app.server.gated_viser import visitor
+from tcfit_app.server.serving import set_title
+from tcfit_app.server.viser_bridge import run_javascript
+
+if TYPE_CHECKING:
+    from tcfit_app.fitting.bodies import Bodies
+    from tcfit_app.project.project import Project
+    from tcfit_app.review.app import ReviewApp
+
+PATH = "/clip/"
+"""Before the key of a clip in the address of its review."""
+GRACE = 20.0
+"""Seconds after which a review that nobody looks at is closed: a page that is loaded anew, or left for the list for a
+moment, is back by then."""
+_END = 30.0
+"""Seconds that the end of an app may take."""
+_log = logging.getLogger(__name__)
+
+
+@dataclass(kw_only=True, eq=False)
+class Review:
+    """One that is open."""
+
+    project: "Project"
+    app: "ReviewApp"
+    thread: threading.Thread
+    tabs: dict[int, str] = field(default_factory=dict)
+    """By viser's number, under what names their users are known."""
+    left: float = field(default_factory=time.monotonic)
+    """When the last tab was closed."""
+
+    @property
+    def busy(self) -> bool:
+        """Whether somebody looks at it, or something is being done to it."""
+        session = self.app.session
+        return bool(self.tabs or session.jobs or session.tasks.busy or session.edit_follower.busy)
+
+
+class Reviews:
+    """Thread-safe.
+
+    Args:
+        folder_of: Tells the project of a key. Raises InputError if there is none.
+        changed: Is told of a key when another one works on it, or nobody.
+        files: As of `ReviewApp`.
+        models: Folder of body models.
+    """
+
+    def __init__(
+        self,
+        folder_of: Callable[[str], Path],
+        changed: Callable[[str], None],
+        *,
+        files: Path | None = None,
+        models: Path | None = None,
+    ) -> None:
+        self._folder_of, self._changed, self._files, self._models = folder_of, changed, files, models
+        self._server: viser.ViserServer | None = None
+        self._open: dict[str, Review] = {}
+        self._guard = threading.RLock()
+        self._bodies: Bodies | None = None
+
+    def serve(self, server: viser.ViserServer) -> None:
+        """Take up the tabs of a server."""
+        self._server = server
+        server.on_client_connect(self._connected)
+        server.on_client_disconnect(self._disconnected)
+
+    def open(self, key: str) -> Review:
+        """The review of a clip, opened if it is not yet. Takes a moment, and the first one torch's two seconds.
+
+        Raises:
+            InputError: There is no such project, or it cannot be opened.
+        """
+        with self._guard:
+            review = self._open.get(key)
+            if review is not None and review.project.read_only and not review.busy:
+                self._close(key)  # it may be free by now
+                review = None
+            if review is None:
+                review = self._open[key] = self._opened(self._folder_of(key))
+            review.left = time.monotonic()
+            return review
+
+    def _opened(self, folder: Path) -> Review:
+        from tcfit_app.fitting.bodies import Bodies
+        from tcfit_app.review.app import ReviewApp
+        from tcfit_app.review.opening import open_project
+        from tcfit_app.review.session.session import Session
+
+        assert self._server is not None
+        self._bodies = self._bodies or Bodies(self._models)
+        project = open_project(folder)
+        try:
+            app = ReviewApp(Session(project, self._bodies), self._server, files=self._files, listen=False)
+        except BaseException:
+            project.close()
+            raise
+        thread = threading.Thread(target=app.run, name=f"tcfit reviews {folder.name}")
+        thread.start()
+        return Review(project=project, app=app, thread=thread)
+
+    def project(self, key: str) -> "Project | None":
+        """A project that is open for writing."""
+        review = self._open.get(key)
+        return None if review is None or review.project.read_only else review.project
+
+    def viewers(self, key: str) -> str:
+        """Who has a review open, for the user; empty if nobody has."""
+        review = self._open.get(key)
+        return "" if review is None else ", ".join(dict.fromkeys(review.tabs.values()))
+
+    def release(self, key: str) -> bool:
+        """Close it if nobody is disturbed by that; whether it is closed."""
+        with self._guard:
+            review = self._open.get(key)
+            if review is not None and not review.busy:
+                self._close(key)
+            return key not in self._open
+
+    def tidy(self) -> None:
+        """Close what nobody has looked at for a while."""
+        for key, review in list(self._open.items()):
+            if not review.busy and time.monotonic() - review.left > GRACE:
+                self.release(key)
+
+    def close(self) -> None:
+        """End them all. What was done is on the disk."""
+        with self._guard:
+            for key in list(self._open):
+                self._close(key)
+
+    def _close(self, key: str) -> None:
+        review = self._open.pop(key)
+        review.app.stop()
+        review.thread.join(_END)
+        review.app.close()
+        review.project.close()
+        self._changed(key)
+
+    # --- tabs, in viser's event loop ---
+
+    async def _connected(self, client: viser.ClientHandle) -> None:
+        assert self._server is not None
+        whose = visitor(self._server, client.client_id)
+        key = whose.path.removeprefix(PATH)
+        try:
+            review = await asyncio.to_thread(self.open, key)
+        except Exception as error:  # whatever it is, the list has a place where it is told
+            if not isinstance(error, ValueError):
+                _log.exception("A review could not be opened")
+            run_javascript(client, f"location.replace('/#{key}');")
+            return
+        if client.client_id not in self._server.get_clients():
+            return
+        set_title(client, f"tcfit: {review.project.footage.name}")
+        review.tabs[client.client_id] = whose.reviewer  # without the lock, for which viser's loop would wait
+        await review.app.connected(client)
+        await asyncio.to_thread(self._tell, key, review)
+
+    async def _disconnected(self, client: viser.ClientHandle) -> None:
+        for key, review in list(self._open.items()):
+            if client.client_id in review.tabs:
+                review.left = time.monotonic()
+                del review.tabs[client.client_id]
+                await review.app.disconnected(client)
+                await asyncio.to_thread(self._tell, key, review)
+
+    def _tell(self, key: str, review: Review) -> None:
+        """Other processes, and other lists, who works on it."""
+        with suppress(OSError):
+            review.project.tell_who_works(self.viewers(key))
+        self._changed(key)

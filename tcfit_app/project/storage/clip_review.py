@@ -1,0 +1,202 @@
+"""What reviewers say of a clip as a whole: whether it is approved, a note, how long they have worked on it; and the
+worst place that was found in its last fit. Imports no torch: lists of projects read it too."""
+
+import sqlite3
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+
+from tcfit_app.project.storage.accessing import accessing
+from tcfit_app.project.storage.columns import Columns, Count, Damage, json_of, of, or_none, text, time
+from tcfit_app.project.storage.database import NAME, Database
+from tcfit_app.project.storage.lock import ProjectLock
+from tcfit_app.project.storage.run_record import LAST_MOMENT
+
+State = Literal["new", "fitted", "in review", "approved"]
+NOTE_CHARACTERS = 500
+"""Of a note on a clip, at most; it is one line."""
+TOUCHED = 30.0
+"""Seconds of work from which on a clip is in review; whoever only looks in has not begun."""
+_REMARKS = ("mark", "note", "notes")
+"""Kinds of entries of the log that leave keypoints alone, and so what was approved."""
+Rows = Callable[..., list[sqlite3.Row]]
+"""What a query finds."""
+
+
+class Worst(msgspec.Struct, frozen=True, kw_only=True):
+    """The worst entry of a run's review queue."""
+
+    run: int
+    left: int
+    """Entries of the queue."""
+    score: float = 0.0
+    """As of `Suspect`; 0 without any entry."""
+    frame: int = 0
+    """Counted from the clip's first as 0."""
+    words: str = ""
+
+
+_SOUND = "CASE WHEN typeof(seconds) = 'real' AND seconds BETWEEN 0 AND 1e9 THEN seconds ELSE 0 END"
+"""Seconds that are none the worse for damage, in SQL."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClipReview:
+    """Everything that is stored."""
+
+    approved: datetime | None = None
+    approved_by: str = ""
+    altered: bool = False
+    """It was approved, and keypoints or fits have changed since."""
+    note: str = ""
+    seconds: dict[str, float] = field(default_factory=dict)
+    """Of work, by reviewer; who has worked on it last comes first."""
+    worst: Worst | None = None
+
+    def state(self, *, fitted: bool) -> State:
+        """How far the clip is; `fitted`: it has a fit."""
+        if self.approved is not None and not self.altered:
+            return "approved"
+        if self.approved is not None or sum(self.seconds.values()) >= TOUCHED:
+            return "in review"
+        return "fitted" if fitted else "new"
+
+    @property
+    def reviewer(self) -> str:
+        """Who has approved it, or else has worked on it last; empty if nobody has, or nobody knows the name."""
+        return self.approved_by if self.approved is not None else next(iter(self.seconds), "")
+
+
+def read_clip_review(rows: Rows, damage: Damage) -> ClipReview:
+    """What a project's database has. Raises what `rows` raises."""
+    found = rows("SELECT * FROM review")
+    if not found:
+        return ClipReview()
+    row, left_out = Columns(found[0], "the review of the clip", damage), "it is left out"
+    approved = row.read("approved", or_none(time), None, "it counts as not approved")
+    seconds = {}
+    for one in rows("SELECT * FROM review_time ORDER BY last DESC, reviewer"):
+        spent = Columns(one, "the time of a reviewer", damage)
+        name, length = (spent.read("reviewer", text, None, left_out), spent.read("seconds", _length, None, left_out))
+        if name is not None and length is not None:
+            seconds[name] = length
+    seen = [row.read(name, of(Count), 0, "it counts as changed since") for name in ("last_edit", "last_moment")]
+    return ClipReview(
+        approved=approved,
+        approved_by=row.read("approved_by", text, "", "nobody is named"),
+        altered=approved is not None and _altered(rows, *seen),
+        note=row.read("note", text, "", left_out),
+        seconds=seconds,
+        worst=row.read("worst", or_none(json_of(Worst)), None, left_out),
+    )
+
+
+def _length(value: Any) -> float:
+    length = msgspec.convert(value, float)
+    if not 0 <= length < 1e9:
+        raise ValueError(f"it is {length:g} seconds")
+    return length
+
+
+class _Kind(msgspec.Struct):
+    kind: str
+    edit: int = 0
+    """What an undo takes back, or a redo brings back."""
+
+
+def _altered(rows: Rows, last_edit: int, last_moment: int) -> bool:
+    """Whether there were edits, or a run began or ended, after what was seen."""
+    if rows(f"SELECT {LAST_MOMENT} AS moment")[0]["moment"] > last_moment:
+        return True
+    for row in rows("SELECT action FROM edits WHERE id > ? ORDER BY id", last_edit):
+        said = _kind(row)
+        if said is not None and said.kind in ("undo", "redo"):
+            meant = rows("SELECT action FROM edits WHERE id = ?", said.edit)
+            said = _kind(meant[0]) if meant else None
+        if said is not None and said.kind not in _REMARKS:
+            return True
+    return False
+
+
+def _kind(row: sqlite3.Row) -> _Kind | None:
+    """None for one that cannot be read, which is left out of the log as well."""
+    try:
+        return msgspec.json.decode(row["action"], type=_Kind)
+    except (ValueError, TypeError, RecursionError):
+        return None
+
+
+class ReviewOfClip:
+    """That of an open project. Thread-safe; all that changes something raises InputError if it cannot be written.
+
+    Args:
+        database: The project's.
+        last_edit: Tells the id of the log's last entry.
+    """
+
+    def __init__(self, database: Database, last_edit: Callable[[], int]) -> None:
+        self._database, self._last_edit = database, last_edit
+        self.version = 0
+        """Another number whenever something was said."""
+
+    @property
+    def now(self) -> ClipReview:
+        """As it stands."""
+        return read_clip_review(self._database.rows, self._database.damage)
+
+    def approve(self, reviewer: str) -> None:
+        """Somebody says that the clip is done, as it is now."""
+        edit, moment = self._last_edit(), self._database.rows(f"SELECT {LAST_MOMENT}")[0][0]
+        self._set("approved = ?, approved_by = ?, last_edit = ?, last_moment = ?", _now(), reviewer, edit, moment)
+
+    def withdraw(self) -> None:
+        """It is not approved any more."""
+        self._set("approved = NULL, approved_by = ''")
+
+    def set_note(self, note: str) -> None:
+        """Say something of the whole clip, in one line."""
+        self._set("note = ?", " ".join(note.split())[:NOTE_CHARACTERS])
+
+    def set_worst(self, worst: Worst) -> None:
+        """Keep the worst place of a run."""
+        self._set("worst = ?", msgspec.json.encode(worst).decode())
+
+    def add_time(self, reviewer: str, seconds: float) -> None:
+        """Somebody has worked so long on it."""
+        with self._database.transaction() as connection:
+            connection.execute(
+                "INSERT INTO review_time VALUES (?, ?, ?) ON CONFLICT (reviewer) DO UPDATE "
+                f"SET seconds = {_SOUND} + excluded.seconds, last = excluded.last",
+                (reviewer, seconds, _now()),
+            )
+
+    def _set(self, assignments: str, *values: object) -> None:
+        with self._database.transaction() as connection:
+            connection.execute(f"UPDATE review SET {assignments}", values)
+        self.version += 1
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat()
+
+
+@contextmanager
+def reviewed(folder: Path) -> Iterator[ReviewOfClip]:
+    """The review of a clip whose project nobody has open, within the `with` block.
+
+    Raises:
+        ProjectLocked: Somebody has it open.
+        InputError: It cannot be read or written.
+    """
+    with accessing(folder):
+        held = ProjectLock(folder)
+    try:
+        with closing(Database(folder / NAME, read_only=False)) as store:
+            yield ReviewOfClip(store, lambda: store.rows("SELECT coalesce(max(id), 0) FROM edits")[0][0])
+    finally:
+        held.release()

@@ -1,0 +1,408 @@
+// The page with the list of clips: filtered, sorted and searched here, told by the server what has changed.
+
+import { element } from "../element.js";
+import { ORDER } from "../order.js";
+import { PANEL_SHEET } from "../style.js";
+import { THEME_SHEET } from "../theme.js";
+import { COLUMNS, STATES, stateOf } from "./cells.js";
+import { LIST_SHEET } from "./sheet.js";
+import { Table } from "./table.js";
+
+/** @import { Row, State } from "./cells.js" */
+
+const KEPT = "tcfit-list"; // in the browser's storage: how this tab shows the list
+const AGAIN = 2000; // milliseconds after which a lost connection is tried again
+
+element("style", "", document.head, THEME_SHEET + PANEL_SHEET + LIST_SHEET);
+
+/** @type {Map<string, Row>} */
+const rows = new Map();
+/** @type {Set<string>} */
+const selected = new Set();
+/** @type {{ state: State | "", text: string, by: string, down: boolean, current: string | null, top: number }} */
+const kept = { state: "", text: "", by: "name", down: false, current: null, top: 0 };
+try {
+  Object.assign(kept, JSON.parse(sessionStorage.getItem(KEPT) ?? "{}"));
+} catch {
+  sessionStorage.removeItem(KEPT);
+}
+/** @type {Row[]} */
+let shown = [];
+/** @type {WebSocket | null} */
+let socket = null;
+let arrived = false;
+
+// --- the page ---
+
+const header = element("header", "tcfit-panel", document.body);
+header.append(/** @type {HTMLElement} */ (document.getElementById("title")));
+const filters = element("div", "tcfit-joined", header);
+filters.setAttribute("role", "group");
+filters.setAttribute("aria-label", "Show clips that are");
+const search = element("input", "", header);
+search.type = "search";
+search.placeholder = "Search (/)";
+search.setAttribute("aria-label", "Search names, folders, reviewers, notes and findings");
+search.value = kept.text;
+const told = element("span", "tcfit-told", header);
+told.setAttribute("role", "status");
+/** @param {string} label @param {string} key @param {string} hint @param {() => void} run @param {string} [kind] */
+function action(label, key, hint, run, kind = "") {
+  const button = element("button", kind, header, label);
+  button.type = "button";
+  button.title = hint;
+  element("kbd", "", button, key);
+  button.onclick = run;
+  return button;
+}
+const buttons = {
+  open: action("Open", "Enter", "Review the clip", () => openCurrent(), "tcfit-main"),
+  fit: action("Fit", "F", "Find keypoints where there are none, and fit, one clip after the other", () => fit()),
+  approve: action("Approve", "A", "Say that it is done, or take that back", () => approve()),
+  cancel: action("Cancel", "C", "Not fit them; take away what is told of those that failed", () => cancel()),
+};
+const main = element("main", "", document.body);
+const nothing = element("p", "nothing", main);
+const footer = element("footer", "", document.body);
+const KEYS_TOLD = [
+  ["↑ ↓", "go"], ["Space", "select"], ["Ctrl+A", "select all"], ["N", "note"], ["Esc", "select none"],
+  ["PageDown PageUp", "next and previous clip, in a clip"],
+];
+for (const [keys, what] of KEYS_TOLD) {
+  element("kbd", "", footer, keys);
+  footer.append(` ${what}   `);
+}
+const alert = element("div", "alert tcfit-panel", document.body);
+alert.setAttribute("role", "alert");
+const alertText = element("div", "", alert);
+const alertEnd = element("button", "", alert, "Close");
+alertEnd.type = "button";
+alertEnd.onclick = () => void (alert.hidden = true);
+alert.hidden = true;
+
+/** @param {string} text */
+function tell(text) {
+  alertText.textContent = text;
+  alert.hidden = false;
+}
+
+const table = new Table(main, {
+  sort(by) {
+    const number = COLUMNS.find((column) => column.name === by)?.number ?? false;
+    kept.down = kept.by === by ? !kept.down : number;
+    kept.by = by;
+    draw();
+  },
+  look: (keys) => send({ type: "look", keys: keys.slice(0, 100) }),
+});
+
+// --- what is shown ---
+
+/** @param {Row} row */
+const searched = (row) =>
+  [row.name, row.place, row.reviewer, row.note, row.words, row.busy, row.problem].join("\n").toLowerCase();
+
+/** @param {Row} a @param {Row} b */
+function compared(a, b) {
+  const order = COLUMNS.find((column) => column.name === kept.by)?.order ?? ((row) => row.place);
+  const [one, other] = [order(a), order(b)];
+  const natural = a.place.localeCompare(b.place, "en", { numeric: true });
+  const missing = Number(one === undefined) - Number(other === undefined);
+  if (one === undefined || other === undefined) return missing || natural;
+  const difference = typeof one === "number" && typeof other === "number"
+    ? one - other : String(one).localeCompare(String(other), "en", { numeric: true });
+  return (kept.down ? -difference : difference) || natural;
+}
+
+let drawing = 0;
+function draw() {
+  drawing ||= requestAnimationFrame(() => {
+    drawing = 0;
+    drawNow();
+  });
+}
+
+function drawNow() {
+  const text = kept.text.trim().toLowerCase();
+  const found = [...rows.values()].filter((row) => !text || searched(row).includes(text));
+  shown = found.filter((row) => !kept.state || stateOf(row) === kept.state).sort(compared);
+  for (const key of selected) if (!rows.has(key)) selected.delete(key);
+  if (!shown.some((row) => row.key === kept.current)) kept.current = shown[0]?.key ?? null;
+  drawFilters(found);
+  drawButtons();
+  table.show({ rows: shown, selected, current: kept.current, sort: kept });
+  nothing.hidden = shown.length > 0 || !arrived;
+  nothing.textContent = rows.size ? "No clip is like that." : "There is no clip in this folder any more.";
+  keep();
+}
+
+/** @param {Row[]} found */
+function drawFilters(found) {
+  const choices = /** @type {const} */ (["", ...STATES]);
+  const parts = choices.map((state) => {
+    const label = state ? state[0].toUpperCase() + state.slice(1) : "All";
+    const count = found.filter((row) => !state || stateOf(row) === state).length;
+    return { state, label, count };
+  });
+  if (filters.childElementCount !== parts.length)
+    filters.replaceChildren(...parts.map(({ state, label }) => {
+      const button = element("button", "", null, label);
+      button.type = "button";
+      element("b", "", button);
+      button.onclick = () => {
+        kept.state = state;
+        draw();
+      };
+      return button;
+    }));
+  parts.forEach(({ state, count }, i) => {
+    const button = filters.children[i];
+    button.setAttribute("aria-pressed", String(kept.state === state));
+    const number = button.querySelector("b");
+    if (number) number.textContent = count.toLocaleString("en");
+  });
+}
+
+/** The clips that a button or key is about: those selected, or else the current one. */
+function chosen() {
+  const some = shown.filter((row) => selected.has(row.key));
+  const current = rows.get(kept.current ?? "");
+  return some.length ? some : current ? [current] : [];
+}
+
+function drawButtons() {
+  const about = chosen();
+  const going = [...rows.values()].filter((row) => row.work && !row.work.ended).length;
+  buttons.open.disabled = !about.length || about[0].kind === "result";
+  buttons.fit.disabled = !about.some((row) => row.kind !== "result");
+  buttons.approve.disabled = !about.some((row) => row.kind === "project" && stateOf(row) !== "new");
+  buttons.cancel.disabled = !about.some((row) => row.work);
+  const off = about.length > 0 && about.every((row) => stateOf(row) === "approved");
+  const label = buttons.approve.firstChild;
+  if (label) label.textContent = off ? "Not approved after all" : "Approve";
+  const parts = [selected.size ? `${selected.size} selected` : "", going ? `${going} to fit` : ""];
+  told.textContent = parts.filter(Boolean).join(" · ");
+}
+
+/** The order is for the pages of clips, which go to the next one, and the rest for the way back. */
+function keep() {
+  sessionStorage.setItem(KEPT, JSON.stringify(kept));
+  const order = shown.filter((row) => row.kind === "project").map((row) => row.key).join(" ");
+  sessionStorage.setItem(ORDER, order);
+  localStorage.setItem(ORDER, order);
+}
+
+// --- what is done ---
+
+/** @param {string} [key] */
+function openCurrent(key) {
+  const row = rows.get(key ?? chosen()[0]?.key ?? "");
+  if (!row || row.kind === "result") return;
+  kept.current = row.key;
+  drawNow();
+  told.textContent = `Opening ${row.name} …`;
+  send({ type: "open", key: row.key });
+}
+
+function fit() {
+  send({ type: "fit", keys: chosen().filter((row) => row.kind !== "result").map((row) => row.key) });
+}
+
+function approve() {
+  const about = chosen().filter((row) => row.kind === "project");
+  const approved = !about.every((row) => stateOf(row) === "approved");
+  if (about.length) send({ type: "approve", keys: about.map((row) => row.key), approved });
+}
+
+function cancel() {
+  send({ type: "cancel", keys: chosen().filter((row) => row.work).map((row) => row.key) });
+}
+
+const noteWindow = element("dialog", "", document.body);
+/** @param {Row} row */
+function askNote(row) {
+  const form = element("form", "");
+  form.method = "dialog";
+  const label = element("label", "", form, `Note on ${row.name}`);
+  const input = element("input", "", form);
+  label.htmlFor = input.id = "note";
+  input.maxLength = 500;
+  input.value = row.note ?? "";
+  const ends = element("div", "buttons tcfit-panel", form);
+  const no = element("button", "", ends, "Cancel");
+  no.type = "button";
+  no.onclick = () => noteWindow.close();
+  element("button", "tcfit-main", ends, "Save").type = "submit";
+  form.onsubmit = () => send({ type: "note", key: row.key, text: input.value });
+  noteWindow.setAttribute("aria-label", `Note on ${row.name}`);
+  noteWindow.replaceChildren(form);
+  noteWindow.showModal();
+  input.select();
+}
+noteWindow.addEventListener("close", () => table.focus());
+
+/** @param {number} step @param {boolean} extend */
+function go(step, extend) {
+  const place = shown.findIndex((row) => row.key === kept.current);
+  const next = shown[Math.min(Math.max(place + step, 0), shown.length - 1)];
+  if (!next) return;
+  if (extend && kept.current) selected.add(kept.current).add(next.key);
+  kept.current = next.key;
+  drawNow();
+  table.focus();
+}
+
+/** @param {string} key */
+function toggle(key) {
+  if (!selected.delete(key)) selected.add(key);
+  drawNow();
+}
+
+// --- pointer and keys ---
+
+main.addEventListener("click", (event) => {
+  const target = /** @type {Element} */ (event.target);
+  const key = /** @type {HTMLElement | null} */ (target.closest("tr.clip"))?.dataset.key;
+  const row = rows.get(key ?? "");
+  if (!row) return;
+  if (target.closest("a")) {
+    if (event.ctrlKey || event.metaKey || event.shiftKey) return; // in a tab of its own
+    event.preventDefault();
+    return openCurrent(row.key);
+  }
+  const from = kept.current;
+  kept.current = row.key;
+  if (target.closest("[data-act=note]")) askNote(row);
+  else if (event.shiftKey && from) {
+    const ends = [from, row.key].map((one) => shown.findIndex((other) => other.key === one)).sort((a, b) => a - b);
+    for (const one of shown.slice(ends[0], ends[1] + 1)) selected.add(one.key);
+  } else if (target.closest("input") || event.ctrlKey || event.metaKey) return toggle(row.key);
+  drawNow();
+});
+main.addEventListener("dblclick", (event) => {
+  const line = /** @type {HTMLElement | null} */ (/** @type {Element} */ (event.target).closest("tr.clip"));
+  if (line && !(/** @type {Element} */ (event.target).closest("input, button, a"))) openCurrent(line.dataset.key);
+});
+
+/** @type {{ [key: string]: (event: KeyboardEvent) => void }} */
+const KEYS = {
+  ArrowDown: (event) => go(1, event.shiftKey),
+  ArrowUp: (event) => go(-1, event.shiftKey),
+  PageDown: () => go(8, false),
+  PageUp: () => go(-8, false),
+  Home: () => go(-shown.length, false),
+  End: () => go(shown.length, false),
+  Enter: () => openCurrent(kept.current ?? undefined),
+  " ": () => kept.current && toggle(kept.current),
+  Escape: () => {
+    selected.clear();
+    alert.hidden = true;
+    drawNow();
+  },
+  "/": () => search.focus(),
+  f: () => fit(),
+  a: (event) => {
+    if (!event.ctrlKey && !event.metaKey) return approve();
+    for (const row of shown) selected.add(row.key);
+    drawNow();
+  },
+  c: () => cancel(),
+  n: () => {
+    const row = rows.get(kept.current ?? "");
+    if (row?.kind === "project") askNote(row);
+  },
+};
+
+window.addEventListener("keydown", (event) => {
+  const target = /** @type {Element} */ (event.target);
+  if (event.isComposing || event.altKey || noteWindow.open) return;
+  if (target === search) {
+    if (event.key === "Escape") search.value = kept.text = "";
+    if (["Escape", "Enter", "ArrowDown"].includes(event.key)) {
+      event.preventDefault();
+      drawNow();
+      table.focus();
+    }
+    return;
+  }
+  if (["Enter", " "].includes(event.key) && target.closest("button, a")) return;
+  const letter = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+  if ((event.ctrlKey || event.metaKey) && letter !== "a") return;
+  if (!KEYS[letter]) return;
+  event.preventDefault();
+  KEYS[letter](event);
+});
+search.addEventListener("input", () => {
+  kept.text = search.value;
+  main.scrollTop = 0;
+  draw();
+});
+main.addEventListener("scroll", () => void (kept.top = main.scrollTop), { passive: true });
+window.addEventListener("pagehide", keep);
+
+// --- the server ---
+
+/** @param {object} message */
+function send(message) {
+  if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+  else tell("tcfit has ended or cannot be reached. If it has ended, start it again and open the link that it prints.");
+}
+
+/** @param {any} message */
+function take(message) {
+  if (message.type === "rows") takeRows(message);
+  else if (message.type === "picture") table.take(message.key, message.data);
+  else if (message.type === "told") tell(message.text);
+  else if (message.type === "opened") {
+    kept.current = message.key;
+    keep();
+    location.assign(`/clip/${message.key}`);
+  }
+  if (message.type === "told") drawButtons();
+}
+
+/** @param {{ rows: Row[], gone?: string[], whole?: boolean }} message */
+function takeRows(message) {
+  if (message.whole) rows.clear();
+  for (const key of message.gone ?? []) rows.delete(key);
+  for (const row of message.rows) {
+    if (rows.get(row.key)?.work && !row.work) table.forget(row.key);
+    rows.set(row.key, row);
+  }
+  const first = !arrived;
+  arrived = true;
+  if (first) arrive();
+  drawNow();
+  if (first) {
+    main.scrollTop = kept.top;
+    table.focus();
+  }
+}
+
+/** Back from a clip, which the address names. */
+function arrive() {
+  const from = location.hash.slice(1);
+  if (!from) return;
+  history.replaceState(null, "", location.pathname);
+  const row = rows.get(from);
+  if (!row) return;
+  kept.current = from;
+  if (row.problem) tell(`${row.name}: ${row.problem}`);
+}
+
+function connect() {
+  const made = new WebSocket(`${location.origin.replace(/^http/, "ws")}/list`);
+  made.onopen = () => {
+    socket = made;
+    table.asked = "";
+  };
+  made.onmessage = ({ data }) => take(JSON.parse(data));
+  made.onclose = () => {
+    if (socket === made) told.textContent = "Not connected: trying again …";
+    socket = null;
+    setTimeout(connect, AGAIN);
+  };
+}
+
+drawNow();
+connect();

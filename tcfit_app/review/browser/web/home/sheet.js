@@ -1,0 +1,81 @@
+// The list's style sheet, in the colours of the review's panels.
+
+import { FONT } from "../style.js";
+
+export const ROW = 72; // CSS pixels of a row, all of which are alike: what is out of sight is not there
+const STATE_COLORS = { new: "dim", fitted: "detected", review: "flagged", approved: "checked" }; // of the theme
+
+export const LIST_SHEET = `
+html { color-scheme: dark light; }
+body { margin: 0; height: 100vh; display: flex; flex-direction: column; background: var(--tcfit-surface);
+  color: var(--tcfit-text); font: 14px/1.4 ${FONT}; font-variant-numeric: tabular-nums; }
+header.tcfit-panel { display: flex; flex-wrap: wrap; align-items: center; gap: 8px 12px; padding: 10px 18px;
+  border-bottom: 1px solid var(--tcfit-rule); }
+h1 { flex: none; max-width: 30vw; margin: 0 6px 0 0; font-size: 18px; font-weight: 600; color: var(--tcfit-strong);
+  overflow: hidden; text-overflow: ellipsis; white-space: nowrap; }
+header.tcfit-panel button { flex: none; height: 30px; padding: 0 12px; }
+header .tcfit-joined { flex: none; flex-wrap: nowrap; }
+header .tcfit-joined button { padding: 0 10px; }
+header .tcfit-joined b { margin-left: 6px; font-weight: 400; color: var(--tcfit-dim); }
+header .tcfit-joined button[aria-pressed=true] b { color: #fff; }
+header input { flex: 1 1 160px; min-width: 120px; max-width: 320px; height: 28px; padding: 0 10px; border: 1px solid var(--tcfit-edge);
+  border-radius: 4px; background: var(--tcfit-field); color: var(--tcfit-text); font: inherit; }
+header .tcfit-told { flex: 1 1 auto; text-align: right; color: var(--tcfit-dim); white-space: nowrap; }
+:is(input, a, button, tr, dialog):focus-visible { outline: 2px solid #288cdc; outline-offset: 1px; }
+tr:focus-visible { outline-offset: -2px; }
+main { flex: 1 1 0; min-height: 0; overflow: auto; scrollbar-gutter: stable; }
+table { width: 100%; border-collapse: separate; border-spacing: 0; table-layout: fixed; }
+thead th { position: sticky; top: 0; z-index: 1; height: 34px; padding: 0 10px; overflow: hidden; border-bottom: 1px solid var(--tcfit-rule);
+  background: var(--tcfit-surface); font-weight: 500; text-align: left; color: var(--tcfit-dim); white-space: nowrap; }
+thead button { padding: 4px 0; border: 0; background: none; color: inherit; font: inherit; cursor: pointer; }
+thead button:hover { color: var(--tcfit-strong); }
+th[aria-sort] button { color: var(--tcfit-strong); }
+th[aria-sort=ascending] button::after { content: " ▲"; font-size: 10px; }
+th[aria-sort=descending] button::after { content: " ▼"; font-size: 10px; }
+:is(th, td) { box-sizing: border-box; }
+:is(th, td).check { padding-left: 18px; }
+.check { width: 42px; } .picture { width: 60px; } .name { width: 20%; } .length { width: 104px; } .state { width: 14%; }
+.error { width: 82px; } .reviewer { width: 12%; } .note { width: 15%; }
+.number { text-align: right; }
+tbody tr.clip { height: ${ROW}px; cursor: default; }
+tbody td { height: ${ROW - 1}px; padding: 0 10px; border-bottom: 1px solid var(--tcfit-rule); overflow: hidden; vertical-align: middle; }
+tbody td > div { max-height: ${ROW - 6}px; overflow: hidden; }
+tr.clip:hover td { background: var(--tcfit-bed); }
+tr.clip[aria-selected=true] td { background: var(--tcfit-here); }
+td.picture { padding: 0 0 0 4px; }
+td img, td .blank { display: block; width: 51px; height: 64px; border-radius: 4px; object-fit: cover; background: var(--tcfit-bed); }
+td .one { overflow: hidden; text-overflow: ellipsis; white-space: nowrap; }
+td .two { display: -webkit-box; -webkit-box-orient: vertical; -webkit-line-clamp: 2; overflow: hidden; overflow-wrap: anywhere; }
+td .dim { font-size: 13px; color: var(--tcfit-dim); }
+tr[aria-selected=true] .dim { color: var(--tcfit-text); }
+td a { color: var(--tcfit-strong); font-weight: 600; text-decoration: none; }
+td a:hover { text-decoration: underline; }
+.badge::before { content: ""; display: inline-block; width: 9px; height: 9px; margin-right: 7px; border-radius: 50%; background: var(--dot); }
+${Object.entries(STATE_COLORS).map(([state, color]) => `.badge.${state} { --dot: var(--tcfit-${color}); }`).join(" ")}
+.score { font-weight: 600; color: var(--tcfit-strong); }
+.score.good { color: var(--tcfit-good); } .score.doubtful { color: var(--tcfit-flagged); } .score.worst { color: var(--tcfit-wrong); }
+.wrong { color: var(--tcfit-wrong); }
+.busy { color: var(--tcfit-flagged); }
+.plain { max-width: 100%; padding: 2px 0; border: 0; background: none; color: inherit; font: inherit; text-align: left; cursor: pointer; }
+.plain:hover { color: var(--tcfit-strong); text-decoration: underline; }
+.plain.empty { color: var(--tcfit-dim); opacity: 0; } tr:is(:hover, :focus-within) .plain.empty { opacity: 1; }
+.track { height: 4px; margin-top: 5px; border-radius: 2px; background: var(--tcfit-rule); overflow: hidden; }
+.track > div { height: 100%; background: #288cdc; transition: width 0.3s; }
+.nothing { margin: 12vh auto 0; max-width: 34em; padding: 0 20px; text-align: center; color: var(--tcfit-dim); }
+footer { padding: 7px 18px; border-top: 1px solid var(--tcfit-rule); font-size: 13px; color: var(--tcfit-dim);
+  overflow: hidden; text-overflow: ellipsis; white-space: nowrap; }
+footer kbd { font: inherit; color: var(--tcfit-key); font-weight: 600; }
+.alert { position: fixed; right: 24px; bottom: 48px; z-index: 3; display: flex; gap: 14px; align-items: flex-start; max-width: 460px;
+  padding: 14px 16px; border-radius: 8px; background: var(--tcfit-menu); border: 1px solid var(--tcfit-edge);
+  border-left: 3px solid var(--tcfit-bad); box-shadow: 0 8px 28px rgba(0, 0, 0, 0.4); overflow-wrap: anywhere; }
+.alert[hidden] { display: none; }
+dialog { width: min(460px, 90vw); padding: 18px 20px; border: 1px solid var(--tcfit-edge); border-radius: 10px;
+  background: var(--tcfit-menu); color: var(--tcfit-text); }
+dialog::backdrop { background: rgba(0, 0, 0, 0.45); }
+dialog label { display: block; margin-bottom: 8px; font-weight: 600; }
+dialog input { box-sizing: border-box; width: 100%; height: 32px; padding: 0 10px; border: 1px solid var(--tcfit-edge); border-radius: 4px;
+  background: var(--tcfit-field); color: var(--tcfit-text); font: inherit; }
+dialog .buttons { display: flex; justify-content: flex-end; gap: 8px; margin-top: 14px; padding: 0; }
+dialog .buttons button { flex: none; height: 30px; padding: 0 16px; }
+@media (max-width: 1000px) { .error, .length { display: none; } }
+`;

@@ -1,0 +1,82 @@
+"""What a fit in the background leaves in the project."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fitting_core.body.model import BodyModel
+from fitting_core.clip import Clip
+from fitting_core.errors import InputError
+from tcfit_app.home import fitting
+from tcfit_app.home.fitting import fit_project, make_project
+from tcfit_app.home.messages import Work
+from tcfit_app.imports.keypoint_jobs import FoundKeypoints
+from tcfit_app.project.glance import glance
+from tcfit_app.project.picture import NAME
+from tcfit_app.project.project import Project
+from tcfit_app.project.storage.lock import ProjectLocked
+from tests.samples.media import write_video
+from tests.samples.project_samples import sample_keypoints
+from tests.samples.sessions import FRAMES, QUICK, small_clip
+
+
+@pytest.fixture(autouse=True)
+def _quick(monkeypatch: pytest.MonkeyPatch, tiny_body: BodyModel) -> None:
+    monkeypatch.setattr(fitting, "load_body", lambda path: tiny_body)
+    monkeypatch.setattr(fitting, "compile_kernels", lambda config: None)
+
+
+def test_a_fit_its_worst_place_and_its_picture(tmp_path: Path, tiny_body: BodyModel):
+    folder, told = tmp_path / "walk.tcfit", list[Work]()
+    Project.create(folder, small_clip(tiny_body)).close()
+    fit_project(folder, told.append, config=QUICK)
+    seen = glance(folder)
+    assert (seen.state, seen.fit) == ("fitted", 1) and seen.error is not None
+    assert seen.review.worst is not None and seen.review.worst.run == 1
+    assert (folder / NAME).read_bytes().startswith(b"\xff\xd8")
+    assert any(work.step.startswith("Phase 1 of 3") and work.share for work in told)
+    fit_project(folder, told.append, config=QUICK)
+    assert glance(folder).fit == 2
+
+
+def test_a_project_that_somebody_has_open_is_left_alone(tmp_path: Path, tiny_body: BodyModel):
+    folder = tmp_path / "walk.tcfit"
+    with Project.create(folder, small_clip(tiny_body)) as project, pytest.raises(ProjectLocked):
+        fit_project(folder, lambda work: None, config=QUICK)
+    assert project.runs is not None and glance(folder).fit is None
+
+
+def test_a_video_gets_a_project_and_its_keypoints(
+    tmp_path: Path, tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch
+):
+    class Found:
+        def __init__(self, **options: Any) -> None: ...
+
+        def run(self, clip: Clip, report: Any) -> FoundKeypoints:
+            report("3 of 8 frames", 0.4)
+            return FoundKeypoints(keypoints=sample_keypoints(len(clip)), notes=("found",), detector="mediapipe")
+
+    def stop(*arguments: object, **options: object) -> None:
+        raise InputError("far enough")
+
+    monkeypatch.setattr(fitting, "Detect", Found)
+    monkeypatch.setattr(fitting, "fit_events", stop)
+    video, folder, told = write_video(tmp_path / "walk.mp4", frames=FRAMES), tmp_path / "walk.tcfit", list[Work]()
+    make_project(folder, video)
+    assert glance(folder).state == "new"
+    with pytest.raises(InputError, match="far enough"):
+        fit_project(folder, told.append)
+    with Project.open(folder) as project:
+        assert project.has_detections and project.media.path is not None and project.media.path.samefile(video)
+        assert [run.state for run in project.runs.all()] == ["failed"]
+    assert Work(step="Finding keypoints", share=0.4) in told
+
+
+def test_a_project_that_is_there_stays(tmp_path: Path, tiny_body: BodyModel):
+    folder = tmp_path / "walk.tcfit"
+    Project.create(folder, small_clip(tiny_body)).close()
+    make_project(folder, tmp_path / "missing.mp4")
+    with Project.open(folder) as project:
+        assert np.array_equal(project.detections.xy, small_clip(tiny_body).keypoints.xy)

@@ -1,0 +1,64 @@
+"""What is found in a folder, and what is left alone."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from fitting_core.io.result_files import FIT_NAME, SUMMARY_NAME
+from tcfit_app.batch.records import FOLDER_SUFFIX
+from tcfit_app.home import catalogue
+from tcfit_app.home.found import BATCH_SUFFIX, RESULT, find
+from tcfit_app.project.storage.database import NAME
+
+
+def touch(*paths: Path) -> None:
+    for path in paths:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(b"x")
+
+
+def test_projects_results_and_videos_at_any_depth(tmp_path: Path):
+    touch(
+        tmp_path / "b" / "two.tcfit" / NAME,
+        tmp_path / "b" / "two.tcfit" / "media" / "inside.mp4",
+        tmp_path / "fits" / "c000" / FIT_NAME,
+        tmp_path / "fits" / "c000" / "overlay.mp4",
+        tmp_path / "a" / "deep" / "er" / "walk.MOV",
+        tmp_path / "a" / "notes.txt",
+        tmp_path / "clips.batch" / "first" / "x" / FIT_NAME,
+        tmp_path / ".hidden" / "three.tcfit" / NAME,
+        tmp_path / "a" / ".walk.mp4",
+    )
+    found = find(tmp_path)
+    assert [(one.place, one.kind) for one in found] == [
+        ("a/deep/er/walk.MOV", "video"),
+        ("b/two.tcfit", "project"),
+        ("fits/c000", "result"),
+    ]
+    assert len({one.key for one in found}) == 3 and find(tmp_path) == found
+
+
+def test_links_are_not_followed(tmp_path: Path):
+    outside = tmp_path / "outside"
+    touch(outside / "one.tcfit" / NAME, outside / "walk.mp4")
+    inside = tmp_path / "inside"
+    inside.mkdir()
+    (inside / "folder").symlink_to(outside)
+    (inside / "walk.mp4").symlink_to(outside / "walk.mp4")
+    (inside / "circle").symlink_to(inside)
+    assert find(inside) == []
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root reads everything")
+def test_what_cannot_be_read_is_left_out(tmp_path: Path):
+    touch(tmp_path / "shut" / "one.tcfit" / NAME, tmp_path / "open.mp4")
+    (tmp_path / "shut").chmod(0)
+    try:
+        assert [one.place for one in find(tmp_path)] == ["open.mp4"]
+    finally:
+        (tmp_path / "shut").chmod(0o755)
+
+
+def test_names_that_are_known_elsewhere_are_the_same():
+    assert (RESULT, BATCH_SUFFIX, catalogue.SUMMARY) == (FIT_NAME, FOLDER_SUFFIX, SUMMARY_NAME)

@@ -1,0 +1,220 @@
+"""The list behind the gate, without a browser: what it sends, what it takes, and whom it refuses."""
+
+import http.client
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+from websockets.sync.connection import Connection
+
+from fitting_core.body.model import BodyModel
+from fitting_core.errors import InputError
+from tcfit_app.cli.review_command import is_list, run_review
+from tcfit_app.home.home import SOCKET, Home
+from tcfit_app.home.reviews import PATH
+from tcfit_app.options.fit import ReviewOptions
+from tcfit_app.project.glance import glance
+from tcfit_app.project.project import Project
+from tcfit_app.review.browser.channel import web_files
+from tcfit_app.server.gate import Entry
+from tcfit_app.server.serving import ReviewServer, review_server
+from tests.drivers.raw_tab import admitted
+from tests.tcfit_app.home.lists import folder_of_clips
+
+PATIENCE = 60.0
+
+
+@dataclass
+class Served:
+    """A list that is served."""
+
+    home: Home
+    server: ReviewServer
+    cookie: str
+
+    def get(self, path: str, cookie: str | None = None, **headers: str) -> tuple[int, str]:
+        client = http.client.HTTPConnection("127.0.0.1", self.server.address.port, timeout=PATIENCE)
+        client.request("GET", path, headers={"Cookie": self.cookie if cookie is None else cookie, **headers})
+        answer = client.getresponse()
+        text = answer.read().decode(errors="replace")
+        client.close()
+        return answer.status, answer.headers.get("Location") or text
+
+    def socket(self, path: str = SOCKET, cookie: str | None = None, origin: str | None = None) -> Connection:
+        address = self.server.address.url
+        return connect(
+            address.replace("http", "ws", 1) + path,
+            origin=origin or address,  # pyright: ignore[reportArgumentType]
+            additional_headers={"Cookie": self.cookie if cookie is None else cookie},
+            max_size=None,
+            proxy=None,
+            close_timeout=1,
+        )
+
+    def key(self, name: str) -> str:
+        return next(row.key for row in self.home.catalogue.rows() if row.name == name or row.place == name)
+
+
+@contextmanager
+def served(root: Path, **options: Any) -> Iterator[Served]:
+    home = Home(root)
+    with review_server(
+        root.name, port=0, open_browser=False, scripts=web_files(), say=lambda text: None, site=home, **options
+    ) as server:
+        thread = threading.Thread(target=home.run, args=(server,))
+        thread.start()
+        try:
+            until(lambda: home.catalogue.rows())
+            yield Served(home, server, admitted(server.gate.link))
+        finally:
+            home.stop()
+            thread.join(PATIENCE)
+            home.close()
+
+
+def until(condition: Callable[[], Any]) -> Any:
+    end = time.monotonic() + PATIENCE
+    while not (found := condition()):
+        assert time.monotonic() < end
+        time.sleep(0.02)
+    return found
+
+
+def received(socket: Connection, kind: str, so: Callable[[dict[str, Any]], Any] = lambda message: True) -> Any:
+    """The next message of a kind of which something is so."""
+    end = time.monotonic() + PATIENCE
+    while time.monotonic() < end:
+        message = msgspec.json.decode(socket.recv(timeout=PATIENCE))
+        if message["type"] == kind and so(message):
+            return message
+    raise AssertionError(f"no {kind}")
+
+
+def send(socket: Connection, **message: object) -> None:
+    socket.send(msgspec.json.encode(message).decode())
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory: pytest.TempPathFactory, free_body: BodyModel) -> Iterator[Served]:
+    with served(folder_of_clips(tmp_path_factory.mktemp("lab") / "<corpus>", free_body)) as running:
+        yield running
+
+
+def test_the_page_its_scripts_and_its_clips_are_for_browsers_that_were_let_in(lab: Served):
+    key = lab.key("a new.tcfit")
+    for path in ("/", f"{PATH}{key}", "/tcfit/home/list.js"):
+        assert lab.get(path)[0] == 200
+        assert lab.get(path, cookie="")[0] == 403
+    assert "<title>tcfit: &lt;corpus&gt;</title>" in lab.get("/")[1], "names are no HTML"
+    assert "viser" in lab.get(f"{PATH}{key}")[1].lower()
+    for path in (f"{PATH}000000000000", f"{PATH}..%2f..", "/clip", "/list", f"{PATH}{key}/x"):
+        assert lab.get(path)[0] == 404
+    assert lab.get(f"{PATH}{key}?websocket=ws://example.org") == (303, f"{PATH}{key}")
+    assert lab.get(f"{PATH}{key}?frame=8&run=1&phase=3")[0] == 200
+
+
+def test_the_websocket_is_for_the_lists_own_page(lab: Served):
+    for options in ({"cookie": ""}, {"origin": "http://example.org"}):
+        with pytest.raises(InvalidStatus):
+            lab.socket(**options)
+    with pytest.raises(InvalidStatus):
+        lab.socket("/")
+    with pytest.raises(InvalidStatus):
+        lab.socket(f"{PATH}000000000000")
+
+
+def test_rows_pictures_approvals_and_notes(lab: Served):
+    with lab.socket() as one, lab.socket() as other:
+        first = received(one, "rows")
+        assert first["whole"] and len(first["rows"]) == 4 and first["me"]
+        received(other, "rows")
+        key = lab.key("set/b fitted.tcfit")
+        send(one, type="look", keys=[key])
+        assert received(one, "picture")["key"] == key
+        send(one, type="approve", keys=[key], approved=True)
+        for page in (one, other):
+            row = received(page, "rows", lambda m: m["rows"])["rows"][0]
+            assert (row["key"], row["state"], row["reviewer"]) == (key, "approved", first["me"])
+        send(one, type="note", key=key, text="left hand hidden")
+        assert received(other, "rows", lambda m: m["rows"])["rows"][0]["note"] == "left hand hidden"
+        send(one, type="approve", keys=[key], approved=False)
+        assert received(other, "rows", lambda m: m["rows"])["rows"][0]["state"] == "fitted"
+        send(one, type="approve", keys=[lab.key("a new.tcfit")], approved=True)
+        assert "has no fit yet" in received(one, "told")["text"]
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        "{",
+        '{"type": "open"}',
+        '{"type": "open", "key": "../../etc"}',
+        '{"type": "delete", "key": "000000000000"}',
+        '{"type": "note", "key": "000000000000", "text": "%s"}' % ("x" * 501),
+    ],
+    ids=["no JSON", "no key", "a path", "unknown", "long"],
+)
+def test_what_no_page_sends_is_dropped_and_the_page_goes_on(message: str, lab: Served):
+    with lab.socket() as page:
+        received(page, "rows")
+        page.send(message)
+        send(page, type="open", key="000000000000")
+        assert "no longer there" in received(page, "told")["text"]
+
+
+def test_a_project_that_somebody_else_has_open_is_not_changed(lab: Served):
+    key, folder = lab.key("set/b fitted.tcfit"), lab.home.catalogue.root / "set" / "b fitted.tcfit"
+    with Project.open(folder) as project, lab.socket() as page:
+        project.tell_who_works("carla")
+        received(page, "rows", lambda m: any(row.get("busy") == "carla" for row in m["rows"]))
+        send(page, type="note", key=key, text="overwritten")
+        assert "open in another tcfit" in received(page, "told")["text"]
+    assert glance(folder).review.note != "overwritten"
+
+
+def test_a_review_is_open_while_somebody_looks_and_closed_after(lab: Served, monkeypatch: pytest.MonkeyPatch):
+    key, folder = lab.key("set/c reviewed.tcfit"), lab.home.catalogue.root / "set" / "c reviewed.tcfit"
+    with lab.socket() as page:
+        send(page, type="open", key=key)
+        assert received(page, "opened")["key"] == key
+        assert lab.home.reviews.project(key) is not None
+        send(page, type="note", key=key, text="said while it is open")
+        received(page, "rows", lambda m: any(row.get("note") == "said while it is open" for row in m["rows"]))
+    monkeypatch.setattr("tcfit_app.home.reviews.GRACE", 0.0)
+    lab.home.reviews.tidy()
+    assert lab.home.reviews.project(key) is None
+    Project.open(folder).close()
+
+
+def test_those_who_signed_in_are_named(tmp_path: Path, free_body: BodyModel):
+    import base64
+
+    root = folder_of_clips(tmp_path / "corpus", free_body)
+    with served(root, entry=Entry(password="a long password")) as lab:
+        client = http.client.HTTPConnection("127.0.0.1", lab.server.address.port, timeout=PATIENCE)
+        code = base64.b64encode(b"dora:a long password").decode()
+        client.request("GET", f"{PATH}{lab.key('a new.tcfit')}", headers={"Authorization": f"Basic {code}"})
+        answer = client.getresponse()
+        assert f"url={PATH}{lab.key('a new.tcfit')}" in answer.read().decode(), "to where it was asked for"
+        cookie = answer.headers["Set-Cookie"].partition(";")[0]
+        with lab.socket(cookie=cookie) as page:
+            assert received(page, "rows")["me"] == "dora"
+
+
+def test_which_folders_are_lists(tmp_path: Path, free_body: BodyModel, capsys: pytest.CaptureFixture[str]):
+    root = folder_of_clips(tmp_path / "corpus", free_body)
+    assert is_list(ReviewOptions(video=root))
+    assert not is_list(ReviewOptions(video=root / "a new.tcfit"))
+    (tmp_path / "frames").mkdir()
+    (tmp_path / "frames" / "0.png").write_bytes(b"x")
+    assert not is_list(ReviewOptions(video=tmp_path / "frames"))
+    with pytest.raises(InputError, match="--fit would be for one"):
+        run_review(ReviewOptions(video=root, fit=True))

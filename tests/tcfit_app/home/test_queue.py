@@ -1,0 +1,70 @@
+"""Fits in the background: their order, their news, and their ends."""
+
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tcfit_app.home import fitting
+from tcfit_app.home.queue import WAITING, FitQueue
+from tests.tcfit_app.home.acted import acted
+
+PATIENCE = 120.0
+
+
+@pytest.fixture
+def queue(monkeypatch: pytest.MonkeyPatch) -> Iterator[FitQueue]:
+    monkeypatch.setattr(fitting, "serve", acted)
+
+    def place(key: str) -> Path:
+        if key == "open":
+            raise ValueError("anna has it open: fit it there.")
+        return Path(key)
+
+    made = FitQueue(place, lambda keys: None)
+    try:
+        yield made
+    finally:
+        made.close()
+
+
+def until(condition) -> None:
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def test_one_after_the_other_and_what_failed_says_why(queue: FitQueue):
+    queue.add(["fails", "open", "dies", "good"])
+    assert queue.on("good") == WAITING and queue.busy
+    until(lambda: not queue.busy)
+    assert queue.on("good") is None
+    ends = [queue.on(key) for key in ("fails", "open", "dies")]
+    assert all(end is not None and end.ended for end in ends)
+    assert [end.step.partition(" (")[0] for end in ends if end] == [
+        "Nobody was found.",
+        "anna has it open: fit it there.",
+        "Its process ended",
+    ]
+    queue.cancel(["fails", "open", "dies"])
+    assert queue.on("fails") is None
+
+
+def test_the_one_that_runs_can_be_cancelled_and_the_next_begins(queue: FitQueue):
+    queue.add(["hangs", "good"])
+    until(lambda: (work := queue.on("hangs")) is not None and work.share == 0.5)
+    queue.cancel(["hangs"])
+    until(lambda: not queue.busy)
+    assert queue.on("hangs") is None
+
+
+def test_its_end_stops_what_runs(queue: FitQueue):
+    queue.add(["hangs", "good"])
+    until(lambda: (work := queue.on("hangs")) is not None and work.share == 0.5)
+    begun = time.monotonic()
+    queue.close()
+    assert time.monotonic() - begun < 10 and not queue.busy
+    assert not [thread for thread in threading.enumerate() if thread.name == "tcfit fits in the background"]

@@ -1,0 +1,96 @@
+"""What a project keeps of the work on it: approval, the time spent, the worst place."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+import viser
+
+from fitting_core.body.model import BodyModel
+from fitting_core.errors import InputError
+from tcfit_app.project.project import Project
+from tcfit_app.project.storage.clip_review import Worst
+from tcfit_app.review import keeping
+from tcfit_app.review.gestures.actions import ACTIONS
+from tcfit_app.review.keeping import PAUSE, Keeping
+from tests.drivers.lone_page import lone_page
+from tests.samples.project_samples import sample_clip
+from tests.samples.sessions import OneBody
+from tests.samples.waving import waving_project
+
+
+@pytest.fixture
+def folder(tmp_path: Path, free_body: BodyModel) -> Path:
+    return waving_project(tmp_path / "walk.tcfit", free_body)
+
+
+def test_a_clip_is_approved_by_a_key_and_that_is_taken_back(
+    folder: Path, panel_server: viser.ViserServer, free_body: BodyModel
+):
+    with Project.open(folder) as project, lone_page(panel_server, project, bodies=OneBody(free_body)) as lone:
+        gestures = lone.page.gestures
+        ACTIONS["approve"].do(gestures)
+        assert gestures.reviewing.approved == project.review.now.approved_by != ""
+        ACTIONS["approve"].do(gestures)
+        assert gestures.reviewing.approved == "" and project.review.now.approved is None
+
+
+def test_what_has_no_fit_or_cannot_be_written_is_not_approved(
+    folder: Path, tmp_path: Path, panel_server: viser.ViserServer, free_body: BodyModel
+):
+    with (
+        Project.create(tmp_path / "new.tcfit", sample_clip()) as project,
+        lone_page(panel_server, project, bodies=OneBody(free_body)) as lone,
+        pytest.raises(InputError, match="no finished fit"),
+    ):
+        ACTIONS["approve"].do(lone.page.gestures)
+    copied = Path(shutil.copytree(folder, tmp_path / "copy.tcfit"))
+    with (
+        Project.open(copied, read_only=True) as project,
+        lone_page(panel_server, project, bodies=OneBody(free_body)) as lone,
+        pytest.raises(InputError, match="read-only"),
+    ):
+        ACTIONS["approve"].do(lone.page.gestures)
+
+
+def test_there_is_no_other_clip_where_one_was_opened(
+    folder: Path, panel_server: viser.ViserServer, free_body: BodyModel
+):
+    with Project.open(folder) as project, lone_page(panel_server, project, bodies=OneBody(free_body)) as lone:
+        for name in ("next_clip", "previous_clip", "list"):
+            assert "tcfit review FOLDER" in ACTIONS[name].obstacle(lone.page.gestures)
+
+
+def test_time_counts_while_somebody_does_something(
+    folder: Path, panel_server: viser.ViserServer, free_body: BodyModel, monkeypatch: pytest.MonkeyPatch
+):
+    now = [1000.0]
+    monkeypatch.setattr(keeping.time, "monotonic", lambda: now[0])
+    with Project.open(folder) as project, lone_page(panel_server, project, bodies=OneBody(free_body)) as lone:
+        kept = Keeping()
+        for passed in (0.0, 10.0, 20.0, PAUSE + 1, 5.0):
+            now[0] += passed
+            kept.acted(lone.page)
+        kept.keep([], last=True)
+        assert list(project.review.now.seconds.values()) == [35.0], "and not the pause"
+        kept.keep([], last=True)
+        assert list(project.review.now.seconds.values()) == [35.0]
+
+
+def test_the_worst_place_of_the_newest_run_is_kept(
+    folder: Path, panel_server: viser.ViserServer, free_body: BodyModel, monkeypatch: pytest.MonkeyPatch
+):
+    with Project.open(folder) as project, lone_page(panel_server, project, bodies=OneBody(free_body)) as lone:
+        while lone.page.tab.shown.b is None or lone.page.tab.data.queue(lone.page.tab.shown.b) is None:
+            lone.page.draw(0.0)
+        Keeping().keep([lone.page], last=True)
+        found = lone.page.gestures.reviewing.suspects
+        assert found is not None
+        worst = project.review.now.worst
+        assert worst == Worst(
+            run=2,
+            left=len(found),
+            score=round(found[0].score, 2) if found else 0.0,
+            frame=found[0].frame if found else 0,
+            words=found[0].reason if found else "",
+        )
