@@ -264,7 +264,7 @@ LEARNED |= {
         "'smpl' holds matrices that are not rotations", smpl={"global_orient": -np.eye(3, dtype=np.float32)[None]}
     ),
     "phalp with too few cameras": of_phalp("'camera' has no entry for each person", camera=[]),
-    "phalp whose tracks are no list": of_phalp("'tid' is no list", tid=3),
+    "phalp whose tracks are no list": of_phalp("'tid' is not a list", tid=3),
     "phalp whose tracks are names": of_phalp(
         "'tid' holds something other than numbers of people", tid=["a"], tracked_time=[0]
     ),
