@@ -142,7 +142,7 @@ def test_a_joint_is_pinned_where_it_is_now(tested: LonePage, tiny_body: BodyMode
     after = keypoints_in_space(tiny_body, shown.params)[0][2:7, WRIST]
     assert np.linalg.norm(after - where, axis=1).max() < 0.05
     tab.set(selection=(WRIST, 30))
-    with pytest.raises(InputError, match="1 of the selected keypoints are not the body's"):
+    with pytest.raises(InputError, match="1 of the selected keypoints are not body keypoints"):
         tested.press("action", "pin")
 
 
