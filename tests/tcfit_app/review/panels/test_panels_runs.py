@@ -606,7 +606,7 @@ def exporting(panel_of: Opener, monkeypatch: pytest.MonkeyPatch, write: Callable
 def test_an_export_can_be_cancelled(panel_of: Opener, monkeypatch: pytest.MonkeyPatch):
     tested = exporting(panel_of, monkeypatch, endless)
     tested.press("export.begin", "odd")
-    tested.until(lambda: "is being made … 50%" in tested.html())
+    tested.until(lambda: "in progress … 50%" in tested.html())
     with pytest.raises(InputError, match="is still being made"):
         tested.press("export.begin", "odd")
     tested.click("Cancel")
