@@ -360,7 +360,7 @@ def test_fits_are_compared_with_a_reference(panel_of: Opener, monkeypatch: pytes
     first = tested.page.tab.session.project.clip.first_frame
     tested.enter("Begins at frame", str(first + 2))
     tested.click("Compare with this")
-    tested.until(lambda: "a world of its own" in tested.html())
+    tested.until(lambda: "in its own world" in tested.html())
     tested.fit()
     tested.until(lambda: f"PA-MPJPE, {FRAMES - 2} of {FRAMES} frames" in tested.html())
     assert tested.page.tab.session.project.reference is not None
