@@ -117,7 +117,7 @@ def test_images_are_matched_by_their_names(tmp_path, write_people, figure):
     clip = read_clip(tmp_path)
     assert neck_numbers(clip) == [1, None, 3]
     assert (clip.source, clip.name) == (tmp_path / "images", tmp_path.name)
-    assert "Tthis clip has 2 keypoint files, images has 3 frames; they were aligned by the images' names." in clip.notes[0]
+    assert "There are 2 keypoint files, images has 3 frames; they were aligned by the images' names." in clip.notes[0]
     assert any("30 frames per second are assumed" in note for note in clip.notes)
 
 

@@ -355,7 +355,10 @@ REFUSED = {
     "outside of the ends": (Interpolate(frames=(1, 4), joints=(0,), first=0, last=3), "are not between"),
     "end outside the clip": (Interpolate.between(3, 6, (0,)), "are not between its two"),
     "one side": (SwapSides(frames=(0,), joints=(INDEX["left_wrist"],)), "left_wrist is named without"),
-    "too few depths": (SetDepth(frames=(0, 1), joints=(0,), depth=((0.1,),)), "not have one value for each of 2 frames"),
+    "too few depths": (
+        SetDepth(frames=(0, 1), joints=(0,), depth=((0.1,),)),
+        "one value for each of 2 frames",
+    ),
     "depth no number": (SetDepth(**ONE, depth=((float("nan"),),)), "a depth is not a number between -3 and 3 m"),
     "too deep": (SetDepth(**ONE, depth=((3.01,),)), "a depth is not a number between -3 and 3 m"),
     "depth of a finger": (SetDepth(frames=(0,), joints=(30,), depth=((0.0,),)), "left_index1 is not a body keypoint"),

@@ -238,7 +238,10 @@ def test_of_a_folder_of_images_only_these_are_packed(tmp_path: Path):
     write_images(source, "0.png", "1.png")
     (source / "key.txt").write_text("PRIVATE")
     (source / "2.png").write_text("PRIVATE")
-    with Project.open(tmp_path / "p.tcfit") as project, pytest.raises(InputError, match=r"2\.png: cannot be decoded as an image"):
+    with (
+        Project.open(tmp_path / "p.tcfit") as project,
+        pytest.raises(InputError, match=r"2\.png: cannot be decoded as an image"),
+    ):
         project.relink(source)
     with pytest.raises(InputError):
         pack(tmp_path / "p.tcfit", tmp_path / "x.zip", with_media=True)
