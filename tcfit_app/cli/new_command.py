@@ -90,9 +90,9 @@ def _unpacked(path: Path, options: NewOptions | ReviewOptions, *, reopen: bool) 
     if isinstance(options, NewOptions) and options.people is not None:
         raise InputError(f"{path} is a project, which is of one person: leave out --people.")
     if given := clip_options(options):
-        raise InputError(f"{path}: is a project already. {refusal(given)}")
+        raise InputError(f"{path}: is already a project. {refusal(given)}")
     if isinstance(options, NewOptions) and options.height is not None:
-        raise InputError(f"{path}: is a project already. Give --height when it is opened: tcfit review --height CM.")
+        raise InputError(f"{path}: is already a project. Give --height when it is opened: tcfit review --height CM.")
     folder = options.out or Path(path.name.removesuffix(".zip").removesuffix(SUFFIX) + SUFFIX)
     if reopen and is_project(folder):
         check_same_packed(folder, path)

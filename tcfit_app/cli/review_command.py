@@ -249,7 +249,7 @@ def opened(options: ReviewOptions) -> "Project":
         if options.keypoints is not None:
             raise InputError(f"{folder} is a project, which has its keypoints: leave out --keypoints.")
         if given := clip_options(options):
-            raise InputError(f"{folder}: is a project already. {refusal(given)}")
+            raise InputError(f"{folder}: is already a project. {refusal(given)}")
     else:
         from tcfit_app.cli.new_command import make_project
 

@@ -218,7 +218,7 @@ SOUND = "frame=1, score=9.0, reason='r', joints=()"
         (FINDING.format(SOUND) + "    1 / 0\n", "ZeroDivisionError"),
         (FINDING.format(SOUND) + "    raise SystemExit(7)\n", "SystemExit: 7"),
         (FINDING.format(SOUND) + "    yield 3\n", "it found int; expected Finding"),
-        (FINDING.format(SOUND) + f"    yield Finding({SOUND.replace('1,', '99,')})\n", "something in frame 99"),
+        (FINDING.format(SOUND) + f"    yield Finding({SOUND.replace('1,', '99,')})\n", "it reported frame 99"),
         (
             FINDING.format(SOUND) + f"    yield Finding({SOUND.replace('9.0', '1e999')})\n",
             "its score is inf",

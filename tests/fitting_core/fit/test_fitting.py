@@ -29,6 +29,7 @@ from fitting_core.keypoints import Keypoints
 from fitting_core.results.fit_result import FitResult
 from fitting_core.results.provenance import Start, Stopped
 from tests.samples.scenes import arms_in_motion, clip_of, finished, hidden, keypoints_of, noisy
+from tests.samples.told_twist import with_told_twist
 
 NO_COLLISION = replace(Weights(), collision=(0.0,) * 5)
 QUICK = FitConfig(
@@ -93,6 +94,7 @@ def all_finite(result: FitResult) -> bool:
 
 def test_known_parameters_are_recovered_from_exact_keypoints(free_body: BodyModel):
     """Pose, hands, face, shape and depth: vertices under 5 mm, nothing aligned."""
+    free_body = with_told_twist(free_body)
     truth = arms_in_motion(3)
     result = fit_clip(clip_of(keypoints_of(free_body, truth)), free_body, EXACT)
     assert float(vertex_errors(free_body, result.phases[0].params, truth).mean(1).max()) < 5

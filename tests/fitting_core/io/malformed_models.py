@@ -141,7 +141,7 @@ MODELS |= {
     "project is no database": project(b"no database " * 90, "project.sqlite: is damaged"),
     "project empty database": project(b"", "is another program's database"),
     "project of another program": project(_foreign, "is another program's database"),
-    "project of a newer tcfit": project(_newer, "is of version 99, and this tcfit knows versions up to"),
+    "project of a newer tcfit": project(_newer, "has version 99, but this tcfit supports versions up to"),
     "project is a folder": Case(
         directory("walk.tcfit"), lambda path: Project.open(path, read_only=True), "it has no project.sqlite"
     ),

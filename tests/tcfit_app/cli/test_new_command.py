@@ -47,7 +47,7 @@ def test_without_out_the_project_is_named_after_the_clip(
     assert main(["new", *clip_arguments]) == 0
     assert [p.name for p in tmp_path.iterdir()] == ["wave.tcfit"]
     assert main(["new", *clip_arguments]) == 2
-    assert "wave.tcfit: is a project already" in capsys.readouterr().err
+    assert "wave.tcfit: is already a project" in capsys.readouterr().err
 
 
 def test_images_are_linked_or_copied(keypoint_folder: Path, tmp_path: Path):

@@ -223,7 +223,7 @@ def test_a_drag_in_depth_finds_swapped_sides(clip: Clip, body: BodyModel, params
         ({"keypoints": ()}, "0 to 136"),
         ({"keypoints": (3, 3)}, "0 to 136"),
         ({"keypoints": (137,)}, "0 to 136"),
-        ({"keypoints": (0, 30), "in_depth": True}, "have no depth"),
+        ({"keypoints": (0, 30), "in_depth": True}, "cannot be dragged in depth"),
         ({"params": BodyParams.neutral(3)}, "3 frames"),
     ],
 )

@@ -160,7 +160,7 @@ def test_chosen_tiers_and_what_lies_outside(project: Project, tmp_path: Path):
     )
     found = import_notes(project, path, ("gloss",))
     assert notes(project) == [(range(1), "A"), (range(9, 10), "B")] and found.outside == 1
-    assert "2 new notes, 1 left out" in found.in_words()
+    assert "2 new notes, 1 outside of the clip ignored" in found.in_words()
 
 
 def test_notes_lie_where_elan_shows_them_in_the_project_s_video(tmp_path: Path):

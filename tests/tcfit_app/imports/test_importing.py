@@ -122,7 +122,7 @@ def test_a_result_of_a_part_of_the_clip_is_shown_and_measured_there_alone(
 def test_a_body_that_is_not_here_is_named(project: Project, tmp_path: Path, tiny_body: BodyModel):
     for file in results(tmp_path / "r", tiny_body).rglob("about.json"):
         file.write_text(file.read_text().replace('"body_hash": ""', '"body_hash": "0123456789abcdef"'))
-    with pytest.raises(InputError, match=r"belongs to a neutral smplx body that is not here .SHA-256 0123456789ab"):
+    with pytest.raises(InputError, match=r"needs a neutral smplx body that is missing .SHA-256 0123456789ab"):
         import_run(project, Gone(tiny_body), tmp_path / "r")
     run = import_run(project, Gone(tiny_body), tmp_path / "r", ImportChoices(body_model="smplx"))
     fit = project.runs.load(run.id)
@@ -213,7 +213,7 @@ def test_a_path_becomes_a_run_that_can_be_shown_as_a(tested: LonePage, tmp_path:
     imported = tab.look().a
     assert imported is not None and imported.title == "theirs" and imported.run.id == run.id
     tested.click("Show as B")
-    with pytest.raises(InputError, match="theirs was imported: its frames and its shape cannot be fitted again"):
+    with pytest.raises(InputError, match="theirs was imported: its frames and shape cannot be refitted"):
         session.rerun_shape(imported, own.config)
     assert session.edit_follower.begin_drag(imported, 0, (4,), np.zeros((1, 2))) is None
 

@@ -92,7 +92,7 @@ def test_a_new_edit_ends_redo():
     assert history.redoable and history.redoable.id == 1 and history.undoable is None
     history.add(entry(3, MarkBad(frames=(1,), joints=(0,))))
     assert history.redoable is None and history.undoable and history.undoable.id == 3
-    with pytest.raises(InputError, match="Edit 1 cannot be redone now; none is next"):
+    with pytest.raises(InputError, match="Edit 1 cannot be redone now; nothing is next"):
         history.check(Redo(edit=1))
 
 

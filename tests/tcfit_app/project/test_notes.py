@@ -32,7 +32,7 @@ def test_notes_are_kept_in_the_order_of_their_frames(project: Project):
     project.append(WriteNote(frames=(3, 4), text="last", replaces=late.id), author="me")
     project.append(WriteNote(frames=(3, 4), text="", replaces=late.id), author="me")
     assert texts(project) == [(range(1, 2), "early")]
-    with pytest.raises(InputError, match="is gone"):
+    with pytest.raises(InputError, match="no longer exists"):
         project.append(WriteNote(frames=(3, 4), text="again", replaces=late.id), author="me")
 
 
@@ -64,7 +64,7 @@ def test_they_are_there_when_it_is_opened_again(project: Project):
         (WriteNote(frames=(1, 3), text="x"), "consecutive frames"),
         (WriteNote(frames=(999,), text="x"), "no frame 1006; the clip has frames 7 to 12"),
         (WriteNote(frames=(1,), text="x" * (NOTE_CHARACTERS + 1)), "2,001 characters; expected 2,000 at most"),
-        (WriteNote(frames=(1,), text="x", replaces=77), "is gone"),
+        (WriteNote(frames=(1,), text="x", replaces=77), "no longer exists"),
     ],
 )
 def test_senseless_notes_are_refused(project: Project, note: WriteNote, message: str):

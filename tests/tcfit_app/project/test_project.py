@@ -463,7 +463,7 @@ def test_detections_are_never_changed(folder: Path):
             project.append(random_edit(seed))
     assert path.read_bytes() == before
     _overwrite(300, 10)(path)
-    with pytest.raises(InputError, match=r"detections\.npz: was changed since the project was created"):
+    with pytest.raises(InputError, match=r"detections\.npz: was changed after the project was created"):
         Project.open(folder)
     path.unlink()
     with pytest.raises(InputError, match=r"detections\.npz: cannot be read"):
@@ -497,7 +497,7 @@ MADE_UP: dict[str, tuple[bytes, str]] = {
     "a number": (_npz(xy=XY, confidence=np.array(1.0)), r"confidence .* the shape \(\)"),
     "not finite": (_npz(xy=XY + np.nan, confidence=CONFIDENCE), "xy has values that are not finite"),
     "sure": (_npz(xy=XY, confidence=CONFIDENCE + 7), "a confidence is not between 0 and 1"),
-    "fewer": (_npz(xy=XY, confidence=CONFIDENCE[1:]), "6 frames of positions and 5 of confidences"),
+    "fewer": (_npz(xy=XY, confidence=CONFIDENCE[1:]), "6 frames of positions but 5 of confidences"),
     "no frames": (_npz(xy=XY[:0], confidence=CONFIDENCE[:0]), "0 frames of positions"),
     "a number for a name": (_npz(xy=XY, confidence=CONFIDENCE, detector=XY), "detector is float64 .* expected a name"),
     "a long name": (_npz(xy=XY, confidence=CONFIDENCE, detector=np.array("x" * 101)), "detector is <U101 .* a name"),
@@ -538,7 +538,7 @@ def test_detections_that_somebody_made_up(folder: Path, content: bytes, words: s
 def test_detections_that_could_not_be_read_back_are_not_stored(tmp_path: Path):
     clip = sample_clip()
     keypoints = replace(clip.keypoints, confidence=clip.keypoints.confidence * 2)
-    with pytest.raises(InputError, match="cannot be stored: a confidence is not between 0 and 1"):
+    with pytest.raises(InputError, match="Cannot store these keypoints: a confidence is not between 0 and 1"):
         Project.create(tmp_path / "a.tcfit", replace(clip, keypoints=keypoints))
     assert list(tmp_path.iterdir()) == []
 
@@ -551,11 +551,11 @@ def test_what_is_no_project(tmp_path: Path):
 
 
 def test_a_project_is_made_in_an_empty_folder_only(folder: Path, tmp_path: Path):
-    with pytest.raises(InputError, match="is a project already"):
+    with pytest.raises(InputError, match="is already a project"):
         Project.create(folder, sample_clip())
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "thesis.tex").touch()
-    with pytest.raises(InputError, match=r"holds other files \(thesis.tex\)"):
+    with pytest.raises(InputError, match=r"contains other files \(thesis.tex\)"):
         Project.create(tmp_path / "full", sample_clip())
     with pytest.raises(InputError, match="is a file; expected a folder"):
         Project.create(tmp_path / "full" / "thesis.tex", sample_clip())
@@ -633,9 +633,9 @@ def test_a_linked_video_is_found_again(tmp_path: Path, video: Path):
     ("place", "words"),
     [
         ("/nowhere/walk.mp4", "is no longer there"),
-        ("/private/walk.mp4", r"cannot be looked for \(Permission denied\)"),
-        ("/" + 300 * "x", "cannot be looked for"),
-        ("a\0b", "cannot be looked for"),
+        ("/private/walk.mp4", r"cannot be accessed \(Permission denied\)"),
+        ("/" + 300 * "x", "cannot be accessed"),
+        ("a\0b", "cannot be accessed"),
     ],
 )
 def test_a_video_that_may_not_be_looked_for_keeps_no_project_closed(
@@ -691,7 +691,7 @@ def test_a_file_system_without_locks_is_no_other_tcfit(folder: Path, monkeypatch
         raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
 
     monkeypatch.setattr(locking, "_lock", refused)
-    with pytest.raises(InputError, match=r"cannot be locked here \(No locks available\)") as told:
+    with pytest.raises(InputError, match=r"cannot be locked \(No locks available\)") as told:
         Project.open(folder)
     assert not isinstance(told.value, ProjectLocked)
     Project.open(folder, read_only=True).close()

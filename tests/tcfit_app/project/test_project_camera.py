@@ -70,7 +70,7 @@ def test_another_lens_comes_too_late_for_edits_and_runs(project: Project, what: 
     else:
         project.runs.delete(_finished(project))
     before = project.clip
-    with pytest.raises(InputError, match=f"lens differs from the project's, on which {what} stand"):
+    with pytest.raises(InputError, match=f"lens differs from the project's, on which {what} depend"):
         project.set_camera(bent(before.camera, -0.1))
     assert project.clip is before
 

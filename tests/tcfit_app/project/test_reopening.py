@@ -180,7 +180,7 @@ def test_options_of_a_clip_are_refused_for_a_project(command: str, capsys: pytes
     for path in ("walk.tcfit", "walk.tcfit.zip") if command == "review" else ("walk.tcfit.zip",):
         assert main([command, path, "--out", "x.tcfit", *given]) == 2
         said = " ".join(capsys.readouterr().err.split())
-        assert f"{path}: is a project already. --fov, --person count for a new project" in said
+        assert f"{path}: is already a project. --fov, --person count for a new project" in said
     assert not Path("x.tcfit").exists()
 
 

@@ -60,6 +60,8 @@ SEEN = """
   window.seen = new Set();
   const look = () => {
     requestAnimationFrame(look);
+    if (!document.getElementById("unhurried"))
+      document.head?.insertAdjacentHTML("beforeend", `<style id="unhurried">html::before { animation: none }</style>`);
     if (!document.querySelector("#root > *")) return;
     const { display, visibility, left, backgroundColor } = getComputedStyle(document.documentElement, "::before");
     const behind = display === "none" || visibility === "hidden" ? "nothing" : left === "0px" ? "all" : "panel";
@@ -67,7 +69,8 @@ SEEN = """
   };
   requestAnimationFrame(look);
 """
-"""Notes, once viser has drawn something, what is behind the curtain, whether the panels are there, and its colour."""
+"""Notes, once viser has drawn something, what is behind the curtain, whether the panels are there, and its colour. The
+curtain waits for them for as long as a slow machine takes."""
 WHITE, DARK = "rgb(255, 255, 255)", "rgb(26, 27, 30)"
 
 

@@ -167,7 +167,7 @@ def test_a_fit_whose_keypoints_are_not_found_leaves_nothing(
         ended(session)
         until(session, lambda: not session.jobs)
         assert session.fits.runs == () and not session.project.has_detections
-        assert [notice.title for notice in told(session)] == ["Finding keypoints failed"]
+        assert [notice.title for notice in told(session)] == ["Detecting keypoints failed"]
 
 
 def test_no_detection_begins_while_the_camera_changes(
@@ -227,7 +227,7 @@ def test_somebody_else_is_taken_afterwards_as_long_as_nothing_stands_on_the_keyp
     session.edit(MarkBad(frames=(0,), joints=(0,)), author="me")
     session.source.choose(3, 0)
     assert not session.can_choose_person and not session.source.busy
-    with pytest.raises(InputError, match="There are edits of this person already"):
+    with pytest.raises(InputError, match="This person already has edits"):
         project.take_detections(project.detections, before=project.clip)
 
 
@@ -358,7 +358,7 @@ def test_one_button_finds_keypoints(page: LonePage, detector: FakeDetector):
     page.click("Find keypoints only")
     finish(page)
     assert f"Found in {FRAMES} of {FRAMES} frames" in page.html()
-    assert "2 people were found. If you mean another one, click" in page.html()
+    assert "2 people were found. To choose another person, click" in page.html()
     page.page.tab.session.edit(MarkBad(frames=(0,), joints=(0,)), author="me")
     assert "for another, make a new project" in page.html()
 
@@ -372,7 +372,7 @@ def test_a_detector_that_is_not_here_is_shown_before_it_is_fetched(
     page.enter("Detector", DETECTORS["dwpose-m"].title)
     page.draw()
     html = page.html()
-    assert known.url in html and known.licence in html and "none is known" in html and "Find keypoints" not in html
+    assert known.url in html and known.licence in html and "unknown; the first" in html and "Find keypoints" not in html
     page.click("Agree and fetch")
     finish(page)
     assert KNOWN_MODELS["rtmdet-nano"].title in page.html(), "the next that it needs"

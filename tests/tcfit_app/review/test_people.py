@@ -179,7 +179,7 @@ def test_a_link_leads_to_its_person(folder: Path, panel_server: viser.ViserServe
         assert follow(OpenLink(frame=1, person=1)) == [] and place() == ("person 1", 1)
         for forged in (0, 3, 2**53):
             (told,) = follow(OpenLink(frame=5, person=forged))
-            assert f"person {forged}; here are 1 (person 1), 2 (person 2)" in told and place() == ("person 1", 1)
+            assert f"person {forged}; this clip has 1 (person 1), 2 (person 2)" in told and place() == ("person 1", 1)
         (told,) = follow(OpenLink(frame=1, person=2))
         assert "this clip has frames 4 to 11" in told
 
@@ -193,7 +193,7 @@ def test_a_link_means_the_same_person_where_another_cannot_be_opened(folder: Pat
         page.gestures.noting.copy_link()
         assert [call.args[1].person for call in sent.call_args_list] == [2]
         assert page.tab.someone.numbered(2) is page.tab.someone
-        with pytest.raises(InputError, match="here are 2 "):
+        with pytest.raises(InputError, match="this clip has 2 "):
             page.tab.someone.numbered(1)
         with pytest.raises(InputError, match="one person's project"):
             alone(page.tab.data).numbered(2)
@@ -228,7 +228,7 @@ def test_who_cannot_be_opened_is_told_and_left_out(folder: Path, capsys: pytest.
         for number, told in ((1, "could not be opened"), (0, "people 1 to 2"), (3, "people 1 to 2")):
             with pytest.raises(InputError, match=told):
                 people.chosen(number)
-    assert "person 1 is left out" in capsys.readouterr().out
+    assert "person 1 was skipped" in capsys.readouterr().out
     shutil.rmtree(folder / "person-2")
     (folder / "person-2").mkdir()
     with pytest.raises(InputError, match="no person's project"), open_two(folder):
@@ -319,13 +319,13 @@ def test_an_exchange_is_not_undone_in_one_while_the_other_was_corrected(folder: 
         correcting = app.pages[1].gestures.correcting
         exchanged(app, 9)
         other.append(MarkBad(frames=(6,), joints=(4,)))
-        with pytest.raises(InputError, match="person 2 was corrected or marked since"):
+        with pytest.raises(InputError, match="person 2 has been corrected or marked since"):
             correcting.undo()
         assert len(one.log) == 1
         other.undo()
         correcting.undo()
         other.append(MarkBad(frames=(6,), joints=(4,)))
-        with pytest.raises(InputError, match="person 2 was corrected or marked since"):
+        with pytest.raises(InputError, match="person 2 has been corrected or marked since"):
             correcting.redo()
         assert len(one.log) == 2
 

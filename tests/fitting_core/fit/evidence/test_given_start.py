@@ -31,6 +31,7 @@ from fitting_core.results.given_start import GivenStart, StartRecord
 from fitting_core.results.known_shape import KnownShape
 from fitting_core.results.provenance import Start
 from tests.samples.scenes import CAMERA, arms_in_motion, clip_of, hidden, keypoints_of
+from tests.samples.told_twist import with_told_twist
 
 QUICK = FitConfig(
     pose_prior="axis_angle",
@@ -200,6 +201,7 @@ def test_lifter_and_start_are_averaged_by_variance_and_loosely_where_they_disagr
 
 
 def test_phase_1_begins_with_the_start_and_searches_where_there_is_none(free_body: BodyModel):
+    free_body = with_told_twist(free_body)
     truth = arms_in_motion(6)
     keypoints = body_seen(free_body, truth)
     off = replace(truth, body_pose=truth.body_pose + 0.05)

@@ -27,6 +27,7 @@ from fitting_core.keypoints import Keypoints
 from fitting_core.results.provenance import Start, Stopped
 from fitting_core.video.frame_names import spans
 from tests.samples.scenes import FACING, arms_in_motion, finished, hidden, keypoints_of, listed, noisy, stages_of
+from tests.samples.told_twist import with_told_twist
 
 QUICK = FitConfig(
     pose_prior="axis_angle",
@@ -95,7 +96,9 @@ def test_key_frames_are_some_and_the_last(frames: list[int], every: int, expecte
 
 
 @pytest.mark.parametrize("rounds", [0, 1])
-def test_frames_between_key_frames_start_from_these(free_body: BodyModel, clip: Keypoints, rounds: int):
+def test_frames_between_key_frames_start_from_these(free_body: BodyModel, rounds: int):
+    free_body = with_told_twist(free_body)
+    clip = _of(free_body)
     config = replace(QUICK, key_frames_every=4, relay_rounds=rounds)
     found = finished(fit_frames(stages_of(free_body, clip, config), solver_of(stages_of(free_body, clip, config))))
     alone = finished(fit_frames(stages_of(free_body, clip, QUICK), make_solver("lm", QUICK.settings)))
@@ -143,7 +146,11 @@ def solver_of(stages: Stages):
 
 @pytest.fixture(scope="module")
 def clip(free_body: BodyModel) -> Keypoints:
-    return hidden(noisy(keypoints_of(free_body, arms_in_motion(5, depth=3.5)), 3.0), kp.HANDS, kp.FACE)
+    return _of(free_body)
+
+
+def _of(body: BodyModel) -> Keypoints:
+    return hidden(noisy(keypoints_of(body, arms_in_motion(5, depth=3.5)), 3.0), kp.HANDS, kp.FACE)
 
 
 def test_relay_never_raises_a_cost_and_frees_a_stuck_frame(free_body: BodyModel, clip: Keypoints):

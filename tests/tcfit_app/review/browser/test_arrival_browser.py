@@ -1,5 +1,6 @@
 """Picture, body and keypoints of a frame reach the screen together, in a real browser."""
 
+import math
 import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
@@ -115,8 +116,8 @@ def test_a_frame_is_drawn_once(scene: Scene):
     scene.show(30)
     scene.until_shown(30)
     drawn = scene.drawn()
-    # viser itself draws once a second, and a busy machine may take seconds to come here.
-    assert len(drawn) <= 2 + int(time.monotonic() - began)
+    # viser itself draws once a second: within half a second once or not at all, and a busy machine may take seconds.
+    assert len(drawn) <= 2 + math.ceil(time.monotonic() - began)
 
 
 def test_frames_that_come_faster_than_they_are_decoded_keep_their_order(scene: Scene):

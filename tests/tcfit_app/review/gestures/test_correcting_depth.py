@@ -142,7 +142,7 @@ def test_a_joint_is_pinned_where_it_is_now(tested: LonePage, tiny_body: BodyMode
     after = keypoints_in_space(tiny_body, shown.params)[0][2:7, WRIST]
     assert np.linalg.norm(after - where, axis=1).max() < 0.05
     tab.set(selection=(WRIST, 30))
-    with pytest.raises(InputError, match="1 of the selected keypoints are not the body's"):
+    with pytest.raises(InputError, match="1 of the selected keypoints are not body keypoints"):
         tested.press("action", "pin")
 
 
@@ -158,7 +158,7 @@ def test_a_joint_is_locked_as_it_is_turned(tested: LonePage):
     edit = last_edit(tested)
     assert isinstance(edit, Lock) and (edit.frames, edit.joints) == ((2, 3, 4, 5, 6), (WRIST,))
     np.testing.assert_allclose(edit.turn, [turn.tolist()], atol=1e-5)
-    assert tab.message[0] == "Saved: right wrist locked as it is turned, frames 2–6"
+    assert tab.message[0] == "Saved: right wrist rotation locked, frames 2–6"
     tested.until(lambda: not tab.session.jobs and not tab.session.edit_follower.busy)
     after = tab.look().b
     assert after is not None and abs(after.params.body_pose[2:7, wrist] - turn).max() < 0.05

@@ -266,10 +266,10 @@ def test_what_is_nowhere_is_not_copied_moved_or_made_sure(tested: LonePage):
     assert "missing" in tested.html()
     correcting = page.gestures.correcting
     for correct in (lambda: correcting.nudge(1.0, 0.0), lambda: correcting.set_confidence(1.0)):
-        with pytest.raises(InputError, match=f"none of the selected keypoints is anywhere in frame {FIRST + 1}"):
+        with pytest.raises(InputError, match=f"none of the selected keypoints exists in frame {FIRST + 1}"):
             correct()
     page.tab.seek(2)
-    with pytest.raises(InputError, match=f"Nothing to be copied.* frame {FIRST + 1}"):
+    with pytest.raises(InputError, match=f"Cannot be copied.* frame {FIRST + 1}"):
         correcting.copy_previous()
     assert not page.tab.session.project.log
 
@@ -442,7 +442,7 @@ def test_the_review_queue_while_there_is_none(tested: LonePage):
 
 def test_an_empty_review_queue(tested: LonePage):
     with_suspects(tested)
-    assert "Nothing suspicious" in tested.html()
+    assert "All 1 reviewed." in tested.html()
 
 
 def test_a_review_queue_that_cannot_be_made_says_why(tested: LonePage):

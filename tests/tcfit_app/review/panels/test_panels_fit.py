@@ -126,7 +126,7 @@ def test_a_fit_starts_from_a_run_and_has_its_shape(tested: LonePage):
     tested.enter("Start from", first.option)
     tested.enter("Held near", "0.05")
     tested.enter("Same person as", first.option)
-    said = f"The next fit starts from {first.name}, held within about 5 cm of it, and uses the shape of {first.name}."
+    said = f"The next fit starts from {first.name}, held within about 5 cm of it and uses the shape of {first.name}."
     assert said in tested.html()
     tested.click("Fit everything")
     tested.until(lambda: len(session.fits.runs) == 2 and not session.jobs)

@@ -360,7 +360,7 @@ def test_fits_are_compared_with_a_reference(panel_of: Opener, monkeypatch: pytes
     first = tested.page.tab.session.project.clip.first_frame
     tested.enter("Begins at frame", str(first + 2))
     tested.click("Compare with this")
-    tested.until(lambda: "a world of its own" in tested.html())
+    tested.until(lambda: "in its own world" in tested.html())
     tested.fit()
     tested.until(lambda: f"PA-MPJPE, {FRAMES - 2} of {FRAMES} frames" in tested.html())
     assert tested.page.tab.session.project.reference is not None
@@ -606,7 +606,7 @@ def exporting(panel_of: Opener, monkeypatch: pytest.MonkeyPatch, write: Callable
 def test_an_export_can_be_cancelled(panel_of: Opener, monkeypatch: pytest.MonkeyPatch):
     tested = exporting(panel_of, monkeypatch, endless)
     tested.press("export.begin", "odd")
-    tested.until(lambda: "is being made … 50%" in tested.html())
+    tested.until(lambda: "in progress … 50%" in tested.html())
     with pytest.raises(InputError, match="is still being made"):
         tested.press("export.begin", "odd")
     tested.click("Cancel")
