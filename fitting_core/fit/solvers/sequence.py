@@ -213,7 +213,7 @@ class Sequence(OnFrames):
         objective: E_o with fixed betas, and the terms over time.
         clip: all frames; those that are not free are held in this state.
         free: which frames move.
-        windowed: include residuals as the paper's windows do: those of free frames that depend on no later frame.
+        windowed: include residuals as the paper's windows do: those of free frames that depend on none after these.
             Otherwise all residuals that depend on a free frame.
     """
 

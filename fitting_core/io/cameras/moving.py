@@ -145,7 +145,7 @@ def _stem(name: str) -> str:
 
 
 def _between(known: Poses, at: Int[np.ndarray, "N"], count: int) -> Poses:
-    """One per frame, with rotation and position interpolated linearly."""
+    """One per frame, with rotation (slerp) and position interpolated evenly."""
     frames = np.arange(count)
     places = -np.einsum("nji,nj->ni", known.rotation, known.translation)
     if len(at) == 1:

@@ -69,7 +69,7 @@ def read_camera(
             states it.
 
     Raises:
-        InputError: The file cannot be read, does not have exactly one camera of that name, was made for images of
+        InputError: The file cannot be read, has several cameras but none of that name, was made for images of
             another shape, or holds no valid camera.
     """
     if file.unit is not None and not 1e-6 <= file.unit <= 1e6:

@@ -237,7 +237,7 @@ KEYPOINTS |= {
     "mmpose several frames in a file of a folder": Case(
         lambda f: content("walk/1.json", json.dumps([{"frame_id": k, "instances": []} for k in (0, 1)]))(f).parent,
         read_detections,
-        "holds 2 frames; expected one in each file of a folder",
+        "holds 2 frames; expected one per file in a folder",
         "1.json",
     ),
 }

@@ -145,7 +145,7 @@ CAMERAS: dict[str, Case] = {
     "transforms cut off": _case(_cut(files.transforms, "transforms.json"), "JSON"),
     "transforms without a focal length": _case(_transforms(fl_x=None), "neither fl_x"),
     "transforms of a half turn": _case(_transforms(fl_x=None, camera_angle_x=4.0), "camera_angle_x of 4"),
-    "transforms of a text": _case(_transforms(fl_x="wide"), "fl_x is no array of numbers"),
+    "transforms of a text": _case(_transforms(fl_x="wide"), "fl_x is not an array of numbers"),
     "transforms of a fisheye": _case(_transforms(camera_model="OPENCV_FISHEYE"), "OPENCV_FISHEYE"),
     "transforms of k4": _case(_transforms(k4=0.1), "k4"),
     "transforms without a centre": _case(_transforms(cx=None, w=None), "no principal point"),

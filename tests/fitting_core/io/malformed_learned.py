@@ -235,10 +235,10 @@ LEARNED |= {
     "wham NaN": of_wham("'trans' holds nan, expected finite", trans=_NAN),
     "wham huge": of_wham(r"'pose' holds 1e\+30", pose=np.full((5, 72), 1e30)),
     "wham of 165 numbers": of_wham(r"'pose' has the shape \(5, 165\), expected \(5, 72\)", pose=np.zeros((5, 165))),
-    "wham without frames": of_wham("'frame_ids' holds no numbers of frames", frame_ids=np.zeros(0)),
-    "wham with half frames": of_wham("'frame_ids' holds no numbers of frames", frame_ids=np.arange(5) + 0.5),
+    "wham without frames": of_wham("'frame_ids' does not hold frame numbers", frame_ids=np.zeros(0)),
+    "wham with half frames": of_wham("'frame_ids' does not hold frame numbers", frame_ids=np.arange(5) + 0.5),
     "wham with a frame twice": of_wham("'frame_ids' has a frame twice", frame_ids=np.array([1, 2, 2, 3, 4])),
-    "wham with negative frames": of_wham("'frame_ids' holds no numbers of frames", frame_ids=np.arange(5) - 2),
+    "wham with negative frames": of_wham("'frame_ids' does not hold frame numbers", frame_ids=np.arange(5) - 2),
     "wham with one frame less": of_wham(r"'betas' has the shape \(4, 10\)", betas=np.zeros((4, 10))),
     "wham with text": of_wham("'trans' holds <U1 values", trans=np.full((5, 3), "a")),
     "wham with objects": of_wham("'pose' is of the type 'O8', expected numbers", pose=np.array([{}] * 5, dtype=object)),
@@ -281,7 +281,7 @@ LEARNED |= {
         "has person 1 twice in a frame, expected each person once",
     ),
     "tram with no rotations": of_tram("'pred_rotmat' holds matrices", pred_rotmat=torch.ones(5, 24, 3, 3)),
-    "tram without frames": of_tram(r"'frame' holds no numbers", frame=torch.zeros(0)),
+    "tram without frames": of_tram(r"'frame' does not hold frame numbers", frame=torch.zeros(0)),
     "tram with a broken camera": Case(
         lambda f: (
             content("hps/hps_track_0.npy", npy_bytes(tram(truth(), FRAMES)))(

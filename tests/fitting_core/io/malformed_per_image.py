@@ -81,7 +81,7 @@ def _cut_meshes(folder: Path) -> Path:
 
 PER_IMAGE: dict[str, Case] = {
     "smplerx without cameras": of_smplerx(
-        "has smplx/00003_0.npz and no meta/00003_0.json", lambda f: (f / "meta" / "00003_0.json").unlink()
+        "has smplx/00003_0.npz but no meta/00003_0.json", lambda f: (f / "meta" / "00003_0.json").unlink()
     ),
     "smplerx with a cut camera": of_smplerx(
         "is not JSON", lambda f: (f / "meta" / "00002_0.json").write_text('{"focal": [1')

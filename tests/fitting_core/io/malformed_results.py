@@ -72,7 +72,7 @@ RESULTS: dict[str, Case] = {
     "smplifyx needs VPoser": Case(
         content("results/walk_0001/000.pkl", _pickled(body_pose=np.zeros((1, 32)))),
         read_motion,
-        "32 numbers of a VPoser instead of angles, and none was added here.*tcfit models add",
+        "32 VPoser numbers instead of angles, and no VPoser was added.*tcfit models add",
     ),
     "smplifyx two runs": Case(
         lambda f: (

@@ -142,7 +142,7 @@ def test_vposers_numbers_take_the_vposer_that_was_given(project: Project, tmp_pa
     for t, file in enumerate(sorted(folder.rglob("*.pkl"))):
         content = pickle.loads(file.read_bytes()) | {"body_pose": latent[t : t + 1].numpy()}
         file.write_bytes(pickle.dumps(content, protocol=2))
-    with pytest.raises(InputError, match="32 numbers of a VPoser instead of angles"):
+    with pytest.raises(InputError, match="32 VPoser numbers instead of angles"):
         import_run(project, OneBody(tiny_body), folder)
     write_network(tmp_path / "vposer.npz", random_network(), notes="")
     run = import_run(project, OneBody(tiny_body), folder, ImportChoices(vposer=tmp_path / "vposer.npz"))

@@ -101,7 +101,7 @@ def test_short_gaps_are_filled_between_their_neighbours(tmp_path: Path):
     np.testing.assert_allclose(places[4], (WAY[2] + 2 * WAY[5]) / 3, atol=1e-9)
     half = Rotation.from_matrix(turns[0] @ turns[1].T).magnitude()
     assert half == pytest.approx(Rotation.from_matrix(turns[1] @ turns[2].T).magnitude())
-    assert any("those of 3 frames are between their neighbours'" in note for note in notes)
+    assert any("those of 3 frames are interpolated" in note for note in notes)
 
 
 def test_other_numbers_are_of_another_clip(tmp_path: Path):

@@ -163,7 +163,7 @@ def test_vposers_numbers_are_decoded(tiny_body: BodyModel, tmp_path: Path):
     assert torch.allclose(found.params.body_pose, prior.decode(latent), atol=1e-9)
     assert found.gender == "female" and found.camera is None
     assert found.focal == (FOCAL, "SMPLify-X's default, as its results have none")
-    with pytest.raises(InputError, match="32 numbers of a VPoser instead of angles"):
+    with pytest.raises(InputError, match="32 VPoser numbers instead of angles"):
         read_smplifyx(folder)
 
 
