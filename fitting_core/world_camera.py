@@ -50,11 +50,8 @@ def in_camera(params: BodyParams, rest_root: Float[np.ndarray, "*T 3"], camera: 
 
 
 def read_world_camera(path: Path) -> WorldCamera:
-    """Read the arrays R and t of an npz file; K and others in it are left alone.
-
-    Raises:
-        InputError: There is no such file, or what it holds is no rotation and translation.
-    """
+    """Read the arrays R and t of an npz file; K and others in it are left alone. Raises InputError if there is no such
+    file, or what it holds is no rotation and translation."""
     try:
         archive = read_npz(path, ("R", "t"))
         rotation, translation = (np.asarray(archive[name], np.float64) for name in ("R", "t"))

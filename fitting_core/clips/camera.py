@@ -66,11 +66,8 @@ class CameraGiven:
 
 
 def _focal_option(options: CameraOptions) -> tuple[str, float] | None:
-    """The one option of _FOCAL_OPTIONS that is given, and its value; None for none, or for a rule.
-
-    Raises:
-        InputError: More than one is given, or it is not a focal length.
-    """
+    """The one option of _FOCAL_OPTIONS that is given, and its value; None for none, or for a rule. Raises InputError if
+    more than one is given, or it is not a focal length."""
     rules = get_args(FocalRule)
     given = {name: value for name in _FOCAL_OPTIONS if (value := getattr(options, name)) is not None}
     if len(given) > 1:
@@ -90,11 +87,8 @@ def _focal_option(options: CameraOptions) -> tuple[str, float] | None:
 
 
 def _camera_file(options: CameraOptions) -> CameraFile | None:
-    """The calibration that a user gave.
-
-    Raises:
-        InputError: The camera is given twice, or options for a file that is not given.
-    """
+    """The calibration that a user gave. Raises InputError if the camera is given twice, or options for a file that is
+    not given."""
     path = options.camera
     if path is None:
         told = (name for name in ("camera_name", "camera_unit", "camera_up") if getattr(options, name) is not None)
@@ -109,11 +103,8 @@ def _camera_file(options: CameraOptions) -> CameraFile | None:
 
 
 def _camera_of(size: tuple[int, int], center: tuple[float, float] | None, focal: tuple[str, float] | None) -> Camera:
-    """The camera of an image of this size; without a focal length, that of the image diagonal.
-
-    Raises:
-        InputError: Its field of view is implausible, or its principal point is far from the image.
-    """
+    """The camera of an image of this size; without a focal length, that of the image diagonal. Raises InputError if its
+    field of view is implausible, or its principal point is far from the image."""
     if focal is None:
         pixels, told, source = default_focal(size), FocalFrom.DIAGONAL, DEFAULT_FOCAL
     else:

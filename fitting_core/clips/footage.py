@@ -92,11 +92,7 @@ class Footage:
 
 def locate(video: Path | None, keypoints: Path | None) -> tuple[Path | None, Path | None]:
     """The paths of the frames and of the keypoints, given the user's. Without keypoints there is a video to find them
-    in.
-
-    Raises:
-        InputError: Nothing was given, or a folder in SMPLify-X layout lacks its images.
-    """
+    in. Raises InputError if nothing was given, or a folder in SMPLify-X layout lacks its images."""
     inside = video if video is not None and (video / "images").is_dir() else None
     images = inside / "images" if inside else video
     if keypoints is not None:

@@ -17,11 +17,7 @@ _MAX_BYTES = 2**20
 
 
 def preset(name: str, *, origin: str = "--preset") -> FitConfig:
-    """The preset of this name.
-
-    Raises:
-        InputError: There is no such preset.
-    """
+    """The preset of this name. Raises InputError if there is no such preset."""
     if name not in PRESETS:
         near = nearest(name, list(PRESETS)) if isinstance(name, str) else []
         hint = f" Did you mean {near[0]}?" if near else ""

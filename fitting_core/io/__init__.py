@@ -44,11 +44,8 @@ The first match reads the path, so narrow checks stand above broad ones; the fun
 
 
 def read_detections(path: Path) -> Detections:
-    """Read all people in all frames from a keypoint file or folder of any known format.
-
-    Raises:
-        InputError: The path does not exist, its format is unknown, or its content is broken.
-    """
+    """Read all people in all frames from a keypoint file or folder of any known format. Raises InputError if the path
+    does not exist, its format is unknown, or its content is broken."""
     if not path.exists():
         raise InputError(f"No keypoints at {path}: there is no such file or folder.")
     start = b"" if path.is_dir() else first_bytes(path)

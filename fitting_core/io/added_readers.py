@@ -50,11 +50,8 @@ def motion_readers() -> dict[str, Plugin[MotionReader]]:
 
 
 def read_added_keypoints(path: Path, start: bytes) -> Detections | None:
-    """What the first plugin that recognises a path reads from it; None if none does.
-
-    Raises:
-        InputError: It cannot be read, or the plugin fails.
-    """
+    """What the first plugin that recognises a path reads from it; None if none does. Raises InputError if it cannot be
+    read, or the plugin fails."""
     for plugin in keypoint_readers().values():
         if _recognised(plugin, lambda reader: reader.recognises(path, start)):
             return _read(plugin, path, plugin.thing.read, Detections)

@@ -63,11 +63,8 @@ def refuse_several(folder: Path) -> None:
 
 
 def read_people_file(folder: Path) -> People:
-    """The people of a folder. Their own folders may be missing; a link is refused.
-
-    Raises:
-        InputError: It has no people.json, or an unusable one.
-    """
+    """The people of a folder. Their own folders may be missing; a link is refused. Raises InputError if it has no
+    people.json, or an unusable one."""
     path = folder / PEOPLE_NAME
     try:
         content = regular_file(path, most=_MOST_BYTES).read_bytes().removeprefix(BOM_UTF8)  # of Windows' editors
@@ -88,11 +85,8 @@ def read_people_file(folder: Path) -> People:
 
 
 def write_people_file(folder: Path, people: People) -> None:
-    """Write people.json into an existing folder, atomically.
-
-    Raises:
-        InputError: It cannot be written, or could not be read back.
-    """
+    """Write people.json into an existing folder, atomically. Raises InputError if it cannot be written, or could not be
+    read back."""
     path = folder / PEOPLE_NAME
     if why := refused(people):
         raise InputError(f"{path}: cannot be written: {why}; {_EXPECTED}.")

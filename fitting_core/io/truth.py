@@ -66,11 +66,7 @@ def write_truth(path: Path, truth: Truth) -> None:
 
 
 def read_truth(path: Path) -> Truth:
-    """Read what `write_truth` wrote.
-
-    Raises:
-        InputError: It is not such a file.
-    """
+    """Read what `write_truth` wrote. Raises InputError if it is not such a file."""
     try:
         values = read_npz(path)
         (fx, fy), (cx, cy), (width, height), source = (values[f"camera_{name}"].tolist() for name in _CAMERA)

@@ -81,11 +81,8 @@ def write_perspective(path: Path, network: PerspectiveNet, *, seen_share: Float[
 
 @lru_cache(maxsize=2)
 def read_perspective(path: Path = PERSPECTIVE) -> tuple[PerspectiveNet, Float[np.ndarray, "40"]]:
-    """The network that `write_perspective` wrote, and how often it saw each extent.
-
-    Raises:
-        InputError: It is missing, damaged, or has the wrong form.
-    """
+    """The network that `write_perspective` wrote, and how often it saw each extent. Raises InputError if it is missing,
+    damaged, or has the wrong form."""
     about, arrays = read_network(path, AboutPerspective, FORMAT, "perspective network")
     network = PerspectiveNet(about.size)
     fill(network, arrays, path, without=_OF_LIFTER)

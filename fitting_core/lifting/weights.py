@@ -33,11 +33,8 @@ def write_lifter(path: Path, network: Lifter, *, error_factor: float, notes: str
 
 @lru_cache(maxsize=2)
 def read_lifter(path: Path = LIFTER) -> tuple[Lifter, float]:
-    """The network that `write_lifter` wrote, and its error factor.
-
-    Raises:
-        InputError: It is missing, damaged, or has the wrong form.
-    """
+    """The network that `write_lifter` wrote, and its error factor. Raises InputError if it is missing, damaged, or has
+    the wrong form."""
     about, arrays = read_network(path, AboutLifter, FORMAT, "lifter")
     network = Lifter(about.size)
     fill(network, arrays, path)

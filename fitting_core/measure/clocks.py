@@ -129,11 +129,8 @@ def _correlation(ours: Float[np.ndarray, "T P"], theirs: Float[np.ndarray, "T P"
 def _best_lag(
     name: str, ours: Float[np.ndarray, "T P"], theirs: Float[np.ndarray, "R P"], rate: float
 ) -> tuple[int, float]:
-    """The fit's first frame in the reference's frames at the same rate, and the second best one's correlation.
-
-    Raises:
-        InputError: No offset fits, or several fit about as well.
-    """
+    """The fit's first frame in the reference's frames at the same rate, and the second best one's correlation. Raises
+    InputError if no offset fits, or several fit about as well."""
     scores, lags = _correlations(ours, theirs, rate)
     if not np.isfinite(scores).any():
         raise InputError(

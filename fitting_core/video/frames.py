@@ -76,11 +76,8 @@ class FrameSource:
         return self.count
 
     def frame(self, index: int) -> UInt8[np.ndarray, "H W 3"]:
-        """Decode one frame as RGB.
-
-        Raises:
-            InputError: There is no such frame, it is broken, or its size differs from the first one's.
-        """
+        """Decode one frame as RGB. Raises InputError if there is no such frame, it is broken, or its size differs from
+        the first one's."""
         self._check_index(index)
         with self._lock:
             image = self._decoder.read(index)
@@ -98,11 +95,8 @@ class FrameSource:
         return rgb if self._straighten is None else self._straighten(rgb)
 
     def frame_or_grey(self, index: int) -> UInt8[np.ndarray, "H W 3"]:
-        """One frame as RGB, or plain grey where it is broken, so that playback and detection can continue.
-
-        Raises:
-            InputError: There is no such frame.
-        """
+        """One frame as RGB, or plain grey where it is broken, so that playback and detection can continue. Raises
+        InputError if there is no such frame."""
         self._check_index(index)
         try:
             return self.frame(index)

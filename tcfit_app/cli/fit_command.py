@@ -61,11 +61,8 @@ def run_fit(options: FitOptions, *, command: str = "") -> Outcome:
 
 
 def prepared_body(options: FitOptions, config: FitConfig) -> BodyModel:
-    """The body that the options name, when threads and device are ready for it.
-
-    Raises:
-        InputError: There is none, or the device is not there.
-    """
+    """The body that the options name, when threads and device are ready for it. Raises InputError if there is none, or
+    the device is not there."""
     prepare_solver(config, options.threads)
     return load_body(body_file(options.body))
 

@@ -137,11 +137,8 @@ returns is the exit code."""
 
 
 def parse(arguments: Sequence[str]) -> Any:
-    """The options that a command line, without the program's name, stands for.
-
-    Raises:
-        SystemExit: It asks for help, or is wrong; either has been printed.
-    """
+    """The options that a command line, without the program's name, stands for. Raises SystemExit if it asks for help,
+    or is wrong; either has been printed."""
     options: Any = Union[tuple(Annotated[kind, subcommand(name)] for name, (kind, _) in COMMANDS.items())]  # noqa: UP007
     with registry_of_hints():
         return tyro.cli(

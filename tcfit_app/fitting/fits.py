@@ -212,11 +212,7 @@ class Fits:
         return tuple(p.phase for p in version.finished) + (() if version.partial is None else (version.partial.phase,))
 
     def fit(self, run: Run) -> FitResult:
-        """The result of a run.
-
-        Raises:
-            InputError: It cannot be read, or no phase is finished.
-        """
+        """The result of a run. Raises InputError if it cannot be read, or no phase is finished."""
         fit = self._version(run).fit
         if fit is None:
             raise InputError(f"{run.name} is in phase 1: wait until that has finished.")
@@ -239,11 +235,8 @@ class Fits:
             return run.id in self._versions
 
     def show(self, choice: FitChoice) -> Shown | None:
-        """The run and phase that a choice refers to now; for a phase not available yet, the last one before it.
-
-        Raises:
-            InputError: Its file cannot be read.
-        """
+        """The run and phase that a choice refers to now; for a phase not available yet, the last one before it. Raises
+        InputError if its file cannot be read."""
         run = self.meant(choice)
         if run is None:
             return None
@@ -307,11 +300,8 @@ class Fits:
             self.publish(run.id, replace(fit, phases=kept, config=run.config), partial)
 
     def end(self, run: int, state: Ended, message: str = "") -> None:
-        """A run was cancelled or has failed; stored phases are kept.
-
-        Raises:
-            InputError: The project cannot be written.
-        """
+        """A run was cancelled or has failed; stored phases are kept. Raises InputError if the project cannot be
+        written."""
         self._project.runs.end(run, state, message)
         with self._lock:
             version = self._versions.pop(run, None)

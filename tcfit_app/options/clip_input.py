@@ -36,11 +36,8 @@ def clip_of(options: FitOptions | NewOptions | ReviewOptions, tell: Tell | None 
 
 
 def everybody_of(options: FitOptions | NewOptions, tell: Tell | None = None) -> list[PersonInClip]:
-    """Read everybody in the clip, each as a clip; words and arguments as of `clip_of`.
-
-    Raises:
-        InputError: Files or options cannot be used, or are of one person.
-    """
+    """Read everybody in the clip, each as a clip; words and arguments as of `clip_of`. Raises InputError if files or
+    options cannot be used, or are of one person."""
     if options.clip.person is not None:
         raise InputError(f"--people {options.people} and --person {options.clip.person}: give one of them.")
     if options.keypoints == NO_KEYPOINTS:

@@ -55,11 +55,8 @@ _NEEDED = {
 
 
 def check() -> None:
-    """Check that this is a version of viser that tcfit knows.
-
-    Raises:
-        InputError: It is another version, or lacks something that is used here.
-    """
+    """Check that this is a version of viser that tcfit knows. Raises InputError if it is another version, or lacks
+    something that is used here."""
     needed = [(module, name) for module, names in _NEEDED.items() for name in names.split()]
     missing = [f"{module.__name__}.{name}" for module, name in needed if not hasattr(module, name)]
     if missing or not viser.__version__.startswith(f"{_SERIES}."):

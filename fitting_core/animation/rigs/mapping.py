@@ -24,12 +24,8 @@ def guess_joints(skeleton: Skeleton) -> dict[str, tuple[str, ...]]:
 
 
 def check_joints(joints: Joints, skeleton: Skeleton) -> None:
-    """Check that a mapping is usable.
-
-    Raises:
-        InputError: A part or a joint is not known, a joint stands for two parts, a part that is needed is missing, or
-            joints do not hang on each other as a body's do.
-    """
+    """Check that a mapping is usable. Raises InputError if a part or a joint is not known, a joint stands for two
+    parts, a part that is needed is missing, or joints do not hang on each other as a body's do."""
     source = skeleton.source
     used: dict[str, str] = {}
     for part, names in joints.items():

@@ -54,11 +54,8 @@ def user_folder() -> Path:
 
 
 def search_folders() -> list[Path]:
-    """Folders that are searched when none is given, first to last.
-
-    Raises:
-        InputError: The environment variable names something that is not a folder.
-    """
+    """Folders that are searched when none is given, first to last. Raises InputError if the environment variable names
+    something that is not a folder."""
     given = [at_home(part) for part in os.environ.get(ENVIRONMENT, "").split(os.pathsep) if part]
     for folder in given:
         if not folder.is_dir():

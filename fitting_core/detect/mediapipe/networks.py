@@ -176,11 +176,8 @@ def write_list(place: Path) -> None:
 
 
 def content(name: str, place: Path | None = None) -> bytes:
-    """The ONNX file of a network.
-
-    Raises:
-        InputError: It is not on this computer, or damaged; the message says how to get it.
-    """
+    """The ONNX file of a network. Raises InputError if it is not on this computer, or damaged; the message says how to
+    get it."""
     place = place or folder()
     expected = listed(place).get(name)
     path = onnx_path(name, place)

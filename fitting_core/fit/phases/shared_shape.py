@@ -78,11 +78,8 @@ class Sight:
 
     @staticmethod
     def after_first_phase(stages: Stages, fit: FitResult) -> "Sight":
-        """A clip with a fit. Frames are sampled from those fitted in phase 1, or from all.
-
-        Raises:
-            InputError: The fit has no phase 1.
-        """
+        """A clip with a fit. Frames are sampled from those fitted in phase 1, or from all. Raises InputError if the fit
+        has no phase 1."""
         first = fit.phase(1)
         if first is None:
             raise InputError("There is no phase 1 to find a shape from: run everything.")

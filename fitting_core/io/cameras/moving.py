@@ -56,11 +56,8 @@ class ClipFrames:
 
 
 def in_frames(poses: Poses, frames: ClipFrames) -> tuple[Poses, tuple[str, ...]]:
-    """The poses of all used frames, and notes on them; interpolated where a few frames lack theirs.
-
-    Raises:
-        ValueError: They are not of these frames, or too many frames have no pose.
-    """
+    """The poses of all used frames, and notes on them; interpolated where a few frames lack theirs. Raises ValueError
+    if they are not of these frames, or too many frames have no pose."""
     places, how = _places(poses, frames)
     found = np.array(places)
     order = np.argsort(found)[(found == _NOWHERE).sum() :]

@@ -64,11 +64,8 @@ def starts_as_pose(start: bytes) -> bool:
 
 
 def read_pose_file(path: Path) -> PoseFile:
-    """Read a `.pose` file as it is.
-
-    Raises:
-        InputError: It is missing, damaged, of another version, or its counts do not match its size.
-    """
+    """Read a `.pose` file as it is. Raises InputError if it is missing, damaged, of another version, or its counts do
+    not match its size."""
     try:
         content = regular_file(path).read_bytes()
     except OSError as error:
@@ -82,11 +79,8 @@ def read_pose_file(path: Path) -> PoseFile:
 
 
 def write_pose_file(path: Path, pose: PoseFile) -> None:
-    """Write version 0.2, which pose-format reads; an existing file is replaced atomically.
-
-    Raises:
-        InputError: Width or height do not fit the format.
-    """
+    """Write version 0.2, which pose-format reads; an existing file is replaced atomically. Raises InputError if width
+    or height do not fit the format."""
     if not all(0 <= side < 2**16 for side in pose.size):
         raise InputError(
             f"{path.name}: images of {pose.size[0]} x {pose.size[1]}; .pose files hold up to 65535 pixels."

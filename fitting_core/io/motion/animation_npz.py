@@ -38,11 +38,8 @@ POSE_KEYS: dict[str, slice] = {
 
 
 def write_animation_npz(path: Path, motion: Motion) -> None:
-    """Write a motion with one shape; it reads with np.load(allow_pickle=False).
-
-    Raises:
-        OSError: The file cannot be written; nothing is left of it.
-    """
+    """Write a motion with one shape; it reads with np.load(allow_pickle=False). Raises OSError if the file cannot be
+    written; nothing is left of it."""
     write_npz(path, animation_arrays(motion))
 
 

@@ -23,11 +23,7 @@ _DECIMALS = 6
 
 
 def write_bvh(path: Path, motion: Motion, progress: Progress | None = None) -> None:
-    """Write the skeleton and its motion.
-
-    Raises:
-        OSError: The file cannot be written; nothing is left of it.
-    """
+    """Write the skeleton and its motion. Raises OSError if the file cannot be written; nothing is left of it."""
     shaped = motion.one_shape
     with replacing(path) as draft, draft.open("w", encoding="ascii", newline="\n") as file:
         file.write("\n".join(_hierarchy(rest_offsets(shaped), motion.body.parents)))

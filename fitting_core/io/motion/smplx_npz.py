@@ -61,11 +61,8 @@ _KEYS = (
 
 
 def read_smplx_npz(path: Path) -> ImportedMotion:
-    """Read an animation.
-
-    Raises:
-        InputError: It is damaged, not an SMPL-X or SMPL-H animation, or has invalid values.
-    """
+    """Read an animation. Raises InputError if it is damaged, not an SMPL-X or SMPL-H animation, or has invalid
+    values."""
     try:
         arrays = read_npz(path, (*_KEYS, *POSE_KEYS))
     except OSError as error:

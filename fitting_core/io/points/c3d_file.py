@@ -145,11 +145,8 @@ def _plain(text: str) -> str:
 
 
 def read_c3d(path: Path) -> NamedPoints:
-    """Read points. Those with a negative residual, and those at exactly 0, 0, 0, were not seen.
-
-    Raises:
-        InputError: It is not a C3D file, has no points, or fewer frames than it states.
-    """
+    """Read points. Those with a negative residual, and those at exactly 0, 0, 0, were not seen. Raises InputError if it
+    is not a C3D file, has no points, or fewer frames than it states."""
     try:
         regular_file(path, most=_MOST_BYTES)
         with path.open("rb") as file, _quietly():

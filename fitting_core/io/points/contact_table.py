@@ -30,11 +30,7 @@ class Stand:
 
 
 def stands_of(motion: Motion) -> list[Stand]:
-    """Ordered by start; from the contacts of the feet's own frames.
-
-    Raises:
-        InputError: The contacts are not known.
-    """
+    """Ordered by start; from the contacts of the feet's own frames. Raises InputError if the contacts are not known."""
     contacts = motion.contacts
     if contacts is None:
         raise InputError(

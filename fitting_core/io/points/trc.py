@@ -60,11 +60,8 @@ def write_trc(path: Path, points: NamedPoints) -> None:
 
 
 def read_trc(path: Path) -> NamedPoints:
-    """Read points. Cells without a number, and points at exactly 0, 0, 0, were not seen.
-
-    Raises:
-        InputError: It is not a TRC file, or its lines or times do not fit its header.
-    """
+    """Read points. Cells without a number, and points at exactly 0, 0, 0, were not seen. Raises InputError if it is not
+    a TRC file, or its lines or times do not fit its header."""
     try:
         # The first line may name a folder in any encoding. Known marker names are ASCII.
         text = regular_file(path, most=_MOST_BYTES).read_text(encoding="utf-8-sig", errors="replace")

@@ -69,11 +69,7 @@ def reference_of(
 
 
 def read_generated(path: Path, *, search: Path | None) -> Reference:
-    """The truth of a generated clip.
-
-    Raises:
-        InputError: It is damaged, or its body is not there.
-    """
+    """The truth of a generated clip. Raises InputError if it is damaged, or its body is not there."""
     truth = read_truth(path)
     body = body_of(BodyOf(kind="smplx", gender="neutral", hash=truth.body_hash), search=search)
     rate = truth.frame_rate
@@ -81,11 +77,7 @@ def read_generated(path: Path, *, search: Path | None) -> Reference:
 
 
 def read_other_fit(path: Path, *, search: Path | None) -> Reference:
-    """Another fit's result.
-
-    Raises:
-        InputError: It is damaged, or its body is not there.
-    """
+    """Another fit's result. Raises InputError if it is damaged, or its body is not there."""
     fit = read_fit(path)
     body = body_of(BodyOf(kind=fit.body_kind, gender=fit.gender, hash=fit.body_hash), search=search)
     name = f"{path.parent.name}/{path.name}"

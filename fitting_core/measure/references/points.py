@@ -128,11 +128,8 @@ def read_points(path: Path, arrays: dict[str, np.ndarray], camera: WorldCamera |
 
 
 def _clock(path: Path, seconds: np.ndarray, count: int) -> tuple[float, int]:
-    """Frames per second, and the number of the first frame, of frames at these moments.
-
-    Raises:
-        InputError: They are not as many as the frames, or not evenly spaced.
-    """
+    """Frames per second, and the number of the first frame, of frames at these moments. Raises InputError if they are
+    not as many as the frames, or not evenly spaced."""
     steps = np.diff(seconds)
     if seconds.shape != (count,) or count < 2 or not (steps > 0).all() or np.ptp(steps) > _UNEVEN * steps.mean():
         raise InputError(

@@ -80,10 +80,7 @@ def write_clip(draft: Path, clip: Clip, *, link: MediaLink | None) -> None:
 
 def read_clip(folder: Path, store: Database) -> tuple[Clip, MediaLink | None]:
     """The clip with its detections, without a source, and the link to the source. `store.damage` collects damage.
-
-    Raises:
-        InputError: There is no clip, or its detections are missing or damaged.
-    """
+    Raises InputError if there is no clip, or its detections are missing or damaged."""
     rows = store.rows("SELECT * FROM clip")
     if not rows:
         raise InputError(f"{store.path}: has no clip: it is damaged. Restore it from a backup.")

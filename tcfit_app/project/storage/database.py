@@ -220,11 +220,8 @@ class Database:
 
     @contextmanager
     def transaction(self) -> Iterator[sqlite3.Connection]:
-        """All changes of the block or none; they are on disk when it ends.
-
-        Raises:
-            InputError: The project is open read-only, or its file cannot be written.
-        """
+        """All changes of the block or none; they are on disk when it ends. Raises InputError if the project is open
+        read-only, or its file cannot be written."""
         if self.read_only:
             raise InputError(read_only_refusal(self.path.parent))
         with self._lock, _explained(self.path), _transaction(self._connection):

@@ -74,11 +74,7 @@ class _About(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def write_run(path: Path, fit: FitResult) -> None:
-    """Write a fit; it is on disk when this returns.
-
-    Raises:
-        InputError: The folder cannot be written.
-    """
+    """Write a fit; it is on disk when this returns. Raises InputError if the folder cannot be written."""
     phases = tuple(map(PhaseRecord.of, fit.phases))
     about = _About(
         format=FORMAT,

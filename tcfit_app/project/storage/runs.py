@@ -74,11 +74,8 @@ class Runs:
         self.version = next(self._versions)
 
     def recover(self) -> None:
-        """Clean up after a crashed process. Only for the holder of the project's lock.
-
-        Raises:
-            InputError: The project cannot be written.
-        """
+        """Clean up after a crashed process. Only for the holder of the project's lock. Raises InputError if the project
+        cannot be written."""
         with self._database.transaction() as connection:
             connection.execute(
                 f"UPDATE runs SET state = 'interrupted', ended = ?, moment = {_NEXT} WHERE state = 'running'",
@@ -146,11 +143,8 @@ class Runs:
         return self.get(number)
 
     def store(self, run: int, fit: FitResult) -> None:
-        """Store the phases that a run has finished so far.
-
-        Raises:
-            InputError: It is not running, or the project cannot be written.
-        """
+        """Store the phases that a run has finished so far. Raises InputError if it is not running, or the project
+        cannot be written."""
         self._expect(run, "running")
         write_run(self._path(run), fit)
         self.version = next(self._versions)
@@ -175,11 +169,8 @@ class Runs:
         return self.get(run)
 
     def amend(self, run: int, fit: FitResult, *, edits_seen: int) -> Run:
-        """Update the result of a finished run of corrections; it is on disk when this returns.
-
-        Raises:
-            InputError: It is not a finished run of corrections, or the project cannot be written.
-        """
+        """Update the result of a finished run of corrections; it is on disk when this returns. Raises InputError if it
+        is not a finished run of corrections, or the project cannot be written."""
         found = self.get(run)
         if found.kind != "corrections" or found.state != "finished":
             raise InputError(f"{found.name} is not a finished run of corrections; it is unchanged.")
@@ -192,11 +183,8 @@ class Runs:
         return self.get(run)
 
     def end(self, run: int, state: Ended, message: str = "") -> Run:
-        """Record that a run was cancelled or failed, and why; stored phases are kept.
-
-        Raises:
-            InputError: It is not running, or the project cannot be written.
-        """
+        """Record that a run was cancelled or failed, and why; stored phases are kept. Raises InputError if it is not
+        running, or the project cannot be written."""
         self._expect(run, "running")
         # A message may contain a path that is not valid text.
         self._end(run, state, message.encode(errors="replace").decode(), None)
@@ -210,21 +198,15 @@ class Runs:
             )
 
     def rename(self, run: int, name: str) -> None:
-        """Rename a run; names are not file names, and may repeat.
-
-        Raises:
-            InputError: The name is invalid, there is no such run, or the project cannot be written.
-        """
+        """Rename a run; names are not file names, and may repeat. Raises InputError if the name is invalid, there is no
+        such run, or the project cannot be written."""
         self.get(run)
         with self._writing() as connection:
             connection.execute("UPDATE runs SET name = ? WHERE id = ?", (checked_name(name), run))
 
     def delete(self, run: int) -> None:
-        """Remove a run from the list; `undelete` restores it, until `purge`.
-
-        Raises:
-            InputError: It is running, there is no such run, or the project cannot be written.
-        """
+        """Remove a run from the list; `undelete` restores it, until `purge`. Raises InputError if it is running, there
+        is no such run, or the project cannot be written."""
         if (found := self.get(run)).state == "running":
             raise InputError(f"{found.name} is running; cancel it first.")
         self._set_deleted(run, _now().isoformat())
@@ -239,11 +221,8 @@ class Runs:
             connection.execute("UPDATE runs SET deleted = ? WHERE id = ?", (when, run))
 
     def purge(self) -> list[int]:
-        """Remove all deleted runs permanently; returns their numbers, which are not reused.
-
-        Raises:
-            InputError: The project cannot be written.
-        """
+        """Remove all deleted runs permanently; returns their numbers, which are not reused. Raises InputError if the
+        project cannot be written."""
         gone = [run.id for run in self.all(deleted=True)]
         with self._writing() as connection, accessing(self._folder):
             # Files first: a row without a file only means that there is nothing to show.
@@ -270,11 +249,8 @@ class Runs:
         return found
 
     def load(self, run: int) -> FitResult:
-        """A run's result, with all phases it finished.
-
-        Raises:
-            InputError: There is no such run, or it has no result.
-        """
+        """A run's result, with all phases it finished. Raises InputError if there is no such run, or it has no
+        result."""
         return read_run(self._path(run), self.get(run).config)
 
     def changes(self, run: int) -> Changes:

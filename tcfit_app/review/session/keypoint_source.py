@@ -119,11 +119,7 @@ class KeypointSource:
 
     @contextmanager
     def camera_changes(self) -> Iterator[None]:
-        """Blocks jobs, which would use the previous camera. For any thread.
-
-        Raises:
-            InputError: A job is running.
-        """
+        """Blocks jobs, which would use the previous camera. For any thread. Raises InputError if a job is running."""
         with self._beginning:
             if self.busy:
                 raise InputError(

@@ -88,11 +88,8 @@ class Session:
     # --- keypoints ---
 
     def edit(self, edit: Edit, *, author: str, shown: Shown | None = None) -> LogEntry:
-        """Make an edit, which is on disk when this returns; the fit on show follows it.
-
-        Raises:
-            InputError: The edit is invalid, or the project cannot be written.
-        """
+        """Make an edit, which is on disk when this returns; the fit on show follows it. Raises InputError if the edit
+        is invalid, or the project cannot be written."""
         self.refuse_without_keypoints()
         entry = self.project.append(edit, author=author)
         if shown is not None:
@@ -133,11 +130,8 @@ class Session:
         self.project.append(note, author=author)
 
     def read_elan(self, name: str, content: bytes, tiers: tuple[str, ...]) -> tuple[WriteNotes | None, ElanNotes]:
-        """The notes in an uploaded .eaf file, for `keep_notes`. Slow: for `tasks`.
-
-        Raises:
-            InputError: As `import_notes`; nothing is stored.
-        """
+        """The notes in an uploaded .eaf file, for `keep_notes`. Slow: for `tasks`. Raises InputError as `import_notes`
+        does; nothing is stored then."""
         with kept_as("upload.eaf", content, name_of_file(name)) as path:
             return notes_of(path, self.project, tiers)
 
@@ -217,10 +211,8 @@ class Session:
         self, given: Given, *, kind: str, gender: str, camera: Camera | None = None
     ) -> Callable[[], KnownInputs]:
         """A function that reads a start and a shape for a whole fit with that body and camera, for another thread.
-
-        Raises:
-            InputError: The body model is missing, or nothing can be fitted. The function raises as `read_given`.
-        """
+        Raises InputError if the body model is missing, or nothing can be fitted. The function raises as
+        `read_given`."""
         self.refuse_without_keypoints()
         body, clip = self.bodies.find(kind=kind, gender=gender), self.clip_of(camera or self.project.footage.camera)
         return lambda: read_given(given, self.project, clip, body, self.bodies)
@@ -275,11 +267,8 @@ class Session:
             return self.import_run(path, choices, report, sent_as=name)
 
     def rerun_frames(self, shown: Shown, config: FitConfig, windows: tuple[range, ...]) -> Run:
-        """Submit phase 3 of some frames again, as a new run; if this run is unfinished, once it has finished.
-
-        Raises:
-            InputError: As `fit_everything`.
-        """
+        """Submit phase 3 of some frames again, as a new run; if this run is unfinished, once it has finished. Raises
+        InputError as `fit_everything` does."""
         start = self._start_of(shown)
         if start.last.phase < 2 and shown.run.state != "running":
             raise InputError(

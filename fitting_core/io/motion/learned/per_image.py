@@ -85,11 +85,8 @@ class PerImage:
 
 
 def of_folder(path: Path) -> PerImage | None:
-    """The files of all images; None if it is not such a folder.
-
-    Raises:
-        InputError: They are not as the system writes them.
-    """
+    """The files of all images; None if it is not such a folder. Raises InputError if they are not as the system writes
+    them."""
     if (path / "smplx").is_dir():
         return _smplerx(path)
     return _multi_hmr([file for file in path.glob("*.npy") if not refusal(file)])
@@ -97,10 +94,7 @@ def of_folder(path: Path) -> PerImage | None:
 
 def of_file(path: Path) -> Any:
     """The content of a file of arrays or JSON if it is SAM 3D Body's, or Multi-HMR's of one image; otherwise None.
-
-    Raises:
-        InputError: It is damaged.
-    """
+    Raises InputError if it is damaged."""
     suffix = path.suffix.lower()
     if suffix == ".npy":
         return _multi_hmr([path])

@@ -45,11 +45,8 @@ _DEPTH, _MAX_PARTS, _MAX_IMAGE, _MAX_SHOWN = 1, 10**5, 2**26, 5
 
 
 def people_in(path: Path) -> tuple[PersonTrack, ...]:
-    """The people in a learned system's result, to choose one from; empty if it is not such a result.
-
-    Raises:
-        InputError: It is damaged, or refers to what could run code.
-    """
+    """The people in a learned system's result, to choose one from; empty if it is not such a result. Raises InputError
+    if it is damaged, or refers to what could run code."""
     with _checked(path), _content(path) as content:
         system = _system_of(content)
         return () if system is None else _people(system, content)
@@ -120,11 +117,8 @@ def _motion(
 
 
 def _system_of(content: Any) -> System | None:
-    """The system that wrote it; None if it has no Python objects, or is a pickle of SMPLify-X.
-
-    Raises:
-        InputError: It is of no known system.
-    """
+    """The system that wrote it; None if it has no Python objects, or is a pickle of SMPLify-X. Raises InputError if it
+    is of no known system."""
     found = next((system for system in SYSTEMS if system.holds(content)), None)
     if found is None and content is not None and not is_mapping_with(content, *_SMPLIFYX_KEYS):
         has = some_of(map(plain, content)) if isinstance(content, dict) else "nothing known"

@@ -72,11 +72,7 @@ def is_mapping_with(content: object, *keys: str) -> bool:
 
 
 def mapping(content: object, what: str) -> dict[Any, Any]:
-    """The content, if it is a dictionary.
-
-    Raises:
-        InputError: It is not.
-    """
+    """The content, if it is a dictionary. Raises InputError if it is not."""
     if not isinstance(content, dict):
         raise InputError(f"{what} is a {type(content).__name__}, expected a dictionary")
     return content
@@ -101,11 +97,7 @@ def rows(values: object, key: str, width: int, frames: int | None = None) -> Flo
 
 
 def flat(values: object, key: str, count: int) -> Float[np.ndarray, "count"]:
-    """So many numbers in any shape.
-
-    Raises:
-        InputError: As `rows`.
-    """
+    """So many numbers in any shape. Raises InputError as `rows` does."""
     array = _numbers(values, key)
     if array.size != count:
         raise InputError(f"'{key}' has the shape {array.shape}, expected {count} numbers")
@@ -125,11 +117,7 @@ def _numbers(values: object, key: str) -> np.ndarray:
 
 
 def finite(array: np.ndarray, key: str) -> np.ndarray:
-    """The same in float64.
-
-    Raises:
-        InputError: Some numbers are not finite or implausibly large.
-    """
+    """The same in float64. Raises InputError if some numbers are not finite or implausibly large."""
     with np.errstate(invalid="ignore"):  # of the NaNs that warn when they are cast
         array = array.astype(np.float64)
     good = np.abs(array) <= _MAX_VALUE
@@ -139,11 +127,8 @@ def finite(array: np.ndarray, key: str) -> np.ndarray:
 
 
 def shape_numbers(values: object, key: str, frames: int) -> Float[np.ndarray, "T 10"]:
-    """The first ten shape parameters of each frame, given per frame or once for all.
-
-    Raises:
-        InputError: As `rows`.
-    """
+    """The first ten shape parameters of each frame, given per frame or once for all. Raises InputError as `rows`
+    does."""
     array = _numbers(values, key)
     width = array.shape[-1] if array.ndim else 0
     if not N_BETAS <= width <= 300 or array.size not in (width, frames * width):
@@ -153,11 +138,7 @@ def shape_numbers(values: object, key: str, frames: int) -> Float[np.ndarray, "T
 
 
 def frame_numbers(values: object, key: str) -> Int[np.ndarray, "T"]:
-    """Frame numbers, without repetitions.
-
-    Raises:
-        InputError: They are not.
-    """
+    """Frame numbers, without repetitions. Raises InputError if they are not."""
     array = _numbers(values, key).reshape(-1)
     whole = finite(array, key).astype(np.int64)
     if not len(whole) or len(whole) > _MAX_FRAMES or (whole != array).any() or whole.min() < 0:
@@ -168,11 +149,7 @@ def frame_numbers(values: object, key: str) -> Int[np.ndarray, "T"]:
 
 
 def by_person(people: object) -> dict[int, Any]:
-    """A dictionary's entries by the numbers of people.
-
-    Raises:
-        InputError: Its keys are not.
-    """
+    """A dictionary's entries by the numbers of people. Raises InputError if its keys are not."""
     found = {plain(key): values for key, values in mapping(people, "what holds the people").items()}
     if not all(type(key) is int for key in found):
         raise InputError("has people without numbers, expected a number for each")
@@ -180,11 +157,7 @@ def by_person(people: object) -> dict[int, Any]:
 
 
 def people_by(people: object, key: str) -> dict[int, list[int]]:
-    """For each person in a dictionary, the frames under one of their keys.
-
-    Raises:
-        InputError: There are none.
-    """
+    """For each person in a dictionary, the frames under one of their keys. Raises InputError if there are none."""
     return {number: frame_numbers(values, key).tolist() for number, values in by_person(people).items()}
 
 
@@ -194,11 +167,7 @@ def first_of(content: object) -> object:
 
 
 def angles(matrices: Float[np.ndarray, "T n"], key: str) -> Float[np.ndarray, "T m"]:
-    """Axis-angle of flattened row-major rotation matrices.
-
-    Raises:
-        InputError: They are not rotations.
-    """
+    """Axis-angle of flattened row-major rotation matrices. Raises InputError if they are not rotations."""
     turns = torch.as_tensor(matrices).reshape(len(matrices), -1, 3, 3)
     off = (turns @ turns.mT - torch.eye(3, dtype=turns.dtype)).abs().amax()
     if float(off) > _ORTHONORMAL or float(torch.linalg.det(turns).amin()) < 0:
@@ -212,11 +181,8 @@ def body_angles(smpl_pose: Float[np.ndarray, "T 72"]) -> Float[np.ndarray, "T 66
 
 
 def centred(focal: float, center: Sequence[float], source: str) -> Camera:
-    """A camera with the principal point in the middle of its image, which determines the image's size.
-
-    Raises:
-        InputError: It is not a valid camera.
-    """
+    """A camera with the principal point in the middle of its image, which determines the image's size. Raises
+    InputError if it is not a valid camera."""
     size = (round(2 * center[0]), round(2 * center[1]))
     if not (focal > 0 and min(size) >= 1 and max(size) <= 10**5):
         raise InputError(f"has a focal length of {focal:g} pixels and a principal point at {list(center)}")
@@ -225,11 +191,7 @@ def centred(focal: float, center: Sequence[float], source: str) -> Camera:
 
 
 def positive(numbers: np.ndarray, key: str) -> np.ndarray:
-    """The same.
-
-    Raises:
-        InputError: Some are not above 0.
-    """
+    """The same. Raises InputError if some are not above 0."""
     if not (numbers > 0).all():
         raise InputError(f"'{key}' holds {numbers.min():g}, expected numbers above 0")
     return numbers

@@ -27,11 +27,7 @@ class _Found:
 
 
 def read_bvh_skeleton(path: Path) -> Skeleton:
-    """Read the joints of a BVH file.
-
-    Raises:
-        InputError: It cannot be read, or its hierarchy is not valid.
-    """
+    """Read the joints of a BVH file. Raises InputError if it cannot be read, or its hierarchy is not valid."""
     try:
         text = regular_file(path, most=_MOST).read_text(encoding="utf-8-sig", errors="replace")
     except OSError as error:

@@ -14,11 +14,7 @@ _NODES = 4096
 
 
 def gltf_skeleton(file: GltfFile) -> tuple[Skeleton, list[int]]:
-    """The skeleton, and each joint's node.
-
-    Raises:
-        InputError: The nodes are not a tree, or a transform is invalid.
-    """
+    """The skeleton, and each joint's node. Raises InputError if the nodes are not a tree, or a transform is invalid."""
     nodes = file.document.get("nodes")
     try:
         if not isinstance(nodes, list) or not nodes:

@@ -26,11 +26,8 @@ _COLOR = [0.62, 0.68, 0.76, 1.0]
 
 
 def write_standard_glb(path: Path, motion: Motion, standard: Standard, progress: Progress | None = None) -> Deviation:
-    """Write a motion on a standard rig; returns how far the surface will be from the fit's as programs show it.
-
-    Raises:
-        OSError: The file cannot be written; nothing is left of it.
-    """
+    """Write a motion on a standard rig; returns how far the surface will be from the fit's as programs show it. Raises
+    OSError if the file cannot be written; nothing is left of it."""
     moving = on_standard(motion, standard)
     surface = surface_on(motion, moving)
     found = surface_deviation(motion, moving, surface, progress)
