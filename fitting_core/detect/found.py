@@ -28,8 +28,7 @@ def find_keypoints(
         tell: Is told how far it is.
 
     Raises:
-        InputError: The detector is not on this computer, what is found cannot be kept, or
-            nobody is found.
+        InputError: The detector is not on this computer, what is found cannot be kept, or there is nobody.
     """
     opened = find_detector(detector) if isinstance(detector, str) else detector
     with FrameSource(video) as source:

@@ -49,8 +49,7 @@ class OnnxModel:
         threads: On the CPU; 0: one for each core.
 
     Raises:
-        InputError: There is no such file or provider, the file is not an ONNX model, or its input is not an image of
-            three channels.
+        InputError: There is no such file or provider, the file is not an ONNX model, or its input is not an RGB image.
     """
 
     def __init__(self, path: Path, *, provider: str = "cpu", threads: int = 0) -> None:

@@ -55,8 +55,7 @@ class Member:
 @contextmanager
 def open_members(path: Path) -> Iterator[list[Member]]:
     """The files at a path: itself, those of a folder and its subfolders, or those in an archive. Raises InputError if
-    it does not exist, is neither file nor folder, is a damaged or encrypted archive, or its members point outside of
-    it."""
+    it does not exist, is neither file nor folder, is a damaged or encrypted archive, or its members point outside."""
     if not path.exists():
         raise InputError(f"{path}: does not exist. Give a file, a folder of files or the downloaded archive.")
     try:

@@ -1,5 +1,4 @@
-"""Events of the fitting generator, detached copies on the CPU; and helpers to run or map generators that return a
-value."""
+"""Events of the fitting generator, detached copies on the CPU; and helpers for generators that return a value."""
 
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, field

@@ -131,8 +131,7 @@ class FrameObjective:
         return torch.where(estimate.valid, total, torch.inf)
 
     def softened(self, *, cold: bool) -> "FrameObjective | None":
-        """The same with gentler terms for staircases and, from a cold start, for robust ones; None if there are
-        none."""
+        """The same with gentler staircases and, from a cold start, gentler robust terms; None if there are none."""
         terms = [term.softened(cold=cold) for term in self.terms]
         same = all(new is old for new, old in zip(terms, self.terms, strict=True))
         if same:

@@ -1,5 +1,4 @@
-"""How a camera is held: the rotation that levels its space, and puts the floor at height 0 or the origin at the
-user's."""
+"""How a camera is held: the rotation that levels its space, with the floor or the user's origin at 0."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

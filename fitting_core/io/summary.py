@@ -107,8 +107,7 @@ def reprojection(
 
 
 def _jitter(body: BodyModel, params: BodyParams, camera: Camera) -> dict[str, float]:
-    """Mean second difference of the 55 joints, with and without the camera translation; the camera's own is left
-    out."""
+    """Mean second difference of the 55 joints, with and without the camera translation, not the camera's own."""
     joints: Float[np.ndarray, "T 55 3"] = joints_in_space(body, params)
     in_body = camera.turned_to_still(joints - params.camera_translation.numpy()[:, None])
     return {"camera_space_mm_per_frame2": jitter(camera.to_still(joints)), "body_space_mm_per_frame2": jitter(in_body)}

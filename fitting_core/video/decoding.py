@@ -184,8 +184,7 @@ class VideoFile:
     stems = None
 
     def __init__(self, path: Path) -> None:
-        """Open the file and count its frames. Raises InputError if it is not a video, or none of its frames can be
-        decoded."""
+        """Open the file and count its frames. Raises InputError if it is not a video, or no frame can be decoded."""
         self._path = path
         self._early = ends_early(path)
         self._times = packet_times(path, early=self._early)

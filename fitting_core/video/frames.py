@@ -33,8 +33,7 @@ class FrameSource:
     def __init__(self, path: Path, *, lens: Lens | None = None) -> None:
         """Open the path, decode its first frame, and find out how many there are.
 
-        Quick where the container tells the times of its frames; a file without them (raw H.264) is decoded once from
-        start to end.
+        Quick where the container tells the times of its frames; a file without them (raw H.264) is decoded once.
 
         Args:
             path: Of the video, the image or the folder.

@@ -157,8 +157,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: Without the program's name; None: those of this process.
 
     Returns:
-        The exit code: 0, 1 if `doctor` found something missing or clips of `batch` have failed, or one of those in
-        ending.py.
+        The exit code: 0, 1 if `doctor` found something missing or clips of `batch` have failed, or one in ending.py.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     prepare_streams()

@@ -17,8 +17,7 @@ _PRIOR_HEADER = ("POSE PRIOR", "IS", "FROM", "FILE")
 
 def list_models() -> None:
     """Print tables of the body models and pose priors found, those first that are preferred, and of the detector's
-    networks, and how to add more. Raises InputError if the environment variable of the folders names something that is
-    no folder."""
+    networks, and how to add more. Raises InputError if the folders' environment variable names no folder."""
     bodies, priors = list_bodies(), list_priors()
     if bodies:
         print(_body_table(bodies))

@@ -185,8 +185,7 @@ class Corrections:
         return self._changes[run]
 
     def edits_seen(self, base: Run, windows: tuple[range, ...], seen: int) -> int:
-        """The log entry up to which a run includes all edits once windows of it are refitted with those up to
-        `seen`."""
+        """The log entry up to which a run includes all edits once windows are refitted with those up to `seen`."""
         fitted, last = {frame for window in windows for frame in window}, base.edits_seen
         for number, frames in self._project.frames_changed_after(last).items():
             if number > seen or not fitted.issuperset(frames):

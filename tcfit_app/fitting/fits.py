@@ -281,8 +281,7 @@ class Fits:
             return version
 
     def _forget(self) -> None:
-        """Evicts results, but none that are running or on show: tabs that evicted each other's would keep reading
-        them."""
+        """Evicts results, but none that are running or on show: tabs evicting each other's would keep reading them."""
         since = time.monotonic() - IN_USE
         running = {r.id for r in self.runs if r.state == "running"}
         idle = [run for run in self._versions if run not in running and self._asked.get(run, 0.0) < since]
@@ -300,8 +299,7 @@ class Fits:
             self.publish(run.id, replace(fit, phases=kept, config=run.config), partial)
 
     def end(self, run: int, state: Ended, message: str = "") -> None:
-        """A run was cancelled or has failed; stored phases are kept. Raises InputError if the project cannot be
-        written."""
+        """A run was cancelled or has failed; stored phases are kept. Raises InputError if that cannot be written."""
         self._project.runs.end(run, state, message)
         with self._lock:
             version = self._versions.pop(run, None)

@@ -48,8 +48,7 @@ def serve(pipe: Connection, folder: Path, models: Path | None) -> None:
 
 
 def make_project(folder: Path, video: Path) -> None:
-    """A project of a video, whose keypoints are yet to come; one that is there stays. Raises InputError as
-    `Project.create`."""
+    """A project of a video without keypoints yet; one that is there stays. Raises InputError as `Project.create`."""
     if not is_project(folder):
         Project.create(folder, read_footage(video)).close()
 

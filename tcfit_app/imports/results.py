@@ -81,8 +81,7 @@ def import_run(
         goes_on: Called before anything is written; raises to cancel.
 
     Raises:
-        InputError: It cannot be read or does not match the clip, its body model is missing, or the project cannot be
-            written.
+        InputError: It cannot be read or does not match the clip, its body is missing, or the project cannot be written.
     """
     source = name_of_file(source) if source else str(path)
     fit, body, placed = imported_fit(path, project.clip, bodies, choices or ImportChoices(), source=source)

@@ -67,8 +67,7 @@ def compile_kernels(config: FitConfig) -> None:
 
 
 def body_file(options: BodyOptions) -> Path:
-    """The body model's file. Raises InputError if there is none, or --body-model is a path and --models is given
-    too."""
+    """The body model's file. Raises InputError if there is none, or --models is given beside a path."""
     given = at_home(options.body_model)
     if not (given.suffix or given.exists() or len(given.parts) > 1):
         try:

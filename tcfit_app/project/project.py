@@ -94,8 +94,7 @@ class Project:
         self.review = ReviewOfClip(store, lambda: self.last_edit)
         """Of the clip as a whole: see `ClipReview`."""
         self.keypoints_version = self.marks_version = self.reference_version = self.video_version = 0
-        """Versions: they change whenever the keypoints, the marks and notes, the reference, or the video frames
-        change."""
+        """Versions: they change with the keypoints, the marks and notes, the reference, and the video frames."""
         self.height = read_height(store)
         """Height of the person without shoes, centimetres; None: unknown. See `set_height`."""
         self._clip: Clip | None = None

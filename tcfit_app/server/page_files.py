@@ -51,8 +51,7 @@ class PageFiles:
             text: May be quoted, may begin with ~; with a folder for such paths it may be relative to that.
 
         Raises:
-            InputError: It is no path, leads to something that is neither a file nor a folder, or this page may not
-                name it.
+            InputError: It is no path, leads to something that is neither a file nor a folder, or is not allowed here.
         """
         given = text.strip().strip("\"'")
         if self.root is None and not self.here:

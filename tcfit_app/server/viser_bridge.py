@@ -165,8 +165,7 @@ def is_on_show(field: viser.GuiInputHandle[Any] | None) -> bool:
 def watch_connections(
     server: viser.ViserServer, connected: Callable[[int], None], disconnected: Callable[[int], None]
 ) -> None:
-    """Be told the numbers of tabs that come and go, in the context of their own connection and before viser's tabs
-    are made."""
+    """Be told the numbers of tabs that come and go, in their own connection's context, before viser's tabs are made."""
 
     async def come(client: _infra.WebsockClientConnection) -> None:
         connected(client.client_id)

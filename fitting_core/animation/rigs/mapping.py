@@ -9,8 +9,7 @@ from fitting_core.animation.rigs.skeleton import Skeleton
 from fitting_core.errors import InputError, some_of
 
 Joints = Mapping[str, tuple[str, ...]]
-"""By part, one of PARTS: the rig's joints that stand for it, several for the chains. Parts that the rig lacks are
-missing."""
+"""By part, one of PARTS: the rig's joints for it, several for the chains. Parts that the rig lacks are missing."""
 _NAMED = 30
 """Joints of a rig that a message names."""
 

@@ -38,8 +38,7 @@ class RawFile:
         return InputError(f"{self.path}: {problem}. {advice}")
 
     def array(self, key: str, shape: tuple[int | None, ...]) -> np.ndarray:
-        """The array of a key. Raises InputError if it is not an array of finite numbers of this shape (None: any
-        length)."""
+        """The array of a key. Raises InputError if it is not an array of finite numbers of this shape (None: any)."""
         try:
             value = as_array(self.values[key])
         except InputError as error:

@@ -147,8 +147,7 @@ def is_sound(name: str, place: Path | None = None) -> bool:
 
 
 def missing(place: Path | None = None) -> tuple[str, ...]:
-    """Names of the networks that detection needs and that are not on this computer; the optional ones are not among
-    them."""
+    """Names of the networks that detection needs and that are not on this computer."""
     return tuple(name for name in NEEDED if not is_installed(name, place))
 
 

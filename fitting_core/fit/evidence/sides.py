@@ -26,8 +26,7 @@ PAIRED = {
         ([], []),
     ),
 }
-"""Left and right keypoints of a pair of limbs, the first two of which decide whether it is swapped; the rest
-follows."""
+"""Left and right keypoints of a pair of limbs, the first two of which decide whether it is swapped."""
 
 
 def _both(part: str) -> list[int]:

@@ -222,8 +222,7 @@ class _Frames:
         Args:
             fits: of the key frames.
             camera: the key frames after the camera step.
-            keys: the key frames; unless they are all frames, they settle first, and the others start interpolated
-                between them.
+            keys: the key frames; unless these are all, they settle first, and the others start interpolated.
         """
         stages = self.stages
         free = stages.free(N_STAGES, betas=True)

@@ -29,8 +29,7 @@ def _confident(confidence: np.ndarray, sample: ShapeSample, count: int) -> np.nd
 
 
 def _coverage(confidence: np.ndarray, sample: ShapeSample, count: int) -> np.ndarray:
-    """Greedily the frame that adds most to the sum over keypoints of sqrt(accumulated confidence), spread over the
-    clip."""
+    """Greedily the frame that adds most to the sum over keypoints of sqrt(accumulated confidence)."""
     apart = len(confidence) // (2 * count)
     gathered = np.zeros(confidence.shape[1])
     open_frames = np.ones(len(confidence), bool)

@@ -26,8 +26,7 @@ class Reason(IntEnum):
     ROUNDS = 2
     """All rounds are used up."""
     LINE_SEARCH = 3
-    """No lower point was found along the steepest descent: the cost is at its rounding error, or the gradient is
-    wrong."""
+    """No lower point was found along the steepest descent: the cost is at rounding error, or the gradient is wrong."""
     START_NOT_FINITE = 4
     """Cost or gradient of the start are not finite; the row is returned unchanged."""
 

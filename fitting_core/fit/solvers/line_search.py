@@ -52,8 +52,7 @@ class LineSearches:
         gradient: Float[Tensor, "m n"],
         direction: Float[Tensor, "m n"],
     ) -> None:
-        """Start searches from points with this cost and gradient along descent directions; `step` is the first
-        trial."""
+        """Start searches from points with this cost and gradient along descents; `step` is the first trial."""
         slope = (gradient * direction).sum(-1)
         start = torch.stack([torch.zeros_like(cost), cost, slope], dim=-1)
         self.step[rows], self._reach[rows] = step, direction.abs().amax(-1)

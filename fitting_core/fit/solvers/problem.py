@@ -184,8 +184,7 @@ class SharedShape(OnFrames):
         return {**mean_costs(whole), **shared}
 
     def normal(self, state: State, groups: Tensor) -> tuple[Tensor, ...]:
-        """Cost, the frames' gradients and matrices (with the betas' part), and those of the terms on the shared
-        betas."""
+        """Cost, the frames' gradients and matrices (with the betas' part), and those of terms on the shared betas."""
         parts = [sample.objective.normal(rows, sample.frames) for sample, rows in self._parts(state)]
         gradient, matrix = torch.cat([n.gradient for n in parts]), torch.cat([n.matrix for n in parts])
         once, share = self.objective.shared_normal(state), 1 / self.count

@@ -180,8 +180,7 @@ class _Differentiated:
         return residual.square().sum()
 
     def _jacobian(self, state: State) -> tuple[Float[Tensor, "c n"], Float[Tensor, "c k n d"]]:
-        """Residuals, and their derivatives with respect to the free columns of each frame they depend on; 0 for held
-        ones."""
+        """Residuals, and their derivatives by the free columns of each frame they depend on; 0 for held ones."""
         colours = 2 * self.coupling.reach + 1
         with torch.enable_grad():
             move = state.vector.new_zeros(len(state), len(self.objective.index), requires_grad=True)

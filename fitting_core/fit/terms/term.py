@@ -102,8 +102,7 @@ class Term(ABC):
     """Frames to either side that a frame's residuals depend on. A term with a reach couples frames up to twice as far
     apart, and is used when frames are fitted together (phase 3)."""
     once: bool = False
-    """Whether it counts once for the clip instead of in every frame: a term on the shape that frames share (phase
-    2)."""
+    """Whether it counts once for the clip instead of in every frame: on the shape that frames share (phase 2)."""
 
     def __init_subclass__(cls) -> None:
         over_time = {Derivative.AUTOMATIC, Derivative.STENCIL}

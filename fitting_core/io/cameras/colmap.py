@@ -24,8 +24,7 @@ MODELS: dict[str, tuple[int, int]] = {
     "OPENCV": (2, 4),
     "FULL_OPENCV": (2, 8),
 }
-"""By the model's name: how many focal lengths its parameters begin with, and how many of OpenCV's coefficients follow
-the principal point."""
+"""By the model's name: the count of focal lengths, and of OpenCV's coefficients after the principal point."""
 
 
 def read_colmap(path: Path) -> list[Calibration]:

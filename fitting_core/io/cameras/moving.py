@@ -26,8 +26,7 @@ class Poses:
     names: tuple[str, ...] = ()
     """Of the images, with or without folders and suffixes."""
     numbers: tuple[int, ...] | None = None
-    """Of the frames, in the clip's count; with neither names nor numbers, the poses are those of all frames in
-    order."""
+    """Of the frames, in the clip's count; with neither names nor numbers, those of all frames in order."""
 
     def __len__(self) -> int:
         return len(self.rotation)

@@ -65,8 +65,7 @@ def read_camera(
         file: Which camera of which file.
         size: Width and height in pixels.
         frames: What a moving camera filmed; None: the images with poses in the file.
-        scale_of: Estimates the metres of one unit from the camera in units, if it moves and neither file nor user
-            states it.
+        scale_of: Estimates the metres of one unit from the camera in units, if it moves and nobody states it.
 
     Raises:
         InputError: The file cannot be read, has several cameras but none of that name, was made for images of

@@ -61,8 +61,7 @@ _KEYS = (
 
 
 def read_smplx_npz(path: Path) -> ImportedMotion:
-    """Read an animation. Raises InputError if it is damaged, not an SMPL-X or SMPL-H animation, or has invalid
-    values."""
+    """Read an animation. Raises InputError if it is damaged, invalid, or not an SMPL-X or SMPL-H animation."""
     try:
         arrays = read_npz(path, (*_KEYS, *POSE_KEYS))
     except OSError as error:
@@ -168,8 +167,7 @@ def _betas(arrays: dict[str, np.ndarray], frames: int) -> tuple[Float[np.ndarray
 
 
 def _turn_into_camera(arrays: dict[str, np.ndarray], frames: int) -> tuple[Float[np.ndarray, "*T 3 3"], bool]:
-    """Rotation from an animation's world to camera space, per frame if the camera moves; and whether a camera is
-    given."""
+    """Rotation from an animation's world to camera space, per frame if the camera moves; and whether there is one."""
     if "camera_to_world" in arrays:
         matrices = _once_or_by_frame(arrays, "camera_to_world", frames, (3, 3), 2.0)
         if not are_rotations(matrices).all():

@@ -57,8 +57,7 @@ def stated_camera(camera: World) -> list[float]:
 
 
 def read_camera(path: object, numbers: Sequence[float | str]) -> World | None:
-    """The inverse of `stated_camera`; None for nothing. Raises InputError if these are not a rotation and a
-    position."""
+    """The inverse of `stated_camera`; None for nothing. Raises InputError if these are no pose."""
     if not len(numbers):
         return None
     try:

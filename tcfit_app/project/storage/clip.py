@@ -139,8 +139,7 @@ def _camera(value: Any, frames: int) -> Camera:
 
 
 def _with_notes(camera: Camera, notes: tuple[str, ...]) -> Camera:
-    """With the camera's notes among a clip's: earlier versions stored them only there, starting with the file's
-    name."""
+    """With the camera's notes among a clip's: earlier versions stored them only there, after the file's name."""
     if camera.notes or camera.focal_from is not FocalFrom.FILE:
         return camera
     own = (note for note in notes if camera.source.startswith(f"camera file {note.partition(': ')[0]}, "))

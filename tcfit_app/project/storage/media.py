@@ -61,15 +61,13 @@ def check_decodes(path: Path) -> None:
 
 
 def frame_files(path: Path) -> list[Path]:
-    """The files of a clip's frames: the video, or only the images in a folder. Raises InputError as `check_decodes`
-    does."""
+    """The files of a clip's frames: the video, or the images in a folder. Raises InputError as `check_decodes` does."""
     check_decodes(path)
     return list(image_files(path)) if path.is_dir() else [path]
 
 
 def copy(source: Path, project: Path) -> MediaLink:
-    """Copy a video, or the images of a folder, into a project without media. Raises InputError if it cannot be read or
-    written."""
+    """Copy a video, or the images of a folder, into a project without media. Raises InputError if that fails."""
     source = _named(source)
     target = project / FOLDER / portable(source.name)
     with accessing(target):

@@ -143,8 +143,7 @@ class Runs:
         return self.get(number)
 
     def store(self, run: int, fit: FitResult) -> None:
-        """Store the phases that a run has finished so far. Raises InputError if it is not running, or the project
-        cannot be written."""
+        """Store a run's finished phases. Raises InputError if it is not running, or the project cannot be written."""
         self._expect(run, "running")
         write_run(self._path(run), fit)
         self.version = next(self._versions)

@@ -111,8 +111,7 @@ def _poses(
 def _ends(
     start: Float[np.ndarray, "F 3"], length: Float[np.ndarray, "F"], ray: Float[np.ndarray, "F 3"]
 ) -> tuple[Float[np.ndarray, "F 3"], Float[np.ndarray, "F 3"]]:
-    """Where bones of given lengths can end on unit rays, nearer and farther; the closest point of a ray out of
-    reach."""
+    """Where bones of given lengths can end on unit rays, nearer and farther; the closest point if out of reach."""
     along = (start * ray).sum(1)
     half = np.sqrt(np.maximum(length**2 - (start**2).sum(1) + along**2, 0))
     return (along - half)[:, None] * ray, (along + half)[:, None] * ray

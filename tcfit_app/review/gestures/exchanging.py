@@ -50,8 +50,7 @@ class Exchanging:
         tab.set(frames=range(first, end + 1))
 
     def confirm(self, doubt: Doubt) -> None:
-        """Confirm that it is this person: these frames are no longer uncertain. Raises InputError if that cannot be
-        saved."""
+        """Confirm this person: these frames are no longer uncertain. Raises InputError if that cannot be saved."""
         someone = self._tab.someone
         self._tab.refuse_read_only()
         assert someone.group is not None

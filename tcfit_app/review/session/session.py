@@ -110,8 +110,7 @@ class Session:
         return entry
 
     def mark(self, frames: Iterable[int], state: Literal["checked", "flag"] | None, *, author: str) -> None:
-        """Mark frames as fine or as needing attention, or remove the mark. Raises InputError if that cannot be
-        stored."""
+        """Mark frames as fine or as needing attention, or remove the mark. Raises InputError if that fails."""
         self.project.marks.set(frames, state, author=author)
 
     def write_note(self, frames: Iterable[int], text: str, *, author: str, replaces: int | None = None) -> None:
@@ -175,44 +174,32 @@ class Session:
         """A preset, with the height of the project's person."""
         return replace(PRESETS[name], height=self.project.height)
 
-    def find_and_fit(
-        self,
-        detector: str,
-        config: FitConfig | None = None,
-        *,
-        person: int | None = None,
-        kind: str = "smplx",
-        gender: str = "neutral",
-    ) -> None:
+    def find_and_fit(self, detector: str, config: FitConfig | None = None, *, person: int | None = None) -> None:
         """Start detecting keypoints in the video, and fit them as they are found.
 
         Args:
             detector: As in `KeypointSource.detect`.
             config: All settings; None: the default preset's.
             person: As in `KeypointSource.detect`.
-            kind: The body model.
-            gender: Its gender.
 
         Raises:
             InputError: As `fit_everything` and `KeypointSource.begin`; nothing has been started then.
         """
-        body = self.bodies.find(kind=kind, gender=gender)
+        body = self.bodies.find()
         self.source.detect(detector, person=person)
         job = FitEverything(clip=self.project.clip, body=body, config=config or self.preset(), fresh=self.source.feed())
         self._as_found = self._submit(job, kind="fit", start=None).id
 
     @property
     def can_choose_person(self) -> bool:
-        """Whether another of the detected people can be chosen: there are no keypoints, or nothing depends on them
-        yet."""
+        """Whether another of the detected people can be chosen: without keypoints, or while nothing depends on them."""
         return self.source.can_choose and not (self.project.has_detections and self.fits.runs)
 
     def reading(
         self, given: Given, *, kind: str, gender: str, camera: Camera | None = None
     ) -> Callable[[], KnownInputs]:
         """A function that reads a start and a shape for a whole fit with that body and camera, for another thread.
-        Raises InputError if the body model is missing, or nothing can be fitted. The function raises as
-        `read_given`."""
+        Raises InputError if the body model is missing, or nothing can be fitted. It raises as `read_given`."""
         self.refuse_without_keypoints()
         body, clip = self.bodies.find(kind=kind, gender=gender), self.clip_of(camera or self.project.footage.camera)
         return lambda: read_given(given, self.project, clip, body, self.bodies)
@@ -280,8 +267,7 @@ class Session:
         return self._submit(job, kind="frames", start=shown, windows=windows)
 
     def rerun_shape(self, shown: Shown, config: FitConfig, *, known: KnownInputs = NOTHING) -> Run:
-        """Submit phases 2 and 3 again, as a new run, with a known shape if given. Raises InputError as
-        `fit_everything`."""
+        """Submit phases 2 and 3 again, as a new run, with any known shape. Raises InputError as `fit_everything`."""
         start = self._start_of(shown)
         body = self.bodies.of(shown.run.body)
         job = FitShape(
@@ -371,8 +357,7 @@ class Session:
         return self.project.edits_since(run.edits_seen)
 
     def as_corrected(self, run: Run) -> Run:
-        """The run that shows a run's (or its corrections' run's) current corrections; the run itself once none
-        remain."""
+        """The run that shows a run's (or its corrections' run's) current corrections; itself once none remain."""
         base = run if run.kind != "corrections" or run.parent is None else self.fits.run(run.parent)
         if base is None:
             return run

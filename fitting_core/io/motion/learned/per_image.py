@@ -85,8 +85,7 @@ class PerImage:
 
 
 def of_folder(path: Path) -> PerImage | None:
-    """The files of all images; None if it is not such a folder. Raises InputError if they are not as the system writes
-    them."""
+    """The files of all images; None if it is not such a folder. Raises InputError if they are not as written."""
     if (path / "smplx").is_dir():
         return _smplerx(path)
     return _multi_hmr([file for file in path.glob("*.npy") if not refusal(file)])

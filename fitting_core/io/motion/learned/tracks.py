@@ -127,8 +127,7 @@ def finite(array: np.ndarray, key: str) -> np.ndarray:
 
 
 def shape_numbers(values: object, key: str, frames: int) -> Float[np.ndarray, "T 10"]:
-    """The first ten shape parameters of each frame, given per frame or once for all. Raises InputError as `rows`
-    does."""
+    """The first ten shape parameters of each frame, given for each or for all. Raises InputError as `rows` does."""
     array = _numbers(values, key)
     width = array.shape[-1] if array.ndim else 0
     if not N_BETAS <= width <= 300 or array.size not in (width, frames * width):

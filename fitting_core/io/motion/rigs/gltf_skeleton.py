@@ -75,8 +75,7 @@ def _human_bones(extensions: dict[str, Any], order: list[int]) -> dict[str, int]
 
 
 def _with_those_between(nodes: list[dict[str, Any]], order: list[int], jointed: set[int]) -> set[int]:
-    """Joints of the skins, and the nodes between and above them up to their common root, such as hips that move no
-    vertex."""
+    """Joints of the skins, and the nodes between and above them up to their common root, as hips without vertices."""
     below = {n: int(n in jointed) for n in order}
     for n in reversed(order):
         below[n] += sum(below[child] for child in nodes[n].get("children", []))

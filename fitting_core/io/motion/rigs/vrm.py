@@ -64,8 +64,7 @@ _OF_KINDS = {
 
 
 def write_vrm(path: Path, motion: Motion, progress: Progress | None = None) -> None:
-    """Write the person as an avatar, without motion. Raises OSError if the file cannot be written; nothing is left of
-    it."""
+    """Write the person as an avatar, without motion. Raises OSError if that fails; nothing is left of the file."""
     moving = on_standard(motion, VRM)
     still = replace(motion.one_shape[:1], contacts=None)
     surface = _avatar(motion, replace(moving, moved=moving.moved[:1], root=moving.root[:1]), still)
