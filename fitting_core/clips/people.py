@@ -98,7 +98,6 @@ def _about(one: FoundPerson, number: int, shot: Shot) -> Person:
 
 
 def _note(about: Person, one: FoundPerson, count: int) -> str:
-    """Which person it is, and in which frames, for the user."""
     first, last = about.frames
     missing = [
         first + k for k, entry in enumerate(one.entries[slice(one.frames.start, one.frames.stop)]) if entry is None

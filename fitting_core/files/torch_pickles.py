@@ -41,7 +41,6 @@ class _Inline(Kept):
     title = "joblib array"
 
     def read_from(self, stream: Stream) -> object:
-        """The array that stands for it."""
         shape, code = _shape(self.state.get("shape")), self.state.get("dtype")
         if getattr(code, "code", "") == "O8":
             return ResultUnpickler(stream).load()

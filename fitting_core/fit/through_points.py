@@ -117,8 +117,6 @@ def pose_through(
 
 @dataclass(frozen=True, eq=False)
 class _State:
-    """B frames."""
-
     orient: Float[Tensor, "B 3 3"]
     pose: Float[Tensor, "B 54 3"]
     coefficients: Float[Tensor, "B 20"]
@@ -277,7 +275,6 @@ class _Solver:
         return cost, gradient, rows.mT @ rows + torch.diag(self.precision[free])
 
     def params(self, state: _State) -> BodyParams:
-        """As BodyParams."""
         pose, mean = state.pose, self.mean
         hands = (pose - mean).flatten(1)[:, 3 * (POSE_JOINTS["left_hand_pose"].start - 1) :]
         parts = {

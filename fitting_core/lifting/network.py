@@ -81,7 +81,6 @@ class _Block(nn.Module):
         self.widened, self.narrowed = nn.Linear(width, 2 * width), nn.Linear(2 * width, width)
 
     def forward(self, x: Float[Tensor, "B T width"]) -> Float[Tensor, "B T width"]:
-        """A residual step."""
         query, key, value = self.attention(self.before_attention(x)).unflatten(-1, (3, self.heads, -1)).unbind(2)
         parts = (part.transpose(1, 2) for part in (query, key, value))
         mixed = nn.functional.scaled_dot_product_attention(*parts).transpose(1, 2).flatten(2)

@@ -327,7 +327,6 @@ def _reported(plugin: Plugin[Callable[[PosedFit], Iterable[Finding]]], fit: Pose
 
 
 def _wrong(finding: object, frames: int) -> str:
-    """What is wrong with a finding; empty if nothing."""
     if not isinstance(finding, Finding):
         return f"it found {type(finding).__name__}; expected Finding"
     if not (isinstance(finding.frame, int) and 0 <= finding.frame < frames):

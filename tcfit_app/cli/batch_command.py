@@ -165,7 +165,6 @@ class _Lines:
             tqdm.write(f"{what}: {before} of {total} were done, or failed, in an earlier run.", file=sys.stdout)
 
     def show(self, news: News) -> None:
-        """Tell of it."""
         task = self._tasks[news.index]
         if isinstance(news, TaskEnded):
             self._running.pop(news.index, None)
@@ -199,7 +198,6 @@ class _Lines:
         return f"{head}  {record.figures.frames} frames{error}"
 
     def close(self) -> None:
-        """Remove the bar."""
         self._bar.close()
 
 

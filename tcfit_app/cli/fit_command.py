@@ -158,7 +158,6 @@ def _overlay_written(path: Path, fit: FitResult, clip: Clip, body: BodyModel) ->
 
 
 def _inputs(clip: Clip, body: BodyModel) -> list[str]:
-    """What is fitted, for the user."""
     source = body.source.name if body.source else body.kind
     return [*described(clip), f"Body {source} ({body.gender})", *notes_of(clip)]
 

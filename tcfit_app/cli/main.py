@@ -173,7 +173,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _tells_events(given: list[str]) -> bool:
-    """Whether events are asked for."""
     kind, _ = COMMANDS.get(given[0] if given else "", (None, None))
     return OPTION in given and getattr(kind, "json", None) is False
 

@@ -94,8 +94,6 @@ class Shown:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Partial:
-    """A phase in progress."""
-
     phase: int
     params: BodyParams
     """All frames; those not fitted yet have an arbitrary body."""
@@ -122,7 +120,6 @@ class _Version:
 
     @property
     def finished(self) -> tuple[PhaseResult, ...]:
-        """Phases with all figures."""
         return () if self.fit is None else self.fit.phases
 
 

@@ -118,6 +118,5 @@ def _chosen(found: Sequence[Tier], wished: Sequence[str], path: Path) -> list[Ti
 
 
 def _replaced(there: Sequence[Note], frames: range) -> int | None:
-    """The only note on exactly these frames."""
     found = [note.id for note in there if note.frames == frames]
     return found[0] if len(found) == 1 else None

@@ -131,7 +131,6 @@ def described(clip: Clip) -> list[str]:
 
 
 def _keypoints(clip: Clip) -> list[str]:
-    """Where they come from, if it was not a file."""
     seen = (clip.keypoints.confidence > 0).any(1)
     if not seen.any():
         return ["No keypoints yet: the review (tcfit review) finds or imports them, in its panel Start"]

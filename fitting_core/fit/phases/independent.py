@@ -187,7 +187,6 @@ class _Frames:
         return best
 
     def five_stages(self, fits: FrameFits) -> Generator[Step, None, FrameFits]:
-        """The five stages in order."""
         for stage in range(1, N_STAGES + 1):
             free = self.stages.free(stage, betas=True, resting=True, translation=not self.stages.config.camera_frozen)
             if stage == N_STAGES and free.hands and self.stages.config.curled_hands:

@@ -88,7 +88,6 @@ class LevenbergMarquardt:
 
 
 def _lower(problem: Problem, start: State, other: State) -> State:
-    """For each group the state of lower cost."""
     everyone = torch.arange(problem.groups, device=start.vector.device)
     better = problem.cost(other, everyone) < problem.cost(start, everyone)
     if not bool(better.any()):

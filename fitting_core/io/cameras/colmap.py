@@ -123,7 +123,6 @@ def _reason(error: ValueError, fields: Sequence[str], least: int) -> str:
 
 
 def _lines(path: Path, *, keep_empty: bool = False) -> Iterator[tuple[int, str]]:
-    """The lines that are not comments, with their numbers."""
     for number, line in enumerate(text_of(path).splitlines(), 1):
         if not line.startswith("#") and (keep_empty or line.strip()):
             yield number, line

@@ -238,7 +238,6 @@ def _world(
 
 
 def _path(poses: Poses, unit: float) -> CameraPath:
-    """From the first pose on."""
     turns = poses.rotation @ poses.rotation[0].T
     return path_of(turns, unit * (poses.translation - turns @ poses.translation[0]))
 

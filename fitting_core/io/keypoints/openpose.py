@@ -104,8 +104,6 @@ def read_openpose(path: Path) -> Detections:
 
 @dataclass(frozen=True, kw_only=True)
 class _Frame:
-    """The people of a frame, as in the file."""
-
     name: str
     """The file's name; for one of a list in a file, with its index."""
     where: str

@@ -101,8 +101,6 @@ def _part_of(tell: Progress, k: int, count: int, share: float) -> None:
 
 @dataclass(frozen=True)
 class _Nodes:
-    """One person's."""
-
     root: int
     mesh: int
     first_joint: int
@@ -117,8 +115,6 @@ _ONE = _Nodes(_ROOT, _MESH, _FIRST_JOINT)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Person:
-    """One person in the file."""
-
     motion: Motion
     rig: Rig
     deviation: Deviation

@@ -307,7 +307,6 @@ class Runs:
 
 
 def _parent(run: int) -> Any:
-    """The number of an earlier run."""
     return Annotated[int, msgspec.Meta(ge=1, lt=run)]
 
 

@@ -405,7 +405,6 @@ class Session:
             self._enqueue(correction, None, follows=correction.origin)
 
     def _take_keypoints(self, ended: Going) -> None:
-        """Process the end of a keypoint job."""
         if ended.state != "finished" and self._as_found is not None:
             self.cancel(self._as_found)
         if ended.state == "failed":

@@ -72,8 +72,6 @@ def _of_pelvis(moving: RigMotion) -> list[int]:
 
 @dataclass(frozen=True, eq=False)
 class _Tree:
-    """The joints to write."""
-
     moving: RigMotion
     kept: list[int]
     unit: float
@@ -87,7 +85,6 @@ class _Tree:
 
     @cached_property
     def children(self) -> dict[int, list[int]]:
-        """The children of each joint."""
         found: dict[int, list[int]] = {k: [] for k in self.kept}
         for k in self.kept[1:]:
             found[self.parent(k)].append(k)
