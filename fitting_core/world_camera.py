@@ -43,9 +43,7 @@ def in_camera(params: BodyParams, rest_root: Float[np.ndarray, "*T 3"], camera: 
     orient = Rotation.from_matrix(camera.rotation) * Rotation.from_rotvec(params.global_orient.numpy())
     root = camera(params.camera_translation.numpy() + rest_root)
     return replace(
-        params,
-        global_orient=torch.as_tensor(orient.as_rotvec()),
-        camera_translation=torch.as_tensor(root - rest_root),
+        params, global_orient=torch.as_tensor(orient.as_rotvec()), camera_translation=torch.as_tensor(root - rest_root)
     )
 
 

@@ -25,10 +25,7 @@ _FOV_RANGE = (0.5, 170.0)
 """Degrees: from a long telephoto lens to the widest that a camera without distortion describes."""
 _FOCAL_OPTIONS: dict[str, tuple[Callable[[float, tuple[int, int]], float], str]] = {
     "focal_length": (lambda pixels, size: pixels, "focal length of {:g} pixels"),
-    "fov": (
-        lambda degrees, size: focal_from_fov(degrees, size[0]),
-        "horizontal field of view of {:g} degrees",
-    ),
+    "fov": (lambda degrees, size: focal_from_fov(degrees, size[0]), "horizontal field of view of {:g} degrees"),
     "focal_length_35mm": (focal_from_35mm, "35 mm equivalent focal length of {:g} mm"),
 }
 """By option name: its value and the image size -> focal length in pixels; and its source in words."""
@@ -54,10 +51,7 @@ class CameraGiven:
         return cls(file=file, focal=focal, center=options.center, automatic=not (file or focal) and rule == "auto")
 
     def camera(
-        self,
-        size: tuple[int, int],
-        frames: ClipFrames,
-        scale_of: Callable[[Camera], PathScale | None] | None = None,
+        self, size: tuple[int, int], frames: ClipFrames, scale_of: Callable[[Camera], PathScale | None] | None = None
     ) -> tuple[Camera, tuple[str, ...]]:
         """The camera from its calibration or the other options, and notes; `scale_of` as in `read_camera`."""
         if self.file is None:

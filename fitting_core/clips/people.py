@@ -61,12 +61,7 @@ def read_people(
         about = _about(one, number, shot)
         notes = (_note(about, one, len(found.people)), *([found.note] if found.note else []))
         whole = shot.clip(
-            one.keypoints,
-            seen,
-            entries=one.entries,
-            of_person=notes,
-            of_places=of_places,
-            of_camera=of_camera,
+            one.keypoints, seen, entries=one.entries, of_person=notes, of_places=of_places, of_camera=of_camera
         )
         people.append(PersonInClip(about=about, clip=_part(whole, one.frames, about), name=shot.name))
     return people

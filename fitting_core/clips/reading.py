@@ -208,12 +208,7 @@ def read_clip(
     seen, of_camera = shot.camera(choice.keypoints)
     of_person = (choice.note,) if choice.note else ()
     return shot.clip(
-        choice.keypoints,
-        seen,
-        entries=choice.entries,
-        of_person=of_person,
-        of_places=of_places,
-        of_camera=of_camera,
+        choice.keypoints, seen, entries=choice.entries, of_person=of_person, of_places=of_places, of_camera=of_camera
     )
 
 

@@ -84,12 +84,7 @@ def _on_one_thread(
 
 @_on_one_thread
 def fit_events(
-    clip: Clip,
-    body: BodyModel,
-    config: FitConfig,
-    *,
-    start: GivenStart | None = None,
-    shape: KnownShape | None = None,
+    clip: Clip, body: BodyModel, config: FitConfig, *, start: GivenStart | None = None, shape: KnownShape | None = None
 ) -> Generator[FitEvent, None, FitResult]:
     """Fits a clip, yielding events; closing the generator cancels, and finished phases stay valid.
 
@@ -108,12 +103,7 @@ def fit_events(
 
 
 def fit_clip(
-    clip: Clip,
-    body: BodyModel,
-    config: FitConfig,
-    *,
-    start: GivenStart | None = None,
-    shape: KnownShape | None = None,
+    clip: Clip, body: BodyModel, config: FitConfig, *, start: GivenStart | None = None, shape: KnownShape | None = None
 ) -> FitResult:
     """The result of `fit_events`, without the events."""
     return drained(fit_events(clip, body, config, start=start, shape=shape))
@@ -180,12 +170,7 @@ def rerun_events(
 
 @_on_one_thread
 def shape_events(
-    clip: Clip,
-    body: BodyModel,
-    config: FitConfig,
-    start: FitResult,
-    *,
-    shape: KnownShape | None = None,
+    clip: Clip, body: BodyModel, config: FitConfig, start: FitResult, *, shape: KnownShape | None = None
 ) -> Generator[FitEvent, None, FitResult]:
     """Phase 2 again after a fit's first phase, and phase 3 under the new shape if `config.last_phase` includes it.
 

@@ -110,10 +110,7 @@ def rolled_views(
 
 
 def gravity_before_fit(
-    lifted: LiftedClip,
-    confidence: Float[np.ndarray, "T K"],
-    camera: Camera,
-    rolled: Sequence[RolledView] = (),
+    lifted: LiftedClip, confidence: Float[np.ndarray, "T K"], camera: Camera, rolled: Sequence[RolledView] = ()
 ) -> Gravity:
     """The direction that most frames' `up` agrees on if the camera is level, otherwise the one that the rotations give.
 

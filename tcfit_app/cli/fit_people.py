@@ -72,11 +72,7 @@ def run_fit_people(options: FitOptions, *, command: str = "") -> list[Outcome]:
 
 def _refuse_what_is_of_one(options: FitOptions) -> None:
     """Raises InputError where an option is about one person."""
-    ones = {
-        "--shape": options.shape,
-        "--height": options.method.height,
-        "--start-person": options.begin.start_person,
-    }
+    ones = {"--shape": options.shape, "--height": options.method.height, "--start-person": options.begin.start_person}
     if given := [name for name, value in ones.items() if value is not None]:
         raise InputError(
             f"--people {options.people} fits everybody, and {' and '.join(given)} would be one person's: leave out one "

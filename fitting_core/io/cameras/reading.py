@@ -166,9 +166,7 @@ def _for_size(camera: Calibration, size: tuple[int, int]) -> tuple[Calibration, 
             f"or all of them scaled.{turned} Calibrate as you film, without cropping"
         )
     scaled = replace(
-        camera,
-        focal=(camera.focal[0] * x, camera.focal[1] * y),
-        center=(camera.center[0] * x, camera.center[1] * y),
+        camera, focal=(camera.focal[0] * x, camera.focal[1] * y), center=(camera.center[0] * x, camera.center[1] * y)
     )
     return scaled, (f"was calibrated on {of} and is scaled to the clip's {width} x {height}.",)
 

@@ -65,12 +65,7 @@ def write_glb(
 
 
 def write_people_glb(
-    path: Path,
-    motions: Sequence[Motion],
-    *,
-    name: str,
-    progress: Progress | None = None,
-    within: float | None = None,
+    path: Path, motions: Sequence[Motion], *, name: str, progress: Progress | None = None, within: float | None = None
 ) -> list[WrittenGlb]:
     """Write the motions of several people of one clip, each as in `write_glb`.
 
@@ -203,9 +198,7 @@ def _camera_node(people: list[_Person]) -> gltf.Node:
     return gltf.Node(name="camera", camera=0, translation=places[0].tolist(), rotation=turns[0].tolist())
 
 
-def _camera_poses(
-    people: list[_Person],
-) -> tuple[list[int], Float[np.ndarray, "n 3"], Float[np.ndarray, "n 4"]]:
+def _camera_poses(people: list[_Person]) -> tuple[list[int], Float[np.ndarray, "n 3"], Float[np.ndarray, "n 4"]]:
     """Frame numbers, and the camera's positions and rotations (quaternions) in them; for a static one, once."""
     places: dict[int, np.ndarray] = {}
     turns: dict[int, np.ndarray] = {}

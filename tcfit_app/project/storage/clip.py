@@ -71,10 +71,7 @@ def write_clip(draft: Path, clip: Clip, *, link: MediaLink | None) -> None:
         msgspec.json.encode(link).decode() if link else None,
         _sha256(draft / DETECTIONS),
     )
-    with (
-        closing(Database(draft / database.NAME, read_only=False)) as store,
-        store.transaction() as connection,
-    ):
+    with closing(Database(draft / database.NAME, read_only=False)) as store, store.transaction() as connection:
         connection.execute("INSERT INTO clip VALUES (1, ?, ?, ?, ?, ?, ?, ?, ?, NULL)", values)
 
 

@@ -93,8 +93,7 @@ def find(link: MediaLink | None, project: Path) -> Media:
         return Media(path=None, problem="The project was created without a video.")
     if link == UNREADABLE:
         return Media(
-            path=None,
-            problem="The video's path is damaged in the project. Relink the video in the panel Review.",
+            path=None, problem="The video's path is damaged in the project. Relink the video in the panel Review."
         )
     places = [project / link.relative] if link.relative else []
     found = [path for path in (*places, Path(link.absolute)) if not _absence(path)]
@@ -105,8 +104,7 @@ def find(link: MediaLink | None, project: Path) -> Media:
         problem = f"{found[0]} differs from what the project was created with, or cannot be read."
         return Media(path=found[0], problem=problem)
     return Media(
-        path=None,
-        problem=f"{link.absolute} {_absence(Path(link.absolute))}. Relink the video in the panel Review.",
+        path=None, problem=f"{link.absolute} {_absence(Path(link.absolute))}. Relink the video in the panel Review."
     )
 
 

@@ -27,16 +27,7 @@ from tcfit_app.project.storage.columns import UNKNOWN_TIME, Columns, Count, json
 from tcfit_app.project.storage.database import Database
 from tcfit_app.project.storage.names import checked_name
 from tcfit_app.project.storage.run_files import read_run, write_run
-from tcfit_app.project.storage.run_record import (
-    LAST_MOMENT,
-    BodyRecord,
-    Ended,
-    Given,
-    Run,
-    RunKind,
-    RunState,
-    largest,
-)
+from tcfit_app.project.storage.run_record import LAST_MOMENT, BodyRecord, Ended, Given, Run, RunKind, RunState, largest
 
 ENTRY = r"runs/\d{6,}\.npz"
 """Paths of results in a project's folder, as a regular expression."""

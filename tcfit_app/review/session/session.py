@@ -270,13 +270,7 @@ class Session:
         """Submit phases 2 and 3 again, as a new run, with any known shape. Raises InputError as `fit_everything`."""
         start = self._start_of(shown)
         body = self.bodies.of(shown.run.body)
-        job = FitShape(
-            clip=self.clip_of(start.camera),
-            body=body,
-            config=config,
-            start=start,
-            shape=known.shape,
-        )
+        job = FitShape(clip=self.clip_of(start.camera), body=body, config=config, start=start, shape=known.shape)
         return self._submit(job, kind="shape", start=shown, given=known.given)
 
     def _start_of(self, shown: Shown) -> FitResult:

@@ -216,12 +216,7 @@ def _meshes(file: Path) -> np.ndarray | None:
 def _meshed_track(content: PerImage, person: int) -> Track:
     seen = _of_person(content, person)
     vertices = np.stack([finite(np.asarray(mesh), image.stem) for image, mesh in seen])
-    return _of_points(
-        content,
-        seen,
-        SeenPoints(vertices=vertices),
-        focal=_MULTI_HMR_FOCAL_RULE,
-    )
+    return _of_points(content, seen, SeenPoints(vertices=vertices), focal=_MULTI_HMR_FOCAL_RULE)
 
 
 def _multi_hmr_people(content: Any) -> PerImage:

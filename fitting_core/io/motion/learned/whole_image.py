@@ -138,10 +138,7 @@ SYSTEMS = (
         track=wham_track,
     ),
     System(
-        title="TRAM",
-        holds=lambda content: is_mapping_with(content, "tracks"),
-        people=tram_people,
-        track=tram_track,
+        title="TRAM", holds=lambda content: is_mapping_with(content, "tracks"), people=tram_people, track=tram_track
     ),
     System(
         title="PromptHMR",
