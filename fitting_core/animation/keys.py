@@ -125,7 +125,7 @@ def fewer_keys(
     held: Mapping[int, Sequence[int]] | None = None,
     progress: Progress | None = None,
 ) -> Keys:
-    """The keys needed for all points to stay within the bound.
+    """The keys needed for all points to stay within the bound. Raises InputError if the bound is invalid.
 
     Args:
         animation: With a key in each frame.
@@ -133,9 +133,6 @@ def fewer_keys(
         already: How far each point is off for other reasons, metres; None: not at all.
         held: Frames in which all channels above a joint, and its own, keep their keys, by joint.
         progress: See `Progress`.
-
-    Raises:
-        InputError: The bound is invalid.
     """
     check_bound(within)
     others = np.zeros((len(animation), len(animation.points))) if already is None else already

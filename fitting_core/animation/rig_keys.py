@@ -27,15 +27,13 @@ _PASSES = 6
 
 def with_fewer_keys(rig: Rig, motion: Motion, within: float, progress: Progress | None = None) -> Rig:
     """The rig with the keys that are needed for all points to stay within a bound, and with what is played of them.
+    Raises InputError if the bound is invalid.
 
     Args:
         rig: With a key in each frame.
         motion: Whose rig it is.
         within: How far a joint, finger tip or toe may be off in any frame, metres.
         progress: See `Progress`.
-
-    Raises:
-        InputError: The bound is invalid.
     """
     joints = np.arange(len(rig.joints))
     vertices, ends = _outermost(rig)

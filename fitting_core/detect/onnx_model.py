@@ -41,15 +41,13 @@ class ModelTensor:
 
 
 class OnnxModel:
-    """A model that takes images, ready to run.
+    """A model that takes images, ready to run. Raises InputError if there is no such file or provider, the file is not
+    an ONNX model, or its input is not an RGB image.
 
     Args:
         path: The ONNX file.
         provider: One of PROVIDERS.
         threads: On the CPU; 0: one for each core.
-
-    Raises:
-        InputError: There is no such file or provider, the file is not an ONNX model, or its input is not an RGB image.
     """
 
     def __init__(self, path: Path, *, provider: str = "cpu", threads: int = 0) -> None:

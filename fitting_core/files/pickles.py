@@ -251,13 +251,11 @@ class ArrayUnpickler(RestrictedUnpickler):
 
 
 def read_pickle(file: BinaryIO) -> dict[str, Any]:
-    """The dictionary that a pickle holds; its values go through `as_array`.
+    """The dictionary that a pickle holds; its values go through `as_array`. Raises InputError if the pickle is damaged,
+    asks for something that is not admitted, or holds no dictionary.
 
     Args:
         file: Stands where the pickle begins, which fills the rest of it.
-
-    Raises:
-        InputError: The pickle is damaged, asks for something that is not admitted, or holds no dictionary.
     """
     try:
         start = file.tell()

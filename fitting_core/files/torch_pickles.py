@@ -217,15 +217,13 @@ def unpickled(stream: Stream) -> Any:
 
 
 def of_torch_zip(archive: zipfile.ZipFile, pickled: str, *, foreign: bool = False) -> Any:
-    """As `unpickled`, of torch's form since 1.6: `data.pkl`, and each storage as a member `data/<key>`.
+    """As `unpickled`, of torch's form since 1.6: `data.pkl`, and each storage as a member `data/<key>`. Raises
+    InputError as `unpickled` does.
 
     Args:
         archive: Stays open as long as tensors may be read.
         pickled: The name of data.pkl in it.
         foreign: See `ResultUnpickler`.
-
-    Raises:
-        InputError: As `unpickled`.
     """
     prefix = pickled.removesuffix("data.pkl")
     members = {member.filename: member for member in archive.infolist()}

@@ -173,6 +173,7 @@ def shape_events(
     clip: Clip, body: BodyModel, config: FitConfig, start: FitResult, *, shape: KnownShape | None = None
 ) -> Generator[FitEvent, None, FitResult]:
     """Phase 2 again after a fit's first phase, and phase 3 under the new shape if `config.last_phase` includes it.
+    Raises InputError if it has no first phase, or no frame of the clip shows a person.
 
     Args:
         clip: keypoints and camera.
@@ -180,25 +181,19 @@ def shape_events(
         config: everything else.
         start: its first phase is kept, and what that began with.
         shape: as in `fit_events`.
-
-    Raises:
-        InputError: It has no first phase, or no frame of the clip shows a person.
     """
     again = _Fit(clip, body, config, start=start.start, shape=shape)
     return (yield from again.run_again(start))
 
 
 def clip_stages(clip: Clip, body: BodyModel, config: FitConfig, *, start: GivenStart | None = None) -> Stages:
-    """The stages of a clip that shows somebody.
+    """The stages of a clip that shows somebody. Raises InputError if no frame of the clip shows enough of a person.
 
     Args:
         clip: keypoints and camera.
         body: the body model.
         config: everything else.
         start: as in `fit_events`.
-
-    Raises:
-        InputError: no frame of the clip shows enough of a person.
     """
     stages = Stages.of_clip(clip, body, config, start=start)
     if not bool(stages.observations.usable.any()):

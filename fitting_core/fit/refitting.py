@@ -42,14 +42,11 @@ def refit(clip: Clip, body: BodyModel, fit: FitResult, *windows: range, config: 
 def refit_events(
     clip: Clip, body: BodyModel, fit: FitResult, windows: Sequence[range], *, config: FitConfig, title: str = "Re-run"
 ) -> Generator[FitEvent, None, FitResult]:
-    """Like `refit`, with its events; each window is reported when it is finished.
+    """Like `refit`, with its events; each window is reported when it is finished. Raises InputError as `refit` does.
 
     Args:
         clip: As for `refit`, like all others.
         title: Of what is done, for the note in the result.
-
-    Raises:
-        InputError: As `refit`.
     """
     if fit.last.phase < 2:
         raise InputError(

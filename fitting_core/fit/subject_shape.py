@@ -30,15 +30,13 @@ _MOST_SAMPLED = 240
 
 
 def subject_shape(clips: Sequence[tuple[Clip, FitResult]], body: BodyModel, config: FitConfig) -> SubjectShape:
-    """Phase 2 over frames of several clips of one person: on average `config.shape_sample` of each.
+    """Phase 2 over frames of several clips of one person: on average `config.shape_sample` of each. Raises InputError
+    if a fit has no first phase, or no frame of a clip shows a person.
 
     Args:
         clips: each with its fit by this configuration, of which the first phase is used, and what that began with.
         body: the body model.
         config: everything else.
-
-    Raises:
-        InputError: A fit has no first phase, or no frame of a clip shows a person.
     """
     sights = [Sight.after_first_phase(clip_stages(clip, body, config, start=fit.start), fit) for clip, fit in clips]
     sample = replace(config.shape_sample, size=min(_MOST_SAMPLED, config.shape_sample.size * len(clips)))

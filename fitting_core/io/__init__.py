@@ -66,6 +66,7 @@ def read_motion(
     path: StrPath, *, person: int | None = None, gender: str | None = None, decode: "Decode | None" = None
 ) -> "ImportedMotion":
     """Read the motion of a body: SMPLify-X results, an npz of SMPL-X, AMASS or tcfit, or a result of a learned system.
+    Raises InputError if the path does not exist, its format is unknown, or its content is broken.
 
     The content tells which.
 
@@ -75,9 +76,6 @@ def read_motion(
         person: Number of one of several people; None: whoever is in most frames, or 0 in SMPLify-X results.
         gender: Of the body, which SMPLify-X does not record; None: as the files say.
         decode: For SMPLify-X results: from VPoser's numbers to axis-angle; None: VPoser is not available.
-
-    Raises:
-        InputError: The path does not exist, its format is unknown, or its content is broken.
     """
     path = Path(path)
     from fitting_core.io.motion.learned.systems import SYSTEMS, read_learned

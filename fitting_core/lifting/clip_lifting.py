@@ -56,7 +56,7 @@ def lift(
     depth: Float[np.ndarray, "T 25"] | None = None,
     weights: Path = LIFTER,
 ) -> LiftedClip:
-    """Lift BODY_25 keypoints, the first 25 of K.
+    """Lift BODY_25 keypoints, the first 25 of K. Raises InputError if the file is not a lifter network.
 
     Args:
         xy: Pixels.
@@ -67,9 +67,6 @@ def lift(
         depth: Depth in metres of the keypoints before a moving camera. With it the camera's whole motion is removed
             from what the network sees, without it only its rotation.
         weights: The network's file.
-
-    Raises:
-        InputError: The file is not a lifter network.
     """
     factor = read_lifter(weights)[1]
     rays = (xy[:, :POINTS] - np.array(camera.center)) / np.array(camera.focal)

@@ -50,16 +50,13 @@ def write_network(path: Path, arrays: Mapping[str, Tensor], about: NetworkAbout)
 
 
 def read_network(path: Path, kind: type[Told], expected: str, noun: str) -> tuple[Told, dict[str, Tensor]]:
-    """The network that `write_network` wrote.
+    """The network that `write_network` wrote. Raises InputError if it is missing, damaged, or has the wrong form.
 
     Args:
         path: The file.
         kind: The class of its description.
         expected: Its format.
         noun: Its name in errors.
-
-    Raises:
-        InputError: It is missing, damaged, or has the wrong form.
     """
     try:
         arrays = read_npz(path, most=2**26)
@@ -75,16 +72,13 @@ def read_network(path: Path, kind: type[Told], expected: str, noun: str) -> tupl
 
 
 def fill(network: nn.Module, arrays: Mapping[str, Tensor], path: Path, *, without: tuple[str, ...] = ()) -> None:
-    """Load a network's arrays for use.
+    """Load a network's arrays for use. Raises InputError if the arrays are not those of the network, or not finite.
 
     Args:
         network: Keeps what it has under the names that begin with one of `without`.
         arrays: All others.
         path: The file, for errors.
         without: Beginnings of names.
-
-    Raises:
-        InputError: The arrays are not those of the network, or not finite.
     """
     wanted = {name: values.shape for name, values in network.state_dict().items() if not name.startswith(without)}
     if {name: values.shape for name, values in arrays.items()} != wanted:

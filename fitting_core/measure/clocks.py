@@ -60,14 +60,12 @@ class ClockOffset:
 
 
 def found_offset(estimate: PosedMotion, reference: Reference) -> ClockOffset:
-    """When a reference begins, by its movement and the fit's.
+    """When a reference begins, by its movement and the fit's. Raises InputError if too little moves, or other
+    movements, or several offsets fit about as well.
 
     Args:
         estimate: The fit; its frames say when it is in the video.
         reference: At its own rate; where it says that it begins does not count.
-
-    Raises:
-        InputError: Too little moves, or other movements, or several offsets fit about as well.
     """
     fitted, true, _ = comparable(estimate, reference)
     rate, own_rate = estimate.frame_rate, reference.frame_rate or estimate.frame_rate

@@ -54,16 +54,13 @@ class Everybody:
 
 
 def find_everybody(detections: Detections, *, frame_rate: float, first_frame: int = 0, most: int = _MOST) -> Everybody:
-    """Follow everybody through a clip.
+    """Follow everybody through a clip. Raises InputError if nobody is seen for a quarter of a second.
 
     Args:
         detections: In pixels.
         frame_rate: Frames per second.
         first_frame: Number of the first frame, for the note.
         most: Most people to keep: the largest and surest over the clip.
-
-    Raises:
-        InputError: Nobody is seen for a quarter of a second.
     """
     seen = [_most_prominent(sightings(frame)) for frame in detections.frames]
     crowded = [first_frame + t for t, frame in enumerate(detections.frames) if len(frame) > _MOST]

@@ -53,7 +53,8 @@ def choose_person(
     first_frame: int = 0,
     frame_rate: float = 30.0,
 ) -> PersonChoice:
-    """Choose one person over the clip.
+    """Choose one person over the clip. Raises InputError if there is no detection in the whole clip, or no frame with
+    so many people.
 
     Without an option, everybody is followed from frame to frame by the distances between keypoints relative to the
     person's size (the nearest match first), also through frames without a detection; the track with the largest sum of
@@ -67,9 +68,6 @@ def choose_person(
         seen: Take whoever is at an index (from 0) in the list of people of one of these frames instead.
         first_frame: Number of the first frame, for the note.
         frame_rate: Frames per second.
-
-    Raises:
-        InputError: No detection in the whole clip, or no frame with so many people.
     """
     if not len(detections.detected_points()):
         raise InputError(

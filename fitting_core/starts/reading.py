@@ -113,7 +113,8 @@ def start_from_fit(
     there: Bool[np.ndarray, "T"] | None = None,
     placed: bool = True,
 ) -> GivenStart:
-    """A fit of this clip, or a motion that was brought into it, as a start.
+    """A fit of this clip, or a motion that was brought into it, as a start. Raises InputError if it has no frame, or
+    does not follow the keypoints.
 
     Args:
         params: All frames of the clip, in the space of `camera`.
@@ -125,9 +126,6 @@ def start_from_fit(
         format: What it is, in words.
         there: Frames that it covers; None: all.
         placed: Whether a camera saw it; else it may be turned about the vertical.
-
-    Raises:
-        InputError: It has no frame, or does not follow the keypoints.
     """
     frames = np.arange(len(clip)) if there is None else np.flatnonzero(there)
     if not len(frames):

@@ -31,16 +31,14 @@ class FrameSource:
     """
 
     def __init__(self, path: Path, *, lens: Lens | None = None) -> None:
-        """Open the path, decode its first frame, and find out how many there are.
+        """Open the path, decode its first frame, and find out how many there are. Raises InputError if it does not
+        exist, is not a video, or holds no image or frame.
 
         Quick where the container tells the times of its frames; a file without them (raw H.264) is decoded once.
 
         Args:
             path: Of the video, the image or the folder.
             lens: Through which it was filmed: frames come straightened. A frame of 1920 x 1080 takes 28 ms more.
-
-        Raises:
-            InputError: It does not exist, is not a video, or holds no image or frame.
         """
         if not path.exists():
             raise InputError(f"{path} does not exist; expected a video file or a folder of images.")

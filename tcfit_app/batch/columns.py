@@ -59,14 +59,12 @@ class Column:
     """The dotted name, in the group "setting"."""
 
     def value(self, text: str, folder: Path) -> Any:
-        """What a cell says.
+        """What a cell says. Raises ValueError if it says nothing that this column can hold; the message says what it
+        can.
 
         Args:
             text: Not empty.
             folder: What paths are relative to.
-
-        Raises:
-            ValueError: It says nothing that this column can hold; the message says what it can.
         """
         if self.type is Path:
             return folder / at_home(text)

@@ -194,15 +194,13 @@ class Corrections:
         return last
 
     def take_back(self, edit: int, run: int | None) -> None:
-        """After an undo or a redo, restore all corrections to their state when the same edits stood.
+        """After an undo or a redo, restore all corrections to their state when the same edits stood. Raises InputError
+        if the project cannot be written, or a fit cannot be read.
 
         Args:
             edit: The log entry undone or redone.
             run: The run whose fit is to follow if it was fitted to other keypoints and has no such correction; None: no
                 run.
-
-        Raises:
-            InputError: The project cannot be written, or a fit cannot be read.
         """
         with self._changing:
             collected = [one for one in self._fits.runs if one.kind == "corrections" and one.state == "finished"]

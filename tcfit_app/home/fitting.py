@@ -67,16 +67,14 @@ def _seldom(report: Report) -> Report:
 
 
 def fit_project(folder: Path, report: Report, *, models: Path | None = None, config: FitConfig | None = None) -> None:
-    """Fit a project with the default preset; keypoints are found if it has none.
+    """Fit a project with the default preset; keypoints are found if it has none. Raises InputError if somebody has it
+    open, nobody is found, the body is missing, or it cannot be read or written.
 
     Args:
         folder: Of the project.
         report: Is told how far it is.
         models: Folder of body models.
         config: In place of the default.
-
-    Raises:
-        InputError: Somebody has it open, nobody is found, the body is missing, or it cannot be read or written.
     """
     with Project.open(folder) as project:
         body = load_body(body_file(BodyOptions(models=models)))

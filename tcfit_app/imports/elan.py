@@ -47,7 +47,8 @@ class ElanNotes:
 
 
 def import_notes(project: Project, path: Path, tiers: Sequence[str] = (), *, author: str = "") -> ElanNotes:
-    """Store annotations as notes; a single undo removes them all.
+    """Store annotations as notes; a single undo removes them all. Raises InputError if it cannot be read, has no such
+    tier or no annotations, one is too long, or the project cannot be written; nothing is stored then.
 
     An annotation on frames that already have a note with this text is skipped. If tcfit wrote the file, an annotation
     in one of its tiers of notes replaces the text of the note on the same frames, if there is exactly one.
@@ -57,10 +58,6 @@ def import_notes(project: Project, path: Path, tiers: Sequence[str] = (), *, aut
         path: The .eaf file; its times are those of the project's video.
         tiers: Names; empty: all except those that tcfit derives from other data.
         author: Who imports.
-
-    Raises:
-        InputError: It cannot be read, has no such tier or no annotations, one is too long, or the project cannot be
-            written; nothing is stored then.
     """
     action, told = notes_of(path, project, tiers)
     if action is not None:

@@ -67,7 +67,8 @@ def import_run(
     source: str = "",
     goes_on: Callable[[], None] = lambda: None,
 ) -> Run:
-    """Read a result and store it as a finished run of the project.
+    """Read a result and store it as a finished run of the project. Raises InputError if it cannot be read or does not
+    match the clip, its body is missing, or the project cannot be written.
 
     Nothing is written unless all of it can be read.
 
@@ -79,9 +80,6 @@ def import_run(
         name: Of the run; by default from the file or folder.
         source: Its origin, for users; by default the path.
         goes_on: Called before anything is written; raises to cancel.
-
-    Raises:
-        InputError: It cannot be read or does not match the clip, its body is missing, or the project cannot be written.
     """
     source = name_of_file(source) if source else str(path)
     fit, body, placed = imported_fit(path, project.clip, bodies, choices or ImportChoices(), source=source)

@@ -16,7 +16,8 @@ from tcfit_app.options.fit import HINTS, NO_KEYPOINTS, FitOptions, NewOptions, R
 
 
 def clip_of(options: FitOptions | NewOptions | ReviewOptions, tell: Tell | None = None) -> Clip:
-    """Read the clip; what the library calls `frame_rate` its messages call --frame-rate here.
+    """Read the clip; what the library calls `frame_rate` its messages call --frame-rate here. Raises InputError if
+    files or options cannot be used.
 
     A project can be made of a video alone, with --keypoints none: nothing is detected then. A review finds nothing
     itself either: the app does, while it is looked at.
@@ -24,9 +25,6 @@ def clip_of(options: FitOptions | NewOptions | ReviewOptions, tell: Tell | None 
     Args:
         options: The command line.
         tell: Is told how far keypoints are found, if none are given.
-
-    Raises:
-        InputError: Files or options cannot be used.
     """
     try:
         clip = _read(options, tell)

@@ -128,15 +128,13 @@ class Project:
 
     @staticmethod
     def create(folder: Path, clip: Clip, *, copy_media: bool = False) -> "Project":
-        """Create a project and open it.
+        """Create a project and open it. Raises InputError if the folder is not empty or cannot be written, or the
+        source cannot be read.
 
         Args:
             folder: Must not exist, or be empty.
             clip: Its keypoints become the detections, its source the project's media.
             copy_media: Copy the source into the project; otherwise it is linked.
-
-        Raises:
-            InputError: The folder is not empty, or cannot be written; the source cannot be read.
         """
         folder = folder.resolve()
         with accessing(folder):

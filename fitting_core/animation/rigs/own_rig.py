@@ -31,15 +31,13 @@ _LOW = 0.12
 
 
 def on_own(motion: Motion, skeleton: Skeleton, joints: Joints) -> RigMotion:
-    """A motion on a rig with its own lengths, in its own world and unit.
+    """A motion on a rig with its own lengths, in its own world and unit. Raises InputError if the rest pose is not one
+    that a body can have.
 
     Args:
         motion: In any axes.
         skeleton: The rig.
         joints: The mapping, checked.
-
-    Raises:
-        InputError: The rest pose is not one that a body can have.
     """
     upright = motion.in_axes("y-up").one_shape
     posed, body = Posed.of(upright), upright.shaped_body
@@ -48,15 +46,13 @@ def on_own(motion: Motion, skeleton: Skeleton, joints: Joints) -> RigMotion:
 
 
 def own_target(skeleton: Skeleton, joints: Joints, body: BodyModel) -> Target:
-    """A rig of the user's as it is, with its own lengths.
+    """A rig of the user's as it is, with its own lengths. Raises InputError if the rest pose is not that of a body that
+    stands, or its axes are scaled unevenly.
 
     Args:
         skeleton: The rig.
         joints: The mapping, checked.
         body: Its mean shape is the person's.
-
-    Raises:
-        InputError: The rest pose is not that of a body that stands, or its axes are scaled unevenly.
     """
     where = {part: skeleton.places[skeleton.index(names[0])] for part, names in joints.items()}
     facing = _facing(where, skeleton)

@@ -47,14 +47,12 @@ class Skeleton:
         return self.world[:, :3, 3]
 
     def turns(self, moved: Iterable[int]) -> Float[np.ndarray, "J 3 3"]:
-        """How joints are turned at rest: rotations into the world.
+        """How joints are turned at rest: rotations into the world. Raises InputError if the axes of one are not as long
+        as each other, or mirrored.
 
         Args:
             moved: Those that will move. They count, and what they hang on; all others are taken as not turned, since a
                 prop in the scene may be scaled as it likes.
-
-        Raises:
-            InputError: The axes of one are not as long as each other, or mirrored.
         """
         turns = np.tile(np.eye(3), (len(self), 1, 1))
         for k in sorted({above for joint in moved for above in self._and_above(joint)}):

@@ -194,15 +194,13 @@ def content(name: str, place: Path | None = None) -> bytes:
 
 
 class Network:
-    """A network, ready to run.
+    """A network, ready to run. Raises InputError if it is not on this computer, or damaged; the message says how to get
+    it.
 
     Args:
         name: One of NETWORKS.
         outputs: Names of those that are wanted, in this order; None: all.
         threads: That it may use.
-
-    Raises:
-        InputError: It is not on this computer, or damaged; the message says how to get it.
     """
 
     def __init__(self, name: str, *, outputs: Sequence[str] | None = None, threads: int = 1) -> None:

@@ -130,7 +130,9 @@ def _write_types(root: ET.Element, tiers: Sequence[Tier]) -> None:
 
 
 def read_eaf(path: Path, video: str = "") -> tuple[Tier, ...]:
-    """The tiers of an .eaf file in file order, with the time in the video of all annotations.
+    """The tiers of an .eaf file in file order, with the time in the video of all annotations. Raises InputError if it
+    cannot be read, is not an .eaf file, or is inconsistent; or it links videos that begin at different times, and none
+    of this name.
 
     ELAN counts from each medium's origin (TIME_ORIGIN): that of the linked file whose name is the video's, whatever its
     suffix, otherwise that of all linked videos.
@@ -141,10 +143,6 @@ def read_eaf(path: Path, video: str = "") -> tuple[Tier, ...]:
     Args:
         path: The file.
         video: The name of the file whose time counts.
-
-    Raises:
-        InputError: It cannot be read, is not an .eaf file, or is inconsistent; or it links videos that
-            begin at different times, and none of this name.
     """
     try:
         content = regular_file(path, most=_MOST_BYTES).read_bytes()

@@ -54,7 +54,8 @@ def calibration(
     has_unit: bool = True,
     first_pixel: float = 0.5,
 ) -> Calibration:
-    """A camera from what a file has, in any of the usual shapes.
+    """A camera from what a file has, in any of the usual shapes. Raises ValueError if it is not a camera, or is one
+    that tcfit cannot use; the message says what was found and expected.
 
     Args:
         name: In the file.
@@ -68,9 +69,6 @@ def calibration(
         has_unit: As of `Calibration`.
         first_pixel: What the file's principal point counts as the middle of the first pixel: OPENCV_FIRST_PIXEL, or 0.5
             in COLMAP and whatever counts from the image's corner, as tcfit does.
-
-    Raises:
-        ValueError: It is not a camera, or is one that tcfit cannot use; the message says what was found and expected.
     """
     k = finite_numbers("the camera matrix", matrix, 9).reshape(3, 3)
     if not (min(k[0, 0], k[1, 1]) > 0 and np.allclose(k[2], (0, 0, 1)) and abs(k[1, 0]) < 1e-6):

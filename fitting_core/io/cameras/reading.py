@@ -59,17 +59,14 @@ def read_camera(
     *,
     scale_of: Callable[[Camera], PathScale | None] | None = None,
 ) -> tuple[Camera, tuple[str, ...]]:
-    """The camera for images of a size, and notes on how it was read.
+    """The camera for images of a size, and notes on how it was read. Raises InputError if the file cannot be read, has
+    several cameras but none of that name, was made for images of another shape, or holds no valid camera.
 
     Args:
         file: Which camera of which file.
         size: Width and height in pixels.
         frames: What a moving camera filmed; None: the images with poses in the file.
         scale_of: Estimates the metres of one unit from the camera in units, if it moves and nobody states it.
-
-    Raises:
-        InputError: The file cannot be read, has several cameras but none of that name, was made for images of
-            another shape, or holds no valid camera.
     """
     if file.unit is not None and not 1e-6 <= file.unit <= 1e6:
         raise InputError(

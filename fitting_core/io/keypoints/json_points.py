@@ -44,14 +44,12 @@ def json_files(folder: Path) -> list[Path]:
 
 
 def read_json(file: Path, *, advice: str) -> Any:
-    """The content of a JSON file.
+    """The content of a JSON file. Raises InputError if it is missing, unreadable, damaged, or nested deeper than Python
+    can read.
 
     Args:
         file: UTF-8, with or without a byte order mark.
         advice: What to do if it is damaged.
-
-    Raises:
-        InputError: It is missing, unreadable, damaged, or nested deeper than Python can read.
     """
     try:
         return json.loads(regular_file(file).read_text(encoding="utf-8-sig"))
@@ -79,16 +77,13 @@ def short(value: object) -> str:
 
 
 def numbers(where: str, values: Sequence[Any], names: Sequence[str], *, each: int = 3) -> Float[np.ndarray, "n"]:
-    """A JSON list as floats.
+    """A JSON list as floats. Raises InputError if one of them is not a number; the message names its keypoint.
 
     Args:
         where: File, person and list, for the message.
         values: The list.
         names: Of the keypoints, `each` values apiece.
         each: Values of one keypoint.
-
-    Raises:
-        InputError: One of them is not a number; the message names its keypoint.
     """
     if not set(map(type, values)) <= {int, float}:
         k = next(k for k, value in enumerate(values) if type(value) not in (int, float))
@@ -103,16 +98,14 @@ def numbers(where: str, values: Sequence[Any], names: Sequence[str], *, each: in
 def checked_points(
     where: str, points: Float[np.ndarray, "K 3"], names: Sequence[str], *, most: float = MAX_CONFIDENCE
 ) -> Float[np.ndarray, "K 3"]:
-    """Usable positions and confidences: x, y, and confidence up to 1; (0, 0, 0) where not detected.
+    """Usable positions and confidences: x, y, and confidence up to 1; (0, 0, 0) where not detected. Raises InputError
+    if a value is not finite, too large, or a negative confidence; the message names its keypoint.
 
     Args:
         where: File, person and list, for the message.
         points: x, y, confidence as read; a confidence down to MIN_CONFIDENCE counts as 0.
         names: Of the keypoints.
         most: The largest confidence that is clipped to 1 instead of refused.
-
-    Raises:
-        InputError: A value is not finite, too large, or a negative confidence; the message names its keypoint.
     """
     wrong_position = ~np.all(np.abs(points[:, :2]) <= MAX_POSITION, axis=1)
     wrong_confidence = ~((points[:, 2] >= MIN_CONFIDENCE) & (points[:, 2] <= most))

@@ -189,6 +189,7 @@ def write_everybody(
     detector: str = "",
 ) -> list[Path]:
     """Write everybody's keypoints as BODY_25 JSON, ``<name>_<12 digits>_keypoints.json`` per frame; return the paths.
+    Raises InputError if the folder holds other keypoint files, which would be read as frames of this clip.
 
     A part (hands, face) that no frame has is an empty list, as OpenPose writes it when that part is switched off.
     People without a detected keypoint in a frame are left out of it. Reading gives back exactly the same positions
@@ -202,9 +203,6 @@ def write_everybody(
         image_stems: The images' own names without suffixes, if they are files: the keypoint files are named after them,
             as OpenPose does.
         detector: The detector whose points they resemble, if known (`Detected.points`).
-
-    Raises:
-        InputError: The folder holds other keypoint files, which would be read as frames of this clip.
     """
     folder.mkdir(parents=True, exist_ok=True)
     stems = image_stems or [f"{name}_{first_frame + t:012d}" for t in range(len(people))]

@@ -171,7 +171,8 @@ def read_pose(path: Path) -> Detections:
 def write_pose(
     path: Path, keypoints: Keypoints, *, size: tuple[int, int], frame_rate: float, first_frame: int = 0
 ) -> None:
-    """Write one person's keypoints as pose-format's four components for OpenPose.
+    """Write one person's keypoints as pose-format's four components for OpenPose. Raises InputError if the image is too
+    large for the format.
 
     Numbers are float32: positions to 0.0005 px in images of 8192 pixels. Reading gives all 137 back.
 
@@ -182,9 +183,6 @@ def write_pose(
         frame_rate: Frames per second.
         first_frame: Empty frames to write before the first one, as the format counts from the video's first. None are
             written for a number above 1,000,000, which is a date in an image's name and not a count.
-
-    Raises:
-        InputError: The image is too large for the format.
     """
     components, places = openpose_components()
     detected = (keypoints.confidence > 0)[..., None]

@@ -102,14 +102,12 @@ class ImportedMotion:
         return self.focal if self.focal_rule is None else (self.focal_rule[0](size), self.focal_rule[1])
 
     def camera_for(self, camera: Camera, focal_length: float | None = None) -> Camera:
-        """The camera that the motion was found with, for a clip's images; it stands or moves as the clip's does.
+        """The camera that the motion was found with, for a clip's images; it stands or moves as the clip's does. Raises
+        InputError if the focal length is invalid, or the motion was found on images of another shape.
 
         Args:
             camera: The clip's, used if the file states none.
             focal_length: In pixels, if the file states no camera.
-
-        Raises:
-            InputError: The focal length is invalid, or the motion was found on images of another shape.
         """
         own = self._own_camera(camera, focal_length)
         return replace(own, lens=camera.lens, world=camera.world, path=camera.path)
@@ -265,7 +263,8 @@ def cover(
     first_frame: int | None = None,
     partly: bool = False,
 ) -> CoveredFrames:
-    """Find a motion's frame for each frame of a clip.
+    """Find a motion's frame for each frame of a clip. Raises InputError if the motion has no frame of the clip, or
+    fewer than it with nothing to say which; the message gives the frames found and expected.
 
     If the file names the clip's images, they decide. Otherwise a motion with as many frames as the clip matches them in
     order. Otherwise frame numbers decide: those in the images' names before indices, or `first_frame`; and time, if the
@@ -279,10 +278,6 @@ def cover(
         images: Names without suffix of the images that the clip is part of, in order.
         first_frame: Number in the video of the motion's first frame.
         partly: Whether a part of the clip is enough, even if nothing says which part.
-
-    Raises:
-        InputError: The motion has no frame of the clip, or fewer than it with nothing to say which; the message gives
-            the frames found and expected.
     """
     named = set(motion.stems) <= set(images) and bool(motion.stems) and first_frame is None
     whole = motion.numbers[-1] - motion.numbers[0] + 1 == len(motion)

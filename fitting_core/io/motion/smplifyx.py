@@ -63,7 +63,8 @@ class ResultAbout(msgspec.Struct, frozen=True, kw_only=True):
 def read_smplifyx(
     path: Path, *, person: int = 0, gender: str | None = None, decode: Decode | None = None
 ) -> ImportedMotion:
-    """Read a folder of results, an archive of one, or a single pickle.
+    """Read a folder of results, an archive of one, or a single pickle. Raises InputError if there are no results, one
+    is damaged or invalid, or the pose needs a VPoser.
 
     Frames are the folders around the pickles, ordered by number.
 
@@ -72,9 +73,6 @@ def read_smplifyx(
         person: Number of the pickle in each frame: 0 is 000.pkl.
         gender: Of the fitted body, which SMPLify-X does not record; None: as about.json says, or neutral.
         decode: Of the VPoser that it was fitted with; None: not available.
-
-    Raises:
-        InputError: There are no results, one is damaged or invalid, or the pose needs a VPoser.
     """
     with open_members(path) as members:
         pickles = [member for member in members if _NUMBERED.fullmatch(member.path.name)]
@@ -122,7 +120,8 @@ def write_smplifyx(
     embedding: Float[Tensor, "T 32"] | None = None,
     progress: Callable[[float], None] = lambda share: None,
 ) -> None:
-    """Write `results/<stem>/000.pkl` for each frame, and about.json with what does not fit into pickles.
+    """Write `results/<stem>/000.pkl` for each frame, and about.json with what does not fit into pickles. Raises OSError
+    if it cannot be written.
 
     Pickles contain only float32 arrays, which numpy 1 and 2 and SMPLify-X's own scripts read.
 
@@ -135,9 +134,6 @@ def write_smplifyx(
         frame_rate: Frames per second.
         embedding: The poses in the pose prior's numbers; None: it has none.
         progress: Takes the share that is done; an exception from it ends the writing.
-
-    Raises:
-        OSError: It cannot be written.
     """
     assert len(stems) == len(set(stems)) == len(params)
     (folder / RESULTS).mkdir(parents=True, exist_ok=True)

@@ -48,14 +48,11 @@ class ResultFrame:
 
 
 def read_result(path: Path, member: Member) -> ResultFrame:
-    """Read a pickle.
+    """Read a pickle. Raises InputError if it is damaged, refers to code, lacks a key, or has invalid values.
 
     Args:
         path: What the user gave, for messages.
         member: The pickle: the path itself, or inside it.
-
-    Raises:
-        InputError: It is damaged, refers to code, lacks a key, or has invalid values.
     """
     itself = path.is_file() and member.path.name == path.name
     where = path if itself else path / member.path.relative_to(member.path.parts[0])

@@ -53,7 +53,8 @@ def write_c3d(
     screen: tuple[str, str] | None = None,
     subject: str = "",
 ) -> None:
-    """Write points in millimetres; frames are numbered from 1, the video's first one, at time 0.
+    """Write points in millimetres; frames are numbered from 1, the video's first one, at time 0. Raises OSError if it
+    cannot be written; nothing is left of it.
 
     If a number would exceed _LAST_NUMBER, they are numbered from the points' first frame, and events are timed from it.
     The group TCFIT says where the camera stands, if known.
@@ -64,9 +65,6 @@ def write_c3d(
         events: Written as the group EVENT, as in Vicon's programs.
         screen: The axes that point right and up on a screen, such as ("+X", "+Z"); None: not known.
         subject: Whose they are.
-
-    Raises:
-        OSError: It cannot be written; nothing is left of it.
     """
     writer = c3d.Writer(point_rate=points.frame_rate, point_units="mm")
     first = points.first_frame or 0

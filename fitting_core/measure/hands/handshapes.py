@@ -118,13 +118,10 @@ class _Written(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 def read_handshapes(path: Path) -> dict[str, Handshape]:
-    """The user's own set of named handshapes.
+    """The user's own set of named handshapes. Raises InputError if it cannot be read, or says something else.
 
     Args:
         path: TOML: a table for each shape, `like` one of HANDSHAPES or of those above it, with the angles that differ.
-
-    Raises:
-        InputError: It cannot be read, or says something else.
     """
     try:
         table = parsed_toml(regular_file(path, most=_MOST_BYTES).read_text(encoding="utf-8"))

@@ -22,14 +22,11 @@ from fitting_core.world_camera import WorldCamera, in_camera
 
 
 def body_of(record: BodyOf, *, search: Path | None = None) -> BodyModel:
-    """The body model of a reference.
+    """The body model of a reference. Raises InputError if it is not there; the message says which file goes where.
 
     Args:
         record: Which one.
         search: A model file or a folder that alone is searched; None: `registry.search_folders`, and the free bodies.
-
-    Raises:
-        InputError: It is not there; the message says which file goes where.
     """
     if not record.hash:
         return load_body(find_body(model=record.kind, gender=record.gender, search=search))

@@ -63,15 +63,13 @@ def matched(
     path: Path, points: NamedPoints, own: MarkerSet | None = None
 ) -> tuple[Float[np.ndarray, "T 137 3"], MarkerSet, Float[np.ndarray, "T M 3"], tuple[str, ...]]:
     """Named points in the places of the keypoints, those that are markers or joints, and what is to be said of others.
+    Raises InputError if too few names are known, or one stands for a keypoint that another one is.
 
     Args:
         path: For messages.
         points: By names of OpenPose's keypoints, of markers of the standard set, or of SMPL-X's joints if those of the
             spine are there.
         own: The user's names, which go before these.
-
-    Raises:
-        InputError: Too few names are known, or one stands for a keypoint that another one is.
     """
     placed = np.full((len(points), kp.COUNT, 3), np.nan)
     owner: dict[int, str] = {}
@@ -143,7 +141,8 @@ def _clock(path: Path, seconds: np.ndarray, count: int) -> tuple[float, int]:
 def reference_of_points(
     path: Path, kind: str, points: NamedPoints, camera: WorldCamera | None, markers: MarkerSet | None = None
 ) -> Reference:
-    """A reference of points alone.
+    """A reference of points alone. Raises InputError if too few of them have known names, or they are not in metres or
+    not before the camera.
 
     Args:
         path: Where they were read.
@@ -151,9 +150,6 @@ def reference_of_points(
         points: In the file's world; a frame rate of 0 is not known.
         camera: Where the clip's camera stands in that; None: where the file says, if it does.
         markers: What the user says that points are.
-
-    Raises:
-        InputError: Too few of them have known names, or they are not in metres or not before the camera.
     """
     placed, known, places, notes = matched(path, points, markers)
     if not np.isfinite(placed).any() and not np.isfinite(places).any():

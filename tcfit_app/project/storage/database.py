@@ -159,14 +159,12 @@ class Database:
     """
 
     def __init__(self, path: Path, *, read_only: bool) -> None:
-        """Open a project's database, and upgrade it to the current version.
+        """Open a project's database, and upgrade it to the current version. Raises InputError if it cannot be opened,
+        is damaged, not a project of tcfit, or from a newer tcfit.
 
         Args:
             path: Of the file.
             read_only: Leave it unchanged; an older version is read as a snapshot of its opening.
-
-        Raises:
-            InputError: It cannot be opened, is damaged, not a project of tcfit, or from a newer tcfit.
         """
         self.path, self.read_only = path, read_only
         self.damage = Damage(path)

@@ -110,14 +110,11 @@ def phase_arrays(phase: PhaseResult) -> dict[str, np.ndarray]:
 
 
 def read_run(path: Path, config: FitConfig) -> FitResult:
-    """Read a file written by `write_run`.
+    """Read a file written by `write_run`. Raises InputError if it is missing, damaged, or not a run of tcfit.
 
     Args:
         path: The file.
         config: The run's configuration, from the database.
-
-    Raises:
-        InputError: It is missing, damaged, or not a run of tcfit.
     """
     try:
         arrays = read_npz(path)

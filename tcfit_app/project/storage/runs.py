@@ -93,7 +93,8 @@ class Runs:
         frames: range | None = None,
         name: str = "",
     ) -> Run:
-        """Record that a fit starts.
+        """Record that a fit starts. Raises InputError if the name is invalid, the parent does not exist, or the project
+        cannot be written.
 
         Args:
             config: All of its settings.
@@ -104,9 +105,6 @@ class Runs:
             given: What it is given besides the clip.
             frames: The frames to refit; None for all.
             name: By default from its number.
-
-        Raises:
-            InputError: The name is invalid, the parent does not exist, or the project cannot be written.
         """
         if parent is not None:
             self.get(parent)
@@ -142,16 +140,14 @@ class Runs:
     def finish(
         self, run: int, fit: FitResult, *, summary: dict[str, Any] | None = None, state: RunState = "running"
     ) -> Run:
-        """Store a run's result; it is on disk when this returns.
+        """Store a run's result; it is on disk when this returns. Raises InputError if it is in another state, or the
+        project cannot be written; it is unchanged then.
 
         Args:
             run: Its number.
             fit: The result.
             summary: Figures for lists; None: seconds and costs.
             state: Its required state: "running", or "failed" because the result could not be written before.
-
-        Raises:
-            InputError: It is in another state, or the project cannot be written; it is unchanged then.
         """
         self._expect(run, state)
         write_run(self._path(run), fit)

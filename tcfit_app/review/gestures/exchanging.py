@@ -58,14 +58,12 @@ class Exchanging:
         self._tab.say(f"It is {someone.name}: {_words(doubt.span)}")
 
     def exchange(self, other: Someone, number: int) -> None:
-        """Swap the keypoints of two people from a frame on, in both projects.
+        """Swap the keypoints of two people from a frame on, in both projects. Raises InputError if they are not both
+        present from this frame on, or a project cannot be written.
 
         Args:
             other: The other person.
             number: The video frame number.
-
-        Raises:
-            InputError: They are not both present from this frame on, or a project cannot be written.
         """
         mine = self._tab.someone
         self._correcting.refuse_while_dragging()

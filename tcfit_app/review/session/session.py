@@ -114,16 +114,14 @@ class Session:
         self.project.marks.set(frames, state, author=author)
 
     def write_note(self, frames: Iterable[int], text: str, *, author: str, replaces: int | None = None) -> None:
-        """Save a note on consecutive frames.
+        """Save a note on consecutive frames. Raises InputError if the note is invalid, or the project cannot be
+        written.
 
         Args:
             frames: which.
             text: its text; empty deletes the note it replaces.
             author: who wrote it.
             replaces: the `Note.id` of the note it replaces.
-
-        Raises:
-            InputError: The note is invalid, or the project cannot be written.
         """
         note = WriteNote(frames=tuple(frames), text=text.strip(), replaces=replaces)
         self.project.append(note, author=author)
@@ -147,7 +145,7 @@ class Session:
     def fit_everything(
         self, config: FitConfig, *, kind: str, gender: str, camera: Camera | None = None, known: KnownInputs = NOTHING
     ) -> Run:
-        """Submit a whole fit.
+        """Submit a whole fit. Raises InputError if the body model is missing, or the project cannot be written.
 
         Args:
             config: All settings.
@@ -155,9 +153,6 @@ class Session:
             gender: Its gender.
             camera: None: the clip's. Runs started from this one keep it.
             known: A start and a shape, for this body and camera.
-
-        Raises:
-            InputError: The body model is missing, or the project cannot be written.
         """
         self.refuse_without_keypoints()
         body = self.bodies.find(kind=kind, gender=gender)
@@ -175,15 +170,13 @@ class Session:
         return replace(PRESETS[name], height=self.project.height)
 
     def find_and_fit(self, detector: str, config: FitConfig | None = None, *, person: int | None = None) -> None:
-        """Start detecting keypoints in the video, and fit them as they are found.
+        """Start detecting keypoints in the video, and fit them as they are found. Raises InputError as `fit_everything`
+        and `KeypointSource.begin` do; nothing has been started then.
 
         Args:
             detector: As in `KeypointSource.detect`.
             config: All settings; None: the default preset's.
             person: As in `KeypointSource.detect`.
-
-        Raises:
-            InputError: As `fit_everything` and `KeypointSource.begin`; nothing has been started then.
         """
         body = self.bodies.find()
         self.source.detect(detector, person=person)
@@ -210,14 +203,12 @@ class Session:
         return lambda: read_given(only, self.project, clip, body, self.bodies)
 
     def set_camera(self, file: CameraFile, *, sent_as: str = "") -> Camera:
-        """Use a calibration as the project's camera. Slow: for `tasks`.
+        """Use a calibration as the project's camera. Slow: for `tasks`. Raises InputError if it cannot be read, does
+        not fit this clip, or the project cannot be written.
 
         Args:
             file: On this computer.
             sent_as: Its name in the browser, if it was uploaded.
-
-        Raises:
-            InputError: It cannot be read, does not fit this clip, or the project cannot be written.
         """
         self.project.refuse_read_only()
         with self.source.camera_changes():
@@ -229,17 +220,14 @@ class Session:
             return camera
 
     def import_run(self, path: Path, choices: ImportChoices, report: Step, *, sent_as: str = "") -> Run:
-        """Store another program's result as a run to compare. Slow: for `tasks`.
+        """Store another program's result as a run to compare. Slow: for `tasks`. Raises InputError if it cannot be read
+        or does not match the clip, its body model is missing, or the project cannot be written; nothing is stored then.
 
         Args:
             path: On this computer.
             choices: What its files do not say.
             report: Called before anything is written.
             sent_as: Its name in the browser, if it was uploaded.
-
-        Raises:
-            InputError: It cannot be read or does not match the clip, its body model is missing, or the project cannot
-                be written; nothing is stored then.
         """
         self.project.refuse_read_only()
         name = name_of_file(sent_as) if sent_as else ""

@@ -47,13 +47,10 @@ class Someone:
         return None if self.group is None else self.group.members[self.number].number
 
     def numbered(self, listed: int) -> "Someone":
-        """The person a link refers to.
+        """The person a link refers to. Raises InputError if there is no such person here.
 
         Args:
             listed: As in `listed`.
-
-        Raises:
-            InputError: There is no such person here.
         """
         found = next((someone for someone in self.everybody if someone.listed == listed), None)
         if found is None:

@@ -53,15 +53,13 @@ def people_in(path: Path) -> tuple[PersonTrack, ...]:
 
 
 def read_learned(path: Path, *, person: int | None = None, gender: str | None = None) -> ImportedMotion | None:
-    """Read a learned system's result; None if it is not one.
+    """Read a learned system's result; None if it is not one. Raises InputError if it is damaged, refers to what could
+    run code, or lacks what the system writes.
 
     Args:
         path: Its file, the folder that contains it, or for TRAM a zip of that folder.
         person: Number of the one to take, as in the file; None: whoever is in most frames.
         gender: Of the body; None: neutral, which all these systems assume.
-
-    Raises:
-        InputError: It is damaged, refers to what could run code, or lacks what the system writes.
     """
     with _checked(path), _content(path) as content:
         system = _system_of(content)

@@ -79,16 +79,14 @@ def mapping(content: object, what: str) -> dict[Any, Any]:
 
 
 def rows(values: object, key: str, width: int, frames: int | None = None) -> Float[np.ndarray, "T width"]:
-    """An array of numbers for each frame.
+    """An array of numbers for each frame. Raises InputError if it is missing, of another shape, or not of finite
+    numbers.
 
     Args:
         values: A dictionary.
         key: In it.
         width: Numbers per frame, in any shape.
         frames: Expected count; None: any.
-
-    Raises:
-        InputError: It is missing, of another shape, or not of finite numbers.
     """
     array = _numbers(values, key)
     if array.ndim == 0 or not len(array) or array.size != len(array) * width or frames not in (None, len(array)):

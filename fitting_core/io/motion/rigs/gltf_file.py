@@ -57,14 +57,11 @@ class GltfFile:
 
 
 def read_gltf(path: Path, *, with_data: bool = True) -> GltfFile:
-    """Read a .glb or .gltf.
+    """Read a .glb or .gltf. Raises InputError if it cannot be read, or is not glTF 2.0.
 
     Args:
         path: The file. Files that a .gltf refers to must be in its folder.
         with_data: Read buffers and images as well; without them, only the skeleton is available.
-
-    Raises:
-        InputError: It cannot be read, or is not glTF 2.0.
     """
     try:
         content = regular_file(path, most=_MOST).read_bytes()

@@ -43,14 +43,12 @@ class RigMapping:
 
 
 def read_skeleton(path: Path, *, whole: bool = False) -> Skeleton:
-    """The skeleton of a .bvh, .glb, .gltf or .vrm file, with the names to choose from.
+    """The skeleton of a .bvh, .glb, .gltf or .vrm file, with the names to choose from. Raises InputError if it is not
+    one of these, or cannot be read.
 
     Args:
         path: The file.
         whole: Require everything that the file refers to, surface and images included.
-
-    Raises:
-        InputError: It is not one of these, or cannot be read.
     """
     ending = path.suffix.lower()
     if ending == ".bvh":
@@ -62,14 +60,12 @@ def read_skeleton(path: Path, *, whole: bool = False) -> Skeleton:
 
 
 def read_mapping(path: Path, *, checked: bool = True) -> RigMapping:
-    """Read a mapping file, fill it in by joint names, and check it unless it is still being edited.
+    """Read a mapping file, fill it in by joint names, and check it unless it is still being edited. Raises InputError
+    if the mapping cannot be read or used, or the rig cannot be read.
 
     Args:
         path: The mapping file, or the rig itself, for which everything is guessed.
         checked: Refuse a mapping that cannot be used.
-
-    Raises:
-        InputError: The mapping cannot be read or used, or the rig cannot be read.
     """
     is_rig = path.suffix.lower() in (*_GLTF, ".bvh", *_TO_CONVERT)
     table = {} if is_rig else _table(path)

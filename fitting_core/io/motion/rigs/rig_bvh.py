@@ -33,7 +33,7 @@ def write_rig_bvh(
     kept: Sequence[int] | None = None,
     progress: Progress | None = None,
 ) -> None:
-    """Write the skeleton and its motion.
+    """Write the skeleton and its motion. Raises OSError if the file cannot be written; nothing is left of it.
 
     Args:
         path: The file.
@@ -43,9 +43,6 @@ def write_rig_bvh(
         kept: The joints to write, parents first, with the parents of all but the first; None: all below the topmost
             joint above the pelvis.
         progress: See `Progress`.
-
-    Raises:
-        OSError: The file cannot be written; nothing is left of it.
     """
     tree = _Tree(moving, sorted(_of_pelvis(moving) if kept is None else kept), unit)
     rows = tree.rows()
