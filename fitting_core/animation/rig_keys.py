@@ -13,9 +13,10 @@ from jaxtyping import Float, Int
 from fitting_core.animation.keys import Animation, along_arc, between, fewer_keys, frames_within, spans
 from fitting_core.animation.morphs import Morphs
 from fitting_core.animation.rig import Rig
+from fitting_core.body.geometry import SIDES
 from fitting_core.body.model import JOINT
 from fitting_core.frame_runs import runs_where
-from fitting_core.ground.contacts import SIDES, Contacts
+from fitting_core.ground.contacts import Contacts
 from fitting_core.motion import CHUNK, Motion, Progress
 
 _OF_SHAPES = 0.5

@@ -8,6 +8,7 @@ from jaxtyping import Bool, Float
 from scipy.ndimage import gaussian_filter1d
 
 from fitting_core import keypoints as kp
+from fitting_core.body.geometry import SIDES
 from fitting_core.camera import Camera
 from fitting_core.frame_runs import runs_where
 from fitting_core.ground.gravity import Gravity
@@ -17,7 +18,6 @@ from fitting_core.keypoints import SEEN
 from fitting_core.lifting.clip_lifting import LiftedClip, lift
 from fitting_core.video.frame_names import spans
 
-SIDES = ("left", "right")
 PARTS = ("ankle", "heel", "big_toe", "small_toe")
 FOOT_POINTS = np.array([[kp.INDEX[f"{side}_{part}"] for part in PARTS] for side in SIDES])
 """BODY_25 keypoints of the left and the right foot."""

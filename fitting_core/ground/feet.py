@@ -8,11 +8,12 @@ import torch
 from jaxtyping import Float
 
 from fitting_core.body import rotations
+from fitting_core.body.geometry import SIDES
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams, full_pose
 from fitting_core.body.points.body_points import BodyPoints
 from fitting_core.body.points.pairs import Joint, keypoint_points
-from fitting_core.ground.contacts import FOOT_POINTS, SIDES
+from fitting_core.ground.contacts import FOOT_POINTS
 
 _CHUNK = 1024
 """Frames posed per batch."""

@@ -12,10 +12,10 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 from fitting_core.animation.retargeting.limbs import limb_of, reached
 from fitting_core.animation.retargeting.retarget import Posed, RigMotion
 from fitting_core.animation.retargeting.target import Target
+from fitting_core.body.geometry import SIDES
 from fitting_core.body.model import JOINT
 from fitting_core.motion import Motion
 
-SIDES = ("left", "right")
 _SPREAD = 0.15
 """Seconds over which the pelvis is lowered and raised again."""
 _MOST = 0.1

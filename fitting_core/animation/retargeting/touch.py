@@ -14,10 +14,10 @@ from scipy.spatial import KDTree
 
 from fitting_core.animation.retargeting.limbs import limb_of, reached
 from fitting_core.animation.retargeting.retarget import Posed, RigMotion
+from fitting_core.body.geometry import SIDES
 from fitting_core.body.model import JOINT, JOINTS
 from fitting_core.motion import CHUNK, Motion
 
-SIDES = ("left", "right")
 _NEAR, _FAR = 0.015, 0.06
 """Skin distances in metres up to which a hand touches, and from which it does not."""
 _SOFT = 0.004

@@ -14,11 +14,11 @@ from fitting_core.animation.retargeting.touch import touches, touching
 from fitting_core.animation.rigs.mapping import Joints
 from fitting_core.animation.rigs.parts import CHAINS, NEEDED, meant
 from fitting_core.animation.rigs.skeleton import Skeleton
+from fitting_core.body.geometry import SIDES
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.errors import InputError
 from fitting_core.motion import Motion
 
-_SIDES = ("left", "right")
 _SHORT = 1e-6
 """Share of the rig's height: bones that are shorter have no direction."""
 _APART = 0.05
@@ -85,7 +85,7 @@ def _body_of(skeleton: Skeleton, joints: Joints) -> set[int]:
 
 def _leg(where: dict[str, np.ndarray]) -> float:
     """Mean length of thigh and shin together."""
-    parts = [[where[f"{side}_{part}"] for part in ("hip", "knee", "ankle")] for side in _SIDES]
+    parts = [[where[f"{side}_{part}"] for part in ("hip", "knee", "ankle")] for side in SIDES]
     return float(np.mean([np.linalg.norm(k - h) + np.linalg.norm(a - k) for h, k, a in parts]))
 
 
@@ -121,7 +121,7 @@ def _check_limbs(where: dict[str, np.ndarray], skeleton: Skeleton) -> None:
 def _check_stands(where: dict[str, np.ndarray], facing: Float[np.ndarray, "3 3"], skeleton: Skeleton) -> None:
     """Legs hang down and arms do not cross the body: the turn from a T pose is long else, and its twist not known."""
     left, up, _ = facing.T
-    for side, outward in zip(_SIDES, (left, -left), strict=True):
+    for side, outward in zip(SIDES, (left, -left), strict=True):
         for part, direction, most in (
             *((part, -up, _ASTRIDE) for part in ("hip", "knee")),
             *((part, outward, _INWARD) for part in ("shoulder", "elbow")),
@@ -158,10 +158,10 @@ def _rest(
     }
     rest = body.rest_joints
     fixed = {}
-    for side in _SIDES:
+    for side in SIDES:
         fixed |= _foot(side, where, facing, rest)
     first = rest_turns(rest, body.parents, directions, facing=facing, fixed=fixed)
-    hands = {f"{side}_wrist": _hand(side, where, rest, first[JOINT[f"{side}_wrist"]]) for side in _SIDES}
+    hands = {f"{side}_wrist": _hand(side, where, rest, first[JOINT[f"{side}_wrist"]]) for side in SIDES}
     return rest_turns(rest, body.parents, directions, facing=facing, fixed=fixed | hands)
 
 

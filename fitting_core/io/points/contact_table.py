@@ -5,10 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from fitting_core.body.geometry import SIDES
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.frame_runs import runs_where
-from fitting_core.ground.contacts import SIDES, Contacts
+from fitting_core.ground.contacts import Contacts
 from fitting_core.io.points.c3d_file import Event
 from fitting_core.motion import Motion
 

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core import keypoints as kp
+from fitting_core.body.geometry import SIDES
 from fitting_core.body.markers.marker_set import RADIUS, MarkerSet, Target
 from fitting_core.body.markers.places import PLACES
 from fitting_core.body.model import JOINT
@@ -29,7 +30,6 @@ _LIMBS = {
     ("elbow", "wrist"): 0.26,
 }
 """Metres between joints of an adult."""
-_SIDES = ("left", "right")
 _SPINE = {"pelvis", "spine1", "spine2", "spine3"}
 """Beside these, left_hip and others are SMPL-X's joints, which lie centimetres from the keypoints of the same names."""
 _NEAR = {"shoulder": "SHO", "hip": "ASI", "knee": "KNE", "ankle": "ANK", "elbow": "ELB", "wrist": "WRA"}
@@ -50,7 +50,7 @@ def _plain(name: str) -> str:
 
 
 _KEYPOINTS = {_plain(own): index for own, index in kp.INDEX.items()}
-_KEYPOINTS |= {side[0] + part: _KEYPOINTS[side + part] for side in _SIDES for part in _SIDED}
+_KEYPOINTS |= {side[0] + part: _KEYPOINTS[side + part] for side in SIDES for part in _SIDED}
 _KEYPOINTS |= {name: kp.INDEX[own] for name, own in _MIDDLE.items()}
 
 
@@ -197,7 +197,7 @@ def trunk_axis(found: Reference) -> Float[np.ndarray, "3"] | None:
     markers = found.markers or MarkerSet({}, RADIUS)
     places = np.zeros((len(found), 0, 3)) if found.marker_places is None else found.marker_places
     ends = _ends(found.points, markers, places)
-    ways = np.concatenate([ends[f"{side}_shoulder"] - ends[f"{side}_hip"] for side in _SIDES])
+    ways = np.concatenate([ends[f"{side}_shoulder"] - ends[f"{side}_hip"] for side in SIDES])
     ways = ways[np.isfinite(ways).all(1) & ways.any(1)]
     if not len(ways):
         return None
@@ -227,7 +227,7 @@ def _ends(
     placed: Float[np.ndarray, "T 137 3"], markers: MarkerSet, places: Float[np.ndarray, "T M 3"]
 ) -> dict[str, Float[np.ndarray, "T 3"]]:
     """Of limbs, such as left_knee, by keypoint, joint, or the marker that is near."""
-    near = {f"{side}_{part}": f"{side[0].upper()}{marker}" for side in _SIDES for part, marker in _NEAR.items()}
+    near = {f"{side}_{part}": f"{side[0].upper()}{marker}" for side in SIDES for part, marker in _NEAR.items()}
     found = {}
     for end, marker in near.items():
         names = [i for i, on in enumerate(markers.targets.values()) if on in (end, marker)]
@@ -238,7 +238,7 @@ def _ends(
 def _limb_lengths(ends: dict[str, Float[np.ndarray, "T 3"]]) -> dict[tuple[tuple[str, str], str], float]:
     """Medians over the frames, by limb and side, of those that are known in any."""
     found = {}
-    for limb, side in product(_LIMBS, _SIDES):
+    for limb, side in product(_LIMBS, SIDES):
         start, end = (ends[f"{side}_{part}"] for part in limb)
         lengths = np.linalg.norm(end - start, axis=-1)
         if np.isfinite(lengths).any():

@@ -19,15 +19,15 @@ Span = tuple[int, int]
 Triple = tuple[float, float, float]
 
 
-class PageState(msgspec.Struct, frozen=True, kw_only=True):
-    """One of the values."""
+class _State(msgspec.Struct, frozen=True, kw_only=True):
+    """One state."""
 
 
 Place = tuple[float, float, float, float]
 """Left, top, right and bottom on the canvas, as fractions of its width and height."""
 
 
-class Poster(PageState, frozen=True, kw_only=True):
+class Poster(_State, frozen=True, kw_only=True):
     """A picture in the flat world, or the side view's plate."""
 
     node: str = "/posters/0"
@@ -46,7 +46,7 @@ class Poster(PageState, frozen=True, kw_only=True):
     color: Color = "#cfd6df"
 
 
-class Layout(PageState, frozen=True, kw_only=True):
+class Layout(_State, frozen=True, kw_only=True):
     """What the canvas shows.
 
     Posters: pixel (u, v) of a poster of W x H is at ((u - W/2)/H, (v - H/2)/H, 0) in viser's world. All have the height
@@ -63,7 +63,7 @@ class Layout(PageState, frozen=True, kw_only=True):
     """Two pictures share a window: the first is shown left of a divider, the other right of it."""
 
 
-class FitBody(PageState, frozen=True, kw_only=True):
+class FitBody(_State, frozen=True, kw_only=True):
     """A body's BODY_25 keypoints according to the fit."""
 
     color: Color
@@ -73,7 +73,7 @@ class FitBody(PageState, frozen=True, kw_only=True):
     """Error bars along the camera's ray and across it, metres; None if unknown."""
 
 
-class Bodies(PageState, frozen=True, kw_only=True):
+class Bodies(_State, frozen=True, kw_only=True):
     """The fits' keypoints in space."""
 
     bodies: tuple[FitBody, ...]
@@ -84,7 +84,7 @@ class Bodies(PageState, frozen=True, kw_only=True):
     """The floor: metres along it from the camera."""
 
 
-class SidePlate(PageState, frozen=True, kw_only=True):
+class SidePlate(_State, frozen=True, kw_only=True):
     """How the side view's plate maps camera space, in pixels as in `Layout`."""
 
     plate: tuple[Triple, Triple]
@@ -101,7 +101,7 @@ class SidePlate(PageState, frozen=True, kw_only=True):
     """The viewing ray of the picture's pixel (u, v) has the direction sight · (u, v, 1) from the camera."""
 
 
-class Space(PageState, frozen=True, kw_only=True):
+class Space(_State, frozen=True, kw_only=True):
     """How 3D maps camera space."""
 
     turn: tuple[Triple, Triple, Triple]
@@ -111,7 +111,7 @@ class Space(PageState, frozen=True, kw_only=True):
     """The shift of each of `Bodies` along its x."""
 
 
-class OtherPerson(PageState, frozen=True, kw_only=True):
+class OtherPerson(_State, frozen=True, kw_only=True):
     """One of the clip's other people."""
 
     number: int
@@ -125,13 +125,13 @@ class OtherPerson(PageState, frozen=True, kw_only=True):
     """Dimmed lines, if nothing else shows the person: from x, y to x, y in image pixels."""
 
 
-class OtherPeople(PageState, frozen=True, kw_only=True):
+class OtherPeople(_State, frozen=True, kw_only=True):
     """The people in the frame on show."""
 
     people: tuple[OtherPerson, ...] = ()
 
 
-class Group(PageState, frozen=True, kw_only=True):
+class Group(_State, frozen=True, kw_only=True):
     """Keypoints start ... stop - 1."""
 
     name: str
@@ -146,7 +146,7 @@ GROUP_COLORS = {"body": "#4da3ff", "left_hand": "#2fd39a", "right_hand": "#ff9f4
 GROUP_RADII = {"body": 5.0, "left_hand": 3.0, "right_hand": 3.0, "face": 2.5}
 
 
-class Skeleton(PageState, frozen=True, kw_only=True):
+class Skeleton(_State, frozen=True, kw_only=True):
     """The keypoints' names, groups and bones."""
 
     names: tuple[str, ...] = tuple(keypoints.NAMES)
@@ -162,7 +162,7 @@ class Skeleton(PageState, frozen=True, kw_only=True):
     """The origin of depths."""
 
 
-class Keypoints(PageState, frozen=True, kw_only=True):
+class Keypoints(_State, frozen=True, kw_only=True):
     """One frame's keypoints; confidence 0 means missing."""
 
     frame: int
@@ -176,7 +176,7 @@ class Keypoints(PageState, frozen=True, kw_only=True):
     """Of edited ones: the keypoint, and its detected position."""
 
 
-class Style(PageState, frozen=True, kw_only=True):
+class Style(_State, frozen=True, kw_only=True):
     """How keypoints are drawn."""
 
     groups: tuple[str, ...] = tuple(keypoints.GROUPS)
@@ -198,7 +198,7 @@ Path = tuple[tuple[float, float] | None, ...]
 """Image pixels, one per frame; None where missing."""
 
 
-class Trail(PageState, frozen=True, kw_only=True):
+class Trail(_State, frozen=True, kw_only=True):
     """Positions of the selected keypoints in the frames around the one on show."""
 
     now: int
@@ -211,28 +211,28 @@ class Trail(PageState, frozen=True, kw_only=True):
     """By picture: the fit's."""
 
 
-class Silhouette(PageState, frozen=True, kw_only=True):
+class Silhouette(_State, frozen=True, kw_only=True):
     """The person's silhouette in the frame on show."""
 
     lines: tuple[tuple[tuple[float, float], ...], ...]
     """Closed outlines, including holes; image pixels."""
 
 
-class Focus(PageState, frozen=True, kw_only=True):
+class Focus(_State, frozen=True, kw_only=True):
     """The image pixel that is moved to the centre: what a close-up follows."""
 
     x: float
     y: float
 
 
-class Framing(PageState, frozen=True, kw_only=True):
+class Framing(_State, frozen=True, kw_only=True):
     """The next drag in a picture draws a rectangle, returned in `Framed`."""
 
     around: str
     """What it should contain, shown beside it."""
 
 
-class Selection(PageState, frozen=True, kw_only=True):
+class Selection(_State, frozen=True, kw_only=True):
     """The selected keypoints."""
 
     joints: tuple[int, ...] = ()
@@ -240,7 +240,7 @@ class Selection(PageState, frozen=True, kw_only=True):
     """Not selected by the user: a press selects one of them alone."""
 
 
-class Curve(PageState, frozen=True, kw_only=True):
+class Curve(_State, frozen=True, kw_only=True):
     """One line in a row of the timeline."""
 
     label: str
@@ -252,7 +252,7 @@ class Curve(PageState, frozen=True, kw_only=True):
     """Error bars to either side; empty if unknown."""
 
 
-class Heat(PageState, frozen=True, kw_only=True):
+class Heat(_State, frozen=True, kw_only=True):
     """Values by part of the body, drawn as colours."""
 
     parts: tuple[str, ...]
@@ -267,7 +267,7 @@ class Heat(PageState, frozen=True, kw_only=True):
     """What the values 0, 1 and so on mean, if they are categories."""
 
 
-class Row(PageState, frozen=True, kw_only=True):
+class Row(_State, frozen=True, kw_only=True):
     """Curves of the timeline that share an axis."""
 
     name: str
@@ -287,7 +287,7 @@ class Row(PageState, frozen=True, kw_only=True):
     """Text shown while there are no curves."""
 
 
-class FitName(PageState, frozen=True, kw_only=True):
+class FitName(_State, frozen=True, kw_only=True):
     """A fit with curves in the timeline."""
 
     label: str
@@ -296,14 +296,14 @@ class FitName(PageState, frozen=True, kw_only=True):
     color: Color
 
 
-class Rows(PageState, frozen=True, kw_only=True):
+class Rows(_State, frozen=True, kw_only=True):
     """The rows of the timeline, from top to bottom."""
 
     rows: tuple[Row, ...] = ()
     fits: tuple[FitName, ...] = ()
 
 
-class Choice(PageState, frozen=True, kw_only=True):
+class Choice(_State, frozen=True, kw_only=True):
     """A row that the timeline can show."""
 
     name: str
@@ -313,7 +313,7 @@ class Choice(PageState, frozen=True, kw_only=True):
     """Choices with the same group are listed together."""
 
 
-class Timeline(PageState, frozen=True, kw_only=True):
+class Timeline(_State, frozen=True, kw_only=True):
     """The strip below the canvas; without it there is no strip."""
 
     length: int
@@ -324,7 +324,7 @@ class Timeline(PageState, frozen=True, kw_only=True):
     choices: tuple[Choice, ...] = ()
 
 
-class Thumbnails(PageState, frozen=True, kw_only=True):
+class Thumbnails(_State, frozen=True, kw_only=True):
     """Thumbnails of some video frames, for a row of the timeline."""
 
     frames: tuple[int, ...]
@@ -332,7 +332,7 @@ class Thumbnails(PageState, frozen=True, kw_only=True):
     """JPEGs in base64."""
 
 
-class WrittenNote(PageState, frozen=True, kw_only=True):
+class WrittenNote(_State, frozen=True, kw_only=True):
     """A note on frames."""
 
     first: int
@@ -340,7 +340,7 @@ class WrittenNote(PageState, frozen=True, kw_only=True):
     text: str
 
 
-class Marks(PageState, frozen=True, kw_only=True):
+class Marks(_State, frozen=True, kw_only=True):
     """Marked frames, as spans."""
 
     edited: tuple[Span, ...] = ()
@@ -352,7 +352,7 @@ class Marks(PageState, frozen=True, kw_only=True):
     notes: tuple[WrittenNote, ...] = ()
 
 
-class MenuItem(PageState, frozen=True, kw_only=True):
+class MenuItem(_State, frozen=True, kw_only=True):
     """A menu item that does one of the app's actions, or opens a submenu."""
 
     label: str
@@ -365,21 +365,21 @@ class MenuItem(PageState, frozen=True, kw_only=True):
     disabled: bool = False
 
 
-class FrameMenus(PageState, frozen=True, kw_only=True):
+class FrameMenus(_State, frozen=True, kw_only=True):
     """Menus of the timeline, in groups: for the selected frames, and elsewhere."""
 
     selected: tuple[tuple[MenuItem, ...], ...] = ()
     elsewhere: tuple[tuple[MenuItem, ...], ...] = ()
 
 
-class PictureMenus(PageState, frozen=True, kw_only=True):
+class PictureMenus(_State, frozen=True, kw_only=True):
     """Menus of the picture, in groups: for the selected keypoints, and elsewhere."""
 
     keypoints: tuple[tuple[MenuItem, ...], ...] = ()
     elsewhere: tuple[tuple[MenuItem, ...], ...] = ()
 
 
-class Keyframes(PageState, frozen=True, kw_only=True):
+class Keyframes(_State, frozen=True, kw_only=True):
     """The frames with keyframes of the selected keypoints, or of any if none are selected."""
 
     frames: tuple[int, ...] = ()
@@ -387,7 +387,7 @@ class Keyframes(PageState, frozen=True, kw_only=True):
     """The keypoints' description."""
 
 
-class Suspicion(PageState, frozen=True, kw_only=True):
+class Suspicion(_State, frozen=True, kw_only=True):
     """An entry of the review queue."""
 
     first: int
@@ -401,13 +401,13 @@ class Suspicion(PageState, frozen=True, kw_only=True):
     reason: str
 
 
-class Suspicions(PageState, frozen=True, kw_only=True):
+class Suspicions(_State, frozen=True, kw_only=True):
     """The review queue of the fit being corrected, in order of frames."""
 
     found: tuple[Suspicion, ...] = ()
 
 
-class Origins(PageState, frozen=True, kw_only=True):
+class Origins(_State, frozen=True, kw_only=True):
     """The origin of each frame of one fit."""
 
     label: str
@@ -418,13 +418,13 @@ class Origins(PageState, frozen=True, kw_only=True):
     """Index of each frame's text."""
 
 
-class Provenance(PageState, frozen=True, kw_only=True):
+class Provenance(_State, frozen=True, kw_only=True):
     """The origins of the frames of the fits on show, for the timeline's tooltip."""
 
     fits: tuple[Origins, ...] = ()
 
 
-class FitSpan(PageState, frozen=True, kw_only=True):
+class FitSpan(_State, frozen=True, kw_only=True):
     """Frames of the running fit."""
 
     first: int
@@ -433,20 +433,20 @@ class FitSpan(PageState, frozen=True, kw_only=True):
     """Has keypoints; is being fitted; phase 1 done; phase 2 done; finished."""
 
 
-class Fit(PageState, frozen=True, kw_only=True):
+class Fit(_State, frozen=True, kw_only=True):
     """The running fit in the timeline."""
 
     spans: tuple[FitSpan, ...] = ()
 
 
-class ChosenRange(PageState, frozen=True, kw_only=True):
+class ChosenRange(_State, frozen=True, kw_only=True):
     """The frames selected in the timeline, both ends included."""
 
     first: int
     last: int
 
 
-class Cursor(PageState, frozen=True, kw_only=True):
+class Cursor(_State, frozen=True, kw_only=True):
     """The frame on show."""
 
     frame: int
@@ -455,7 +455,7 @@ class Cursor(PageState, frozen=True, kw_only=True):
     """The version of the body that a drag changes: the page reports when it has drawn it, even for the same frame."""
 
 
-class KeyBinding(PageState, frozen=True, kw_only=True):
+class KeyBinding(_State, frozen=True, kw_only=True):
     """A key and what it does."""
 
     key: str
@@ -470,14 +470,14 @@ class KeyBinding(PageState, frozen=True, kw_only=True):
     """The page itself acts while it is held: pictures show only the video."""
 
 
-class Keys(PageState, frozen=True, kw_only=True):
+class Keys(_State, frozen=True, kw_only=True):
     """All keys of the app. In poster mode viser does not get its camera keys (W A S D Q E, arrows), bound or not; in
     space mode it gets the letters, bound or not."""
 
     bindings: tuple[KeyBinding, ...] = ()
 
 
-class Notice(PageState, frozen=True, kw_only=True):
+class Notice(_State, frozen=True, kw_only=True):
     """A card at the centre of the canvas."""
 
     title: str
@@ -487,7 +487,7 @@ class Notice(PageState, frozen=True, kw_only=True):
     """0 to 1."""
 
 
-class Chip(PageState, frozen=True, kw_only=True):
+class Chip(_State, frozen=True, kw_only=True):
     """A line at the canvas's lower edge."""
 
     text: str
@@ -495,13 +495,13 @@ class Chip(PageState, frozen=True, kw_only=True):
     progress: float | None = None
 
 
-class Chips(PageState, frozen=True, kw_only=True):
+class Chips(_State, frozen=True, kw_only=True):
     """All of them, left to right."""
 
     chips: tuple[Chip, ...] = ()
 
 
-class Beat(PageState, frozen=True, kw_only=True):
+class Beat(_State, frozen=True, kw_only=True):
     """The server is alive; the next beat follows after `milliseconds`. If the page misses some, it says so and accepts
     no more input."""
 
@@ -510,7 +510,7 @@ class Beat(PageState, frozen=True, kw_only=True):
     """Number of the beat."""
 
 
-class Saving(PageState, frozen=True, kw_only=True):
+class Saving(_State, frozen=True, kw_only=True):
     """The page saves its canvas, once for each of these."""
 
     name: str
@@ -519,7 +519,7 @@ class Saving(PageState, frozen=True, kw_only=True):
     """As in `Typing`."""
 
 
-class Typing(PageState, frozen=True, kw_only=True):
+class Typing(_State, frozen=True, kw_only=True):
     """Focus a text field of a panel, once for each of these."""
 
     panel: str
@@ -529,7 +529,7 @@ class Typing(PageState, frozen=True, kw_only=True):
     """Different for each request: see `Channel.ask`."""
 
 
-class Linking(PageState, frozen=True, kw_only=True):
+class Linking(_State, frozen=True, kw_only=True):
     """The page copies a link to what it shows, once for each of these."""
 
     frame: int
@@ -542,14 +542,14 @@ class Linking(PageState, frozen=True, kw_only=True):
     """As in `Typing`."""
 
 
-class Hint(PageState, frozen=True, kw_only=True):
+class Hint(_State, frozen=True, kw_only=True):
     """One of the first steps."""
 
     text: str
     keys: str = ""
 
 
-class Hints(PageState, frozen=True, kw_only=True):
+class Hints(_State, frozen=True, kw_only=True):
     """The first steps: shown until closed."""
 
     steps: tuple[Hint, ...]
@@ -557,7 +557,7 @@ class Hints(PageState, frozen=True, kw_only=True):
     """As in `Typing`."""
 
 
-class Legend(PageState, frozen=True, kw_only=True):
+class Legend(_State, frozen=True, kw_only=True):
     """A colour bar."""
 
     title: str
@@ -568,7 +568,7 @@ class Legend(PageState, frozen=True, kw_only=True):
     """Evenly from low to high."""
 
 
-class Leaving(PageState, frozen=True, kw_only=True):
+class Leaving(_State, frozen=True, kw_only=True):
     """The page goes to another one, once for each of these: the order of clips is that of the browser's list."""
 
     to: Literal["list", "next", "previous"]
@@ -576,7 +576,7 @@ class Leaving(PageState, frozen=True, kw_only=True):
     """As of `Typing`."""
 
 
-STATES: dict[str, type[PageState]] = {
+STATES: dict[str, type[_State]] = {
     "layout": Layout,
     "bodies": Bodies,
     "side": SidePlate,
@@ -614,6 +614,7 @@ STATES: dict[str, type[PageState]] = {
     "hints": Hints,
 }
 """By name; sending None removes a state."""
+PageState = _State
 
 
 def pixel_pairs(xy: Float[np.ndarray, "n 2"]) -> tuple[tuple[float, float], ...]:
