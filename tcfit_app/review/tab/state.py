@@ -24,7 +24,9 @@ Part = Literal["right_hand", "left_hand", "face"]
 CLOSE_UPS: dict[Part, str] = {"right_hand": "Right hand", "left_hand": "Left hand", "face": "Face"}
 """Keypoint groups that the view can follow."""
 HELD_BY: dict[Part, int] = {
-    part: INDEX[name] for part, name in (("right_hand", "right_wrist"), ("left_hand", "left_wrist"), ("face", "nose"))
+    "right_hand": INDEX["right_wrist"],
+    "left_hand": INDEX["left_wrist"],
+    "face": INDEX["nose"],
 }
 """What it follows where the group was not detected: a keypoint of the body."""
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
