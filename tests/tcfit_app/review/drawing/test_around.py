@@ -18,7 +18,7 @@ from tcfit_app.review.browser.page_states import Focus, Trail
 from tcfit_app.review.drawing.around import TRAIL_REACH, followed, in_image
 from tcfit_app.review.gestures.zooming import show_close_up, usual_size
 from tcfit_app.review.panels.view_panel import ViewPanel
-from tcfit_app.review.tab.state import CLOSE_UPS, HELD_BY
+from tcfit_app.review.tab.state import CLOSE_UPS, HELD_BY, Part
 from tests.drivers.lone_page import LonePage, lone_page, told
 from tests.samples.sessions import QUICK, OneBody, idle, small_clip
 
@@ -83,7 +83,7 @@ def test_a_close_up_follows_its_part_until_the_whole_picture_is_asked_for(tested
     corrected = tab.session.project.corrected
     detected = [part for part in CLOSE_UPS if corrected.confidence[:, GROUPS[part]].any()]
     followed_too = [part for part in CLOSE_UPS if corrected.confidence[:, HELD_BY[part]].any()]
-    parts = [part for part in CLOSE_UPS if part in {*detected, *followed_too}]
+    parts: list[Part] = [part for part in CLOSE_UPS if part in (*detected, *followed_too)]
     assert len(parts) > len(detected), "one is followed by its wrist or the nose"
     for part in parts:
         tested.page.receive(Key(action="close_up", repeat=False))
