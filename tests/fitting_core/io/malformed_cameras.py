@@ -130,10 +130,12 @@ CAMERAS: dict[str, Case] = {
     "path of fewer turns": _case(_own(R=TURNS[:5], t=WAY), "8 rows of t and 5 of R"),
     "path without turns": _case(_own(R=None, t=WAY), "8 rows of t and 0 of R"),
     "path with one turn": _case(_own(R=ROTATION, t=WAY), "8 rows of t and 3 of R"),
-    "path of a pose that is none": _case(_moving(R=[*TURNS[:7], 2 * TURNS[7]]), "row 7 of R and t: .*no.*R R"),
+    "path of a pose that is none": _case(
+        _moving(R=[*TURNS[:7], 2 * TURNS[7]]), "row 7 of R and t: .*invalid rotation .R R"
+    ),
     "path with a NaN": _case(_moving(t=np.where(np.arange(24).reshape(8, 3) == 10, np.nan, WAY)), "row 3 .*not finite"),
-    "path of a zoom": _case(_moving(K=[K * (1 + i) for i in range(8)]), "zooms"),
-    "several K, one pose": _case(_own(K=[K] * 4), "zooms"),
+    "path of a zoom": _case(_moving(K=[K * (1 + i) for i in range(8)]), "a zooming one"),
+    "several K, one pose": _case(_own(K=[K] * 4), "a zooming one"),
     "path of frames in fractions": _case(_moving(frames=np.arange(8) / 2), "8 whole numbers"),
     "path of too few numbers": _case(_moving(frames=[1, 2]), "8 whole numbers"),
     "path of other frames": _case(_moving(frames=np.arange(8) + 100), "none of frames 0 to 7"),
@@ -149,12 +151,14 @@ CAMERAS: dict[str, Case] = {
     "transforms of a fisheye": _case(_transforms(camera_model="OPENCV_FISHEYE"), "OPENCV_FISHEYE"),
     "transforms of k4": _case(_transforms(k4=0.1), "k4"),
     "transforms without a centre": _case(_transforms(cx=None, w=None), "no principal point"),
-    "transforms of a zoom": _case(_with_a_frame(fl_x=800.0), "zooms"),
+    "transforms of a zoom": _case(_with_a_frame(fl_x=800.0), "a zooming lens"),
     "transforms without a pose": _case(_with_a_frame(transform_matrix=None), "number 3 of its list"),
     "transforms without a name": _case(_with_a_frame(file_path=None), "number 3 of its list"),
     "transforms of a short matrix": _case(_with_a_frame(transform_matrix=[[1.0, 0], [0, 1]]), "4 numbers, expected 16"),
     "transforms of a ragged matrix": _case(_with_a_frame(transform_matrix=[[1.0, 0], [0]]), "different lengths"),
-    "transforms of a scaled pose": _case(_with_a_frame(transform_matrix=(2 * np.eye(4)).tolist()), "frame_00004.*none"),
+    "transforms of a scaled pose": _case(
+        _with_a_frame(transform_matrix=(2 * np.eye(4)).tolist()), "frame_00004.*invalid rotation"
+    ),
     "transforms of a mirrored pose": _case(
         _with_a_frame(transform_matrix=np.diag([-1.0, 1, 1, 1]).tolist()), "frame_00004.*mirrors"
     ),

@@ -103,7 +103,7 @@ PER_IMAGE: dict[str, Case] = {
     "smplerx of nobody": of_smplerx("with nobody in it", lambda f: [file.unlink() for file in (f / "smplx").iterdir()]),
     "multi-hmr NaN": of_meshes("'a' holds nan, expected finite", np.nan),
     "multi-hmr huge": of_meshes("'a' holds .*, expected finite", 1e30),
-    "multi-hmr cut off": Case(_cut_meshes, read_motion, "is no result of a fit|cut off|damaged"),
+    "multi-hmr cut off": Case(_cut_meshes, read_motion, "is not a readable result of a fit|cut off|damaged"),
     "sam of 44 points": of_sam(
         r"'pred_keypoints_3d' has the shape \(44, 3\), expected 210", pred_keypoints_3d=np.zeros((44, 3))
     ),

@@ -89,7 +89,7 @@ def test_the_wrong_clip_is_refused_and_nothing_kept(project: Project, tmp_path: 
     # Whose numbers nobody tells may be of any part of the clip.
     arrays = {"poses": np.zeros((FRAMES - 2, 165)), "trans": np.zeros((FRAMES - 2, 3)), "axes": "camera"}
     np.savez(tmp_path / "cut.npz", **arrays)
-    with pytest.raises(InputError, match=r"expected all of .* Give --first-frame .* it may cover part of the clip"):
+    with pytest.raises(InputError, match=r"expected all of .* Give --first-frame, .*it may cover part of the clip"):
         import_run(project, OneBody(tiny_body), tmp_path / "cut.npz")
     run = import_run(project, OneBody(tiny_body), tmp_path / "cut.npz", ImportChoices(first_frame=first_frame(project)))
     assert project.runs.load(run.id).observed.any(1).tolist() == [True] * (FRAMES - 2) + [False] * 2
