@@ -6,10 +6,11 @@ from typing import get_args
 import numpy as np
 import pytest
 
+from fitting_core.body.geometry import unit
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT, INDEX, Keypoints
-from tcfit_app.review.gestures.depths import LimbPoints, SeenBody, Way, _unit, limbs_of
+from tcfit_app.review.gestures.depths import LimbPoints, SeenBody, Way, limbs_of
 
 CAMERA = Camera(focal=(1e5, 1e5), center=(500.0, 500.0), size=(1000, 1000))
 PELVIS, DISTANCE = 399.0, 400.0
@@ -68,7 +69,7 @@ def test_limbs_keep_their_bones_and_their_place_in_the_image(way: Way):
     random, apart, level = np.random.default_rng(0), 0, 0
     for _ in range(200):
         root = random.uniform((-1.5, -1.5, 2.5), (1.5, 1.5, 4))
-        bones = _unit(random.normal(size=(2, 3))) * [[0.28], [0.25]]
+        bones = unit(random.normal(size=(2, 3))) * [[0.28], [0.25]]
         limb = root + np.cumsum([np.zeros(3), *bones], 0)
         if (abs(limb[1:, 2] - root[2]) < 0.05).any():
             continue
