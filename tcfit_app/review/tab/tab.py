@@ -121,11 +121,11 @@ class Tab:
         """Have the page save its canvas."""
         name = f"{self.session.project.footage.name} frame {self.state.frame + self.first_frame}.png"
         self.channel.ask("saving", Saving(name=name))
+        self.say(f"Saved: {name}")
 
     def show_panel(self, title: str, field: str = "") -> None:
         """Show the panel of this title, and let the user type into the field of this label, if any."""
         self.channel.ask("typing", Typing(panel=title, field=field))
-        self.say(f"Saved: {name}")
 
     def show_first_steps(self) -> None:
         """Have the page show the first steps."""
