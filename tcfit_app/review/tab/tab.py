@@ -82,8 +82,7 @@ class Tab:
             title: What it is.
             work: See `Tasks.submit`.
             then: Receives the result, on the drawing thread.
-            writes: It changes the project: it continues when the tab is closed, and everyone is told; anything else
-                ends with the tab.
+            writes: It changes the project: it outlives the tab, and everyone is told; anything else ends with the tab.
         """
 
         def ended(task: Task[Value]) -> None:
@@ -305,8 +304,7 @@ class Tab:
         return self.look() if self._shown is None else self._shown
 
     def look(self) -> OnShow:
-        """Resolve again what is on show: for each drawing, and for gestures, which may follow each other
-        immediately."""
+        """Resolve again what is on show: for each drawing, and for gestures, which may come fast."""
         self._go_over_to_corrections()
         self._shown = on_show(self.state, self.session)
         return self._shown
