@@ -36,6 +36,7 @@ from tcfit_app.review.panels.elements.selected_frames import unseen
 from tcfit_app.review.panels.notes import Notes
 from tcfit_app.review.panels.queue_pictures import QueuePictures
 from tcfit_app.review.panels.who_is_who import WhoIsWho
+from tcfit_app.review.tab.state import QueueView
 
 _MOST = 40
 """Entries listed; a checked one makes room for the next."""
@@ -56,6 +57,8 @@ KIND_WORDS = {
     "confidence": "Lost",
 }
 """Kinds of findings, as users read them; those of plugins have their own."""
+_FEW = 5
+"""So many entries need no filters."""
 _FLAGS = 24
 """Runs of flagged frames listed."""
 
@@ -264,8 +267,9 @@ class ReviewPanel:
 
     def _filters(self) -> list[Html]:
         """What is listed, in which order, and the button for all of it."""
-        assert self._found is not None
-        view, found = self._tab.state.queue, self._found.left
+        view, found = self._tab.state.queue, self._found.left if self._found is not None else ()
+        if len(found) <= _FEW and view == QueueView():
+            return []
         limbs = Counter(limb for suspect in found if view.kind in ("", suspect.kind) for limb in suspect.about)
         orders = [
             button(title, "review.order", order, kind="mini", pressed=view.order == order, hint=hint)

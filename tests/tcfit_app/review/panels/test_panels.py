@@ -24,6 +24,7 @@ from tcfit_app.review.browser.page_events import Drag, LookAt
 from tcfit_app.review.gestures.zooming import surroundings, zoom_to_selection
 from tcfit_app.review.page import SKELETON
 from tcfit_app.review.panels import PANELS
+from tcfit_app.review.tab.state import QueueView
 from tcfit_app.server.viser_bridge import icon, keep_icons_open
 from tests.drivers.lone_page import LonePage, lone_page, sample_project
 from tests.samples.media import write_images
@@ -478,6 +479,8 @@ def test_the_queue_is_filtered_and_ordered(tested: LonePage):
     leg = replace(suspect(2), kind="jump", score=1.5, about=("left leg",), unsure=0.2, reason="left knee jumps")
     head = replace(suspect(3), kind="jump", score=1.2, about=("head",), unsure=0.1, reason="nose jumps")
     with_suspects(tested, first, leg, head)
+    assert 'data-tcfit="review.order"' not in tested.html(), "three entries need no order"
+    page.tab.set(queue=QueueView(order="uncertainty"))
 
     def visited() -> list[int]:
         seen = []
@@ -486,7 +489,12 @@ def test_the_queue_is_filtered_and_ordered(tested: LonePage):
             seen.append(page.tab.state.frame)
         return seen
 
+    assert [s.frame for s in page.gestures.reviewing.suspects or ()] == [2, 3, 4]
+    tested.html()
+    tested.press("review.order", "suspicion")
     assert visited() == [4, 2, 3]
+    page.tab.set(queue=QueueView(order="uncertainty"))
+    tested.html()
     tested.press("review.order", "time")
     assert sorted(visited()) == [2, 3, 4] and [s.frame for s in page.gestures.reviewing.suspects or ()] == [2, 3, 4]
     tested.press("review.order", "uncertainty")
