@@ -38,7 +38,7 @@ class Suspect:
     joints: tuple[int, ...]
     """Keypoints concerned, worst first; empty if it is the pose as a whole."""
     about: tuple[str, ...]
-    """The limbs concerned in any of its frames, or WHOLE."""
+    """The limbs concerned in any of its frames, and WHOLE if it is the whole body."""
     also: tuple[str, ...]
     """Other findings about the same in that frame."""
     unsure: float = 0.0
@@ -106,13 +106,19 @@ def review_queue(
         limbs: By limb, or WHOLE, the frames in which that was marked as fine.
     """
     fine = {limb: frozenset(frames) for limb, frames in (limbs or {}).items()}
+    looked_at = frozenset[int]().union(*fine.values())
 
-    def left(finding: Finding) -> bool:
-        return finding.frame not in checked and any(finding.frame not in fine.get(limb, ()) for limb in finding.about)
+    def left(one: Found) -> bool:
+        kind, finding = one
+        if finding.frame in checked:
+            return False
+        if kind == _SYMPTOM:  # whoever found a limb fine has seen the pose
+            return finding.frame not in looked_at
+        return any(finding.frame not in fine.get(limb, ()) for limb in finding.about)
 
     found = findings(fit) if found is None else found
-    entries = [_entry(span, fit.error_bars) for span in _spans(_topics([one for one in found if left(one[1])]))]
-    reviewed = (not any(left(one) for topic in span for _, one in topic.found) for span in _spans(_topics(found)))
+    entries = [_entry(span, fit.error_bars) for span in _spans(_topics(filter(left, found)))]
+    reviewed = (not any(left(one) for topic in span for one in topic.found) for span in _spans(_topics(found)))
     return ReviewQueue(left=tuple(sorted(entries, key=ORDERS["suspicion"])), looked_at=sum(reviewed))
 
 
@@ -185,7 +191,8 @@ def _spans(topics: Iterable[_Topic]) -> list[list[_Topic]]:
 def _entry(span: Sequence[_Topic], bars: ErrorBars | None) -> Suspect:
     worst = max(span, key=lambda topic: topic.score)
     (kind, first), *others = worst.found
-    about = frozenset[str]().union(*(topic.about for topic in span))
+    located = [finding.about for topic in span for of, finding in topic.found if of != _SYMPTOM]
+    about = frozenset[str]().union(*located) or frozenset({WHOLE})
     return Suspect(
         frame=worst.frame,
         frames=range(span[0].frame, span[-1].frame + 1),

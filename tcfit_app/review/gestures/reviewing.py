@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Literal
 
 from fitting_core.errors import InputError
-from tcfit_app.analysis.findings import FINDINGS
+from tcfit_app.analysis.findings import FINDINGS, WHOLE
 from tcfit_app.analysis.suspicion import ORDERS, Suspect
 from tcfit_app.project.edits.edit_log import MarkState
 from tcfit_app.project.frame_words import in_words
@@ -183,7 +183,8 @@ class Reviewing:
 
     def subject(self, suspect: Suspect) -> str:
         """What is marked as fine with an entry: "left arm, frames 3–8"."""
-        return f"{', '.join(suspect.about)}, {in_words(suspect.frames, self._tab.first_frame)}"
+        what = WHOLE if WHOLE in suspect.about else ", ".join(suspect.about)
+        return f"{what}, {in_words(suspect.frames, self._tab.first_frame)}"
 
     def _mark(self, suspects: Sequence[Suspect], state: MarkState | None) -> None:
         limbs: dict[int, set[str]] = {}

@@ -15,7 +15,7 @@ from fitting_core.fit.evidence.sides import PAIRED
 from fitting_core.keypoints import Keypoints
 from fitting_core.lifting.clip_lifting import LiftedClip
 from tcfit_app.analysis.body_regions import LIMB_OF
-from tcfit_app.analysis.findings import FINDINGS, scores
+from tcfit_app.analysis.findings import FINDINGS, Finding, scores
 from tcfit_app.analysis.posed_fit import PosedFit
 from tcfit_app.analysis.suspicion import Suspect, review_queue, still_checked
 from tcfit_app.project.edits.edit_log import LogAction, LogEntry, Redo, Undo, frames_changed
@@ -239,6 +239,22 @@ def test_entries_about_different_limbs_are_apart_and_looked_at_apart(fine: Posed
     found = review_queue(fit, limbs={"left leg": {16, 17, 18}})
     assert [entry.about for entry in found.left] == [("left arm",)] and found.looked_at == 1
     assert review_queue(fit, checked={16, 17, 18}).left == ()
+
+
+def test_an_unlikely_pose_goes_with_the_limb_that_explains_it(fine: PosedFit):
+    fit = displaced(fine, 17, "left_wrist", (90.0, 0.0))
+    findings = (
+        ("reprojection", Finding(frame=17, score=1.5, reason="left wrist", joints=(WRIST,))),
+        ("cost", Finding(frame=17, score=3.0, reason="unlikely", joints=())),
+        ("jump", Finding(frame=18, score=2.0, reason="everything", joints=())),
+        ("depth", Finding(frame=18, score=1.0, reason="left wrist", joints=(WRIST,))),
+    )
+    arm, whole = review_queue(fit, findings).left
+    assert (arm.kind, arm.about, arm.also, arm.score) == ("reprojection", ("left arm",), ("unlikely",), 3.0)
+    assert (whole.kind, whole.about) == ("jump", ("left arm", "whole body"))
+    assert review_queue(fit, findings, limbs={"left arm": {17}}).left == (whole,)
+    fine_again = {limb: {18} for limb in whole.about}
+    assert [entry.frame for entry in review_queue(fit, findings, limbs=fine_again).left] == [17]
 
 
 def test_what_is_about_many_limbs_is_about_the_whole_body(fine: PosedFit):
