@@ -520,11 +520,11 @@ class Saving(_State, frozen=True, kw_only=True):
 
 
 class Typing(_State, frozen=True, kw_only=True):
-    """Focus a text field of a panel, once for each of these."""
+    """Show a panel, and focus a text field of it, once for each of these."""
 
     panel: str
-    field: str
-    """Its label."""
+    field: str = ""
+    """Its label; empty: none."""
     number: int = 0
     """Different for each request: see `Channel.ask`."""
 

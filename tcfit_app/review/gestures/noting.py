@@ -4,7 +4,7 @@ from fitting_core.errors import InputError
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.edits.edit_log import Note
 from tcfit_app.project.frame_words import in_words
-from tcfit_app.review.browser.page_states import Linking, Typing
+from tcfit_app.review.browser.page_states import Linking
 from tcfit_app.review.tab.tab import Tab
 
 PANEL = "Review"
@@ -23,7 +23,7 @@ class Noting:
 
     def begin(self) -> None:
         """Open the field for a note on the selected frames, or the one on show."""
-        self._tab.channel.ask("typing", Typing(panel=PANEL, field=FIELD))
+        self._tab.show_panel(PANEL, FIELD)
 
     def write(self, text: str) -> None:
         """Save a new note, or the edited one. Raises InputError as the log does."""

@@ -9,7 +9,7 @@ from typing import Any
 from fitting_core.errors import InputError
 from tcfit_app.fitting.reports import Notice
 from tcfit_app.project.frame_words import in_words
-from tcfit_app.review.browser.page_states import Saving
+from tcfit_app.review.browser.page_states import Saving, Typing
 from tcfit_app.review.scene.side_view import usual_width
 from tcfit_app.review.scene.windows import Arrangement, divide
 from tcfit_app.review.session.tasks import Task, Value, Work
@@ -121,6 +121,10 @@ class Tab:
         """Have the page save its canvas."""
         name = f"{self.session.project.footage.name} frame {self.state.frame + self.first_frame}.png"
         self.channel.ask("saving", Saving(name=name))
+
+    def show_panel(self, title: str, field: str = "") -> None:
+        """Show the panel of this title, and let the user type into the field of this label, if any."""
+        self.channel.ask("typing", Typing(panel=title, field=field))
         self.say(f"Saved: {name}")
 
     def show_first_steps(self) -> None:
