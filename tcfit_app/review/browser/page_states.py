@@ -614,27 +614,7 @@ STATES: dict[str, type[_State]] = {
     "hints": Hints,
 }
 """By name; sending None removes a state."""
-
-PageState = (
-    (
-        Layout
-        | SidePlate
-        | Skeleton
-        | Keypoints
-        | Style
-        | Selection
-        | Framing
-        | Trail
-        | Silhouette
-        | Focus
-        | Bodies
-        | Space
-        | Legend
-        | OtherPeople
-    )
-    | (Timeline | Rows | Thumbnails | Marks | Keyframes | Suspicions | FrameMenus | PictureMenus | Fit | Provenance)
-    | (ChosenRange | Cursor | Keys | Notice | Chips | Beat | Saving | Typing | Linking | Leaving | Hints)
-)
+PageState = _State
 
 
 def pixel_pairs(xy: Float[np.ndarray, "n 2"]) -> tuple[tuple[float, float], ...]:

@@ -61,15 +61,12 @@ class Noting:
         tab.say(f"Link to frame {frame} copied. It works in browsers signed in to tcfit")
 
     def open_link(self, frame: int, run: int | None, phase: int | None) -> None:
-        """Follow a link.
+        """Follow a link. Raises InputError if there is no such frame or run in this project.
 
         Args:
             frame: the number shown to users.
             run: of the fit; None: keep the current one.
             phase: of that run; None: its last.
-
-        Raises:
-            InputError: There is no such frame or run in this project.
         """
         tab = self._tab
         if not 0 <= frame - tab.first_frame < tab.length:
