@@ -33,8 +33,7 @@ _OFF_MM = {"body": 45.0, "hands": 30.0, "face": 40.0}
 _DETECTION_JUMP_MM = 60.0
 """Distance of a detection from the midpoint of the ones before and after it, likewise."""
 _JUMP = 70.0
-"""m/s^2: the least acceleration worth reviewing. Hands and feet of athletes reach 60; of the tuning half's entries from
-40 on half were right, from 70 on 82 %."""
+"""m/s^2: the least acceleration worth reviewing: 82 % of the tuning half's entries are right, from 40 on half."""
 _LEAST_JUMP_MM = 12.0
 """mm/frame^2: the same at high frame rates, where the joints' noise is as large as their acceleration."""
 WHOLE = "whole body"
