@@ -204,11 +204,11 @@ def run_task(task: Task) -> list[Trial]:
     """The clip as it is, and with each error."""
     torch.set_num_threads(1)
     ready.use(threads=1)
-    made, body = _seen(task.sequence, task.detector), fitted_body()
-    others = _seen(task.other, task.detector).clip.keypoints
+    made, body = seen_clip(task.sequence, task.detector), fitted_body()
+    others = seen_clip(task.other, task.detector).clip.keypoints
     seen = Seen(keypoints=made.clip.keypoints, trunk=trunk_of(made.truth.keypoints), others=others)
     meshes = Meshes(body)
-    params, cost = _fitted(task.fits, made.clip, body)
+    params, cost = fitted_clip(task.fits, made.clip, body)
     clean = _judged(made, made.clip, params, cost, meshes)
     queue = review_queue(clean.fit).left
     trials = [_trial(task.sequence, "none", clean, queue, range(0), (), clean, queue)]
@@ -231,7 +231,7 @@ def _injected(task: Task, clean: Judged, seen: Seen, kind: str, rng: np.random.G
     if injected is None:
         return None
     clip = replace(clean.made.clip, keypoints=injected.keypoints)
-    params, cost = _fitted(task.fits, clip, clean.fit.meshes.body)
+    params, cost = fitted_clip(task.fits, clip, clean.fit.meshes.body)
     return _judged(clean.made, clip, params, cost, clean.fit.meshes), injected.frames, injected.joints
 
 
@@ -301,7 +301,7 @@ def _harm(judged: Judged, clean: Judged, frames: range, joints: Sequence[int]) -
     return float(np.nanmean(judged.errors[at] - clean.errors[at]))
 
 
-def _seen(name: str, detector: str) -> MotionClipMade:
+def seen_clip(name: str, detector: str) -> MotionClipMade:
     """A clip of the suite with hands and face, as a detector sees it."""
     sequence = motion_sequences()[name]
     made = make_motion(sequence)
@@ -347,7 +347,7 @@ def _judged(
     return Judged(made=made, fit=PosedFit.posed(clip, params, meshes, frame_cost=cost))
 
 
-def _fitted(folder: Path, clip: Clip, body: BodyModel) -> tuple[BodyParams, Float[np.ndarray, "T"]]:
+def fitted_clip(folder: Path, clip: Clip, body: BodyModel) -> tuple[BodyParams, Float[np.ndarray, "T"]]:
     """A fit and its cost by frame, from the folder if it was fitted before."""
     digest = hashlib.sha256(msgspec.json.encode([as_plain(PRESETS["tcfit"]), body.hash, clip.camera.focal]))
     for array in (clip.keypoints.xy, clip.keypoints.confidence):

@@ -1,18 +1,24 @@
 """The review queue: which frames of a fit to look at first, and why."""
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from tcfit_app.analysis.body_regions import LIMB_OF
-from tcfit_app.analysis.findings import FINDINGS, Finding, added_findings
+import numpy as np
+
+from fitting_core.results.error_bars import JOINTS, ErrorBars
+from tcfit_app.analysis.findings import FINDINGS, LIMB_OF_BONE, WHOLE, Finding, added_findings
 from tcfit_app.analysis.posed_fit import PosedFit
 from tcfit_app.project.storage.clip_review import Worst
 from tcfit_app.project.storage.marks import Mark
 
 _GAP = 2
 """Maximum distance in frames between findings about the same limb that are one entry."""
-_CAUSES = ("swap",)
+_CAUSES = ("failed", "swap")
 """Kinds that explain others: swapped arms are far off and jump too."""
+_LIMB_OF_JOINT = {joint: LIMB_OF_BONE[joint] for joint in range(len(JOINTS))}
+"""Of the joints with error bars."""
+_SYMPTOM = "cost"
+"""The kind that others explain, for it names no limb."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,8 +37,25 @@ class Suspect:
     """A few words about the worst frame: "left wrist is 42 px off"."""
     joints: tuple[int, ...]
     """Keypoints concerned, worst first; empty if it is the pose as a whole."""
+    about: tuple[str, ...]
+    """The limbs concerned in any of its frames, and WHOLE if it is the whole body."""
     also: tuple[str, ...]
-    """Other findings in that frame."""
+    """Other findings about the same in that frame."""
+    unsure: float = 0.0
+    """The largest error bar of its limbs in that frame, metres; 0 if unknown."""
+
+    @property
+    def key(self) -> str:
+        """Unique in its queue."""
+        return f"{self.frame} {self.kind} {'+'.join(self.about)}"
+
+
+ORDERS: dict[str, Callable[[Suspect], tuple[float, int]]] = {
+    "suspicion": lambda suspect: (-suspect.score, suspect.frame),
+    "uncertainty": lambda suspect: (-suspect.unsure, suspect.frame),
+    "time": lambda suspect: (suspect.frames.start, suspect.frame),
+}
+"""Keys to sort the queue by."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,24 +68,58 @@ class ReviewQueue:
     """Number of entries whose frames were all marked as fine."""
 
 
-_Found = tuple[str, Finding]
+Found = tuple[str, Finding]
 """A finding with its kind."""
 
 
-def review_queue(fit: PosedFit, *, checked: Collection[int] = ()) -> ReviewQueue:
-    """All suspicious frames of a whole clip, except for those marked as fine (see `still_checked`)."""
-    by_frame: dict[int, list[_Found]] = {}
-    for kind, found_in in (FINDINGS | added_findings()).items():
-        for finding in found_in(fit):
-            by_frame.setdefault(finding.frame, []).append((kind, finding))
-    for found in by_frame.values():
-        found.sort(key=lambda f: (f[0] not in _CAUSES, -f[1].score))
-    left = {frame: found for frame, found in by_frame.items() if frame not in checked}
-    entries = [_entry(span, left) for span in _spans(left)]
-    return ReviewQueue(
-        left=tuple(sorted(entries, key=lambda suspect: (-suspect.score, suspect.frame))),
-        looked_at=sum(left.keys().isdisjoint(span) for span in _spans(by_frame)),
-    )
+@dataclass(kw_only=True)
+class _Topic:
+    """What is found about the same limbs in one frame, the cause or worst first."""
+
+    frame: int
+    about: frozenset[str]
+    found: list[Found]
+
+    @property
+    def score(self) -> float:
+        return max(finding.score for _, finding in self.found)
+
+
+def findings(fit: PosedFit) -> tuple[Found, ...]:
+    """All findings in a whole clip."""
+    return tuple((kind, one) for kind, found_in in (FINDINGS | added_findings()).items() for one in found_in(fit))
+
+
+def review_queue(
+    fit: PosedFit,
+    found: Sequence[Found] | None = None,
+    *,
+    checked: Collection[int] = (),
+    limbs: Mapping[str, Collection[int]] | None = None,
+) -> ReviewQueue:
+    """All suspicious frames of a whole clip, except for those marked as fine (see `still_checked`).
+
+    Args:
+        fit: The clip and its fit.
+        found: Its `findings`, where they are known.
+        checked: Frames marked as fine altogether.
+        limbs: By limb, or WHOLE, the frames in which that was marked as fine.
+    """
+    fine = {limb: frozenset(frames) for limb, frames in (limbs or {}).items()}
+    looked_at = frozenset[int]().union(*fine.values())
+
+    def left(one: Found) -> bool:
+        kind, finding = one
+        if finding.frame in checked:
+            return False
+        if kind == _SYMPTOM:  # whoever found a limb fine has seen the pose
+            return finding.frame not in looked_at
+        return any(finding.frame not in fine.get(limb, ()) for limb in finding.about)
+
+    found = findings(fit) if found is None else found
+    entries = [_entry(span, fit.error_bars) for span in _spans(_topics(filter(left, found)))]
+    reviewed = (not any(left(one) for topic in span for one in topic.found) for span in _spans(_topics(found)))
+    return ReviewQueue(left=tuple(sorted(entries, key=ORDERS["suspicion"])), looked_at=sum(reviewed))
 
 
 def worst_place(run: int, left: Sequence[Suspect]) -> Worst:
@@ -82,8 +139,8 @@ def still_checked(
     """Frames marked as fine that have not changed since; by order of storage, because clocks can be set back.
 
     Args:
+        marks: Of frames, or of one limb in frames.
         edited: Which frames each log entry changes, `Project.frames_changed_after`.
-        refitted: `Run.moment` of fits, and the frames they fitted.
         refitted: `Run.moment` of fits, and which frames they fitted.
     """
     checked = {frame: mark for frame, mark in marks.items() if mark.state == "checked"}
@@ -96,36 +153,59 @@ def _later(changes: Iterable[tuple[int, Iterable[int]]], known: Mapping[int, int
     return frozenset(f for number, frames in changes for f in frames if f in known and number > known[f])
 
 
-def _spans(by_frame: dict[int, list[_Found]]) -> list[list[int]]:
-    spans: list[list[int]] = []
-    for frame in sorted(by_frame):
-        near = spans and frame - spans[-1][-1] <= _GAP
-        if near and _same_limb(by_frame[frame][0][1], by_frame[spans[-1][-1]][0][1]):
-            spans[-1].append(frame)
+def _topics(found: Iterable[Found]) -> list[_Topic]:
+    """The findings by what they are about, in order of frames."""
+    topics: dict[int, list[_Topic]] = {}
+    for kind, finding in sorted(found, key=_first):
+        there = topics.setdefault(finding.frame, [])
+        if kind == _SYMPTOM:
+            known = max(there, key=lambda topic: topic.score, default=None)
         else:
-            spans.append([frame])
+            known = next((topic for topic in there if topic.about >= finding.about or WHOLE in topic.about), None)
+        if known is not None:
+            known.found.append((kind, finding))
+        else:
+            there.append(_Topic(frame=finding.frame, about=finding.about, found=[(kind, finding)]))
+    return [topic for frame in sorted(topics) for topic in topics[frame]]
+
+
+def _first(one: Found) -> tuple[bool, bool, float]:
+    kind, finding = one
+    return kind not in _CAUSES, kind == _SYMPTOM, -finding.score
+
+
+def _spans(topics: Iterable[_Topic]) -> list[list[_Topic]]:
+    """Those of neighbouring frames that are about the same limbs, or about some of them."""
+    spans: list[list[_Topic]] = []
+    for topic in topics:
+        near = (span for span in reversed(spans) if 0 < topic.frame - span[-1].frame <= _GAP)
+        for span in near:
+            if topic.about <= span[-1].about or topic.about >= span[-1].about:
+                span.append(topic)
+                break
+        else:
+            spans.append([topic])
     return spans
 
 
-def _same_limb(one: Finding, other: Finding) -> bool:
-    """Whether two findings may have one cause; one about the whole pose may share its cause with any."""
-    limbs, others = ({LIMB_OF[joint] for joint in finding.joints} for finding in (one, other))
-    return not limbs or not others or bool(limbs & others)
-
-
-def _score(found: list[_Found]) -> float:
-    return max(finding.score for _, finding in found)
-
-
-def _entry(span: list[int], by_frame: dict[int, list[_Found]]) -> Suspect:
-    worst = max(span, key=lambda frame: _score(by_frame[frame]))
-    (kind, first), *others = by_frame[worst]
+def _entry(span: Sequence[_Topic], bars: ErrorBars | None) -> Suspect:
+    worst = max(span, key=lambda topic: topic.score)
+    (kind, first), *others = worst.found
+    located = [finding.about for topic in span for of, finding in topic.found if of != _SYMPTOM]
+    about = frozenset[str]().union(*located) or frozenset({WHOLE})
     return Suspect(
-        frame=worst,
-        frames=range(span[0], span[-1] + 1),
-        score=_score(by_frame[worst]),
+        frame=worst.frame,
+        frames=range(span[0].frame, span[-1].frame + 1),
+        score=worst.score,
         kind=kind,
         reason=first.reason,
         joints=first.joints,
+        about=tuple(sorted(about)),
+        unsure=0.0 if bars is None else _unsure(bars, worst.frame, about),
         also=tuple(dict.fromkeys(other.reason for _, other in others)),
     )
+
+
+def _unsure(bars: ErrorBars, frame: int, about: frozenset[str]) -> float:
+    own = [joint for joint, limb in _LIMB_OF_JOINT.items() if limb in about or WHOLE in about]
+    return float(np.nan_to_num(bars.joints[frame, own]).max())

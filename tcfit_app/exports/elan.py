@@ -45,8 +45,8 @@ def write_elan(source: ExportSource, path: Path, progress: Progress) -> None:
 def _said(posed: PosedFit, project: Project) -> list[Tier]:
     """Notes and marks of the frames of a fit, which may be a part of the project's."""
     clip, shift = posed.clip, posed.clip.first_frame - project.clip.first_frame
-    marks = project.marks.all()
-    states = [mark.state if (mark := marks.get(shift + t)) else None for t in range(len(clip))]
+    marks = project.marks.states()
+    states = [marks.get(shift + t) for t in range(len(clip))]
     words = dict(_STATES.values())
     flagged, _ = _STATES["flag"]
     review = spans_of([_STATES[state][0] for state in states])

@@ -172,9 +172,10 @@ class Page:
             self.gestures.correcting.move_key(event.frame, event.to)
 
     def _look_at(self, event: page_events.LookAt) -> None:
-        for suspect in self.gestures.reviewing.suspects or ():
-            if (suspect.frame, suspect.kind) == (event.frame, event.kind):
-                self.gestures.reviewing.show(suspect)
+        found = self.gestures.reviewing.everything or ()
+        meant = [suspect for suspect in found if (suspect.frame, suspect.kind) == (event.frame, event.kind)]
+        if meant:
+            self.gestures.reviewing.show(meant[0])
 
     def _tell_too_large(self, event: page_events.TooLarge) -> None:
         self.tab.notify(Notice(title=f"{event.name} cannot be uploaded", text=too_large(event.size), kind="error"))

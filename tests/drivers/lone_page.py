@@ -29,18 +29,18 @@ from tcfit_app.review.tab.people import alone
 from tcfit_app.review.tab.state import FitSettings
 from tcfit_app.review.tab.tab import Tab
 from tcfit_app.server.page_files import PageFiles
-from tests.samples.project_samples import BODY, CONFIG, sample_clip, sample_fit
+from tests.samples.project_samples import BODY, CONFIG, FRAMES, sample_clip, sample_fit
 from tests.samples.sessions import PATIENCE, QUICK, OneBody, small_clip
 
 _BUTTON = re.compile(r'<button type="button" data-tcfit="([^"]*)" data-value="([^"]*)"([^>]*)><span>(.*?)</span>')
 
 
-def sample_project(folder: Path, *names: str) -> Project:
-    """A project of six frames with a finished run for each name."""
-    project = Project.create(folder, sample_clip())
+def sample_project(folder: Path, *names: str, frames: int = FRAMES) -> Project:
+    """A project of so many frames with a finished run for each name."""
+    project = Project.create(folder, sample_clip(frames))
     for seed, name in enumerate(names):
         run = project.runs.start(CONFIG, body=BODY, edits_seen=0, name=name)
-        project.runs.finish(run.id, sample_fit(seed))
+        project.runs.finish(run.id, sample_fit(seed, frames=frames))
     return project
 
 

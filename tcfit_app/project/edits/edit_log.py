@@ -37,8 +37,16 @@ MarkState = Literal["checked", "flag"]
 """Looks fine; or needs attention."""
 
 
-class MarkFrames(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="kind", tag="mark"):
-    """Marks frames as fine or as needing attention."""
+class MarkFrames(
+    msgspec.Struct,
+    frozen=True,
+    kw_only=True,
+    forbid_unknown_fields=True,
+    omit_defaults=True,
+    tag_field="kind",
+    tag="mark",
+):
+    """Marks frames, or limbs in frames, as fine or as needing attention."""
 
     frames: tuple[int, ...]
     """From the clip's first (0)."""
@@ -46,6 +54,8 @@ class MarkFrames(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     """None removes the mark."""
     moment: int
     """The largest `Run.moment` at the time, 0 without any."""
+    limbs: tuple[tuple[str, ...], ...] = ()
+    """For each frame the limbs that alone it is about; empty: the frames as a whole."""
 
 
 NOTE_CHARACTERS = 2000
@@ -320,6 +330,8 @@ class EditHistory:
             return self._check_notes(action)
         if isinstance(action, Remark):
             self._check_frames(action.frames)
+            if isinstance(action, MarkFrames) and len(action.limbs) not in (0, len(action.frames)):
+                raise InputError(f"A mark names the limbs of {len(action.limbs)} of {len(action.frames)} frames.")
             return self._check_note(action) if isinstance(action, WriteNote) else None
         if not isinstance(action, Undo | Redo):
             return check(action, len(self._now.xy), self._first_frame)

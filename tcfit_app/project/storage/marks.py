@@ -1,6 +1,6 @@
 """A reviewer's marks on frames."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from datetime import datetime
 from typing import get_args
@@ -27,7 +27,7 @@ class Mark:
 
 
 class MarkStore:
-    """At most one mark per frame of a clip, frames counted from its first. Thread-safe.
+    """At most one mark per frame of a clip, and per limb in a frame; frames counted from its first. Thread-safe.
 
     They are stored in the log of edits, so that they can be undone. Earlier versions had a table, which is still read.
 
@@ -47,30 +47,77 @@ class MarkStore:
     ) -> None:
         self._database, self._frames, self._done, self._append = database, frames, done, append
 
-    def set(self, frames: Iterable[int], state: MarkState | None, *, author: str = "") -> LogEntry:
-        """Mark frames, replacing their marks; None removes them. Raises InputError if a frame is outside the clip, or
-        the project cannot be written."""
+    def set(
+        self,
+        frames: Iterable[int],
+        state: MarkState | None,
+        *,
+        limbs: Iterable[tuple[str, ...]] = (),
+        author: str = "",
+    ) -> LogEntry:
+        """Mark frames, replacing their marks; None removes them.
+
+        Args:
+            frames: Which.
+            state: What is said of them.
+            limbs: As in MarkFrames. What is said of limbs is kept beside what is said of their frames.
+            author: Who says it.
+
+        Raises:
+            InputError: A frame is outside the clip, or the project cannot be written.
+        """
         assert state is None or state in get_args(MarkState)
         (row,) = self._database.rows(f"SELECT {LAST_MOMENT}")
-        return self._append(MarkFrames(frames=tuple(frames), state=state, moment=row[0]), author)
+        return self._append(MarkFrames(frames=tuple(frames), state=state, moment=row[0], limbs=tuple(limbs)), author)
 
     def all(self) -> dict[int, Mark]:
-        """All marks by frame, in order."""
+        """All marks of whole frames by frame, in order."""
         found = self._of_the_table()
+        for said, mark in self._said():
+            if said.limbs:
+                continue
+            for frame in said.frames:
+                found.pop(frame, None)
+                if mark is not None:
+                    found[frame] = mark
+        return dict(sorted(found.items()))
+
+    def of_limbs(self) -> dict[str, dict[int, Mark]]:
+        """The marks of limbs, by limb and frame. Removing the mark of a whole frame removes them too."""
+        found: dict[str, dict[int, Mark]] = {}
+        for said, mark in self._said():
+            if not said.limbs and mark is None:
+                for known in found.values():
+                    for frame in said.frames:
+                        known.pop(frame, None)
+            for frame, limbs in zip(said.frames, said.limbs, strict=bool(said.limbs)):
+                for limb in limbs:
+                    known = found.setdefault(limb, {})
+                    known.pop(frame, None)
+                    if mark is not None:
+                        known[frame] = mark
+        return found
+
+    def states(self) -> dict[int, MarkState]:
+        """What is shown of each frame, in order: flagged, or found fine as a whole or in a limb."""
+        found: dict[int, MarkState] = {}
+        for known in (*self.of_limbs().values(), self.all()):
+            found |= {frame: mark.state for frame, mark in known.items()}
+        return dict(sorted(found.items()))
+
+    def _said(self) -> Iterator[tuple[MarkFrames, Mark | None]]:
+        """Each entry, and the mark that it makes; None if it removes marks."""
         for entry in self._done():
             said = entry.action
             assert isinstance(said, MarkFrames)
-            for frame in said.frames:
-                found.pop(frame, None)
-                if said.state is not None:
-                    found[frame] = Mark(
-                        state=said.state,
-                        time=entry.time,
-                        author=entry.author,
-                        last_edit=entry.id,
-                        last_moment=said.moment,
-                    )
-        return dict(sorted(found.items()))
+            mark = said.state and Mark(
+                state=said.state,
+                time=entry.time,
+                author=entry.author,
+                last_edit=entry.id,
+                last_moment=said.moment,
+            )
+            yield said, mark
 
     def _of_the_table(self) -> dict[int, Mark]:
         found = {}

@@ -64,8 +64,8 @@ class Timeline:
         self._tab.channel.send("marks", self._tab.once("marks", key, lambda: self._marks(apart)))
 
     def _marks(self, apart: tuple[int, ...]) -> states.Marks:
-        project, marks = self._tab.session.project, self._tab.session.project.marks.all()
-        by_state = {state: [f for f, mark in marks.items() if mark.state == state] for state in ("flag", "checked")}
+        project, marks = self._tab.session.project, self._tab.session.project.marks.states()
+        by_state = {state: [f for f, mark in marks.items() if mark == state] for state in ("flag", "checked")}
         return states.Marks(
             edited=spans(project.marked("told")),
             bad=spans(project.marked("bad")),

@@ -241,7 +241,7 @@ def _looking(g: Gestures) -> None:
 
 
 def _suspects(g: Gestures) -> None:
-    if g.reviewing.suspects == () or not g.tab.session.fits.showable():
+    if g.reviewing.everything == () or not g.tab.session.fits.showable():
         raise InputError("There are no suspicious frames: either there is no fit yet, or all were reviewed.")
 
 
@@ -388,6 +388,8 @@ _FRAMES: tuple[_Row, ...] = (
     ("next_suspect", "Next suspicious frame", "n", lambda g: g.reviewing.go(1), (_suspects,)),
     ("previous_suspect", "Previous suspicious frame", "Shift+n", lambda g: g.reviewing.go(-1), (_suspects,)),
     ("fine", "Looks fine, on or off", "o", lambda g: g.reviewing.dismiss(), (writable, frames)),
+    ("next_kind", "List the next kind of suspicious frames", "Shift+k", lambda g: g.reviewing.filter_next_kind(), ()),
+    ("all_fine", "All listed look fine", "Shift+f", lambda g: g.reviewing.dismiss_listed(), (writable, _suspects)),
     ("flag", "Flag on or off", "t", lambda g: g.reviewing.flag(), (writable, frames)),
     ("note", "Write a note", "y", lambda g: g.noting.begin(), (writable, frames)),
     ("copy_link", "Copy a link to this frame and fit", "", lambda g: g.noting.copy_link(), ()),

@@ -71,7 +71,9 @@ MARKS: dict[MarkState | None, str] = {
 def describe(edit: Said, first_frame: int = 0) -> str:
     """An edit in words: what, which keypoints, which frames; `first_frame` is the number shown for frame 0."""
     if isinstance(edit, MarkFrames):
-        return f"{MARKS[edit.state]}, {in_words(edit.frames, first_frame)}"
+        limbs = sorted({limb for own in edit.limbs for limb in own})
+        whose = f"{', '.join(limbs)} " if len(limbs) <= FEW else f"{len(limbs)} parts "
+        return f"{whose if limbs else ''}{MARKS[edit.state]}, {in_words(edit.frames, first_frame)}"
     if isinstance(edit, WriteNote):
         return f"{_note_in_words(edit)}, {in_words(edit.frames, first_frame)}"
     if isinstance(edit, WriteNotes):

@@ -1,10 +1,13 @@
 """Stepping through a clip's suspicious frames in one tab."""
 
+from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal
 
 from fitting_core.errors import InputError
-from tcfit_app.analysis.suspicion import Suspect
+from tcfit_app.analysis.findings import FINDINGS, WHOLE
+from tcfit_app.analysis.suspicion import ORDERS, Suspect
 from tcfit_app.project.edits.edit_log import MarkState
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.browser.page_states import Leaving
@@ -21,23 +24,44 @@ class Reviewing:
         """Position of that entry in the queue: when it has left, the next entry has this position."""
 
     @property
-    def suspects(self) -> tuple[Suspect, ...] | None:
+    def everything(self) -> tuple[Suspect, ...] | None:
         """Suspicious frames, worst first; None while they are being computed, or without a fit."""
         shown = self._tab.shown.b
         return None if shown is None else self._tab.data.suspects(shown)
 
+    @property
+    def suspects(self) -> tuple[Suspect, ...] | None:
+        """Those that are listed, in their order; None as above."""
+        found = self.everything
+        return None if found is None else self.listed(found)
+
+    def listed(self, found: Sequence[Suspect]) -> tuple[Suspect, ...]:
+        """The entries that the tab's filters let through, in its order."""
+        view = self._tab.state.queue
+        through = (s for s in found if view.kind in ("", s.kind) and (not view.limb or view.limb in s.about))
+        return tuple(sorted(through, key=ORDERS[view.order]))
+
+    def filter_next_kind(self) -> None:
+        """List only the next kind that there is in the queue; after the last one, all kinds."""
+        view, counts = self._tab.state.queue, kinds_of(self.everything or ())
+        known = dict.fromkeys(("", *FINDINGS, *counts, view.kind))
+        there = [kind for kind in known if kind in ("", view.kind) or counts[kind]]
+        self._tab.set(queue=replace(view, kind=there[(there.index(view.kind) + 1) % len(there)]))
+
     def go(self, step: int) -> None:
         """Go to the next (1) or previous (-1) queue entry. Raises InputError while the queue is being computed."""
         suspects = self.suspects
-        if not suspects:
+        if suspects is None:
             raise InputError("Suspicious frames are still being looked for. Try again in a moment.")
+        if not suspects:
+            raise InputError("No entry of the queue is listed: press All in the panel Review.")
         gone = self._place - (step > 0) if self._last is not None else -(step > 0)
         at = next((i for i, suspect in enumerate(suspects) if self._is_last(suspect)), gone)
         self.show(suspects[(at + step) % len(suspects)])
 
     def _is_last(self, suspect: Suspect) -> bool:
         last = self._last
-        return last is not None and (suspect.frame, suspect.kind) == (last.frame, last.kind)
+        return last is not None and suspect.key == last.key
 
     def show(self, suspect: Suspect) -> None:
         """Go to an entry, and select its keypoints."""
@@ -51,16 +75,19 @@ class Reviewing:
         self._tab.say(suspect.reason)
 
     @property
-    def _on_show(self) -> Suspect | None:
+    def on_show(self) -> Suspect | None:
         """The entry visited last, while one of its frames is on show and no others are selected."""
         last, state = self._last, self._tab.state
         return last if last is not None and state.frames is None and state.frame in last.frames else None
 
     @property
-    def dismissed(self) -> tuple[int, ...]:
-        """The frames that `dismiss` marks as fine."""
-        shown = self._on_show
-        return tuple(shown.frames if shown is not None else self._tab.chosen_frames)
+    def fine(self) -> bool:
+        """Whether what `dismiss` would mark as fine is marked so."""
+        shown = self.on_show
+        if shown is None:
+            return self.are("checked", self._tab.chosen_frames)
+        marks = self._tab.session.project.marks.of_limbs()
+        return all(frame in marks.get(limb, {}) for limb in shown.about for frame in shown.frames)
 
     @property
     def approved(self) -> str:
@@ -111,11 +138,26 @@ class Reviewing:
         tab.say(f"Flag removed: {where}" if flagged else f"Flagged: {where}. Press T again to remove it")
 
     def dismiss(self) -> None:
-        """Mark the frames of the entry on show, or those selected, as fine, and go to the next entry; or unmark them if
-        all are marked. Flagged frames among several keep their flag."""
-        tab = self._tab
-        shown = self._on_show
-        frames = self.dismissed if shown is not None else tab.frames_to_change
+        """Mark the entry on show as fine, and go to the next one; or the selected frames. If that is marked already,
+        unmark it. Flagged frames among several selected ones keep their flag."""
+        tab, shown = self._tab, self.on_show
+        if shown is None:
+            return self._dismiss_frames()
+        if self.fine:
+            self._mark([shown], None)
+            tab.say(f"No longer marked as looking fine: {self.subject(shown)}")
+            return
+        queue = self.suspects or ()  # before marking, which rebuilds it
+        self._mark([shown], "checked")
+        tab.say(f"Looks fine: {self.subject(shown)}. Press Ctrl+Z to undo")
+        at = next((i for i, suspect in enumerate(queue) if self._is_last(suspect)), self._place)
+        rest = [suspect for suspect in (*queue[at + 1 :], *queue[:at]) if not _within(suspect, shown)]
+        if rest:
+            self.show(rest[0])
+            self._place = sum(not _within(suspect, shown) for suspect in queue[: queue.index(rest[0])])
+
+    def _dismiss_frames(self) -> None:
+        tab, frames = self._tab, self._tab.frames_to_change
         if self.are("checked", frames):
             tab.session.mark(frames, None, author=tab.author)
             tab.say(f"No longer marked as looking fine: {in_words(frames, tab.first_frame)}")
@@ -125,15 +167,41 @@ class Reviewing:
         flagged = len(frames) - len(fine)
         if not fine:
             raise InputError("All of these frames are flagged: remove the flags first (T).")
-        # Before marking, which rebuilds the queue.
-        queue = self.suspects or ()
         tab.session.mark(fine, "checked", author=tab.author)
         but = f", except {flagged} flagged" if flagged else ""
         tab.say(f"Looks fine{but}: {in_words(fine, tab.first_frame)}. Press O again to undo")
-        if shown is None:
-            return
-        at = next((i for i, suspect in enumerate(queue) if self._is_last(suspect)), self._place)
-        rest = [suspect for suspect in (*queue[at + 1 :], *queue[: at + 1]) if suspect.frame not in frames]
-        if rest:
-            self.show(rest[0])
-            self._place = sum(suspect.frame not in frames for suspect in queue[: queue.index(rest[0])])
+
+    def dismiss_listed(self) -> None:
+        """Mark all listed entries as fine, except for those with flagged frames; one undo takes that back."""
+        marks = self._tab.session.project.marks.all()
+        flagged = {frame for frame, mark in marks.items() if mark.state == "flag"}
+        found = [suspect for suspect in self.suspects or () if flagged.isdisjoint(suspect.frames)]
+        if not found:
+            raise InputError("No entry is listed that has no flag.")
+        self._mark(found, "checked")
+        self._tab.say(f"Entries that look fine: {len(found)}. Press Ctrl+Z to undo")
+
+    def subject(self, suspect: Suspect) -> str:
+        """What is marked as fine with an entry: "left arm, frames 3–8"."""
+        what = WHOLE if WHOLE in suspect.about else ", ".join(suspect.about)
+        return f"{what}, {in_words(suspect.frames, self._tab.first_frame)}"
+
+    def _mark(self, suspects: Sequence[Suspect], state: MarkState | None) -> None:
+        limbs: dict[int, set[str]] = {}
+        for suspect in suspects:
+            for frame in suspect.frames:
+                limbs.setdefault(frame, set()).update(suspect.about)
+        frames = sorted(limbs)
+        tab = self._tab
+        tab.session.mark(frames, state, limbs=[tuple(sorted(limbs[f])) for f in frames], author=tab.author)
+
+
+def kinds_of(suspects: Sequence[Suspect]) -> Counter[str]:
+    """How many entries there are of each kind, in the order of FINDINGS; those of plugins last."""
+    counted = Counter(suspect.kind for suspect in suspects)
+    return Counter({kind: counted[kind] for kind in dict.fromkeys((*FINDINGS, *counted)) if counted[kind]})
+
+
+def _within(suspect: Suspect, other: Suspect) -> bool:
+    """Whether an entry is no more once another one looks fine."""
+    return {*suspect.frames} <= {*other.frames} and {*suspect.about} <= {*other.about}

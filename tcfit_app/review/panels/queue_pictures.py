@@ -88,7 +88,7 @@ def crop_of(
 
 
 def _class(suspect: Suspect) -> str:
-    return f"tcfit-at-{suspect.frame}-{suspect.kind}"
+    return f"tcfit-at-{suspect.key}".replace(" ", "-").replace("+", "-")
 
 
 def _image(jpeg: bytes) -> str:

@@ -1,6 +1,9 @@
 """The Review panel: leads through suspicious frames, and relinks a video that was moved."""
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
 from typing import ClassVar
 
 import viser
@@ -13,6 +16,7 @@ from tcfit_app.fitting.fits import Shown
 from tcfit_app.fitting.reports import Notice
 from tcfit_app.project.frame_words import in_words, numbers
 from tcfit_app.review.gestures.actions import Gestures
+from tcfit_app.review.gestures.reviewing import kinds_of
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
@@ -32,9 +36,29 @@ from tcfit_app.review.panels.elements.selected_frames import unseen
 from tcfit_app.review.panels.notes import Notes
 from tcfit_app.review.panels.queue_pictures import QueuePictures
 from tcfit_app.review.panels.who_is_who import WhoIsWho
+from tcfit_app.review.tab.state import QueueView
 
 _MOST = 40
 """Entries listed; a checked one makes room for the next."""
+_ORDERS = {
+    "suspicion": ("Suspicion", "The most suspicious entry first"),
+    "uncertainty": ("Uncertainty", "The entry with the largest error bar first"),
+    "time": ("Time", "The earliest entry first"),
+}
+KIND_WORDS = {
+    "failed": "Failed",
+    "swap": "Swapped",
+    "reprojection": "Off",
+    "jump": "Jumps",
+    "detection": "Detection jumps",
+    "depth": "Depth",
+    "frozen": "Frozen",
+    "cost": "Unlikely pose",
+    "confidence": "Lost",
+}
+"""Kinds of findings, as users read them; those of plugins have their own."""
+_FEW = 5
+"""So many entries need no filters."""
 _FLAGS = 24
 """Runs of flagged frames listed."""
 
@@ -64,25 +88,31 @@ class ReviewPanel:
         self._notes = Notes(gestures)
         self._pictures = QueuePictures(tab)
         self._queue = Board(tab)
-        tab.buttons.on("review.go", self._go, _entry)
-        tab.buttons.on("review.mirror", self._mirror, _entry)
+        tab.buttons.on("review.go", self._go)
+        tab.buttons.on("review.mirror", self._mirror)
+        for part in ("kind", "limb", "order"):
+            tab.buttons.on(f"review.{part}", partial(self._filter, part))
         tab.buttons.on("review.frame", self._visit, int)
         tab.buttons.on("review.relink", lambda _: self._find_video())
 
     @property
     def _suspects(self) -> tuple[Suspect, ...]:
-        return () if self._found is None else self._found.left
+        """Those listed."""
+        return () if self._found is None else self._gestures.reviewing.listed(self._found.left)
 
-    def _entry(self, entry: tuple[int, str]) -> Suspect:
-        found = [s for s in self._suspects if (s.frame, s.kind) == entry]
+    def _filter(self, part: str, value: str) -> None:
+        self._tab.set(queue=replace(self._tab.state.queue, **{part: value}))
+
+    def _entry(self, key: str) -> Suspect:
+        found = [] if self._found is None else [s for s in self._found.left if s.key == key]
         if not found:
             raise InputError("This entry has left the queue: its frames were checked or refitted.")
         return found[0]
 
-    def _go(self, entry: tuple[int, str]) -> None:
+    def _go(self, entry: str) -> None:
         self._gestures.reviewing.show(self._entry(entry))
 
-    def _mirror(self, entry: tuple[int, str]) -> None:
+    def _mirror(self, entry: str) -> None:
         suspect = self._entry(entry)
         self._gestures.reviewing.show(suspect)
         self._gestures.depth.send_limbs("mirror", tuple(suspect.frames), suspect.joints)
@@ -116,20 +146,17 @@ class ReviewPanel:
         self._draw_media()
         shown = tab.shown.b
         self._look(shown)
-        self._flagged, checked = tab.once("marks of the queue", session.project.marks_version, self._marks)
+        self._flagged = tab.once("flags", session.project.marks_version, self._flagged_frames)
         where = self._applies()
-        fine = checked.issuperset(self._gestures.reviewing.dismissed)
-        self._draw_head(where, fine=fine, flagged=set(tab.chosen_frames) <= set(self._flagged))
+        self._draw_head(where, fine=self._gestures.reviewing.fine, flagged=set(tab.chosen_frames) <= set(self._flagged))
         self._who_is_who.draw()
         self._notes.draw()
         self._pictures.draw(self._suspects[:_MOST])
         self._queue.show(*self._entries(self._here(), fitted=shown is not None))
 
-    def _marks(self) -> tuple[list[int], set[int]]:
-        """The flagged frames, and those that look fine."""
+    def _flagged_frames(self) -> list[int]:
         marks = self._tab.session.project.marks.all()
-        flagged = [frame for frame, mark in marks.items() if mark.state == "flag"]
-        return flagged, {frame for frame, mark in marks.items() if mark.state == "checked"}
+        return [frame for frame, mark in marks.items() if mark.state == "flag"]
 
     def _look(self, shown: Shown | None) -> None:
         """Take up a new queue once it is ready; keep the last one meanwhile."""
@@ -185,11 +212,10 @@ class ReviewPanel:
         tab = self._tab
         if tab.state.playing and tab.state.frames is None:  # otherwise it would change with each frame
             return "Both apply to the frame on show."
-        fine, flag = self._where(self._gestures.reviewing.dismissed), self._where(tab.chosen_frames)
-        return f"Both apply to {fine}." if fine == flag else f"O marks {fine} as fine, T flags {flag}."
-
-    def _where(self, frames: Sequence[int]) -> str:
-        return in_words(frames, self._tab.first_frame)
+        reviewing, flag = self._gestures.reviewing, in_words(tab.chosen_frames, tab.first_frame)
+        if reviewing.on_show is None:
+            return f"Both apply to {flag}."
+        return f"O marks {reviewing.subject(reviewing.on_show)} as fine, T flags {flag}."
 
     def _flags(self, frames: list[int]) -> list[Html]:
         if not frames:
@@ -210,7 +236,7 @@ class ReviewPanel:
             return [paragraph(f"Suspicious frames cannot be found: {self._problem}", "warn")]
         if self._found is None:
             return [paragraph("Looking for suspicious frames …", "dim")]
-        if not self._suspects:
+        if not self._found.left:
             done = f"All {self._found.looked_at} reviewed" if self._found.looked_at else "Nothing suspicious"
             return [paragraph(f"{done}. Looking again …" if self._looking else f"{done}.", "dim")]
         first = self._tab.first_frame
@@ -218,33 +244,52 @@ class ReviewPanel:
         rows = [
             line(
                 self._pictures.of(suspect),
-                opener(numbers(suspect.frames, first), "review.go", f"{suspect.frame} {suspect.kind}"),
+                opener(numbers(suspect.frames, first), "review.go", suspect.key),
                 self._said(suspect, off=off),
                 numbers=(1,),
                 kind="here" if i == here else "",
                 command="review.go",
-                value=f"{suspect.frame} {suspect.kind}",
+                value=suspect.key,
                 hint="; ".join([f"Frame {first + suspect.frame}: {suspect.reason}", *suspect.also]),
             )
             for i, suspect in enumerate(self._suspects[:_MOST])
         ]
-        parts = [
-            heading("Queue", "worst first"),
-            table(rows, ("", "frame", "problem, worst frame"), numbers=(1,)),
-        ]
+        parts = [heading("Queue", f"{len(self._suspects)} listed"), *self._filters()]
+        if rows:
+            parts.append(table(rows, ("", "frame", "problem, worst frame"), numbers=(1,)))
+        else:
+            parts.append(paragraph("None of these is left.", "dim"))
         if (more := len(self._suspects) - _MOST) > 0:
-            parts.append(paragraph(f"and {more} more, less suspicious", "dim"))
+            parts.append(paragraph(f"and {more} more", "dim"))
         if self._looking:
             parts.append(paragraph("Looking again …", "dim"))
         return parts
+
+    def _filters(self) -> list[Html]:
+        """What is listed, in which order, and the button for all of it."""
+        view, found = self._tab.state.queue, self._found.left if self._found is not None else ()
+        if len(found) <= _FEW and view == QueueView():
+            return []
+        limbs = Counter(limb for suspect in found if view.kind in ("", suspect.kind) for limb in suspect.about)
+        orders = [
+            button(title, "review.order", order, kind="mini", pressed=view.order == order, hint=hint)
+            for order, (title, hint) in _ORDERS.items()
+        ]
+        kinds = _chips("review.kind", kinds_of(found), view.kind)
+        parts = _chips("review.limb", dict(sorted(limbs.items())), view.limb)
+        return [
+            row(*orders, label="Order"),
+            row(*kinds, wrap=True),
+            row(*parts, wrap=True),
+            row(action(self._gestures, "all_fine", f"All {len(self._suspects)} look fine")),
+        ]
 
     def _said(self, suspect: Suspect, *, off: bool) -> Html:
         """What an entry is about, and its quick fix."""
         if suspect.kind != "depth":
             return text(suspect.reason)
         hint = "Flip these limbs in depth about shoulder or hip, in the frames of this entry"
-        value = f"{suspect.frame} {suspect.kind}"
-        mirror = button("Mirror", "review.mirror", value, kind="mini", disabled=off, hint=hint)
+        mirror = button("Mirror", "review.mirror", suspect.key, kind="mini", disabled=off, hint=hint)
         return joined(text(f"{suspect.reason} "), mirror)
 
     def _draw_damage(self) -> None:
@@ -270,7 +315,14 @@ class ReviewPanel:
         self._relink.show(row(button("Use the video at this location", "review.relink", disabled=off, enter=True)))
 
 
-def _entry(value: str) -> tuple[int, str]:
-    """Frame and kind of a queue entry."""
-    frame, kind = value.split(" ")
-    return int(frame), kind
+def _chips(command: str, counts: Mapping[str, int], chosen: str) -> list[Html]:
+    """A toggle for all, and one for each value with its number of entries."""
+    values = dict.fromkeys((*counts, *filter(None, (chosen,))))
+    named = {value: KIND_WORDS.get(value, value.capitalize()) for value in values}
+    return [
+        button("All", command, kind="mini", pressed=not chosen),
+        *(
+            button(f"{title} {counts.get(value, 0)}", command, value, kind="mini", pressed=value == chosen)
+            for value, title in named.items()
+        ),
+    ]

@@ -109,9 +109,17 @@ class Session:
             self.edit_follower.went_back(entry.id, shown)
         return entry
 
-    def mark(self, frames: Iterable[int], state: Literal["checked", "flag"] | None, *, author: str) -> None:
-        """Mark frames as fine or as needing attention, or remove the mark. Raises InputError if that fails."""
-        self.project.marks.set(frames, state, author=author)
+    def mark(
+        self,
+        frames: Iterable[int],
+        state: Literal["checked", "flag"] | None,
+        *,
+        author: str,
+        limbs: Iterable[tuple[str, ...]] = (),
+    ) -> None:
+        """Mark frames, or for each the limbs given, as fine or as needing attention, or remove the mark. Raises
+        InputError if that cannot be stored."""
+        self.project.marks.set(frames, state, limbs=limbs, author=author)
 
     def write_note(self, frames: Iterable[int], text: str, *, author: str, replaces: int | None = None) -> None:
         """Save a note on consecutive frames. Raises InputError if the note is invalid, or the project cannot be

@@ -15,7 +15,7 @@ from tcfit_app.analysis.heat_maps import HeatMap, heat_map
 from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.analysis.posed_fit import PosedFit
 from tcfit_app.analysis.run_metrics import MeasuredRun, Metric, frame_metrics, reference_metrics, run_metrics
-from tcfit_app.analysis.suspicion import ReviewQueue, Suspect, review_queue, still_checked
+from tcfit_app.analysis.suspicion import ReviewQueue, Suspect, findings, review_queue, still_checked
 from tcfit_app.fitting.edit_follower import LiveWindow
 from tcfit_app.fitting.fits import FitChoice, Shown, own_phases
 from tcfit_app.project.storage.run_record import Run
@@ -235,12 +235,17 @@ class DrawingData:
     def queue(self, shown: Shown) -> ReviewQueue | None:
         """The review queue of a run; None while it is computed."""
         project = self.session.project
+        found = self._made(self._findings_key(shown), shown, findings)  # not again for every mark
+        if found is None:
+            return None
 
         def queue(posed: PosedFit) -> ReviewQueue:
-            checked = still_checked(
-                project.marks.all(), project.frames_changed_after(0), refitted=self._refitted(shown.run)
+            edited, refitted = project.frames_changed_after(0), self._refitted(shown.run)
+            limbs = project.marks.of_limbs()
+            checked, *of_limbs = (
+                still_checked(marks, edited, refitted=refitted) for marks in (project.marks.all(), *limbs.values())
             )
-            return review_queue(posed, checked=checked)
+            return review_queue(posed, found, checked=checked, limbs=dict(zip(limbs, of_limbs, strict=True)))
 
         return self._made(self._suspects_key(shown), shown, queue)
 
@@ -252,6 +257,9 @@ class DrawingData:
 
     def _suspects_key(self, shown: Shown) -> Hashable:
         return "suspects", self.key(shown), self.session.project.marks_version
+
+    def _findings_key(self, shown: Shown) -> Hashable:
+        return "findings", self.key(shown)
 
     def _made(self, key: Hashable, shown: Shown, make: Callable[[PosedFit], Value]) -> Value | None:
         posed = self._ready(shown)
@@ -271,8 +279,12 @@ class DrawingData:
                 self.meshes(shown)
         except InputError as error:
             return str(error)
-        keys = {"metrics": self._metrics_key, "reference": self._reference_key, "suspects": self._suspects_key}
-        return self.tasks.problem(keys[what](shown))
+        keys = {
+            "metrics": (self._metrics_key,),
+            "reference": (self._reference_key,),
+            "suspects": (self._findings_key, self._suspects_key),
+        }
+        return next((why for key in keys[what] if (why := self.tasks.problem(key(shown)))), "")
 
 
 def _stage(shown: Shown) -> Hashable:

@@ -52,6 +52,20 @@ class FitSettings:
     """Invalid inputs: the name of the setting, and why. No fit can be started until they are corrected."""
 
 
+QueueOrder = Literal["suspicion", "uncertainty", "time"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class QueueView:
+    """The part of the review queue that a tab steps through."""
+
+    kind: str = ""
+    """Only entries of this kind; empty: of all."""
+    limb: str = ""
+    """Only entries about this limb, or the whole body; empty: about any."""
+    order: QueueOrder = "suspicion"
+
+
 @dataclass(frozen=True, kw_only=True)
 class TabState:
     """Everything a browser can set about its view."""
@@ -116,6 +130,8 @@ class TabState:
     """Corrected keypoints are linked to their detected positions."""
     plots: tuple[str, ...] = ("reprojection", "jitter")
     """The rows of the timeline, names of PLOTS."""
+    queue: QueueView = field(default_factory=QueueView)
+    """Which entries of the review queue are listed, and in which order."""
     apart: float = 0.0
     """Metres between A and B in 3D; 0 leaves both in place."""
     settings: FitSettings = field(default_factory=FitSettings)

@@ -150,6 +150,21 @@ def test_the_log_is_only_added_to(folder: Path):
                 connection.execute(change)
 
 
+def test_marks_of_limbs_are_kept_beside_those_of_frames(folder: Path):
+    with Project.open(folder) as project:
+        project.marks.set([3], "flag")
+        project.marks.set([2, 3], "checked", limbs=[("left arm",), ("left arm", "head")])
+        assert project.marks.all().keys() == {3} and project.marks.states() == {2: "checked", 3: "flag"}
+        assert {limb: sorted(of) for limb, of in project.marks.of_limbs().items()} == {"left arm": [2, 3], "head": [3]}
+        project.marks.set([3], None, limbs=[("head",)])
+        project.marks.set([2], None)
+        with pytest.raises(InputError, match="names the limbs of 1 of 2 frames"):
+            project.marks.set([1, 2], "checked", limbs=[("head",)])
+    with Project.open(folder, read_only=True) as project:
+        left = {limb: sorted(of) for limb, of in project.marks.of_limbs().items() if of}
+        assert left == {"left arm": [3]} and project.marks.all()[3].state == "flag"
+
+
 def test_marks(folder: Path):
     with Project.open(folder) as project:
         project.marks.set([3], "flag", author="anna")

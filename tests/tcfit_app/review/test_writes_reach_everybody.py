@@ -91,7 +91,9 @@ def test_small_pictures_are_of_the_video_that_is_linked_now(tested: LonePage, tm
     tested.panels = []
     tab.set(plots=(VIDEO,))
     row, queue = Thumbnails(tab), QueuePictures(tab)
-    suspect = Suspect(frame=2, frames=range(2, 3), score=2.0, kind="cost", reason="", joints=(7,), also=())
+    suspect = Suspect(
+        frame=2, frames=range(2, 3), score=2.0, kind="cost", reason="", joints=(7,), about=("left arm",), also=()
+    )
 
     def shown() -> tuple[State, str] | None:
         row.draw()

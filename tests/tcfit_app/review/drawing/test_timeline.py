@@ -48,7 +48,9 @@ def test_where_frames_came_from_is_told_once_for_all_alike():
 
 
 def test_suspicions_come_in_the_order_of_frames():
-    late = Suspect(frame=7, frames=range(6, 9), score=4.123, kind="cost", reason="late", joints=(), also=())
+    late = Suspect(
+        frame=7, frames=range(6, 9), score=4.123, kind="cost", reason="late", joints=(), about=("whole body",), also=()
+    )
     early = replace(late, frame=2, frames=range(2, 3), score=1.5, reason="early")
     first, last = suspicions([late, early]).found
     assert (first.reason, last.reason) == ("early", "late")

@@ -199,13 +199,14 @@ def test_the_queue_offers_to_mirror_a_limb(tested: LonePage, tiny_body: BodyMode
         kind="depth",
         reason="right wrist may be 30 cm nearer",
         joints=(WRIST,),
+        about=("right arm",),
         also=(),
     )
     other = replace(entry, frame=1, frames=range(1, 2), kind="jump", reason="jumps")
     queue = ReviewQueue(left=(entry, other), looked_at=0)
     tab.data.queue = lambda shown: queue  # pyright: ignore[reportAttributeAccessIssue]
     assert tested.html().count("review.mirror") == 1
-    tested.press("review.mirror", "4 depth")
+    tested.press("review.mirror", "4 depth right arm")
     edit = last_edit(tested)
     assert (
         isinstance(edit, SetDepth)

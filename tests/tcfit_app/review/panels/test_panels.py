@@ -14,6 +14,8 @@ from viser._icons import svg_from_icon
 
 from fitting_core.errors import InputError
 from fitting_core.keypoints import GROUPS, INDEX
+from tcfit_app.analysis.body_regions import LIMB_OF
+from tcfit_app.analysis.findings import FINDINGS, WHOLE
 from tcfit_app.analysis.suspicion import ReviewQueue, Suspect
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.edits.kinds import CopyFrom, MarkBad, Restore, SetConfidence, SwapSides
@@ -22,6 +24,7 @@ from tcfit_app.review.browser.page_events import Drag, LookAt
 from tcfit_app.review.gestures.zooming import surroundings, zoom_to_selection
 from tcfit_app.review.page import SKELETON
 from tcfit_app.review.panels import PANELS
+from tcfit_app.review.tab.state import QueueView
 from tcfit_app.server.viser_bridge import icon, keep_icons_open
 from tests.drivers.lone_page import LonePage, lone_page, sample_project
 from tests.samples.media import write_images
@@ -46,7 +49,9 @@ def tested(panel_server: viser.ViserServer, project: Project) -> Iterator[LonePa
 
 def suspect(frame: int, *, reason: str = "left wrist 42 px off", joints: tuple[int, ...] = (7,)) -> Suspect:
     frames = range(frame, frame + 1)
-    return Suspect(frame=frame, frames=frames, score=2.0, kind="cost", reason=reason, joints=joints, also=())
+    return Suspect(
+        frame=frame, frames=frames, score=2.0, kind="cost", reason=reason, joints=joints, about=("left arm",), also=()
+    )
 
 
 def with_suspects(tested: LonePage, *found: Suspect) -> None:
@@ -345,14 +350,14 @@ def test_the_review_queue(tested: LonePage):
     with_suspects(tested, suspect(4), replace(suspect(2), reason="nose off", joints=(0,)))
     shown = tested.html()
     assert "1 of 3 reviewed; flagged frames: 0" in shown and "left wrist 42 px off" in shown
-    tested.press("review.go", "2 cost")
+    tested.press("review.go", "2 cost left arm")
     assert (page.tab.state.frame, page.tab.state.selection, page.tab.state.suggested) == (2, (0,), True)
-    assert 'class="tcfit-here" data-tcfit="review.go" data-value="2 cost"' in tested.html()
+    assert 'class="tcfit-here" data-tcfit="review.go" data-value="2 cost left arm"' in tested.html()
     page.receive(LookAt(frame=4, kind="cost"))
     assert (page.tab.state.frame, page.tab.state.selection, page.tab.state.suggested) == (4, (7,), True)
     page.receive(LookAt(frame=3, kind="cost"))
     assert page.tab.state.frame == 4, "there is no such entry any more"
-    tested.press("review.go", "2 cost")
+    tested.press("review.go", "2 cost left arm")
     tested.press("action", "flag")
     tested.press("action", "next_suspect")
     assert page.tab.state.frame == 4
@@ -405,14 +410,14 @@ def test_undo_takes_flags_and_looks_fine_back(tested: LonePage):
 
 
 def test_what_looks_fine_gives_way_to_the_next_entry(tested: LonePage):
-    page, queue = tested.page, [suspect(frame) for frame in (4, 2, 5, 3)]
+    page, queue = tested.page, [replace(suspect(frame), score=5.0 - i) for i, frame in enumerate((4, 2, 5, 3))]
     with_suspects(tested, *queue)
     for _ in range(2):
         tested.press("action", "next_suspect")
     assert page.tab.state.frame == 2
 
     def made_anew(shown: object) -> ReviewQueue | None:
-        checked = page.tab.session.project.marks.all()
+        checked = page.tab.session.project.marks.of_limbs().get("left arm", {})
         left = tuple(found for found in queue if found.frame not in checked)
         return ReviewQueue(left=left, looked_at=len(checked)) if ready else None
 
@@ -433,6 +438,75 @@ def test_what_looks_fine_gives_way_to_the_next_entry(tested: LonePage):
     assert page.tab.state.frame == 3
     tested.press("action", "next_suspect")
     assert page.tab.state.frame == 4
+
+
+def test_a_queue_of_300_entries_is_brought_to_its_end_by_18_keys(panel_server: viser.ViserServer, tmp_path: Path):
+    limbs = sorted({*LIMB_OF.values(), WHOLE})
+    entries = [
+        replace(suspect(i), kind=list(FINDINGS)[i % len(FINDINGS)], about=(limbs[i % len(limbs)],)) for i in range(300)
+    ]
+    with (
+        sample_project(tmp_path / "long.tcfit", "first", frames=300) as project,
+        lone_page(panel_server, project) as tested,
+    ):
+
+        def left(shown: object) -> ReviewQueue:
+            fine = project.marks.of_limbs()
+            found = tuple(e for e in entries if any(e.frame not in fine.get(limb, {}) for limb in e.about))
+            return ReviewQueue(left=found, looked_at=len(entries) - len(found))
+
+        tested.page.tab.data.queue = left  # pyright: ignore[reportAttributeAccessIssue]
+        project.marks.set([0], "flag")
+        keys = 0
+        while len(left(None).left) > 1:
+            tested.press("action", "next_kind")
+            assert tested.page.tab.state.queue.kind in FINDINGS
+            assert "All 33 look fine" in tested.html() or "All 34 look fine" in tested.html()
+            tested.press("action", "all_fine")
+            keys += 2
+        assert keys == 18 and left(None).left == (entries[0],), "what is flagged stays"
+        assert len(project.log) == 1 + len(FINDINGS), "one undo for each"
+        project.marks.set([0], None)
+        tested.press("review.kind", "")
+        tested.press("action", "all_fine")
+        assert "All 300 reviewed." in tested.html()
+        tested.press("action", "undo")
+        assert left(None).left == (entries[0],)
+
+
+def test_the_queue_is_filtered_and_ordered(tested: LonePage):
+    page, first = tested.page, suspect(4)
+    leg = replace(suspect(2), kind="jump", score=1.5, about=("left leg",), unsure=0.2, reason="left knee jumps")
+    head = replace(suspect(3), kind="jump", score=1.2, about=("head",), unsure=0.1, reason="nose jumps")
+    with_suspects(tested, first, leg, head)
+    assert 'data-tcfit="review.order"' not in tested.html(), "three entries need no order"
+    page.tab.set(queue=QueueView(order="uncertainty"))
+
+    def visited() -> list[int]:
+        seen = []
+        for _ in page.gestures.reviewing.suspects or ():
+            tested.press("action", "next_suspect")
+            seen.append(page.tab.state.frame)
+        return seen
+
+    assert [s.frame for s in page.gestures.reviewing.suspects or ()] == [2, 3, 4]
+    tested.html()
+    tested.press("review.order", "suspicion")
+    assert visited() == [4, 2, 3]
+    page.tab.set(queue=QueueView(order="uncertainty"))
+    tested.html()
+    tested.press("review.order", "time")
+    assert sorted(visited()) == [2, 3, 4] and [s.frame for s in page.gestures.reviewing.suspects or ()] == [2, 3, 4]
+    tested.press("review.order", "uncertainty")
+    assert [s.frame for s in page.gestures.reviewing.suspects or ()] == [2, 3, 4]
+    tested.press("review.kind", "jump")
+    assert "left wrist 42 px off" not in tested.html() and "left knee jumps" in tested.html()
+    tested.press("review.limb", "head")
+    assert [s.frame for s in page.gestures.reviewing.suspects or ()] == [3]
+    with_suspects(tested, first)
+    assert "None of these is left." in tested.html()
+    with pytest.raises(InputError, match="No entry of the queue is listed"):
+        tested.press("action", "next_suspect")
 
 
 def test_the_review_queue_while_there_is_none(tested: LonePage):
@@ -494,13 +568,17 @@ def test_an_entry_outside_the_selected_frames_ends_their_selection(tested: LoneP
     with_suspects(tested, suspect(4))
     page.tab.set(frames=range(1, 3))
     assert f"Both apply to frames {FIRST + 1}–{FIRST + 2}." in tested.html()
-    tested.press("review.go", "4 cost")
-    assert page.tab.state.frames is None and f"Both apply to frame {FIRST + 4}." in tested.html()
+    tested.press("review.go", "4 cost left arm")
+    assert (
+        page.tab.state.frames is None
+        and f"O marks left arm, frame {FIRST + 4} as fine, T flags frame {FIRST + 4}." in tested.html()
+    )
     wide = replace(suspect(2), frames=range(1, 4))
     page.gestures.reviewing.show(wide)
-    assert f"O marks frames {FIRST + 1}–{FIRST + 3} as fine, T flags frame {FIRST + 2}." in tested.html()
+    assert f"O marks left arm, frames {FIRST + 1}–{FIRST + 3} as fine, T flags frame {FIRST + 2}." in tested.html()
     tested.press("action", "fine")
-    assert sorted(page.tab.session.project.marks.all()) == [1, 2, 3]
+    marks = page.tab.session.project.marks
+    assert sorted(marks.of_limbs()["left arm"]) == list(marks.states()) == [1, 2, 3] and not marks.all()
 
 
 def test_frames_that_are_selected_elsewhere_are_not_changed(tested: LonePage):
