@@ -8,7 +8,6 @@ base" (1989), and where an unmoved hand lies. So these are the three that are to
 
 import math
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -17,9 +16,9 @@ from scipy.ndimage import gaussian_filter1d
 from fitting_core.body.geometry import unit
 from fitting_core.body.model import JOINT
 from fitting_core.frame_runs import runs_where
+from fitting_core.keypoints import Side
 from fitting_core.measure.hands.spans import Span, spans_of, without_short
 
-Side = Literal["left", "right"]
 SIDES: tuple[Side, Side] = ("left", "right")
 REST, MOVEMENT, HOLD = ("rest", "movement", "hold")
 
