@@ -41,6 +41,7 @@ from tcfit_app.review.panels.elements.html import (
     words,
 )
 from tcfit_app.review.panels.elements.selected_frames import listen, named, unseen
+from tcfit_app.review.panels.hand_shapes import HandShapes
 from tcfit_app.review.tab.buttons import one_of
 from tcfit_app.review.tab.tab import Tab
 
@@ -71,6 +72,7 @@ class KeypointsPanel:
         self._by = by
         self._confidence = gui.add_slider("Confidence", 0.0, 1.0, 0.05, 1.0)
         self._exactly = Board(tab)
+        self._shapes = HandShapes(gestures)
         self._groups, self._again = Board(tab), Board(tab)
         self._done = Board(tab)
         self._listen()
@@ -122,6 +124,7 @@ class KeypointsPanel:
         looks = not refusal(self._gestures.again.refuse_blind)
         self._draw_missing(looks=looks)
         self._draw_buttons(where := self._where())
+        self._shapes.draw(where)
         self._groups.show(
             heading("Whole groups", where), self._group_table(), *_detected_by(session.project.footage.detector)
         )
