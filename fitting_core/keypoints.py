@@ -106,7 +106,7 @@ FINGER_JOINTS: dict[Side, tuple[int, ...]] = {
 }
 """The keypoints on the 15 finger joints of a hand, in SMPL-X's order: by their turns a person states its shape."""
 _BEYOND_KNUCKLES = {
-    side: [start + HAND_21.index(f"{finger}{k}") for finger in FINGERS for k in (2, 3, 4)]
+    side: np.array([start + HAND_21.index(f"{finger}{k}") for finger in FINGERS for k in (2, 3, 4)])
     for side, start in _HAND_STARTS.items()
 }
 
@@ -162,7 +162,7 @@ class Keypoints:
         if self.turn is not None:
             for side, joints in FINGER_JOINTS.items():
                 stated = np.isfinite(self.turn[:, joints]).all((1, 2))
-                found[np.ix_(stated, _BEYOND_KNUCKLES[side])] = True
+                found[np.ix_(np.flatnonzero(stated), _BEYOND_KNUCKLES[side])] = True
         return found
 
     def __len__(self) -> int:

@@ -136,25 +136,28 @@ def _shared_shape(setting: Setting, looked: Looked, s: int) -> Term:
     return replace(shape, name="shared_shape", once=True)
 
 
-def _with_stated_hands(term: Term, setting: Setting) -> Term:
-    """The hands' prior; where a person stated a hand's shape, how far the hand is from it instead."""
-    p, turn = setting.parametrisation, setting.observations.turn
-    both = torch.stack([turn[:, joints] for joints in FINGER_JOINTS.values()], 1).flatten(2)
-    stated = both.isfinite().all(2)
-    if not bool(stated.any()):
-        return term
-    assert isinstance(term, Quadratic), "of the hands"
-    here = stated[..., None].expand(-1, -1, p.columns.hand).flatten(1)
-    angles = torch.where(stated[..., None], both, p.hand_mean)
-    return replace(term, weight=torch.where(here, LOCK_WEIGHT, term.weight), target=p.nearest_hands(angles.flatten(1)))
-
-
 _HANDS = _l2(
     "hand_pose",
     "the coefficients of the hands' pose are small, or those of the shape that a person stated",
     lambda columns: columns.hands,
     Weight("hand_pose", "L2 of the hand components.", _POSE),
 )
+
+
+def _stated_hands(setting: Setting, looked: Looked, s: int) -> Term:
+    """The hands' prior; where a person stated a hand's shape, how far the hand is from it instead."""
+    prior, p, turn = _HANDS.make(setting, looked, s), setting.parametrisation, setting.observations.turn
+    both = torch.stack([turn[:, joints] for joints in FINGER_JOINTS.values()], 1).flatten(2)
+    stated = both.isfinite().all(2)
+    assert isinstance(prior, Quadratic), "hands have a term in every stage"
+    if not bool(stated.any()):
+        return prior
+    here = stated[..., None].expand(-1, -1, p.columns.hand).flatten(1)
+    angles = torch.where(stated[..., None], both, p.hand_mean)
+    return replace(
+        prior, weight=torch.where(here, LOCK_WEIGHT, prior.weight), target=p.nearest_hands(angles.flatten(1))
+    )
+
 
 ENTRIES = (
     _l2(
@@ -164,7 +167,7 @@ ENTRIES = (
         Weight("body_pose", "Body pose prior.", _POSE),
         target=lambda p: p.prior.neutral.to(p.betas),
     ),
-    replace(_HANDS, make=lambda setting, looked, s: _with_stated_hands(_HANDS.make(setting, looked, s), setting)),
+    replace(_HANDS, make=_stated_hands),
     _l2(
         "jaw",
         "the jaw is not turned far",

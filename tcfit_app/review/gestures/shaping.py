@@ -46,7 +46,7 @@ class ShapingHands:
     def side(self) -> Side:
         """The hand of the selected keypoints, as the picture shows them. Raises InputError if it is not one hand."""
         chosen = self._tab.state.selection
-        sides = [
+        sides: list[Side] = [
             side
             for side, points in HAND_POINTS.items()
             if any(points.start <= joint < points.stop or joint == INDEX[f"{side}_wrist"] for joint in chosen)

@@ -4,6 +4,7 @@ from functools import partial
 
 from fitting_core.body.handshapes import HANDSHAPES
 from fitting_core.errors import InputError
+from fitting_core.keypoints import Side
 from tcfit_app.review.gestures.actions import ACTIONS, Gestures, refusal
 from tcfit_app.review.gestures.shaping import HAND_POINTS, MOST_BLEND
 from tcfit_app.review.panels.elements.field import Field
@@ -12,7 +13,7 @@ from tcfit_app.review.shared.own_handshapes import keep_handshape, own_handshape
 from tcfit_app.review.tab.buttons import one_of
 
 _BLEND = "Frames before and after, in which the hand goes over into the shape and out of it"
-_NAME = "Of your shape: Save keeps the hand of the frame on show under it, for all projects"
+_NAME = "Name of a shape of your own: Save keeps the hand of the frame on show under it, for all projects"
 
 
 class HandShapes:
@@ -25,7 +26,7 @@ class HandShapes:
         self._shapes = Board(self._tab)
         slider = gui.add_slider("Blend", 0, MOST_BLEND, 1, self._shaping.blend, hint=_BLEND)
         self._blend = Field(self._tab, slider, partial(setattr, self._shaping, "blend"))
-        self._name = gui.add_text("Shape's name", "", hint=_NAME)
+        self._name = gui.add_text("Own shape", "", hint=_NAME)
         self._own = Board(self._tab)
         on = self._tab.buttons.on
         on("shapes.hand", self._select, one_of(HAND_POINTS))
@@ -33,7 +34,7 @@ class HandShapes:
         on("shapes.save", lambda _: self._shaping.save(self._name.value.strip()))
         on("shapes.delete", lambda _: keep_handshape(self._name.value.strip(), None))
 
-    def _select(self, side: str) -> None:
+    def _select(self, side: Side) -> None:
         points = HAND_POINTS[side]
         self._tab.set(selection=tuple(range(points.start, points.stop)))
 
@@ -47,18 +48,18 @@ class HandShapes:
             own, problem = {}, str(error)
         side = None if refusal(shaping.side) else shaping.side()
         hands = [button(f"{each.title()} hand", "shapes.hand", each, pressed=each == side) for each in HAND_POINTS]
-        copied = "Copied" if shaping.copied is None else f"Copied: {shaping.copied.name}"
+        copied = shaping.copied
         self._shapes.show(
             heading("Hand shape", where),
             row(choice(*hands)),
-            row(*(act(f"shape_{name}", name.capitalize(), kind="mini") for name in HANDSHAPES), wrap=True),
+            row(*(act(f"shape_{name}", name[0].upper() + name[1:], kind="mini") for name in HANDSHAPES), wrap=True),
             *(
                 [row(*(button(n, "shapes.own", n, disabled=bool(why), hint=why, kind="mini") for n in own), wrap=True)]
                 if own
                 else []
             ),
             row(act("shape_other", "Other hand"), act("copy_shape", "Copy")),
-            row(act("shape_copied", copied, disabled=shaping.copied is None)),
+            *([] if copied is None else [row(act("shape_copied", f"Copied: {copied.name}"))]),
             row(act("shape_last", "Last one again", disabled=shaping.last is None), act("free_hand", "Take off")),
         )
         self._blend.show(shaping.blend)
