@@ -2,6 +2,7 @@
 
 import os
 import uuid
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -28,12 +29,25 @@ settings.load_profile("no deadline")
 
 @pytest.hookimpl(tryfirst=True)  # xdist reads the groups in the same hook
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Where several processes share the tests: a file's stay together, for they share what it sets up. All that need a
-    browser run one after another, and first: two at once are slow enough on two cores to miss what they wait for."""
-    groups = ["browser" if "browser" in getattr(item, "fixturenames", ()) else item.path.name for item in items]
-    for item, group in zip(items, groups, strict=True):
-        item.add_marker(pytest.mark.xdist_group(group))
-    items.sort(key=lambda item: "browser" not in getattr(item, "fixturenames", ()))
+    """Where several processes share the tests: a file's stay together, for they share what it sets up. Those that need
+    a browser run first, in two rows. On two cores a page may miss what it waits for: such a test is tried once more,
+    and `-rR` names it."""
+    browsing = {item: "browser" in getattr(item, "fixturenames", ()) for item in items}
+    rows = in_two_rows(Counter(item.path for item, browses in browsing.items() if browses))
+    for item, browses in browsing.items():
+        item.add_marker(pytest.mark.xdist_group(rows[item.path] if browses else item.path.name))
+        if browses:
+            item.add_marker(pytest.mark.flaky(reruns=1))
+    items.sort(key=lambda item: not browsing[item])
+
+
+def in_two_rows(tests: Counter[Path]) -> dict[Path, str]:
+    """About as many tests in one as in the other, a file's in the same."""
+    rows, lengths = {}, Counter({"browser 1": 0, "browser 2": 0})
+    for path, count in tests.most_common():
+        rows[path] = min(lengths, key=lengths.__getitem__)
+        lengths[rows[path]] += count
+    return rows
 
 
 @pytest.fixture(scope="session")

@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float, Float32
 
 from fitting_core import keypoints as kp
-from fitting_core.body.model import N_JOINTS
+from fitting_core.body.model import JOINT, N_JOINTS
 from fitting_core.errors import InputError
 from fitting_core.fit.terms.temporal import OFF_MEAN
 from fitting_core.measure.angles.joint_angles import joint_angle
@@ -82,6 +82,17 @@ def _speed(side: Side) -> Callable[[PosedFit], Float[np.ndarray, "T"]]:
     return lambda fit: wrist_speed(fit.joints, side, fit.clip.frame_rate)
 
 
+def _height(joint: str) -> Callable[[PosedFit], Float[np.ndarray, "T"]]:
+    """Above the floor; NaN where there is none."""
+
+    def values(fit: PosedFit) -> Float[np.ndarray, "T"]:
+        if fit.grounding is None or fit.grounding.ground is None:
+            return np.full(len(fit), np.nan)
+        return fit.grounding.ground.height(fit.still_joints[:, JOINT[joint]])
+
+    return values
+
+
 def _angle(name: str) -> Callable[[PosedFit], Float[np.ndarray, "T"]]:
     return lambda fit: joint_angle(fit.motion, name)
 
@@ -105,6 +116,10 @@ CURVES: dict[str, CurveKind] = {
     **{
         f"{side}_wrist": CurveKind(title=f"Speed of the {side} wrist", unit="m/s", values=_speed(side))
         for side in SIDES
+    },
+    **{
+        f"{joint}_height": CurveKind(title=f"Height of the {joint.replace('_', ' ')}", unit="m", values=_height(joint))
+        for joint in ("pelvis", "left_wrist", "right_wrist", "left_ankle", "right_ankle")
     },
     **{
         name: CurveKind(title=_angle_title(name), unit="°", values=_angle(name), angle=i)

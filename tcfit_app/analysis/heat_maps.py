@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core import keypoints as kp
+from fitting_core.ground.contacts import FOOT_POINTS
 from fitting_core.measure.hands.phases import HOLD, MOVEMENT, REST, SIDES, hand_phases
 from tcfit_app.analysis.body_regions import REGIONS
 from tcfit_app.analysis.curves import weighted_mean
@@ -82,11 +83,32 @@ def _phases(fit: PosedFit) -> Float[np.ndarray, "T 137"]:
     return levels
 
 
+_FEET = {f"{side} foot": tuple(points) for side, points in zip(SIDES, FOOT_POINTS.tolist(), strict=True)}
+
+
+def _contacts(fit: PosedFit) -> Float[np.ndarray, "T 137"]:
+    levels = np.full((len(fit), kp.COUNT), np.nan)
+    if fit.grounding is not None:
+        contacts = fit.grounding.contacts
+        found = np.where(contacts.seen, contacts.let_go + 2.0 * contacts.standing, np.nan)
+        levels[:, FOOT_POINTS] = found[..., None]
+    return levels
+
+
 HEAT_MAPS: dict[str, HeatKind] = {
     "error_by_part": HeatKind(title="Error by part, B", unit="px", worse="high", values=_errors, weighted=True),
     "confidence_by_part": HeatKind(title="Confidence by part", unit="", worse="low", values=_confidences, top=1.0),
     "hand_phases": HeatKind(
         title="Hand phases, B", unit="", worse="high", values=_phases, top=2.0, parts=_HANDS, words=_LEVELS
+    ),
+    "contacts": HeatKind(
+        title="Feet on the floor, B",
+        unit="",
+        worse="high",
+        values=_contacts,
+        top=2.0,
+        parts=_FEET,
+        words=("in the air", "seems to stand, but slides", "stands"),
     ),
 }
 """By name. A part's value is the mean over its keypoints; errors are weighted by the detections' confidence."""

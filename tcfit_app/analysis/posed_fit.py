@@ -14,6 +14,7 @@ from fitting_core.body.params import BodyParams
 from fitting_core.camera import project
 from fitting_core.clip import Clip
 from fitting_core.fit.evidence.sides import PAIRED, unswapped
+from fitting_core.ground.grounding import Grounding
 from fitting_core.io.summary import counted_keypoints
 from fitting_core.measure.mesh.volume import Enclosed
 from fitting_core.metrics import reprojection_errors
@@ -53,6 +54,8 @@ class PosedFit:
     """Error bars of joints and angles; None if unknown."""
     there: Bool[np.ndarray, "T"] | None = None
     """Frames with a pose; None: all. Nothing is measured in the others."""
+    grounding: Grounding | None = None
+    """Floor and contacts of the feet; None if unknown."""
 
     @staticmethod
     def of(
@@ -82,7 +85,7 @@ class PosedFit:
                 seen, keypoints=replace(seen.keypoints, confidence=seen.keypoints.confidence * there[:, None])
             )
         found = PosedFit.posed(seen, chosen.params, meshes, space=space, bad=bad, frame_cost=chosen.frame_cost)
-        return replace(found, there=there, error_bars=chosen.error_bars)
+        return replace(found, there=there, error_bars=chosen.error_bars, grounding=fit.grounding)
 
     @staticmethod
     def posed(
@@ -118,7 +121,8 @@ class PosedFit:
         there = None if self.there is None else self.there[frames]
         bars = None if self.error_bars is None else self.error_bars[frames]
         part = replace(self, clip=clip, params=self.params[frames], bad=self.bad[frames])
-        return replace(part, frame_cost=cost, there=there, error_bars=bars)
+        grounding = None if self.grounding is None else self.grounding[frames]
+        return replace(part, frame_cost=cost, there=there, error_bars=bars, grounding=grounding)
 
     @property
     def motion(self) -> Motion:

@@ -153,6 +153,11 @@ def _acceleration(run: MeasuredRun) -> float | None:
     return jitter(run.fit.still_joints) / 1e3 * run.fit.clip.frame_rate**2 if len(run.fit) > 2 else None
 
 
+def _height(fit: PosedFit) -> float:
+    mean, by_betas = fit.meshes.body.height
+    return mean + float(by_betas @ fit.params.betas.mean(0).numpy())
+
+
 _GROUPS = {"": slice(0, kp.COUNT), **{f"_{name}": group for name, group in GROUPS.items()}}
 METRICS: dict[str, MetricKind] = {
     **{
@@ -167,6 +172,13 @@ METRICS: dict[str, MetricKind] = {
         title="Jitter without translation", unit="mm/frame²", value=_jitter(lambda fit: fit.joints_in_body)
     ),
     "acceleration": MetricKind(title="Jitter", unit="m/s²", value=_acceleration),
+    "height": MetricKind(title="Body height", unit="m", value=lambda run: _height(run.fit), better=""),
+    "betas_size": MetricKind(
+        title="Shape, distance from the mean shape",
+        unit="σ",
+        value=lambda run: float(run.fit.params.betas.mean(0).norm()),
+        better="",
+    ),
     "volume_mean": MetricKind(
         title="Volume, mean", unit="dm³", value=lambda run: float(run.fit.volumes.mean()), better=""
     ),

@@ -6,7 +6,7 @@ export interface Poster {
   bodies: string[];
   window: [number, number, number, number];
   width: number;
-  kind: "picture" | "side";
+  kind: "picture" | "side" | "video";
   clipped: boolean;
   label: string;
   color: string;

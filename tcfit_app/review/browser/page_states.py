@@ -28,7 +28,7 @@ Place = tuple[float, float, float, float]
 
 
 class Poster(_State, frozen=True, kw_only=True):
-    """A picture in the flat world, or the side view's plate."""
+    """A picture in the flat world, the video alone, or the side view's plate."""
 
     node: str = "/posters/0"
     """viser's node for it."""
@@ -38,7 +38,7 @@ class Poster(_State, frozen=True, kw_only=True):
     """The part of the canvas to which it is clipped."""
     width: float
     """In image heights, like all lengths in viser's world."""
-    kind: Literal["picture", "side"] = "picture"
+    kind: Literal["picture", "video", "side"] = "picture"
     clipped: bool = False
     """Bodies are clipped to the picture."""
     label: str

@@ -8,7 +8,7 @@ from fitting_core.keypoints import COUNT, GROUPS
 from tcfit_app.review.browser.page_states import Focus, Path, Trail, pixel_pairs
 from tcfit_app.review.scene.layers import RUN_COLORS, css
 from tcfit_app.review.tab.on_show import SLOTS, OnShow, Slot
-from tcfit_app.review.tab.state import Part
+from tcfit_app.review.tab.state import HELD_BY, Part
 from tcfit_app.review.tab.tab import Tab
 
 TRAIL_REACH = 5
@@ -41,11 +41,14 @@ class AroundPart:
 
     def _focus(self, part: Part) -> Focus | None:
         tab, state = self._tab, self._tab.state
-        corrected, group = tab.session.project.corrected, GROUPS[part]
-        frames = _frames(state.frame, _SEEN, tab.length)
-        there = corrected.confidence[frames.start : frames.stop, group] > 0
-        found = followed(corrected.xy[frames.start : frames.stop, group], there, state.frame - frames.start)
-        return None if found is None else Focus(x=float(found[0]), y=float(found[1]))
+        corrected, frames = tab.session.project.corrected, _frames(state.frame, _SEEN, tab.length)
+        near = slice(frames.start, frames.stop)
+        for group in (GROUPS[part], [HELD_BY[part]]):
+            there = corrected.confidence[near, group] > 0
+            found = followed(corrected.xy[near, group], there, state.frame - frames.start)
+            if found is not None:
+                return Focus(x=float(found[0]), y=float(found[1]))
+        return None
 
     def _draw_trail(self, shown: OnShow) -> None:
         tab, state = self._tab, self._tab.state
@@ -58,12 +61,12 @@ class AroundPart:
 
     def _trail(self, shown: OnShow, joints: tuple[int, ...]) -> Trail:
         frames = _frames(shown.frame, TRAIL_REACH, self._tab.length)
-        fitted = [self._fitted(shown, place[0], frames) for place in shown.places]
+        fitted = [self._fitted(shown, place[0], frames)[:, list(joints)] if place else None for place in shown.places]
         return Trail(
             now=shown.frame - frames.start,
             detected=tuple(self._detected(joint, frames) for joint in joints),
-            fitted=tuple(tuple(_path(points[:, joint]) for joint in joints) for points in fitted),
-            colors=tuple(css(RUN_COLORS[SLOTS.index(place[0])]) for place in shown.places),
+            fitted=tuple(() if points is None else tuple(map(_path, points.swapaxes(0, 1))) for points in fitted),
+            colors=tuple(css(RUN_COLORS[SLOTS.index(place[0])]) if place else "" for place in shown.places),
         )
 
     def _detected(self, joint: int, frames: range) -> Path:

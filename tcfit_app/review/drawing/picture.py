@@ -32,8 +32,8 @@ _AHEAD = 24
 _LEGEND_COLORS = 9
 _LEGEND_HEIGHT = 34.0
 """CSS pixels below the posters kept free for the colour bar."""
-_SIDE_COLOR = "#8a94a3"
-"""Colour of the side view's name."""
+_PLAIN_COLOR = "#8a94a3"
+"""Colour of the names that are not those of fits."""
 _UNSEEN = 0.4
 """Relative opacity of a body filled in from neighbouring frames."""
 _COLORS: dict[Slot, RGB] = dict(zip(SLOTS, RUN_COLORS, strict=True))
@@ -153,7 +153,11 @@ class Picture:
         self._joints.tell(shown, bodies, room)
         drawn, others = bodies if tab.state.bodies else {}, self._others.layers()
         layers = [tuple(drawn[side] for side in place if side in drawn) for place in shown.places]
-        labels = tuple((self._label(shown, side), css(_COLORS[side])) for place in shown.places for side in place)
+        labels = tuple(
+            (self._label(shown, side), css(_COLORS[side])) if side else ("Video", _PLAIN_COLOR)
+            for place in shown.places
+            for side in place or (None,)
+        )
         if mode == "space":
             self._show(space := self._space(image, shown, layers[0], others, room))
             self._tell_space(space, bodies)
@@ -161,12 +165,15 @@ class Picture:
             tab.channel.send("layout", Layout(mode="space", posters=places))
             return
         side = self._side.poster(shown, drawn, others, self._room) if self._side.wanted(shown) else None
-        posters = tuple(Poster(image=image, bodies=made, others=others) for made in layers)
+        posters = tuple(
+            Poster(image=image, bodies=made, others=others) if place else Poster(image=image, plain=True)
+            for place, made in zip(shown.places, layers, strict=True)
+        )
         snapshot = Posters(
             camera=tab.session.project.footage.camera, posters=posters, side=side, arrangement=tab.arrangement
         )
         self._show(snapshot)
-        named = labels if side is None else (*labels, (direction_text(tab.state.side_from), _SIDE_COLOR))
+        named = labels if side is None else (*labels, (direction_text(tab.state.side_from), _PLAIN_COLOR))
         tab.channel.send("layout", poster_layout(snapshot, named, tab.scene.cameras.window, clipped=tab.clipped))
         if side is not None:
             self._side.tell(shown, side.view, bodies if self._room is not None else {})
@@ -269,7 +276,7 @@ def poster_layout(snapshot: Posters, named: tuple[tuple[str, str], ...], canvas:
             bodies=body_nodes(node),
             window=(left / canvas.width, top / canvas.height, right / canvas.width, bottom / canvas.height),
             width=snapshot.width if snapshot.side is None or i < pictures else snapshot.side.view.width,
-            kind="picture" if i < pictures else "side",
+            kind="side" if i >= pictures else "video" if snapshot.posters[i].plain else "picture",
             clipped=clipped or i >= pictures,
             label=label,
             color=color,

@@ -6,7 +6,7 @@ from jaxtyping import Bool, Float
 from fitting_core.errors import InputError
 from fitting_core.keypoints import GROUPS
 from tcfit_app.review.tab.on_show import SLOTS
-from tcfit_app.review.tab.state import CLOSE_UPS, Part
+from tcfit_app.review.tab.state import CLOSE_UPS, HELD_BY, Part
 from tcfit_app.review.tab.tab import Tab
 
 _LEAST, _MARGIN = 1 / 15, 1 / 5
@@ -59,7 +59,7 @@ def surroundings(xy: Float[np.ndarray, "n 2"], size: tuple[int, int]) -> Float[n
 
 
 def show_close_up(tab: Tab, part: Part | None) -> None:
-    """Follow a hand or the face from frame to frame; None: show the whole picture."""
+    """Follow a hand or the face from frame to frame, in Edit beside the video alone; None: show the whole picture."""
     if part is None:
         return show_whole(tab)
     if tab.state.mode == "space":
@@ -67,17 +67,22 @@ def show_close_up(tab: Tab, part: Part | None) -> None:
     corrected, group = tab.session.project.corrected, GROUPS[part]
     xy, there = corrected.xy[:, group], corrected.confidence[:, group] > 0
     size = usual_size(xy, there)
-    if size is None:
+    if part not in followed_parts(tab):
         raise InputError(f"The {CLOSE_UPS[part].lower()} was not detected in any frame: there is nothing to follow.")
     tab.set(close_up=part)
-    tab.scene.zoom_about_middle(max(_ROOM * size, _LEAST * float(np.hypot(*tab.session.project.footage.camera.size))))
+    least = _LEAST * float(np.hypot(*tab.session.project.footage.camera.size))
+    tab.scene.zoom_about_middle(max(_ROOM * size, least) if size else 2 * least)
+
+
+def followed_parts(tab: Tab) -> list[Part]:
+    """The parts that were detected, or whose wrist or nose was."""
+    confidence = tab.session.project.corrected.confidence
+    return [part for part in CLOSE_UPS if confidence[:, GROUPS[part]].any() or confidence[:, HELD_BY[part]].any()]
 
 
 def next_close_up(tab: Tab) -> None:
     """Cycle through the detected parts, then the whole picture."""
-    confidence = tab.session.project.corrected.confidence
-    parts: list[Part | None] = [part for part in CLOSE_UPS if confidence[:, GROUPS[part]].any()]
-    ways = [None, *parts]
+    ways: list[Part | None] = [None, *followed_parts(tab)]
     now = ways.index(tab.state.close_up) if tab.state.close_up in ways else 0
     if len(ways) == 1:
         raise InputError("Neither hands nor face were detected: there is nothing to follow.")

@@ -53,6 +53,8 @@ class Poster:
     """At most two."""
     others: tuple[BodyLayer, ...] = ()
     """Of other people, at most MOST_OTHERS."""
+    plain: bool = False
+    """The video alone, without keypoints too."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -46,6 +46,8 @@ class _Place:
     """Moved by the user, or by a zoom that the user requested."""
     by_hand: bool = False
     """The browser has a newer pose, because the user moved the camera since."""
+    part: Rectangle | None = None
+    """The part of the picture that was zoomed to, if the user has not moved the camera since."""
 
 
 class Cameras:
@@ -70,16 +72,21 @@ class Cameras:
         if scene == self._scene:
             return
         if self._scene is not None:
-            self._places[self._scene] = _Place(self.pose, self.moved)
+            self._places[self._scene] = replace(self._places[self._scene], pose=self.pose, by_hand=False)
         self._scene = scene
         place = self._places.get(scene)
-        moved = place is not None and place.moved
-        self._go(place.pose if place and moved else self._fitted(scene), moved=moved)
+        if place is not None and place.moved:
+            self._go(place.pose, moved=True, part=place.part)
+        else:
+            self._go(self._fitted(scene))
 
     def show_posters(self, division: Division) -> None:
-        """Go to posters in these windows: to the user's last pose, or to the whole picture."""
+        """Go to posters in these windows: to the user's last pose, to what was zoomed to, or to the whole picture."""
+        other = division != self._division
         self._division = division
         self._enter("posters")
+        if other and (part := self._places["posters"].part):
+            self.zoom_to(part)
         if not self.moved and self.pose != (fitted := self._fitted("posters")):
             self._go(fitted)
 
@@ -107,7 +114,7 @@ class Cameras:
         if self._scene == "posters" and self._division is not None:
             left, top, right, bottom = rectangle
             scale = self._division.scale_of(right - left, bottom - top)
-            self._go(self._flat((left + right) / 2, (top + bottom) / 2, scale), moved=True)
+            self._go(self._flat((left + right) / 2, (top + bottom) / 2, scale), moved=True, part=rectangle)
 
     def zoom_in_space(self, bounds: Float[np.ndarray, "2 3"]) -> None:
         """In 3D: fit a bounding box (least and greatest coordinates) to the window, from the current direction."""
@@ -132,7 +139,8 @@ class Cameras:
     def touched(self) -> None:
         """The user moves the camera."""
         if self._scene is not None:
-            self._places[self._scene].moved = self._places[self._scene].by_hand = True
+            place = self._places[self._scene]
+            place.moved, place.by_hand, place.part = True, True, None
 
     def follow(self, canvas: tuple[float, float] | None = None, covered: float | None = None) -> None:
         """Refit the 3D scene to a new window unless the user has moved the camera; posters have their own windows.
@@ -192,9 +200,9 @@ class Cameras:
         assert self._division is not None
         return poster_pose((x, y), scale, whole=self._division.scale, canvas=self._window)
 
-    def _go(self, pose: Pose, *, moved: bool = False) -> None:
+    def _go(self, pose: Pose, *, moved: bool = False, part: Rectangle | None = None) -> None:
         assert self._scene is not None
-        self._places[self._scene] = _Place(pose, moved)
+        self._places[self._scene] = _Place(pose, moved, part=part)
         place_camera(
             self._client,
             fov=pose.fov,

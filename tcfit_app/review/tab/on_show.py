@@ -29,7 +29,7 @@ class OnShow:
     live_b: LiveWindow | None
     """The same for B."""
     places: tuple[tuple[Slot, ...], ...]
-    """The bodies on each poster, or in the room."""
+    """The bodies on each poster, or in the room. A close-up in Edit has the video alone beside them."""
     camera: Camera
     """The camera of the video: the clip's; in 3D the fit's, whose focal length may differ."""
     problem: str = ""
@@ -77,7 +77,7 @@ def on_show(state: TabState, session: Session) -> OnShow:
         b=b,
         live_a=live_window(session, a, state.frame),
         live_b=live_window(session, b, state.frame),
-        places=_places(state),
+        places=_places(state, bool(there)),
         camera=there[0].camera if state.mode == "space" and there else clip,
         problem=" ".join(dict.fromkeys(problems)),
     )
@@ -98,9 +98,10 @@ def live_window(session: Session, fit: Shown | None, frame: int) -> LiveWindow |
     return session.edit_follower.window(fit.run.id, frame)
 
 
-def _places(state: TabState) -> tuple[tuple[Slot, ...], ...]:
+def _places(state: TabState, there: bool) -> tuple[tuple[Slot, ...], ...]:
     if state.mode == "space":
         return (SLOTS,)
     if state.mode == "edit":
-        return (("a",),) if state.blinked else (("b",),)
+        edited: tuple[Slot, ...] = ("a",) if state.blinked else ("b",)
+        return ((), edited) if state.close_up and state.bodies and there else (edited,)
     return (("b",), ("a",)) if state.blinked else (("a",), ("b",))

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Literal
 
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
-from fitting_core.keypoints import GROUPS
+from fitting_core.keypoints import GROUPS, INDEX
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.storage.run_record import Given
 from tcfit_app.review.scene.layers import OPACITY
@@ -23,6 +23,12 @@ OPACITIES = (0.1, 1.0)
 Part = Literal["right_hand", "left_hand", "face"]
 CLOSE_UPS: dict[Part, str] = {"right_hand": "Right hand", "left_hand": "Left hand", "face": "Face"}
 """Keypoint groups that the view can follow."""
+HELD_BY: dict[Part, int] = {
+    "right_hand": INDEX["right_wrist"],
+    "left_hand": INDEX["left_wrist"],
+    "face": INDEX["nose"],
+}
+"""What it follows where the group was not detected: a keypoint of the body."""
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
 
 
@@ -77,7 +83,7 @@ class TabState:
     side_width: float | None = None
     """Width of its plate, in image heights; None: chosen to suit the pictures."""
     close_up: Part | None = None
-    """What the view follows from frame to frame."""
+    """What the view follows from frame to frame; in Edit beside the video alone."""
     trail: bool = False
     """The paths of the selected keypoints around the frame are drawn."""
     playing: bool = False

@@ -266,8 +266,8 @@ class Tab:
 
     @property
     def arrangement(self) -> Arrangement:
-        """How A and B are arranged in A | B: as chosen, or as suits the canvas."""
-        if self.state.arrangement is not None:
+        """How two pictures are arranged: in A | B as chosen, else as suits the canvas."""
+        if self.state.arrangement is not None and self.state.mode == "ab":
             return self.state.arrangement
         size = self.session.project.footage.camera.size
         width = size[0] / size[1]
@@ -283,6 +283,8 @@ class Tab:
     def side_width(self) -> float:
         """Width of the side view's plate, in image heights."""
         width, height = self.session.project.footage.camera.size
+        if self.state.close_up and self.state.mode == "edit":  # three windows of one size
+            return min(width / height, SIDE_WIDTHS[1])
         beside = len(self.shown.places) if self.arrangement == "beside" else 1
         return self.state.side_width or usual_width(beside * width / height)
 

@@ -11,6 +11,7 @@ from fitting_core import keypoints as kp
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
+from fitting_core.ground.plane import Ground
 from fitting_core.measure.angles.joint_angles import joint_angles
 from fitting_core.metrics import jitter
 from fitting_core.results.error_bars import ANGLES
@@ -18,7 +19,7 @@ from tcfit_app.analysis.curves import CURVES, curve
 from tcfit_app.analysis.posed_fit import PosedFit
 from tests.samples import scenes
 from tests.samples.posed import displaced, fit_of, keypoints_of, still_params, with_keypoints
-from tests.samples.project_samples import sample_error_bars
+from tests.samples.project_samples import sample_error_bars, sample_grounding
 from tests.samples.scenes import random_params
 
 
@@ -118,6 +119,16 @@ def test_the_volume_is_that_of_trimesh(free_body: BodyModel):
     vertices = Mesh(free_body, dtype=torch.float64)(params).numpy()
     expected = [1e3 * trimesh.Trimesh(frame, free_body.faces, process=False).volume for frame in vertices]
     np.testing.assert_allclose(values("volume", fit_of(free_body, params)), expected, rtol=1e-4)
+
+
+def test_heights_are_above_the_floor(tiny_body: BodyModel):
+    fit = fit_of(tiny_body, moved(still_params(3), 1, (0, -0.25, 0)))
+    floor = Ground(normal=np.array([0.0, -1.0, 0.0]), offset=1.5, deviation=0.01)
+    grounded = replace(fit, grounding=replace(sample_grounding(1, 3), ground=floor))
+    heights = values("left_wrist_height", grounded)
+    np.testing.assert_allclose(heights, 1.5 - fit.joints[:, JOINT["left_wrist"], 1])
+    np.testing.assert_allclose(np.diff(heights), [0.25, -0.25])
+    assert np.isnan(values("left_wrist_height", fit)).all(), "no floor is known"
 
 
 @pytest.mark.parametrize("frames", [1, 2])

@@ -1,13 +1,17 @@
 """The heat maps of the timeline."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
+from fitting_core.ground.contacts import Contacts
 from tcfit_app.analysis.body_regions import REGIONS
 from tcfit_app.analysis.heat_maps import HEAT_MAPS, PARTS, heat_map
 from tests.samples.posed import displaced, fit_of, still_params, with_keypoints
+from tests.samples.project_samples import sample_grounding
 
 
 def test_an_error_is_that_of_its_part_alone(tiny_body: BodyModel):
@@ -45,3 +49,18 @@ def test_hands_that_stay_have_no_movement(tiny_body: BodyModel):
     found = heat_map("hand_phases", fit_of(tiny_body, still_params(3)))
     assert found.parts == ("left", "right") and found.values.shape == (3, 2)
     assert "movement" not in {HEAT_MAPS["hand_phases"].words[int(level)] for level in found.values.flat}
+
+
+def test_feet_stand_seem_to_stand_or_are_in_the_air_where_they_are_seen(tiny_body: BodyModel):
+    grounding = sample_grounding(1, 3)
+    contacts = Contacts(
+        probability=np.array([[0.9, 0.1], [0.9, 0.0], [0.2, 0.9]]),
+        standing=np.array([[True, False], [False, False], [False, True]]),
+        let_go=np.array([[False, False], [True, False], [False, False]]),
+    )
+    fit = replace(fit_of(tiny_body, still_params(3)), grounding=replace(grounding, contacts=contacts))
+    found = heat_map("contacts", fit)
+    assert found.parts == ("left foot", "right foot")
+    np.testing.assert_array_equal(found.values, [[2, 0], [1, np.nan], [0, 2]])
+    assert np.isnan(heat_map("contacts", replace(fit, grounding=None)).values).all()
+    np.testing.assert_array_equal(heat_map("contacts", fit[1:]).values, found.values[1:])

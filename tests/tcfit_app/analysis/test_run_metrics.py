@@ -40,6 +40,16 @@ def in_motion(frames: int) -> BodyParams:
     return replace(params, camera_translation=params.camera_translation + shift)
 
 
+def test_height_and_shape_are_those_of_the_mean_betas(free_body: BodyModel):
+    params = still_params(2)
+    betas = torch.zeros(2, 10, dtype=torch.float64)
+    betas[:, :2] = torch.tensor([[3.0, 4.0], [1.0, 0.0]])
+    found = measured(fit_of(free_body, replace(params, betas=betas)))
+    vertices = free_body.with_shape([2.0, 2.0, *[0.0] * 8]).template
+    assert found["height"] == pytest.approx(np.ptp(vertices[:, 1]), abs=2e-3)
+    assert found["betas_size"] == pytest.approx(np.sqrt(8))
+
+
 def test_known_figures(tiny_body: BodyModel):
     params = in_motion(6)
     found = measured(displaced(fit_of(tiny_body, params), slice(None), list(range(kp.COUNT)[kp.FACE]), (3.0, 4.0)))

@@ -18,6 +18,7 @@ from tcfit_app.review.browser.page_states import Focus, Trail
 from tcfit_app.review.drawing.around import TRAIL_REACH, followed, in_image
 from tcfit_app.review.gestures.zooming import show_close_up, usual_size
 from tcfit_app.review.panels.view_panel import ViewPanel
+from tcfit_app.review.tab.state import CLOSE_UPS, HELD_BY, Part
 from tests.drivers.lone_page import LonePage, lone_page, told
 from tests.samples.sessions import QUICK, OneBody, idle, small_clip
 
@@ -80,26 +81,52 @@ def test_a_close_up_follows_its_part_until_the_whole_picture_is_asked_for(tested
     heard(tested)
     whole = tab.scene.cameras.pose
     corrected = tab.session.project.corrected
-    detected = [part for part in ("right_hand", "left_hand", "face") if corrected.confidence[:, GROUPS[part]].any()]
-    if not detected:
-        with pytest.raises(InputError, match="Neither hands nor face"):
-            tested.page.receive(Key(action="close_up", repeat=False))
-        return
-    tested.page.receive(Key(action="close_up", repeat=False))
-    assert tab.state.close_up == detected[0]
-    assert tab.scene.cameras.pose.distance < whole.distance
-    focus = heard(tested)["focus"]
-    assert isinstance(focus, Focus)
-    for _ in detected:
+    detected = [part for part in CLOSE_UPS if corrected.confidence[:, GROUPS[part]].any()]
+    followed_too = [part for part in CLOSE_UPS if corrected.confidence[:, HELD_BY[part]].any()]
+    parts: list[Part] = [part for part in CLOSE_UPS if part in (*detected, *followed_too)]
+    assert len(parts) > len(detected), "one is followed by its wrist or the nose"
+    for part in parts:
         tested.page.receive(Key(action="close_up", repeat=False))
+        assert tab.state.close_up == part
+        focus = heard(tested)["focus"]
+        assert isinstance(focus, Focus) and tab.scene.cameras.pose.distance < whole.distance
+        if part not in detected:
+            there = corrected.xy[:, HELD_BY[part]]
+            assert (there.min(0) <= (focus.x, focus.y)).all() and ((focus.x, focus.y) <= there.max(0)).all()
+    tested.page.receive(Key(action="close_up", repeat=False))
+    heard(tested)
     assert tab.state.close_up is None and tab.scene.cameras.pose == whole
-    assert heard(tested)["focus"] is None
-    show_close_up(tab, detected[0])
+    show_close_up(tab, parts[0])
     tested.page.receive(Key(action="fit_view", repeat=False))
     assert tab.state.close_up is None
     tab.set(mode="space")
     with pytest.raises(InputError, match="Edit and A"):
-        show_close_up(tab, detected[0])
+        show_close_up(tab, parts[0])
+
+
+def test_a_close_up_has_the_video_alone_beside_the_fit_and_the_side_view(tested: LonePage):
+    tab = tested.page.tab
+    tab.set(trail=True, selection=(WRIST,))
+    heard(tested)
+    show_close_up(tab, "right_hand")
+    found = heard(tested)
+    posters = found["layout"].posters
+    assert [poster.kind for poster in posters] == ["video", "picture", "side"] and posters[0].label == "Video"
+    widths = [right - left for left, _, right, _ in (poster.window for poster in posters)]
+    assert widths == pytest.approx([widths[0]] * 3, rel=0.05), "three windows of one size"
+    assert found["trail"].fitted[0] == () and len(found["trail"].fitted[1]) == 1
+    pose = tab.scene.cameras.pose
+    tab.set(mode="ab")
+    assert [poster.kind for poster in heard(tested)["layout"].posters] == ["picture", "picture", "side"]
+    tab.set(mode="edit", bodies=False)
+    assert [poster.kind for poster in heard(tested)["layout"].posters] == ["picture", "side"]
+    tab.set(bodies=True)
+    heard(tested)
+    assert tab.scene.cameras.pose == pose, "what was zoomed to fills its window again"
+    tab.scene.cameras.touched()
+    tab.set(mode="ab")
+    heard(tested)
+    assert tab.scene.cameras.moved
 
 
 def test_a_trail_has_the_detections_and_each_picture_s_fit(tested: LonePage):

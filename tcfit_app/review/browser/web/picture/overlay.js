@@ -19,8 +19,8 @@ import { wayOf } from "./depth.js";
 import { fitLine } from "./fits.js";
 import { drawBorder, drawFits, drawSide } from "./side.js";
 import {
-  badJoints, chosen, editedJoints, groupOf, groupShown, isPicture, isSide, jointRadius, located, pinnedJoints, placesOf,
-  position, shown, shownJoints, skeletonReady, zoomFactor,
+  badJoints, chosen, editedJoints, groupOf, groupShown, isPicture, isSide, isSpace, jointRadius, located, pinnedJoints,
+  placesOf, position, shown, shownJoints, skeletonReady, zoomFactor,
 } from "./skeleton.js";
 import { drawSilhouette } from "./silhouette.js";
 import { drawTrail } from "./trail.js";
@@ -97,8 +97,8 @@ function drawSkeleton(context) {
 /** @param {Context} context @param {PosterMap} map @param {number[]} joints */
 function drawOnPoster(context, map, joints) {
   if (isSide(map)) return drawSide(context, map);
-  if (!isPicture(map)) return drawFits(context, map);
-  if (peeking.now) return;
+  if (isSpace(map)) return drawFits(context, map);
+  if (!isPicture(map) || peeking.now) return;
   drawSilhouette(context, map);
   if (known("style").ghosts) drawGhosts(context, map);
   drawPeople(context, map);
@@ -275,7 +275,7 @@ function drawFitNames(context) {
  * @param {Context} context @param {PosterMap["poster"]} poster @param {number} right @param {number} top
  * @param {number} across */
 function drawFitName(context, { label, color, kind }, right, top, across) {
-  const dot = kind === "side" ? 0 : 14;
+  const dot = kind === "side" || kind === "video" ? 0 : 14;
   const text = shortenedName(context, label, across - 32 - 2 * dot);
   if (!text) return;
   const width = context.measureText(text).width + 18 + dot;

@@ -137,9 +137,13 @@ export const isSide = (map) => map.poster.kind === "side";
 /** @param {PosterMap} map */
 export const isPicture = (map) => map.poster.kind === "picture";
 
+/** @param {PosterMap} map */
+export const isSpace = (map) => map.poster.kind === "space";
+
 /** Where keypoints are on a poster: in a picture once, in the side view and in 3D on each of the fits on show.
  * @param {PosterMap} map @param {number[]} joints @returns {Placed[]} */
 export function placesOf(map, joints) {
+  if (map.poster.kind === "video") return [];
   if (!isPicture(map)) return fitPlaces(map, joints);
   return joints.map((joint) => {
     const [x, y] = toScreen(map, position(joint));
