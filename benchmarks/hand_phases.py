@@ -22,6 +22,7 @@ from benchmarks.report import Common, Row, progress, report, start
 from evaluation.synthetic.acting.script import ArmKey, Build
 from evaluation.synthetic.studio.view import View
 from evaluation.synthetic.suite import MOTIONS, SEQUENCES, SUBJECTS, SuiteSequence, make_sequence, subject_body
+from fitting_core.body.geometry import SIDES, Side
 from fitting_core.body.handshapes import HANDSHAPES
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
@@ -32,7 +33,7 @@ from fitting_core.files.atomic import replacing
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.keypoints import LEFT_HAND
 from fitting_core.measure.hands.handshapes import HandshapeSet
-from fitting_core.measure.hands.phases import HOLD, SIDES, Side, hand_phases
+from fitting_core.measure.hands.phases import HOLD, hand_phases
 from tcfit_app.analysis.hand_tiers import handshapes, visible_frames
 from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.analysis.posed_fit import PosedFit

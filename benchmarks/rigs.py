@@ -19,12 +19,13 @@ from tyro.conf import Positional
 
 from fitting_core.animation.retargeting.retarget import Posed, RigMotion, turned
 from fitting_core.animation.retargeting.target import Target
-from fitting_core.animation.retargeting.touch import SIDES, gaps, touches
+from fitting_core.animation.retargeting.touch import gaps, touches
 from fitting_core.animation.rigs.animated import on_standard, surface_deviation, surface_on
 from fitting_core.animation.rigs.known_rigs import MIXAMO, UNREAL, VRM
 from fitting_core.animation.rigs.own_rig import on_own
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import find_body
+from fitting_core.body.geometry import SIDES
 from fitting_core.body.model import JOINT
 from fitting_core.io.motion.rigs.mapping_file import read_mapping, read_skeleton
 from fitting_core.io.motion.rigs.rig_bvh import write_rig_bvh

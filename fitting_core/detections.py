@@ -93,7 +93,8 @@ def guess_scale(points: Float[np.ndarray, "N 2"]) -> str:
 def to_pixels(
     detections: Detections, size: tuple[int, int] | None, *, keypoint_scale: str = "auto"
 ) -> tuple[Detections, tuple[str, ...]]:
-    """Detections in pixels of the image, and notes on their scale and on an image that is of another size.
+    """Detections in pixels of the image, and notes on their scale and on an image that is of another size. Raises
+    InputError for an unknown scale, or normalised coordinates of an image whose size is not known.
 
     Normalised coordinates are OpenPose's: 0..1 (its ``--keypoint_scale 3``) and -1..1 (``4``) run from the centre of
     the first pixel to that of the last, so a step of 1 or 2 is the image's width (or height) less one. Pixels of an
@@ -103,9 +104,6 @@ def to_pixels(
         detections: What a reader returned.
         size: Image width and height; only normalised coordinates need it.
         keypoint_scale: "pixels", "0..1", "-1..1", or "auto" to tell by the range of the whole clip.
-
-    Raises:
-        InputError: An unknown scale, or normalised coordinates of an image whose size is not known.
     """
     known = ("auto", PIXELS, *SCALES)
     if keypoint_scale not in known:

@@ -36,11 +36,8 @@ class Timeline:
 
 
 def timeline_of_keypoints(detections: Detections) -> Timeline:
-    """The frames from the first to the last keypoint file, where there is no video.
-
-    Raises:
-        InputError: Files of several clips, or numbers too far apart to be one.
-    """
+    """The frames from the first to the last keypoint file, where there is no video. Raises InputError if there are
+    files of several clips, or numbers too far apart to be one."""
     _forbid_mixed_clips(detections)
     numbers = detections.numbers
     if numbers is None:
@@ -80,10 +77,7 @@ def align(detections: Detections, timeline: Timeline) -> tuple[Detections, tuple
 
 def chosen(timeline: Timeline, first_frame: int | None, last_frame: int | None) -> slice:
     """Places in the timeline of the frames from first_frame to last_frame, both included; None: its first, its last.
-
-    Raises:
-        InputError: The frames asked for are not in the clip.
-    """
+    Raises InputError if the frames asked for are not in the clip."""
     numbers = timeline.numbers
     first = numbers[0] if first_frame is None else first_frame
     last = numbers[-1] if last_frame is None else last_frame

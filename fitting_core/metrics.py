@@ -96,9 +96,7 @@ def depth_error(estimate: Float[np.ndarray, "T K 3"], truth: Float[np.ndarray, "
 
 
 def reprojection_errors(
-    projected: Float[np.ndarray, "T K 2"],
-    detected: Float[np.ndarray, "T K 2"],
-    counted: Bool[np.ndarray, "T K"],
+    projected: Float[np.ndarray, "T K 2"], detected: Float[np.ndarray, "T K 2"], counted: Bool[np.ndarray, "T K"]
 ) -> Float[np.ndarray, "N"]:
     """Distances in pixels between projected and detected keypoints, of those that count."""
     return np.linalg.norm(projected - detected, axis=-1)[counted]

@@ -27,10 +27,7 @@ PLACES: tuple[int, ...] = (
 Face and hands are in the same order in both: 68 points as of iBUG 300-W, the person's right side first; hands wrist
 first, then thumb to little finger.
 """
-MEANS: dict[str, tuple[str, str]] = {
-    "neck": ("left_shoulder", "right_shoulder"),
-    "mid_hip": ("left_hip", "right_hip"),
-}
+MEANS: dict[str, tuple[str, str]] = {"neck": ("left_shoulder", "right_shoulder"), "mid_hip": ("left_hip", "right_hip")}
 """Points of BODY_25 that are taken to lie between two others."""
 ABSENT = ("face_right_pupil", "face_left_pupil")
 """Points of the 137 that COCO-WholeBody does not have."""

@@ -43,18 +43,13 @@ def in_camera(params: BodyParams, rest_root: Float[np.ndarray, "*T 3"], camera: 
     orient = Rotation.from_matrix(camera.rotation) * Rotation.from_rotvec(params.global_orient.numpy())
     root = camera(params.camera_translation.numpy() + rest_root)
     return replace(
-        params,
-        global_orient=torch.as_tensor(orient.as_rotvec()),
-        camera_translation=torch.as_tensor(root - rest_root),
+        params, global_orient=torch.as_tensor(orient.as_rotvec()), camera_translation=torch.as_tensor(root - rest_root)
     )
 
 
 def read_world_camera(path: Path) -> WorldCamera:
-    """Read the arrays R and t of an npz file; K and others in it are left alone.
-
-    Raises:
-        InputError: There is no such file, or what it holds is no rotation and translation.
-    """
+    """Read the arrays R and t of an npz file; K and others in it are left alone. Raises InputError if there is no such
+    file, or what it holds is no rotation and translation."""
     try:
         archive = read_npz(path, ("R", "t"))
         rotation, translation = (np.asarray(archive[name], np.float64) for name in ("R", "t"))

@@ -26,7 +26,8 @@ _PLAIN = {
 
 def wire_types() -> str:
     """The text of wire.d.ts."""
-    kinds = [kind for module in (page_states, page_events) for kind in _structs(module)]
+    found = [kind for module in (page_states, page_events) for kind in _structs(module)]
+    kinds = [kind for kind in found if kind is not page_states.PageState]
     states = "\n".join(f"  {name}: {kind.__name__};" for name, kind in STATES.items())
     events = " | ".join(kind.__name__ for kind in _structs(page_events) if kind is not page_events.Envelope)
     parts = [_HEAD, *map(_interface, kinds), f"export interface States {{\n{states}\n}}\n"]

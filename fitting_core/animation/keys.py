@@ -1,4 +1,4 @@
-"""Fewer keys for an animation: those without which something in the world would be farther off than is allowed.
+"""Fewer keys for an animation: only those that keep everything within a bound in the world.
 
 Errors add up along a chain of joints, so no curve is looked at alone. Every channel begins with a key in each frame.
 Channel by channel, from the ends of the chains to the root, every other key is taken away where all that the channel
@@ -33,7 +33,7 @@ _MARGIN = 0.96
 _ENOUGH = 0.002
 """Share of the keys below which a pass is the last."""
 _TINY = 1e-9
-"""Metres: with all keys there, this much is left of the limits by rounding."""
+"""Metres: rounding error of the limits with all keys kept."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,7 +43,7 @@ class Animation:
     parents: Int[np.ndarray, "J"]
     """-1 for joint 0, the root."""
     offsets: Float[np.ndarray, "J 3"]
-    """Of each joint from its parent, metres, in the parent's axes; the root's counts for nothing."""
+    """Of each joint from its parent, metres, in the parent's axes; the root's is ignored."""
     turns: Float[np.ndarray, "T J 4"]
     """Unit quaternions x, y, z, w of each joint against its parent, each on the side of the one before."""
     places: Float[np.ndarray, "T 3"]
@@ -74,23 +74,23 @@ class Animation:
 
     @cached_property
     def _rest(self) -> Float[np.ndarray, "J 3"]:
-        """The joints without any turn."""
+        """The joints without any rotation."""
         path = self.tree.ancestors.astype(float)
         return path @ self.offsets.astype(float)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Keys:
-    """The frames at which the channels of an animation have keys, in rising order."""
+    """The frames at which the channels of an animation have keys, ascending."""
 
     places: Int[np.ndarray, "n"]
     """Of the root's place."""
     turns: tuple[Int[np.ndarray, "n"], ...]
     """Of each joint's turn."""
     weights: Int[np.ndarray, "n"] | None = None
-    """Of the shapes' weights, all together; None where there are none."""
+    """Of the morph weights, all together; None if there are none."""
     frames: int
-    """How many there are, in each of which a channel had a key."""
+    """Number of frames, in each of which a channel had a key."""
     within: float
     """How far a joint or point may be off in any frame, metres."""
     largest: float
@@ -125,17 +125,14 @@ def fewer_keys(
     held: Mapping[int, Sequence[int]] | None = None,
     progress: Progress | None = None,
 ) -> Keys:
-    """The keys that are needed for all points to stay where they belong.
+    """The keys needed for all points to stay within the bound. Raises InputError if the bound is invalid.
 
     Args:
         animation: With a key in each frame.
         within: How far a point may be off in any frame, metres.
-        already: How far each point is off by something else, metres; None: nothing.
-        held: Frames in which all channels above a joint, and its own, keep their keys, by the joint.
+        already: How far each point is off for other reasons, metres; None: not at all.
+        held: Frames in which all channels above a joint, and its own, keep their keys, by joint.
         progress: See `Progress`.
-
-    Raises:
-        InputError: The bound is none.
     """
     check_bound(within)
     others = np.zeros((len(animation), len(animation.points))) if already is None else already
@@ -148,7 +145,7 @@ def fewer_keys(
 
 
 def check_bound(within: float) -> None:
-    """Raises InputError unless it is a bound for keys, metres."""
+    """Raises InputError unless it is a valid bound for keys, metres."""
     if not 0 < within <= MOST:
         raise InputError(
             f"Keys within {1000 * within:g} mm: expected more than 0 and at most {1000 * MOST:g} mm. 2 or 5 suit most."
@@ -158,7 +155,7 @@ def check_bound(within: float) -> None:
 def farthest(
     animation: Animation, places: Int[np.ndarray, "n"], *turns: Int[np.ndarray, "n"]
 ) -> Float[np.ndarray, "T P"]:
-    """How far each point is off where a program plays these keys, metres: of both ways between keys the farther."""
+    """How far each point is off when a program plays these keys, metres: the larger of both interpolations."""
     moved = between(animation.places, places)
     exact = animation.posed(animation.turns, animation.places)[2]
     found = np.zeros(exact.shape[:2])
@@ -172,7 +169,7 @@ def farthest(
 
 
 def between(values: Float[np.ndarray, "T n"], keys: Int[np.ndarray, "m"]) -> Float[np.ndarray, "T n"]:
-    """What is played of values of which these keys are left."""
+    """Values as played with only these keys."""
     before, after, share = _neighbours(len(values), keys)
     return (1 - share) * values[before] + share * values[after]
 
@@ -192,7 +189,7 @@ def along_arc(turns: Float[np.ndarray, "T 4"], keys: Int[np.ndarray, "m"]) -> Fl
 def _neighbours(
     frames: int, keys: Int[np.ndarray, "m"]
 ) -> tuple[Int[np.ndarray, "T"], Int[np.ndarray, "T"], Float[np.ndarray, "T 1"]]:
-    """The keys around each frame, and how far between them it is."""
+    """The keys around each frame, and the fraction of the way between them."""
     at = np.arange(frames)
     n = np.searchsorted(keys, at, side="right")
     before, after = keys[np.maximum(n - 1, 0)], keys[np.minimum(n, len(keys) - 1)]
@@ -260,7 +257,7 @@ class _Thinning:
         """What the points are off by all of them, to first order."""
 
     def thin(self, progress: Progress) -> None:
-        """Take keys away while that is within the limits to first order."""
+        """Remove keys while that is within the limits to first order."""
         depth = self._animation.tree.ancestors.sum(1)
         # The ends of the chains first: they have most channels, and what they do moves few points.
         order = [*(1 + np.argsort(-depth, kind="stable")), 0]
@@ -303,7 +300,7 @@ class _Thinning:
         return error if parent < 0 else (self._world[frames, parent] @ error[..., None])[..., 0]
 
     def put_back(self) -> Float[np.ndarray, "T P"]:
-        """Let keys come back where the real distances are beyond the limits; how far the points are off then.
+        """Put keys back where the real distances exceed the limits; returns how far the points are then off.
 
         Of frames in a row the worst gets them, as it is mostly the middle of two keys, and then it is seen again.
         """

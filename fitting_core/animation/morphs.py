@@ -1,4 +1,4 @@
-"""What moves a rest pose's surface from frame to frame, as a few shapes with a weight in each frame.
+"""Everything that deforms a rest pose's surface over time, as a few morph targets with a weight in each frame.
 
 Skinned meshes of other programs know no pose correctives, and linear skinning alone is up to 63 mm off the fit without
 them (149 frames of sign language, free body). Over one motion they lie near a space of few dimensions: 32 to 64 shapes
@@ -20,17 +20,17 @@ from fitting_core.body import rotations
 from fitting_core.motion import CHUNK, Motion
 
 MOST = 64
-"""Correctives in a file, at most: each takes 160 kB."""
+"""Maximum number of correctives in a file: each takes 160 kB."""
 _GOAL = 0.0005
-"""Metres: correctives are added until no vertex of the rest pose is farther off."""
+"""Metres: correctives are added until every vertex of the rest pose is this near."""
 _COUNTS = (0, 4, 8, 12, 16, 24, 32, 40, 48, 56)
 """Numbers of correctives that are tried before `MOST`."""
 _TRIED = 256
-"""Frames on which they are tried, evenly over the motion."""
+"""Frames on which they are tried, spread over the motion."""
 _SPARSE = 0.3
 """Share of correctives that are not zero up to which a sparse product is the faster one (see the app's meshes.py)."""
 _RANK = 1e-10
-"""Directions with a smaller share of the greatest variance are none."""
+"""Directions with a smaller share of the greatest variance are dropped."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

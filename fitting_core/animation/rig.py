@@ -15,12 +15,12 @@ from fitting_core.body.model import N_JOINTS
 from fitting_core.motion import CHUNK, Motion, Progress
 
 WEIGHTS = 4
-"""Joints that a vertex follows at most: what programs for real-time graphics take."""
+"""Maximum number of joints that a vertex follows: the limit of real-time graphics."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rig:
-    """What a file with skinned animation holds of T frames."""
+    """The content of a file with skinned animation of T frames."""
 
     vertices: Float[np.ndarray, "V 3"]
     """The rest pose with the motion's shape, metres, single precision."""
@@ -41,7 +41,7 @@ class Rig:
     """Where the channels have keys, if not in all frames: what lies between is what is played there."""
 
     def vertices_of(self, frames: slice) -> Float[np.ndarray, "T V 3"]:
-        """What a program shows that skins linearly, metres."""
+        """How a program with linear skinning shows it, metres."""
         local = torch.as_tensor(Rotation.from_quat(self.turns[frames].reshape(-1, 4)).as_matrix())
         local = local.reshape(-1, N_JOINTS, 3, 3)
         rest = torch.as_tensor(self.joints, dtype=local.dtype)

@@ -1,4 +1,4 @@
-"""A rig with fewer keys: which points are held, which frames keep their keys, and what is played between keys.
+"""A rig with fewer keys: the constrained points, the frames that keep their keys, and what is played between keys.
 
 The points are all joints, and of the joints at which a chain ends, and of the head, the outermost vertices: finger
 tips, toes, nose, crown. The weights of the shapes are one channel more. They get half of the bound for the whole
@@ -13,13 +13,14 @@ from jaxtyping import Float, Int
 from fitting_core.animation.keys import Animation, along_arc, between, fewer_keys, frames_within, spans
 from fitting_core.animation.morphs import Morphs
 from fitting_core.animation.rig import Rig
+from fitting_core.body.geometry import SIDES
 from fitting_core.body.model import JOINT
 from fitting_core.frame_runs import runs_where
-from fitting_core.ground.contacts import SIDES, Contacts
+from fitting_core.ground.contacts import Contacts
 from fitting_core.motion import CHUNK, Motion, Progress
 
 _OF_SHAPES = 0.5
-"""Share of the bound that the shapes' weights get."""
+"""Share of the bound for the morph weights."""
 _TRIED = 24
 """Vertices of each shape, those that it moves most, on which keys of the weights are tried."""
 _PASSES = 6
@@ -27,15 +28,13 @@ _PASSES = 6
 
 def with_fewer_keys(rig: Rig, motion: Motion, within: float, progress: Progress | None = None) -> Rig:
     """The rig with the keys that are needed for all points to stay within a bound, and with what is played of them.
+    Raises InputError if the bound is invalid.
 
     Args:
         rig: With a key in each frame.
         motion: Whose rig it is.
         within: How far a joint, finger tip or toe may be off in any frame, metres.
         progress: See `Progress`.
-
-    Raises:
-        InputError: The bound is none.
     """
     joints = np.arange(len(rig.joints))
     vertices, ends = _outermost(rig)

@@ -80,10 +80,7 @@ def build_tree(
 
 
 def refitted(
-    tree: BoundingTree,
-    vertices: Float[np.ndarray, "V 3"],
-    faces: Int[np.ndarray, "F 3"],
-    wanted: Bool[np.ndarray, "G"],
+    tree: BoundingTree, vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"], wanted: Bool[np.ndarray, "G"]
 ) -> tuple[TriangleBoxes, TriangleBoxes]:
     """Boxes of the triangles, by slot, and of the nodes; those of groups that are not wanted are not filled in."""
     slots = _slot_boxes(tree, vertices, faces, wanted)

@@ -1,1 +1,1 @@
-"""From files to clips: frames, keypoints, people and camera put together into what is fitted."""
+"""From files to clips: frames, keypoints, people and camera combined into the fit's input."""

@@ -1,4 +1,4 @@
-"""The camera as a user describes it: by a calibration file, or a focal length given in one of several ways."""
+"""The camera as a user describes it: a calibration file, or a focal length given in one of several ways."""
 
 import math
 from collections.abc import Callable
@@ -25,57 +25,48 @@ _FOV_RANGE = (0.5, 170.0)
 """Degrees: from a long telephoto lens to the widest that a camera without distortion describes."""
 _FOCAL_OPTIONS: dict[str, tuple[Callable[[float, tuple[int, int]], float], str]] = {
     "focal_length": (lambda pixels, size: pixels, "focal length of {:g} pixels"),
-    "fov": (
-        lambda degrees, size: focal_from_fov(degrees, size[0]),
-        "horizontal field of view of {:g} degrees",
-    ),
+    "fov": (lambda degrees, size: focal_from_fov(degrees, size[0]), "horizontal field of view of {:g} degrees"),
     "focal_length_35mm": (focal_from_35mm, "35 mm equivalent focal length of {:g} mm"),
 }
-"""By the option's name: its value and the image size -> focal length in pixels; and its source in words."""
+"""By option name: its value and the image size -> focal length in pixels; and its source in words."""
 _MAX_CENTER = 2.0
-"""Cropped videos have their principal point outside the image, but not by more than so many image sizes."""
+"""Cropped videos have their principal point outside the image, by at most so many image sizes."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CameraGiven:
-    """What a user says of the camera, checked."""
+    """What a user states about the camera, checked."""
 
     file: CameraFile | None
     focal: tuple[str, float] | None
     center: tuple[float, float] | None
     automatic: bool
-    """The focal length is told by photographs, or estimated."""
+    """Whether the focal length comes from photographs or is estimated."""
 
     @classmethod
     def of(cls, options: CameraOptions) -> "CameraGiven":
-        """Raises InputError where these contradict each other."""
+        """Raises InputError if these contradict each other."""
         focal, file = _focal_option(options), _camera_file(options)
         rule = options.focal_length or DEFAULT_RULE
         return cls(file=file, focal=focal, center=options.center, automatic=not (file or focal) and rule == "auto")
 
     def camera(
-        self,
-        size: tuple[int, int],
-        frames: ClipFrames,
-        scale_of: Callable[[Camera], PathScale | None] | None = None,
+        self, size: tuple[int, int], frames: ClipFrames, scale_of: Callable[[Camera], PathScale | None] | None = None
     ) -> tuple[Camera, tuple[str, ...]]:
-        """The camera by its calibration or by what else is said of it, and notes; `scale_of` as of `read_camera`."""
+        """The camera from its calibration or the other options, and notes; `scale_of` as in `read_camera`."""
         if self.file is None:
             return _camera_of(size, self.center, self.focal), ()
         return read_camera(self.file, size, frames, scale_of=scale_of)
 
 
 def _focal_option(options: CameraOptions) -> tuple[str, float] | None:
-    """The one way of _FOCAL_OPTIONS that is given, and its value; None for none, or for a rule.
-
-    Raises:
-        InputError: More than one is given, or something that is no focal length.
-    """
+    """The one option of _FOCAL_OPTIONS that is given, and its value; None for none, or for a rule. Raises InputError if
+    more than one is given, or it is not a focal length."""
     rules = get_args(FocalRule)
     given = {name: value for name in _FOCAL_OPTIONS if (value := getattr(options, name)) is not None}
     if len(given) > 1:
         listed = " and ".join(f"`{n}` {v if isinstance(v, str) else format(v, 'g')}" for n, v in given.items())
-        raise InputError(f"The focal length is given {len(given)} times: {listed}. Give one of them only.")
+        raise InputError(f"The focal length is given {len(given)} times: {listed}. Give only one of them.")
     name, value = next(iter(given.items()), ("", None))
     if value is None or (name == "focal_length" and value in rules):
         return None
@@ -90,11 +81,8 @@ def _focal_option(options: CameraOptions) -> tuple[str, float] | None:
 
 
 def _camera_file(options: CameraOptions) -> CameraFile | None:
-    """The calibration that a user gave.
-
-    Raises:
-        InputError: The camera is given twice, or something of a file that is not given.
-    """
+    """The calibration that a user gave. Raises InputError if the camera is given twice, or options for a file that is
+    not given."""
     path = options.camera
     if path is None:
         told = (name for name in ("camera_name", "camera_unit", "camera_up") if getattr(options, name) is not None)
@@ -103,17 +91,14 @@ def _camera_file(options: CameraOptions) -> CameraFile | None:
         return None
     if options.focal_length or options.fov or options.focal_length_35mm or options.center:
         raise InputError(
-            f"The camera is given twice: by {path}, and by a focal length or a principal point. Give one of them only."
+            f"The camera is given twice: by {path}, and by a focal length or a principal point. Give only one of them."
         )
     return CameraFile(path=path, name=options.camera_name, unit=options.camera_unit, up=options.camera_up)
 
 
 def _camera_of(size: tuple[int, int], center: tuple[float, float] | None, focal: tuple[str, float] | None) -> Camera:
-    """The camera of an image of this size; without a focal length, that of the image diagonal.
-
-    Raises:
-        InputError: It sees an angle that no camera sees, or its principal point lies far from the image.
-    """
+    """The camera of an image of this size; without a focal length, that of the image diagonal. Raises InputError if its
+    field of view is implausible, or its principal point is far from the image."""
     if focal is None:
         pixels, told, source = default_focal(size), FocalFrom.DIAGONAL, DEFAULT_FOCAL
     else:

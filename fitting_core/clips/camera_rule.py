@@ -1,4 +1,4 @@
-"""What nobody said of a camera: its focal length, told by its files or estimated from the clip; a path's scale."""
+"""Unstated facts of a camera: its focal length, read from its files or estimated from the clip; a path's scale."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,29 +12,29 @@ from fitting_core.video.exif import focal_35mm
 from fitting_core.video.frames import IMAGE_SUFFIXES, image_files
 
 _LENSES_MM = (5.0, 2000.0)
-"""35 mm equivalents that a file may tell; others are mistakes."""
+"""Plausible 35 mm equivalents in a file; others are mistakes."""
 
 
 def told_by_files(camera: Camera, images: Path | None) -> Camera | None:
-    """The camera with the focal length that it wrote into a clip's photographs or video; None: none, or several."""
+    """The camera with the focal length stored in a clip's photographs or video; None: none, or several."""
     if images is None:
         return None
     if images.is_dir() or images.suffix.lower() in IMAGE_SUFFIXES:
-        files, who = image_files(images) or (images,), "the images tell"
+        files, who = image_files(images) or (images,), "stated by the images"
         # The first and the last: a zoom between them, or a folder put together from several cameras, is not one lens.
         told = {focal_35mm(file) for file in (files[0], files[-1])}
     else:
-        told, who = {told_35mm(images)}, "the video tells"
+        told, who = {told_35mm(images)}, "stated by the video"
     millimetres = told.pop()
     if told or millimetres is None or not _LENSES_MM[0] <= millimetres <= _LENSES_MM[1]:
         return None
     focal = focal_from_35mm(millimetres, camera.size)
-    source = f"35 mm equivalent of {millimetres:g} mm, as {who}"
+    source = f"35 mm equivalent of {millimetres:g} mm, {who}"
     return replace(camera, focal=(focal, focal), focal_from=FocalFrom.PHOTOGRAPHS, source=source)
 
 
 def estimated(camera: Camera, keypoints: Keypoints, frame_rate: float) -> Camera:
-    """The camera with the focal length that is likeliest by the keypoints; as it is where they tell nothing.
+    """The camera with the likeliest focal length given the keypoints; unchanged if they do not determine it.
 
     Args:
         camera: With the image's diagonal as its focal length.
@@ -51,10 +51,10 @@ def estimated(camera: Camera, keypoints: Keypoints, frame_rate: float) -> Camera
 
 
 def scale_by(keypoints: Keypoints, frame_rate: float) -> Callable[[Camera], PathScale | None]:
-    """What estimates the scale of a moving camera's path.
+    """Returns a function that estimates the scale of a moving camera's path.
 
     Args:
-        keypoints: Of the whole clip, as they were filmed: not yet straightened.
+        keypoints: Of the whole clip, as filmed, with distortion.
         frame_rate: Frames per second.
     """
 

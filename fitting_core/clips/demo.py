@@ -10,7 +10,7 @@ from fitting_core.shipped import DEMO_FOLDER
 
 @dataclass(frozen=True, kw_only=True)
 class DemoClip:
-    """Where the parts of a demo clip lie."""
+    """The paths of a demo clip's parts."""
 
     video: Path
     keypoints: Path
@@ -21,16 +21,16 @@ class DemoClip:
 
 
 def demo_clip() -> DemoClip:
-    """The demo clip: 145 frames of a person who signs, and sits down on a stool.
+    """The demo clip: 145 frames of a person who signs, then sits down on a stool.
 
     Raises:
-        InputError: It is not there, or damaged.
+        InputError: It is missing or damaged.
     """
     return clip_in(DEMO_FOLDER)
 
 
 def clip_in(folder: Path) -> DemoClip:
-    """A demo clip in the folder that it was made in. Raises InputError if its truth cannot be read."""
+    """A demo clip in the folder where it was made. Raises InputError if its truth cannot be read."""
     truth = folder / "truth.npz"
     return DemoClip(
         video=folder / "video.mp4",

@@ -1,4 +1,4 @@
-"""What is known of a clip's frames before its keypoints: from the video, from options, or guessed."""
+"""What is known about a clip's frames before its keypoints: from the video, from options, or guessed."""
 
 import shlex
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from fitting_core.video.frames import FrameSource
 DEFAULT_FRAME_RATE = 30.0
 _MAX_FRAME_RATE = 2000.0
 _SQUARE = 0.01
-"""By so much a pixel's width and height may differ: rounded numbers in files do."""
+"""Allowed difference of a pixel's width and height, for rounded numbers in files."""
 
 _LANDSCAPE = ((320, 240), (640, 480), (854, 480), (1280, 720), (1920, 1080), (2560, 1440), (3840, 2160), (7680, 4320))
 _COMMON_SIZES = sorted([*_LANDSCAPE, *((h, w) for w, h in _LANDSCAPE)], key=lambda size: size[0] * size[1])
@@ -22,7 +22,7 @@ _COMMON_SIZES = sorted([*_LANDSCAPE, *((h, w) for w, h in _LANDSCAPE)], key=lamb
 
 @dataclass(frozen=True, kw_only=True)
 class Footage:
-    """A video or a folder of images; without any, nothing of it is known."""
+    """A video or a folder of images; without one, nothing about it is known."""
 
     path: Path | None = None
     size: tuple[int, int] | None = None
@@ -39,11 +39,11 @@ class Footage:
             notes = []
             if frames.count < frames.declared_count:
                 notes.append(
-                    f"{path.name} is truncated: it says it has {frames.declared_count} frames, but only "
+                    f"{path.name} is truncated: its header states {frames.declared_count} frames, but only "
                     f"{frames.count} can be decoded; these are used."
                 )
             if frames.uneven:
-                says = f" (its header says {frames.declared_frame_rate:.4g})" if frames.declared_frame_rate else ""
+                says = f" (its header states {frames.declared_frame_rate:.4g})" if frames.declared_frame_rate else ""
                 notes.append(
                     f"The frames of {path.name} are not evenly spaced in time, but are taken as if they were: "
                     f"{frames.frame_rate:.4g} per second on average{says}. Re-encode it at a constant frame rate if "
@@ -55,7 +55,7 @@ class Footage:
             return cls(path=path, size=frames.size, frame_rate=frames.frame_rate, timeline=timeline, notes=tuple(notes))
 
     def known_size(self, option: tuple[int, int] | None) -> tuple[int, int] | None:
-        """Width and height in pixels, its own or as a user says. Raises InputError if these contradict each other."""
+        """Width and height in pixels, its own or the user's. Raises InputError if these contradict each other."""
         if option is None:
             return self.size
         if not all(1 <= side <= 100_000 and side == int(side) for side in option):
@@ -68,9 +68,9 @@ class Footage:
         return (int(option[0]), int(option[1]))
 
     def known_rate(self, option: float | None, told: float | None) -> tuple[float, tuple[str, ...]]:
-        """Frames per second, and notes: as a user says, its own, as keypoints tell, or the usual one.
+        """Frames per second, and notes: the user's, its own, the keypoints', or the usual one.
 
-        Raises InputError if no video has the user's.
+        Raises InputError if the user's is implausible.
         """
         if option is not None and not 0 < option <= _MAX_FRAME_RATE:
             raise InputError(
@@ -91,12 +91,8 @@ class Footage:
 
 
 def locate(video: Path | None, keypoints: Path | None) -> tuple[Path | None, Path | None]:
-    """Where the frames and the keypoints are, given what the user pointed at. Without keypoints there is a video, in
-    which they are to be found.
-
-    Raises:
-        InputError: Nothing was given, or a folder in SMPLify-X layout lacks its images.
-    """
+    """The paths of the frames and of the keypoints, given the user's. Without keypoints there is a video to find them
+    in. Raises InputError if nothing was given, or a folder in SMPLify-X layout lacks its images."""
     inside = video if video is not None and (video / "images").is_dir() else None
     images = inside / "images" if inside else video
     if keypoints is not None:
@@ -116,7 +112,7 @@ def _pixel_note(path: Path, aspect: float) -> str:
     come_out = "thin" if aspect > 1 else "wide"
     made = f"{shlex.quote(path.name)} -vf scale=iw*sar:ih,setsar=1 {shlex.quote(path.stem)}-square.mp4"
     return (
-        f"The pixels of {path.name} are {aspect:.3g} times as wide as high, but are taken for square, so that a person "
+        f"The pixels of {path.name} are {aspect:.3g} times as wide as high, but are assumed square, so that a person "
         f"comes out too {come_out}. Convert it (ffmpeg -i {made}), and detect the keypoints on the result."
     )
 
@@ -129,6 +125,6 @@ def guessed_size(detections: Detections) -> tuple[tuple[int, int], tuple[str, ..
     size = fitting[0] if fitting else (int(width), int(height))
     note = (
         f"The image size is not known; {size[0]} x {size[1]} is assumed, the smallest common size that holds all "
-        f"keypoints (they reach {width} x {height}). Give `image_size` for a right camera."
+        f"keypoints (they reach {width} x {height}). Give `image_size` for a correct camera."
     )
     return size, (note,)

@@ -42,16 +42,16 @@ def read_people(
 ) -> list[PersonInClip]:
     """Read everybody's keypoints in a clip, with one camera and one frame rate.
 
-    People are numbered as they appear, those who appear together from left to right. Each clip has the frames from the
-    first in which its person is found to the last. Where two people may have been exchanged, its notes say so. A focal
-    length that is estimated is that of whoever is largest and surest, for all.
+    People are numbered as they appear, those who appear together from left to right. Each clip runs from the first
+    frame in which its person is found to the last. If two people may have been swapped, its notes say so. An estimated
+    focal length is that of the largest and surest person, for all.
 
-    Args and errors as of `read_clip`; a choice of one person is refused.
+    Args and errors as in `read_clip`; a choice of one person is refused.
     """
     video = None if video is None else Path(video)
     keypoints = None if keypoints is None else Path(keypoints)
     if clip.person is not None:
-        raise InputError(f"`person` is {clip.person}; expected none where everybody is read.")
+        raise InputError(f"`person` is {clip.person}; expected none when everybody is read.")
     shot = read_shot(video, keypoints, clip, camera, detector=detector, tell=tell)
     found = find_everybody(shot.detections, frame_rate=shot.frame_rate, first_frame=shot.first_frame, most=MOST_PEOPLE)
     of_places = check_inside(_together(found.people), shot.size)
@@ -61,19 +61,14 @@ def read_people(
         about = _about(one, number, shot)
         notes = (_note(about, one, len(found.people)), *([found.note] if found.note else []))
         whole = shot.clip(
-            one.keypoints,
-            seen,
-            entries=one.entries,
-            of_person=notes,
-            of_places=of_places,
-            of_camera=of_camera,
+            one.keypoints, seen, entries=one.entries, of_person=notes, of_places=of_places, of_camera=of_camera
         )
         people.append(PersonInClip(about=about, clip=_part(whole, one.frames, about), name=shot.name))
     return people
 
 
 def people_of(people: Sequence[PersonInClip]) -> People:
-    """What people.json says of people of one clip."""
+    """The content of people.json for people of one clip."""
     name = "".join(c if c.isprintable() else "?" for c in legible(people[0].name)).strip()[:LONGEST_NAME].strip()
     return People(name=name or "?", people=tuple(one.about for one in people))
 
@@ -98,7 +93,6 @@ def _about(one: FoundPerson, number: int, shot: Shot) -> Person:
 
 
 def _note(about: Person, one: FoundPerson, count: int) -> str:
-    """Who it is and where, in words for the user."""
     first, last = about.frames
     missing = [
         first + k for k, entry in enumerate(one.entries[slice(one.frames.start, one.frames.stop)]) if entry is None
@@ -108,8 +102,8 @@ def _note(about: Person, one: FoundPerson, count: int) -> str:
     if about.uncertain:
         doubtful = [frame for start, end in about.uncertain for frame in range(start, end + 1)]
         sentences.append(
-            f"In frames {spans(doubtful, most=20)} this may have been taken for somebody else, or somebody else for "
-            "this: look whether it is the same person before and after."
+            f"In frames {spans(doubtful, most=20)} this person may have been confused with "
+            "another: check that it is the same person before and after."
         )
     return " ".join(sentences)
 

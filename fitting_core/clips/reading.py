@@ -1,4 +1,4 @@
-"""Read a clip: frames, keypoints and camera put together into what is fitted."""
+"""Read a clip: frames, keypoints and camera combined into the fit's input."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -28,22 +28,22 @@ from fitting_core.people.person import choose_person
 
 @dataclass(frozen=True, kw_only=True)
 class Shot:
-    """A clip of which it is not yet said who in it is meant."""
+    """A clip before its person is chosen."""
 
     detections: Detections
-    """Of the frames that are used, in pixels."""
+    """Of the used frames, in pixels."""
     size: tuple[int, int]
     frames: ClipFrames
     images: Path | None
     name: str
     given: CameraGiven
     notes: tuple[str, ...]
-    """On the frames, and on how keypoints were put to them."""
+    """About the frames, and how keypoints were matched to them."""
     later_notes: tuple[str, ...]
     """On the image size."""
     rate_notes: tuple[str, ...]
     found: Detected | None = None
-    """What a detector found in it, if no keypoints were given."""
+    """A detector's result for it, if no keypoints were given."""
 
     @property
     def first_frame(self) -> int:
@@ -56,7 +56,7 @@ class Shot:
         return self.frames.frame_rate
 
     def camera(self, keypoints: Keypoints) -> tuple[Camera, tuple[str, ...]]:
-        """The camera, with the focal length and the scale that these keypoints tell if no other is known, and notes."""
+        """The camera, with focal length and scale estimated from these keypoints if not known otherwise, and notes."""
         seen, notes = self.given.camera(self.size, self.frames, scale_by(keypoints, self.frame_rate))
         if self.given.automatic:
             seen = told_by_files(seen, self.images) or estimated(seen, keypoints, self.frame_rate)
@@ -77,9 +77,9 @@ class Shot:
         Args:
             keypoints: Of all frames, as detected.
             camera: Of them.
-            entries: Per frame, the person's place in the list of people.
-            of_person: Notes on who it is.
-            of_places: Notes on where the keypoints lie.
+            entries: Per frame, the person's index in the list of people.
+            of_person: Notes on the choice of person.
+            of_places: Notes on the keypoints' positions.
             of_camera: Notes on the camera.
         """
         straight, of_lens = straightened_keypoints(keypoints, camera.lens)
@@ -107,7 +107,7 @@ def read_shot(
     detector: Detector | None,
     tell: Tell | None,
 ) -> Shot:
-    """Everything of a clip but who is meant; arguments and errors as of `read_clip`."""
+    """A clip except for the choice of person; arguments and errors as in `read_clip`."""
     given = CameraGiven.of(camera)
     images, keypoint_path = locate(video, keypoints)
     if keypoint_path is None:
@@ -157,8 +157,8 @@ def _empty_shot(video: Path, images: Path, clip: ClipOptions, given: CameraGiven
 
 
 def _searched(shot: Shot, images: Path, detector: str | Detector, tell: Tell | None) -> Shot:
-    """The same clip with everybody whom a detector finds."""
-    shot.given.camera(shot.size, shot.frames)  # what is wrong with it is not told after minutes of detection
+    """The same clip with everybody that a detector finds."""
+    shot.given.camera(shot.size, shot.frames)  # report its errors before minutes of detection
     numbers = shot.frames.numbers
     found = find_keypoints(images, numbers, detector, tell or (lambda progress: None))
     detections = found_detections(found, images)
@@ -176,23 +176,23 @@ def read_clip(
 ) -> Clip:
     """Read one person's keypoints, the camera and the frame rate of a clip.
 
-    Where no keypoints are given, they are found in the video, which takes about as long as a fit. They are kept in the
-    user's cache: the same frames are not searched twice by the same detector, and a search that was ended goes on.
+    If no keypoints are given, they are detected in the video, which takes about as long as a fit. They are cached for
+    the user: the same detector never searches the same frames twice, and an interrupted search continues.
 
-    Frames without keypoints get confidence 0 everywhere. Whatever a user should know about how the input was read
-    stands in the clip's notes; where the focal length comes from stands in its camera.
+    Frames without keypoints get confidence 0 everywhere. Whatever a user should know about how the input was read is in
+    the clip's notes; the source of the focal length is in its camera.
 
     Args:
         video: A video file, a folder of images, or a folder in SMPLify-X layout (``images`` and ``keypoints`` inside).
             None to go without: overlays and comparisons with the video are then not possible.
-        keypoints: Any format of fitting_core.io.READERS. None for a folder in SMPLify-X layout, or to have them found.
-        clip: Which frames and who, how the files are read, and what finds keypoints where none are given. By default
-            all frames, and the most prominent person, who is followed.
-        camera: Focal length or calibration. By default the focal length is what the files tell, or else an estimate
-            from the clip, as that of the commands. Where a calibration knows the lens's distortion, the clip is that of
-            straightened pictures; the unit of one that moves is estimated from the keypoints if nobody says it.
-        detector: One that is open, of `find_detector`, in place of the one that `clip` names.
-        tell: Is told how far finding keypoints is, in this thread; what it raises ends it.
+        keypoints: Any format of fitting_core.io.READERS. None for a folder in SMPLify-X layout, or to detect them.
+        clip: Which frames and who, how the files are read, and the detector to use if no keypoints are given. By
+            default all frames, and the most prominent person, who is followed.
+        camera: Focal length or calibration. By default the focal length is the one in the files, or else estimated from
+            the clip, as in the commands. If a calibration has lens distortion, the clip is that of undistorted
+            pictures; the unit of a moving camera is estimated from the keypoints if not stated.
+        detector: An open one, from `find_detector`, instead of the one that `clip` names.
+        tell: Called in this thread with the progress of detection; an exception from it ends detection.
 
     Raises:
         InputError: A file is missing or broken, options contradict each other, nothing was detected, or the detector is
@@ -208,19 +208,14 @@ def read_clip(
     seen, of_camera = shot.camera(choice.keypoints)
     of_person = (choice.note,) if choice.note else ()
     return shot.clip(
-        choice.keypoints,
-        seen,
-        entries=choice.entries,
-        of_person=of_person,
-        of_places=of_places,
-        of_camera=of_camera,
+        choice.keypoints, seen, entries=choice.entries, of_person=of_person, of_places=of_places, of_camera=of_camera
     )
 
 
 def read_footage(video: Path, *, clip: ClipOptions = ClipOptions(), camera: CameraOptions = CameraOptions()) -> Clip:
-    """Read a clip whose keypoints are yet to come: nothing is detected in any frame.
+    """Read a clip whose keypoints are yet to be made: nothing is detected in any frame.
 
-    Args and errors as of `read_clip`; what `clip` says of detector, person and the scale of keypoints does not count.
+    Args and errors as in `read_clip`; `clip`'s detector, person and keypoint scale are ignored.
     """
     given = CameraGiven.of(camera)
     images = video / "images" if (video / "images").is_dir() else video
@@ -236,7 +231,7 @@ def read_footage(video: Path, *, clip: ClipOptions = ClipOptions(), camera: Came
 def read_keypoints(
     path: StrPath, clip: Clip, *, person: int | None = None, keypoint_scale: str = "auto"
 ) -> tuple[Keypoints, tuple[str, ...], str]:
-    """Keypoints for the frames of a clip that is known, notes on how they were read, and who detected them.
+    """Keypoints for the frames of a known clip, notes on how they were read, and their detector.
 
     Args:
         path: Any format of fitting_core.io.READERS.
@@ -263,7 +258,7 @@ def read_keypoints(
 
 
 def _timeline_around(clip: Clip, detections: Detections) -> Timeline:
-    """Where there is no video: the frames of the clip and of the keypoints, or of the clip alone if they share none."""
+    """Without a video: the frames shared by clip and keypoints, or the clip's alone if they share none."""
     own, theirs = range(clip.first_frame, clip.first_frame + len(clip)), timeline_of_keypoints(detections).numbers
     first, stop = min(own.start, theirs.start), max(own.stop, theirs.stop)
     shared = stop - first < len(own) + len(theirs)
@@ -273,14 +268,14 @@ def _timeline_around(clip: Clip, detections: Detections) -> Timeline:
 def _in_pixels(
     detections: Detections, known: tuple[int, int] | None, keypoint_scale: str
 ) -> tuple[Detections, tuple[int, int], tuple[str, ...]]:
-    """Detections in pixels, the image size, which is guessed where it is not known, and notes on both."""
+    """Detections in pixels, the image size, guessed if not known, and notes on both."""
     detections, scale_notes = to_pixels(detections, known, keypoint_scale=keypoint_scale)
     size, size_notes = (known, ()) if known else guessed_size(detections)
     return detections, size, (*scale_notes, *size_notes)
 
 
 def _with_contradictions(detections: Detections, footage: Footage) -> Detections:
-    """With notes where the keypoint file says something else than the video, which is believed."""
+    """With notes if the keypoint file contradicts the video, which wins."""
     notes = list(detections.notes)
     if detections.frame_rate and footage.frame_rate and abs(detections.frame_rate - footage.frame_rate) > 0.01:
         notes.append(
@@ -291,7 +286,7 @@ def _with_contradictions(detections: Detections, footage: Footage) -> Detections
 
 
 def check_inside(keypoints: Keypoints, size: tuple[int, int]) -> tuple[str, ...]:
-    """A note, or an error, where the keypoints do not look as if made on these images."""
+    """A note or an error if the keypoints do not seem to be from these images."""
     points = keypoints.xy[keypoints.confidence > 0]
     outside = ((points < 0) | (points >= np.array(size))).any(1)
     if outside.mean() > 0.5:
@@ -308,6 +303,6 @@ def check_inside(keypoints: Keypoints, size: tuple[int, int]) -> tuple[str, ...]
 def _name(path: Path) -> str:
     path = path.resolve()
     stem = path.name if path.is_dir() else path.stem
-    # The folder's name where the file's own is generic.
+    # The folder's name if the file's own is generic.
     inner = stem in ("images", "keypoints", "video") and path.parent.name
     return inner or stem.removesuffix("_keypoints")

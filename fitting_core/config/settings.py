@@ -148,16 +148,14 @@ def value_of(config: FitConfig, name: str) -> Any:
 
 
 def changed(config: FitConfig, values: Mapping[str, Any], *, origin: str, texts: bool = False) -> FitConfig:
-    """A configuration with other values of some settings.
+    """A configuration with other values of some settings. Raises InputError if a name is not known, or a value has a
+    wrong type, count, choice or range.
 
     Args:
         config: What stays for all others.
         values: By dotted name.
         origin: Where the values stand, for messages: a file's name, "--set".
         texts: The values are texts as on a command line: lists separated by commas, numbers not yet read.
-
-    Raises:
-        InputError: A name is not known, or a value has a wrong type, count, choice or range.
     """
     for name, value in values.items():
         if name not in settings():

@@ -17,11 +17,7 @@ _MAX_BYTES = 2**20
 
 
 def preset(name: str, *, origin: str = "--preset") -> FitConfig:
-    """The preset of this name.
-
-    Raises:
-        InputError: There is no such preset.
-    """
+    """The preset of this name. Raises InputError if there is no such preset."""
     if name not in PRESETS:
         near = nearest(name, list(PRESETS)) if isinstance(name, str) else []
         hint = f" Did you mean {near[0]}?" if near else ""
@@ -58,15 +54,13 @@ def read_named(path: Path, *, preset_name: str | None = None) -> tuple[str, FitC
 
 
 def parsed(text: str, *, origin: str, preset_name: str | None = None) -> tuple[str, FitConfig]:
-    """The preset that a configuration in TOML starts from, and the configuration.
+    """The preset that a configuration in TOML starts from, and the configuration. Raises InputError if it is not TOML,
+    or holds an unknown name or a wrong value.
 
     Args:
         text: What `read_config` reads.
         origin: Where it stands, for messages.
         preset_name: Use this preset and not the text's own.
-
-    Raises:
-        InputError: It is not TOML, or holds an unknown name or a wrong value.
     """
     try:
         table = parsed_toml(text)

@@ -22,10 +22,10 @@ class Weights:
     face_keypoints: Five = (0.0, 0.0, 0.0, 0.0, 2.0)
     """Face keypoints in the data term."""
     relative_position: Five = (0.0, 0.0, 0.0, 0.0, 0.0)
-    """Depth of body keypoints, and the whole place of those that are not detected, relative to the pelvis against what
-    the lifter says, per standard deviation (beyond the paper)."""
+    """Depth of body keypoints, and the whole position of undetected ones, relative to the pelvis against the lifter's,
+    per standard deviation (beyond the paper)."""
     held_position: Five = (0.0, 0.0, 0.0, 0.0, 0.0)
-    """Feet that stand, in phase 3, against the place where they do, per standard deviation (beyond the paper)."""
+    """Standing feet, in phase 3, against the place where they stand, per standard deviation (beyond the paper)."""
     body_pose: Five = (404.0, 404.0, 57.4, 4.78, 4.78)
     """Body pose prior."""
     hand_pose: Five = (404.0, 404.0, 57.4, 4.78, 4.78)
@@ -37,17 +37,17 @@ class Weights:
     expression: Five = (100.0, 50.0, 10.0, 5.0, 5.0)
     """L2 of the expression."""
     shape: Five = (100.0, 50.0, 10.0, 5.0, 5.0)
-    """L2 of betas; in phase 2 of the shared betas too."""
+    """L2 of betas; in phase 2 also of the shared betas."""
     bending: Five = (35.8, 35.8, 13.5, 3.9, 3.9)
     """Exponential penalty on elbows and knees that bend the wrong way."""
     lean: Five = (0.0, 0.0, 0.0, 0.0, 0.0)
-    """Lean of the root against the image's vertical, where no leg is seen (beyond the paper)."""
+    """Lean of the root against the image's vertical, if no leg is seen (beyond the paper)."""
     turn: Five = (0.0, 0.0, 0.0, 0.0, 0.0)
-    """Turn of the root away from the camera, where no leg is seen (beyond the paper)."""
+    """Turn of the root away from the camera, if no leg is seen (beyond the paper)."""
     limits: Five = (0.0, 0.0, 0.0, 0.0, 0.0)
     """Joints of body and fingers beyond their anatomical range, per radian (beyond the paper)."""
     rest: Five = (0.0, 0.0, 0.0, 0.0, 0.0)
-    """Distance of joints that nothing in the image turns from the prior's neutral pose (beyond the paper)."""
+    """Distance of joints without evidence in the image from the prior's neutral pose (beyond the paper)."""
     collision: Five = (0.0, 0.0, 0.0, 0.1, 1.0)
     """Self-intersection of the mesh."""
 

@@ -80,14 +80,10 @@ def _of_family(name: str, title: str) -> Known:
 
 DETECTORS: dict[str, Known] = {
     "mediapipe": Known(
-        title="MediaPipe, most accurate",
-        make=_mediapipe(body="heavy", mirrored=True),
-        is_here=_networks_are_here,
+        title="MediaPipe, most accurate", make=_mediapipe(body="heavy", mirrored=True), is_here=_networks_are_here
     ),
     "mediapipe-fast": Known(
-        title="MediaPipe, twice as fast",
-        make=_mediapipe(body="full", mirrored=False),
-        is_here=_networks_are_here,
+        title="MediaPipe, twice as fast", make=_mediapipe(body="full", mirrored=False), is_here=_networks_are_here
     ),
     "dwpose-m": _of_family("dwpose-m", "DWPose-m with RTMDet-nano"),
     "dwpose-l": _of_family("dwpose-l", "DWPose-l with RTMDet-nano"),

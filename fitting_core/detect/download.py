@@ -66,15 +66,13 @@ def announced(model: KnownModel) -> str:
 
 
 def download(model: KnownModel, folder: Path | None = None) -> Generator[DownloadProgress | Downloaded, None, None]:
-    """Fetch a model; the last event is the result. An interrupted download is resumed the next time.
+    """Fetch a model; the last event is the result. An interrupted download is resumed the next time. Raises InputError
+    if the server cannot be reached or sends something else, the disk is full, or the checksum differs; no new model is
+    left behind then.
 
     Args:
         model: Which.
         folder: Where it is kept; None: the user's.
-
-    Raises:
-        InputError: The server cannot be reached or sends something else, the disk is full, or the checksum differs; no
-            new model is left behind then.
     """
     folder = folder or model_path(model.name).parent
     part = folder / f".{model.name}.part"

@@ -19,17 +19,14 @@ Tell = Callable[[DetectionProgress], None]
 def find_keypoints(
     video: Path, frames: range, detector: str | Detector, tell: Tell = lambda progress: None
 ) -> Detected:
-    """Everybody in some frames, as they were filmed. What was found in them before is not looked for again.
+    """Everybody in some frames, as they were filmed. What was found in them before is not looked for again. Raises
+    InputError if the detector is not on this computer, what is found cannot be kept, or there is nobody.
 
     Args:
         video: A video file or a folder of images.
         frames: Numbers of consecutive ones.
         detector: A name in `DETECTORS`, the path of a model, or one that is open.
         tell: Is told how far it is.
-
-    Raises:
-        InputError: The detector is not on this computer, what is found cannot be kept, or
-            nobody is found.
     """
     opened = find_detector(detector) if isinstance(detector, str) else detector
     with FrameSource(video) as source:

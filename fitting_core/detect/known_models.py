@@ -118,11 +118,8 @@ def is_here(name: str, folder: Path | None = None) -> bool:
 
 
 def find_model(given: str, folder: Path | None = None) -> Path:
-    """The file that a user names: by its path, or by the name of a known model that has been downloaded.
-
-    Raises:
-        InputError: There is no such file, or the known model is not on this computer.
-    """
+    """The file that a user names: by its path, or by the name of a known model that has been downloaded. Raises
+    InputError if there is no such file, or the known model is not on this computer."""
     path = at_home(given)
     if given not in KNOWN_MODELS or path.is_file():
         if not path.is_file():

@@ -41,16 +41,13 @@ class ModelTensor:
 
 
 class OnnxModel:
-    """A model that takes images, ready to run.
+    """A model that takes images, ready to run. Raises InputError if there is no such file or provider, the file is not
+    an ONNX model, or its input is not an RGB image.
 
     Args:
         path: The ONNX file.
         provider: One of PROVIDERS.
         threads: On the CPU; 0: one for each core.
-
-    Raises:
-        InputError: There is no such file or provider, the file is not an ONNX model, or its input is not an image of
-            three channels.
     """
 
     def __init__(self, path: Path, *, provider: str = "cpu", threads: int = 0) -> None:
@@ -83,11 +80,8 @@ class OnnxModel:
         return f"input {taken} ({self.layout}), output {given}"
 
     def run(self, images: Sequence[Float32[np.ndarray, "H W 3"]]) -> list[tuple[np.ndarray, ...]]:
-        """Run it on images that are prepared as it wants them; for each image its outputs, in the model's order.
-
-        Raises:
-            InputError: The model cannot be run; the message has onnxruntime's reason.
-        """
+        """Run it on images that are prepared as it wants them; for each image its outputs, in the model's order. Raises
+        InputError if the model cannot be run; the message has onnxruntime's reason."""
         step = self.batch or max(1, len(images))
         results: list[tuple[np.ndarray, ...]] = []
         for start in range(0, len(images), step):
@@ -173,11 +167,8 @@ _GRAPH, _NODE, _NODE_INPUT, _OPERATOR = 7, 1, 1, 4
 
 
 def consumers(path: Path, tensor: str) -> tuple[str, ...]:
-    """The operators that take a tensor, such as ("Conv",), in the order of the file.
-
-    Raises:
-        InputError: The file is not an ONNX model, or cut off.
-    """
+    """The operators that take a tensor, such as ("Conv",), in the order of the file. Raises InputError if the file is
+    not an ONNX model, or cut off."""
     try:
         nodes = [node for graph in _parts(regular_file(path).read_bytes(), _GRAPH) for node in _parts(graph, _NODE)]
         taking = [node for node in nodes if tensor.encode() in _parts(node, _NODE_INPUT)]

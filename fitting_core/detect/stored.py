@@ -56,11 +56,8 @@ class StoredDetection:
         self.folder = self._kept_in / hashlib.sha256(self._settings.encode()).hexdigest()[:32]
 
     def begin(self) -> None:
-        """Make the folder, or continue in an existing one; the oldest detections are deleted to make room.
-
-        Raises:
-            InputError: It cannot be written.
-        """
+        """Make the folder, or continue in an existing one; the oldest detections are deleted to make room. Raises
+        InputError if it cannot be written."""
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             with replacing(self.folder / _SETTINGS) as draft:

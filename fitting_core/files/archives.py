@@ -38,11 +38,8 @@ class Member:
     open: Callable[[], IO[bytes]]
 
     def copy_to(self, target: Path) -> None:
-        """Write its bytes to a new file.
-
-        Raises:
-            InputError: It is larger than a body model can be, or larger than its archive says.
-        """
+        """Write its bytes to a new file. Raises InputError if it is larger than a body model can be, or larger than its
+        archive says."""
         if self.size > MAX_MEMBER_BYTES:
             limit = MAX_MEMBER_BYTES / 2**30
             raise InputError(f"{self.path}: unpacks to {self.size / 2**30:.1f} GB, expected at most {limit:.0f} GB")
@@ -57,12 +54,8 @@ class Member:
 
 @contextmanager
 def open_members(path: Path) -> Iterator[list[Member]]:
-    """The files at a path: itself, those of a folder and its subfolders, or those in an archive.
-
-    Raises:
-        InputError: It does not exist, is neither file nor folder, is a damaged or encrypted archive, or its members
-            point outside of it.
-    """
+    """The files at a path: itself, those of a folder and its subfolders, or those in an archive. Raises InputError if
+    it does not exist, is neither file nor folder, is a damaged or encrypted archive, or its members point outside."""
     if not path.exists():
         raise InputError(f"{path}: does not exist. Give a file, a folder of files or the downloaded archive.")
     try:

@@ -146,11 +146,8 @@ def _hidden(path: Path, number: int) -> Path:
 
 
 def _taken(folder: Path) -> int | None:
-    """The lock of a hidden folder; None if somebody has it, or if it is another program's or another user's.
-
-    Raises:
-        OSError: It is gone, cannot be written, or the file system knows no locks.
-    """
+    """The lock of a hidden folder; None if somebody has it, or if it is another program's or another user's. Raises
+    OSError if it is gone, cannot be written, or the file system knows no locks."""
     try:
         if folder.is_symlink() or not ((folder / _LOCK).exists() or not any(folder.iterdir())):
             return None

@@ -10,11 +10,8 @@ _HELD = (errno.EWOULDBLOCK, errno.EAGAIN, errno.EACCES, errno.EDEADLK)
 
 
 def try_lock(descriptor: int) -> bool:
-    """Lock an open file until its descriptor is closed; False if somebody has the lock.
-
-    Raises:
-        OSError: The file system knows no locks, as some network drives.
-    """
+    """Lock an open file until its descriptor is closed; False if somebody has the lock. Raises OSError if the file
+    system knows no locks, as some network drives."""
     try:
         _lock(descriptor)
     except OSError as error:

@@ -18,11 +18,8 @@ _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0
 
 
 def write_npz(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
-    """Write arrays by their names, whole or not at all; equal ones give equal bytes.
-
-    Raises:
-        OSError: It cannot be written.
-    """
+    """Write arrays by their names, whole or not at all; equal ones give equal bytes. Raises OSError if it cannot be
+    written."""
     with replacing(path) as draft:
         np.savez_compressed(draft, allow_pickle=False, **arrays)
 
@@ -55,7 +52,7 @@ def read_npz(path: Path, keys: Collection[str] | None = None, *, most: int = MAX
         raise
     # A changed byte makes zipfile, zlib and numpy raise any of a dozen types: all mean the same to the user.
     except Exception as error:
-        raise ValueError(f"is no complete npz archive, it is damaged or was cut off ({error})") from error
+        raise ValueError(f"is not a complete npz archive, it is damaged or was cut off ({error})") from error
 
 
 def npz_names(path: Path) -> tuple[str, ...]:

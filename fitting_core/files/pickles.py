@@ -39,11 +39,7 @@ class _Dtype(Kept):
             self._order = state[1]
 
     def numpy(self) -> np.dtype:
-        """The plain dtype.
-
-        Raises:
-            InputError: It holds neither numbers nor text.
-        """
+        """The plain dtype. Raises InputError if it holds neither numbers nor text."""
         if not re.fullmatch(r"[<>|=]?[biufSU]\d+", self.code):
             raise InputError(f"of the type '{self.code}', expected numbers")
         return np.dtype(self._order + self.code.lstrip("<>|="))
@@ -148,11 +144,7 @@ def stand_in(module: str, name: str) -> Any:
 
 
 def as_objects(value: object) -> list[Any]:
-    """The elements of an unpickled array of Python objects.
-
-    Raises:
-        InputError: It is not such an array.
-    """
+    """The elements of an unpickled array of Python objects. Raises InputError if it is not such an array."""
     data = value.state.get("data") if isinstance(value, _Array) else None
     if not isinstance(data, list):
         raise InputError("no array of objects")
@@ -161,10 +153,7 @@ def as_objects(value: object) -> list[Any]:
 
 def as_array(value: object) -> np.ndarray:
     """Numbers of an unpickled value: an array, a list of numbers, a sparse matrix (dense here) or a chumpy array.
-
-    Raises:
-        InputError: A stand-in whose state is not understood; the message starts with what it holds.
-    """
+    Raises InputError if the state of a stand-in is not understood; the message starts with what it holds."""
     if not isinstance(value, Kept):
         _forbid_endless(value)
         return np.asarray(value)
@@ -250,11 +239,8 @@ class ArrayUnpickler(RestrictedUnpickler):
     """Unpickler that admits arrays, sparse matrices, chumpy arrays and plain containers, and nothing else."""
 
     def find_class(self, module: str, name: str) -> Any:
-        """The stand-in for what the pickle names.
-
-        Raises:
-            InputError: It asks for anything outside the table; the message names it.
-        """
+        """The stand-in for what the pickle names. Raises InputError if it asks for anything outside the table; the
+        message names it."""
         if (module, name) in _ADMITTED:
             return _ADMITTED[module, name]
         if module.split(".")[0] == "chumpy":
@@ -265,13 +251,11 @@ class ArrayUnpickler(RestrictedUnpickler):
 
 
 def read_pickle(file: BinaryIO) -> dict[str, Any]:
-    """The dictionary that a pickle holds; its values go through `as_array`.
+    """The dictionary that a pickle holds; its values go through `as_array`. Raises InputError if the pickle is damaged,
+    asks for something that is not admitted, or holds no dictionary.
 
     Args:
         file: Stands where the pickle begins, which fills the rest of it.
-
-    Raises:
-        InputError: The pickle is damaged, asks for something that is not admitted, or holds no dictionary.
     """
     try:
         start = file.tell()

@@ -27,15 +27,13 @@ _KERNEL = (("proc",), ("sys",))
 
 
 def refusal(path: Path, *, most: int | None = MAX_BYTES, expected: str = "a file") -> str:
-    """Why a path cannot be read as a file, in words that follow its name; empty if it can.
+    """Why a path cannot be read as a file, in words that follow its name; empty if it can. Raises OSError if there is
+    nothing at the path, or it may not be looked at.
 
     Args:
         path: Links are followed.
         most: Bytes; None: any number.
         expected: What kind of file, in words.
-
-    Raises:
-        OSError: There is nothing at the path, or it may not be looked at.
     """
     try:
         found = path.stat()

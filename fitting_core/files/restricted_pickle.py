@@ -31,11 +31,7 @@ class Stream:
         """Bytes that may still be read into memory."""
 
     def read(self, count: int) -> bytes:
-        """So many bytes, or those that are left.
-
-        Raises:
-            InputError: They are more than are read of a file.
-        """
+        """So many bytes, or those that are left. Raises InputError if they are more than are read of a file."""
         if self._size is not None:
             count = min(count, max(self._size - self._file.tell(), 0))
         if count > self.left:
@@ -52,10 +48,7 @@ class Stream:
 
     def take(self, count: int) -> Load:
         """The next so many bytes: in memory where the file is packed, else left in the file until they are wanted.
-
-        Raises:
-            InputError: The file ends before.
-        """
+        Raises InputError if the file ends before."""
         if self._size is None:
             data = self.read(count)
             if len(data) < count:
@@ -94,11 +87,8 @@ _PLAIN = (str, bytes, int, float, type(None), Kept, type)
 
 
 def mapping(entries: object = (), *_: object) -> dict[Any, Any]:
-    """A dictionary of any kind, begun with these pairs; more may follow.
-
-    Raises:
-        InputError: A key is not one that `RestrictedUnpickler` allows.
-    """
+    """A dictionary of any kind, begun with these pairs; more may follow. Raises InputError if a key is not one that
+    `RestrictedUnpickler` allows."""
     found: dict[Any, Any] = {}
     for pair in entries if isinstance(entries, list | tuple) else ():
         if isinstance(pair, list | tuple) and len(pair) == 2:

@@ -41,7 +41,6 @@ class _Inline(Kept):
     title = "joblib array"
 
     def read_from(self, stream: Stream) -> object:
-        """The array that stands for it."""
         shape, code = _shape(self.state.get("shape")), self.state.get("dtype")
         if getattr(code, "code", "") == "O8":
             return ResultUnpickler(stream).load()
@@ -78,11 +77,7 @@ class Storage:
         return self.count * (2 if self.code == _BFLOAT16 else np.dtype(self.code).itemsize)
 
     def numbers(self) -> np.ndarray:
-        """All of them, flat.
-
-        Raises:
-            InputError: The file has fewer.
-        """
+        """All of them, flat. Raises InputError if the file has fewer."""
         if self.load is None or len(data := self.load()) < self.size:
             raise InputError("a tensor whose numbers are not in the file")
         if self.code == _BFLOAT16:  # the upper half of a float32
@@ -118,11 +113,7 @@ class StoredTensor(Kept):
 
 
 def _shape(value: object) -> tuple[int, ...]:
-    """A shape as it may be.
-
-    Raises:
-        InputError: It is not a shape.
-    """
+    """A shape as it may be. Raises InputError if it is not a shape."""
     if not isinstance(value, list | tuple) or len(value) > 16 or not all(type(n) is int and n >= 0 for n in value):
         raise InputError("an array without a valid shape")
     return tuple(value)
@@ -198,22 +189,15 @@ class ResultUnpickler(RestrictedUnpickler):
         self._storage, self._foreign = storage, foreign
 
     def find_class(self, module: str, name: str) -> Any:
-        """The stand-in for what the pickle names.
-
-        Raises:
-            InputError: It asks for anything outside the table; the message names it.
-        """
+        """The stand-in for what the pickle names. Raises InputError if it asks for anything outside the table; the
+        message names it."""
         found = _ADMITTED.get((module, name)) or stand_in(module, name)
         if found is None and not self._foreign:
             raise InputError(f"asks for {f'{module}.{name}':.60}, which no result needs and which could run code")
         return found or Foreign
 
     def persistent_load(self, pid: object) -> Storage:
-        """A storage beside the pickle.
-
-        Raises:
-            InputError: The pickle refers to anything else.
-        """
+        """A storage beside the pickle. Raises InputError if the pickle refers to anything else."""
         if self._storage is None or not isinstance(pid, tuple) or len(pid) < 5 or pid[0] != "storage":
             raise InputError(f"refers to an object outside the pickle (a {type(pid).__name__})")
         _, kind, key, _, count, *_ = pid
@@ -227,24 +211,19 @@ class ResultUnpickler(RestrictedUnpickler):
 
 
 def unpickled(stream: Stream) -> Any:
-    """What a pickle holds, or a file of torch's older form; arrays and tensors are stand-ins for `as_array`.
-
-    Raises:
-        InputError: It is damaged, or asks for something that is not admitted.
-    """
+    """What a pickle holds, or a file of torch's older form; arrays and tensors are stand-ins for `as_array`. Raises
+    InputError if it is damaged, or asks for something that is not admitted."""
     return _guarded(lambda: legacy(stream))
 
 
 def of_torch_zip(archive: zipfile.ZipFile, pickled: str, *, foreign: bool = False) -> Any:
-    """As `unpickled`, of torch's form since 1.6: `data.pkl`, and each storage as a member `data/<key>`.
+    """As `unpickled`, of torch's form since 1.6: `data.pkl`, and each storage as a member `data/<key>`. Raises
+    InputError as `unpickled` does.
 
     Args:
         archive: Stays open as long as tensors may be read.
         pickled: The name of data.pkl in it.
         foreign: See `ResultUnpickler`.
-
-    Raises:
-        InputError: As `unpickled`.
     """
     prefix = pickled.removesuffix("data.pkl")
     members = {member.filename: member for member in archive.infolist()}
@@ -269,10 +248,7 @@ def of_torch_zip(archive: zipfile.ZipFile, pickled: str, *, foreign: bool = Fals
 
 def checkpoint(data: bytes) -> Any:
     """What a checkpoint of torch.save holds, in either form; objects of classes that are not known become `Foreign`.
-
-    Raises:
-        InputError: It is not a checkpoint, or damaged.
-    """
+    Raises InputError if it is not a checkpoint, or damaged."""
 
     def load() -> Any:
         file = io.BytesIO(data)

@@ -1,4 +1,4 @@
-"""What the fitting generator yields, detached copies on the CPU; and generators that return a value, run or changed."""
+"""Events of the fitting generator, detached copies on the CPU; and helpers for generators that return a value."""
 
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, field
@@ -24,16 +24,16 @@ class Iteration:
     label: str
     """Which part of the phase, for the user: "placing the body", "stage 3 of 5", "window 12 of 90, stage 5 of 5"."""
     share: float
-    """How much of the phase is done, 0 to 1, as far as that can be told."""
+    """Share of the phase that is done, 0 to 1, as far as it is known."""
     cost: float
     """Mean cost of the frames that are being fitted."""
     terms: dict[str, float] = field(default_factory=dict)
-    """Mean cost of a frame by term; empty but now and then (`phases.progress.TermSampling`)."""
+    """Mean cost of a frame by term; usually empty (`phases.progress.TermSampling`)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FramesFitted:
-    """Frames have a fit that can be looked at: a first one in phase 1, the last one in a sliding window's phase 3."""
+    """Frames have a fit to show: a first one in phase 1, the last one in a sliding window's phase 3."""
 
     phase: int
     frames: range
@@ -67,7 +67,7 @@ Returned = TypeVar("Returned")
 
 
 def drained(generator: Generator[Any, None, Returned]) -> Returned:
-    """What a generator returns; what it yields is left aside."""
+    """The return value of a generator; what it yields is dropped."""
     while True:
         try:
             next(generator)
@@ -78,7 +78,7 @@ def drained(generator: Generator[Any, None, Returned]) -> Returned:
 def mapped(
     generator: Generator[Value, None, Returned], change: Callable[[Value], Other]
 ) -> Generator[Other, None, Returned]:
-    """The same generator with `change` of each of its values; closing it closes the other one."""
+    """The generator with `change` applied to each of its values; closing it closes the original."""
     try:
         while True:
             try:

@@ -48,17 +48,17 @@ from fitting_core.video.frame_names import spans
 
 P = ParamSpec("P")
 Outcome = TypeVar("Outcome")
-"""What a phase returns."""
+"""The result of a phase."""
 PHASE_TITLES = {1: "every frame on its own", 2: "one shape", 3: "consistency over time"}
 
 
 def _on_one_thread(
     function: Callable[P, Generator[FitEvent, None, Outcome]],
 ) -> Callable[P, Generator[FitEvent, None, Outcome]]:
-    """Torch computes on one thread while the generator runs, and on as many as before between its values.
+    """Torch uses one thread while the generator runs, and as many as before between its values.
 
-    Its operations are small here: two threads that wait for each other took six times the processor time. Frames are
-    shared out on threads by the kernels.
+    Its operations are small here: two threads waiting for each other took six times the processor time. The kernels
+    distribute frames over threads.
     """
 
     @wraps(function)
@@ -84,22 +84,17 @@ def _on_one_thread(
 
 @_on_one_thread
 def fit_events(
-    clip: Clip,
-    body: BodyModel,
-    config: FitConfig,
-    *,
-    start: GivenStart | None = None,
-    shape: KnownShape | None = None,
+    clip: Clip, body: BodyModel, config: FitConfig, *, start: GivenStart | None = None, shape: KnownShape | None = None
 ) -> Generator[FitEvent, None, FitResult]:
-    """Fits a clip, yielding what happens; closing the generator cancels, and finished phases stay valid.
+    """Fits a clip, yielding events; closing the generator cancels, and finished phases stay valid.
 
     Args:
         clip: keypoints and camera.
         body: the body model.
         config: everything else; see `config.PRESETS`.
-        start: what another system found in this clip, with which phase 1 begins (`starts.reading.read_start`); frames
-            that it lacks are fitted as without it.
-        shape: one that is known, which phase 2 takes instead of looking for it.
+        start: another system's result for this clip, to begin phase 1 with (`starts.reading.read_start`); frames that
+            it lacks are fitted as without it.
+        shape: a known one, which phase 2 takes instead of estimating it.
 
     Raises:
         InputError: no frame of the clip shows enough of a person.
@@ -108,12 +103,7 @@ def fit_events(
 
 
 def fit_clip(
-    clip: Clip,
-    body: BodyModel,
-    config: FitConfig,
-    *,
-    start: GivenStart | None = None,
-    shape: KnownShape | None = None,
+    clip: Clip, body: BodyModel, config: FitConfig, *, start: GivenStart | None = None, shape: KnownShape | None = None
 ) -> FitResult:
     """The result of `fit_events`, without the events."""
     return drained(fit_events(clip, body, config, start=start, shape=shape))
@@ -121,12 +111,12 @@ def fit_clip(
 
 @dataclass(frozen=True, kw_only=True)
 class Refit:
-    """What came of fitting some frames again."""
+    """The result of fitting some frames again."""
 
     params: BodyParams
     """All frames."""
     provenance: Provenance
-    """Of all frames; only what it says of those that were fitted again counts."""
+    """Of all frames; only valid for those that were fitted again."""
 
 
 @_on_one_thread
@@ -139,15 +129,15 @@ def rerun_events(
     *,
     start: GivenStart | None = None,
 ) -> Generator[FitEvent, None, Refit]:
-    """Phase 3 again on `frames` only, from `params` on; every other frame is returned as it came, bit for bit.
+    """Phase 3 again on `frames` only, starting from `params`; all other frames are returned bit for bit.
 
     Args:
         clip: keypoints and camera.
         body: the body model.
         config: everything else.
         params: a result for this clip, all frames.
-        frames: which of them are fitted again, counted from the first of the clip as 0.
-        start: what the fit that the result is of began with, `FitResult.start`: these frames have the same evidence.
+        frames: the ones to fit again, counted from the first of the clip as 0.
+        start: what that result's fit began with, `FitResult.start`: these frames have the same evidence.
     """
     first = clip.first_frame
     asked = f"{first + frames.start} to {first + frames.stop - 1}"
@@ -180,14 +170,10 @@ def rerun_events(
 
 @_on_one_thread
 def shape_events(
-    clip: Clip,
-    body: BodyModel,
-    config: FitConfig,
-    start: FitResult,
-    *,
-    shape: KnownShape | None = None,
+    clip: Clip, body: BodyModel, config: FitConfig, start: FitResult, *, shape: KnownShape | None = None
 ) -> Generator[FitEvent, None, FitResult]:
-    """Phase 2 again from a fit's first phase on, and phase 3 under the new shape if `config.last_phase` has one.
+    """Phase 2 again after a fit's first phase, and phase 3 under the new shape if `config.last_phase` includes it.
+    Raises InputError if it has no first phase, or no frame of the clip shows a person.
 
     Args:
         clip: keypoints and camera.
@@ -195,25 +181,19 @@ def shape_events(
         config: everything else.
         start: its first phase is kept, and what that began with.
         shape: as in `fit_events`.
-
-    Raises:
-        InputError: It has no first phase, or no frame of the clip shows a person.
     """
     again = _Fit(clip, body, config, start=start.start, shape=shape)
     return (yield from again.run_again(start))
 
 
 def clip_stages(clip: Clip, body: BodyModel, config: FitConfig, *, start: GivenStart | None = None) -> Stages:
-    """The stages of a clip in which somebody can be fitted.
+    """The stages of a clip that shows somebody. Raises InputError if no frame of the clip shows enough of a person.
 
     Args:
         clip: keypoints and camera.
         body: the body model.
         config: everything else.
         start: as in `fit_events`.
-
-    Raises:
-        InputError: no frame of the clip shows enough of a person.
     """
     stages = Stages.of_clip(clip, body, config, start=start)
     if not bool(stages.observations.usable.any()):
@@ -225,7 +205,7 @@ def clip_stages(clip: Clip, body: BodyModel, config: FitConfig, *, start: GivenS
 
 
 class _Fit:
-    """One fit: what is constant over its phases, and the phases finished so far."""
+    """One fit: its constants, and the phases finished so far."""
 
     def __init__(
         self,
@@ -241,7 +221,7 @@ class _Fit:
         self.solver = make_solver(config.solver, config.settings)
         self.phases: list[PhaseResult] = []
         self.provenance: Provenance | None = None
-        """Of where the frames stand now."""
+        """The frames' current state."""
 
     def run(self) -> Generator[FitEvent, None, FitResult]:
         """All phases up to the configured last one."""
@@ -252,12 +232,12 @@ class _Fit:
         return (yield from self._last(state))
 
     def run_again(self, start: FitResult) -> Generator[FitEvent, None, FitResult]:
-        """The phases after the first, from another fit's first one on."""
+        """The phases after the first, from another fit's first phase."""
         sight, first = Sight.after_first_phase(self.stages, start), start.phase(1)
         assert first is not None
         self.phases.append(first)
         self.provenance = first.provenance
-        # Poses as they came: a latent prior does not bring them back exactly.
+        # Poses unchanged: a latent prior does not reproduce them exactly.
         state = yield from self._second(sight, poses=first.params)
         return (yield from self._last(state))
 
@@ -359,7 +339,7 @@ class _Fit:
 
 
 def _holding_feet(stages: Stages, clip: Clip, params: BodyParams) -> Stages | None:
-    """The stages with feet held where they stand in these parameters; None where nothing is to be held."""
+    """The stages with feet held where they stand in these parameters; None if there is nothing to hold."""
     if not any(stages.config.weights.held_position):
         return None
     grounding = grounding_of_params(clip, stages.body, params, unswap=stages.config.unswap_sides)
@@ -372,9 +352,9 @@ def _twice(
     state: State,
     held: Callable[[State], Stages | None],
 ) -> Generator[Step, None, State]:
-    """Phase 3, and again with the feet held where they stand after it, if there are any.
+    """Phase 3, and again with the feet held where they stand after it, if any do.
 
-    What phase 1 left is too far off in depth to be held.
+    The result of phase 1 is too inaccurate in depth for holding.
     """
     if not any(consistency.stages.config.weights.held_position):
         return (yield from run(state))
@@ -386,8 +366,8 @@ def _twice(
 
 
 def _events(steps: Generator[Step, None, Outcome], phase: int) -> Generator[FitEvent, None, Outcome]:
-    """A phase's steps as events. What is done never shrinks: another way that is tried begins where the one before it
-    did, as with the four yaws, and torch tells every iteration."""
+    """A phase's steps as events. Progress never decreases: an alternative that is tried begins where the one before it
+    did, as with the four yaws, and torch reports every iteration."""
     sampling, done = TermSampling(), 0.0
 
     def event(step: Step) -> FitEvent:
@@ -403,7 +383,7 @@ def _events(steps: Generator[Step, None, Outcome], phase: int) -> Generator[FitE
 def _let_go_notes(result: FitResult, first_frame: int) -> list[str]:
     """Of feet that are not held, for the user."""
     where = "" if result.grounding is None else result.grounding.contacts.let_go_in_words(first_frame)
-    return [f"feet that seem to stand go on in the image, and are not held: {where}"] if where else []
+    return [f"feet that seem to stand move in the image, and are not held: {where}"] if where else []
 
 
 def _swap_notes(stages: Stages, first_frame: int) -> list[str]:

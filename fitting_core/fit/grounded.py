@@ -20,9 +20,9 @@ from fitting_core.results.fit_result import FitResult
 
 
 def grounded(fit: FitResult, clip: Clip, body: BodyModel) -> FitResult:
-    """A fit with the grounding of its last phase; to be taken anew whenever frames of it change.
+    """A fit with the grounding of its last phase; to be repeated whenever frames of it change.
 
-    It takes 0.2 ms a frame, and the lifter another 1 ms for what it has not seen yet, with 0.3 s for the turns.
+    It takes 0.2 ms per frame, and the lifter another 1 ms for new frames, plus 0.3 s for the rotations.
 
     Args:
         fit: all frames.
@@ -33,7 +33,7 @@ def grounded(fit: FitResult, clip: Clip, body: BodyModel) -> FitResult:
 
 
 def grounding_of_params(clip: Clip, body: BodyModel, params: BodyParams, *, unswap: bool) -> Grounding | None:
-    """The grounding of a body that moves; None for a body whose feet have no keypoints.
+    """The grounding of a moving body; None for a body whose feet have no keypoints.
 
     Args:
         clip: keypoints and camera.
@@ -60,7 +60,7 @@ def grounding_of_params(clip: Clip, body: BodyModel, params: BodyParams, *, unsw
 
 
 def holding_feet(stages: Stages, clip: Clip, params: BodyParams, grounding: Grounding | None) -> Stages | None:
-    """The stages with feet held where they stand; None where nothing is to be held.
+    """The stages with feet held where they stand; None if there is nothing to hold.
 
     Args:
         stages: of the whole clip.

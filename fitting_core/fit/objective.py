@@ -1,6 +1,6 @@
 """The objective of a stage: terms summed into costs, gradients and Gauss-Newton matrices of single frames.
 
-These are E_o. Terms that couple frames, or count once for the clip, wait here for the problems that ask for them.
+These are E_o. Terms that couple frames, or count once for the clip, are kept here for the problems that need them.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,13 +21,13 @@ from fitting_core.fit.variables.point_jacobian import PointJacobian
 from fitting_core.fit.variables.state import Free, State
 
 _EVALUATED = 512
-"""Frames whose costs by term are evaluated together: 35 kB a frame."""
+"""Frames whose costs by term are evaluated together: 35 kB per frame."""
 
 
 def jacobians_at_once(device: torch.device) -> int:
     """Frames whose Jacobians are formed together.
 
-    On a processor (frames, 274, 116) float64 must stay in the cache; a GPU takes few large operations, as many as fit.
+    On a CPU (frames, 274, 116) float64 must stay in the cache; a GPU takes few large operations, as many as fit.
     """
     return 8 if device.type == "cpu" else 512
 
@@ -47,15 +47,15 @@ class FrameObjective:
     Args:
         terms: of a stage.
         view: points and camera.
-        free: the groups that may move; the rest of a state's columns stay.
+        free: the groups that may move; a state's other columns stay.
     """
 
     def __init__(self, terms: Sequence[Term], view: SolverView, free: Free) -> None:
         self.view, self.free = view, free
         self.terms = [term for term in terms if not term.reach and not term.once]
-        """What is summed in each frame."""
+        """Terms summed in each frame."""
         self.coupling = [term for term in terms if term.reach]
-        """Terms over time, which count where frames are fitted together."""
+        """Terms over time, for problems that fit frames together."""
         self.shared = [term for term in terms if term.once]
         """Terms that count once for all frames."""
         assert not any(term.reach for term in self.shared), "what counts once has no reach in time"
@@ -64,7 +64,7 @@ class FrameObjective:
         self.jacobian = PointJacobian(view.points, view.pose_columns, free, p.hand_basis)
         self._pose_index = free.index(view.pose_columns).to(p.device)
         self.fused = fused_frames(self.terms, view, free, self.index)
-        """Kernels that evaluate the terms they know; None where there are none."""
+        """Kernels that evaluate the terms they know; None if there are none."""
 
     @property
     def data(self) -> Data:
@@ -80,7 +80,7 @@ class FrameObjective:
 
     @property
     def relative_position(self) -> RelativePosition:
-        """The term of positions relative to the pelvis, of which something must be known."""
+        """The term of positions relative to the pelvis, which must exist."""
         return next(term for term in self.terms if isinstance(term, RelativePosition))
 
     def with_relative_position(self, term: RelativePosition) -> "FrameObjective":
@@ -97,7 +97,7 @@ class FrameObjective:
         return {name: torch.cat([part[name] for part in parts]) for name in parts[0]}
 
     def coupled_costs(self, state: State) -> dict[str, float]:
-        """Terms over time, each summed over a clip of which `state` holds all frames; 0 where it is too short."""
+        """Terms over time, each summed over a clip whose frames are all in `state`; 0 if it is too short."""
         return {term.name: self._coupled_cost(term, state) for term in self.coupling}
 
     def _coupled_cost(self, term: Term, state: State) -> float:
@@ -108,18 +108,18 @@ class FrameObjective:
         return total
 
     def shared_costs(self, state: State) -> dict[str, Float[Tensor, "1"]]:
-        """Terms that count once, from any one frame."""
+        """Terms that count once, evaluated on any one frame."""
         return costs_of(self.shared, self._first(state))
 
     def shared_normal(self, state: State) -> Normal:
-        """Cost and normal equations of the terms that count once, from any one frame."""
+        """Cost and normal equations of the terms that count once, evaluated on any one frame."""
         return self._normal(self._first(state), self.shared)
 
     def _first(self, state: State) -> Estimate:
         return Estimate(self.view, state[:1], torch.zeros(1, dtype=torch.long, device=state.vector.device))
 
     def cost(self, state: State, frames: Int[Tensor, "B"]) -> Float[Tensor, "B"]:
-        """E of each frame; infinite where a point lies behind the camera."""
+        """E of each frame; infinite if a point is behind the camera."""
         if self.fused is None or state.vector.requires_grad:
             return self._cost(state, frames, self.terms)
         known = self.fused.cost(state, frames)
@@ -131,7 +131,7 @@ class FrameObjective:
         return torch.where(estimate.valid, total, torch.inf)
 
     def softened(self, *, cold: bool) -> "FrameObjective | None":
-        """The same with gentler terms for staircases and, from a cold start, for robust ones; None without any."""
+        """The same with gentler staircases and, from a cold start, gentler robust terms; None if there are none."""
         terms = [term.softened(cold=cold) for term in self.terms]
         same = all(new is old for new, old in zip(terms, self.terms, strict=True))
         if same:
@@ -195,7 +195,7 @@ class FrameObjective:
         _add_diagonal(gradient, matrix, term, e, self._pose_index)
 
     def prior_jacobian(self, e: Estimate) -> Float[Tensor, "B 63 size"] | None:
-        """d axis-angle / d prior's numbers, where the body is free; None for the identity."""
+        """d axis-angle / d prior's numbers, if the body is free; None for the identity."""
         p = self.view.parametrisation
         return p.prior.jacobian(e.state.vector[:, p.columns.body]) if self.free.body else None
 
@@ -213,7 +213,7 @@ class FrameObjective:
         return rows if decoder is None else rows @ _chain(decoder, rows.shape[2])
 
     def _differentiated(self, term: Term, e: Estimate) -> Rows:
-        """Rows of a term that gives its residual only, by reverse differentiation."""
+        """Rows of a term that gives only its residual, by reverse differentiation."""
         with torch.enable_grad():
             move = e.body_pose.new_zeros(len(e.frames), len(self.index), requires_grad=True)
             moved = Estimate(self.view, e.state.moved(self.step(move)), e.frames)
@@ -266,4 +266,4 @@ _IN_PRIOR_SPACE: dict[Derivative, _Adding] = {
     Derivative.COLUMNS: FrameObjective._add_columns,
     Derivative.AUTOMATIC: FrameObjective._add_differentiated,
 }
-"""How a term comes into the normal equations: before these are brought into the pose prior's own space, or after."""
+"""How a term enters the normal equations: before they are transformed into the pose prior's own space, or after."""

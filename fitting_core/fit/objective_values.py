@@ -17,17 +17,17 @@ from fitting_core.keypoints import Keypoints
 
 @dataclass(frozen=True, kw_only=True)
 class ObjectiveValues:
-    """What the objective is made of at one point. Every value includes its weight: they add up to the objective."""
+    """The components of the objective at one point. Every value includes its weight: they add up to the objective."""
 
     frames: dict[str, Float[Tensor, "T"]]
     """E_o of each frame by term ("data", "body_pose", "hand_pose", "jaw", "expression", "shape", ...; some
     only where the weight is not 0: "bending", "collision"). Float64, on the CPU."""
     over_time: dict[str, float]
-    """What couples frames by term, summed over the clip: E_T as "temporal"."""
+    """Terms that couple frames, summed over the clip: E_T as "temporal"."""
 
     @property
     def temporal(self) -> float:
-        """E_T, summed over the clip; 0 where its weight is."""
+        """E_T, summed over the clip; 0 if its weight is."""
         return self.over_time.get("temporal", 0.0)
 
     @property
@@ -52,7 +52,7 @@ def evaluate_objective(
     frame_rate: float | None = None,
     detector: str = "",
 ) -> ObjectiveValues:
-    """Evaluates the objective without minimising anything. Held feet do not count: where, a fit finds out.
+    """Evaluates the objective without minimising anything. Held feet are left out: only a fit finds where they are.
 
     >>> result = fit_clip(clip, body, PRESETS["tcfit"])
     >>> values = evaluate_objective(
@@ -68,13 +68,13 @@ def evaluate_objective(
         keypoints: of the clip, as many frames as `params`.
         preset: name of a preset, or any configuration. Its `temporal.mode` makes no difference: E_T is summed once over
             every frame that has two neighbours.
-        stage: whose weights count, 1 to 5.
-        frame_rate: of the clip, frames per second; needed where `temporal.reference_rate` of the configuration is set.
-        detector: who found the keypoints, `Clip.detector`; counts where the configuration weighs them by its noise.
+        stage: whose weights are used, 1 to 5.
+        frame_rate: of the clip, frames per second; needed if the configuration sets `temporal.reference_rate`.
+        detector: who found the keypoints, `Clip.detector`; used if the configuration weights them by its noise.
 
     Raises:
-        InputError: no such preset or stage, parameters that do not fit to the keypoints or the configuration, or no
-            frame rate where it counts.
+        InputError: no such preset or stage, parameters that do not match the keypoints or the configuration, or no
+            frame rate where one is needed.
     """
     config = _config(preset)
     if stage not in range(1, N_STAGES + 1):
@@ -99,7 +99,7 @@ def _config(preset: FitConfig | str) -> FitConfig:
 
 
 def _frame_rate(frame_rate: float | None, config: FitConfig) -> float:
-    """What is given; any will do where E_T does not depend on it."""
+    """The given frame rate; any will do if E_T does not depend on it."""
     reference = config.temporal.reference_rate
     if frame_rate is None and reference:
         raise InputError(

@@ -1,4 +1,4 @@
-"""A phase's figures, for parameters that it found or that come from elsewhere."""
+"""A phase's figures, for parameters from the phase itself or from elsewhere."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -23,7 +23,7 @@ from fitting_core.results.given_start import GivenStart
 from fitting_core.results.provenance import Provenance
 
 _AROUND = 20
-"""Frames to either side of those whose error bars are taken anew."""
+"""Frames on either side of the changed ones whose error bars are recomputed."""
 
 
 def evaluated(
@@ -35,14 +35,14 @@ def evaluated(
     phase: int = 3,
     start: GivenStart | None = None,
 ) -> PhaseResult:
-    """A phase's figures for parameters of all frames that come from elsewhere: a re-run of some of them, a correction.
+    """A phase's figures for parameters of all frames from elsewhere: a re-run of some of them, a correction.
 
     Args:
         clip: keypoints and camera, against which the costs are taken.
         body: the body model.
         config: its weights are those of the costs.
-        params: all frames; they are kept as they are.
-        phase: 3 counts E_T too, and feet that are held.
+        params: all frames; they are kept unchanged.
+        phase: 3 includes E_T and held feet.
         start: what the fit began with, `FitResult.start`.
     """
     stages = Stages.of_clip(clip, body, config, start=start)
@@ -68,8 +68,8 @@ def patched(
 ) -> PhaseResult:
     """A phase with other parameters in some windows.
 
-    Costs are taken there alone: those of a whole clip take 4 ms a frame, for which a drag or a re-run of some frames
-    would wait. So they are known by frame, and not by term.
+    Costs are computed only there: those of a whole clip take 4 ms per frame, which would delay a drag or a re-run of
+    some frames. So they are known by frame, and not by term.
 
     Args:
         phase: before.
@@ -77,10 +77,10 @@ def patched(
         body: as for `evaluated`.
         config: as for `evaluated`.
         params: all frames.
-        windows: where they are others than those of `phase`.
+        windows: where they differ from those of `phase`.
         grounding: of `params`: feet that stand are held, and count.
         start: as for `evaluated`.
-        provenance: of all frames; None: it is not known where those of the windows came from.
+        provenance: of all frames; None: not known for those of the windows.
         note: for the user.
     """
     stages = Stages.of_clip(clip, body, config, start=start)
@@ -104,7 +104,7 @@ def patched(
 
 
 def _new_error_bars(known: ErrorBars, whole: Stages, params: BodyParams, windows: Sequence[range]) -> ErrorBars:
-    """Those of the windows anew, with so many frames around them as their evidence comes from."""
+    """Those of the windows recomputed, with as many frames around them as their evidence depends on."""
     for window in windows:
         near = range(max(0, window.start - _AROUND), min(len(params), window.stop + _AROUND))
         stages = whole.within(near)

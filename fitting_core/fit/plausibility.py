@@ -1,4 +1,4 @@
-"""Fits that mean nothing: told to the user, who sees numbers that look like any others."""
+"""Warnings about meaningless fits, whose numbers look like any others."""
 
 import numpy as np
 
@@ -9,17 +9,17 @@ from fitting_core.keypoints import BODY, SEEN
 from fitting_core.results.known_shape import KnownShape
 
 _FAR, _NEAR = 60.0, 0.25
-"""Metres from the camera between which people are filmed so that keypoints can be found."""
+"""Distances in metres from the camera at which keypoints of people can be found."""
 _GROWN = 145.0
 """Centimetres below which people are mostly children."""
 _AGREES = 3.0
-"""Centimetres: two standard deviations of what people say of their height."""
+"""Centimetres: two standard deviations of heights as people state them."""
 _SMALL = 24.0
 """Pixels of a person's larger side: less than a detector's own errors times ten."""
 
 
 def doubts(clip: Clip, params: BodyParams) -> tuple[str, ...]:
-    """Sentences about a fit whose keypoints or camera cannot be those of a person; none for other fits.
+    """Sentences about a fit whose keypoints or camera cannot be those of a person; empty for other fits.
 
     Args:
         clip: What was fitted.
@@ -42,24 +42,24 @@ def doubts(clip: Clip, params: BodyParams) -> tuple[str, ...]:
 
 
 def small_adult(body: BodyModel, height: float | None) -> tuple[str, ...]:
-    """A sentence about an adult's body that is to have a child's height in centimetres; none for other bodies."""
+    """A sentence about an adult's body with a child's height in centimetres; empty for other bodies."""
     if height is None or height >= _GROWN or body.gender == "child":
         return ()
     return (
-        f"a height of {height:g} cm is rarely an adult's, and the body has an adult's proportions; for a child choose "
+        f"a height of {height:g} cm is rare for an adult, and the body has adult proportions; for a child choose "
         "the body of a child (gender child)",
     )
 
 
 def other_height(body: BodyModel, shape: KnownShape | None, height: float | None) -> tuple[str, ...]:
-    """A sentence about a given shape that is not as tall as is said in centimetres; none where both agree."""
+    """A sentence about a given shape that disagrees with the stated height in centimetres; empty if they agree."""
     if shape is None or height is None:
         return ()
     mean, by_betas = body.height
     own = 100 * (mean + float(by_betas @ shape.betas))
     if abs(own - height) < _AGREES:
         return ()
-    return (f"the shape of {shape.source} is {own:.0f} cm tall, not {height:g} as is said: the shape counts",)
+    return (f"the shape of {shape.source} is {own:.0f} cm tall, not {height:g} as stated: the shape is used",)
 
 
 def _median_size(clip: Clip) -> float | None:

@@ -17,17 +17,17 @@ from fitting_core.results.provenance import Provenance
 
 
 def refit(clip: Clip, body: BodyModel, fit: FitResult, *windows: range, config: FitConfig | None = None) -> FitResult:
-    """A fit with some of its frames fitted again, under the shape that it has; every other frame stays bit for bit.
+    """A fit with some of its frames fitted again, under the same shape; every other frame stays bit for bit.
 
     Args:
-        clip: What was fitted, with keypoints as they stand now: see `Clip.corrected`.
-        body: The body that it was fitted with.
+        clip: What was fitted, with its current keypoints: see `Clip.corrected`.
+        body: The one it was fitted with.
         fit: The fit, all of its phases.
-        windows: Frames, counted from the clip's first as 0; neighbours of a correction are worth fitting again with it.
-        config: Other settings than the fit's; None: the same.
+        windows: Frames, counted from the clip's first as 0; include the neighbours of a correction.
+        config: Settings to use instead of the fit's; None: the same.
 
     Raises:
-        InputError: No windows are given, or the clip has not all of these frames, or the fit is of another clip, or
+        InputError: No windows are given, or the clip lacks some of these frames, or the fit is of another clip, or
             ended after phase 1.
     """
     if not windows:
@@ -42,14 +42,11 @@ def refit(clip: Clip, body: BodyModel, fit: FitResult, *windows: range, config: 
 def refit_events(
     clip: Clip, body: BodyModel, fit: FitResult, windows: Sequence[range], *, config: FitConfig, title: str = "Re-run"
 ) -> Generator[FitEvent, None, FitResult]:
-    """As `refit`, with its events; each window is told when it is finished.
+    """Like `refit`, with its events; each window is reported when it is finished. Raises InputError as `refit` does.
 
     Args:
         clip: As for `refit`, like all others.
         title: Of what is done, for the note in the result.
-
-    Raises:
-        InputError: As `refit`.
     """
     if fit.last.phase < 2:
         raise InputError(
@@ -84,13 +81,13 @@ def refit_events(
 
 
 def with_phases(fit: FitResult, phases: tuple[PhaseResult, ...], config: FitConfig) -> FitResult:
-    """A fit with its later phases in place of what it had from the first of them on."""
+    """A fit with new later phases, replacing its own from the first of them on."""
     kept = tuple(p for p in fit.phases if p.phase < phases[0].phase)
     return replace(fit, phases=(*kept, *phases), config=config)
 
 
 def _as_part(events: Generator[FitEvent, None, Refit], part: int, parts: int) -> Generator[FitEvent, None, Refit]:
-    """The same events, as one of equal parts of a phase."""
+    """The same events, as one of several equal parts of a phase."""
 
     def of_part(event: FitEvent) -> FitEvent:
         return replace(event, share=(part + event.share) / parts) if isinstance(event, Iteration) else event

@@ -33,7 +33,7 @@ from fitting_core.silhouettes import Silhouettes
 
 
 class FittedBody:
-    """A body model, how a solver's numbers become its pose, and what of it can be looked at.
+    """A body model, its parametrisation by a solver, and its visible points.
 
     Args:
         model: the body model.
@@ -43,7 +43,7 @@ class FittedBody:
     def __init__(self, model: BodyModel, config: FitConfig) -> None:
         height = config.height
         self.betas = np.zeros(N_BETAS) if height is None else model.betas_of_height(height / 100)
-        """The likeliest shape before anything is seen."""
+        """The likeliest shape before any evidence."""
         self.model = model
         self.dtype, self.device = getattr(torch, config.precision), torch.device(config.device)
         self.parametrisation = Parametrisation(
@@ -60,12 +60,12 @@ class FittedBody:
 
     @cached_property
     def colliding(self) -> CollidingBody:
-        """The whole mesh, made when the first stage asks for collisions."""
+        """The whole mesh, created when the first stage needs collisions."""
         return CollidingBody(self.model, dtype=self.dtype, device=self.device)
 
     @property
     def size(self) -> float:
-        """To the people that the lifter knows; 1 for an adult of whom nothing is known."""
+        """Scale to the people that the lifter knows; 1 for an adult of unknown height."""
         mean, by_betas = self.model.height
         known = self.betas.any() or self.model.gender == "child"
         return (mean + float(by_betas @ self.betas)) / LIFTED_HEIGHT if known else 1.0
@@ -77,7 +77,7 @@ class FittedBody:
         return torch.as_tensor(joints, dtype=self.dtype, device=self.device)
 
     def points(self, indices: Int[Tensor, "N"]) -> BodyPoints:
-        """What some keypoints are on the body."""
+        """Some keypoints' points on the body."""
         return _compiled(self.model, tuple(indices.tolist()), self.dtype, self.device)
 
     def contour_bins(self, points: BodyPoints, state: State) -> Int[Tensor, "B"]:
@@ -86,13 +86,13 @@ class FittedBody:
         return contour_bins(points.world_rotations(state.orient, p.pose(state, p.body_pose(state))))
 
     def turned_by(self, seen: Bool[Tensor, "T 137"]) -> Bool[np.ndarray, "T 55"]:
-        """Joints with one of these keypoints below them in the tree, so that the image says how they are turned."""
+        """Joints with one of these keypoints below them in the tree, so that the image determines their rotation."""
         return (seen.cpu().numpy().astype(int) @ _turning(self.model)) > 0
 
 
 @lru_cache(maxsize=16)
 def _compiled(body: BodyModel, indices: tuple[int, ...], dtype: torch.dtype, device: torch.device) -> BodyPoints:
-    """The points of some keypoints. Remembered beyond a fit: 0.1 s that each drag of a keypoint would wait."""
+    """The points of some keypoints. Cached beyond a fit: otherwise each drag of a keypoint would take 0.1 s more."""
     known = keypoint_points(body)
     points = [point for i in indices if (point := known[i]) is not None]
     return BodyPoints(body, points, dtype=dtype, device=device)
@@ -100,7 +100,7 @@ def _compiled(body: BodyModel, indices: tuple[int, ...], dtype: torch.dtype, dev
 
 @lru_cache(maxsize=4)
 def _turning(body: BodyModel) -> Int[np.ndarray, "137 55"]:
-    """1 where a joint turns a keypoint. Remembered: to compile all keypoints takes 0.3 s, which a drag would wait."""
+    """1 where a joint moves a keypoint. Cached: for all keypoints it takes 0.3 s, which would delay a drag."""
     known = {i: p for i, p in enumerate(keypoint_points(body)) if p is not None}
     points = BodyPoints(body, list(known.values()))
     hangs = np.zeros((kp.COUNT, N_JOINTS), int)
@@ -109,7 +109,7 @@ def _turning(body: BodyModel) -> Int[np.ndarray, "137 55"]:
 
 
 IMAGE_SCALE = 1000.0
-"""The data term's pixels are scaled as if the image were so high."""
+"""The data term's pixels are scaled to this image height."""
 N_STAGES = 5
 _TORSO = [kp.INDEX[n] for n in ("neck", "right_shoulder", "left_shoulder", "mid_hip", "right_hip", "left_hip")]
 _HEAD = [kp.INDEX[n] for n in ("nose", "right_eye", "left_eye", "right_ear", "left_ear")]
@@ -117,7 +117,7 @@ _HEAD = [kp.INDEX[n] for n in ("nose", "right_eye", "left_eye", "right_ear", "le
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stages:
-    """Builds objectives from what is constant over a fit."""
+    """Builds objectives from the constants of a fit."""
 
     observations: Observations
     camera: Camera
@@ -129,7 +129,7 @@ class Stages:
     start: GivenStart | None = None
     """Of the same frames."""
     silhouettes: Silhouettes | None = None
-    """Of the same frames, where they are known and count."""
+    """Of the same frames, if known and used."""
 
     @staticmethod
     def of(
@@ -150,10 +150,10 @@ class Stages:
             camera: the clip's camera.
             body: the body model.
             config: weights and all other settings.
-            frame_rate: of the clip, frames per second; matters where `config.temporal.reference_rate` is set.
+            frame_rate: of the clip, frames per second; used if `config.temporal.reference_rate` is set.
             detector: who found the keypoints, `Clip.detector`.
             start: what phase 1 begins with, and what is held near it if `config.start_deviation` says so.
-            silhouettes: what the person covers, which counts if `config.silhouettes` says so.
+            silhouettes: the person's outlines, used if `config.silhouettes` says so.
         """
         fitted, reference = FittedBody(body, config), config.temporal.reference_rate
         observations = Observations.of(
@@ -176,7 +176,7 @@ class Stages:
 
     @staticmethod
     def of_clip(clip: Clip, body: BodyModel, config: FitConfig, *, start: GivenStart | None = None) -> "Stages":
-        """The same for a clip, whose detector is known and whose frame rate counts."""
+        """The same for a clip, with its detector and frame rate."""
         return Stages.of(
             clip.keypoints,
             clip.camera,
@@ -193,9 +193,9 @@ class Stages:
         return replace(self, observations=self.observations.held(stances))
 
     def within(self, frames: range) -> "Stages":
-        """The same for a part of the clip, which counts as a clip: at a cost that does not grow with the whole.
+        """The same for a part of the clip, treated as a clip: its cost does not grow with the whole.
 
-        What the whole clip decides stays: swapped sides, the keypoints that are looked at, what is free to move.
+        Decisions about the whole clip stay: swapped sides, the keypoints used, what is free to move.
         """
         inside = slice(frames.start, frames.stop)
         return replace(
@@ -226,7 +226,7 @@ class Stages:
 
     @property
     def keypoints(self) -> Keypoints:
-        """The detections, with swapped sides swapped back."""
+        """The detections, with swapped sides corrected."""
         return self.observations.keypoints
 
     @property
@@ -241,7 +241,7 @@ class Stages:
 
     @cached_property
     def given(self) -> Bool[Tensor, "T"]:
-        """Frames that begin with the given start; those that show too few keypoints only if they are held near it."""
+        """Frames that begin with the given start; those with too few keypoints only if they are held near it."""
         usable = self.observations.usable
         if self.start is None:
             return torch.zeros_like(usable)
@@ -250,12 +250,12 @@ class Stages:
 
     @property
     def near_start(self) -> Bool[Tensor, "T"]:
-        """Frames that are held near the given start, which tells how the root stands and where the legs are."""
+        """Frames that are held near the given start, which determines the root's rotation and the legs."""
         return self.given if self.config.start_deviation is not None else torch.zeros_like(self.given)
 
     @cached_property
     def observed(self) -> Bool[np.ndarray, "T 55"]:
-        """Joints with a confident keypoint below them in the tree, so that the image says how they are turned."""
+        """Joints with a confident keypoint below them in the tree, so that the image determines their rotation."""
         return self.fitted.turned_by(self.observations.seen)
 
     @cached_property
@@ -282,7 +282,7 @@ class Stages:
         )
 
     def has(self, group: slice) -> bool:
-        """Whether any keypoint of the group was detected that the body has."""
+        """Whether any keypoint of the group that the body has was detected."""
         return bool(self._shown[group].any())
 
     def _joint_weights(self, stage: int) -> Float[Tensor, "137"]:
@@ -300,7 +300,7 @@ class Stages:
         return Looked(used, weight[:, used])
 
     def _looked_in(self, stage: int) -> Looked:
-        """Keypoints that any frame shows, or of which anything but the image says in this stage where they are."""
+        """Keypoints seen in any frame, or located by anything but the image in this stage."""
         o = self.observations
         known = o.relative_position_deviation.isfinite().any(2)
         elsewhere = (known if evidence_weight(self.config, stage - 1) else o.told).any(0)
@@ -309,11 +309,11 @@ class Stages:
         )
 
     def looked_at(self, stage: int) -> Int[Tensor, "N"]:
-        """Which keypoints a stage's data term and relative positions are of."""
+        """The keypoints of a stage's data term and relative positions."""
         return self._looked_in(stage).indices
 
     def view(self, indices: Int[Tensor, "N"], state: State | None) -> SolverView:
-        """These keypoints on the body, before the camera; `state` decides the face contour's tables, if it is given."""
+        """These keypoints on the body, before the camera; `state`, if given, determines the face contour's tables."""
         points = self.fitted.points(indices)
         focal, center = self.xy.new_tensor(self.camera.focal), self.xy.new_tensor(self.camera.center)
         bins = None if state is None or not points.has_contour else self.fitted.contour_bins(points, state)
@@ -322,7 +322,7 @@ class Stages:
     def free(self, stage: int, *, betas: bool, resting: bool = False, translation: bool = True) -> Free:
         """What moves in a stage.
 
-        Hands and face move only if the clip shows them at all: nothing but their priors would act on them. `resting`
+        Hands and face move only if the clip shows them: otherwise nothing but their priors would act on them. `resting`
         says that they are still at rest (phase 1), where stages that do not look at them would leave them anyway.
         """
         w = self.config.weights
@@ -332,7 +332,7 @@ class Stages:
         return Free(hands=hands, face=face, betas=betas, translation=translation)
 
     def looks_closer(self, stage: int) -> bool:
-        """Whether hands or face weigh more than in the stage before, so that many points start far off."""
+        """Whether hands or face have more weight than in the stage before, so that many points start far off."""
         w = self.config.weights
         rows = ((w.hand_keypoints, kp.HANDS), (w.face_keypoints, kp.FACE))
         return any(stage > 1 and row[stage - 1] > row[stage - 2] and self.has(group) for row, group in rows)
@@ -342,7 +342,7 @@ class Stages:
 
         Args:
             stage: which row of the weights.
-            state: all frames of the clip; where it stands decides the face contour's tables, which then stay.
+            state: all frames of the clip; it determines the face contour's tables, which then stay.
             free: what moves.
         """
         looked = self._looked_in(stage)
@@ -351,7 +351,7 @@ class Stages:
     def camera_objective(self, depth: Float[Tensor, "T"]) -> FrameObjective:
         """The camera step: orientation and translation on the torso, depth held near its guess.
 
-        Where hips are not seen the head takes their part, and the lean counts: shoulders and neck alone are one line.
+        If hips are not seen the head replaces them, and the lean counts: shoulders and neck alone are one line.
         """
         weights = self.xy.new_zeros(len(self), kp.COUNT)
         weights[:, _TORSO] = 1

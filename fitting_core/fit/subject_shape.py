@@ -18,7 +18,7 @@ from fitting_core.results.fit_result import FitResult
 
 @dataclass(frozen=True, kw_only=True)
 class SubjectShape:
-    """The shape of a person who is seen in several clips."""
+    """The shape of a person seen in several clips."""
 
     betas: Float[np.ndarray, "10"]
     frames: tuple[tuple[int, ...], ...]
@@ -26,19 +26,17 @@ class SubjectShape:
 
 
 _MOST_SAMPLED = 240
-"""Frames of all clips together that a shape is found from; the normal matrices of so many take 30 MB."""
+"""Frames over all clips that a shape is estimated from; their normal matrices take 30 MB."""
 
 
 def subject_shape(clips: Sequence[tuple[Clip, FitResult]], body: BodyModel, config: FitConfig) -> SubjectShape:
-    """Phase 2 over frames of several clips of one person: as many as `config.shape_sample` asks for of each on average.
+    """Phase 2 over frames of several clips of one person: on average `config.shape_sample` of each. Raises InputError
+    if a fit has no first phase, or no frame of a clip shows a person.
 
     Args:
-        clips: each with a fit of it by this configuration, of which the first phase counts, and what that began with.
+        clips: each with its fit by this configuration, of which the first phase is used, and what that began with.
         body: the body model.
         config: everything else.
-
-    Raises:
-        InputError: A fit has no first phase, or no frame of a clip shows a person.
     """
     sights = [Sight.after_first_phase(clip_stages(clip, body, config, start=fit.start), fit) for clip, fit in clips]
     sample = replace(config.shape_sample, size=min(_MOST_SAMPLED, config.shape_sample.size * len(clips)))

@@ -1,7 +1,7 @@
-"""A body posed so that points of it lie where they are known to lie in space: keypoints, or vertices of its own mesh.
+"""A body posed so that its points are at known positions in space: keypoints, or vertices of its own mesh.
 
-Levenberg-Marquardt on the closed-form derivatives of `BodyPoints`. A weak pull to the
-rest pose decides what the points leave open, such as the twist of a straight finger.
+Levenberg-Marquardt on the closed-form derivatives of `BodyPoints`. A weak pull to the rest pose decides what the points
+leave open, such as the twist of a straight finger.
 """
 
 from collections.abc import Sequence
@@ -22,38 +22,38 @@ from fitting_core.least_squares import Descent, Step, dense_step
 _AT_ONCE = 32
 """Frames: the Jacobian of one has up to 2 MB."""
 _FOR_SHAPE = 24
-"""Frames that tell a shape that all have."""
+"""Frames that a shared shape is estimated from."""
 _ITERATIONS = 60
 _DAMPING = 1e-5
 _MOSTLY = 0.8
-"""Of a joint's largest share in a vertex, the share that counts as carried by it."""
+"""Share of a joint's largest skinning weight above which a vertex counts as carried by it."""
 _TORSO = [JOINT[name] for name in ("pelvis", "spine1", "spine2", "spine3", "left_collar", "right_collar")]
 _LITTLE = 1e-3
-"""Of all that points say about a turn, what the turn before says."""
+"""Weight of the previous rotation relative to all that the points say about one."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Regularisation:
-    """How far from the rest pose and the mean shape counts as much as a metre between points."""
+    """Distances from the rest pose and the mean shape that count as much as a metre between points."""
 
     body: float
-    """Metres a radian, of trunk and limbs."""
+    """Metres per radian, of trunk and limbs."""
     fingers: float
-    """Metres a radian, of fingers, jaw and eyes, whose points lie nearer to their joints."""
+    """Metres per radian, of fingers, jaw and eyes, whose points are nearer to their joints."""
     shape: float
-    """Metres a deviation, of betas and expression."""
+    """Metres per standard deviation, of betas and expression."""
     tolerance: float = 1e-3
-    """Share of the cost by which a step must lower it for another one."""
+    """Relative decrease of the cost below which steps end."""
 
 
 KEYPOINTS = Regularisation(body=0.02, fingers=0.002, shape=0.005)
-"""For keypoints of another body: their joints lie centimetres from ours."""
+"""For keypoints of another body, whose joints are centimetres from ours."""
 VERTICES = Regularisation(body=1e-4, fingers=1e-4, shape=1e-4, tolerance=1e-6)
-"""For vertices of the very same mesh."""
+"""For vertices of the same mesh."""
 
 
 def spread_vertices(body: BodyModel, *, each: int = 4) -> list[int]:
-    """Vertices by which a pose and shape can be told: of each joint some that it carries most, far from each other."""
+    """Vertices that determine pose and shape: for each joint some that it carries most, far from each other."""
     chosen: list[int] = []
     for joint in range(N_JOINTS):
         weight = body.skinning_weights[:, joint]
@@ -92,11 +92,11 @@ def pose_through(
 
     Args:
         body: Which body.
-        points: Of it; none of the face's contour.
-        places: Where they are, camera space, metres; NaN where it is not known, the same points in all frames.
-        regularisation: What decides where the points do not.
-        expression: Whether the points tell the face's expression.
-        one_shape: Whether all frames have one shape, the median of what some of them tell; else each has its own.
+        points: Of it; none of the face contour.
+        places: Their positions, camera space, metres; NaN if not known, for the same points in all frames.
+        regularisation: Decides what the points leave open.
+        expression: Whether the points determine the expression.
+        one_shape: Whether all frames share a shape, the median over some of them; otherwise each has its own.
     """
     known = np.asarray(np.isfinite(places).all((0, 2)))
     solver = _Solver(
@@ -117,8 +117,6 @@ def pose_through(
 
 @dataclass(frozen=True, eq=False)
 class _State:
-    """B frames."""
-
     orient: Float[Tensor, "B 3 3"]
     pose: Float[Tensor, "B 54 3"]
     coefficients: Float[Tensor, "B 20"]
@@ -137,23 +135,23 @@ class _State:
         )
 
     def put(self, frames: Tensor, other: "_State") -> "_State":
-        """The same with these frames of the other one."""
+        """These frames replaced by the other one's."""
         return _State(*(getattr(self, f.name).index_copy(0, frames, getattr(other, f.name)) for f in fields(self)))
 
 
 def _carrier(body: BodyModel, point: Point) -> int:
-    """The joint that carries a point more than others do."""
+    """The joint that carries a point most."""
     if isinstance(point, Surface):
         shares = np.array(point.weights) @ body.skinning_weights[list(point.vertices)]
         return int(shares.argmax())
-    assert not isinstance(point, Contour), "where a contour's points lie on the mesh depends on the pose"
+    assert not isinstance(point, Contour), "a contour's points on the mesh depend on the pose"
     return point.bone if isinstance(point, Offset) else int(max(body.parents[point.joint], 0))
 
 
 def _turn(
     rest: Float[Tensor, "n 3"], place: Float[Tensor, "T n 3"], before: Float[Tensor, "*T 3 3"]
 ) -> Float[Tensor, "T 3 3"]:
-    """Rotations that take vectors to others; what these leave open is as before.
+    """Rotations that take vectors to others; where these are ambiguous, near the rotation before.
 
     The orthogonal Procrustes problem (Schönemann 1966), whose matrix has a little of the rotation before added.
     """
@@ -183,9 +181,9 @@ class _Solver:
         """The rest pose has the mean hands."""
 
     def begun(self, places: Float[Tensor, "T N 3"]) -> _State:
-        """Every joint turned, from the root on, so that what it carries points the right way.
+        """Every joint rotated, from the root on, so that what it carries points the right way.
 
-        What a joint does not carry itself, its next descendants do. Turns that this leaves open are as at rest.
+        For joints that carry nothing, their next descendants count. Ambiguous rotations stay as at rest.
         """
         frames, parents = len(places), self.body.parents
         rest, at_rest = self.points.rest, self._posed(self._at_rest(1)).points[0]
@@ -211,7 +209,7 @@ class _Solver:
         return replace(self._at_rest(frames), orient=root, pose=pose, translation=shift)
 
     def _carried(self, joint: int) -> Int[Tensor, "n"]:
-        """The points of a joint, or of the first joints below it that have some."""
+        """The points of a joint, or of the first joints below it that have any."""
         down = self.body.parents
         level = [joint]
         while level:
@@ -238,7 +236,7 @@ class _Solver:
         return error.square().sum(-1).mean(-1).sqrt()
 
     def solved(self, start: _State, places: Tensor, *, shape: bool = True) -> _State:
-        """All frames, some at once."""
+        """All frames, in batches."""
         free = self.shaped.clone()
         if not shape:
             free[3 * N_JOINTS : -3] = False
@@ -249,7 +247,7 @@ class _Solver:
         return _State(*(torch.cat([getattr(part, f.name) for part in parts]) for f in fields(_State)))
 
     def _bent(self, state: _State) -> Float[Tensor, "B 188"]:
-        """What is pulled to zero; the root's turn and the translation are not."""
+        """What is pulled to zero: not the root's rotation and the translation."""
         root, place = state.translation.new_zeros(len(state.pose), 3), torch.zeros_like(state.translation)
         return torch.cat([root, (state.pose - self.mean).flatten(1), state.coefficients, place], 1)
 
@@ -260,7 +258,7 @@ class _Solver:
     def normal(
         self, state: _State, places: Tensor, free: Tensor
     ) -> tuple[Float[Tensor, "B"], Float[Tensor, "B f"], Float[Tensor, "B f f"]]:
-        """Cost, gradient and matrix (both halved) in the free numbers."""
+        """Cost, gradient and matrix (both halved) in the free variables."""
         posed, frames = self._posed(state), len(places)
         error, bent = posed.points + state.translation[:, None] - places, self._bent(state)
         jacobian = error.new_zeros(frames, self.count, 3, len(free))
@@ -277,7 +275,6 @@ class _Solver:
         return cost, gradient, rows.mT @ rows + torch.diag(self.precision[free])
 
     def params(self, state: _State) -> BodyParams:
-        """As BodyParams has them."""
         pose, mean = state.pose, self.mean
         hands = (pose - mean).flatten(1)[:, 3 * (POSE_JOINTS["left_hand_pose"].start - 1) :]
         parts = {
@@ -298,7 +295,7 @@ class _Solver:
 
 @dataclass(frozen=True, eq=False)
 class _Posing:
-    """Frames that are posed through places, each a group of its own."""
+    """Frames posed through positions, each a group."""
 
     solver: _Solver
     places: Float[Tensor, "B N 3"]

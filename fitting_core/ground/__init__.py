@@ -1,1 +1,1 @@
-"""Which way is up, which foot stands, and where the floor lies, of one clip."""
+"""Which way is up, which foot stands, and where the floor is, in one clip."""

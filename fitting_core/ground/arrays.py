@@ -47,11 +47,11 @@ def grounding_arrays(grounding: Grounding | None) -> dict[str, np.ndarray]:
 
 
 def grounding_from(arrays: dict[str, np.ndarray], frames: int) -> Grounding | None:
-    """What `grounding_arrays` made; None where there is nothing of it, as in files of earlier versions.
+    """The grounding that `grounding_arrays` wrote; None if absent, as in files of earlier versions.
 
     Raises:
-        KeyError: Only a part of it is there.
-        ValueError: An array has another shape than it should, or holds what cannot be.
+        KeyError: It is incomplete.
+        ValueError: An array has the wrong shape, or an invalid value.
     """
     if not any(name in arrays for name in NAMES):
         return None

@@ -1,4 +1,4 @@
-"""Which foot stands still on the ground, from keypoints, the lifter, and where the feet are in space."""
+"""Which foot stands still on the ground, from keypoints, the lifter, and the feet's positions in space."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -8,6 +8,7 @@ from jaxtyping import Bool, Float
 from scipy.ndimage import gaussian_filter1d
 
 from fitting_core import keypoints as kp
+from fitting_core.body.geometry import SIDES
 from fitting_core.camera import Camera
 from fitting_core.frame_runs import runs_where
 from fitting_core.ground.gravity import Gravity
@@ -17,7 +18,6 @@ from fitting_core.keypoints import SEEN
 from fitting_core.lifting.clip_lifting import LiftedClip, lift
 from fitting_core.video.frame_names import spans
 
-SIDES = ("left", "right")
 PARTS = ("ankle", "heel", "big_toe", "small_toe")
 FOOT_POINTS = np.array([[kp.INDEX[f"{side}_{part}"] for part in PARTS] for side in SIDES])
 """BODY_25 keypoints of the left and the right foot."""
@@ -25,34 +25,34 @@ FOOT_POINTS = np.array([[kp.INDEX[f"{side}_{part}"] for part in PARTS] for side 
 _SMOOTH = 0.05
 """Seconds over which keypoints are smoothed before their speed is taken."""
 _FLOOR, _STILL = 0.05, 0.31
-"""Metres per second: what is added for the noise of detections, and the sum at which a speed says nothing."""
+"""Metres per second: added for detection noise, and the sum at which a speed is neutral evidence."""
 _OF_LIFTER, _OF_SPEED, _OF_HEIGHT = 0.9, 2.0, 6.0
-"""Weights of the evidence in the log-odds: of the lifter's own, of log speed, of metres above the lowest foot. A
-logistic regression on the motion suite's tuning half found the first two. Height tells nothing more there, where hardly
-anybody holds a foot up still; a foot that is held so stands on nothing."""
+"""Weights of the evidence in the log-odds: the lifter's own, log speed, metres above the lowest foot. The first two are
+from a logistic regression on the motion suite's tuning half. Height adds nothing there, where hardly anybody holds a
+raised foot still; a foot held so stands on nothing."""
 _ANKLE = 0.09
-"""Metres that an ankle is above its sole."""
+"""Height in metres of an ankle above its sole."""
 _STEP = 0.005
-"""Metres that a camera goes at least for its way to count."""
+"""Shortest path in metres of a camera for its motion to count."""
 _LOW, _HIGH = 0.1, 0.6
-"""Metres above the lowest foot from which, and up to which, height counts against a contact."""
+"""Metres above the lowest foot between which height counts increasingly against a contact."""
 _ENTER, _STAY = 0.6, 0.4
-"""Probabilities at which a foot comes to stand, and above which it goes on standing."""
+"""Probabilities at which a foot starts standing, and above which it keeps standing."""
 _GAP, _SHORTEST = 0.12, 0.1
-"""Seconds: shorter gaps are closed, shorter contacts are left out."""
+"""Seconds: shorter gaps are closed, shorter contacts dropped."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Contacts:
-    """Of each frame and the left and the right foot."""
+    """For each frame and the left and the right foot."""
 
     probability: Float[np.ndarray, "T 2"]
-    """That it stands still on the ground; 0 where it is not in the image."""
+    """That it stands still on the ground; 0 if it is not in the image."""
     standing: Bool[np.ndarray, "T 2"]
-    """Whether it stands: the probability's decision, without short gaps and flicker, and without `let_go`."""
+    """Whether it stands: the probability thresholded, without short gaps and flicker, and without `let_go`."""
     let_go: Bool[np.ndarray, "T 2"]
-    """Where the probability would have it stand, and the image shows it go on: on a board, on a turntable, before a
-    camera that turns untold."""
+    """Where the probability says that it stands but it moves in the image: on a board, on a turntable, or before a
+    camera whose rotation is not known."""
 
     def __getitem__(self, frames: slice) -> Self:
         """The same for consecutive frames."""
@@ -76,11 +76,11 @@ class Contacts:
 
     @property
     def let_go_share(self) -> float:
-        """Share of frames in which one is let go."""
+        """Share of frames in which a foot is let go."""
         return float(self.let_go.any(1).mean()) if len(self.let_go) else 0.0
 
     def let_go_in_words(self, first_frame: int) -> str:
-        """Which feet are let go in which frames of the video, for the user; empty where none is."""
+        """Which feet are let go in which frames of the video, for the user; empty if none."""
         found = (
             f"{side} {spans((first_frame + np.flatnonzero(gone)).tolist())}"
             for side, gone in zip(SIDES, self.let_go.T, strict=True)
@@ -98,12 +98,12 @@ def contacts_of(
     frame_rate: float,
     feet: Float[np.ndarray, "T 2 4 3"],
 ) -> Contacts:
-    """Contacts where the feet's points are known in space, the lifter's or a fitted body's.
+    """Contacts if the feet's points are known in space, from the lifter or a fitted body.
 
     Args:
         xy: Pixels, the first 25 of K are BODY_25.
-        confidence: 0 for what is not seen or cut off by the image, as in `Observations.lifted`.
-        lifted: What the lifter says of them.
+        confidence: 0 for what is not seen or is cut off by the image, as in `Observations.lifted`.
+        lifted: The lifter's result for them.
         gravity: Of the clip.
         camera: Of the clip.
         frame_rate: Frames per second.
@@ -131,9 +131,9 @@ def _contact(
     camera: Camera,
     frame_rate: float,
 ) -> Float[np.ndarray, "T 2"]:
-    """What the lifter says, which knows still cameras only: asked again without the way of one that moves.
+    """The lifter's probabilities; it knows only static cameras, so for a moving one its path is first removed.
 
-    Around a dancer, by a quarter of a circle in 3 s, 30 % of the contacts were found without that, 95 % with it.
+    Around a dancer, a quarter of a circle in 3 s, 30 % of the contacts were found without that, and 95 % with it.
     """
     if camera.path is None or np.ptp(camera.path.places, axis=0).max() < _STEP:
         return lifted.contact
@@ -153,10 +153,10 @@ def _speed(
     depth: Float[np.ndarray, "T 2 4"],
     frame_rate: float,
 ) -> Float[np.ndarray, "T 2"]:
-    """Metres per second across the line of sight in still space, mean of what is seen of each foot."""
+    """Metres per second across the line of sight in still space, mean over each foot's visible points."""
     if len(xy) < 2:
         return np.full(xy.shape[:2], _STILL - _FLOOR)
-    # Smoothed with confidence as weight: what was not seen in a frame is taken from the frames beside it.
+    # Smoothing is weighted by confidence, so points unseen in a frame come from its neighbours.
     weight = certain + 1e-6
     rays, depth = rays_of(xy, camera), np.maximum(depth, 0.0)
     if camera.path is None:
@@ -173,7 +173,6 @@ def _speed(
 def _velocity(
     values: Float[np.ndarray, "T 2 4 n"], weight: Float[np.ndarray, "T 2 4"], frame_rate: float
 ) -> Float[np.ndarray, "T 2 4 n"]:
-    """Of smoothed values, per second."""
     sigma = _SMOOTH * frame_rate
     level = gaussian_filter1d(weight, sigma, axis=0, mode="nearest")
     smooth = gaussian_filter1d(values * weight[..., None], sigma, axis=0, mode="nearest") / level[..., None]
@@ -190,7 +189,7 @@ def _heights(
 
 
 def decided(probability: Float[np.ndarray, "T 2"], frame_rate: float) -> Bool[np.ndarray, "T 2"]:
-    """Yes or no with two thresholds; short gaps are closed where the foot is seen, and short contacts left out."""
+    """Hysteresis with two thresholds; short gaps are closed where the foot is seen, and short contacts dropped."""
     found = np.zeros(probability.shape, bool)
     for foot, values in enumerate(probability.T):
         stands = False

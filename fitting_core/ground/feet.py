@@ -1,4 +1,4 @@
-"""The feet of a fitted body, with its trunk: where their points are in space, and how high these are above the sole."""
+"""The feet and trunk of a fitted body: where their points are in space, and how high these are above the sole."""
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -8,16 +8,17 @@ import torch
 from jaxtyping import Float
 
 from fitting_core.body import rotations
+from fitting_core.body.geometry import SIDES
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams, full_pose
 from fitting_core.body.points.body_points import BodyPoints
 from fitting_core.body.points.pairs import Joint, keypoint_points
-from fitting_core.ground.contacts import FOOT_POINTS, SIDES
+from fitting_core.ground.contacts import FOOT_POINTS
 
 _CHUNK = 1024
-"""Frames that are posed together."""
+"""Frames posed per batch."""
 _OF_FOOT = 0.9
-"""Skinning weight of ankle and toes together from which a vertex is one of the foot's."""
+"""Combined skinning weight of ankle and toes above which a vertex belongs to the foot."""
 
 
 def has_feet(body: BodyModel) -> bool:
@@ -27,7 +28,7 @@ def has_feet(body: BodyModel) -> bool:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stance:
-    """What of a body the ground is found by, in the space of its parameters, metres."""
+    """The parts of a body that the ground is found from, in the space of its parameters, metres."""
 
     feet: Float[np.ndarray, "T 2 4 3"]
     """Ankle, heel, big and small toe of the left and the right foot."""
@@ -59,7 +60,7 @@ def _points(body: BodyModel) -> BodyPoints:
 
 
 def sole_heights(body: BodyModel, betas: Float[np.ndarray, "10"]) -> Float[np.ndarray, "2 4"]:
-    """How far each of these points is above the sole of its foot in the rest pose, metres."""
+    """Height of each of these points above its foot's sole in the rest pose, metres."""
     rest = replace(BodyParams.neutral(1), betas=torch.as_tensor(betas, dtype=torch.float64)[None])
     heights, shaped = stance_of(body, rest).feet[0, :, :, 1], body.with_shape(betas)
     return np.stack([heights[k] - _lowest(shaped, side) for k, side in enumerate(SIDES)])

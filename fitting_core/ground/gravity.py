@@ -1,8 +1,8 @@
 """Which way is up in a clip.
 
-The lifter takes cameras to be held level, for hardly one was rolled in its training: it sees somebody who leans where
-the camera is rolled. But people who lean are rare to it, so that it says itself that it is less sure. So it is asked
-again with the image turned about its centre: the turns at which it is surest tell how the camera is rolled.
+The lifter expects level cameras, as hardly any was rolled in its training: for a rolled camera it sees somebody
+leaning. But leaning people are rare to it, so it is less sure of them. So it runs again on the image rotated about its
+centre: the rotations at which it is surest tell the camera's roll.
 """
 
 from collections.abc import Sequence
@@ -22,34 +22,34 @@ _LEGS = [kp.INDEX[f"{side}_{part}"] for side in ("left", "right") for part in ("
 _ROUNDS = 10
 _NOTHING = 1e-6
 _INLIER = 8.0
-"""Degrees from the clip's direction within which a frame counts in full."""
+"""Degrees from the clip's direction within which a frame has full weight."""
 _WITH_LEGS, _WITHOUT_LEGS = 2.0, 8.0
 _OF_LENGTH = 0.4
-"""Of the deviation in degrees that a vector's length stands for."""
+"""Share of the deviation in degrees that a vector's length stands for."""
 _OF_MOVE = 0.25
-"""Of the degrees by which the turns move up, for they are held back by what is usual. Set with the three before so that
-the motion suite's tuning half misses by as much as is said, level or rolled by 5 to 35 degrees."""
+"""Factor on the degrees by which rotations move up, as they are held back by what is usual. Set with the three before
+so that on the motion suite's tuning half the errors match the stated deviation, level or rolled by 5 to 35 degrees."""
 
 SURE = 10.0
 """Degrees of standard deviation up to which gravity is used."""
 _ROLLS = range(-40, 41, 10)
-"""Degrees by which the image is turned."""
+"""Degrees by which the image is rotated."""
 _SECONDS = 3.2
-"""In the middle of the clip, of which the lifter is asked again: two windows, so that it takes some 0.3 s."""
+"""Frames in the middle of the clip on which the lifter runs again: two windows, about 0.3 s."""
 _ROLLED = 7.0
-"""Degrees: mean of how far cameras are rolled."""
+"""Degrees: mean roll of cameras."""
 _OF_DEPTH, _OF_SPREAD = 30.0, 200.0
-"""Of the log-odds of a turn: for the logarithm of the lifter's deviations in depth, and for 1 - |up|². A conditional
-logit on the motion suite's tuning half, whose cameras are level, found somewhat more."""
+"""Weights in the log-odds of a rotation: of the log of the lifter's depth deviations, and of 1 - |up|². A conditional
+logit on the motion suite's tuning half, whose cameras are level, gave somewhat larger ones."""
 _OF_CALIBRATION = 0.5
-"""Degrees by which a world's axis is off gravity: a board on a floor is hardly level to more."""
+"""Degrees by which a world's axis is off gravity: a board on a floor is hardly more level."""
 _LEAN, _UPRIGHT = 12.0, 15.0
-"""Degrees: how far an upright person's trunk leans, and from the lifter's direction from where it counts half."""
+"""Degrees: lean of an upright person's trunk, and distance from the lifter's direction at which its weight halves."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Gravity:
-    """One direction for a whole clip, as the camera stands still."""
+    """One direction for a whole clip, as the camera is still."""
 
     up: Float[np.ndarray, "3"]
     """Against gravity: a unit vector in camera axes (x right, y down, z away)."""
@@ -58,7 +58,7 @@ class Gravity:
 
     @property
     def sure(self) -> bool:
-        """Whether it is used: for the floor, and to turn worlds upright."""
+        """Whether it is used: for the floor, and to level worlds."""
         return self.deviation < SURE
 
     @property
@@ -69,26 +69,26 @@ class Gravity:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RolledView:
-    """What the lifter says with the image turned about its centre."""
+    """The lifter's result for the image rotated about its centre."""
 
     degrees: float
-    """By how much, from x to y."""
+    """Rotation, from x to y."""
     up: Float[np.ndarray, "3"]
     """Against gravity, still space: a unit vector."""
     spread: float
-    """1 - |m|² of the vectors m that it says: mean square of the sines from it to what the lifter holds possible."""
+    """1 - |m|² of its vectors m: mean squared sine of the angle to the directions the lifter considers possible."""
     depth: float
-    """Logarithm of its deviations in depth, mean."""
+    """Mean log of its depth deviations."""
 
 
 def rolled_views(
     xy: Float[np.ndarray, "T K 2"], confidence: Float[np.ndarray, "T K"], camera: Camera, frame_rate: float
 ) -> list[RolledView]:
-    """The middle of a clip, as the lifter sees it through cameras that are rolled otherwise; one of them not at all.
+    """The middle of a clip, lifted as if through cameras of different roll, one of them zero.
 
     Args:
         xy: Pixels, the first 25 of K are BODY_25.
-        confidence: 0 for what is not seen or cut off by the image.
+        confidence: 0 for what is not seen or is cut off by the image.
         camera: Of the clip.
         frame_rate: Frames per second.
     """
@@ -110,18 +110,15 @@ def rolled_views(
 
 
 def gravity_before_fit(
-    lifted: LiftedClip,
-    confidence: Float[np.ndarray, "T K"],
-    camera: Camera,
-    rolled: Sequence[RolledView] = (),
+    lifted: LiftedClip, confidence: Float[np.ndarray, "T K"], camera: Camera, rolled: Sequence[RolledView] = ()
 ) -> Gravity:
-    """The direction that most frames' `up` agrees on, as far as the camera is level, and else what the turns say.
+    """The direction that most frames' `up` agrees on if the camera is level, otherwise the one that the rotations give.
 
     Args:
-        lifted: What the lifter says.
-        confidence: Of the keypoints that it saw, BODY_25 first: without legs it knows less than it says.
-        camera: Of the clip; of one that moves, up is that of still space.
-        rolled: As of `rolled_views`; without them the camera is taken to be level.
+        lifted: The lifter's result.
+        confidence: Of its keypoints, BODY_25 first: without legs it knows less than it states.
+        camera: Of the clip; for a moving one, up is in still space.
+        rolled: From `rolled_views`; without them the camera is assumed level.
     """
     level, spread = _direction(lifted, camera)
     ups = np.array([view.up if view.degrees else level for view in rolled] or [level])
@@ -141,13 +138,13 @@ def gravity_before_fit(
 def _direction(lifted: LiftedClip, camera: Camera) -> tuple[Float[np.ndarray, "3"], float]:
     """Up in still space, and its spread as of `RolledView`."""
     length = np.linalg.norm(lifted.up, axis=1)
-    # A network that learns with squared errors says the mean of what it holds possible, of length |m|: these lie
-    # sqrt(1 - |m|²) from it, root mean square.
+    # A network trained on squared errors gives the mean of the possible vectors, of length |m|: their root mean square
+    # distance from it is sqrt(1 - |m|²).
     return robust_mean(camera.turned_to_still(lifted.up), length), max(0.0, 1 - float(length.mean()) ** 2)
 
 
 def told_gravity(camera: Camera) -> Gravity | None:
-    """What the camera's place in the user's world says; None where it does not say what is up."""
+    """Gravity from the camera's pose in the user's world; None if its up axis is not known."""
     if camera.world is None or camera.world.up_in_camera is None:
         return None
     return Gravity(up=camera.world.up_in_camera, deviation=_OF_CALIBRATION)
@@ -156,12 +153,12 @@ def told_gravity(camera: Camera) -> Gravity | None:
 def with_trunk(gravity: Gravity, trunk: Float[np.ndarray, "T 3"]) -> Gravity:
     """The direction between the lifter's and a fitted trunk's: people are upright more often than not.
 
-    For half-body clips, where the lifter sees too little to tell how much a camera looks down. With whole bodies it
-    knows more than their trunks, which lean by 14 degrees in the mean.
+    For half-body clips, where the lifter sees too little to tell how far a camera looks down. With whole bodies it
+    knows more than their trunks, which lean by 14 degrees on average.
 
     Args:
         gravity: The lifter's.
-        trunk: From pelvis to neck in camera space, of any length above 0. Who lies or crawls does not count.
+        trunk: From pelvis to neck in camera space, of any length above 0. Lying or crawling people are ignored.
     """
     upright = robust_mean(trunk, np.ones(len(trunk)))
     off = float(angles(upright, gravity.up))
@@ -172,9 +169,9 @@ def with_trunk(gravity: Gravity, trunk: Float[np.ndarray, "T 3"]) -> Gravity:
 
 
 def robust_mean(vectors: Float[np.ndarray, "T 3"], weights: Float[np.ndarray, "T"]) -> Float[np.ndarray, "3"]:
-    """The unit vector that most vectors point along; those far from it count less (Cauchy weights).
+    """The unit vector that most vectors point along; distant ones have less weight (Cauchy weights).
 
-    Where there are none, or they cancel out: upward in the image.
+    If there are none, or they cancel out: upward in the image.
     """
     if np.linalg.norm((vectors * weights[:, None]).sum(0)) < _NOTHING:
         return np.array([0.0, -1.0, 0.0])

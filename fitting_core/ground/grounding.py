@@ -16,13 +16,13 @@ from fitting_core.lifting.clip_lifting import LiftedClip
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Grounding:
-    """What is known of a clip's world, in camera space; of a camera that moves, in still space (see `CameraPath`)."""
+    """What is known of a clip's world, in camera space; for a moving camera, in still space (see `CameraPath`)."""
 
     gravity: Gravity
     contacts: Contacts
     """Of its T frames."""
     ground: Ground | None
-    """None where nothing stands in view."""
+    """None if nothing stands in view."""
     missing: str = ""
     """Why there is no ground, in words for the user."""
 
@@ -59,18 +59,18 @@ def grounding_of(
     trunk: Float[np.ndarray, "T 3"] | None = None,
     rolled: Sequence[RolledView] = (),
 ) -> Grounding:
-    """With feet in space, such as a fitted body's.
+    """Gravity, contacts and floor from feet in space, such as a fitted body's.
 
     Args:
         xy: Pixels, the first 25 of K are BODY_25.
-        confidence: 0 for what is not seen or cut off by the image.
-        lifted: What the lifter says of them.
+        confidence: 0 for what is not seen or is cut off by the image.
+        lifted: The lifter's result for them.
         camera: Of the clip.
         frame_rate: Frames per second.
         feet: Still space, metres: ankle, heel, big and small toe of the left and the right foot.
         soles: How high these are above the sole of a flat foot, metres.
-        trunk: From pelvis to neck, still space; it has a say where there is no ground.
-        rolled: What tells how the camera is rolled; without it, it is taken to be level.
+        trunk: From pelvis to neck, still space; used if there is no ground.
+        rolled: Tells the camera's roll; without it, the camera is assumed level.
     """
     told = told_gravity(camera)
     gravity = told or gravity_before_fit(lifted, confidence, camera, rolled)

@@ -1,4 +1,4 @@
-"""How a camera is held: what turns its space upright, and puts the floor at height 0, or the origin at the user's."""
+"""How a camera is held: the rotation that levels its space, with the floor or the user's origin at 0."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,34 +11,34 @@ from fitting_core.camera import World
 from fitting_core.ground.grounding import Grounding
 
 _STEEP = 0.95
-"""Cosine to gravity from which the camera looks so steeply that the image's upper edge says what is ahead."""
+"""Cosine to gravity above which the camera looks so steeply that the image's upper edge defines ahead."""
 _FROM_Z_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
 """From a world with z up to the axes of a level camera, as AXES of motion.py turn them back."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Level:
-    """From still space to that of a camera at the same place that looks at the horizon, or to the user's own world.
+    """From still space to that of a level camera at the same place, or to the user's own world.
 
-    Still space is camera space where the camera does not move (see `CameraPath`).
+    Still space is camera space if the camera does not move (see `CameraPath`).
     """
 
     turn: Float[np.ndarray, "3 3"]
-    """x_level = turn @ x_still; y along gravity, and but for the user's own world x right, z ahead."""
+    """x_level = turn @ x_still; y along gravity, and except in the user's own world x right, z ahead."""
     height: float | None
-    """Metres that the camera is above the floor; None where the floor is not known."""
+    """Height in metres of the camera above the floor; None if the floor is not known."""
     text: str
-    """For the files that are upright by it."""
+    """Description, for the files that are levelled by it."""
     place: Float[np.ndarray, "3"] | None = None
-    """Of the camera in the user's own world, metres, in these axes; None: above the origin."""
+    """Position of the camera in the user's own world, metres, in these axes; None: above the origin."""
 
 
 def level_of(grounding: Grounding | None, world: World | None = None) -> Level | None:
-    """What is sure enough to turn a motion by: the user's world, gravity to 10 degrees; else None.
+    """What is certain enough to level a motion by: the user's world, or gravity to 10 degrees; otherwise None.
 
     Args:
         grounding: Of the fit.
-        world: Where the camera stands, as far as the user says it. Where nobody says what is up there, it is left out.
+        world: The camera's pose if the user gave it; ignored if its up axis is not known.
     """
     if world is not None and (up := world.up_in_world) is not None:
         return _of_world(world, up, grounding)
@@ -49,7 +49,7 @@ def level_of(grounding: Grounding | None, world: World | None = None) -> Level |
 
 
 def best_grounding(groundings: Sequence[Grounding | None]) -> int | None:
-    """Of several people before one camera, whose floor is surest; where nobody has one, whose gravity; None: nobody's.
+    """Of several people before one camera, the surest floor; without any, the surest gravity; or None.
 
     Args:
         groundings: Of their fits.
@@ -65,7 +65,7 @@ def best_grounding(groundings: Sequence[Grounding | None]) -> int | None:
 
 
 def _of_world(world: World, up: Float[np.ndarray, "3"], grounding: Grounding | None) -> Level:
-    """The user's world, turned by quarters so that what is up there is up."""
+    """The user's world, rotated by quarter turns so that its up axis is up."""
     quarters = _FROM_Z_UP @ _to_z(up)
     text, height = "The camera stands as its calibration says", None
     if grounding is not None and grounding.ground is not None:
@@ -75,7 +75,7 @@ def _of_world(world: World, up: Float[np.ndarray, "3"], grounding: Grounding | N
 
 
 def _to_z(axis: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
-    """The turn by quarters that makes an axis, or the other way along one, the third one; of z none."""
+    """The rotation by quarter turns that makes an axis, or its negative, the third one; identity for z."""
     z = np.array([0.0, 0.0, 1.0])
     about = np.cross(axis, z)
     if not about.any():
@@ -84,7 +84,7 @@ def _to_z(axis: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
 
 
 def upright(up: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
-    """The turn of camera space by which up becomes -y, and what is ahead stays ahead."""
+    """The rotation of camera space by which up becomes -y, and ahead stays ahead."""
     ahead = np.array([0.0, 0.0, 1.0]) if abs(up[2]) < _STEEP else np.array([0.0, np.sign(up[2]), 0.0])
     down = -up / np.linalg.norm(up)
     forward = ahead - (ahead @ down) * down

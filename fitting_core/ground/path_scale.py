@@ -1,4 +1,4 @@
-"""How long the unit of a moving camera's path is, where its file does not say: who stands stays where he is."""
+"""The unit of a moving camera's path if its file does not state it: a standing person stays in place."""
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -12,42 +12,42 @@ from fitting_core.lifting.clip_lifting import LiftedClip, lift
 
 _TRUNK = [kp.INDEX["mid_hip"], kp.INDEX["neck"]]
 _EXTENTS = np.geomspace(0.01, 100.0, 400)
-"""Metres that the path may reach from end to end."""
+"""Possible extents of the path in metres."""
 _LAG = 0.2
-"""Seconds after which a point is looked at again."""
+"""Seconds after which a point is compared again."""
 _FOOT, _BODY = 0.03, 0.08
-"""Metres by which a foot that stands, or a trunk that rests, seems to move in that time across the line of sight."""
+"""Apparent motion in metres over that time, across the line of sight, of a standing foot or a resting trunk."""
 _DEPTH = 0.2
 """The same along it. Set, with the three before, on 14 of the motion suite's tuning windows before three cameras."""
 _FEET_SEEN = 0.5
-"""Share of the frames in which feet must be seen, or the trunk is looked at."""
+"""Share of the frames in which feet must be seen; otherwise the trunk is used."""
 _OF_SIZE, _OF_TRUNK = 0.1, 0.17
-"""Deviation of the logarithm that is left however long the path is: nobody knows how tall the person is, and trunks
-sway with a camera that goes around them."""
+"""Log deviation that remains however long the path is: the person's height is not known, and trunks sway with a camera
+that circles them."""
 _UNSURE = 0.6
-"""Deviation of the logarithm from which nothing is said. So it is in 5 of 84 clips with feet, where the likeliest scale
-is wrong by up to a factor of 50; in the others by up to 1.4."""
+"""Log deviation above which there is no result, as in 5 of 84 clips with feet, whose likeliest scale is wrong by up to
+a factor of 50; in the others by up to 1.4."""
 _STILL = 1e-9
-"""Units that a path reaches at least."""
+"""Minimum extent of a path, in its units."""
 
 
 def estimate_path_scale(
     xy: Float[np.ndarray, "T K 2"], confidence: Float[np.ndarray, "T K"], camera: Camera, frame_rate: float
 ) -> PathScale | None:
-    """The factor by which a path is as long as the person's feet say, who is of usual size.
+    """The scale factor of a path at which the feet of a person of usual size stand still.
 
     In still space a point at x before a camera at s p(t) is at R(t) x(t) + s p(t). For each s, the point that moves
     least in each frame, one of two feet, should hardly move; a heavy-tailed likelihood (Cauchy's) forgives steps,
-    jumps, and what lies on the floor. Where no feet are seen, the trunk stands for them.
+    jumps, and what lies on the floor. If no feet are seen, the trunk replaces them.
 
     Args:
         xy: Pixels, the first 25 of K are BODY_25.
         confidence: 0 for what is not seen.
-        camera: With its path, whose unit is taken for a metre.
+        camera: With its path, its unit taken as a metre.
         frame_rate: Frames per second.
 
     Returns:
-        None where the camera only turns, or too little is seen of a person who rests.
+        None if the camera only rotates, or too little is seen of a person at rest.
     """
     path, lag = camera.path, max(1, round(_LAG * frame_rate))
     if path is None or len(xy) <= lag or (extent := float(np.ptp(path.places, axis=0).max())) < _STILL:
@@ -74,7 +74,7 @@ def estimate_path_scale(
         + scales[:, None, None] ** 2 * (of_unit**2).sum(-1)
     )
     least = np.where(both, square, np.inf).min(-1)[:, both.any(1)]
-    cost = np.log1p(least).sum(1) / lag  # frames that share their pictures say it once
+    cost = np.log1p(least).sum(1) / lag  # overlapping intervals are one observation
     likely = np.exp(cost.min() - cost)
     likely /= likely.sum()
     logs = np.log(scales)
@@ -89,7 +89,7 @@ def estimate_path_scale(
 def _feet(
     lifted: LiftedClip, confidence: Float[np.ndarray, "T K"]
 ) -> tuple[Float[np.ndarray, "T 2 3"], Bool[np.ndarray, "T 2"]]:
-    """The middle of what is seen of each foot, from the pelvis, metres; and whether enough is."""
+    """The mean of each foot's visible points from the pelvis, metres; and whether enough are visible."""
     certain = np.where(confidence[:, FOOT_POINTS] > SEEN, confidence[:, FOOT_POINTS], 0.0)
     weight = (certain + _STILL)[..., None]
     return (lifted.points[:, FOOT_POINTS] * weight).sum(2) / weight.sum(2), (certain > 0).sum(-1) >= 2

@@ -1,4 +1,4 @@
-"""The floor of a clip: one plane across gravity under the feet that stand."""
+"""The floor of a clip: one plane perpendicular to gravity under the standing feet."""
 
 from dataclasses import dataclass
 
@@ -10,17 +10,17 @@ from fitting_core.ground.contacts import Contacts
 from fitting_core.ground.gravity import Gravity
 
 _LEAST = 0.2
-"""Seconds of standing, both feet together, that a floor needs."""
+"""Seconds of standing, both feet summed, needed for a floor."""
 _LEAST_SEEN = 0.05
-"""Share of frames in which a foot must be in the image for it to be told that none stands."""
+"""Share of frames in which a foot must be in the image to conclude that none stands."""
 _LOWEST = 10
-"""Percentile of the standing feet's heights that is taken for the floor at first: who climbs stands higher, too."""
+"""Percentile of the standing feet's heights taken as a first floor: people who climb stand higher, too."""
 _NEAR = 0.15
-"""Metres from there within which a foot stands on the floor, and on nothing else."""
+"""Metres from there within which a foot stands on the floor, and not on something else."""
 _OWN = 0.015
-"""Metres: of the soles of a body that is not quite the person's."""
+"""Metres: error of the soles of a body that is not quite the person's."""
 _OF_STRETCH = 0.03
-"""Metres that one contact's height is off at least."""
+"""Minimum error of one contact's height, metres."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -30,12 +30,12 @@ class Ground:
     normal: Float[np.ndarray, "3"]
     """Up, a unit vector in camera axes (x right, y down, z away)."""
     offset: float
-    """Metres that the camera is above it."""
+    """Height in metres of the camera above it."""
     deviation: float
     """Standard deviation of its height where the person stands, metres."""
 
     def height(self, points: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n"]:
-        """Metres of points of still space above it."""
+        """Height in metres of points of still space above it."""
         return points @ self.normal + self.offset
 
 
@@ -73,12 +73,12 @@ def ground_under(
 def lowest(
     feet: Float[np.ndarray, "T 2 4 3"], soles: Float[np.ndarray, "2 4"], up: Float[np.ndarray, "3"]
 ) -> Float[np.ndarray, "T 2"]:
-    """How far along `up` the sole of each foot is at its lowest, under heel or toes, metres from the camera."""
+    """The lowest position along `up` of each foot's sole, under heel or toes, metres from the camera."""
     return (feet @ up - soles)[..., 1:].min(-1)
 
 
 def _of_stretches(heights: Float[np.ndarray, "T 2"], on_it: Bool[np.ndarray, "T 2"]) -> Float[np.ndarray, "n"]:
-    """Each contact's own: its frames are off together."""
+    """Each contact separately: its frames share an error."""
     return np.array(
         [np.median(heights[run, foot]) for foot in range(on_it.shape[1]) for run in runs_where(on_it[:, foot])]
     )

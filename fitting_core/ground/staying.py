@@ -9,14 +9,13 @@ from fitting_core.frame_runs import runs_where
 from fitting_core.ground.placing import rays_of
 
 _SMOOTH = 0.25
-"""Seconds over which keypoints are smoothed: their errors last for a tenth of a second, and some for longer."""
+"""Seconds over which keypoints are smoothed: their errors last a tenth of a second, some longer."""
 _EXTENT = 0.03
-"""Metres that the smoothed keypoints of a foot that stays may go, from one end to the other; detectors are off so much,
-by pose."""
+"""Metres by which the smoothed keypoints of a fixed foot may range: the detectors' errors, by pose."""
 _OF_NOISE = 3.0
-"""How much further, in standard deviations of what smoothing takes away: so much of the noise is left in it."""
+"""Extra range, in standard deviations of what smoothing removes: so much of the noise remains."""
 _SLOW, _LEAST = 0.06, 0.3
-"""Metres per second and seconds: where a foot goes on, what is slower for so long is a place in which it stays."""
+"""Metres per second, and seconds: a moving foot that is slower for so long stays in that place."""
 
 
 def going_on(
@@ -27,10 +26,10 @@ def going_on(
     feet: Float[np.ndarray, "T 2 4 3"],
     frame_rate: float,
 ) -> Bool[np.ndarray, "T 2"]:
-    """Where a foot that is taken to stand goes on in the image, slowly or in circles.
+    """Where a foot that is assumed to stand moves in the image, slowly or in circles.
 
     Args:
-        standing: Whether a foot is taken to stand.
+        standing: Whether a foot is assumed to stand.
         xy: Pixels: ankle, heel, big and small toe of the left and the right foot.
         certain: Their confidence.
         camera: Of the clip.
@@ -46,7 +45,7 @@ def going_on(
 
 
 def _stays(track: Float[np.ndarray, "n 2"], frame_rate: float) -> Bool[np.ndarray, "n"]:
-    """Frames in which a foot stays: all of them, or where it goes on those between."""
+    """Frames in which a foot stays: all of them, or those between its moves."""
     smooth = gaussian_filter1d(track, _SMOOTH * frame_rate, axis=0, mode="nearest")
     allowed = _EXTENT + _OF_NOISE * (track - smooth).std(0).mean()
     if np.ptp(smooth, axis=0).max() <= allowed:
@@ -65,7 +64,7 @@ def _track(
     camera: Camera,
     feet: Float[np.ndarray, "T 4 3"],
 ) -> Float[np.ndarray, "n 2"]:
-    """How far a foot is seen beside its middle place, metres across the line of sight, mean of what is seen of it."""
+    """Offset of a foot from its median place, metres across the line of sight, mean over its visible points."""
     place = camera.from_still(np.broadcast_to(np.median(feet[run], axis=0), feet.shape))[run]
     depth = np.maximum(place[..., 2:], 0.1)
     beside, weight = rays_of(xy[run], camera) * depth - place[..., :2], certain[run][..., None] + 1e-6

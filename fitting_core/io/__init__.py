@@ -1,4 +1,4 @@
-"""Formats in and out. READERS holds one line per format that keypoints are read from."""
+"""Formats in and out. READERS has one line per keypoint format."""
 
 import zipfile
 from collections.abc import Callable
@@ -37,18 +37,15 @@ READERS: dict[Callable[[Path, bytes], bool], str] = {
     _holds_people: "fitting_core.io.keypoints.openpose:read_openpose",
     _holds_pose: "fitting_core.io.keypoints.pose_file:read_pose",
 }
-"""What recognises a format by the path and its first bytes (none of a folder) -> the function Path -> Detections.
+"""Recognises a format by the path and its first bytes (empty for a folder) -> the function Path -> Detections.
 
-The first that recognises a path reads it, so narrow ones stand above broad ones; it is imported when it is used.
+The first match reads the path, so narrow checks stand above broad ones; the function is imported when used.
 """
 
 
 def read_detections(path: Path) -> Detections:
-    """Read all people in all frames from a keypoint file or folder of any known format.
-
-    Raises:
-        InputError: There is no such path, its format is not known, or its content is broken.
-    """
+    """Read all people in all frames from a keypoint file or folder of any known format. Raises InputError if the path
+    does not exist, its format is unknown, or its content is broken."""
     if not path.exists():
         raise InputError(f"No keypoints at {path}: there is no such file or folder.")
     start = b"" if path.is_dir() else first_bytes(path)
@@ -60,7 +57,7 @@ def read_detections(path: Path) -> Detections:
             return getattr(import_module(module), function)(path)
     found = "is empty" if not start else "starts as none of these"
     raise InputError(
-        f"{path} is no keypoint format that can be read: it {found}. Expected a folder of OpenPose JSON files or one "
+        f"{path} is not a readable keypoint format: it {found}. Expected a folder of OpenPose JSON files or one "
         "of them, a COCO-WholeBody JSON, predictions of mmpose's inferencer, or a .pose file."
     )
 
@@ -69,18 +66,16 @@ def read_motion(
     path: StrPath, *, person: int | None = None, gender: str | None = None, decode: "Decode | None" = None
 ) -> "ImportedMotion":
     """Read the motion of a body: SMPLify-X results, an npz of SMPL-X, AMASS or tcfit, or a result of a learned system.
+    Raises InputError if the path does not exist, its format is unknown, or its content is broken.
 
     The content tells which.
 
     Args:
         path: An npz, or the folder of a fit by tcfit; or a folder of SMPLify-X results, a zip or tar of one, one of its
             pickles; or what a system of `learned.systems` wrote.
-        person: Number of one of several people; None: who is in most frames, or of SMPLify-X results 0.
-        gender: Of the body, which SMPLify-X does not tell; None: as the files say.
-        decode: For SMPLify-X results: from VPoser's numbers to axis-angle; None: there is none here.
-
-    Raises:
-        InputError: There is no such path, its format is not known, or its content is broken.
+        person: Number of one of several people; None: whoever is in most frames, or 0 in SMPLify-X results.
+        gender: Of the body, which SMPLify-X does not record; None: as the files say.
+        decode: For SMPLify-X results: from VPoser's numbers to axis-angle; None: VPoser is not available.
     """
     path = Path(path)
     from fitting_core.io.motion.learned.systems import SYSTEMS, read_learned
@@ -100,20 +95,20 @@ def read_motion(
         return read_smplx_npz(path)
     if path.is_file() and not _may_hold_results(path):
         raise InputError(
-            f"{path}: is no result of a fit that can be read. Expected SMPLify-X's output folder, a zip of it, an "
+            f"{path}: is not a readable result of a fit. Expected SMPLify-X's output folder, a zip of it, an "
             f"npz of SMPL-X or AMASS, or a result of {', '.join(system.title for system in SYSTEMS)}."
         )
     return read_smplifyx(path, person=person or 0, gender=gender, decode=decode)
 
 
 def _may_hold_results(path: Path) -> bool:
-    """Whether a file is a pickle of protocol 2 or later, or an archive, or was to be one."""
+    """Whether a file is, or claims to be, a pickle of protocol 2 or later, or an archive."""
     packed = path.suffix.lower() in (".pkl", ".zip", ".tar", ".tgz", ".gz", ".xz", ".bz2")
     return packed or first_bytes(path)[:1] == b"\x80"
 
 
 def _holds_arrays(path: Path) -> bool:
-    """Whether a file is an npz, or was to be one."""
+    """Whether a file is, or claims to be, an npz."""
     if path.suffix.lower() == ".npz":
         return True
     try:

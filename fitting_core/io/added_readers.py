@@ -1,4 +1,4 @@
-"""Readers that plugins add: of keypoints, and of moving bodies. They are asked before tcfit's own."""
+"""Readers that plugins add, of keypoints and of moving bodies. They are tried before tcfit's own."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -22,9 +22,9 @@ class KeypointReader:
     title: str
     """For the user."""
     recognises: Callable[[Path, bytes], bool]
-    """Takes the path, and the first 64 kB of a file (none of a folder). True of nothing but this format."""
+    """Takes the path and the first 64 kB of a file (empty for a folder). True for nothing but this format."""
     read: Callable[[Path], Detections]
-    """Raises InputError, with words for the user, for what it cannot read."""
+    """Raises InputError, with a message for the user, if it cannot read the path."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,9 +34,9 @@ class MotionReader:
     title: str
     """For the user."""
     recognises: Callable[[Path], bool]
-    """Takes a file or folder that exists. True of nothing but this format."""
+    """Takes a file or folder that exists. True for nothing but this format."""
     read: "Callable[[Path], ImportedMotion]"
-    """Raises InputError, with words for the user, for what it cannot read."""
+    """Raises InputError, with a message for the user, if it cannot read the path."""
 
 
 def keypoint_readers() -> dict[str, Plugin[KeypointReader]]:
@@ -50,11 +50,8 @@ def motion_readers() -> dict[str, Plugin[MotionReader]]:
 
 
 def read_added_keypoints(path: Path, start: bytes) -> Detections | None:
-    """What the first plugin that recognises a path reads from it; None if none does.
-
-    Raises:
-        InputError: It cannot be read, or the plugin fails.
-    """
+    """What the first plugin that recognises a path reads from it; None if none does. Raises InputError if it cannot be
+    read, or the plugin fails."""
     for plugin in keypoint_readers().values():
         if _recognised(plugin, lambda reader: reader.recognises(path, start)):
             return _read(plugin, path, plugin.thing.read, Detections)

@@ -38,12 +38,12 @@ def camera_arrays(camera: Camera) -> dict[str, np.ndarray]:
 
 
 def camera_from(arrays: dict[str, np.ndarray]) -> Camera:
-    """What `camera_arrays` made; without lens and world where there are none, as in files of earlier versions.
+    """The camera that `camera_arrays` wrote; files of earlier versions may lack lens and world.
 
     Raises:
         KeyError: An array is missing.
-        ValueError: They are no camera's.
-        TypeError: They are no camera's.
+        ValueError: They do not make a camera.
+        TypeError: They do not make a camera.
     """
     (fx, fy), (cx, cy), (width, height) = (
         arrays[name].tolist() for name in ("camera_focal", "camera_center", "image_size")
@@ -59,12 +59,12 @@ def camera_from(arrays: dict[str, np.ndarray]) -> Camera:
         path=_path(arrays) if "path_rotation" in arrays else None,
     )
     if not is_possible(camera):
-        raise ValueError("its camera is none")
+        raise ValueError("its camera is invalid")
     return camera
 
 
 def focal_from_arrays(arrays: dict[str, np.ndarray]) -> FocalFrom:
-    """Where the focal length of `camera_arrays` comes from. Raises ValueError if it says what it cannot be."""
+    """Where the focal length of `camera_arrays` comes from. Raises ValueError if the value is unknown."""
     if "camera_focal_from" in arrays:
         return FocalFrom(str(arrays["camera_focal_from"]))
     return focal_from_words(str(arrays.get("camera_source", "")))

@@ -1,4 +1,4 @@
-"""A shape that is known already: betas from a result of tcfit, or from any npz or JSON that has them."""
+"""A shape that is already known: betas from a result of tcfit, or from any npz or JSON that has them."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -17,14 +17,14 @@ from fitting_core.results.known_shape import KnownShape
 _MOST = 64 * 2**20
 """Bytes of a JSON file with ten numbers and whatever else."""
 _LARGEST = 50.0
-"""Betas are standard deviations among people: beyond this they are something else."""
+"""Betas are standard deviations among people; larger values are something else."""
 _EXPECTED = f"expected a result of tcfit, or an npz or JSON file with {N_BETAS} betas"
 
 
 def read_known_shape(path: StrPath, *, body_hash: str = "") -> KnownShape:
     """The shape of a result's folder, its fit.npz or summary.json, or another npz or JSON file with `betas`.
 
-    Of more than ten betas, as AMASS has them, the first ten count: they are ordered by how much of a shape they tell.
+    Of more than ten betas, as in AMASS, the first ten are taken: they are ordered by how much of a shape they explain.
 
     Args:
         path: Folder or file.
@@ -32,7 +32,7 @@ def read_known_shape(path: StrPath, *, body_hash: str = "") -> KnownShape:
             it is not compared.
 
     Raises:
-        InputError: There is nothing, it has no betas, or those of another body.
+        InputError: The file is missing, has no betas, or those of another body.
     """
     path = Path(path)
     file = path / FIT_NAME if path.is_dir() else path

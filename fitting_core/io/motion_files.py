@@ -1,4 +1,4 @@
-"""The motion of a fit, and files of it for other programs, by their names' endings."""
+"""The motion of a fit, and writing it to files for other programs, chosen by suffix."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ class MotionFile:
     """A format that holds a motion in one file."""
 
     axes: str
-    """A name of AXES: the world that programs expect which read it."""
+    """A name of AXES: the world that programs which read the format expect."""
     writer: str
     """Module and name of a function from path and motion, imported when it is used."""
 
@@ -37,11 +37,11 @@ MOTION_FILES = {
     ".bvh": MotionFile(axes="y-up", writer="bvh:write_bvh"),
     ".npz": MotionFile(axes="z-up", writer="animation_npz:write_animation_npz"),
 }
-"""By the name's ending: a skinned character, a skeleton, and SMPL-X's keys as AMASS has them."""
+"""By suffix: a skinned character, a skeleton, and SMPL-X's keys as AMASS has them."""
 
 
 def motion_of(fit: FitResult, clip: Clip, body: BodyModel, *, phase: int | None = None) -> Motion:
-    """What was fitted, in camera space, to be measured or exported.
+    """The fitted motion in camera space, for measuring or export.
 
     Args:
         fit: The result.
@@ -70,11 +70,11 @@ def motion_of(fit: FitResult, clip: Clip, body: BodyModel, *, phase: int | None 
 
 
 def stored_motion(fit: StoredFit, body: BodyModel, *, name: str, phase: int | None = None) -> Motion:
-    """The same of a result that was read from its file.
+    """The same, for a result read from its file.
 
     Args:
         fit: What `read_fit` has read.
-        body: With which it was fitted: `fit.body_kind` and `fit.gender` say which.
+        body: The one it was fitted with: `fit.body_kind` and `fit.gender` say which.
         name: Of the clip.
         phase: 1, or the last; None: the last.
 
@@ -102,15 +102,15 @@ def stored_motion(fit: StoredFit, body: BodyModel, *, name: str, phase: int | No
 
 
 def write_motion(path: StrPath, motion: Motion, *, axes: str | None = None) -> None:
-    """Write a motion into one file, whole or not at all; a file of that name is replaced.
+    """Write a motion to one file, atomically; an existing file is replaced.
 
     Args:
         path: Its ending is one of MOTION_FILES.
         motion: In any axes.
-        axes: A name of AXES, or OWN_WORLD; None: what programs expect that read the format.
+        axes: A name of AXES, or OWN_WORLD; None: what programs that read the format expect.
 
     Raises:
-        InputError: The ending or the axes are not known, or the file cannot be written.
+        InputError: The ending or the axes are unknown, or the file cannot be written.
     """
     path = Path(path)
     form = MOTION_FILES.get(path.suffix.lower())

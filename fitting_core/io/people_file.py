@@ -1,4 +1,4 @@
-"""people.json: the people of one clip, each in a folder of its own beside it: projects, or results of fits."""
+"""people.json: the people of one clip. Each has a folder beside it: a project, or the result of a fit."""
 
 from codecs import BOM_UTF8
 from pathlib import Path
@@ -17,7 +17,7 @@ _MOST_BYTES = 16 * 2**20
 LONGEST_NAME = 200
 """Characters of a name."""
 _NOT_IN_FOLDERS = '/\\:*?"<>|'
-"""Of these some system or other does not allow some, and others would lead out of the folder."""
+"""Some systems do not allow some of these, and others would lead out of the folder."""
 
 Number = Annotated[int, msgspec.Meta(ge=0, lt=2**31)]
 Span = tuple[Number, Number]
@@ -56,24 +56,21 @@ def holds_people(folder: Path) -> bool:
 
 
 def refuse_several(folder: Path) -> None:
-    """Raise InputError for a folder of several people, where one's is wanted."""
+    """Raise InputError for a folder of several people, where that of one is wanted."""
     if holds_people(folder):
         one = folder / read_people_file(folder).people[0].folder
-        raise InputError(f"{folder}: is of several people. Give the folder of one of them, such as {one}.")
+        raise InputError(f"{folder}: holds several people. Give the folder of one of them, such as {one}.")
 
 
 def read_people_file(folder: Path) -> People:
-    """The people of a folder. Their own folders may be missing, but none is a link.
-
-    Raises:
-        InputError: It has no people.json, or one that is of no use.
-    """
+    """The people of a folder. Their own folders may be missing; a link is refused. Raises InputError if it has no
+    people.json, or an unusable one."""
     path = folder / PEOPLE_NAME
     try:
         content = regular_file(path, most=_MOST_BYTES).read_bytes().removeprefix(BOM_UTF8)  # of Windows' editors
         version = msgspec.json.decode(content, type=_Version).tcfit_people
         if version > VERSION:
-            raise InputError(f"{path}: is of version {version}, and this tcfit knows {VERSION}. Update tcfit.")
+            raise InputError(f"{path}: has version {version}; this tcfit reads {VERSION}. Update tcfit.")
         found = msgspec.json.decode(content, type=People)
     except FileNotFoundError as error:
         raise InputError(f"{folder}: has no {PEOPLE_NAME}; expected a folder of several people.") from error
@@ -88,11 +85,8 @@ def read_people_file(folder: Path) -> People:
 
 
 def write_people_file(folder: Path, people: People) -> None:
-    """Write people.json into a folder that is there, whole or not at all.
-
-    Raises:
-        InputError: It cannot be written, or would be refused when it is read.
-    """
+    """Write people.json into an existing folder, atomically. Raises InputError if it cannot be written, or could not be
+    read back."""
     path = folder / PEOPLE_NAME
     if why := refused(people):
         raise InputError(f"{path}: cannot be written: {why}; {_EXPECTED}.")

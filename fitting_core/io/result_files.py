@@ -80,12 +80,12 @@ _TEXTS = {"start_texts": STARTS, "stopped_texts": STOPS}
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StoredFit:
-    """What fit.npz holds of T frames."""
+    """The content of fit.npz, for T frames."""
 
     params: BodyParams
     """Of the last finished phase."""
     phase1: BodyParams
-    """Every frame on its own."""
+    """Each frame fitted on its own."""
     joints: Float[np.ndarray, "T 55 3"]
     """Camera space, metres."""
     observed: Bool[np.ndarray, "T 55"]
@@ -110,7 +110,7 @@ class StoredFit:
 def write_result(
     folder: StrPath, fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool = True, command: str = ""
 ) -> dict[str, Any]:
-    """Write fit.npz and summary.json, each whole or not at all; an overlay of an earlier fit is removed.
+    """Write fit.npz and summary.json, each atomically; an overlay of an earlier fit is removed.
 
     Args:
         folder: Made if it does not exist.
@@ -142,17 +142,17 @@ def write_result(
 
 
 def _relative(clip: Clip, folder: Path) -> str | None:
-    """From a result to its video, so that both can be moved together."""
+    """From a result to its video, relative, so that both can be moved together."""
     return None if clip.source is None else legible(os.path.relpath(clip.source.resolve(), folder.resolve()))
 
 
 def video_of(folder: Path) -> Path | None:
-    """The video or images of a result, if its summary.json tells them and they are there."""
+    """The video or images of a result, if its summary.json names them and they exist."""
     try:
         told = msgspec.json.decode(regular_file(folder / SUMMARY_NAME, most=_SUMMARY_BYTES).read_bytes())
         path = folder / told["video"]
         return path if path.exists() else None
-    except (OSError, ValueError, KeyError, TypeError, InputError):  # an earlier version's, or none of ours
+    except (OSError, ValueError, KeyError, TypeError, InputError):  # of an earlier version, or not ours
         return None
 
 
@@ -214,7 +214,7 @@ def read_fit(path: StrPath) -> StoredFit:
     """Read fit.npz, or the fit.npz of a result's folder.
 
     Raises:
-        InputError: It is missing, damaged, or no result of tcfit.
+        InputError: It is missing, damaged, or not a result of tcfit.
     """
     path = Path(path)
     file = path / FIT_NAME if path.is_dir() else path
@@ -233,7 +233,7 @@ def _read_arrays(file: Path) -> dict[str, np.ndarray]:
     except FileNotFoundError as error:
         raise InputError(f"{file}: does not exist; expected a result of tcfit fit. Name its --out folder.") from error
     except (OSError, ValueError) as error:
-        raise InputError(f"{file}: is no complete npz archive ({error}). Fit the clip again.") from error
+        raise InputError(f"{file}: is not a complete npz archive ({error}). Fit the clip again.") from error
     found = str(arrays.get("format", "an npz of another program"))
     if found != FORMAT:
         raise InputError(f"{file}: is {found!r}; expected {FORMAT!r}, which tcfit fit writes.")

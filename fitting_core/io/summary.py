@@ -23,18 +23,18 @@ from fitting_core.metrics import jitter, reprojection_errors
 from fitting_core.results.fit_result import FitResult
 
 CONFIDENT = 0.3
-"""Keypoints with more confidence count in the reprojection error."""
+"""Only keypoints with more confidence count in the reprojection error."""
 _MEASURED = (1, 3)
-"""Phases whose poses are their own; phase 2 only changes the shape."""
+"""Phases with their own poses; phase 2 only changes the shape."""
 _PACKAGES = ("tcfit", "torch", "numpy")
 
 
 def summary(fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool, command: str) -> dict[str, Any]:
     """The content of summary.json; numbers that are not finite become null in JSON.
 
-    The reprojection error is over keypoints with a confidence above CONFIDENT that the body has, in all groups. Left
-    out, whatever the configuration, are detections of parts that the image cuts off (image_border.cut_off): where such
-    a part really lies is not known. So fits of one clip are always measured on the same keypoints.
+    The reprojection error is over keypoints of all groups that the body has, with a confidence above CONFIDENT.
+    Whatever the configuration, detections of parts that the image cuts off (image_border.cut_off) are left out, as
+    their true place is unknown. So fits of one clip are always measured on the same keypoints.
     """
     measured = [p for p in fit.phases if p.phase in _MEASURED]
     counted = counted_keypoints(clip, body)
@@ -90,7 +90,7 @@ def _ground(grounding: Grounding) -> dict[str, Any]:
 
 
 def counted_keypoints(clip: Clip, body: BodyModel) -> Bool[np.ndarray, "T 137"]:
-    """Confident keypoints that no image border cuts off and no stated handshape overrules."""
+    """Confident keypoints that are neither cut off by the image border nor overruled by a stated handshape."""
     inside = (cut_off(clip.keypoints, clip.camera) == 0).all(-1)
     return inside & (clip.keypoints.confidence > CONFIDENT) & ~clip.keypoints.overruled
 
@@ -107,14 +107,14 @@ def reprojection(
 
 
 def _jitter(body: BodyModel, params: BodyParams, camera: Camera) -> dict[str, float]:
-    """Mean second difference of the 55 joints, with the camera translation and without; not the camera's own."""
+    """Mean second difference of the 55 joints, with and without the camera translation, not the camera's own."""
     joints: Float[np.ndarray, "T 55 3"] = joints_in_space(body, params)
     in_body = camera.turned_to_still(joints - params.camera_translation.numpy()[:, None])
     return {"camera_space_mm_per_frame2": jitter(camera.to_still(joints)), "body_space_mm_per_frame2": jitter(in_body)}
 
 
 def versions() -> dict[str, str]:
-    """Versions of Python and the packages that decide what a fit comes out as."""
+    """Versions of Python and of the packages that affect a fit's result."""
     found = {"python": platform.python_version()}
     for name in _PACKAGES:
         try:

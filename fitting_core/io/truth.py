@@ -1,4 +1,4 @@
-"""What really happens in a generated clip: bodies, joints, keypoints and what is seen of them; and its file (npz)."""
+"""Ground truth of a generated clip: bodies, joints, keypoints and their visibility; and its file (npz)."""
 
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -20,7 +20,7 @@ _CAMERA = ("focal", "center", "size", "source")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Truth:
-    """What really happens in a clip of T frames."""
+    """Ground truth of a clip of T frames."""
 
     params: BodyParams
     """In camera space."""
@@ -29,7 +29,7 @@ class Truth:
     keypoints: Float[np.ndarray, "T 137 2"]
     """Pixels, without noise; meaningless where the body has no such point (`exists`)."""
     visible: Bool[np.ndarray, "T 137"]
-    """Whether nothing hides the keypoint."""
+    """Whether the keypoint is unoccluded."""
     exists: Bool[np.ndarray, "137"]
     camera: Camera
     frame_rate: float
@@ -38,7 +38,7 @@ class Truth:
 
 
 def truth_of(body: BodyModel, params: BodyParams, camera: Camera, frame_rate: float) -> Truth:
-    """What really happens when a body moves so before a camera; as yet nothing of it is visible."""
+    """Ground truth of a moving body before a camera, with nothing visible yet."""
     points, exists = keypoints_in_space(body, params)
     pixels = np.zeros((*points.shape[:2], 2))
     pixels[:, exists] = project(camera, torch.as_tensor(points[:, exists])).numpy()
@@ -57,7 +57,7 @@ def truth_of(body: BodyModel, params: BodyParams, camera: Camera, frame_rate: fl
 def write_truth(path: Path, truth: Truth) -> None:
     """Write a truth as npz.
 
-    Arrays stand under the names of Truth's fields; those of params under their own, those of camera with a prefix.
+    Arrays are stored under the names of Truth's fields; those of params under their own, those of camera with a prefix.
     """
     params = {f.name: getattr(truth.params, f.name).numpy() for f in fields(BodyParams)}
     camera = {f"camera_{name}": np.array(getattr(truth.camera, name)) for name in _CAMERA}
@@ -66,11 +66,7 @@ def write_truth(path: Path, truth: Truth) -> None:
 
 
 def read_truth(path: Path) -> Truth:
-    """Read what `write_truth` wrote.
-
-    Raises:
-        InputError: It is no such file.
-    """
+    """Read what `write_truth` wrote. Raises InputError if it is not such a file."""
     try:
         values = read_npz(path)
         (fx, fy), (cx, cy), (width, height), source = (values[f"camera_{name}"].tolist() for name in _CAMERA)
@@ -83,5 +79,5 @@ def read_truth(path: Path) -> Truth:
         )
     except (OSError, KeyError, ValueError) as error:
         raise InputError(
-            f"{path} holds no truth of a generated clip ({error}): delete its folder and make it anew."
+            f"{path} is not the truth of a generated clip ({error}): delete its folder and make it again."
         ) from error

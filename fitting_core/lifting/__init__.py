@@ -1,1 +1,1 @@
-"""From keypoints in the image to where they are in space, as far as motion knows it: a network, and its use."""
+"""From keypoints in the image to positions in space, as far as a network can infer them."""

@@ -1,4 +1,4 @@
-"""A whole clip lifted: windows that overlap, put together frame by frame."""
+"""Lifting a whole clip: overlapping windows, blended frame by frame."""
 
 import hashlib
 from collections import OrderedDict
@@ -25,23 +25,23 @@ _MIDDLE = FRAMES // 2
 _AT_ONCE = 32
 _OTHER_SIDE = [kp.INDEX[other_side(name)] for name in kp.BODY_25]
 _KEPT = 2048
-"""Windows whose result is remembered: an edit changes two or three of a clip, and the others are not lifted again."""
+"""Windows whose result is cached: an edit changes two or three of a clip, and the others are not lifted again."""
 _SMALLEST = 0.005
 """Metres, as in training."""
 _AHEAD = 0.1
-"""Metres, or of a ray: what is not so far ahead of the middle's camera, that camera does not see."""
+"""Minimum depth, in metres or for a ray, before the middle frame's camera: nearer points are not seen by it."""
 
 
 @dataclass(frozen=True, eq=False)
 class LiftedClip:
-    """What the lifter says of each frame, in camera axes (x right, y down, z away)."""
+    """The lifter's result for each frame, in camera axes (x right, y down, z away)."""
 
     points: Float[np.ndarray, "T 25 3"]
     """BODY_25 relative to the pelvis joint, metres."""
     depth_deviation: Float[np.ndarray, "T 25"]
     """Standard deviation of their z, metres."""
     up: Float[np.ndarray, "T 3"]
-    """Against gravity; shorter than 1 where it is not sure."""
+    """Against gravity; shorter than 1 if unsure."""
     contact: Float[np.ndarray, "T 2"]
     """Probability that the left and the right foot stand still on the ground."""
 
@@ -56,20 +56,17 @@ def lift(
     depth: Float[np.ndarray, "T 25"] | None = None,
     weights: Path = LIFTER,
 ) -> LiftedClip:
-    """Lift BODY_25 keypoints, the first 25 of K.
+    """Lift BODY_25 keypoints, the first 25 of K. Raises InputError if the file is not a lifter network.
 
     Args:
         xy: Pixels.
-        confidence: 0 for what is not to be looked at.
+        confidence: 0 for keypoints to ignore.
         camera: Of the clip.
         frame_rate: Frames per second.
-        calibrated: Whether the camera's focal length is known, and not guessed.
-        depth: Metres of the keypoints before a camera that moves. With them its way is taken out of what the network
-            sees, without them its turns alone.
+        calibrated: Whether the camera's focal length is known, not guessed.
+        depth: Depth in metres of the keypoints before a moving camera. With it the camera's whole motion is removed
+            from what the network sees, without it only its rotation.
         weights: The network's file.
-
-    Raises:
-        InputError: The file is not a lifter network.
     """
     factor = read_lifter(weights)[1]
     rays = (xy[:, :POINTS] - np.array(camera.center)) / np.array(camera.focal)
@@ -82,7 +79,7 @@ def lift(
     if camera.path is not None:
         values = _turned(values, camera.path.to_still.swapaxes(1, 2))
     points, error, up, contact = np.split(values, np.cumsum([3 * POINTS, POINTS, 3]), axis=1)
-    # Of a Laplace distribution the deviation is sqrt(2) times the mean distance.
+    # For a Laplace distribution the deviation is sqrt(2) times the mean distance.
     deviation = np.sqrt(2) * factor * np.maximum(np.exp(error), _SMALLEST)
     return LiftedClip(points.reshape(-1, POINTS, 3), deviation, up, 1 / (1 + np.exp(-contact)))
 
@@ -96,10 +93,10 @@ class _Moves:
     places: Float[np.ndarray, "W F 3"]
     """Of the camera in still space, metres."""
     depth: Float[np.ndarray, "W F 25"] | None
-    """Of the keypoints, metres; None: the camera's way does not count."""
+    """Of the keypoints, metres; None: ignore the camera's translation."""
 
     def taken_from(self, given: Float[np.ndarray, "W F 25 3"]) -> Float[np.ndarray, "W F 25 3"]:
-        """Windows as the camera of their middle sees them: the network learned from cameras that stand still."""
+        """Windows as seen by the camera of their middle frame: the network was trained on static cameras."""
         points = np.concatenate([given[..., :2], np.ones_like(given[..., :1])], -1)
         back = self.turns[:, _MIDDLE, None]
         if self.depth is None:
@@ -115,7 +112,7 @@ class _Moves:
 def _moves_in(
     path: CameraPath, time: Float[np.ndarray, "S"], samples: Int[np.ndarray, "W F"], depth: np.ndarray | None
 ) -> _Moves:
-    """Between frames as on the way from one to the next."""
+    """Interpolated linearly between frames."""
     frames = np.arange(len(path))
     at = np.minimum(time, frames[-1])
     turns = np.broadcast_to(path.to_still[0], (len(time), 3, 3))
@@ -129,7 +126,7 @@ def _moves_in(
 
 
 def _turned(values: Float[np.ndarray, "*n v"], turns: Float[np.ndarray, "*n 3 3"]) -> Float[np.ndarray, "*n v"]:
-    """What the network says, with points and up turned into other axes."""
+    """The network's output, with points and up rotated into other axes."""
     points, error, up, contact = np.split(values, np.cumsum([3 * POINTS, POINTS, 3]), axis=-1)
     back = turns.swapaxes(-1, -2)
     around = (points.reshape(*points.shape[:-1], POINTS, 3) @ back).reshape(points.shape)
@@ -139,14 +136,14 @@ def _turned(values: Float[np.ndarray, "*n v"], turns: Float[np.ndarray, "*n 3 3"
 def windows_of(
     rays: Float[np.ndarray, "T 25 2"], confidence: Float[np.ndarray, "T K"], frame_rate: float
 ) -> tuple[Float[np.ndarray, "S"], Int[np.ndarray, "W"], Float[np.ndarray, "W F 25 3"]]:
-    """A clip in windows that overlap.
+    """A clip as overlapping windows.
 
     Returns:
-        When the clip is sampled, in its frames; the first sample of each window; rays and confidence of the windows.
+        The sample times in the clip's frames; the first sample of each window; rays and confidence of the windows.
     """
     time = np.arange(max(2, int(np.ceil((len(rays) - 1) / frame_rate * RATE)) + 1)) / RATE * frame_rate
     sampled, there = _sampled(rays, confidence[:, :POINTS], time)
-    # The first and the last window reach beyond the clip, so that its ends are not their ends.
+    # The first and last windows extend beyond the clip, so that its ends are not theirs.
     starts = np.arange(-_STRIDE // 2, max(len(time) - _STRIDE // 2, 1), _STRIDE)
     index = _places_in_clip(starts, len(time))
     return time, starts, np.concatenate([sampled, there[..., None]], -1)[index].astype(np.float32)
@@ -158,7 +155,8 @@ def _places_in_clip(starts: Int[np.ndarray, "W"], length: int) -> Int[np.ndarray
 
 
 def _sampled(rays: np.ndarray, confidence: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rays and confidences at some times, in frames: between two frames that show a keypoint, or of the nearer one."""
+    """Rays and confidences at given times, in frames: interpolated if both neighbours show a keypoint, or of the
+    nearer."""
     before = np.minimum(np.floor(time).astype(int), len(rays) - 1)
     after = np.minimum(before + 1, len(rays) - 1)
     share = np.broadcast_to((time - before)[:, None], (len(time), POINTS))
@@ -171,7 +169,7 @@ def _sampled(rays: np.ndarray, confidence: np.ndarray, time: np.ndarray) -> tupl
 
 
 def _reflected(index: np.ndarray, length: int) -> np.ndarray:
-    """Beyond its ends a clip runs backward, as in training."""
+    """Beyond its ends a clip is played backward, as in training."""
     last = max(length - 1, 1)
     index = np.abs(index) % (2 * last)
     return np.where(index > last, 2 * last - index, index).clip(0, length - 1)
@@ -201,7 +199,7 @@ def _windows(weights: Path, given: np.ndarray, *, calibrated: bool) -> np.ndarra
 
 @torch.no_grad()
 def _lifted(network: Lifter, given: Float[Tensor, "B T 25 3"], calibrated: bool) -> np.ndarray:
-    """The mean of the windows as they are and mirrored, which is 2 % nearer to the truth than the former alone."""
+    """The mean over the windows and their mirror images, 2 % more accurate than the windows alone."""
     seen_mirrored = given[:, :, _OTHER_SIDE] * given.new_tensor([-1.0, 1.0, 1.0])
     straight, mirrored = (_one_way(network, some, calibrated) for some in (given, seen_mirrored))
     values = torch.stack([straight, _mirrored(mirrored)])
@@ -217,7 +215,7 @@ def _one_way(network: Lifter, given: Float[Tensor, "B T 25 3"], calibrated: bool
 
 
 def _mirrored(values: Float[Tensor, "B T n"]) -> Float[Tensor, "B T n"]:
-    """What the network says of a mirrored person, mirrored back."""
+    """The network's result for a mirrored person, mirrored back."""
     points, error, up, contact = values.split([3 * POINTS, POINTS, 3, 2], 2)
     flip = values.new_tensor([-1.0, 1.0, 1.0])
     back = points.unflatten(2, (POINTS, 3))[:, :, _OTHER_SIDE] * flip
@@ -225,7 +223,7 @@ def _mirrored(values: Float[Tensor, "B T n"]) -> Float[Tensor, "B T n"]:
 
 
 def _together(parts: Float[np.ndarray, "W F n"], starts: np.ndarray, length: int) -> Float[np.ndarray, "S n"]:
-    """Windows over each other: what lies in the middle of one counts more than what lies at its end."""
+    """Blend windows: the middle of one has more weight than its ends."""
     weight = np.bartlett(FRAMES + 2)[1:-1, None]
     total, shares = np.zeros((length, parts.shape[2])), np.zeros((length, 1))
     for start, part in zip(starts, parts, strict=True):
@@ -237,7 +235,7 @@ def _together(parts: Float[np.ndarray, "W F n"], starts: np.ndarray, length: int
 
 
 def _interpolated(values: Float[np.ndarray, "S n"], time: np.ndarray, frames: int) -> Float[np.ndarray, "T n"]:
-    """From the windows' times to a clip's frames."""
+    """Resample from the windows' times to a clip's frames."""
     at = np.interp(np.arange(frames), time, np.arange(len(time)))
     before = np.minimum(np.floor(at).astype(int), len(values) - 1)
     after = np.minimum(before + 1, len(values) - 1)

@@ -1,6 +1,6 @@
-"""The focal length of a clip whose camera nobody knows, with how sure it is.
+"""The focal length of a clip whose camera is unknown, with its uncertainty.
 
-What is likely of cameras, and what a network reads from how people look and move (`perspective`): Bayes' rule.
+Bayes' rule: a prior over cameras, and what a network infers from how people look and move (`perspective`).
 """
 
 from dataclasses import dataclass
@@ -18,30 +18,30 @@ from fitting_core.lifting.rays import POINTS, SEEN
 from fitting_core.shipped import PERSPECTIVE
 
 _LENSES_MM = np.geomspace(14.0, 300.0, 80)
-"""35 mm equivalents that are told apart."""
+"""35 mm equivalents that are distinguished."""
 _USUAL_MM, _SPREAD = 35.0, 0.6
-"""What is likely of cameras, most of which are phones, before anything is seen: the logarithm's normal distribution."""
+"""Prior over cameras, mostly phones: a normal distribution of the logarithm."""
 _WEIGHT = 2.0
-"""Of the windows' mean log likelihood. However many they are, they show the same camera, person and errors."""
+"""Weight of the windows' mean log likelihood. All windows show the same camera, person and errors."""
 _TILT = 1.33
-"""The weighted log likelihood grows too fast with the logarithm of the focal length, by so much per e-fold."""
+"""Excess slope of the weighted log likelihood over the log of the focal length, per e-fold."""
 _TOO_SURE = 2.0
-"""By so much the posterior is too narrow: with 1.7, which the motion suite's tuning half asks for, 9 of 13 real cameras
-were within the bounds. This and the four above are set on that half and on four real clips."""
+"""Factor by which the posterior is too narrow: with 1.7, the motion suite's tuning half's own value, 9 of 13 real
+cameras were within the bounds. This and the four above are set on that half and on four real clips."""
 _DOUBT = 1e-4, 1e-6
-"""Shares that keep logarithms finite: of what was seen in training, of what the network says."""
+"""Floors that keep logarithms finite: of the training shares, of the network's output."""
 _WHOLE = [[kp.INDEX[f"{side}_{part}"] for side in ("left", "right")] for part in ("shoulder", "hip", "ankle")]
 _WHOLE_SHARE = 0.7
-"""Of a window's keypoints of the shoulders, the hips and the ankles each, that must be seen."""
+"""Share of a window's keypoints of the shoulders, the hips and the ankles each that must be seen."""
 _MOST = 16
-"""Windows that are looked at, from all over the clip."""
+"""Windows that are used, spread over the clip."""
 _ONE_IN_TEN = 1.2816
 """Standard deviations."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FocalEstimate:
-    """The likeliest focal length, and bounds that hold the right one in 8 of 10 clips, in pixels."""
+    """The likeliest focal length, and bounds that contain the true one in 8 of 10 clips, in pixels."""
 
     focal: float
     low: float
@@ -56,19 +56,19 @@ def estimate_focal(
     *,
     weights: Path = PERSPECTIVE,
 ) -> FocalEstimate | None:
-    """The focal length in pixels, by how near the camera seems to have stood.
+    """The focal length in pixels, from how near the camera seems to have stood.
 
-    How tall the person is would be of no help: one twice as tall, twice as far away, gives the same pictures.
+    The person's height would not help: somebody twice as tall, twice as far away, gives the same pictures.
 
     Args:
         xy: Pixels; BODY_25 are the first 25 of K.
-        confidence: 0 for what is not to be looked at.
-        camera: Size and principal point count.
+        confidence: 0 for keypoints to ignore.
+        camera: Only size and principal point are used.
         frame_rate: Frames per second.
         weights: The network's file.
 
     Returns:
-        None where no window shows a person from shoulders to ankles.
+        None if no window shows a person from shoulders to ankles.
 
     Raises:
         InputError: The file is not a perspective network.
@@ -76,7 +76,7 @@ def estimate_focal(
     assumed = default_focal(camera.size)
     rays = (xy[:, :POINTS] - np.array(camera.center)) / assumed
     given = windows_of(rays, confidence, frame_rate)[2]
-    # Only windows that show people from shoulders to ankles; of others the network takes all for far.
+    # Only windows that show people from shoulders to ankles; in others the network assumes everybody is far away.
     shares = (given[..., _WHOLE, 2] > SEEN).mean((1, 3))
     given = given[(shares >= _WHOLE_SHARE).all(1)]
     if not len(given):
@@ -92,7 +92,7 @@ def estimate_focal(
 def _seen(
     given: Float[np.ndarray, "W F 25 3"], log_factor: Float[np.ndarray, "L"], weights: Path
 ) -> Float[np.ndarray, "W L"]:
-    """What the network says of each window: log likelihoods of focal lengths, up to a constant.
+    """The network's log likelihoods of focal lengths for each window, up to a constant.
 
     Args:
         given: Rays of the assumed focal length, and confidence.
@@ -110,7 +110,7 @@ def _seen(
 
 
 def _estimate(focals: Float[np.ndarray, "L"], log_posterior: Float[np.ndarray, "L"]) -> FocalEstimate:
-    """Mean of the logarithm, and the bounds that one in ten lies below and one in ten above."""
+    """Mean of the logarithm, and the 10 % and 90 % bounds."""
     posterior = np.exp(log_posterior - log_posterior.max())
     posterior /= posterior.sum()
     log = np.log(focals)

@@ -25,14 +25,14 @@ class LifterSize:
 
 
 class Lifted(NamedTuple):
-    """What the network says of windows, in the axes of the virtual camera (see `rays.Seen`)."""
+    """The network's output for windows, in the axes of the virtual camera (see `rays.Seen`)."""
 
     points: Float[Tensor, "B T 25 3"]
     """BODY_25 relative to the pelvis joint, metres."""
     log_error: Float[Tensor, "B T 25"]
     """Logarithm of the expected distance along z between `points` and the truth, metres."""
     up: Float[Tensor, "B T 3"]
-    """Against gravity; its length is 1 where the network is sure, and less where it is not."""
+    """Against gravity; its length is 1 if the network is sure, and less otherwise."""
     contact: Float[Tensor, "B T 2"]
     """Logits: whether the left and the right foot stand still on the ground."""
 
@@ -56,14 +56,14 @@ class Lifter(nn.Module):
         nn.init.constant_(self.error.bias, -2.5)
 
     def forward(self, features: Float[Tensor, "B T F"]) -> Lifted:
-        """As `Lifted` says; the expected error learns from the points and never the other way round."""
+        """See `Lifted`; the expected error is learned from the points, without a gradient to them."""
         x = self.understood(features)
         points = self.points(x).float().unflatten(-1, (POINTS, 3))
         others = self.others(x).float()
         return Lifted(points, self.error(x.detach()).float(), others[..., :3], others[..., 3:])
 
     def understood(self, features: Float[Tensor, "B T F"]) -> Float[Tensor, "B T width"]:
-        """What all that is told about a frame is read from."""
+        """The features that all outputs of a frame are read from."""
         x = self.second(nn.functional.gelu(self.first(features))) + self.place
         for block in self.blocks:
             x = block(x)
@@ -71,7 +71,7 @@ class Lifter(nn.Module):
 
 
 class _Block(nn.Module):
-    """Attention among all frames of the window, and a perceptron of each."""
+    """Attention among all frames of the window, then a perceptron per frame."""
 
     def __init__(self, width: int, heads: int) -> None:
         super().__init__()
@@ -81,7 +81,6 @@ class _Block(nn.Module):
         self.widened, self.narrowed = nn.Linear(width, 2 * width), nn.Linear(2 * width, width)
 
     def forward(self, x: Float[Tensor, "B T width"]) -> Float[Tensor, "B T width"]:
-        """A residual step."""
         query, key, value = self.attention(self.before_attention(x)).unflatten(-1, (3, self.heads, -1)).unbind(2)
         parts = (part.transpose(1, 2) for part in (query, key, value))
         mixed = nn.functional.scaled_dot_product_attention(*parts).transpose(1, 2).flatten(2)

@@ -1,5 +1,5 @@
-"""Networks over windows of keypoints in files: an npz of a network's arrays by their names, and `about`, JSON that
-says what it is."""
+"""Files of networks over windows of keypoints: an npz of a network's arrays by name, and `about`, JSON that describes
+it."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,18 +16,18 @@ from fitting_core.lifting.network import FRAMES, RATE, LifterSize
 
 
 class NetworkAbout(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
-    """What the file of any network says of itself."""
+    """What any network's file states about itself."""
 
     format: str
     width: int
     layers: int
     heads: int
     frames: int
-    """Of a window, which the network is made for."""
+    """Of a window, as the network expects."""
     rate: float
     """Frames per second of a window."""
     notes: str = ""
-    """How it came about, for people."""
+    """How it was made, for people."""
 
     @property
     def size(self) -> LifterSize:
@@ -36,7 +36,7 @@ class NetworkAbout(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
     @property
     def possible(self) -> bool:
-        """Whether there can be such a network."""
+        """Whether such a network is possible."""
         return self.width % max(self.heads, 1) == 0
 
 
@@ -44,22 +44,19 @@ Told = TypeVar("Told", bound=NetworkAbout)
 
 
 def write_network(path: Path, arrays: Mapping[str, Tensor], about: NetworkAbout) -> None:
-    """Write a network, whole or not at all, with half the digits that it was trained with."""
+    """Write a network atomically, at half the precision of its training."""
     halves = {name: values.detach().cpu().numpy().astype(np.float16) for name, values in arrays.items()}
     write_npz(path, {"about": np.array(msgspec.json.encode(about).decode()), **halves})
 
 
 def read_network(path: Path, kind: type[Told], expected: str, noun: str) -> tuple[Told, dict[str, Tensor]]:
-    """What `write_network` wrote.
+    """The network that `write_network` wrote. Raises InputError if it is missing, damaged, or has the wrong form.
 
     Args:
         path: The file.
-        kind: What it says of itself.
+        kind: The class of its description.
         expected: Its format.
-        noun: What it is called in errors.
-
-    Raises:
-        InputError: It is missing, damaged, or of another form.
+        noun: Its name in errors.
     """
     try:
         arrays = read_npz(path, most=2**26)
@@ -70,21 +67,18 @@ def read_network(path: Path, kind: type[Told], expected: str, noun: str) -> tupl
         found = f"{about.format!r} for {about.frames} frames at {about.rate:g} per second"
         raise InputError(f"{path}: is {found}, expected {expected!r} for {FRAMES} at {RATE:g}. Reinstall tcfit.")
     if not about.possible:
-        raise InputError(f"{path}: says impossible things of itself ({about}). Reinstall tcfit.")
+        raise InputError(f"{path}: its description is impossible ({about}). Reinstall tcfit.")
     return about, {name: torch.as_tensor(array.astype(np.float32)) for name, array in arrays.items()}
 
 
 def fill(network: nn.Module, arrays: Mapping[str, Tensor], path: Path, *, without: tuple[str, ...] = ()) -> None:
-    """Give a network what its file holds, for use.
+    """Load a network's arrays for use. Raises InputError if the arrays are not those of the network, or not finite.
 
     Args:
         network: Keeps what it has under the names that begin with one of `without`.
         arrays: All others.
         path: The file, for errors.
         without: Beginnings of names.
-
-    Raises:
-        InputError: The arrays are not those of the network, or not finite.
     """
     wanted = {name: values.shape for name, values in network.state_dict().items() if not name.startswith(without)}
     if {name: values.shape for name, values in arrays.items()} != wanted:

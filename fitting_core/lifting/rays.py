@@ -1,4 +1,4 @@
-"""What the lifter sees: keypoints as rays before a virtual camera that looks at the person."""
+"""The lifter's input: keypoints as rays before a virtual camera that looks at the person."""
 
 from typing import NamedTuple
 
@@ -17,7 +17,7 @@ _OF_LIMBS = 0.05
 """Weight of keypoints outside the trunk in the window's centre and extent."""
 _EXTENT = 0.5
 _FARTHEST = 6.0
-"""In extents from the centre: beyond, a keypoint is an outlier."""
+"""In extents from the centre: a keypoint farther away is an outlier."""
 
 
 class Seen(NamedTuple):
@@ -33,8 +33,8 @@ def seen(rays: Float[Tensor, "B T 25 2"], confidence: Float[Tensor, "B T 25"], c
 
     Args:
         rays: x / z and y / z of each keypoint in camera space; anything where confidence is 0.
-        confidence: 0 for what was not found.
-        calibrated: 1 where the focal length is known, 0 where it is guessed.
+        confidence: 0 for keypoints not found.
+        calibrated: 1 if the focal length is known, 0 if it is guessed.
     """
     there = (confidence > SEEN).to(rays)
     centre, weight = _centre(rays, confidence * there)
@@ -57,7 +57,7 @@ def _centre(rays: Tensor, confidence: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def _looking_at(centre: Float[Tensor, "B 2"]) -> Float[Tensor, "B 3 3"]:
-    """Rows: the axes of a camera that looks there and is not rolled against the real one."""
+    """Rows: the axes of a camera that looks there, without roll relative to the real one."""
     ahead = torch.nn.functional.normalize(torch.cat([centre, torch.ones_like(centre[:, :1])], 1), dim=1)
     level = torch.stack([ahead[:, 2], torch.zeros_like(ahead[:, 0]), -ahead[:, 0]], 1)
     right = torch.nn.functional.normalize(level, dim=1)

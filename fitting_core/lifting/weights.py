@@ -13,19 +13,19 @@ FORMAT = "tcfit lifter 1"
 
 
 class AboutLifter(NetworkAbout, kw_only=True):
-    """What the file says of itself."""
+    """What the file states about itself."""
 
     error_factor: float
-    """What the network's expected errors are to be multiplied by, from motion that it was not trained on."""
+    """Factor for the network's expected errors, from motion that it was not trained on."""
 
     @property
     def possible(self) -> bool:
-        """Whether there can be such a network."""
+        """Whether such a network is possible."""
         return super().possible and math.isfinite(self.error_factor) and self.error_factor > 0
 
 
 def write_lifter(path: Path, network: Lifter, *, error_factor: float, notes: str) -> None:
-    """Write a network, whole or not at all, with half the digits that it was trained with."""
+    """Write a network atomically, at half the precision of its training."""
     of_windows = {"frames": FRAMES, "rate": RATE, **asdict(network.size)}
     about = AboutLifter(format=FORMAT, error_factor=error_factor, notes=notes, **of_windows)
     write_network(path, network.state_dict(), about)
@@ -33,11 +33,8 @@ def write_lifter(path: Path, network: Lifter, *, error_factor: float, notes: str
 
 @lru_cache(maxsize=2)
 def read_lifter(path: Path = LIFTER) -> tuple[Lifter, float]:
-    """The network that `write_lifter` wrote, and its error factor.
-
-    Raises:
-        InputError: It is missing, damaged, or of another form.
-    """
+    """The network that `write_lifter` wrote, and its error factor. Raises InputError if it is missing, damaged, or has
+    the wrong form."""
     about, arrays = read_network(path, AboutLifter, FORMAT, "lifter")
     network = Lifter(about.size)
     fill(network, arrays, path)

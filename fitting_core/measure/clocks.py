@@ -60,14 +60,12 @@ class ClockOffset:
 
 
 def found_offset(estimate: PosedMotion, reference: Reference) -> ClockOffset:
-    """When a reference begins, by its movement and the fit's.
+    """When a reference begins, by its movement and the fit's. Raises InputError if too little moves, or other
+    movements, or several offsets fit about as well.
 
     Args:
         estimate: The fit; its frames say when it is in the video.
         reference: At its own rate; where it says that it begins does not count.
-
-    Raises:
-        InputError: Too little moves, or other movements, or several offsets fit about as well.
     """
     fitted, true, _ = comparable(estimate, reference)
     rate, own_rate = estimate.frame_rate, reference.frame_rate or estimate.frame_rate
@@ -129,11 +127,8 @@ def _correlation(ours: Float[np.ndarray, "T P"], theirs: Float[np.ndarray, "T P"
 def _best_lag(
     name: str, ours: Float[np.ndarray, "T P"], theirs: Float[np.ndarray, "R P"], rate: float
 ) -> tuple[int, float]:
-    """The fit's first frame in the reference's frames at the same rate, and the second best one's correlation.
-
-    Raises:
-        InputError: No offset fits, or several fit about as well.
-    """
+    """The fit's first frame in the reference's frames at the same rate, and the second best one's correlation. Raises
+    InputError if no offset fits, or several fit about as well."""
     scores, lags = _correlations(ours, theirs, rate)
     if not np.isfinite(scores).any():
         raise InputError(

@@ -159,7 +159,7 @@ def compare(
     every: int = 1,
     done: Callable[[int], object] | None = None,
 ) -> Comparison:
-    """Measure a fit.
+    """Measure a fit. Raises InputError if the reference has no moment in common with the fit.
 
     Args:
         estimate: The fit.
@@ -168,9 +168,6 @@ def compare(
         meshes: Whether to measure surfaces, which takes some 0.4 s a frame.
         every: Surfaces are measured in every so many frames.
         done: Called with the number of frames whose surfaces have just been measured.
-
-    Raises:
-        InputError: The reference has no moment in common with the fit.
     """
     pair = _paired(estimate, reference, truth_body)
     if pair.true_volumes is not None and meshes:
@@ -191,15 +188,13 @@ def compare(
 
 
 def compare_other(name: str, estimate: PosedMotion, reference: Reference) -> Comparison:
-    """What another system made of the clip, whose points are in the reference, in the frames of a fit.
+    """What another system made of the clip, whose points are in the reference, in the frames of a fit. Raises
+    InputError if the reference has no moment in common with the fit.
 
     Args:
         name: Of the system, in `Reference.others`.
         estimate: The fit: its frames count.
         reference: With the system's points.
-
-    Raises:
-        InputError: The reference has no moment in common with the fit.
     """
     frames = reference.frames_of(len(estimate.params), estimate.first_frame, estimate.frame_rate)
     found, true = (

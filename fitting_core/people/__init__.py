@@ -1,1 +1,1 @@
-"""Everybody in a clip: seen in each frame, followed, joined again after absences, and what of it is not sure."""
+"""Everybody in a clip: detected in each frame, followed, rejoined after absences, with what is uncertain."""

@@ -1,4 +1,4 @@
-"""Everybody in a clip, each with keypoints of their own, and with the frames in which it is not sure who is who."""
+"""Everybody in a clip, each with their own keypoints, and the frames in which identities are uncertain."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,13 +14,13 @@ from fitting_core.people.sightings import Sighting, sightings
 from fitting_core.video.frame_names import runs, spans
 
 _MOST = 100
-"""People of one frame who are followed: those who are largest and surest."""
+"""Most people of one frame who are followed: the largest and surest."""
 _SAME = 0.2
-"""In sizes: two detections nearer to each other than that are of one person."""
+"""In sizes: two detections nearer to each other than this are of one person."""
 _SHORTEST_SECONDS, _SHORTEST_FRAMES = 0.25, 5
-"""Who is seen for less at a stretch is nobody: a false detection."""
+"""Anything seen for less at a stretch is a false detection."""
 _BETWEEN = 0.2
-"""Seconds: doubtful frames nearer to each other are one doubtful stretch."""
+"""Seconds: uncertain frames nearer to each other are one stretch."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,9 +28,9 @@ class FoundPerson:
     """One of the people of a clip."""
 
     keypoints: Keypoints
-    """Of every frame of the clip; where the person was not found, everything has confidence 0."""
+    """For every frame of the clip; confidence 0 everywhere where the person was not found."""
     entries: tuple[int | None, ...]
-    """Per frame, the person's place in the frame's list of people; None where the person was not found."""
+    """Per frame, the person's index in the frame's list of people; None if not found."""
     uncertain: tuple[range, ...]
     """Stretches of frames after which this may be somebody else, counted from the clip's first as 0."""
 
@@ -50,20 +50,17 @@ class Everybody:
 
     people: tuple[FoundPerson, ...]
     note: str
-    """What was left out, in words for the user; empty where nothing was."""
+    """What was left out, for the user; empty if nothing was."""
 
 
 def find_everybody(detections: Detections, *, frame_rate: float, first_frame: int = 0, most: int = _MOST) -> Everybody:
-    """Follow everybody through a clip.
+    """Follow everybody through a clip. Raises InputError if nobody is seen for a quarter of a second.
 
     Args:
         detections: In pixels.
         frame_rate: Frames per second.
         first_frame: Number of the first frame, for the note.
-        most: People of the clip who are kept: those who are largest and surest for longest.
-
-    Raises:
-        InputError: Nobody is seen for a quarter of a second.
+        most: Most people to keep: the largest and surest over the clip.
     """
     seen = [_most_prominent(sightings(frame)) for frame in detections.frames]
     crowded = [first_frame + t for t, frame in enumerate(detections.frames) if len(frame) > _MOST]
@@ -81,7 +78,7 @@ def find_everybody(detections: Detections, *, frame_rate: float, first_frame: in
     notes = []
     if short:
         notes.append(
-            f"Whoever is seen for fewer than {shortest} frames at a stretch was left out as a false detection, in "
+            f"Anybody seen for fewer than {shortest} frames at a stretch was left out as a false detection, in "
             f"frames {spans(short)}."
         )
     if crowded:
@@ -97,7 +94,7 @@ def _most_prominent(people: list[Sighting]) -> list[Sighting]:
 
 
 def without_doubles(people: Sequence[Sighting]) -> list[Sighting]:
-    """People of one frame, of each of whom only the surest detection is left.
+    """People of one frame, with only the surest detection of each.
 
     Args:
         people: The largest and surest first.
@@ -113,7 +110,7 @@ def without_doubles(people: Sequence[Sighting]) -> list[Sighting]:
 
 
 def _order(person: FollowedPerson, frame_rate: float) -> tuple[int, float]:
-    """By when they appear, to a quarter of a second; then from left to right."""
+    """By time of appearance, to a quarter of a second; then from left to right."""
     first = person.parts[0].first
     return int(first / max(_SHORTEST_SECONDS * frame_rate, 1)), float(person.parts[0].sightings[first].centre[0])
 
@@ -134,7 +131,7 @@ def _found(person: FollowedPerson, detections: Detections, kept: frozenset[Follo
 
 
 def _uncertain(person: FollowedPerson, kept: frozenset[Followed], frame_rate: float) -> tuple[range, ...]:
-    """Where it could be somebody else from then on: beside others, and over absences."""
+    """Where it could be somebody else from then on: near others, and across absences."""
     frames: set[int] = set()
     own = set(person.parts)
     for part in person.parts:

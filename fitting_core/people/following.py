@@ -1,7 +1,7 @@
-"""Everybody followed from frame to frame by the best of all assignments, and who else it could be.
+"""Everybody followed from frame to frame by optimal assignment, and their possible confusions.
 
-Prices are squares of distances, in parts of how far somebody can come: 1 is at the limit. What is not matched costs as
-much, so that one sure match and one left out beat two doubtful ones.
+Costs are squared distances as shares of how far somebody can move: 1 is the limit. An unmatched one costs as much, so
+that one sure match and one left out beat two doubtful ones.
 """
 
 from collections.abc import Sequence
@@ -14,23 +14,23 @@ from scipy.optimize import linear_sum_assignment
 from fitting_core.people.sightings import Sighting
 
 OUT_OF_SIGHT = 1.0
-"""Seconds after which nobody is followed any more, and who comes is somebody new or returns (returning.py)."""
+"""Seconds after which nobody is followed any more; whoever appears is new or returns (returning.py)."""
 MOST_FOLLOWED = 300
-"""At a time: those who were seen last. False detections all over each frame took 2 s a frame without."""
+"""Most at a time: the last seen. Without it, false detections all over each frame took 2 s per frame."""
 _REACH, _REACH_GROWTH = 1.0, 1.5
-"""In sizes of the person: how far keypoints can lie from where they should be, and more for each second unseen."""
+"""In sizes of the person: how far keypoints may be from where they are expected, and more per second unseen."""
 _MOVES_ON = 0.7
-"""Seconds for which somebody unseen is taken to move on."""
+"""Seconds for which somebody unseen is assumed to keep moving."""
 _VELOCITY_SECONDS = 0.35
-"""Over which a velocity is measured: most of a step, so that a swinging limb is no velocity."""
+"""Period for a velocity: most of a step, so that a swinging limb does not look like one."""
 _COMMON_POINTS = 4
-"""With fewer keypoints in common, centres are compared, and neither scale nor velocity is known."""
+"""With fewer keypoints in common, centres are compared, and scale and velocity are unknown."""
 _SCALE = 0.35
-"""Change of the logarithm of the scale, of the same price as a distance at the limit."""
+"""Change of log scale that costs as much as a distance at the limit."""
 _DOUBT, _DOUBT_UNSEEN = 0.6, 0.8
-"""How much dearer an exchange must be to be excluded, of two who are seen, and where one is not, or was not."""
+"""How much more an exchange must cost to be excluded, if both are seen, and if one is or was not."""
 _BACK = 0.1
-"""What it costs to come back: whoever was seen a frame ago is the likelier one of two in one place."""
+"""Cost of coming back: of two candidates in one place, the one seen in the last frame is likelier."""
 _NO_MATCH = 1.0
 _NEVER = 1e6
 
@@ -40,11 +40,11 @@ class Followed:
     """One person as followed so far."""
 
     sightings: dict[int, Sighting] = field(default_factory=dict)
-    """By frame, in their order."""
+    """By frame, in order."""
     velocity: Float[np.ndarray, "2"] = field(default_factory=lambda: np.zeros(2))
-    """Pixels a frame."""
+    """Pixels per frame."""
     doubts: dict["Followed", set[int]] = field(default_factory=dict)
-    """By whom it could be instead: frames."""
+    """Who else it could be: frames."""
 
     @property
     def first(self) -> int:
@@ -57,7 +57,7 @@ class Followed:
         return next(reversed(self.sightings))
 
     def add(self, frame: int, seen: Sighting, frame_rate: float) -> None:
-        """Take what a frame shows as this person."""
+        """Add what a frame shows of this person."""
         span = _VELOCITY_SECONDS * frame_rate
         for earlier in reversed(self.sightings):
             moved = _moved(self.sightings[earlier], seen)
@@ -68,7 +68,7 @@ class Followed:
         self.sightings[frame] = seen
 
     def doubt(self, other: "Followed", frames: Sequence[int] | range) -> None:
-        """Say that in these frames both could be exchanged."""
+        """Note that in these frames both could be swapped."""
         for one, two in ((self, other), (other, self)):
             one.doubts.setdefault(two, set()).update(frames)
 
@@ -93,7 +93,7 @@ def follow_all(frames: Sequence[Sequence[Sighting]], frame_rate: float) -> list[
 
 
 def _assign(frame: int, people: list[Sighting], alive: list[Followed], frame_rate: float) -> list[Followed]:
-    """Give a frame's people to who is followed; those who are new."""
+    """Assign a frame's people to those followed; returns the new ones."""
     if not people:
         return []
     prices, turned = _prices(frame, people, alive, frame_rate)
@@ -113,10 +113,10 @@ def _assign(frame: int, people: list[Sighting], alive: list[Followed], frame_rat
 
 
 def optimal(prices: Float[np.ndarray, "P T"]) -> list[int | None]:
-    """By row, the column that it goes with, such that the sum of all prices is least; None: with none, which costs 1.
+    """For each row, the matching column such that the total cost is least; None: unmatched, which costs 1.
 
     Args:
-        prices: Infinite where the two do not go together.
+        prices: Infinite if the two cannot match.
     """
     rows, columns = prices.shape
     alone = np.where(np.eye(rows, dtype=bool), _NO_MATCH, _NEVER)
@@ -134,7 +134,6 @@ def _note_doubts(
     unmatched: list[int],
     new: list[Followed],
 ) -> None:
-    """Note whom else each match could be of."""
     taken = {j: k for k, j in enumerate(place) if j is not None}
     unseen = [frame - last > 1 for last in lost_at]
     for j, k in taken.items():
@@ -145,7 +144,7 @@ def _note_doubts(
             seen = taken.get(int(i))
             dearer = prices[k, i] - own + (0.0 if seen is None else prices[seen, j] - prices[seen, i])
             if dearer < (_DOUBT_UNSEEN if seen is None or unseen[j] or unseen[i] else _DOUBT):
-                # Who comes back may have been exchanged at any time since.
+                # Somebody who comes back may have been swapped at any time since.
                 since = lost_at[j] if seen is None else min(lost_at[j], lost_at[i])
                 alive[j].doubt(alive[i], range(since, frame + 1))
         for who, stranger in zip(unmatched, new, strict=True):
@@ -156,9 +155,9 @@ def _note_doubts(
 def _prices(
     frame: int, people: Sequence[Sighting], alive: Sequence[Followed], frame_rate: float
 ) -> tuple[Float[np.ndarray, "P T"], Float[np.ndarray, "P T"]]:
-    """How unlikely it is that people of a frame are those who are followed; infinite where they cannot be.
+    """How unlikely it is that people of a frame are those followed; infinite if impossible.
 
-    First if everybody moved on as before, then if those who were not seen have stopped meanwhile, or turned round.
+    First assuming that everybody kept moving, then that those not seen have stopped meanwhile, or turned round.
     """
     if not alive:
         return np.zeros((len(people), 0)), np.zeros((len(people), 0))
@@ -182,9 +181,9 @@ def _prices(
 def apart(
     people: Sequence[Sighting], others: Sequence[Sighting], shifts: Float[np.ndarray, "T 2"]
 ) -> tuple[Float[np.ndarray, "P T"], Float[np.ndarray, "P T"]]:
-    """How far apart sightings are, in sizes of the larger, and by how much in scale (logarithm; 0 where not known).
+    """Distances between sightings in sizes of the larger, and differences of log scale (0 if unknown).
 
-    The median over common keypoints: those that a detector found on somebody in front do not count then.
+    The median over common keypoints, which ignores those that a detector placed on somebody in front.
     """
     a = np.array([one.body for one in people])[:, None]
     b = np.array([one.body for one in others])[None]
@@ -219,7 +218,7 @@ def _spread(
 
 
 def _moved(before: Sighting, after: Sighting) -> Float[np.ndarray, "2"] | None:
-    """Median motion of common body points; None where they are too few to say."""
+    """Median motion of common body points; None if they are too few."""
     both = (before.body[:, 2] > 0) & (after.body[:, 2] > 0)
     if both.sum() < _COMMON_POINTS:
         return None

@@ -18,14 +18,14 @@ from fitting_core.video.frame_names import spans
 
 # Distances are in units of a person's size.
 _REACH = 1.0
-"""How far the same person's keypoints can lie from one frame to the next, on average."""
+"""Mean distance of the same person's keypoints from one frame to the next, at most."""
 _REACH_GROWTH = 0.1
-"""What every frame without a detection adds to it."""
+"""Added for every frame without a detection."""
 _MOST_REACH = 2.5
 _RIVAL = 0.7
-"""Share of the chosen track's score from which another person is worth a warning."""
+"""Share of the chosen track's score above which another person is worth a warning."""
 _JUMP = 0.5
-"""Beside others, who comes back so far from where he was last seen may be one of them."""
+"""Near others, somebody who comes back so far from where they were last seen may be one of those."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,11 +33,11 @@ class PersonChoice:
     """One person's keypoints, and how they were chosen."""
 
     keypoints: Keypoints
-    """Of every frame; where the person was not found, everything has confidence 0."""
+    """For every frame; confidence 0 everywhere where the person was not found."""
     entries: tuple[int | None, ...]
-    """Per frame, the person's place in the frame's list of people; None where the person was not found."""
+    """Per frame, the person's index in the frame's list of people; None if not found."""
     note: str
-    """The choice in words for the user; empty where there was none to make."""
+    """The choice in words for the user; empty if there was none to make."""
     doubtful: tuple[range, ...] = ()
     """Frames, counted from the clip's first as 0, between which the person may have become somebody else."""
 
@@ -53,23 +53,21 @@ def choose_person(
     first_frame: int = 0,
     frame_rate: float = 30.0,
 ) -> PersonChoice:
-    """Choose one person over the clip.
+    """Choose one person over the clip. Raises InputError if there is no detection in the whole clip, or no frame with
+    so many people.
 
     Without an option, everybody is followed from frame to frame by the distances between keypoints relative to the
     person's size (the nearest match first), also through frames without a detection; the track with the largest sum of
     size times mean confidence is taken. Nobody else fills its gaps. Where that may have gone over to somebody else is
-    named: in generated scenes of two or three, 17 of 17 exchanges, by less than 1 % of the frames.
+    noted: in generated scenes of two or three, 17 of 17 exchanges, by less than 1 % of the frames.
 
     Args:
         detections: In pixels.
-        person: Take the one who has this place (from 0) in the list of people of the first frame that has such a place,
-            instead. Detectors do not keep their order, so that others can have this place in other frames.
-        seen: Take the one who is at a place (from 0) in the list of people of a frame of these detections, instead.
+        person: Take whoever has this index (from 0) in the first frame with so many people instead. Detectors do not
+            keep their order, so others can have this index in other frames.
+        seen: Take whoever is at an index (from 0) in the list of people of one of these frames instead.
         first_frame: Number of the first frame, for the note.
         frame_rate: Frames per second.
-
-    Raises:
-        InputError: No detection in the whole clip, or no frame with so many people.
     """
     if not len(detections.detected_points()):
         raise InputError(
@@ -89,14 +87,14 @@ def choose_person(
     doubtful = _doubtful(chosen, detections, entries, frame_rate) if len(tracks) > 1 else ()
     if doubtful:
         frames = spans([first_frame + t for doubt in doubtful for t in doubt])
-        note += f" Over frames {frames} the person may have become one of the others: look whether it is the same one."
+        note += f" Over frames {frames} the person may be confused with another: check that it is the same one."
     return PersonChoice(keypoints=_keypoints(detections, entries), entries=entries, note=note, doubtful=doubtful)
 
 
 def _doubtful(
     chosen: _Track, detections: Detections, entries: tuple[int | None, ...], frame_rate: float
 ) -> tuple[range, ...]:
-    """Where the person comes back beside others and far off, or is somebody else by the other way of following."""
+    """Where the person comes back near others and far off, or is somebody else by the other way of following."""
     frames: set[int] = set()
     for before, after in pairwise(chosen.sightings):
         beside = any(len(detections.frames[t]) > 1 for t in (before, after))
@@ -117,7 +115,7 @@ def _doubtful(
 
 
 def _asked(detections: Detections, tracks: list[_Track], person: int) -> tuple[_Track, int]:
-    """The track that an option means, and the frame that tells."""
+    """The track that an option selects, and the frame that decides."""
     if not 0 <= person < detections.most_people:
         raise InputError(
             f"person={person}, but no frame of {detections.source} has more than {detections.most_people} people; "
@@ -130,7 +128,7 @@ def _asked(detections: Detections, tracks: list[_Track], person: int) -> tuple[_
 
 
 def _first_with(detections: Detections, place: int) -> int | None:
-    """The first frame of whose list this place is somebody."""
+    """The first frame whose list has somebody at this index."""
     frames = enumerate(detections.frames)
     return next((t for t, people in frames if place < len(people) and (people[place, :, 2] > 0).any()), None)
 
@@ -144,13 +142,12 @@ def _keypoints(detections: Detections, entries: tuple[int | None, ...]) -> Keypo
 
 
 def _entry(track: _Track, frame: int) -> int | None:
-    """The person's place in a frame's list."""
     seen = track.sightings.get(frame)
     return None if seen is None else seen.entry
 
 
 def _prices(people: Sequence[Sighting], tracks: Sequence[_Track], frame: int) -> Float[np.ndarray, "P T"]:
-    """Distances in sizes, infinite where they are out of reach."""
+    """Distances in sizes, infinite if out of reach."""
     gaps = np.array([frame - track.frame - 1 for track in tracks])
     apart = distances(people, tracks, frame)
     return np.where(apart <= np.minimum(_REACH + _REACH_GROWTH * gaps, _MOST_REACH), apart, np.inf)
@@ -182,7 +179,7 @@ def _describe(tracks: list[_Track], detections: Detections, first_frame: int) ->
         )
     if others and others[0].score > _RIVAL * chosen.score:
         start, seen = next(iter(others[0].sightings.items()))
-        # Where somebody else had that place before, the clip must begin later for it to mean this one.
+        # If somebody else had that index before, the clip must begin later for it to mean this person.
         cut = "" if _first_with(detections, seen.entry) == start else f"first_frame={first_frame + start} and "
         sentences.append(
             f"Another person is nearly as prominent, in frame {first_frame + start} at place {seen.entry} of the list: "

@@ -1,4 +1,4 @@
-"""Who was out of sight for longer and comes back: joined again where it can be told who it is, and said always."""
+"""People who come back after a longer absence: rejoined if it is clear who they are, and always reported."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -8,15 +8,15 @@ import numpy as np
 from fitting_core.people.following import Followed
 
 _ENDS_SECONDS = 2.0
-"""At either end of an absence, from which the size is taken: at the image's edge alone it would be half a person's."""
+"""Sightings at either end of an absence from which size is taken: at the image's edge alone, people are half seen."""
 _SCALE = 0.15
-"""Standard deviation of the logarithm of a person's size over an absence; poses change it."""
+"""Standard deviation of a person's log size over an absence, as poses change it."""
 _OTHER = 0.7
-"""Beyond such a change somebody else has come."""
+"""With a larger change it is somebody else."""
 _PLACE, _SPEED = 1.0, 8.0
-"""In sizes: how far from where one was seen last one can come back, at once and more for each second."""
+"""In sizes: how far from where they were last seen people can come back, at once and more per second."""
 _TELLS = 4.0
-"""How much likelier one must be than the next to be joined, in squares of standard deviations."""
+"""Margin to the second likeliest needed for rejoining, in squares of standard deviations."""
 
 
 @dataclass(eq=False)
@@ -38,11 +38,11 @@ class FollowedPerson:
 
 
 def joined(followed: Sequence[Followed], frame_rate: float) -> list[FollowedPerson]:
-    """People, of whom those who come back are one with those who went.
+    """People, with those who come back joined to those who left.
 
-    Who comes while exactly one person is away who can be there by then, and is of that size, is that person. While
-    several are away, it is the one whose size fits clearly best; where none does, it is a new person rather than a
-    guess. On which side somebody left says nothing: people walk round a camera.
+    If exactly one person is away who could be there by then and has that size, the newcomer is that person. If several
+    are away, it is the one whose size clearly fits best; if none does, it is a new person rather than a guess. The side
+    on which somebody left means nothing: people walk round a camera.
 
     Args:
         followed: In the order in which they appear.
@@ -62,7 +62,7 @@ def joined(followed: Sequence[Followed], frame_rate: float) -> list[FollowedPers
 
 
 def _unlike(before: Followed, after: Followed, frame_rate: float) -> float:
-    """How unlikely it is that one went and came back as the other; infinite: it is not so."""
+    """How unlikely it is that one left and came back as the other; infinite: impossible."""
     near = round(_ENDS_SECONDS * frame_rate)
     ended = [seen for t, seen in before.sightings.items() if t > before.last - near]
     begun = [seen for t, seen in after.sightings.items() if t < after.first + near]

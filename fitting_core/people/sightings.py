@@ -1,4 +1,4 @@
-"""People as a detector sees them in single frames, and how far apart two of them are, in sizes of a person."""
+"""People as detected in single frames, and distances between them, in sizes of a person."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ class Sighting:
     """A detection, with its centre and size."""
 
     entry: int
-    """Its place in the frame's list of people."""
+    """Its index in the frame's list of people."""
     body: Float[np.ndarray, "25 3"]
     centre: Float[np.ndarray, "2"]
     size: float
@@ -28,7 +28,7 @@ class Sighting:
 
     @classmethod
     def of(cls, entry: int, points: Float[np.ndarray, "137 3"]) -> "Sighting":
-        """What a frame's list has at a place."""
+        """The detection at an index of a frame's list."""
         # The body's points, or all where only hands or face were detected: 112 of 137 would outvote the body.
         used = points[BODY] if (points[BODY, 2] > 0).any() else points
         centre = np.average(used[:, :2], axis=0, weights=used[:, 2])
@@ -43,16 +43,16 @@ class Sighting:
 
 
 def sightings(frame: Float[np.ndarray, "P 137 3"]) -> list[Sighting]:
-    """Everybody in a frame of whom something is detected."""
+    """Everybody in a frame with any detection."""
     return [Sighting.of(entry, points) for entry, points in enumerate(frame) if (points[:, 2] > 0).any()]
 
 
 def distances(people: Sequence[Sighting], tracks: Sequence[Track[Sighting]], frame: int) -> Float[np.ndarray, "P T"]:
-    """Mean distance of common body points, or else of the centres, in sizes of the larger of the two.
+    """Mean distance of common body points, or of the centres, in sizes of the larger of the two.
 
     Args:
         people: Of the frame.
-        tracks: Who may be among them, moved on until this frame.
+        tracks: Candidates, moved on until this frame.
         frame: Its number.
     """
     shifts = np.array([track.shift(frame) for track in tracks])
@@ -69,7 +69,7 @@ def distances(people: Sequence[Sighting], tracks: Sequence[Track[Sighting]], fra
 
 
 def offset(before: Sighting, after: Sighting) -> Float[np.ndarray, "2"]:
-    """Mean motion of common body points; (0, 0) where they are too few to say."""
+    """Mean motion of common body points; (0, 0) if they are too few."""
     weights = np.sqrt(before.body[:, 2] * after.body[:, 2])
     if (weights > 0).sum() < _COMMON_POINTS:
         return np.zeros(2)

@@ -1,4 +1,4 @@
-"""People followed from frame to frame through what a detector saw of them, in no order and with gaps."""
+"""People followed from frame to frame through detections, which have no order and have gaps."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 _VELOCITY_FRAMES = 5
-"""A person who is not seen is taken to move on for so many frames, then to stand still."""
+"""Frames for which an unseen person is assumed to keep moving, then to stand still."""
 
 
 class Sighting(Protocol):
@@ -28,28 +28,28 @@ class Track(Generic[Seen]):
     """One person as followed so far."""
 
     sightings: dict[int, Seen] = field(default_factory=dict)
-    """By frame, in their order."""
+    """By frame, in order."""
     velocity: Float[np.ndarray, "2"] = field(default_factory=lambda: np.zeros(2))
-    """Pixels a frame."""
+    """Pixels per frame."""
     score: float = 0.0
     """Sum of the sightings' prominence."""
 
     @property
     def frame(self) -> int:
-        """Where the person was seen last."""
+        """The last sighting's frame."""
         return next(reversed(self.sightings))
 
     @property
     def seen(self) -> Seen:
-        """How the person was seen last."""
+        """The last sighting."""
         return self.sightings[self.frame]
 
     def shift(self, frame: int) -> Float[np.ndarray, "2"]:
-        """How far the person should have moved by then, moving on as before."""
+        """Expected motion by then at the same velocity."""
         return self.velocity * min(frame - self.frame, _VELOCITY_FRAMES)
 
     def add(self, frame: int, seen: Seen, offset: Callable[[Seen, Seen], Float[np.ndarray, "2"]]) -> None:
-        """Take what a frame shows as this person."""
+        """Add what a frame shows of this person."""
         if self.sightings:
             self.velocity = 0.5 * (self.velocity + offset(self.seen, seen) / (frame - self.frame))
         self.sightings[frame] = seen
@@ -66,8 +66,8 @@ def follow(
 
     Args:
         frames: Who is seen in each frame.
-        prices: Of the people of a frame and the tracks so far, how unlikely it is that the one continues the other;
-            infinite where it does not.
+        prices: Of the people of a frame and the tracks so far, how unlikely it is that one continues the other;
+            infinite if it does not.
         offset: How far a person moved from one sighting to the next, in pixels.
     """
     tracks: list[Track[Seen]] = []
@@ -81,10 +81,10 @@ def follow(
 
 
 def surest(prices: Float[np.ndarray, "P T"]) -> dict[int, int]:
-    """By row, the column that it goes with. The surest match comes first, and stays.
+    """For each row, the matching column. The surest match comes first, and stays.
 
-    Not the assignment of least total price: a false detection beside a person took over that person's track there, and
-    the person went to an old one, as this made two matches out of one.
+    Not the assignment of least total cost: there, a false detection beside a person took over that person's track and
+    the person an old one, as this made two matches out of one.
     """
     matches: dict[int, int] = {}
     rows, columns = np.nonzero(np.isfinite(prices))

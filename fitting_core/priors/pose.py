@@ -95,15 +95,12 @@ PRIORS: dict[str, Callable[[], PosePrior]] = {
 
 
 def make_prior(choice: str, *, dtype: torch.dtype, device: torch.device | str) -> PosePrior:
-    """The pose prior that a configuration names.
+    """The pose prior that a configuration names. Raises InputError if there is no such file, or it is not a pose prior.
 
     Args:
         choice: A name in PRIORS, or the path of VPoser or of a pose prior's npz.
         dtype: Of the computation.
         device: Where to compute.
-
-    Raises:
-        InputError: There is no such file, or it is not a pose prior.
     """
     prior = PRIORS[choice]() if choice in PRIORS else LatentPrior(read_prior(at_home(choice)))
     return prior.to(dtype=dtype, device=device)

@@ -90,11 +90,7 @@ def sheet(cells: Sequence[Cell], columns: int) -> Image:
 
 
 def write_sheet(path: Path, cells: Sequence[Cell], columns: int) -> None:
-    """Write a sheet as an image file (PNG by its name's ending).
-
-    Raises:
-        InputError: The file cannot be written.
-    """
+    """Write a sheet as an image file (PNG by its name's ending). Raises InputError if the file cannot be written."""
     try:
         with replacing(path) as draft:
             written = cv2.imwrite(str(draft), sheet(cells, columns)[..., ::-1])

@@ -1,1 +1,1 @@
-"""Motions of other systems brought into a clip, to begin a fit with or to be compared."""
+"""Other systems' motions brought into a clip, to start a fit with or to compare."""

@@ -1,4 +1,4 @@
-"""A motion on a body: the pose that its file has, or one through the points that the file has instead."""
+"""A motion on a body: its file's pose, or one fitted to the points in the file."""
 
 from dataclasses import replace
 
@@ -15,11 +15,8 @@ from fitting_core.io.motion.imported_motion import ImportedMotion
 
 
 def posed_on(motion: ImportedMotion, body: BodyModel) -> ImportedMotion:
-    """The motion with a pose of this body: its own, or where it has points alone, one through these.
-
-    Raises:
-        InputError: It has meshes and no pose, and this body has another mesh.
-    """
+    """The motion with a pose of this body: its own, or if it has only points, one fitted to these. Raises InputError if
+    it has meshes and no pose, and this body has another mesh."""
     points = motion.points
     if points is None:
         return motion.for_body(body)

@@ -1,4 +1,4 @@
-"""The result of another system as the start of a fit: its person, its frames, its camera and its body become ours."""
+"""Another system's result as the start of a fit: its person, frames, camera and body converted to ours."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -43,13 +43,13 @@ if TYPE_CHECKING:
     from fitting_core.io.motion.smplifyx import Decode
 
 _CANDIDATES = 12
-"""People of a file who are compared with the keypoints: those in most frames."""
+"""Maximum number of people of a file compared with the keypoints: those in most frames."""
 _NEAREST = 0.1
-"""Metres from the camera under which a point is not seen."""
+"""Minimum distance in metres from the camera of a visible point."""
 _TURNS = np.arange(0.0, 360.0, 15.0)
 """Degrees about the camera's vertical that are tried for a motion without a camera."""
 FindBody = Callable[[str, str], BodyModel | None]
-"""From a kind and a gender to a body model, if it is there."""
+"""From a kind and a gender to a body model, if available."""
 
 
 def read_start(
@@ -62,7 +62,7 @@ def read_start(
     find_body: FindBody = lambda kind, gender: None,
     decode: "Decode | None" = None,
 ) -> GivenStart:
-    """Read a result with which phase 1 is to begin.
+    """Read a result to start phase 1 with.
 
     Joint angles are kept. Depth goes with the focal length, and a body turns as its line of sight does; then it is
     placed where the keypoints are. Where its body is another one than the fitted one, keypoints lie where the result's
@@ -113,21 +113,19 @@ def start_from_fit(
     there: Bool[np.ndarray, "T"] | None = None,
     placed: bool = True,
 ) -> GivenStart:
-    """A fit of this clip, or a motion that was brought into it, as a start.
+    """A fit of this clip, or a motion that was brought into it, as a start. Raises InputError if it has no frame, or
+    does not follow the keypoints.
 
     Args:
         params: All frames of the clip, in the space of `camera`.
-        own: The body that they are of.
+        own: Their body.
         camera: That they were found with.
         clip: What is fitted.
         body: The fitted body.
-        name: What the user calls it.
+        name: The user's name for it.
         format: What it is, in words.
-        there: Frames that it has; None: all.
+        there: Frames that it covers; None: all.
         placed: Whether a camera saw it; else it may be turned about the vertical.
-
-    Raises:
-        InputError: It has no frame, or does not follow the keypoints.
     """
     frames = np.arange(len(clip)) if there is None else np.flatnonzero(there)
     if not len(frames):
@@ -156,7 +154,7 @@ def start_from_fit(
 
 
 def _posed(motion: ImportedMotion, body: BodyModel, find_body: FindBody) -> ImportedMotion:
-    """With a pose, where it has points alone: of the fitted body, or of that whose mesh they are of."""
+    """With a pose if it has only points: of the fitted body, or of the one whose mesh they are."""
     if motion.points is None:
         return motion
     meshes = motion.points.vertices is not None and motion.points.vertices.shape[1] != len(body.template)
@@ -169,7 +167,7 @@ class _Candidate:
 
     motion: ImportedMotion
     posed: ImportedMotion
-    """Without what means nothing to the fitted body."""
+    """Without the numbers that mean nothing for the fitted body."""
     covered: CoveredFrames
     camera: Camera
     """The motion's own."""
@@ -195,7 +193,7 @@ class _Candidate:
         return _Candidate(motion=motion, posed=posed, covered=covered, camera=camera, params=params)
 
     def follows(self, clip: Clip, body: BodyModel) -> float:
-        """How much its keypoints are where the detected ones are: 0 (nowhere) to 1 (just there, in every frame)."""
+        """How well its keypoints match the detected ones: 0 (nowhere) to 1 (exactly, in every frame)."""
         seen = seen_confidence(clip.keypoints, clip.camera)[:, kp.BODY] > SEEN
         points = body_keypoints_in_space(body, self.params)
         before = points[..., 2] > _NEAREST
@@ -259,7 +257,7 @@ def _seen_by(body: BodyModel, params: BodyParams, theirs: Camera, ours: Camera) 
 
 
 def _turned_as(points: Float[np.ndarray, "T 25 3"], before: BodyParams, after: BodyParams) -> np.ndarray:
-    """Points about the pelvis, turned as the root was."""
+    """Points about the pelvis, rotated with the root."""
     turn = rotations.exp(after.global_orient.double()) @ rotations.exp(before.global_orient.double()).transpose(1, 2)
     return np.einsum("tij,tkj->tki", turn.numpy(), points)
 
@@ -274,7 +272,7 @@ def _turned_to_follow(body: BodyModel, params: BodyParams, clip: Clip) -> BodyPa
 
 
 def _about_one_axis(turn: Float[Tensor, "3 3"], camera: Camera) -> Float[Tensor, "*T 3 3"]:
-    """A turn of still space (see `CameraPath`) as the camera of each frame has it."""
+    """A rotation of still space (see `CameraPath`) in the camera space of each frame."""
     if camera.path is None:
         return turn
     to_still = torch.as_tensor(camera.path.to_still).to(turn)

@@ -66,11 +66,7 @@ _ONLY = {
 
 
 def opened(path: Path) -> tuple[InputContainer, VideoStream]:
-    """A file and its video.
-
-    Raises:
-        InputError: It is not a video, or of a kind that cannot be decoded.
-    """
+    """A file and its video. Raises InputError if it is not a video, or of a kind that cannot be decoded."""
     regular_file(path, most=None)
     try:
         # "file:", for FFmpeg takes what stands before a colon for a protocol.
@@ -94,11 +90,8 @@ _FOCAL_35MM = "com.apple.quicktime.camera.focal_length.35mm_equivalent"
 
 
 def told_35mm(path: Path) -> float | None:
-    """The 35 mm equivalent in millimetres that a phone wrote into its video; None where it wrote none.
-
-    Raises:
-        InputError: As `opened`.
-    """
+    """The 35 mm equivalent in millimetres that a phone wrote into its video; None where it wrote none. Raises
+    InputError as `opened` does."""
     container, stream = opened(path)
     with container:
         said = {name.lower(): value for name, value in (container.metadata | stream.metadata).items()}
@@ -191,11 +184,7 @@ class VideoFile:
     stems = None
 
     def __init__(self, path: Path) -> None:
-        """Open the file and count its frames.
-
-        Raises:
-            InputError: It is not a video, or none of its frames can be decoded.
-        """
+        """Open the file and count its frames. Raises InputError if it is not a video, or no frame can be decoded."""
         self._path = path
         self._early = ends_early(path)
         self._times = packet_times(path, early=self._early)

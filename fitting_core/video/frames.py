@@ -31,17 +31,14 @@ class FrameSource:
     """
 
     def __init__(self, path: Path, *, lens: Lens | None = None) -> None:
-        """Open the path, decode its first frame, and find out how many there are.
+        """Open the path, decode its first frame, and find out how many there are. Raises InputError if it does not
+        exist, is not a video, or holds no image or frame.
 
-        Quick where the container tells the times of its frames; a file without them (raw H.264) is decoded once from
-        start to end.
+        Quick where the container tells the times of its frames; a file without them (raw H.264) is decoded once.
 
         Args:
             path: Of the video, the image or the folder.
             lens: Through which it was filmed: frames come straightened. A frame of 1920 x 1080 takes 28 ms more.
-
-        Raises:
-            InputError: It does not exist, is not a video, or holds no image or frame.
         """
         if not path.exists():
             raise InputError(f"{path} does not exist; expected a video file or a folder of images.")
@@ -76,11 +73,8 @@ class FrameSource:
         return self.count
 
     def frame(self, index: int) -> UInt8[np.ndarray, "H W 3"]:
-        """Decode one frame as RGB.
-
-        Raises:
-            InputError: There is no such frame, it is broken, or its size differs from the first one's.
-        """
+        """Decode one frame as RGB. Raises InputError if there is no such frame, it is broken, or its size differs from
+        the first one's."""
         self._check_index(index)
         with self._lock:
             image = self._decoder.read(index)
@@ -98,11 +92,8 @@ class FrameSource:
         return rgb if self._straighten is None else self._straighten(rgb)
 
     def frame_or_grey(self, index: int) -> UInt8[np.ndarray, "H W 3"]:
-        """One frame as RGB, or plain grey where it is broken, so that playback and detection can continue.
-
-        Raises:
-            InputError: There is no such frame.
-        """
+        """One frame as RGB, or plain grey where it is broken, so that playback and detection can continue. Raises
+        InputError if there is no such frame."""
         self._check_index(index)
         try:
             return self.frame(index)

@@ -8,11 +8,12 @@ import torch
 from jaxtyping import Float, Float32
 
 from fitting_core import keypoints as kp
+from fitting_core.body.geometry import SIDES, Side
 from fitting_core.body.model import JOINT, N_JOINTS
 from fitting_core.errors import InputError
 from fitting_core.fit.terms.temporal import OFF_MEAN
 from fitting_core.measure.angles.joint_angles import joint_angle
-from fitting_core.measure.hands.phases import SIDES, Side, wrist_speed
+from fitting_core.measure.hands.phases import wrist_speed
 from fitting_core.results.error_bars import ANGLES
 from tcfit_app.analysis.posed_fit import GROUPS, PosedFit
 

@@ -41,15 +41,13 @@ _HANDS = JOINT["left_index1"]
 _MANY = JOINT["right_wrist"] // 2
 """More joints than this, not counting fingers, are the whole body."""
 _USUAL, _LOW = 0.3, 0.4
-"""A region's confidence is low if below this fraction of its usual value around that frame, if that is at least so
-much."""
+"""A region's confidence is low if below this fraction of its usual value around that frame, if that is so much."""
 _AROUND = 75
 """Frames: a part lost for less than half of them is missed."""
 _STILL = 0.05
 """Fraction of a keypoint's usual movement per frame below which it stands still. Noise alone moves it more."""
 _STILL_FRAMES, _STILL_JOINTS, _OTHERS_MOVE = 5, 2, 0.5
-"""Minimum frames and keypoints of a frozen limb, while everything else moves at least this fraction of its usual
-movement."""
+"""Minimum frames and keypoints of a frozen limb, while the rest moves at least this fraction as much as usual."""
 _STILL_MOST = 2.0
 """Score of a limb frozen for so long that longer makes no difference."""
 _SWAP_MM = 150.0
@@ -60,8 +58,7 @@ _DEPTH = 0.2
 """Minimum expected depth error in metres: on the motion suite's tuning half 5 % of limb keypoints have it, and 44 % of
 those are off by more than 0.15 m, compared with 8 % of all."""
 _ONLY_UNSURE = 0.8
-"""Relative score of a depth that is uncertain but not off: 15 % of these are off by more than 0.15 m, of the others 45
-%."""
+"""Relative score of a depth that is uncertain but not off: 15 % of these are over 0.15 m off, of the others 45 %."""
 _ENDS = [kp.INDEX[f"{side}_{name}"] for name in ("elbow", "wrist", "knee", "ankle") for side in ("left", "right")]
 """Limb keypoints, whose depth and loss matter individually: the others are constrained by their neighbours."""
 _FEWEST = 25
@@ -330,7 +327,6 @@ def _reported(plugin: Plugin[Callable[[PosedFit], Iterable[Finding]]], fit: Pose
 
 
 def _wrong(finding: object, frames: int) -> str:
-    """What is wrong with a finding; empty if nothing."""
     if not isinstance(finding, Finding):
         return f"it found {type(finding).__name__}; expected Finding"
     if not (isinstance(finding.frame, int) and 0 <= finding.frame < frames):

@@ -8,8 +8,9 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core import keypoints as kp
+from fitting_core.body.geometry import SIDES
 from fitting_core.ground.contacts import FOOT_POINTS
-from fitting_core.measure.hands.phases import HOLD, MOVEMENT, REST, SIDES, hand_phases
+from fitting_core.measure.hands.phases import HOLD, MOVEMENT, REST, hand_phases
 from tcfit_app.analysis.body_regions import REGIONS
 from tcfit_app.analysis.curves import weighted_mean
 from tcfit_app.analysis.posed_fit import PosedFit

@@ -102,13 +102,7 @@ class PosedFit:
         tracked = np.asarray((clip.keypoints.confidence > 0).any(0))
         marked = np.zeros(clip.keypoints.confidence.shape, bool) if bad is None else bad
         return PosedFit(
-            clip=clip,
-            params=params,
-            meshes=meshes,
-            space=space,
-            tracked=tracked,
-            bad=marked,
-            frame_cost=frame_cost,
+            clip=clip, params=params, meshes=meshes, space=space, tracked=tracked, bad=marked, frame_cost=frame_cost
         )
 
     def __len__(self) -> int:

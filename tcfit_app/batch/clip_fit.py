@@ -109,11 +109,8 @@ def failure(fingerprint: Fingerprint, reason: str, *, trace: str = "", seconds: 
 
 
 def tidy(task: ClipTask) -> None:
-    """Remove what a process that died just after it had finished a clip left beside the result.
-
-    Raises:
-        InputError: Another process is at work there.
-    """
+    """Remove what a process that died just after it had finished a clip left beside the result. Raises InputError if
+    another process is at work there."""
     if any(path.exists() for path in _beside(task)):
         with _drafting(task):
             pass
@@ -202,11 +199,8 @@ def _detector(name: str) -> Detector:
 
 
 def write_first(work: Work) -> Figures:
-    """Fit the first phase alone, for the shape and for the phases after it.
-
-    Raises:
-        InputError: The clip cannot be fitted, or nothing can be written.
-    """
+    """Fit the first phase alone, for the shape and for the phases after it. Raises InputError if the clip cannot be
+    fitted, or nothing can be written."""
     fit = _run_fit(work, work.clip)
     work.draft.mkdir(parents=True, exist_ok=True)
     write_run(work.draft / FIRST_NAME, fit)
@@ -226,10 +220,7 @@ class FoundShape(msgspec.Struct, frozen=True, kw_only=True):
 
 def write_shape(work: Work) -> Figures:
     """Find the shape of a subject from its clips' first phases. A clip whose files have gone since does not count.
-
-    Raises:
-        InputError: None of the clips is there any more, or nothing can be written.
-    """
+    Raises InputError if none of the clips is there any more, or nothing can be written."""
     members = [member for member in work.task.members if not missing_input(member)]
     if not members:
         raise InputError(
@@ -249,11 +240,8 @@ def write_shape(work: Work) -> Figures:
 
 
 def write_files(work: Work) -> Figures:
-    """Fit, and write what `tcfit fit` writes into the draft.
-
-    Raises:
-        InputError: The clip cannot be fitted, or the result cannot be written or would lie among other files.
-    """
+    """Fit, and write what `tcfit fit` writes into the draft. Raises InputError if the clip cannot be fitted, or the
+    result cannot be written or would lie among other files."""
     task, clip, body = work.task, work.clip, work.body
     check_out(task.out, overwrite=task.fit.overwrite)
     fit = _run_fit(work, clip)
@@ -268,11 +256,8 @@ def write_files(work: Work) -> Figures:
 
 
 def write_project(work: Work) -> Figures:
-    """Fit, and make the draft a project with the run; a project that is there already gets another run.
-
-    Raises:
-        InputError: The clip cannot be fitted, or the project cannot be written or is another clip's.
-    """
+    """Fit, and make the draft a project with the run; a project that is there already gets another run. Raises
+    InputError if the clip cannot be fitted, or the project cannot be written or is another clip's."""
     if is_project(work.task.out):
         return _another_run(work)
     check_out(work.task.out, overwrite=False)

@@ -24,12 +24,7 @@ FOCAL = ("focal_length", "fov", "focal_length_35mm", "camera")
 """A clip has at most one of them."""
 OF_CAMERA_FILE = ("camera_name", "camera_unit", "camera_up")
 """What belongs to a camera file."""
-_OPTIONS: dict[Group, type] = {
-    "clip": ClipOptions,
-    "camera": CameraOptions,
-    "body": BodyOptions,
-    "start": StartOptions,
-}
+_OPTIONS: dict[Group, type] = {"clip": ClipOptions, "camera": CameraOptions, "body": BodyOptions, "start": StartOptions}
 _CHOICES = {
     "gender": ("neutral", "male", "female", "child"),
     "keypoint_scale": ("auto", "pixels", "0..1", "-1..1"),
@@ -64,14 +59,12 @@ class Column:
     """The dotted name, in the group "setting"."""
 
     def value(self, text: str, folder: Path) -> Any:
-        """What a cell says.
+        """What a cell says. Raises ValueError if it says nothing that this column can hold; the message says what it
+        can.
 
         Args:
             text: Not empty.
             folder: What paths are relative to.
-
-        Raises:
-            ValueError: It says nothing that this column can hold; the message says what it can.
         """
         if self.type is Path:
             return folder / at_home(text)

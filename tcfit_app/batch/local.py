@@ -1,7 +1,6 @@
 """Fits clips in processes on this computer.
 
-Each process fits one clip after the other and tells of it through a pipe. It ends with the process that started it,
-however that one ends.
+Each process fits one clip after the other and tells of it through a pipe. It ends with the process that started it.
 """
 
 import time

@@ -85,7 +85,6 @@ def _silent(address: str | None, error: Exception) -> InputError:
 
 @contextmanager
 def _connected(address: str | None, jobs: int | None) -> Iterator[Any]:
-    """The module ray, connected."""
     # Ray reports its usage unless told not to; this matters only where it is started here.
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     try:

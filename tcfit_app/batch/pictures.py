@@ -34,7 +34,7 @@ def suspects(fit: FitResult, clip: Clip, body: BodyModel) -> tuple[Suspect, ...]
 
 
 def write_picture(path: Path, fit: FitResult, clip: Clip, body: BodyModel, *, frame: int) -> None:
-    """Write a JPEG of the body over its frame, cut to the person.
+    """Write a JPEG of the body over its frame, cut to the person. Raises OSError if it cannot be written.
 
     Args:
         path: The file; its folder is made.
@@ -42,9 +42,6 @@ def write_picture(path: Path, fit: FitResult, clip: Clip, body: BodyModel, *, fr
         clip: Its images lie below, if it has any that can be read, and its keypoints above.
         body: With which it was fitted.
         frame: Counted from the clip's first as 0.
-
-    Raises:
-        OSError: It cannot be written.
     """
     placed = placed_body(body, fit.last.params, frame, _COLOR)
     drawn = placed.vertices[:, 2].min() > _NEAREST

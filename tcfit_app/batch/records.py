@@ -148,15 +148,13 @@ _PAUSE = 0.1
 
 
 def patient_lock(folder: Path, *, seconds: float, wanted: str) -> ProjectLock:
-    """Take the lock of a folder, which is made if it does not exist.
+    """Take the lock of a folder, which is made if it does not exist. Raises InputError if somebody still has it, or the
+    folder cannot be written.
 
     Args:
         folder: What only one process may work on.
         seconds: To wait for a process that has it.
         wanted: What the user wanted, for the message: "fit into ...".
-
-    Raises:
-        InputError: Somebody still has it, or the folder cannot be written.
     """
     until = time.monotonic() + seconds
     while True:

@@ -18,15 +18,7 @@ from tcfit_app.batch.local import Crew, LocalProcesses, News, TaskEnded
 from tcfit_app.batch.manifest import ClipTask, Complaints, read_manifest
 from tcfit_app.batch.on_ray import RayCluster
 from tcfit_app.batch.outcome import FAILURES, SUMMARY_CSV, Row, row_of, show_summary, write_summary
-from tcfit_app.batch.records import (
-    Record,
-    batch_folder,
-    done_record,
-    failed_path,
-    patient_lock,
-    write_json,
-    write_log,
-)
+from tcfit_app.batch.records import Record, batch_folder, done_record, failed_path, patient_lock, write_json, write_log
 from tcfit_app.batch.report import write_report
 from tcfit_app.batch.rounds import Course, Round, with_shape
 from tcfit_app.cli.json_lines import ClipEnded, Progress, emit, emit_wrote
@@ -165,7 +157,6 @@ class _Lines:
             tqdm.write(f"{what}: {before} of {total} were done, or failed, in an earlier run.", file=sys.stdout)
 
     def show(self, news: News) -> None:
-        """Tell of it."""
         task = self._tasks[news.index]
         if isinstance(news, TaskEnded):
             self._running.pop(news.index, None)
@@ -199,7 +190,6 @@ class _Lines:
         return f"{head}  {record.figures.frames} frames{error}"
 
     def close(self) -> None:
-        """Remove the bar."""
         self._bar.close()
 
 

@@ -29,11 +29,8 @@ _COLUMNS = ("in the camera", "pelvis aligned", "PA", "jitter mm/frame²")
 
 
 def review_demo(options: DemoOptions) -> None:
-    """Make a project of the demo clip if there is none, and review that until Ctrl-C.
-
-    Raises:
-        InputError: As `review`, or the project cannot be written.
-    """
+    """Make a project of the demo clip if there is none, and review that until Ctrl-C. Raises InputError as `review`
+    does, or if the project cannot be written."""
     # viser, which a fit in the terminal does not need
     from tcfit_app.cli.review_command import check_folders, review
     from tcfit_app.review.opening import open_project
@@ -53,11 +50,8 @@ def review_demo(options: DemoOptions) -> None:
 
 
 def run_demo(options: DemoOptions, *, command: str = "") -> Outcome:
-    """Fit the demo clip, write the result, and print the errors against the truth.
-
-    Raises:
-        InputError: As `run_fit`.
-    """
+    """Fit the demo clip, write the result, and print the errors against the truth. Raises InputError as `run_fit`
+    does."""
     out = options.out or _RESULT
     check_out(out, overwrite=options.overwrite)
     clip = demo_clip()

@@ -111,11 +111,8 @@ def detector_table() -> str:
 
 
 def _fetch(name: str, *, agreed: bool) -> None:
-    """Download what a detector needs, or a known model, after the user has seen what it is and agreed.
-
-    Raises:
-        InputError: There is no such detector or model, nobody agreed, or it cannot be fetched.
-    """
+    """Download what a detector needs, or a known model, after the user has seen what it is and agreed. Raises
+    InputError if there is no such detector or model, nobody agreed, or it cannot be fetched."""
     known = DETECTORS.get(name)
     if known is not None and not known.models:
         fetch_networks(agreed=agreed)

@@ -40,8 +40,7 @@ def doctor() -> int:
     """Print what works here and what to install for the rest.
 
     Returns:
-        The process's exit code: 0 if all that `tcfit fit` needs works, 1 otherwise. Rendering, video and folders only
-        warn.
+        The process's exit code: 0 if all that `tcfit fit` needs works, 1 otherwise. Others only warn.
     """
     failed = 0
     for title, check in CHECKS.items():

@@ -112,11 +112,8 @@ def _check_keys(millimetres: float, formats: tuple[str, ...]) -> None:
 
 @contextmanager
 def source_of(path: Path, options: ExportOptions) -> Iterator[ExportSource]:
-    """What there is to export at a path, with the run, the phase and the body models of the options.
-
-    Raises:
-        InputError: There is neither a project nor a result, or it lacks what the options name.
-    """
+    """What there is to export at a path, with the run, the phase and the body models of the options. Raises InputError
+    if there is neither a project nor a result, or it lacks what the options name."""
     if is_project(path):
         with Project.open(path, read_only=True) as project:
             yield _of_project(project, options)

@@ -22,11 +22,8 @@ _TOGETHER = "glb"
 
 
 def run_export_people(folder: Path, options: ExportOptions) -> None:
-    """Write what the options ask for of everybody, and say on the standard output what was written.
-
-    Raises:
-        InputError: As of `run_export`; or nobody is there in the frames that are asked for.
-    """
+    """Write what the options ask for of everybody, and say on the standard output what was written. Raises InputError
+    as `run_export` does, or if nobody is there in the frames that are asked for."""
     torch.set_num_threads(1)
     formats = formats_of(options.formats)
     people = read_people_file(folder)

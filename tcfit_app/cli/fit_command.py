@@ -61,11 +61,8 @@ def run_fit(options: FitOptions, *, command: str = "") -> Outcome:
 
 
 def prepared_body(options: FitOptions, config: FitConfig) -> BodyModel:
-    """The body that the options name, when threads and device are ready for it.
-
-    Raises:
-        InputError: There is none, or the device is not there.
-    """
+    """The body that the options name, when threads and device are ready for it. Raises InputError if there is none, or
+    the device is not there."""
     prepare_solver(config, options.threads)
     return load_body(body_file(options.body))
 
@@ -161,7 +158,6 @@ def _overlay_written(path: Path, fit: FitResult, clip: Clip, body: BodyModel) ->
 
 
 def _inputs(clip: Clip, body: BodyModel) -> list[str]:
-    """What is fitted, for the user."""
     source = body.source.name if body.source else body.kind
     return [*described(clip), f"Body {source} ({body.gender})", *notes_of(clip)]
 

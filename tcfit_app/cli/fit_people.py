@@ -72,11 +72,7 @@ def run_fit_people(options: FitOptions, *, command: str = "") -> list[Outcome]:
 
 def _refuse_what_is_of_one(options: FitOptions) -> None:
     """Raises InputError where an option is about one person."""
-    ones = {
-        "--shape": options.shape,
-        "--height": options.method.height,
-        "--start-person": options.begin.start_person,
-    }
+    ones = {"--shape": options.shape, "--height": options.method.height, "--start-person": options.begin.start_person}
     if given := [name for name, value in ones.items() if value is not None]:
         raise InputError(
             f"--people {options.people} fits everybody, and {' and '.join(given)} would be one person's: leave out one "
@@ -85,11 +81,8 @@ def _refuse_what_is_of_one(options: FitOptions) -> None:
 
 
 def _check_out(folder: Path, *, overwrite: bool) -> list[Path]:
-    """Folders of an earlier fit of several people at this place, which the new ones replace.
-
-    Raises:
-        InputError: The folder holds something else, and `overwrite` is not given.
-    """
+    """Folders of an earlier fit of several people at this place, which the new ones replace. Raises InputError if the
+    folder holds something else, and `overwrite` is not given."""
     old = [folder / one.folder for one in read_people_file(folder).people] if holds_people(folder) else []
     for path in (folder, *old):
         sweep(path)  # what a killed process has left is nobody's
@@ -124,11 +117,8 @@ def _remove(folder: Path, old: Sequence[Path]) -> None:
 def _started(
     options: FitOptions, people: list[PersonInClip], body: BodyModel
 ) -> tuple[list[PersonInClip], list[GivenStart | None]]:
-    """What each fit begins with, whoever in the given result follows that person's keypoints; for others, notes.
-
-    Raises:
-        InputError: The result cannot be read, or has nobody of these.
-    """
+    """What each fit begins with, whoever in the given result follows that person's keypoints; for others, notes. Raises
+    InputError if the result cannot be read, or has nobody of these."""
     if options.begin == StartOptions():
         return people, [None] * len(people)
     bodies = Bodies(options.body.models)

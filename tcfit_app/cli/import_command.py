@@ -12,12 +12,9 @@ from tcfit_app.project.project import Project
 
 
 def run_import(options: ImportOptions) -> None:
-    """Import the result that the options name, and say which run it has become.
-
-    Raises:
-        InputError: The project cannot be opened for writing, the result cannot be read or does not fit the clip, or its
-            body is not there; nothing has been written then.
-    """
+    """Import the result that the options name, and say which run it has become. Raises InputError if the project cannot
+    be opened for writing, the result cannot be read or does not fit the clip, or its body is not there; nothing has
+    been written then."""
     if options.path.suffix.lower() == SUFFIX:
         _import_notes(options)
         return

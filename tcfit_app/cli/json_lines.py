@@ -126,8 +126,6 @@ EVENTS = get_args(AnyEvent)
 
 
 class _Lines:
-    """A stream of events."""
-
     def __init__(self, stream: TextIO) -> None:
         self.stream = stream
         self._shares: dict[tuple[str, str | None], float] = {}

@@ -137,11 +137,8 @@ returns is the exit code."""
 
 
 def parse(arguments: Sequence[str]) -> Any:
-    """The options that a command line, without the program's name, stands for.
-
-    Raises:
-        SystemExit: It asks for help, or is wrong; either has been printed.
-    """
+    """The options that a command line, without the program's name, stands for. Raises SystemExit if it asks for help,
+    or is wrong; either has been printed."""
     options: Any = Union[tuple(Annotated[kind, subcommand(name)] for name, (kind, _) in COMMANDS.items())]  # noqa: UP007
     with registry_of_hints():
         return tyro.cli(
@@ -160,8 +157,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: Without the program's name; None: those of this process.
 
     Returns:
-        The exit code: 0, 1 if `doctor` found something missing or clips of `batch` have failed, or one of those in
-        ending.py.
+        The exit code: 0, 1 if `doctor` found something missing or clips of `batch` have failed, or one in ending.py.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     prepare_streams()
@@ -177,7 +173,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _tells_events(given: list[str]) -> bool:
-    """Whether events are asked for."""
     kind, _ = COMMANDS.get(given[0] if given else "", (None, None))
     return OPTION in given and getattr(kind, "json", None) is False
 

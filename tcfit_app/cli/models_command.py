@@ -17,11 +17,7 @@ _PRIOR_HEADER = ("POSE PRIOR", "IS", "FROM", "FILE")
 
 def list_models() -> None:
     """Print tables of the body models and pose priors found, those first that are preferred, and of the detector's
-    networks, and how to add more.
-
-    Raises:
-        InputError: The environment variable of the folders names something that is no folder.
-    """
+    networks, and how to add more. Raises InputError if the folders' environment variable names no folder."""
     bodies, priors = list_bodies(), list_priors()
     if bodies:
         print(_body_table(bodies))
@@ -42,15 +38,13 @@ def list_models() -> None:
 
 
 def register_models(paths: Sequence[Path], *, agreed: bool = False) -> None:
-    """Add models and networks where tcfit finds them, and print what was added.
+    """Add models and networks where tcfit finds them, and print what was added. Raises InputError if a path holds
+    nothing of use; those before it stay registered.
 
     Args:
         paths: Model files, folders or downloaded archives, one after the other; or the name of networks that are to be
             fetched. What nothing else recognises is taken for body models, whose reader says what is wrong with it.
         agreed: Whether the user has agreed to a download.
-
-    Raises:
-        InputError: A path holds nothing of use; those before it stay registered.
     """
     from fitting_core.detect.mediapipe.packages import holds_networks
     from tcfit_app.cli.detector_networks import NAME, add_networks, fetch_networks

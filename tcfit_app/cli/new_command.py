@@ -105,11 +105,7 @@ def _unpacked(path: Path, options: NewOptions | ReviewOptions, *, reopen: bool) 
 
 
 def reference_given(options: ReferenceOptions, clip: Clip) -> Reference | None:
-    """What the options say that fits of a clip are compared with.
-
-    Raises:
-        InputError: It cannot be read.
-    """
+    """What the options say that fits of a clip are compared with. Raises InputError if it cannot be read."""
     if options.reference is None:
         if options.reference_camera is not None:
             raise InputError("--reference-camera says where a reference's world is: give --reference too.")
@@ -159,11 +155,8 @@ def check_same_clip(folder: Path, clip: Clip, given: Sequence[str]) -> None:
 
 
 def check_same_packed(folder: Path, path: Path) -> None:
-    """Refuse a project that was not unpacked from this file, or from another one of the same project.
-
-    Raises:
-        InputError: It is another project, or one of both cannot be read.
-    """
+    """Refuse a project that was not unpacked from this file, or from another one of the same project. Raises InputError
+    if it is another project, or one of both cannot be read."""
     if creation_time(folder) != packed_creation_time(path):
         raise InputError(f"{folder}: is not the project in {path}. Give --out for a new one.")
 

@@ -35,11 +35,8 @@ if TYPE_CHECKING:
 
 
 def run_review(options: ReviewOptions) -> None:
-    """Serve the review until Ctrl-C.
-
-    Raises:
-        InputError: There is no such project, it cannot be made, or nothing can listen at the address.
-    """
+    """Serve the review until Ctrl-C. Raises InputError if there is no such project, it cannot be made, or nothing can
+    listen at the address."""
     check_folders(options.server, models=options.models)
     entry_of(options.server)  # told before a project is made
     fit = PRESETS[DEFAULT_PRESET] if options.fit else None
@@ -145,11 +142,8 @@ def _served(name: str, options: ServerOptions, site: TalkingSite | None = None) 
 
 
 def entry_of(options: ServerOptions) -> Entry:
-    """How browsers on other computers come in.
-
-    Raises:
-        InputError: The password cannot be read or is too short, or the public address is none.
-    """
+    """How browsers on other computers come in. Raises InputError if the password cannot be read or is too short, or the
+    public address is none."""
     public = (options.public or "").rstrip("/").lower()
     parts = urlsplit(public)
     if public and (

@@ -92,16 +92,13 @@ def evaluated_fit(
     body_model: str | None = None,
     frame_rate: float | None = None,
 ) -> EvaluatedFit:
-    """Read a fit.
+    """Read a fit. Raises InputError if there is no such fit, or its body model is not there.
 
     Args:
         path: A project, a folder or file of a result, or what `fitting_core.io.read_motion` reads.
         run: Name or number of one of a project's runs; None: the latest of our own that has a result.
         models: Folder with body models that alone is searched.
         person, body_model, frame_rate: What another program's result does not tell, or what to take instead.
-
-    Raises:
-        InputError: There is no such fit, or its body model is not there.
     """
     choices = {"--person": person, "--body-model": body_model, "--frame-rate": frame_rate}
     given = [name for name, value in choices.items() if value is not None]

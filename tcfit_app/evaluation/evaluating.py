@@ -25,15 +25,13 @@ def evaluation_of(
     models: Path | None = None,
     done: Callable[[int], None] = lambda count: None,
 ) -> Evaluation:
-    """Measure all phases of a fit, against a reference if there is one.
+    """Measure all phases of a fit, against a reference if there is one. Raises InputError if reference and fit have no
+    moment in common, or the reference's body is not there.
 
     Args:
         every: Surfaces are measured in every so many frames.
         models: Folder with body models, which alone is searched for the reference's.
         done: Takes how many frames' surfaces were measured; what it raises ends the measuring.
-
-    Raises:
-        InputError: Reference and fit have no moment in common, or the reference's body is not there.
     """
     given = reference
     if reference is not None and not fit.placed:

@@ -40,11 +40,8 @@ _PRINTED = (
 def write_evaluation(
     folder: Path, evaluation: Evaluation, *, worst: Sequence[WorstFrame] = (), sections: Sequence[Markup] = ()
 ) -> None:
-    """Write the three files, all of them whole or none; the report with these further sections.
-
-    Raises:
-        InputError: The folder cannot be written.
-    """
+    """Write the three files, all of them whole or none; the report with these further sections. Raises InputError if
+    the folder cannot be written."""
     content = {"format": FORMAT, "title": evaluation.title, "settings": evaluation.settings}
     content |= {"notes": evaluation.notes, "records": evaluation.records}
     files = {

@@ -18,14 +18,12 @@ _LONGEST = 1e5
 def in_time(
     reference: Reference | None, fit: EvaluatedFit, *, first_frame: int | None, offset: str | None
 ) -> Reference | None:
-    """The reference at the frames of the fit's video, as far as it can be.
+    """The reference at the frames of the fit's video, as far as it can be. Raises InputError if there is no reference,
+    the offset is no number, or cannot be found.
 
     Args:
         first_frame: Number in the video of its first frame; None: as it says.
         offset: Second of the video at which its first frame was taken, or AUTO; None: as it says.
-
-    Raises:
-        InputError: There is no reference, the offset is no number, or cannot be found.
     """
     if reference is None:
         for name, given in (("first-frame", first_frame), ("offset", offset)):

@@ -27,11 +27,8 @@ _STATES = {
 
 
 def write_elan(source: ExportSource, path: Path, progress: Progress) -> None:
-    """Notes, flags and the state of review as they are now, and the hands of the chosen fit.
-
-    Raises:
-        InputError: There is no fit yet, or the project's own set of handshapes cannot be read.
-    """
+    """Notes, flags and the state of review as they are now, and the hands of the chosen fit. Raises InputError if there
+    is no fit yet, or the project's own set of handshapes cannot be read."""
     posed = source.fit.posed(source.clip)
     with Project.open(source.folder, read_only=True) as project:
         said = _said(posed, project)

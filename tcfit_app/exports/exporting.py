@@ -50,11 +50,8 @@ def write_export(export: Export, source: ExportSource, path: Path, progress: Pro
 
 @contextmanager
 def _replacing_folder(path: Path) -> Iterator[Path]:
-    """A new folder beside `path`, which replaces it if the block succeeds and vanishes if it fails.
-
-    Raises:
-        InputError: What is at `path` is a file, or holds files that the new folder does not.
-    """
+    """A new folder beside `path`, which replaces it if the block succeeds and vanishes if it fails. Raises InputError
+    if what is at `path` is a file, or holds files that the new folder does not."""
     path = path.resolve()  # where a link leads
     with drafting(path) as draft:
         draft.mkdir()

@@ -30,11 +30,7 @@ def write_markers_trc(source: ExportSource, path: Path, progress: Progress) -> N
 
 
 def write_marker_c3d(source: ExportSource, path: Path, progress: Progress) -> None:
-    """Markers, joint centres and events.
-
-    Raises:
-        InputError: A marker of the user's own has the name of a joint.
-    """
+    """Markers, joint centres and events. Raises InputError if a marker of the user's own has the name of a joint."""
     from fitting_core.io.points.c3d_file import write_c3d  # here: with c3d, nothing of which other formats need
 
     motion = source.motion("z-up")

@@ -30,11 +30,8 @@ _PLAIN = 235
 def write_comparison(
     path: Path, fit: FitResult, clip: Clip, body: BodyModel, *, progress: Callable[[float], None] = lambda share: None
 ) -> None:
-    """Write the overlay video, over a plain background where the clip has no video.
-
-    Raises:
-        InputError: No off-screen OpenGL or encoder works here (the message says what to install).
-    """
+    """Write the overlay video, over a plain background where the clip has no video. Raises InputError if no off-screen
+    OpenGL or encoder works here (the message says what to install)."""
     shown = [("phase 1: frame by frame", fit.phases[0].params)]
     if len(fit.phases) > 1:
         shown.append((f"phase {fit.last.phase}: final", fit.last.params))
@@ -54,11 +51,8 @@ def write_chosen(source: ExportSource, path: Path, progress: Progress) -> None:
 
 
 def write_side_by_side(source: ExportSource, path: Path, progress: Progress) -> None:
-    """A and B beside each other over the video; what `progress` raises ends it, and nothing is kept.
-
-    Raises:
-        InputError: As `write_comparison`, or the bodies have different meshes.
-    """
+    """A and B beside each other over the video; what `progress` raises ends it, and nothing is kept. Raises InputError
+    as `write_comparison` does, or if the bodies have different meshes."""
     _write_fits(path, source.clip, list(source.compared) or [source.fit], progress)
 
 

@@ -81,11 +81,7 @@ class ExportedFit:
         there = None if self.shown.there is None else self.shown.there[frames]
         result = None if self.shown.result is None else _part(self.shown.result, frames)
         shown = replace(
-            self.shown,
-            params=self.shown.params[frames],
-            camera=self.shown.camera[frames],
-            there=there,
-            result=result,
+            self.shown, params=self.shown.params[frames], camera=self.shown.camera[frames], there=there, result=result
         )
         return replace(self, fit=fit, shown=shown)
 

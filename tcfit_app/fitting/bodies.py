@@ -32,11 +32,7 @@ class Bodies:
         self._lock = threading.Lock()
 
     def find(self, *, kind: str = "smplx", gender: str = "neutral") -> BodyModel:
-        """The body for a new fit.
-
-        Raises:
-            InputError: There is none; the message says which file to put where.
-        """
+        """The body for a new fit. Raises InputError if there is none; the message says which file to put where."""
         return self._read(find_body(model=kind, gender=gender, search=self._search))
 
     def check(self, *, kind: str, gender: str) -> None:
@@ -44,11 +40,8 @@ class Bodies:
         find_body(model=kind, gender=gender, search=self._search)
 
     def of(self, record: BodyRecord) -> BodyModel:
-        """The body that a run was fitted with.
-
-        Raises:
-            InputError: It is missing or was replaced, so the run cannot be shown.
-        """
+        """The body that a run was fitted with. Raises InputError if it is missing or was replaced, so the run cannot be
+        shown."""
         if (known := self._known(record.hash)) is not None:
             return known
         path = Path(record.source)

@@ -185,8 +185,7 @@ class Corrections:
         return self._changes[run]
 
     def edits_seen(self, base: Run, windows: tuple[range, ...], seen: int) -> int:
-        """The log entry up to which a run includes all edits once windows of it are refitted with those up to
-        `seen`."""
+        """The log entry up to which a run includes all edits once windows are refitted with those up to `seen`."""
         fitted, last = {frame for window in windows for frame in window}, base.edits_seen
         for number, frames in self._project.frames_changed_after(last).items():
             if number > seen or not fitted.issuperset(frames):
@@ -195,15 +194,13 @@ class Corrections:
         return last
 
     def take_back(self, edit: int, run: int | None) -> None:
-        """After an undo or a redo, restore all corrections to their state when the same edits stood.
+        """After an undo or a redo, restore all corrections to their state when the same edits stood. Raises InputError
+        if the project cannot be written, or a fit cannot be read.
 
         Args:
             edit: The log entry undone or redone.
             run: The run whose fit is to follow if it was fitted to other keypoints and has no such correction; None: no
                 run.
-
-        Raises:
-            InputError: The project cannot be written, or a fit cannot be read.
         """
         with self._changing:
             collected = [one for one in self._fits.runs if one.kind == "corrections" and one.state == "finished"]

@@ -94,8 +94,6 @@ class Shown:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Partial:
-    """A phase in progress."""
-
     phase: int
     params: BodyParams
     """All frames; those not fitted yet have an arbitrary body."""
@@ -122,7 +120,6 @@ class _Version:
 
     @property
     def finished(self) -> tuple[PhaseResult, ...]:
-        """Phases with all figures."""
         return () if self.fit is None else self.fit.phases
 
 
@@ -212,11 +209,7 @@ class Fits:
         return tuple(p.phase for p in version.finished) + (() if version.partial is None else (version.partial.phase,))
 
     def fit(self, run: Run) -> FitResult:
-        """The result of a run.
-
-        Raises:
-            InputError: It cannot be read, or no phase is finished.
-        """
+        """The result of a run. Raises InputError if it cannot be read, or no phase is finished."""
         fit = self._version(run).fit
         if fit is None:
             raise InputError(f"{run.name} is in phase 1: wait until that has finished.")
@@ -239,11 +232,8 @@ class Fits:
             return run.id in self._versions
 
     def show(self, choice: FitChoice) -> Shown | None:
-        """The run and phase that a choice refers to now; for a phase not available yet, the last one before it.
-
-        Raises:
-            InputError: Its file cannot be read.
-        """
+        """The run and phase that a choice refers to now; for a phase not available yet, the last one before it. Raises
+        InputError if its file cannot be read."""
         run = self.meant(choice)
         if run is None:
             return None
@@ -288,8 +278,7 @@ class Fits:
             return version
 
     def _forget(self) -> None:
-        """Evicts results, but none that are running or on show: tabs that evicted each other's would keep reading
-        them."""
+        """Evicts results, but none that are running or on show: tabs evicting each other's would keep reading them."""
         since = time.monotonic() - IN_USE
         running = {r.id for r in self.runs if r.state == "running"}
         idle = [run for run in self._versions if run not in running and self._asked.get(run, 0.0) < since]
@@ -307,11 +296,7 @@ class Fits:
             self.publish(run.id, replace(fit, phases=kept, config=run.config), partial)
 
     def end(self, run: int, state: Ended, message: str = "") -> None:
-        """A run was cancelled or has failed; stored phases are kept.
-
-        Raises:
-            InputError: The project cannot be written.
-        """
+        """A run was cancelled or has failed; stored phases are kept. Raises InputError if that cannot be written."""
         self._project.runs.end(run, state, message)
         with self._lock:
             version = self._versions.pop(run, None)

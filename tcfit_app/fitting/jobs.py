@@ -58,8 +58,7 @@ class FitEverything:
     """Another system's result."""
     shape: KnownShape | None = None
     fresh: Callable[[], Fresh] | None = None
-    """What has arrived since the last call, if keypoints are being detected. Raises InputError if there will be no
-    more."""
+    """What has arrived since the last call during detection. Raises InputError if there will be no more."""
 
     @property
     def title(self) -> str:

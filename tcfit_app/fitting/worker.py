@@ -185,7 +185,6 @@ class Worker:
         return None if self._closing else next((drag for drag in self._drags if drag.wants), None)
 
     def _run(self, number: int, job: Job) -> None:
-        """Run a job from start to end."""
         self.reports.tell(JobStarted(job=number))
         try:
             ended = self._outcome(number, job)

@@ -48,8 +48,7 @@ def serve(pipe: Connection, folder: Path, models: Path | None) -> None:
 
 
 def make_project(folder: Path, video: Path) -> None:
-    """A project of a video, whose keypoints are yet to come; one that is there stays. Raises InputError as
-    `Project.create`."""
+    """A project of a video without keypoints yet; one that is there stays. Raises InputError as `Project.create`."""
     if not is_project(folder):
         Project.create(folder, read_footage(video)).close()
 
@@ -68,16 +67,14 @@ def _seldom(report: Report) -> Report:
 
 
 def fit_project(folder: Path, report: Report, *, models: Path | None = None, config: FitConfig | None = None) -> None:
-    """Fit a project with the default preset; keypoints are found if it has none.
+    """Fit a project with the default preset; keypoints are found if it has none. Raises InputError if somebody has it
+    open, nobody is found, the body is missing, or it cannot be read or written.
 
     Args:
         folder: Of the project.
         report: Is told how far it is.
         models: Folder of body models.
         config: In place of the default.
-
-    Raises:
-        InputError: Somebody has it open, nobody is found, the body is missing, or it cannot be read or written.
     """
     with Project.open(folder) as project:
         body = load_body(body_file(BodyOptions(models=models)))

@@ -55,8 +55,6 @@ _log = logging.getLogger(__name__)
 
 @dataclass(kw_only=True, eq=False)
 class _Watcher:
-    """A page with the list."""
-
     connection: ServerConnection
     loop: asyncio.AbstractEventLoop
     visitor: Visitor
@@ -226,7 +224,6 @@ class Home:
         return entry.found.path
 
     def _place_of(self, key: str) -> Path:
-        """See `FitQueue`."""
         folder = self._folder_of(key)
         if not self.reviews.release(key):
             raise InputError(f"{self.reviews.viewers(key) or 'Somebody'} has it open: fit it there.")

@@ -84,11 +84,8 @@ class Reviews:
         server.on_client_disconnect(self._disconnected)
 
     def open(self, key: str) -> Review:
-        """The review of a clip, opened if it is not yet. Takes a moment, and the first one torch's two seconds.
-
-        Raises:
-            InputError: There is no such project, or it cannot be opened.
-        """
+        """The review of a clip, opened if it is not yet. Takes a moment, and the first one torch's two seconds. Raises
+        InputError if there is no such project, or it cannot be opened."""
         with self._guard:
             review = self._open.get(key)
             if review is not None and review.project.read_only and not review.busy:

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from fitting_core.body.geometry import SIDES
 from fitting_core.errors import InputError, some_of
 from fitting_core.io.annotations.annotations import Tier
 from fitting_core.io.annotations.eaf import read_eaf
 from fitting_core.io.annotations.frame_times import frames_of
-from fitting_core.measure.hands.phases import SIDES
 from tcfit_app.analysis.hand_tiers import names_of
 from tcfit_app.project.edits.edit_log import NOTE_CHARACTERS, Note, NoteText, WriteNotes
 from tcfit_app.project.project import Project
@@ -47,7 +47,8 @@ class ElanNotes:
 
 
 def import_notes(project: Project, path: Path, tiers: Sequence[str] = (), *, author: str = "") -> ElanNotes:
-    """Store annotations as notes; a single undo removes them all.
+    """Store annotations as notes; a single undo removes them all. Raises InputError if it cannot be read, has no such
+    tier or no annotations, one is too long, or the project cannot be written; nothing is stored then.
 
     An annotation on frames that already have a note with this text is skipped. If tcfit wrote the file, an annotation
     in one of its tiers of notes replaces the text of the note on the same frames, if there is exactly one.
@@ -57,10 +58,6 @@ def import_notes(project: Project, path: Path, tiers: Sequence[str] = (), *, aut
         path: The .eaf file; its times are those of the project's video.
         tiers: Names; empty: all except those that tcfit derives from other data.
         author: Who imports.
-
-    Raises:
-        InputError: It cannot be read, has no such tier or no annotations, one is too long, or the project cannot be
-            written; nothing is stored then.
     """
     action, told = notes_of(path, project, tiers)
     if action is not None:
@@ -118,6 +115,5 @@ def _chosen(found: Sequence[Tier], wished: Sequence[str], path: Path) -> list[Ti
 
 
 def _replaced(there: Sequence[Note], frames: range) -> int | None:
-    """The only note on exactly these frames."""
     found = [note.id for note in there if note.frames == frames]
     return found[0] if len(found) == 1 else None

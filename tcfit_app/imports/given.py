@@ -37,11 +37,8 @@ NOTHING = KnownInputs()
 
 
 def read_given(given: Given, project: Project, clip: Clip, body: BodyModel, bodies: Bodies) -> KnownInputs:
-    """Read the user's choice for a fit of `clip` with `body`. Slow.
-
-    Raises:
-        InputError: Something is missing, cannot be read, or does not suit this clip and body.
-    """
+    """Read the user's choice for a fit of `clip` with `body`. Slow. Raises InputError if something is missing, cannot
+    be read, or does not suit this clip and body."""
     start = None if given.start is None else _start(given.start, project, clip, body, bodies)
     shape = None if given.shape is None else _shape(given.shape, project, body)
     return KnownInputs(given=given, start=start, shape=shape)
@@ -78,12 +75,9 @@ def _shape(source: Source, project: Project, body: BodyModel) -> KnownShape:
 
 
 def start_of(options: StartOptions, clip: Clip, body: BodyModel, bodies: Bodies) -> GivenStart | None:
-    """The start chosen by the options; None if there is none. The result's own body may be among `bodies`.
-
-    Raises:
-        InputError: It cannot be read, has nothing for this clip, or nobody in it matches the keypoints; or there are
-            other start options without a start.
-    """
+    """The start chosen by the options; None if there is none. The result's own body may be among `bodies`. Raises
+    InputError if it cannot be read, has nothing for this clip, or nobody in it matches the keypoints; or there are
+    other start options without a start."""
     if options.start is None:
         said = {"--start-person": options.start_person, "--start-first-frame": options.start_first_frame}
         if named := [name for name, value in said.items() if value is not None]:
@@ -108,11 +102,8 @@ def start_of(options: StartOptions, clip: Clip, body: BodyModel, bodies: Bodies)
 
 
 def read_shape(path: Path, body: BodyModel) -> KnownShape:
-    """A person's shape from a project's newest fit, or from what `read_known_shape` reads.
-
-    Raises:
-        InputError: It does not exist, has no shape, or one for another body.
-    """
+    """A person's shape from a project's newest fit, or from what `read_known_shape` reads. Raises InputError if it does
+    not exist, has no shape, or one for another body."""
     if not is_project(path):
         return read_known_shape(path, body_hash=body.hash)
     with Project.open(path, read_only=True) as project:

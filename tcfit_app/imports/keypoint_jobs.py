@@ -131,7 +131,6 @@ class Detect:
         raise AssertionError("a detection ends with what it found")
 
     def _chosen(self, found: "Detected", clip: Clip) -> FoundKeypoints:
-        """The chosen person's keypoints."""
         from fitting_core.clips.camera_rule import estimated
         from fitting_core.detect.found import found_detections, silhouettes_of, with_somebody
         from fitting_core.lens import straightened_keypoints
@@ -253,7 +252,6 @@ def _unpacked(shown: str, content: bytes, folder: Path) -> Path:
 
 
 def _keypoint_entries(shown: str, archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
-    """The archive's keypoint files."""
     # macOS adds a folder of its own; names starting with a dot are system files.
     entries = [
         entry

@@ -67,7 +67,8 @@ def import_run(
     source: str = "",
     goes_on: Callable[[], None] = lambda: None,
 ) -> Run:
-    """Read a result and store it as a finished run of the project.
+    """Read a result and store it as a finished run of the project. Raises InputError if it cannot be read or does not
+    match the clip, its body is missing, or the project cannot be written.
 
     Nothing is written unless all of it can be read.
 
@@ -79,10 +80,6 @@ def import_run(
         name: Of the run; by default from the file or folder.
         source: Its origin, for users; by default the path.
         goes_on: Called before anything is written; raises to cancel.
-
-    Raises:
-        InputError: It cannot be read or does not match the clip, its body model is missing, or the project cannot be
-            written.
     """
     source = name_of_file(source) if source else str(path)
     fit, body, placed = imported_fit(path, project.clip, bodies, choices or ImportChoices(), source=source)
@@ -99,11 +96,8 @@ def import_run(
 def imported_fit(
     path: Path, clip: Clip, bodies: Bodies, choices: ImportChoices, *, source: str
 ) -> tuple[FitResult, BodyModel, bool]:
-    """A result as a fit of the clip, the body it poses, and whether it has a camera.
-
-    Raises:
-        InputError: It cannot be read or does not match the clip, or its body model is missing.
-    """
+    """A result as a fit of the clip, the body it poses, and whether it has a camera. Raises InputError if it cannot be
+    read or does not match the clip, or its body model is missing."""
     decode = vposer_decoder(choices.vposer)
     motion = read_motion(path, person=choices.person, gender=choices.gender, decode=decode)
     covered = cover(
@@ -172,11 +166,8 @@ def vposer_decoder(given: Path | None = None) -> "Decode | None":
 
 
 def posed_body(motion: ImportedMotion, bodies: Bodies, choices: ImportChoices) -> tuple[BodyModel, ImportedMotion]:
-    """The body to pose, and the motion without numbers that do not apply to that body.
-
-    Raises:
-        InputError: The body model is missing.
-    """
+    """The body to pose, and the motion without numbers that do not apply to that body. Raises InputError if the body
+    model is missing."""
     kind, gender = choices.body_model or motion.kind, choices.gender or motion.gender
     if motion.body_hash and choices.body_model is None and choices.gender is None:
         record = BodyRecord(kind=kind, gender=gender, hash=motion.body_hash)
@@ -209,11 +200,8 @@ _STARTS: dict[bytes, str] = {
 
 @contextmanager
 def upload(name: str, content: bytes) -> Iterator[Path]:
-    """An uploaded file on disk for the `with` block; errors use the name that the user knows.
-
-    Raises:
-        InputError: It is not a kind of file that can be uploaded.
-    """
+    """An uploaded file on disk for the `with` block; errors use the name that the user knows. Raises InputError if it
+    is not a kind of file that can be uploaded."""
     shown = name_of_file(name)
     suffix = next((suffix for start, suffix in _STARTS.items() if content.startswith(start)), None)
     if suffix is None:

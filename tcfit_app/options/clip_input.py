@@ -16,7 +16,8 @@ from tcfit_app.options.fit import HINTS, NO_KEYPOINTS, FitOptions, NewOptions, R
 
 
 def clip_of(options: FitOptions | NewOptions | ReviewOptions, tell: Tell | None = None) -> Clip:
-    """Read the clip; what the library calls `frame_rate` its messages call --frame-rate here.
+    """Read the clip; what the library calls `frame_rate` its messages call --frame-rate here. Raises InputError if
+    files or options cannot be used.
 
     A project can be made of a video alone, with --keypoints none: nothing is detected then. A review finds nothing
     itself either: the app does, while it is looked at.
@@ -24,9 +25,6 @@ def clip_of(options: FitOptions | NewOptions | ReviewOptions, tell: Tell | None 
     Args:
         options: The command line.
         tell: Is told how far keypoints are found, if none are given.
-
-    Raises:
-        InputError: Files or options cannot be used.
     """
     try:
         clip = _read(options, tell)
@@ -36,11 +34,8 @@ def clip_of(options: FitOptions | NewOptions | ReviewOptions, tell: Tell | None 
 
 
 def everybody_of(options: FitOptions | NewOptions, tell: Tell | None = None) -> list[PersonInClip]:
-    """Read everybody in the clip, each as a clip; words and arguments as of `clip_of`.
-
-    Raises:
-        InputError: Files or options cannot be used, or are of one person.
-    """
+    """Read everybody in the clip, each as a clip; words and arguments as of `clip_of`. Raises InputError if files or
+    options cannot be used, or are of one person."""
     if options.clip.person is not None:
         raise InputError(f"--people {options.people} and --person {options.clip.person}: give one of them.")
     if options.keypoints == NO_KEYPOINTS:
@@ -134,7 +129,6 @@ def described(clip: Clip) -> list[str]:
 
 
 def _keypoints(clip: Clip) -> list[str]:
-    """Where they come from, if it was not a file."""
     seen = (clip.keypoints.confidence > 0).any(1)
     if not seen.any():
         return ["No keypoints yet: the review (tcfit review) finds or imports them, in its panel Start"]

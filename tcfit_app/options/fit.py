@@ -308,11 +308,8 @@ class DemoOptions:
 
 
 def fit_config(options: MethodOptions) -> FitConfig:
-    """The configuration that the options ask for: preset, then file, then single settings.
-
-    Raises:
-        InputError: An unknown or wrong setting, one that is given twice, or two that cannot be together.
-    """
+    """The configuration that the options ask for: preset, then file, then single settings. Raises InputError if there
+    is an unknown or wrong setting, one that is given twice, or two that cannot be together."""
     _, config = _of_preset(options)
     seen: dict[str, str] = {}
     for origin, name, text in _given(options):
@@ -325,22 +322,15 @@ def fit_config(options: MethodOptions) -> FitConfig:
 
 
 def height_of(options: NewOptions | ReviewOptions) -> float | None:
-    """The person's height in centimetres, where it is said.
-
-    Raises:
-        InputError: Nobody has it.
-    """
+    """The person's height in centimetres, where it is said. Raises InputError if nobody has it."""
     if options.height is None:
         return None
     return changed(PRESETS[DEFAULT_PRESET], {"height": options.height}, origin="--height", texts=True).height
 
 
 def camera_for(camera: CameraOptions, method: MethodOptions | None = None) -> CameraOptions:
-    """With the image's diagonal where no focal length is given and the preset follows a paper.
-
-    Raises:
-        InputError: The method's configuration cannot be read.
-    """
+    """With the image's diagonal where no focal length is given and the preset follows a paper. Raises InputError if the
+    method's configuration cannot be read."""
     return camera if method is None else camera.for_preset(_of_preset(method)[0])
 
 

@@ -17,16 +17,13 @@ _NAMES_OR_PATHS = ("body_model", "pose_prior", "detector")
 
 
 def check_paths(options: Any) -> None:
-    """Refuse paths that are too long or not text.
+    """Refuse paths that are too long or not text. Raises InputError if there is such a path.
 
     Results name the files that they come from, and OpenCV, SQLite and JSON take only UTF-8: found in the end, a
     name that is none has cost a whole fit.
 
     Args:
         options: A command's, with those of its groups.
-
-    Raises:
-        InputError: There is such a path.
     """
     for path in _paths_in(options):
         if why := _fault(path):

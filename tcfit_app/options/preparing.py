@@ -20,12 +20,8 @@ MOST_THREADS = 256
 
 
 def check_out(folder: Path, *, overwrite: bool) -> None:
-    """Refuse to write among files that are not tcfit's.
-
-    Raises:
-        InputError: The folder is a file, cannot be written, or holds something other than a result and `overwrite` is
-            not given.
-    """
+    """Refuse to write among files that are not tcfit's. Raises InputError if the folder is a file, cannot be written,
+    or holds something other than a result and `overwrite` is not given."""
     if folder.exists() and not folder.is_dir():
         raise InputError(f"--out {folder}: is a file; expected a folder, which need not exist.")
     there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
@@ -71,11 +67,7 @@ def compile_kernels(config: FitConfig) -> None:
 
 
 def body_file(options: BodyOptions) -> Path:
-    """The body model's file.
-
-    Raises:
-        InputError: There is none, or --body-model is a path and --models is given too.
-    """
+    """The body model's file. Raises InputError if there is none, or --models is given beside a path."""
     given = at_home(options.body_model)
     if not (given.suffix or given.exists() or len(given.parts) > 1):
         try:

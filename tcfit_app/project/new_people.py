@@ -15,15 +15,13 @@ from tcfit_app.project.storage.clip import write_clip
 
 
 def create_people(folder: Path, people: Sequence[PersonInClip], *, copy_media: bool = False) -> None:
-    """Create the folder, completely or not at all; `opened_people` opens it.
+    """Create the folder, completely or not at all; `opened_people` opens it. Raises InputError if the folder is not
+    empty or cannot be written, or the source cannot be read.
 
     Args:
         folder: Must not exist, or be empty.
         people: Of one clip, at least one.
         copy_media: Copy the clip's source into the folder, once; otherwise it is linked.
-
-    Raises:
-        InputError: The folder is not empty, or cannot be written; the source cannot be read.
     """
     folder = folder.resolve()
     with accessing(folder):

@@ -221,11 +221,7 @@ def unpack(path: Path, folder: Path) -> None:
 
 
 def packed_creation_time(path: Path) -> str:
-    """`creation_time` of a packed project, without unpacking the rest.
-
-    Raises:
-        InputError: As `unpack`.
-    """
+    """`creation_time` of a packed project, without unpacking the rest. Raises InputError as `unpack` does."""
     with scratch_folder() as folder:
         _extract(path, folder, only=database.NAME)
         return creation_time(folder)

@@ -22,13 +22,10 @@ class OpenPeople:
     """Those that could be opened, in its order; at least one."""
 
     def chosen(self, number: int | None) -> Project:
-        """The project of a person.
+        """The project of a person. Raises InputError if there is no such person, or the project could not be opened.
 
         Args:
             number: From 1, in the order of people.json; None: the first available.
-
-        Raises:
-            InputError: There is no such person, or the project could not be opened.
         """
         if number is None:
             return self.projects[0][1]
@@ -44,15 +41,13 @@ class OpenPeople:
 
 @contextmanager
 def opened_people(folder: Path, opened: Callable[[Path], Project], tell: Callable[[str], None]) -> Iterator[OpenPeople]:
-    """Open all projects of a folder for the `with` block; those that cannot be opened are reported and skipped.
+    """Open all projects of a folder for the `with` block; those that cannot be opened are reported and skipped. Raises
+    InputError if there is no valid people.json, or none of the projects can be opened.
 
     Args:
         folder: The folder with people.json.
         opened: Opens a project.
         tell: Called with a message for each skipped person.
-
-    Raises:
-        InputError: There is no valid people.json, or none of the projects can be opened.
     """
     file = read_people_file(folder)
     problems: list[str] = []

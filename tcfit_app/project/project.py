@@ -94,8 +94,7 @@ class Project:
         self.review = ReviewOfClip(store, lambda: self.last_edit)
         """Of the clip as a whole: see `ClipReview`."""
         self.keypoints_version = self.marks_version = self.reference_version = self.video_version = 0
-        """Versions: they change whenever the keypoints, the marks and notes, the reference, or the video frames
-        change."""
+        """Versions: they change with the keypoints, the marks and notes, the reference, and the video frames."""
         self.height = read_height(store)
         """Height of the person without shoes, centimetres; None: unknown. See `set_height`."""
         self._clip: Clip | None = None
@@ -129,15 +128,13 @@ class Project:
 
     @staticmethod
     def create(folder: Path, clip: Clip, *, copy_media: bool = False) -> "Project":
-        """Create a project and open it.
+        """Create a project and open it. Raises InputError if the folder is not empty or cannot be written, or the
+        source cannot be read.
 
         Args:
             folder: Must not exist, or be empty.
             clip: Its keypoints become the detections, its source the project's media.
             copy_media: Copy the source into the project; otherwise it is linked.
-
-        Raises:
-            InputError: The folder is not empty, or cannot be written; the source cannot be read.
         """
         folder = folder.resolve()
         with accessing(folder):
@@ -353,11 +350,8 @@ class Project:
                     self.video_version += 1
 
     def set_height(self, height: float | None) -> None:
-        """Set the person's height in centimetres, for future fits; it is on disk when this returns.
-
-        Raises:
-            InputError: The project cannot be written.
-        """
+        """Set the person's height in centimetres, for future fits; it is on disk when this returns. Raises InputError
+        if the project cannot be written."""
         self.refuse_read_only()
         replace_height(self._database, height)
         self.height = height
@@ -376,12 +370,8 @@ class Project:
             )
 
     def relink(self, source: Path) -> None:
-        """Set the path of the video or the images.
-
-        Raises:
-            InputError: There is nothing, it is neither a video nor a folder of images, or the project cannot be
-                written.
-        """
+        """Set the path of the video or the images. Raises InputError if there is nothing, it is neither a video nor a
+        folder of images, or the project cannot be written."""
         self.refuse_read_only()
         with self._changing_files:
             link = media.link(source, self.folder)
@@ -402,11 +392,8 @@ class Project:
             return self._reference
 
     def set_reference(self, reference: Reference | None) -> None:
-        """Set the reference for fits; it is on disk when this returns.
-
-        Raises:
-            InputError: It has no frame in common with the clip, or the project cannot be written.
-        """
+        """Set the reference for fits; it is on disk when this returns. Raises InputError if it has no frame in common
+        with the clip, or the project cannot be written."""
         self.refuse_read_only()
         if reference is not None:
             reference.frames_of(len(self._stored), self._stored.first_frame, self._stored.frame_rate)
@@ -508,11 +495,8 @@ class Project:
             return edit
 
     def append(self, action: LogAction, *, author: str = "") -> LogEntry:
-        """Make an edit or a mark; it is on disk when this returns.
-
-        Raises:
-            InputError: It is invalid for this clip, or the project cannot be written; nothing has changed.
-        """
+        """Make an edit or a mark; it is on disk when this returns. Raises InputError if it is invalid for this clip, or
+        the project cannot be written; nothing has changed."""
         with self._guard:
             text = encode(action)
             action = decode(text)  # nothing unreadable may get into the log

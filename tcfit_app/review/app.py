@@ -103,7 +103,6 @@ class ReviewApp:
         self._commands.put(command)
 
     def _wake(self) -> None:
-        """Draw soon."""
         self.post(lambda: None)
 
     def _take(self, client: int, command: Callable[[], None]) -> None:

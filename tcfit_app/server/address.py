@@ -50,11 +50,8 @@ class Address:
 
 
 def listen(host: str, port: int) -> tuple[socket.socket, Address]:
-    """A listening socket at the asked port (0: any), or at the next free one.
-
-    Raises:
-        InputError: The host is not one of this computer's, or no port is free or allowed.
-    """
+    """A listening socket at the asked port (0: any), or at the next free one. Raises InputError if the host is not one
+    of this computer's, or no port is free or allowed."""
     if not 0 <= port < 2**16:
         raise InputError(f"There is no port {port}. Give one from 1 to 65535, or 0 for any that is free.")
     try:

@@ -88,10 +88,7 @@ _log.addFilter(_is_no_noise)
 @contextmanager
 def gated_viser(listening: socket.socket, gate: Gate, site: TalkingSite | None = None) -> Iterator[viser.ViserServer]:
     """A viser server on that socket (which it closes) behind that gate, without the share tunnel; stops at the end.
-
-    Raises:
-        InputError: The viser that is installed is not one that tcfit knows.
-    """
+    Raises InputError if the viser that is installed is not one that tcfit knows."""
     viser_bridge.check()
     viser_bridge.keep_icons_open()
     viser_bridge.let_tabs_leave()

@@ -45,14 +45,11 @@ class PageFiles:
     """The folder below which everything must lie, for all pages; None: pages on this computer may name any file."""
 
     def path(self, text: str) -> Path:
-        """The path that a user typed; it need not exist.
+        """The path that a user typed; it need not exist. Raises InputError if it is no path, leads to something that is
+        neither a file nor a folder, or is not allowed here.
 
         Args:
             text: May be quoted, may begin with ~; with a folder for such paths it may be relative to that.
-
-        Raises:
-            InputError: It is no path, leads to something that is neither a file nor a folder, or this page may not
-                name it.
         """
         given = text.strip().strip("\"'")
         if self.root is None and not self.here:

@@ -90,11 +90,7 @@ _encoder = msgspec.msgpack.Encoder()
 
 
 def read(sent: bytes | str) -> PageMessage:
-    """The message in what came through a websocket.
-
-    Raises:
-        ValueError: It is none that tcfit's page sends.
-    """
+    """The message in what came through a websocket. Raises ValueError if it is none that tcfit's page sends."""
     if isinstance(sent, str):
         raise ValueError("a text")
     try:

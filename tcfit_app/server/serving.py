@@ -56,6 +56,7 @@ def review_server(
     say: Say = tell,
 ) -> Iterator[ReviewServer]:
     """Serve until the end of the `with` block, which closes all connections and ends all of the server's threads.
+    Raises InputError if nothing can listen there.
 
     Args:
         title: Above the panels and in the browser's tab.
@@ -66,9 +67,6 @@ def review_server(
         entry: A password, and the address of a proxy, if there are such.
         site: Several reviews, and pages around them; None: one review.
         say: Gets the link, a fresh one after each use, and warnings.
-
-    Raises:
-        InputError: Nothing can listen there.
     """
     listening, address = listen(host, port)
     with listening:

@@ -33,8 +33,6 @@ class UploadRoom:
 
 @dataclass
 class _Transfer:
-    """One file on its way."""
-
     source: str
     size: int
     parts: int

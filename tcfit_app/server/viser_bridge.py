@@ -55,11 +55,8 @@ _NEEDED = {
 
 
 def check() -> None:
-    """Check that this is a version of viser that tcfit knows.
-
-    Raises:
-        InputError: It is another version, or lacks something that is used here.
-    """
+    """Check that this is a version of viser that tcfit knows. Raises InputError if it is another version, or lacks
+    something that is used here."""
     needed = [(module, name) for module, names in _NEEDED.items() for name in names.split()]
     missing = [f"{module.__name__}.{name}" for module, name in needed if not hasattr(module, name)]
     if missing or not viser.__version__.startswith(f"{_SERIES}."):
@@ -168,8 +165,7 @@ def is_on_show(field: viser.GuiInputHandle[Any] | None) -> bool:
 def watch_connections(
     server: viser.ViserServer, connected: Callable[[int], None], disconnected: Callable[[int], None]
 ) -> None:
-    """Be told the numbers of tabs that come and go, in the context of their own connection and before viser's tabs
-    are made."""
+    """Be told the numbers of tabs that come and go, in their own connection's context, before viser's tabs are made."""
 
     async def come(client: _infra.WebsockClientConnection) -> None:
         connected(client.client_id)

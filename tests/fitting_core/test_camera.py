@@ -45,13 +45,13 @@ def test_guesses_and_estimates_are_no_calibration():
     (DEFAULT_FOCAL, FocalFrom.DIAGONAL),
     ("estimated from the clip, with 80 % confidence between 700 and 1400 px", FocalFrom.ESTIMATED),
     ("camera file a.toml, camera 1, as given", FocalFrom.FILE),
-    ("35 mm equivalent of 28 mm, as the images tell", FocalFrom.PHOTOGRAPHS),
+    ("35 mm equivalent of 28 mm, stated by the images", FocalFrom.PHOTOGRAPHS),
     ("35 mm equivalent focal length of 28 mm, as given", FocalFrom.GIVEN),
     ("focal length of 800 pixels, as given", FocalFrom.GIVEN),
     ("as given when it was imported", FocalFrom.GIVEN),
     ("set in the review", FocalFrom.GIVEN),
     ("the demo's own camera", FocalFrom.GIVEN),
-    ("SMPLify-X's default, as its results tell none", FocalFrom.PROGRAM),
+    ("SMPLify-X's default, as its results have none", FocalFrom.PROGRAM),
     ("told by the results", FocalFrom.PROGRAM),
 ])  # fmt: skip
 def test_the_words_of_earlier_versions(words: str, told: FocalFrom):

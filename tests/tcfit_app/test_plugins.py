@@ -248,7 +248,7 @@ def test_a_reader_that_fails_leaves_the_formats_of_tcfit(odd, tmp_path: Path):
     code = API + "R = KeypointReader(title='R', recognises=lambda path, start: exit(7), read=print)\n"
     code += "S = KeypointReader(title='S', recognises=lambda path, start: path.suffix == '.s', read=print)\n"
     odd(code, readers="r = odd:R\ns = odd:S")
-    with pytest.raises(InputError, match="is no keypoint format"):
+    with pytest.raises(InputError, match="is not a readable keypoint format"):
         (tmp_path / "a.txt").write_text("?")
         read_detections(tmp_path / "a.txt")
     (tmp_path / "a.s").write_text("?")

@@ -1,1 +1,1 @@
-"""From the fit's skeleton onto a rig: turns from rest to rest, feet that stand, hands that touch."""
+"""From the fit's skeleton to a rig: rotations between rest poses, standing feet, touching hands."""

@@ -1,8 +1,8 @@
-"""Feet that stand, on a rig whose lengths are not the person's.
+"""Standing feet on a rig whose lengths are not the person's.
 
-Lengths are scaled by the legs', so that a foot of the rig goes the fit's way on a larger or smaller scale: it stands
-where that stands, and slides as much in proportion. Where a leg is too short for that, as hips of other widths make it,
-the pelvis is lowered.
+Lengths are scaled by those of the legs, so a foot of the rig follows the fit's path at its own scale: it stands where
+that stands, and slides as much in proportion. If a leg is too short for that, as with hips of another width, the pelvis
+is lowered.
 """
 
 import numpy as np
@@ -12,14 +12,14 @@ from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 from fitting_core.animation.retargeting.limbs import limb_of, reached
 from fitting_core.animation.retargeting.retarget import Posed, RigMotion
 from fitting_core.animation.retargeting.target import Target
+from fitting_core.body.geometry import SIDES
 from fitting_core.body.model import JOINT
 from fitting_core.motion import Motion
 
-SIDES = ("left", "right")
 _SPREAD = 0.15
 """Seconds over which the pelvis is lowered and raised again."""
 _MOST = 0.1
-"""Share of a leg by which the pelvis is lowered at most."""
+"""Maximum lowering of the pelvis, as a share of a leg."""
 
 
 def grounded(moving: RigMotion, posed: Posed, motion: Motion) -> RigMotion:
@@ -48,7 +48,7 @@ def grounded(moving: RigMotion, posed: Posed, motion: Motion) -> RigMotion:
 
 
 def _floor(posed: Posed, motion: Motion) -> float:
-    """Height of the floor in the y-up world: 0 where it is known, else that of the lowest sole."""
+    """Height of the floor in the y-up world: 0 if known, otherwise that of the lowest sole."""
     if motion.level is not None and motion.level.height is not None:
         return 0.0
     return float(posed.places[..., 1].min() + _soles(motion) - posed.rest[:, 1].min())
@@ -60,7 +60,7 @@ def _soles(motion: Motion) -> float:
 
 
 def _scaled(places: Float[np.ndarray, "T 3"], target: Target, floor: float) -> Float[np.ndarray, "T 3"]:
-    """Places in the y-up world as they are in the rig's, above a floor at 0."""
+    """Positions in the y-up world converted to the rig's, above a floor at 0."""
     return target.scale * (places - (0.0, floor, 0.0)) @ target.upright.T
 
 
@@ -71,9 +71,9 @@ def _shifted(moving: RigMotion, by: Float[np.ndarray, "T 3"]) -> RigMotion:
 def _lowered(
     moving: RigMotion, goals: dict[str, np.ndarray], standing: Bool[np.ndarray, "T 2"], frame_rate: float
 ) -> Float[np.ndarray, "T"]:
-    """How much the pelvis must sink for feet that stand to be within reach; evenly over time.
+    """How far the pelvis must sink for standing feet to be within reach; smooth over time.
 
-    A hip that sinks by d is r + d up from its goal, with r the way there before: the smallest d with |r + d up| <= L.
+    A hip that sinks by d is at r + d up from its goal, with r the offset before: the smallest d with |r + d up| <= L.
     """
     target, places = moving.target, moving.places
     needed = np.zeros(len(places))

@@ -1,4 +1,4 @@
-"""Arms and legs bent so that their ends are where they are wished for: two bones, in closed form."""
+"""Arms and legs bent so that their ends reach their goals: two bones, in closed form."""
 
 from dataclasses import dataclass
 
@@ -26,11 +26,11 @@ class RigLimb:
     middle: int
     end: int
     hinge: Float[np.ndarray, "3"]
-    """About which it bends, at rest, as the upper joint is turned; for limbs that are straight."""
+    """The bending axis at rest, in the upper joint's frame; for straight limbs."""
 
 
 def reached(moving: RigMotion, limb: RigLimb, goal: Float[np.ndarray, "T 3"]) -> RigMotion:
-    """The end at its goal, or as near as the limb is long, turned in the world as before.
+    """The end at its goal, or as near as the limb's length allows, with its world rotation kept.
 
     The middle joint opens or closes about the axis that it is bent about, then the whole limb turns the shortest way.
     The cosine rule gives the angle.
@@ -55,7 +55,7 @@ def reached(moving: RigMotion, limb: RigLimb, goal: Float[np.ndarray, "T 3"]) ->
 
 
 def _bend(first: np.ndarray, second: np.ndarray, far: np.ndarray) -> Float[np.ndarray, "T"]:
-    """The angle by which the second bone turns off the first's line, where the ends are so far apart."""
+    """The angle by which the second bone deviates from the first's line, for this distance of the ends."""
     cosine = (far**2 - first**2 - second**2) / (2 * first * second)
     return np.arccos(np.clip(cosine, -1.0, 1.0))
 

@@ -1,4 +1,4 @@
-"""How SMPL-X's body is turned to stand as a rig does at rest: from one rest pose to the other."""
+"""How SMPL-X's body is posed to stand like a rig at rest: from one rest pose to the other."""
 
 from collections.abc import Mapping
 
@@ -32,16 +32,16 @@ def rest_turns(
     facing: Float[np.ndarray, "3 3"],
     fixed: Mapping[str, Float[np.ndarray, "3 3"]],
 ) -> Float[np.ndarray, "55 3 3"]:
-    """Turns of all joints from SMPL-X's rest pose into the rig's world.
+    """Rotations of all joints from SMPL-X's rest pose into the rig's world.
 
-    A joint turns as the one above it, and from there the shortest way to its direction.
+    A joint rotates with its parent, and from there the shortest way to its direction.
 
     Args:
         joints: SMPL-X's, at rest.
         parents: Of each of them.
         directions: Of bones in the rig's rest pose, by joints of ALONG.
         facing: The body as a whole: its left, up and ahead in the rig's world, by columns.
-        fixed: Joints whose turns are known.
+        fixed: Joints whose rotations are known.
     """
     turns = np.tile(facing, (len(JOINTS), 1, 1))
     for j, name in enumerate(JOINTS):

@@ -1,4 +1,4 @@
-"""A rig that a motion is put on: its joints at rest, and which of SMPL-X's joints turn them."""
+"""A rig to put a motion on: its joints at rest, and which of SMPL-X's joints drive them."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,7 +11,7 @@ from fitting_core.body.model import JOINT
 
 @dataclass(frozen=True)
 class Source:
-    """What turns a joint of a rig: one of SMPL-X's joints, or two of them in shares."""
+    """What drives a joint of a rig: one of SMPL-X's joints, or a blend of two."""
 
     joint: str
     other: str = ""
@@ -33,7 +33,7 @@ class Target:
     turns: Float[np.ndarray, "K 3 3"]
     """Rotations of the joints' axes into the rig's world."""
     sources: tuple[Source | None, ...]
-    """None: it stays with its parent."""
+    """None: it follows its parent."""
     rest: Float[np.ndarray, "55 3 3"]
     """How SMPL-X's joints are turned, from their rest pose into the rig's world, when that body stands as the rig does
     at rest."""
@@ -42,7 +42,7 @@ class Target:
     scale: float
     """Of the rig's unit to metres, times its legs' length to the person's."""
     floor: float
-    """Height of what the rig stands on at rest, along its up axis, in its unit."""
+    """Height of the rig's ground at rest, along its up axis, in its unit."""
     root: int
     """The joint that has a position in each frame: the pelvis."""
 
@@ -91,7 +91,7 @@ class Target:
 
     @cached_property
     def order_below_root(self) -> tuple[int, ...]:
-        """The pelvis and what hangs on it, parents first."""
+        """The pelvis and its descendants, parents first."""
         inside = [self.root]
         for k in range(len(self)):
             if self.parents[k] in inside:

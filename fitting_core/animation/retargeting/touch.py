@@ -1,4 +1,4 @@
-"""Hands that touch, on a rig whose lengths are not the person's.
+"""Touching hands on a rig whose lengths are not the person's.
 
 A hand touches where the fit's surface of it is near the surface of something else: the other arm, the head, the trunk,
 a leg. There its wrist is moved until the same points are as near on the rig, whose surface is taken for the person's,
@@ -14,18 +14,18 @@ from scipy.spatial import KDTree
 
 from fitting_core.animation.retargeting.limbs import limb_of, reached
 from fitting_core.animation.retargeting.retarget import Posed, RigMotion
+from fitting_core.body.geometry import SIDES
 from fitting_core.body.model import JOINT, JOINTS
 from fitting_core.motion import CHUNK, Motion
 
-SIDES = ("left", "right")
 _NEAR, _FAR = 0.015, 0.06
-"""Metres from skin to skin up to which a hand touches, and from which on it does not."""
+"""Skin distances in metres up to which a hand touches, and from which it does not."""
 _SOFT = 0.004
 """Metres: of several near points of a hand, each counts by exp of minus its distance over this."""
 _EACH, _OTHERS = 150, 2500
 """Points of a hand, and of everything else, that are compared."""
 _ROUNDS = 6
-"""Times that wrists are moved: each of two hands goes half of the way to the other."""
+"""Iterations in which wrists are moved: each of two hands goes half of the way to the other."""
 _SMOOTH = 0.03
 """Seconds over which the way of a wrist to what it touches is smoothed."""
 

@@ -1,1 +1,1 @@
-"""The rigs that motions are put on: those that everybody knows, and the user's own."""
+"""The rigs that motions are put on: well-known ones, and the user's own."""

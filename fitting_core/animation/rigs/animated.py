@@ -1,4 +1,4 @@
-"""A standard rig that moves, with the person's surface on it: what its files are written from."""
+"""A moving standard rig with the person's surface, from which its files are written."""
 
 from dataclasses import dataclass, replace
 
@@ -29,7 +29,7 @@ class Surface:
     morphs: Morphs
 
     def at(self, moving: RigMotion, frames: slice) -> Float[np.ndarray, "T V 3"]:
-        """What a program shows that skins linearly, metres."""
+        """How a program with linear skinning shows it, metres."""
         moved, places = moving.moved[frames], moving.places[frames]
         offsets = places - np.einsum("tkab,kb->tka", moved, moving.target.places)
         shapes = np.tensordot(self.morphs.weights[frames], self.morphs.directions, 1) + self.vertices

@@ -1,4 +1,4 @@
-"""Which joints of a rig stand for which parts of a body, guessed by their names.
+"""Which joints of a rig are which parts of a body, guessed by name.
 
 Known are the names of Mixamo, Unreal's mannequins, VRM and VRoid, Rigify, Character Creator, Daz and SMPL-X, and what
 is plain enough: a side, a part and a number in any order and spelling.
@@ -46,7 +46,7 @@ _RIGIFY = 7
 
 
 def guessed(names: Iterable[str]) -> dict[str, tuple[str, ...]]:
-    """Parts, as far as they are found, and the joints that stand for them: several for the chains, else one.
+    """The parts found, and their joints: several for the chains, otherwise one.
 
     Args:
         names: Of the rig's joints, parents first.
@@ -101,7 +101,7 @@ def _part(side: str, word: str) -> str | None:
 
 
 def _settle(found: dict[str, list[str]], either: list[tuple[str, str, str]]) -> None:
-    """Words that mean two parts."""
+    """Resolve words that mean two parts."""
     for side, word, name in either:
         free = [part for part in _EITHER[word] if f"{side}_{part}" not in found]
         if free:

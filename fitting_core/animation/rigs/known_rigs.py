@@ -1,4 +1,4 @@
-"""The tables of the rigs that everybody knows; `standard` says where their facts come from."""
+"""The tables of the well-known rigs; `standard` gives the sources of their facts."""
 
 from collections.abc import Iterator
 
@@ -152,10 +152,5 @@ VRM = Standard(
     title="VRM 1.0",
     bones=tuple(_vrm()),
     directions=_STRAIGHT
-    | {
-        "left_thumb1": (0.707, 0.0, 0.707),
-        "left_thumb2": (0.707, 0.0, 0.707),
-        "left_hip": DOWN,
-        "left_knee": DOWN,
-    },
+    | {"left_thumb1": (0.707, 0.0, 0.707), "left_thumb2": (0.707, 0.0, 0.707), "left_hip": DOWN, "left_knee": DOWN},
 )

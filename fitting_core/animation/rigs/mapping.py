@@ -1,4 +1,4 @@
-"""Which joints of a rig stand for which parts of a body: guessed, and checked before a motion goes onto the rig."""
+"""Which joints of a rig are which parts of a body: guessed, and checked before a motion is put on the rig."""
 
 from collections.abc import Mapping
 from itertools import pairwise
@@ -9,8 +9,7 @@ from fitting_core.animation.rigs.skeleton import Skeleton
 from fitting_core.errors import InputError, some_of
 
 Joints = Mapping[str, tuple[str, ...]]
-"""By part, one of PARTS: the rig's joints that stand for it, several for the chains. Parts that the rig lacks are
-missing."""
+"""By part, one of PARTS: the rig's joints for it, several for the chains. Parts that the rig lacks are missing."""
 _NAMED = 30
 """Joints of a rig that a message names."""
 
@@ -24,12 +23,8 @@ def guess_joints(skeleton: Skeleton) -> dict[str, tuple[str, ...]]:
 
 
 def check_joints(joints: Joints, skeleton: Skeleton) -> None:
-    """Check that a mapping can be used.
-
-    Raises:
-        InputError: A part or a joint is not known, a joint stands for two parts, a part that is needed is missing, or
-            joints do not hang on each other as a body's do.
-    """
+    """Check that a mapping is usable. Raises InputError if a part or a joint is not known, a joint stands for two
+    parts, a part that is needed is missing, or joints do not hang on each other as a body's do."""
     source = skeleton.source
     used: dict[str, str] = {}
     for part, names in joints.items():

@@ -1,5 +1,4 @@
-"""A motion on the user's own rig: the rig as a target, by its rest pose and size; then feet onto the floor, hands to
-where they touch."""
+"""A motion on the user's own rig: the rig as a target, by its rest pose and size; then feet and hands are corrected."""
 
 from collections.abc import Sequence
 
@@ -15,11 +14,11 @@ from fitting_core.animation.retargeting.touch import touches, touching
 from fitting_core.animation.rigs.mapping import Joints
 from fitting_core.animation.rigs.parts import CHAINS, NEEDED, meant
 from fitting_core.animation.rigs.skeleton import Skeleton
+from fitting_core.body.geometry import SIDES
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.errors import InputError
 from fitting_core.motion import Motion
 
-_SIDES = ("left", "right")
 _SHORT = 1e-6
 """Share of the rig's height: bones that are shorter have no direction."""
 _APART = 0.05
@@ -32,15 +31,13 @@ _LOW = 0.12
 
 
 def on_own(motion: Motion, skeleton: Skeleton, joints: Joints) -> RigMotion:
-    """A motion on a rig with its own lengths, in its own world and unit.
+    """A motion on a rig with its own lengths, in its own world and unit. Raises InputError if the rest pose is not one
+    that a body can have.
 
     Args:
         motion: In any axes.
         skeleton: The rig.
-        joints: What stands for what; checked.
-
-    Raises:
-        InputError: The rest pose is none that a body can have.
+        joints: The mapping, checked.
     """
     upright = motion.in_axes("y-up").one_shape
     posed, body = Posed.of(upright), upright.shaped_body
@@ -49,15 +46,13 @@ def on_own(motion: Motion, skeleton: Skeleton, joints: Joints) -> RigMotion:
 
 
 def own_target(skeleton: Skeleton, joints: Joints, body: BodyModel) -> Target:
-    """A rig of the user's as it is, with its own lengths.
+    """A rig of the user's as it is, with its own lengths. Raises InputError if the rest pose is not that of a body that
+    stands, or its axes are scaled unevenly.
 
     Args:
         skeleton: The rig.
-        joints: What stands for what; checked.
+        joints: The mapping, checked.
         body: Its mean shape is the person's.
-
-    Raises:
-        InputError: The rest pose is not that of a body that stands, or its axes are scaled unevenly.
     """
     where = {part: skeleton.places[skeleton.index(names[0])] for part, names in joints.items()}
     facing = _facing(where, skeleton)
@@ -83,14 +78,14 @@ def own_target(skeleton: Skeleton, joints: Joints, body: BodyModel) -> Target:
 
 
 def _body_of(skeleton: Skeleton, joints: Joints) -> set[int]:
-    """The joints that hang on the pelvis."""
+    """The pelvis and its descendants."""
     root = skeleton.index(joints["pelvis"][0])
     return {k for k in range(len(skeleton)) if k == root or skeleton.is_below(k, root)}
 
 
 def _leg(where: dict[str, np.ndarray]) -> float:
     """Mean length of thigh and shin together."""
-    parts = [[where[f"{side}_{part}"] for part in ("hip", "knee", "ankle")] for side in _SIDES]
+    parts = [[where[f"{side}_{part}"] for part in ("hip", "knee", "ankle")] for side in SIDES]
     return float(np.mean([np.linalg.norm(k - h) + np.linalg.norm(a - k) for h, k, a in parts]))
 
 
@@ -126,7 +121,7 @@ def _check_limbs(where: dict[str, np.ndarray], skeleton: Skeleton) -> None:
 def _check_stands(where: dict[str, np.ndarray], facing: Float[np.ndarray, "3 3"], skeleton: Skeleton) -> None:
     """Legs hang down and arms do not cross the body: the turn from a T pose is long else, and its twist not known."""
     left, up, _ = facing.T
-    for side, outward in zip(_SIDES, (left, -left), strict=True):
+    for side, outward in zip(SIDES, (left, -left), strict=True):
         for part, direction, most in (
             *((part, -up, _ASTRIDE) for part in ("hip", "knee")),
             *((part, outward, _INWARD) for part in ("shoulder", "elbow")),
@@ -148,7 +143,7 @@ def _height(where: dict[str, np.ndarray]) -> float:
 
 
 def _upright(up: np.ndarray) -> Float[np.ndarray, "3 3"]:
-    """The turn by quarters that makes y up."""
+    """The rotation by quarter turns that makes y up."""
     return np.round(Rotation.align_vectors(up[None], [[0.0, 1.0, 0.0]])[0].as_matrix()) if up[1] < 1 else np.eye(3)
 
 
@@ -163,10 +158,10 @@ def _rest(
     }
     rest = body.rest_joints
     fixed = {}
-    for side in _SIDES:
+    for side in SIDES:
         fixed |= _foot(side, where, facing, rest)
     first = rest_turns(rest, body.parents, directions, facing=facing, fixed=fixed)
-    hands = {f"{side}_wrist": _hand(side, where, rest, first[JOINT[f"{side}_wrist"]]) for side in _SIDES}
+    hands = {f"{side}_wrist": _hand(side, where, rest, first[JOINT[f"{side}_wrist"]]) for side in SIDES}
     return rest_turns(rest, body.parents, directions, facing=facing, fixed=fixed | hands)
 
 

@@ -1,12 +1,12 @@
-"""The parts of a body that a rig's joints stand for, by the names of SMPL-X's joints."""
+"""The parts of a body that a rig's joints are mapped to, named after SMPL-X's joints."""
 
 from fitting_core.body.model import JOINTS
 
 CHAINS: dict[str, tuple[str, ...]] = {"spine": ("spine1", "spine2", "spine3"), "neck": ("neck",)}
-"""Parts that rigs divide differently: any number of joints stands for these of SMPL-X, from below to above."""
+"""Parts that rigs divide differently: any number of joints for these of SMPL-X, from bottom to top."""
 _IN_CHAINS = {joint: part for part, joints in CHAINS.items() for joint in joints}
 PARTS: tuple[str, ...] = tuple(dict.fromkeys(_IN_CHAINS.get(joint, joint) for joint in JOINTS))
-"""What a mapping names: pelvis, spine, neck, head, left_hip (the thigh), left_knee (the shin), ..."""
+"""The names in a mapping: pelvis, spine, neck, head, left_hip (the thigh), left_knee (the shin), ..."""
 NEEDED: tuple[str, ...] = (
     "pelvis",
     "spine",
@@ -16,7 +16,7 @@ NEEDED: tuple[str, ...] = (
         for part in ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")
     ),
 )
-"""Without these a body cannot be moved onto a rig."""
+"""Required to move a body onto a rig."""
 MEANT: dict[str, str] = {
     "pelvis": "hips",
     "spine": "spine, from below to above",
@@ -34,7 +34,7 @@ MEANT: dict[str, str] = {
 
 
 def meant(part: str) -> str:
-    """What a part is to an animator: left thigh for left_hip."""
+    """A part in an animator's words: left thigh for left_hip."""
     side, _, rest = part.partition("_")
     if side not in ("left", "right"):
         return MEANT.get(part, part)

@@ -1,4 +1,4 @@
-"""A skeleton as a file has it: names, parents and the rest pose of its joints."""
+"""A skeleton as in a file: names, parents and the rest pose of its joints."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -15,7 +15,7 @@ _UNEVEN = 1e-3
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Skeleton:
-    """J joints in an order in which every parent stands before its children."""
+    """J joints, parents first."""
 
     names: tuple[str, ...]
     parents: Int[np.ndarray, "J"]
@@ -47,14 +47,12 @@ class Skeleton:
         return self.world[:, :3, 3]
 
     def turns(self, moved: Iterable[int]) -> Float[np.ndarray, "J 3 3"]:
-        """How joints are turned at rest: rotations into the world.
+        """How joints are turned at rest: rotations into the world. Raises InputError if the axes of one are not as long
+        as each other, or mirrored.
 
         Args:
             moved: Those that will move. They count, and what they hang on; all others are taken as not turned, since a
                 prop in the scene may be scaled as it likes.
-
-        Raises:
-            InputError: The axes of one are not as long as each other, or mirrored.
         """
         turns = np.tile(np.eye(3), (len(self), 1, 1))
         for k in sorted({above for joint in moved for above in self._and_above(joint)}):
@@ -71,15 +69,15 @@ class Skeleton:
         return turns
 
     def index(self, name: str) -> int:
-        """Which joint has a name; the first of several."""
+        """The joint with a name; the first of several."""
         return self.names.index(name)
 
     def is_below(self, joint: int, other: int) -> bool:
-        """Whether a joint hangs on another one, directly or not."""
+        """Whether a joint is a descendant of another."""
         return joint != other and other in self._and_above(joint)
 
     def _and_above(self, joint: int) -> Iterator[int]:
-        """A joint and what it hangs on."""
+        """A joint and its ancestors."""
         while joint >= 0:
             yield joint
             joint = int(self.parents[joint])

@@ -1,4 +1,4 @@
-"""The skeletons of Mixamo, of Unreal's mannequin and of VRM 1.0, with the bones of the person who was fitted.
+"""The skeletons of Mixamo, Unreal's mannequin and VRM 1.0, with the bones of the fitted person.
 
 Names, order and axes are those of the rigs, the rest pose is theirs, and lengths are the person's: so a joint is
 exactly where the fit has it. Where the facts come from:
@@ -163,8 +163,6 @@ def _both_sides(standard: Standard) -> Iterator[Bone]:
 
 
 def _sided(bone: Bone, side: int, *, negated: bool) -> Bone:
-    """The bone of one side."""
-
     def named(text: str) -> str:
         for mark, sides in _OTHER.items():
             text = text.replace(mark, sides[side])

@@ -38,11 +38,7 @@ class RawFile:
         return InputError(f"{self.path}: {problem}. {advice}")
 
     def array(self, key: str, shape: tuple[int | None, ...]) -> np.ndarray:
-        """The array of a key.
-
-        Raises:
-            InputError: It is not an array of finite numbers of this shape (None: any length).
-        """
+        """The array of a key. Raises InputError if it is not an array of finite numbers of this shape (None: any)."""
         try:
             value = as_array(self.values[key])
         except InputError as error:
@@ -66,11 +62,8 @@ class RawFile:
         return np.ascontiguousarray(self.array(key, shape), dtype=np.float64)
 
     def indices(self, key: str, shape: tuple[int | None, ...], *, limit: int, first: int = 0) -> np.ndarray:
-        """The array of a key as int64.
-
-        Raises:
-            InputError: As `array`, or its values are not whole numbers from first to below limit.
-        """
+        """The array of a key as int64. Raises InputError as `array` does, or if its values are not whole numbers from
+        first to below limit."""
         value = self.array(key, shape)
         whole = value.astype(np.int64)
         if (whole != value).any() or (value.size and (whole.min() < first or whole.max() >= limit)):
@@ -80,11 +73,8 @@ class RawFile:
 
 
 def read_raw(path: Path) -> RawFile:
-    """Open a body model file.
-
-    Raises:
-        InputError: The file is missing, unreadable, damaged, or lacks arrays that every body model has.
-    """
+    """Open a body model file. Raises InputError if the file is missing, unreadable, damaged, or lacks arrays that every
+    body model has."""
     values, digest = _values(path, KEYS)
     raw = RawFile(path=path, values=values, hash=digest)
     _check_keys(raw)
@@ -92,11 +82,8 @@ def read_raw(path: Path) -> RawFile:
 
 
 def vertex_count(path: Path) -> int:
-    """Number of a body's vertices, of an npz file without reading the rest of it.
-
-    Raises:
-        InputError: The file is missing, unreadable, damaged or no body model.
-    """
+    """Number of a body's vertices, of an npz file without reading the rest of it. Raises InputError if the file is
+    missing, unreadable, damaged or no body model."""
     values, digest = _values(path, ("v_template",))
     raw = RawFile(path=path, values=values, hash=digest)
     _check_keys(raw)

@@ -39,7 +39,7 @@ OFFSETS: dict[int, dict[str, KeypointOffset]] = {
             "knee": (-0.001, -0.013, -0.005),
             "ankle": (0.0, 0.014, 0.0),
         }
-    ),
+    )
 }
 """By number of vertices. SMPL-X's own is empty: its joints were regressed to be used with OpenPose as they are."""
 

@@ -54,11 +54,8 @@ def user_folder() -> Path:
 
 
 def search_folders() -> list[Path]:
-    """Folders that are searched when none is given, first to last.
-
-    Raises:
-        InputError: The environment variable names something that is not a folder.
-    """
+    """Folders that are searched when none is given, first to last. Raises InputError if the environment variable names
+    something that is not a folder."""
     given = [at_home(part) for part in os.environ.get(ENVIRONMENT, "").split(os.pathsep) if part]
     for folder in given:
         if not folder.is_dir():
@@ -105,16 +102,14 @@ def list_bodies(search: StrPath | None = None) -> list[BodyFile]:
 
 
 def register(path: Path) -> list[BodyFile]:
-    """Copy body models into the user's folder, where `find_body` finds them from then on.
+    """Copy body models into the user's folder, where `find_body` finds them from then on. Raises InputError if there is
+    no model in it, or one is damaged; nothing is registered then.
 
     All models of the path are copied and read first; only if all are sound they take their places, each in one step.
     A model of the same kind and gender that was registered before is replaced.
 
     Args:
         path: A model file, a folder, or an archive as downloaded (zip, tar).
-
-    Raises:
-        InputError: There is no model in it, or one is damaged; nothing is registered then.
     """
     folder = user_folder()
     try:

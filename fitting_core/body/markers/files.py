@@ -29,11 +29,7 @@ _FORM = 'a TOML or JSON file with a table "markers" of names and vertices, such 
 
 
 def read_marker_set(path: Path) -> MarkerSet:
-    """Read a set of markers.
-
-    Raises:
-        InputError: It cannot be read, or is not a set of markers.
-    """
+    """Read a set of markers. Raises InputError if it cannot be read, or is not a set of markers."""
     content = _content(path)
     markers, radius = content.get("markers"), content.get("radius", 1e3 * RADIUS)
     if not isinstance(markers, dict) or not 0 < len(markers) <= _MOST_MARKERS:

@@ -53,15 +53,12 @@ class Effort:
 
 
 class MediaPipe:
-    """See `Detector`.
+    """See `Detector`. Raises InputError if the networks are not on this computer, or are damaged.
 
     Args:
         name: In `DETECTORS`.
         effort: How much is done.
         threads: For each network; 0: as many as the computer's cores are good for.
-
-    Raises:
-        InputError: The networks are not on this computer, or are damaged.
     """
 
     points = "mediapipe"

@@ -85,7 +85,8 @@ def announced(place: Path | None = None) -> str:
 
 
 def fetch(place: Path | None = None, *, using: Programs | None = None) -> Iterator[FetchProgress | Fetched]:
-    """Fetch the networks that are not on this computer; the last event is the result.
+    """Fetch the networks that are not on this computer; the last event is the result. Raises InputError if there is no
+    connection, no pip or no space, or something else was sent; the folder stays as it was then.
 
     Closing the iterator ends the programs that it has started, and leaves everything as it was. Where only the optional
     networks are unavailable, the others are installed.
@@ -93,9 +94,6 @@ def fetch(place: Path | None = None, *, using: Programs | None = None) -> Iterat
     Args:
         place: The folder of networks; None: the user's.
         using: How pip and npm are started; None: as they are found on this computer.
-
-    Raises:
-        InputError: No connection, no pip, no space, or something else was sent. The folder stays as it was.
     """
     place = place or networks.folder()
     if not _lacking(place):
@@ -105,14 +103,12 @@ def fetch(place: Path | None = None, *, using: Programs | None = None) -> Iterat
 
 
 def add(archive: Path, place: Path | None = None) -> Iterator[FetchProgress | Fetched]:
-    """Take networks out of a package that the user has; the last event is the result.
+    """Take networks out of a package that the user has; the last event is the result. Raises InputError if it has none
+    of the networks or is damaged, or the folder cannot be written.
 
     Args:
         archive: The wheel or the npm package. Only the networks in it must be those that are known.
         place: The folder of networks; None: the user's.
-
-    Raises:
-        InputError: It has none of the networks or is damaged, or the folder cannot be written.
     """
     yield from _filled(place or networks.folder(), partial(_given, archive=archive), fetches=False)
 

@@ -92,7 +92,6 @@ class HandNetwork:
         return Square(float(middle[0]), float(middle[1]), side, turn).scaled(1.0, up=0.1)
 
     def _seen(self, image: Image, squares: Sequence[Square], flips: tuple[bool, ...]) -> list[Hand]:
-        """A hand for each square and flip, whatever its score."""
         shown = [(square, flip) for square in squares for flip in flips]
         if not shown:
             return []

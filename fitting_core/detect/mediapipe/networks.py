@@ -147,8 +147,7 @@ def is_sound(name: str, place: Path | None = None) -> bool:
 
 
 def missing(place: Path | None = None) -> tuple[str, ...]:
-    """Names of the networks that detection needs and that are not on this computer; the optional ones are not among
-    them."""
+    """Names of the networks that detection needs and that are not on this computer."""
     return tuple(name for name in NEEDED if not is_installed(name, place))
 
 
@@ -176,11 +175,8 @@ def write_list(place: Path) -> None:
 
 
 def content(name: str, place: Path | None = None) -> bytes:
-    """The ONNX file of a network.
-
-    Raises:
-        InputError: It is not on this computer, or damaged; the message says how to get it.
-    """
+    """The ONNX file of a network. Raises InputError if it is not on this computer, or damaged; the message says how to
+    get it."""
     place = place or folder()
     expected = listed(place).get(name)
     path = onnx_path(name, place)
@@ -198,15 +194,13 @@ def content(name: str, place: Path | None = None) -> bytes:
 
 
 class Network:
-    """A network, ready to run.
+    """A network, ready to run. Raises InputError if it is not on this computer, or damaged; the message says how to get
+    it.
 
     Args:
         name: One of NETWORKS.
         outputs: Names of those that are wanted, in this order; None: all.
         threads: That it may use.
-
-    Raises:
-        InputError: It is not on this computer, or damaged; the message says how to get it.
     """
 
     def __init__(self, name: str, *, outputs: Sequence[str] | None = None, threads: int = 1) -> None:

@@ -64,11 +64,7 @@ def programs() -> Programs:
 
 
 def fetched_wheel(scratch: Path, using: Programs) -> Shares:
-    """Fetch the wheel into an empty folder.
-
-    Raises:
-        InputError: It cannot be fetched, or has another checksum.
-    """
+    """Fetch the wheel into an empty folder. Raises InputError if it cannot be fetched, or has another checksum."""
     if using.pip is None:
         raise InputError(
             f"pip fetches {WHEEL.title}, and is not in this environment ({sys.prefix}). Add it by `python -m "

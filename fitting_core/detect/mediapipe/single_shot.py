@@ -21,8 +21,6 @@ _OVERLAP = 0.3
 
 @dataclass(frozen=True, kw_only=True)
 class _Kind:
-    """Of a detector."""
-
     network: str
     strides: tuple[int, ...]
     """Pixels of the picture for each cell of its layers."""

@@ -88,11 +88,7 @@ def turn_from(start: Float[np.ndarray, "2"], end: Float[np.ndarray, "2"], *, sho
 
 
 def picture(
-    image: Image,
-    square: Square,
-    size: int,
-    *,
-    border: int = cv2.BORDER_REPLICATE,
+    image: Image, square: Square, size: int, *, border: int = cv2.BORDER_REPLICATE
 ) -> Float32[np.ndarray, "size size 3"]:
     """A square of an RGB image as a network's picture, 0 to 1.
 

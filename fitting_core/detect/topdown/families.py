@@ -30,11 +30,8 @@ FAMILIES: dict[str, Family] = {
 
 
 def load_pose_model(path: Path, *, provider: str = "cpu", threads: int = 0) -> simcc.SimCC:
-    """Open a whole-body model.
-
-    Raises:
-        InputError: There is no such file, it is not an ONNX model, or of another kind, which the message names.
-    """
+    """Open a whole-body model. Raises InputError if there is no such file, it is not an ONNX model, or of another kind,
+    which the message names."""
     return _load(path, "points", provider, threads)
 
 

@@ -33,11 +33,8 @@ _SCALES = (1.0, 10.0)
 
 
 class SimCC:
-    """A pose model: finds the points of one person in a box.
-
-    Raises:
-        InputError: The model's input and outputs do not fit each other.
-    """
+    """A pose model: finds the points of one person in a box. Raises InputError if the model's input and outputs do not
+    fit each other."""
 
     def __init__(self, model: OnnxModel) -> None:
         assert recognises(model)

@@ -63,8 +63,7 @@ class Observations:
     leg_seen: Bool[Tensor, "T"]
     """Whether hip and knee of one side are seen."""
     relative_position: Float[Tensor, "T 137 3"]
-    """The body's keypoints relative to the pelvis, metres in camera axes, where evidence other than the image locates
-    them."""
+    """Keypoints relative to the pelvis, metres in camera axes, where evidence other than the image locates them."""
     relative_position_deviation: Float[Tensor, "T 137 3"]
     """Its standard deviation, metres; infinite where unknown, as for x and y of detected keypoints, for which the
     lifter does not count."""

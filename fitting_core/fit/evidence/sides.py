@@ -15,19 +15,14 @@ from fitting_core.keypoints import INDEX, LEFT_HAND, RIGHT_HAND, SEEN, Keypoints
 
 _HAND = [LEFT_HAND.start + i for i in range(21)], [RIGHT_HAND.start + i for i in range(21)]
 PAIRED = {
-    "arms": (
-        [INDEX["left_elbow"], INDEX["left_wrist"]],
-        [INDEX["right_elbow"], INDEX["right_wrist"]],
-        _HAND,
-    ),
+    "arms": ([INDEX["left_elbow"], INDEX["left_wrist"]], [INDEX["right_elbow"], INDEX["right_wrist"]], _HAND),
     "legs": (
         [INDEX[f"left_{n}"] for n in ("knee", "ankle", "big_toe", "small_toe", "heel")],
         [INDEX[f"right_{n}"] for n in ("knee", "ankle", "big_toe", "small_toe", "heel")],
         ([], []),
     ),
 }
-"""Left and right keypoints of a pair of limbs, the first two of which decide whether it is swapped; the rest
-follows."""
+"""Left and right keypoints of a pair of limbs, the first two of which decide whether it is swapped."""
 
 
 def _both(part: str) -> list[int]:

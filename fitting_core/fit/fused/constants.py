@@ -8,14 +8,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from fitting_core.fit.compiled.layout import (
-    INTEGER,
-    MOST_COLUMNS,
-    MOST_HAND,
-    N_COEFFICIENTS,
-    N_JOINTS,
-    NUMBER,
-)
+from fitting_core.fit.compiled.layout import INTEGER, MOST_COLUMNS, MOST_HAND, N_COEFFICIENTS, N_JOINTS, NUMBER
 from fitting_core.fit.terms.entry import Kernel
 from fitting_core.fit.terms.table import TERMS
 from fitting_core.fit.terms.term import Term

@@ -178,7 +178,6 @@ def _new_tables(points: BodyPoints, columns: Columns, free: Free) -> _Laid:
 
 
 def _limbs(points: BodyPoints) -> np.ndarray:
-    """The limb that each point belongs to, (N,)."""
     limb = np.zeros(len(points.pick), np.int64)
     for joint in reversed(_LIMBS):
         limb[points.entry_point[points.entry_joint == joint].numpy()] = joint

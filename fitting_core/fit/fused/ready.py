@@ -28,8 +28,6 @@ _MARK = "compiled"
 
 
 class _Use:
-    """Of this process."""
-
     allowed = True
     compiled = False
     told = False

@@ -84,8 +84,7 @@ class Consistency:
         return state
 
     def sliding_window(self, state: State) -> Generator[Step, None, State]:
-        """The paper's windows of n frames, stride 1: no E_T for a window's last frame; the frame before the window is
-        fixed."""
+        """The paper's windows of n frames, stride 1: no E_T for a window's last frame; the frame before it is fixed."""
         frames = len(state)
         size = min(self.stages.config.temporal.window_size, frames)
         last = frames - size

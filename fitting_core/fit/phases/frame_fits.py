@@ -85,8 +85,7 @@ class FrameFits:
         return replace(self, state=self.state.put(frames, solution.state), cost=cost, stopped=stopped)
 
     def lower(self, other: "FrameFits", by: float = 0.0) -> "tuple[FrameFits, Bool[Tensor, 'T']]":
-        """For each frame the fit with the lower cost, the other one only if lower by this fraction; and where that
-        is."""
+        """For each frame the fit with the lower cost, the other only if lower by this fraction; and where."""
         better = other.cost < self.cost * (1 - by)
         return replace(
             self,

@@ -187,7 +187,6 @@ class _Frames:
         return best
 
     def five_stages(self, fits: FrameFits) -> Generator[Step, None, FrameFits]:
-        """The five stages in order."""
         for stage in range(1, N_STAGES + 1):
             free = self.stages.free(stage, betas=True, resting=True, translation=not self.stages.config.camera_frozen)
             if stage == N_STAGES and free.hands and self.stages.config.curled_hands:
@@ -222,8 +221,7 @@ class _Frames:
         Args:
             fits: of the key frames.
             camera: the key frames after the camera step.
-            keys: the key frames; unless they are all frames, they settle first, and the others start interpolated
-                between them.
+            keys: the key frames; unless these are all, they settle first, and the others start interpolated.
         """
         stages = self.stages
         free = stages.free(N_STAGES, betas=True)

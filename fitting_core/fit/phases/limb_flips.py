@@ -74,8 +74,7 @@ class LimbFlips:
     def flipped(self, state: State, limb: Limb, *, upper: bool, lower: bool) -> Float[Tensor, "B 63"]:
         """The body's pose (axis-angle) with a limb's upper bone, lower bone or both mirrored, at the same pixels.
 
-        The middle joint stays a hinge: the limb is rotated about its upper bone until it bends in its natural
-        direction.
+        The middle joint stays a hinge: the limb is rotated about its upper bone until it bends naturally.
         """
         estimate = self.positions.estimate(state)
         joints, world = estimate.in_camera, estimate.posed.world

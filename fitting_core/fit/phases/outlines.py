@@ -42,8 +42,7 @@ FEWEST, MOST = 3, 8
 ROUNDS, STEPS = 2, 3
 """How often the outline is recomputed, and Gauss-Newton steps for each."""
 _ALIKE = 0.6
-"""Minimum intersection over union of body and silhouette in a good frame: otherwise it is someone else's, or
-fragmented."""
+"""Minimum intersection over union of body and silhouette in a good frame: otherwise it is someone else's."""
 _SEEN = [kp.INDEX[f"{side}_{part}"] for side in ("left", "right") for part in ("shoulder", "hip", "knee")]
 _BARE = ("head", "jaw", "eye", "elbow", "wrist", "index", "middle", "pinky", "ring", "thumb", "ankle", "foot")
 """Parts whose outline does not show the body: hair, shoes, hands, which are too fine, and forearms. Sleeves may end

@@ -29,8 +29,7 @@ def _confident(confidence: np.ndarray, sample: ShapeSample, count: int) -> np.nd
 
 
 def _coverage(confidence: np.ndarray, sample: ShapeSample, count: int) -> np.ndarray:
-    """Greedily the frame that adds most to the sum over keypoints of sqrt(accumulated confidence), spread over the
-    clip."""
+    """Greedily the frame that adds most to the sum over keypoints of sqrt(accumulated confidence)."""
     apart = len(confidence) // (2 * count)
     gathered = np.zeros(confidence.shape[1])
     open_frames = np.ones(len(confidence), bool)
@@ -78,11 +77,8 @@ class Sight:
 
     @staticmethod
     def after_first_phase(stages: Stages, fit: FitResult) -> "Sight":
-        """A clip with a fit. Frames are sampled from those fitted in phase 1, or from all.
-
-        Raises:
-            InputError: The fit has no phase 1.
-        """
+        """A clip with a fit. Frames are sampled from those fitted in phase 1, or from all. Raises InputError if the fit
+        has no phase 1."""
         first = fit.phase(1)
         if first is None:
             raise InputError("There is no phase 1 to find a shape from: run everything.")

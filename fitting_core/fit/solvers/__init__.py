@@ -15,7 +15,7 @@ class Solver(Protocol):
     """Minimises any Problem."""
 
     iterations: int
-    """Most steps of one minimisation."""
+    """Maximum number of steps of one minimisation."""
 
     def minimise(self, problem: Problem, start: State, *, final: bool) -> Generator[Progress, None, Solution]:
         """Lowers every group's cost, yielding after each step; `final` asks for full accuracy."""
@@ -23,7 +23,7 @@ class Solver(Protocol):
 
 
 SOLVERS: dict[str, Callable[[SolverSettings], Solver]] = {"lm": LevenbergMarquardt, "lbfgs": LimitedMemory}
-"""By the name that a configuration gives."""
+"""By the name in a configuration."""
 
 
 def make_solver(name: str, settings: SolverSettings) -> Solver:

@@ -14,10 +14,10 @@ Milliseconds per solve with blocks that couple with the next two, float64, best 
     106, 100           44 / 44       37 / 865          44 / 40         11600 / 5960
     106, 400           177 / 174     148 / 13700       185 / 178       not run
 
-On one thread all three are within a factor of two, so torch it is: one code for CPU and GPU, one thread pool. With two
-threads under load the others lose more: six solves of (106, 7) took 2-18 ms here, 2-519 with solveh_banded, 73-546 in
-numpy; six of (63, 400) took 93-263, 57-399 and 48-120. A second thread never paid. Inverted pivots (products in place
-of triangular solves) and panels updated in place were no faster on one thread.
+On one thread all three are within a factor of two, so torch is used: one code for CPU and GPU, one thread pool. With
+two threads under load the others lose more: six solves of (106, 7) took 2-18 ms here, 2-519 with solveh_banded, 73-546
+in numpy; six of (63, 400) took 93-263, 57-399 and 48-120. A second thread never paid off. Inverted pivots (products
+instead of triangular solves) and in-place updates of panels were no faster on one thread.
 """
 
 from collections.abc import Sequence
@@ -31,15 +31,15 @@ from torch import Tensor
 def solve_block_banded(bands: Sequence[Float[Tensor, "_ d d"]], g: Float[Tensor, "n d"]) -> Float[Tensor, "n d"] | None:
     """Solve H x = g by block Cholesky (Golub and Van Loan, Matrix Computations, 4th ed., 4.2 and 4.3).
 
-    Nothing is differentiated through and no argument is changed.
+    Not differentiable; no argument is changed.
 
     Args:
-        bands: Band k has the blocks H[i + k, i], max(n - k, 0) of them. Of the diagonal blocks, band 0, only the lower
-            triangles are read.
+        bands: Band k has the blocks H[i + k, i], max(n - k, 0) of them. Only the lower triangles of the diagonal
+            blocks, band 0, are read.
         g: Right side. All are of one dtype (float32 or float64) and on one device.
 
     Returns:
-        x, or None where H is not numerically positive definite or the solution is not finite: damp H and try again.
+        x, or None if H is not numerically positive definite or the solution is not finite: damp H and try again.
     """
     n, size = g.shape
     for k, band in enumerate(bands):
@@ -55,21 +55,21 @@ def solve_block_banded(bands: Sequence[Float[Tensor, "_ d d"]], g: Float[Tensor,
 
 @torch.no_grad()
 def diagonal_of_inverse(bands: Sequence[Float[Tensor, "_ d d"]]) -> Float[Tensor, "n d d"] | None:
-    """The diagonal blocks of H^-1, without the rest of it: of normal equations, each frame's covariance.
+    """The diagonal blocks of H^-1 without the rest: for normal equations, each frame's covariance.
 
     With H = L L^T, Z = H^-1 solves L^T Z = L^-1, whose right side is lower triangular. So from the last frame to the
     first, with i's coupled frames N and G = L[N, i] L[i, i]^-1,
 
         Z[N, i] = -Z[N, N] G,    Z[i, i] = (L[i, i] L[i, i]^T)^-1 - G^T Z[N, i],
 
-    which takes of Z only what lies within the band (Takahashi, Fagan and Chin, 1973; Erisman and Tinney, Comm. ACM 18
+    which needs only the part of Z within the band (Takahashi, Fagan and Chin, 1973; Erisman and Tinney, Comm. ACM 18
     (1975) 177).
 
     Args:
-        bands: As of `solve_block_banded`.
+        bands: As in `solve_block_banded`.
 
     Returns:
-        None where H is not numerically positive definite.
+        None if H is not numerically positive definite.
     """
     factor = _factor(bands)
     if factor is None:
@@ -81,7 +81,7 @@ def diagonal_of_inverse(bands: Sequence[Float[Tensor, "_ d d"]]) -> Float[Tensor
         lever = torch.linalg.solve_triangular(lower, panel, upper=False, left=False)
         beside = -known @ lever
         own = torch.cholesky_inverse(lower) - lever.mT @ beside
-        own = inverse[i] = (own + own.mT) / 2  # else what rounding makes asymmetric doubles from frame to frame
+        own = inverse[i] = (own + own.mT) / 2  # otherwise asymmetry from rounding doubles with every frame
         known = torch.cat([torch.cat([own, beside.mT], 1), torch.cat([beside, known], 1)])[:most, :most]
     return inverse
 
@@ -100,7 +100,7 @@ def _factor(bands: Sequence[Tensor]) -> tuple[list[Tensor], list[Tensor]] | None
             pivot = torch.addmm(pivot, near, near.mT, alpha=-1)
             panel[: len(far)] -= far @ near.mT
         lower, info = torch.linalg.cholesky_ex(pivot)
-        # A look at info makes a GPU wait, so there it is looked at once, at the end.
+        # Reading info makes a GPU wait, so it is read once there, at the end.
         if info.device.type == "cpu" and info:
             return None
         pivots.append(lower)

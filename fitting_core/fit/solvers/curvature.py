@@ -1,4 +1,4 @@
-"""What L-BFGS remembers of the curvature of many independent problems."""
+"""The curvature memory of L-BFGS for many independent problems."""
 
 import torch
 from jaxtyping import Float, Int
@@ -21,16 +21,16 @@ class CurvatureHistory:
         """Storage for the last `size` pairs of every row of `like`: b (2 size n + size^2) numbers."""
         b, n = like.shape
         self.count = torch.zeros(b, dtype=torch.long, device=like.device)
-        """Pairs taken in since the row was last forgotten, (b,)."""
+        """Pairs stored since the row was last reset, (b,)."""
         self._size = size
-        # Rings: pair k lies in slot k % size. Unused slots are zero, and one on the diagonal of R, so they drop out.
+        # Rings: pair k is in slot k % size. Unused slots are zero, with a one on the diagonal of R, so they drop out.
         # Products below the diagonal of R in order of time may be stale: they are never read.
         self._steps, self._changes = like.new_zeros(b, size, n), like.new_zeros(b, size, n)
         self._products = torch.eye(size, dtype=like.dtype, device=like.device).repeat(b, 1, 1)
         self._gamma = like.new_ones(b)
 
     def add(self, rows: Int[Tensor, " m"], steps: Float[Tensor, "m n"], changes: Float[Tensor, "m n"]) -> None:
-        """Take in the pairs of these rows that have curvature."""
+        """Store the pairs of these rows that have curvature."""
         curvature = (steps * changes).sum(-1)
         curved = curvature > SMALLEST_CURVATURE
         rows, steps, changes, curvature = rows[curved], steps[curved], changes[curved], curvature[curved]
@@ -52,7 +52,7 @@ class CurvatureHistory:
         self._gamma[rows] = 1
 
     def direction(self, rows: Int[Tensor, " m"], gradient: Float[Tensor, "m n"]) -> Float[Tensor, "m n"]:
-        """Quasi-Newton directions at points with these gradients; minus the gradient where the history is empty."""
+        """Quasi-Newton directions at points with these gradients; minus the gradient if the history is empty."""
         used = self._used(rows)
         if not used:
             return -gradient

@@ -13,7 +13,7 @@ from fitting_core.fit.solvers.curvature import CurvatureHistory
 from fitting_core.fit.solvers.line_search import LineSearches
 
 CostFunction = Callable[[Tensor, Tensor], tuple[Tensor, Tensor]]
-"""function(x (m, n), rows (m,)) -> cost (m,), gradient (m, n): some rows of the batch, by their index in it."""
+"""function(x (m, n), rows (m,)) -> cost (m,), gradient (m, n): some rows of the batch, by index."""
 
 
 class Reason(IntEnum):
@@ -26,9 +26,9 @@ class Reason(IntEnum):
     ROUNDS = 2
     """All rounds are used up."""
     LINE_SEARCH = 3
-    """No lower point was found along the steepest descent: the cost is at its rounding error, or the gradient wrong."""
+    """No lower point was found along the steepest descent: the cost is at rounding error, or the gradient is wrong."""
     START_NOT_FINITE = 4
-    """Cost or gradient of the start are not finite; the row is returned as it came."""
+    """Cost or gradient of the start are not finite; the row is returned unchanged."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,31 +36,31 @@ class Result:
     """The end of a minimisation, by row."""
 
     x: Float[Tensor, "b n"]
-    """The point of lowest cost among all that were evaluated."""
+    """The point of lowest cost among all evaluated."""
     cost: Float[Tensor, " b"]
-    """Cost at x; +inf where the start was not finite."""
+    """Cost at x; +inf if the start was not finite."""
     evaluations: Int[Tensor, " b"]
-    """Calls of the function that this row took part in."""
+    """Function calls that included this row."""
     iterations: Int[Tensor, " b"]
     """Accepted steps."""
     rounds: Int[Tensor, " b"]
-    """Rounds that were ended."""
+    """Finished rounds."""
     reasons: tuple[Reason, ...]
     """Why each row ended."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """When a row ends, and what it remembers."""
+    """When a row ends, and the size of its memory."""
 
     rounds: int = 30
-    """At the most; the history outlives a round."""
+    """Maximum number of rounds; the history outlives a round."""
     iterations: int = 30
-    """Steps of a round at the most."""
+    """Maximum number of steps per round."""
     history: int = 100
-    """Curvature pairs that are remembered."""
+    """Stored curvature pairs."""
     line_evaluations: int = 25
-    """Evaluations of a line search at the most."""
+    """Maximum number of evaluations per line search."""
     relative_tolerance: float = 1e-9
     """A row ends when a round lowers its cost by no more than this, relative to the larger of the cost and one."""
     gradient_tolerance: float = 1e-9
@@ -70,28 +70,28 @@ class Limits:
 
 
 class Standing(NamedTuple):
-    """How a minimisation stands between two calls of its function."""
+    """State of a minimisation between two calls of its function."""
 
     cost: Float[Tensor, " b"]
-    """Lowest so far; +inf where the start was not finite."""
+    """Lowest so far; +inf if the start was not finite."""
     iterations: int
-    """Accepted steps of the row that took most."""
+    """Accepted steps of the row with the most."""
     running: int
     """Rows that have not ended."""
     x: Float[Tensor, "b n"]
-    """Where the cost is `cost`; the minimiser's own, to be read before it goes on."""
+    """The point with cost `cost`; the minimiser's own, to be read before it goes on."""
 
 
 def lbfgs_steps(function: CostFunction, x0: Float[Tensor, "b n"], limits: Limits) -> Generator[Standing, None, Result]:
-    """Minimises the cost of each row, yielding after each call of the function; rows share nothing but these calls.
+    """Minimises the cost of each row, yielding after each call of the function; rows share only these calls.
 
-    Every row has its own history, line search and end, and leaves the batch when it ended. Each call of the function
-    evaluates one trial point of every row that goes on, wherever in its line search it is. The schedule is the field's:
-    rounds of iterations, unit first trials but min(1, 1 / |g|_1) without history. A trial with a cost or gradient that
-    is not finite counts as too long a step.
+    Every row has its own history, line search and end, and leaves the batch when it ends. Each call evaluates one trial
+    point for every remaining row, wherever in its line search that is. The schedule is the usual one: rounds of
+    iterations, unit first trials except min(1, 1 / |g|_1) without history. A trial whose cost or gradient is not finite
+    counts as too long a step.
 
     Args:
-        function: Costs and gradients of some rows. It may build graphs; nothing is differentiated through here.
+        function: Costs and gradients of some rows. It may build graphs; nothing here is differentiated through.
         x0: Starts. Dtype and device are kept, the tensor is not changed.
         limits: When a row ends.
     """
@@ -104,7 +104,7 @@ def lbfgs_steps(function: CostFunction, x0: Float[Tensor, "b n"], limits: Limits
 
 
 class _Minimiser:
-    """State of all rows. Methods take the indices of the rows that they move on."""
+    """State of all rows. Methods take the indices of the rows to advance."""
 
     RUNNING = -1
 
@@ -135,7 +135,7 @@ class _Minimiser:
         self.begin_lines(self.running())
 
     def evaluate(self, x: Tensor, rows: Tensor) -> tuple[Tensor, Tensor]:
-        """Costs and gradients; +inf and zero where one of them is not finite. Remembers the best points."""
+        """Costs and gradients; +inf and zero if one of them is not finite. Stores the best points."""
         cost, gradient = (value.detach() for value in self.function(x, rows))
         assert cost.shape == rows.shape and gradient.shape == x.shape, (cost.shape, gradient.shape, x.shape)
         usable = cost.isfinite() & gradient.isfinite().all(-1)
@@ -146,7 +146,7 @@ class _Minimiser:
         return cost, gradient
 
     def evaluate_trials(self, rows: Tensor) -> None:
-        """One evaluation of each row: some find their point and take the step, some fail, the others search on."""
+        """One evaluation of each row: some find their point and take the step, some fail, the others continue."""
         direction = self.direction[rows]
         cost, gradient = self.evaluate(self.x[rows] + self.lines.step[rows, None] * direction, rows)
         slope = (gradient * direction).sum(-1)
@@ -180,7 +180,7 @@ class _Minimiser:
         self.end(rows[last - cost <= self.limits.relative_tolerance * size], Reason.CONVERGED)
 
     def restart(self, rows: Tensor) -> None:
-        """After a failed line search: once more by steepest descent, unless that is what failed."""
+        """After a failed line search: retry with steepest descent, unless that is what failed."""
         self.end(rows[self.curvature.count[rows] == 0], Reason.LINE_SEARCH)
         self.curvature.forget(rows)
 
@@ -197,7 +197,7 @@ class _Minimiser:
         step = torch.where(fresh, 1 / gradient.abs().sum(-1), 1).clamp(max=1)
         self.direction[rows] = direction
         self.lines.begin(rows, step=step, cost=cost, gradient=gradient, direction=direction)
-        # A quasi-Newton step that promises less than the rounding of the cost: a line search would measure noise.
+        # A quasi-Newton step that promises less than the cost's rounding: a line search would measure noise.
         self.end(rows[~fresh & (-slope <= torch.finfo(cost.dtype).eps * cost.abs())], Reason.CONVERGED)
 
     def end_where_flat(self, rows: Tensor) -> None:

@@ -1,4 +1,4 @@
-"""L-BFGS behind the solvers' interface: what the paper and SMPLify-X use."""
+"""L-BFGS behind the solvers' interface: as in the paper and SMPLify-X."""
 
 from collections.abc import Generator
 
@@ -35,7 +35,7 @@ class LimitedMemory:
     def minimise(self, problem: Problem, start: State, *, final: bool) -> Generator[Progress, None, Solution]:
         """Lowers the cost of every group; yields after each evaluation, also within a line search.
 
-        A group whose start is not finite is returned as it came. `final` makes no difference.
+        A group whose start is not finite is returned unchanged. `final` makes no difference.
         """
         x0 = start.vector.new_zeros(problem.groups, problem.unknowns)
 
@@ -54,7 +54,7 @@ class LimitedMemory:
 
 
 class _CostOf:
-    """Cost and gradient of a problem's groups by their unknowns."""
+    """Cost and gradient of a problem's groups with respect to their unknowns."""
 
     def __init__(self, problem: Problem, start: State) -> None:
         self.problem, self.start = problem, start

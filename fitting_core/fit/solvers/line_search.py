@@ -5,15 +5,15 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 SUFFICIENT_DECREASE = 1e-4
-"""c1: the cost must fall by this share of what the slope at the start promises."""
+"""c1: the cost must fall by this share of what the initial slope promises."""
 CURVATURE = 0.9
-"""c2: the slope must shrink to this share of the slope at the start."""
+"""c2: the slope must shrink to this share of the initial slope."""
 MARGIN = 0.1
 """A trial keeps this share of the bracket away from its ends."""
 SLOW = 0.66
-"""A bracket that kept more than this share of its width is halved next, so interpolation cannot creep."""
+"""A bracket that kept more than this share of its width is halved next, so that interpolation cannot stall."""
 GROWTH = (1.01, 10.0)
-"""Bounds of the next step relative to the last while nothing bounds it from above."""
+"""Bounds of the next step relative to the last while there is no upper bound."""
 
 STEP, COST, SLOPE = range(3)
 
@@ -22,8 +22,8 @@ class LineSearches:
     """Bracket and zoom (Nocedal and Wright, Numerical Optimization, 2nd edition, algorithms 3.5 and 3.6) by row.
 
     Both algorithms are one rule here: `low` is the best point so far with sufficient decrease, `high` bounds the
-    bracket on its other side and lies at an infinite step as long as none does. A point is (step, cost, slope) with
-    the slope along the direction. A trial with infinite cost or a slope that is not finite counts as too long.
+    bracket on its other side, at an infinite step while none does. A point is (step, cost, slope) with the slope along
+    the direction. A trial with infinite cost or a slope that is not finite counts as too long.
     """
 
     def __init__(self, like: Float[Tensor, "b n"], *, evaluations: int, smallest_move: float) -> None:
@@ -31,7 +31,7 @@ class LineSearches:
 
         Args:
             like: Number of rows and variables, dtype and device.
-            evaluations: A search ends with the best point after so many trials.
+            evaluations: A search ends with the best point after this many trials.
             smallest_move: It also ends when the bracket moves no variable by more than this.
         """
         self.evaluations, self.smallest_move = evaluations, smallest_move
@@ -68,11 +68,11 @@ class LineSearches:
         gradient: Float[Tensor, "m n"],
         slope: Float[Tensor, " m"],
     ) -> tuple[Bool[Tensor, " m"], Bool[Tensor, " m"]]:
-        """Take in the evaluation at `step` and choose the next step.
+        """Process the evaluation at `step` and choose the next step.
 
         Returns:
-            Rows whose search found its point, in `low` and `low_gradient`, and rows whose search failed: not one trial
-            lay below the start. The others want an evaluation at the new `step`.
+            Rows whose search found its point, in `low` and `low_gradient`, and rows whose search failed: no trial was
+            below the start. The others need an evaluation at the new `step`.
         """
         trial = torch.stack([self.step[rows], cost, slope], dim=-1)
         last_low, last_high, start = self.low[rows], self._high[rows], self._start[rows]
@@ -97,7 +97,7 @@ class LineSearches:
 
 
 def _interpolated(low: Tensor, high: Tensor, *, halve: Tensor) -> Tensor:
-    """A step within the bracket: the minimum of the cubic, or the middle where there is none or `halve` asks for it."""
+    """A step within the bracket: the minimum of the cubic, or the middle if there is none or `halve` asks for it."""
     a, b = torch.minimum(low, high)[:, STEP], torch.maximum(low, high)[:, STEP]
     step = _cubic_minimum(low, high)
     step = torch.where(step.isfinite() & ~halve, step, (a + b) / 2)
@@ -105,7 +105,7 @@ def _interpolated(low: Tensor, high: Tensor, *, halve: Tensor) -> Tensor:
 
 
 def _extrapolated(last: Tensor, point: Tensor) -> Tensor:
-    """A step beyond the point; the longest allowed where the cubic through both points has no minimum."""
+    """A step beyond the point; the longest allowed if the cubic through both points has no minimum."""
     longest = GROWTH[1] * point[:, STEP]
     step = _cubic_minimum(last, point)
     shortest = point[:, STEP] + (GROWTH[0] - 1) * (point - last)[:, STEP]

@@ -25,12 +25,12 @@ class Problem(LeastSquares[State], Protocol):
     groups: int
     coupled_in_time: bool
     cold: bool
-    """Whether the start is far from the solution, as in a row of stages, or near it."""
+    """Whether the start is far from the solution, as in a sequence of stages, or near it."""
     unknowns: int
-    """Numbers that move a group, without repetition: one that several rows share counts once."""
+    """Variables of a group, without repetition: one shared by several rows counts once."""
 
     def descents(self, start: State, *, iterations: int, tolerance: float) -> "Iterator[Descents] | None":
-        """Levenberg-Marquardt of every group by the kernels; None where these do not know all of it."""
+        """Levenberg-Marquardt of every group by the kernels; None if these do not know all of it."""
         ...
 
     def spread(self, x: Float[Tensor, "g unknowns"]) -> Float[Tensor, "r total"]:
@@ -42,22 +42,22 @@ class Problem(LeastSquares[State], Protocol):
         ...
 
     def softened(self) -> "Problem | None":
-        """A problem that is easier to descend, with its minima in about the same places; None where there is none."""
+        """A problem that is easier to descend, with its minima in about the same places; None if there is none."""
         ...
 
 
 class OnFrames:
-    """What the problems on a FrameObjective share."""
+    """Common to the problems on a FrameObjective."""
 
     objective: FrameObjective
     cold: bool = False
 
     def descents(self, start: State, *, iterations: int, tolerance: float) -> "Iterator[Descents] | None":
-        """None: the kernels descend one frame alone."""
+        """None: the kernels only descend single frames."""
         return None
 
     def softened(self) -> Self | None:
-        """The same problem on a gentler objective (see FrameObjective.softened); None where that is the same."""
+        """The same problem on a gentler objective (see FrameObjective.softened); None if that is the same."""
         objective = self.objective.softened(cold=self.cold)
         if objective is None:
             return None
@@ -67,13 +67,13 @@ class OnFrames:
 
 
 def mean_costs(costs: dict[str, Float[Tensor, "B"]]) -> dict[str, float]:
-    """Of each term over the frames where it is finite; infinite where it is so nowhere."""
+    """For each term over the frames where it is finite; infinite if there are none."""
     finite = {name: cost[cost.isfinite()] for name, cost in costs.items()}
     return {name: float(cost.mean()) if len(cost) else float("inf") for name, cost in finite.items()}
 
 
 class IndependentFrames(OnFrames):
-    """Every frame for itself: phase 1."""
+    """Every frame independently: phase 1."""
 
     coupled_in_time = False
 
@@ -82,7 +82,7 @@ class IndependentFrames(OnFrames):
         self.unknowns = len(objective.index)
 
     def descents(self, start: State, *, iterations: int, tolerance: float) -> "Iterator[Descents] | None":
-        """Where the kernels know all terms."""
+        """If the kernels know all terms."""
         fused = self.objective.fused
         if fused is None or fused.others:
             return None
@@ -125,15 +125,15 @@ class Sample:
 
 
 class SharedShape(OnFrames):
-    """Mean of E_o over frames that share their betas, plus what counts once for these (E_beta'): phase 2.
+    """Mean of E_o over frames that share their betas, plus the terms that count once for these (E_beta'): phase 2.
 
     The normal matrix is an arrow; the frames are eliminated first (Schur complement on the betas). The objectives'
-    betas must be free. Their own shape term counts too, so the betas are held twice, as the paper's formula has it read
-    literally: E_beta' + mean of E_o, and E_o holds E_beta.
+    must be free. Their own shape term counts too, so the betas are held twice, as the paper's formula reads literally:
+    E_beta' + mean of E_o, and E_o contains E_beta.
 
     Args:
-        samples: Of one clip, or of several that show the same person. Their objectives move the same columns; what
-            counts once is the first one's. The rows of a state are their frames, one sample after the other.
+        samples: Of one clip, or of several of the same person. Their objectives move the same columns; the terms that
+            count once are the first one's. The rows of a state are their frames, sample by sample.
     """
 
     groups = 1
@@ -155,7 +155,6 @@ class SharedShape(OnFrames):
         return SharedShape(*(Sample(objective or sample.objective, sample.frames) for objective, sample in pairs))
 
     def _parts(self, state: State) -> Iterator[tuple[Sample, State]]:
-        """Each sample with its rows."""
         first = 0
         for sample in self.samples:
             yield sample, state[first : (first := first + len(sample.frames))]
@@ -165,7 +164,7 @@ class SharedShape(OnFrames):
         return torch.arange(self.count, device=groups.device)
 
     def spread(self, x: Tensor) -> Tensor:
-        """Frame after frame their own free columns, then the betas that move all frames alike."""
+        """The free columns of each frame in order, then the betas that all frames share."""
         own, betas = x[0, :-N_BETAS].view(self.count, self.own), x[0, -N_BETAS:]
         return self.objective.step(torch.cat([own, betas.expand(self.count, N_BETAS)], 1))
 
@@ -179,13 +178,13 @@ class SharedShape(OnFrames):
         shared = {name: float(cost) for name, cost in self.objective.shared_costs(state).items()}
         costs = [sample.objective.costs(rows, sample.frames) for sample, rows in self._parts(state)]
         names = dict.fromkeys(name for found in costs for name in found)
-        # A term that a clip does not have, as one of hands that it does not show, costs nothing there.
+        # A term that a clip lacks, such as one of hands that it does not show, costs nothing there.
         zeros = [state.vector.new_zeros(len(sample.frames)) for sample in self.samples]
         whole = {n: torch.cat([c.get(n, z) for c, z in zip(costs, zeros, strict=True)]) for n in names}
         return {**mean_costs(whole), **shared}
 
     def normal(self, state: State, groups: Tensor) -> tuple[Tensor, ...]:
-        """Cost, frames' gradients and matrices (with the betas' share), and those of what holds the betas once."""
+        """Cost, the frames' gradients and matrices (with the betas' part), and those of terms on the shared betas."""
         parts = [sample.objective.normal(rows, sample.frames) for sample, rows in self._parts(state)]
         gradient, matrix = torch.cat([n.gradient for n in parts]), torch.cat([n.matrix for n in parts])
         once, share = self.objective.shared_normal(state), 1 / self.count

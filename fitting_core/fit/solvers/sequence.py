@@ -1,4 +1,4 @@
-"""The problem of frames that are fitted together: consecutive frames of a clip move, all others are held."""
+"""The problem of frames fitted together: consecutive frames of a clip move, all others are held."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -22,17 +22,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Coupling:
-    """The frames that move, and those that the residuals of one term look at which look at any of them."""
+    """The frames that move, and the frames that the residuals of one term over any of them depend on."""
 
     free: range
     """Consecutive frames of the clip that move."""
     span: range
-    """Frames that are looked at. Those with `reach` neighbours on either side in it have residuals."""
+    """Frames that are read. Those with `reach` neighbours on either side in it have residuals."""
     reach: int
 
     @staticmethod
     def of(free: range, frames: int, reach: int, *, windowed: bool = False) -> "Coupling":
-        """Of a term with this reach in a clip of so many frames; `windowed` as in Sequence."""
+        """For a term with this reach in a clip of so many frames; `windowed` as in Sequence."""
         first, last = (free.start - reach, free.stop) if windowed else (free.start - 2 * reach, free.stop + 2 * reach)
         return Coupling(free, range(max(0, first), min(frames, last)), reach)
 
@@ -76,20 +76,20 @@ class _ByStencil:
         return self.objective.rows_in_prior_space(e, rows.jacobian)
 
     def _residuals(self, state: State) -> Float[Tensor, "c m"]:
-        """Of the free frames as they are, the others as they were."""
+        """Of the free frames in their current state, the others as they were."""
         every = self.held.clone()
         every[self.coupling.local] = self._quantity(state, self.coupling.free)
         return self.stencil(every)
 
     def cost(self, state: State) -> Tensor:
-        """Of the free frames as they are, the others as they were."""
+        """Of the free frames in their current state, the others as they were."""
         return self._residuals(state).square().sum()
 
     def add(self, state: State, gradient: Tensor, bands: list[Tensor]) -> Tensor:
-        """Adds its half gradient and half matrix, and gives its cost.
+        """Adds its half gradient and half matrix, and returns its cost.
 
-        The matrix is known by its blocks: band k couples each frame with the one k frames later. In chunks of frames,
-        which need the Jacobians of the last frames before them as well.
+        The matrix is built by blocks: band k couples each frame with the one k frames later. In chunks of frames, which
+        also need the Jacobians of the last frames before them.
         """
         residuals, first = self._residuals(state), self.coupling.free.start
         # L^T r for the free frames; L contains the weight.
@@ -110,7 +110,7 @@ class _ByStencil:
 
 
 class _OfJoints(_ByStencil):
-    """The same for a term on the joints, which the kernels know."""
+    """The same for a term on the joints, in the kernels."""
 
     def __init__(self, term: Evenness, objective: FrameObjective, clip: State, coupling: Coupling) -> None:
         c = objective.view.parametrisation.columns.translation
@@ -143,9 +143,9 @@ class _OfJoints(_ByStencil):
 
 
 class _Differentiated:
-    """A term that gives its residuals only.
+    """A term that gives only its residuals.
 
-    Residuals whose frames do not overlap are differentiated together: those of every (2 reach + 1)th frame.
+    Residuals with disjoint frames are differentiated together: those of every (2 reach + 1)th frame.
     """
 
     def __init__(self, term: Term, objective: FrameObjective, clip: State, coupling: Coupling) -> None:
@@ -161,11 +161,11 @@ class _Differentiated:
         return self.term.residual(_estimate(self.objective, whole, self.coupling.span))
 
     def cost(self, state: State) -> Tensor:
-        """Of the free frames as they are, the others as they were."""
+        """Of the free frames in their current state, the others as they were."""
         return self._residual(state).square().sum()
 
     def add(self, state: State, gradient: Tensor, bands: list[Tensor]) -> Tensor:
-        """As of `_ByStencil`, block by block: the residual of frame c with the frames at two offsets from it."""
+        """As in `_ByStencil`, block by block: the residual of frame c with the frames at two offsets from it."""
         residual, jacobian = self._jacobian(state)
         offsets = range(jacobian.shape[1])
         first = torch.arange(len(residual), device=self.local.device) - self.coupling.local.start
@@ -180,7 +180,7 @@ class _Differentiated:
         return residual.square().sum()
 
     def _jacobian(self, state: State) -> tuple[Float[Tensor, "c n"], Float[Tensor, "c k n d"]]:
-        """Residuals, and their derivatives by the free columns of each frame that they look at; 0 for held ones."""
+        """Residuals, and their derivatives by the free columns of each frame they depend on; 0 for held ones."""
         colours = 2 * self.coupling.reach + 1
         with torch.enable_grad():
             move = state.vector.new_zeros(len(state), len(self.objective.index), requires_grad=True)
@@ -197,23 +197,23 @@ class _Differentiated:
 
 
 def _coupled(term: Term, objective: FrameObjective, clip: State, coupling: Coupling) -> "_ByStencil | _Differentiated":
-    """A term over time, by how its derivatives are found."""
+    """A term over time, by the method of its derivatives."""
     if type(term) is Evenness and objective.fused is not None and not objective.free.betas:
         return _OfJoints(term, objective, clip, coupling)
     return (_ByStencil if term.derivative is Derivative.STENCIL else _Differentiated)(term, objective, clip, coupling)
 
 
 class Sequence(OnFrames):
-    """Sum of E_o over free frames + the terms over time that look at any of them: phase 3, a window, a re-run.
+    """Sum of E_o over free frames + the terms over time that depend on any of them: phase 3, a window, a re-run.
 
     A residual couples frames up to 2 reach apart, so that the matrix is block-banded and a step costs O(frames).
 
     Args:
         objective: E_o with fixed betas, and the terms over time.
-        clip: all frames; those that are not free are held as they are here.
+        clip: all frames; those that are not free are held in this state.
         free: which frames move.
-        windowed: count residuals as the paper's windows do: those of free frames that look at no frame after these.
-            Otherwise all count that look at a free frame.
+        windowed: include residuals as the paper's windows do: those of free frames that depend on none after these.
+            Otherwise all residuals that depend on a free frame.
     """
 
     groups = 1
@@ -235,7 +235,7 @@ class Sequence(OnFrames):
         return torch.arange(len(self.frames), device=groups.device)
 
     def spread(self, x: Tensor) -> Tensor:
-        """Frame after frame their free columns."""
+        """The free columns of each frame in order."""
         return self.objective.step(x.view(len(self.frames), -1))
 
     def cost(self, state: State, groups: Tensor) -> Float[Tensor, "1"]:

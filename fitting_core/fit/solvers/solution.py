@@ -19,7 +19,7 @@ class Progress:
     running: int
     """Groups that have not ended."""
     terms: Callable[[], dict[str, float]]
-    """Evaluates `Problem.terms` where the minimisation stands; to be called before it goes on."""
+    """Evaluates `Problem.terms` at the current point; to be called before the minimisation goes on."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,7 +25,7 @@ BENDING = tuple(
         ("right_knee", 0, -1.0),
     )
 )
-"""Columns of the 63 about which elbows and knees bend, and the sign s with which the natural bend is negative."""
+"""The bending columns of elbows and knees among the 63, and the sign s that makes the natural bend negative."""
 
 
 @dataclass(frozen=True)

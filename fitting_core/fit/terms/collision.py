@@ -29,9 +29,9 @@ ankles: 316 without, 276 with 1e-2, 224 with 3e-3, 199 with 1e-3, where all are 
 class Collision(Term):
     """weight x the conical distance field of colliding triangles at each other's corners (paper, E_C).
 
-    Costs about 25-40 ms per frame and point on one core (mesh 12, search 10-28), where all other terms take 1 ms.
-    Pairs are found anew at every point and held fixed for its derivatives, so that the cost jumps where triangles begin
-    to touch. A frame whose vertices are no body at all has an infinite residual.
+    Costs about 25-40 ms per frame and point on one core (mesh 12, search 10-28); all other terms take 1 ms. Pairs are
+    found again at every point and fixed for its derivatives, so the cost jumps when triangles begin to touch. A frame
+    whose vertices do not form a body has an infinite residual.
     """
 
     weight: float
@@ -46,7 +46,7 @@ class Collision(Term):
         return replace(self, sigma=max(self.sigma, SOFT_SIGMA))
 
     def residual(self, e: Estimate) -> Float[Tensor, "B n"]:
-        """Six residuals for each pair, zeros after a frame's last pair."""
+        """Six residuals per pair, zeros after a frame's last pair."""
         pairs = self.body.pairs(e)
         most = max((len(p) for p in pairs if p is not None), default=0)
         out = [self._padded(contacts, posed, most) for contacts, posed in self._chunks(e, pairs)]
@@ -109,7 +109,7 @@ class Collision(Term):
 
 
 def _ranks(frame: Int[Tensor, "R"]) -> tuple[Int[Tensor, "R"], int]:
-    """Which row of its frame each row is (frames ascend), and the largest count."""
+    """The index within its frame of each row (frames ascend), and the largest count."""
     if not len(frame):
         return frame, 0
     counts = frame.bincount()

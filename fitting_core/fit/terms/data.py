@@ -1,4 +1,4 @@
-"""The data term E_J: how far the body's points are from the keypoints in the image."""
+"""The data term E_J: distance of the body's points from the keypoints in the image."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -17,12 +17,12 @@ from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.point_jacobian import PointJacobian
 
 WIDENED = 6.0
-"""How much wider the robust function is that Levenberg-Marquardt minimises first from a cold start."""
+"""Factor on the width of the robust function for Levenberg-Marquardt's first pass from a cold start."""
 
 
 @dataclass(frozen=True)
 class Data(Term):
-    """Reprojection error with the Geman-McClure function on x and y apart.
+    """Reprojection error with the Geman-McClure function on x and y separately.
 
     sum (confidence x weight)^2 [g(du) + g(dv)] (1000 / height)^2, g(r) = rho^2 r^2 / (r^2 + rho^2) (paper, E_J). As a
     residual that is rho r / sqrt(r^2 + rho^2).
@@ -32,9 +32,9 @@ class Data(Term):
     weight: Float[Tensor, "T N"]
     """Confidence x joint weight x 1000 / image height."""
     side: Float[Tensor, "T N 2"]
-    """1 (-1): the point lies there or at a larger (smaller) coordinate, see image_border.cut_off; 0: just there."""
+    """1 (-1): the point is there or at a larger (smaller) coordinate, see image_border.cut_off; 0: exactly there."""
     rho: Float[Tensor, "N 1"]
-    """Pixels at which the Geman-McClure function stops to pull."""
+    """Pixels at which the Geman-McClure function saturates."""
     name: str = "data"
     derivative: ClassVar = Derivative.ROWS
 
@@ -48,12 +48,12 @@ class Data(Term):
         return Data(o.xy[:, i], looked.weight, o.side[:, i], rho)
 
     def errors(self, e: Estimate) -> Float[Tensor, "B N 2"]:
-        """Pixels from the keypoints; 0 where one-sided ones are kept."""
+        """Pixels from the keypoints; 0 for satisfied one-sided ones."""
         error = e.pixels - self.xy[e.frames]
         return torch.where(error * self.side[e.frames] > 0, 0.0, error)
 
     def softened(self, *, cold: bool) -> "Data":
-        """From a cold start with a wider robust function, under which points that are far off still pull."""
+        """From a cold start with a wider robust function, under which distant points still pull."""
         return replace(self, rho=WIDENED * self.rho) if cold else self
 
     def residual(self, e: Estimate) -> Tensor:
@@ -62,7 +62,7 @@ class Data(Term):
         return (self.weight[e.frames][..., None] * self.rho * r / (r * r + self.rho**2).sqrt()).flatten(1)
 
     def rows(self, e: Estimate, jacobian: PointJacobian) -> Rows:
-        """IRLS: exact gradient; Triggs' correction was no better and left outliers where they were."""
+        """IRLS: exact gradient; Triggs' correction was no better and left outliers in place."""
         r = self.errors(e)
         # Half the gradient of g by r is r rho^4 / (r^2 + rho^2)^2: weight x r and weight x dr, both scaled by this.
         scale = self.weight[e.frames][..., None] * self.rho**2 / (r * r + self.rho**2)
@@ -103,7 +103,7 @@ def set_data_rows(c, frame, i, scratch):
 ENTRY = Entry(
     name="data",
     kind=Data,
-    about="projected keypoints are near the detected ones, by confidence; the pull of single wrong points is limited "
+    about="projected keypoints are near the detected ones, by confidence; the pull of single outliers is limited "
     "(Geman-McClure)",
     make=lambda setting, looked, _: Data.of(setting, looked),
     weights=(
@@ -113,7 +113,7 @@ ENTRY = Entry(
             "face_keypoints",
             "Face keypoints in the data term.",
             (0.0, 0.0, 0.0, 0.0, 2.0),
-            # 68 landmarks at weight 2 outvoted the body: betas went to the face's proportions and made a signer's body
+            # 68 landmarks at weight 2 outvoted the body: betas fitted the face's proportions and made a signer's body
             # thin (beta 3 at -1.0 instead of -0.3); reprojection is the same.
             tcfit=(0.0, 0.0, 0.0, 0.0, 0.5),
         ),

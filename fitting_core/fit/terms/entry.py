@@ -1,4 +1,4 @@
-"""What a term's file declares beside its residuals: its weights, the docs' row, how it is made, and its kernel."""
+"""What a term's file declares beside its residuals: weights, the docs' row, its factory, and its kernel."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -22,29 +22,29 @@ class Weight:
 
     name: str
     about: str
-    """The settings' listing says this of it."""
+    """Its description in the settings' listing."""
     paper: Five = OFF
     smplifyx: Five | None = None
     tcfit: Five | None = None
-    """None: as in the paper, as of smplifyx."""
+    """None: as in the paper and in smplifyx."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Kernel:
     """How compiled code (`fit/fused/`) evaluates a term of single frames.
 
-    What it reads stands in records that all terms share: no two fields have the same name. A field is declared as numpy
-    does it: name, type, and shape if it is no single number.
+    It reads records that all terms share: no two fields have the same name. A field is declared as in numpy: name,
+    type, and shape unless it is a single number.
     """
 
     constants: Callable[[Any], Mapping[str, Any]]
-    """From a term, the values of its fields; narrower ones fill the front. Terms of one kind have theirs added up."""
+    """From a term, the values of its fields; narrower ones fill the front. Those of terms of one kind are summed."""
     clip: tuple[tuple, ...] = ()
     """Fields of one value for all frames, `c.clip` in kernels."""
     frame: tuple[tuple, ...] = ()
     """Fields of a value for each frame, `c.frames[frame]`."""
     point: tuple[tuple, ...] = ()
-    """Fields of a value for each point looked at, `c.points[i]`."""
+    """Fields of a value for each point, `c.points[i]`."""
     keypoint: tuple[tuple, ...] = ()
     """Fields of a value for each point in each frame, `c.keypoints[frame, i]`."""
     cost: Callable | None = None
@@ -59,12 +59,12 @@ class Entry:
     """A term of the objective."""
 
     name: str
-    """Under which its cost is reported."""
+    """The name its cost is reported under."""
     kind: type[Term]
     about: str
-    """The docs' row: what it says, in one sentence."""
+    """The docs' row: one sentence."""
     make: Callable[[Setting, Looked, int], Term | None]
-    """From what is constant over a fit, the keypoints looked at, and the index (0 to 4) of a stage; None: not in it."""
+    """From the constants of a fit, the keypoints used, and the index (0 to 4) of a stage; None: not part of it."""
     weights: tuple[Weight, ...] = ()
     kernel: Kernel | None = None
-    """None: evaluated in torch, and added to what kernels know."""
+    """None: evaluated in torch, and added to the kernels' terms."""

@@ -1,4 +1,4 @@
-"""The term of a height that is known (beyond the paper)."""
+"""The term of a known height (beyond the paper)."""
 
 from dataclasses import dataclass
 
@@ -13,12 +13,12 @@ from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
 
 HEIGHT_DEVIATION = 0.015
-"""Metres: what people say of their height, and how they stand."""
+"""Metres: uncertainty of a stated height, and of posture."""
 
 
 @dataclass(frozen=True)
 class Height(Term):
-    """weight x (height of the shape in the rest pose - what a person says of it)."""
+    """weight x (height of the shape in the rest pose - stated height)."""
 
     weight: float
     """Per metre."""
@@ -61,7 +61,7 @@ def _add_columns(c, frame, x, s):
 
 
 def _make(setting: Setting, looked: Looked, s: int) -> Term | None:
-    """Counts as a beta does, in its standard deviations."""
+    """Weighted like a beta, in its standard deviations."""
     height, (mean, by_betas) = setting.config.height, setting.body.height
     if height is None:
         return None
@@ -72,7 +72,7 @@ def _make(setting: Setting, looked: Looked, s: int) -> Term | None:
 ENTRY = Entry(
     name="height",
     kind=Height,
-    about="the body is as tall as a person says it is; a deviation of 1.5 cm counts as one of a beta in `shape`",
+    about="the body has the stated height; a deviation of 1.5 cm counts as much as one of a beta in `shape`",
     make=_make,
     kernel=Kernel(
         constants=lambda t: {"height": t.weight * t.target, "height_by_betas": t.weight * t.by_betas},

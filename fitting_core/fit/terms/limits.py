@@ -1,4 +1,4 @@
-"""The term of joint limits (beyond the paper): what no body can do costs, what it can is free.
+"""The term of joint limits (beyond the paper): impossible angles cost, possible ones are free.
 
 The angles that have limits are swing and twist of a joint; their derivatives by the axis-angle pose have a closed form.
 """
@@ -29,17 +29,17 @@ from fitting_core.fit.variables.point_jacobian import PointJacobian
 _BODY = range(JOINT["left_hip"], JOINT["right_wrist"] + 1)
 _FINGERS = range(JOINT["left_index1"], JOINT["right_thumb3"] + 1)
 _NEARLY_OPPOSITE = 1e-6
-"""Least squared cosine of half a swing: at 180 degrees, far beyond any range, the twist has no derivative."""
+"""Lower bound of the squared cosine of half a swing: at 180 degrees, far beyond any range, twist has no derivative."""
 _TINY = 1e-30
 """Against 0 / 0 at the middle of the range."""
 
 
 @dataclass(frozen=True, eq=False)
 class JointLimits(Term):
-    """weight x how far flexion, side motion and twist of a joint lie beyond their range (see body/joint_ranges.py).
+    """weight x how far flexion, side motion and twist of a joint are beyond their range (see body/joint_ranges.py).
 
-    Seen from the front, a thigh that points at the camera and one that points away look alike; only one can be. Without
-    limits a fit of sitting down bent the knees sideways by 75 degrees, at the keypoints.
+    Seen from the front, a thigh that points at the camera and one that points away look alike; only one is possible.
+    Without limits a fit of sitting down bent the knees sideways by 75 degrees, on the keypoints.
     """
 
     weight: float
@@ -53,7 +53,7 @@ class JointLimits(Term):
 
     @staticmethod
     def of(weight: float, ranges: Mapping[str, JointRange], *, fingers: bool, like: Tensor) -> "JointLimits":
-        """The term for these ranges, in the type and on the device of `like`; `fingers`: not of the body alone."""
+        """The term for these ranges, in the type and on the device of `like`; `fingers`: include them."""
         ranges = {name: joint for name, joint in ranges.items() if fingers or JOINT[name] in _BODY}
         table = AngleTable.of(ranges, like)
         bounds = torch.stack([like.new_tensor(joint.bounds) for joint in ranges.values()]).deg2rad()
@@ -83,7 +83,7 @@ class JointLimits(Term):
         return self.weight * self.excess(self.pose(e)).flatten(1)
 
     def rows(self, e: Estimate, jacobian: PointJacobian) -> Rows:
-        """Of the angles that are beyond their range in any frame: most are in none."""
+        """Of the angles beyond their range in any frame; most never are."""
         pose = self.pose(e)
         excess = self.excess(pose)
         joint, angle = (excess != 0).any(0).nonzero(as_tuple=True)
@@ -99,7 +99,7 @@ class JointLimits(Term):
 
 @dataclass(frozen=True, eq=False)
 class AngleTable:
-    """What the angles of n joints are made of.
+    """How the angles of n joints are computed.
 
     `frame` turns the quaternion (w, x, y, z) of a joint's rotation into (w, t, p, q): relative to the middle of the
     joint's range, with its vector part along the twisting axis and the two swing axes. These are right-handed where the
@@ -109,12 +109,12 @@ class AngleTable:
     """
 
     joint: Int[Tensor, "n"]
-    """Their numbers among the 55."""
+    """Indices among the 55."""
     frame: Float[Tensor, "n 4 4"]
     offset: Float[Tensor, "n 3"]
     """Radians, added to (swing, swing, twist): the angles of the middle. They lie within 180 degrees of the twist's."""
     order: Int[Tensor, "n 3"]
-    """Places of flexion, side motion and twist in (swing, swing, twist)."""
+    """Indices of flexion, side motion and twist in (swing, swing, twist)."""
 
     @staticmethod
     def of(ranges: Mapping[str, JointRange], like: Tensor) -> "AngleTable":
@@ -134,7 +134,7 @@ class AngleTable:
         return torch.stack([stretch * (p * w - q * t), stretch * (p * t + q * w), 2 * (t / w).atan()], -1) + self.offset
 
     def slopes(self, pose: Float[Tensor, "B n 3"], which: Int[Tensor, "n"]) -> Float[Tensor, "B n 3"]:
-        """Derivative of one angle of each joint by its axis-angle; `which`: its place in what `angles` gives."""
+        """Derivative of one angle of each joint by its axis-angle; `which`: its index in `angles`."""
         w, t, p, q = self._turned(pose).unbind(-1)
         sine2, cosine2 = p * p + q * q, w * w + t * t
         stretch, rise = _stretch(sine2, cosine2), 2 * _stretch_slope(sine2, cosine2)
@@ -150,11 +150,11 @@ class AngleTable:
         return (self.frame * quaternion(pose)[..., None, :]).sum(-1)
 
     def named(self, angles: Float[Tensor, "B n 3"]) -> Float[Tensor, "B n 3"]:
-        """Flexion, side motion and twist, from what `angles` gives."""
+        """Flexion, side motion and twist, from the result of `angles`."""
         return angles.gather(2, self.order.expand(len(angles), -1, -1))
 
     def ordered(self, named: Float[Tensor, "n 3 k"]) -> Float[Tensor, "n 3 k"]:
-        """What is known of flexion, side motion and twist, in the order of `angles`."""
+        """Values for flexion, side motion and twist, in the order of `angles`."""
         return torch.zeros_like(named).scatter(1, self.order[..., None].expand_as(named), named)
 
 
@@ -188,7 +188,7 @@ def by_axis_angle(v: Float[Tensor, "*b 3"], by_quaternion: Float[Tensor, "*b 4"]
     squared = (v * v).sum(-1, keepdim=True)
     half = squared.sqrt() / 2
     length = torch.sinc(half / torch.pi) / 2
-    bend = (half.cos() / 2 - length) / (squared + _TINY)  # what cancels near zero is small against `length` there
+    bend = (half.cos() / 2 - length) / (squared + _TINY)  # the cancellation near zero is small against `length`
     by_w, by_vector = by_quaternion[..., :1], by_quaternion[..., 1:]
     along = (v * by_vector).sum(-1, keepdim=True)
     return length * by_vector + (bend * along - length / 2 * by_w) * v
@@ -208,7 +208,7 @@ def _stretch_slope(sine2: Float[Tensor, "*b"], cosine2: Float[Tensor, "*b"]) -> 
 
 @helper
 def _cost(c, frame, orient, x, s, derivatives):
-    """As `AngleTable.angles` and `slopes` have it, joint by joint."""
+    """As `AngleTable.angles` and `slopes`, joint by joint."""
     cost, clip = 0.0, c.clip
     weight = clip.limit_weight * clip.limit_weight
     for n in range(clip.limited):
@@ -242,7 +242,7 @@ def _cost(c, frame, orient, x, s, derivatives):
 
 @helper
 def _slope(angle, w, t, p, q, stretch, rise, turn, frame, unit):
-    """How an angle changes as the joint turns about its own axes: by its quaternion, dq = q (0, d) / 2."""
+    """Derivative of an angle by the joint's rotation about its own axes: by its quaternion, dq = q (0, d) / 2."""
     if angle == 0:
         ahead = rise * (p * w - q * t)
         a0, a1, a2, a3 = stretch * p, -stretch * q, stretch * w + ahead * p, ahead * q - stretch * t
@@ -284,7 +284,7 @@ def _make(setting: Setting, looked: Looked, s: int) -> Term | None:
 
 @lru_cache(maxsize=4)
 def _of_weight_1(body: BodyModel, fingers: bool, dtype: torch.dtype, device: torch.device) -> JointLimits:
-    """Remembered, as each stage and each drag of a keypoint would wait for it."""
+    """Cached, as each stage and each drag of a keypoint would wait for it."""
     return JointLimits.of(1.0, joint_ranges(body), fingers=fingers, like=torch.zeros(0, dtype=dtype, device=device))
 
 

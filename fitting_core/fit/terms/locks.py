@@ -1,4 +1,4 @@
-"""The term of locked joints: as a person says that they are turned (beyond the paper)."""
+"""The term of joints locked by a person (beyond the paper)."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -18,22 +18,22 @@ from fitting_core.fit.variables.point_jacobian import PointJacobian
 from fitting_core.keypoints import LOCKABLE
 
 LOCK_WEIGHT = 6.0 / np.radians(2.0)
-"""Per radian: what a person says, as of depths, and within two degrees."""
+"""Per radian: a person's statement has the weight of one of depth, within two degrees."""
 _FIRST = JOINT["left_hip"]
 """Of the joints of the body's pose."""
 
 
 @dataclass(frozen=True, eq=False)
 class Locks(Term):
-    """sum of weight^2 (2 sin(a / 2))^2, for the angle a by which a joint is turned away from its lock.
+    """sum of weight^2 (2 sin(a / 2))^2, for the angle a between a joint's rotation and its lock.
 
     2 sin(a / 2) is the length of the vector part of 2 q_0* q, of the lock's and the joint's quaternions.
     """
 
     joint: Int[Tensor, "n"]
-    """Numbers among the 55, of the body's pose."""
+    """Indices among the 55, of the body's pose."""
     target: Float[Tensor, "T n 3"]
-    """Axis-angle against the joint's parent, radians."""
+    """Axis-angle relative to the joint's parent, radians."""
     weight: Float[Tensor, "T n"]
     """Per radian; 0 where the joint is free."""
     name: str = "locks"
@@ -78,4 +78,4 @@ def _make(setting: Setting, looked: Looked, s: int) -> Term | None:
     return Locks(joint, turn[:, used].nan_to_num(), LOCK_WEIGHT * locked[:, used].to(turn))
 
 
-ENTRY = Entry(name="locks", kind=Locks, about="a joint that a person has locked is turned as it was then", make=_make)
+ENTRY = Entry(name="locks", kind=Locks, about="a joint that a person has locked keeps its rotation", make=_make)

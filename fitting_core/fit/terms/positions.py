@@ -1,4 +1,4 @@
-"""Where keypoints lie in space, as far as there is evidence of it: relative to the pelvis, or before the camera."""
+"""Positions of keypoints in space, from evidence other than pixels: relative to the pelvis, or before the camera."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,15 +18,15 @@ from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.point_jacobian import PointJacobian
 
 _TOLD_WEIGHT = 6.0
-"""Of what a person says of depth, in every stage and configuration: the lifter's in those that ask it. An elbow or a
-wrist that is 10 cm off costs as much as some 30 px in the image without the robust function, and a prior gives way."""
+"""Weight of a person's statement of depth, in every stage and configuration: the lifter's weight where it is used. An
+elbow or wrist 10 cm off costs as much as some 30 px in the image without the robust function, and a prior gives way."""
 _TOLD_RHO = 200.0
-"""rho for that, in standard deviations: 4 m, so that it pulls from wherever the limb is. A person is no outlier."""
+"""rho for that, in standard deviations: 4 m, so that it pulls from any distance. A person is never an outlier."""
 _START_RHO = 4.0
-"""rho for what a given start says, with the lifter's say in it: with 2 as for the lifter alone a fit left a good start
-of somebody who is cut off at the chest (PA-MPJPE 52.7 -> 57.5 mm instead of 53.6)."""
+"""rho for a given start combined with the lifter: with 2, as for the lifter alone, a fit left a good start of somebody
+cut off at the chest (PA-MPJPE 52.7 -> 57.5 mm instead of 53.6)."""
 _HELD_RHO = 30.0
-"""rho for feet that are held, in their standard deviations: phase 3 starts some 0.2 m from where they will stand."""
+"""rho for held feet, in their standard deviations: phase 3 starts some 0.2 m from where they will stand."""
 
 
 @dataclass(frozen=True)
@@ -39,12 +39,12 @@ class _Positions(Term):
     target: Float[Tensor, "T N 3"]
     """p_0: metres in camera axes."""
     weight: Float[Tensor, "T N 3"]
-    """Per metre; 0 where nothing is known."""
+    """Per metre; 0 if nothing is known."""
     rho: Float[Tensor, "T N 3"]
-    """Metres at which the Geman-McClure function stops to pull."""
+    """Metres at which the Geman-McClure function saturates."""
     derivative: ClassVar = Derivative.ROWS
     moves_with_camera: ClassVar[bool]
-    """Whether the camera's translation has a part in it."""
+    """Whether it depends on the camera's translation."""
 
     def points(self, e: Estimate) -> Float[Tensor, "B N 3"]:
         """Metres, to be compared with the target."""
@@ -60,7 +60,7 @@ class _Positions(Term):
         return (self.weight[e.frames] * rho * r / (r * r + rho**2).sqrt()).flatten(1)
 
     def rows(self, e: Estimate, jacobian: PointJacobian) -> Rows:
-        """IRLS, as of the data term."""
+        """IRLS, as in the data term."""
         r, rho = self.errors(e), self.rho[e.frames]
         scale = self.weight[e.frames] * rho**2 / (r * r + rho**2)
         residual, by_point = scale * r, torch.diag_embed(scale)
@@ -70,22 +70,22 @@ class _Positions(Term):
 
 @dataclass(frozen=True)
 class RelativePosition(_Positions):
-    """Relative to the pelvis: only how the body stands and bends counts, not where it is.
+    """Relative to the pelvis: depends on the body's orientation and pose, not its place.
 
-    Of x and y the weight is 0 for all points that the data term weighs: the image knows better.
+    Of x and y the weight is 0 for all points in the data term: the image is more accurate.
     """
 
     pelvis: Float[Tensor, "3"]
-    """Its place in the body's own space, metres: the root turns about it."""
+    """Its place in the body's own space, metres: the root rotates about it."""
     name: str = "relative_position"
     moves_with_camera: ClassVar[bool] = False
 
     @staticmethod
     def of(setting: Setting, looked: Looked, s: int) -> "RelativePosition | None":
-        """Of the keypoints looked at, as far as anything but the image says where they are.
+        """Of the keypoints used, if anything but the image says where they are.
 
-        The weight of a standard deviation, and rho, are a person's for z that a person has said, and else those of
-        lifter and given start.
+        Weights per standard deviation, and rho, are those of a person's statement for z if there is one, and else those
+        of lifter and given start.
         """
         i, o, config = looked.indices, setting.observations, setting.config
         is_z = torch.tensor([False, False, True], device=o.xy.device)
@@ -97,7 +97,7 @@ class RelativePosition(_Positions):
             return None
         deviations = torch.where(setting.near_start[:, None, None], _START_RHO, robust)
         rho = torch.where(by_person, _TOLD_RHO, deviations) * deviation
-        # Nothing is known where the deviation is infinite: any finite rho does, as the weight is 0.
+        # Nothing is known if the deviation is infinite: any finite rho does, as the weight is 0.
         return RelativePosition(o.relative_position[:, i], weight, rho.where(rho.isfinite(), 1.0), setting.pelvis)
 
     def points(self, e: Estimate) -> Float[Tensor, "B N 3"]:
@@ -106,21 +106,21 @@ class RelativePosition(_Positions):
 
 
 def evidence_weight(config: FitConfig, s: int) -> float:
-    """Of what lifter and given start say in a stage (0 to 4); where no stage asks the lifter, the start has its own."""
+    """From lifter and given start in a stage (0 to 4); if no stage uses the lifter, the start has its own weight."""
     weights = config.weights.relative_position
     return weights[s] if any(weights) else _TOLD_WEIGHT
 
 
 @dataclass(frozen=True)
 class HeldPosition(_Positions):
-    """In camera space: what stands stays where it stands."""
+    """In camera space: standing feet stay in place."""
 
     name: str = "held_position"
     moves_with_camera: ClassVar[bool] = True
 
     @staticmethod
     def of(setting: Setting, looked: Looked, s: int) -> "HeldPosition | None":
-        """Of the keypoints looked at, where they are held."""
+        """Of the keypoints used, where they are held."""
         i, o, weight = looked.indices, setting.observations, setting.config.weights.held_position[s]
         deviation = o.held_position_deviation[:, i, None].expand(-1, -1, 3)
         if not weight or not bool(deviation.isfinite().any()):
@@ -171,20 +171,20 @@ def _kernel(name: str, clip: tuple[tuple, ...], constants: Callable[[Any], dict[
     )
 
 
-# What the lifter says, and feet that stand: a fifth off PA-MPJPE and a quarter off MPJPE of the motion suite
-# (docs/accuracy.md). More weight takes along people who move unlike those the lifter learned from.
+# Lifter and standing feet: a fifth off PA-MPJPE and a quarter off MPJPE of the motion suite (docs/accuracy.md). More
+# weight biases people who move unlike the lifter's training data.
 ENTRIES = (
     Entry(
         name="relative_position",
         kind=RelativePosition,
-        about="body keypoints lie as deep, relative to the pelvis, as the [lifter](developing/layout.md) or a person "
-        "says; where one is not detected its whole place counts",
+        about="body keypoints have the depth from the pelvis that the [lifter](developing/layout.md) or a person "
+        "states; for undetected ones the whole position counts",
         make=RelativePosition.of,
         weights=(
             Weight(
                 "relative_position",
-                "Depth of body keypoints, and the whole place of those that are not detected, relative to the pelvis "
-                "against what the lifter says, per standard deviation (beyond the paper).",
+                "Depth of body keypoints, and the whole position of undetected ones, relative to the pelvis "
+                "against the lifter's, per standard deviation (beyond the paper).",
                 tcfit=every_stage(6.0),
             ),
         ),
@@ -193,12 +193,12 @@ ENTRIES = (
     Entry(
         name="held_position",
         kind=HeldPosition,
-        about="phase 3: a foot that stands stays where it stands",
+        about="phase 3: a standing foot stays in place",
         make=HeldPosition.of,
         weights=(
             Weight(
                 "held_position",
-                "Feet that stand, in phase 3, against the place where they do, per standard deviation (beyond the "
+                "Standing feet, in phase 3, against the place where they stand, per standard deviation (beyond the "
                 "paper).",
                 tcfit=every_stage(10.0),
             ),

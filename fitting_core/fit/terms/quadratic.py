@@ -100,7 +100,7 @@ def _l2(
     *weights: Weight,
     target: Callable[[Parametrisation], Tensor | None] = lambda p: None,
 ) -> Entry:
-    """Distance of columns from a target (None: zero). Each of the first has a weight; the last holds all others."""
+    """Distance of columns from a target (None: zero). Each of the first has a weight; the last is for all others."""
 
     def make(setting: Setting, looked: Looked, s: int) -> Term:
         p = setting.parametrisation
@@ -112,7 +112,7 @@ def _l2(
 
 
 def held_depth(setting: Setting, depth: Float[Tensor, "T"]) -> Quadratic:
-    """Of the camera step: the body stays near a guess of its distance (metres)."""
+    """In the camera step: the body stays near a guessed distance (metres)."""
     p = setting.parametrisation
     z = p.columns.translation.stop - 1
     return Quadratic("depth", slice(z, z + 1), p.betas.new_tensor([DEPTH_WEIGHT]), depth[:, None])
@@ -124,7 +124,7 @@ _SHAPE = _l2(
     "shape",
     "the shape's betas are small",
     lambda columns: columns.betas,
-    Weight("shape", "L2 of betas; in phase 2 of the shared betas too.", _COEFFICIENTS),
+    Weight("shape", "L2 of betas; in phase 2 also of the shared betas.", _COEFFICIENTS),
     target=lambda p: p.betas,
 )
 

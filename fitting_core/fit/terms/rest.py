@@ -1,4 +1,4 @@
-"""The term of joints of which nothing is known (beyond the paper)."""
+"""The term of joints without evidence (beyond the paper)."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -19,9 +19,9 @@ from fitting_core.fit.variables.estimate import Estimate
 
 @dataclass(frozen=True)
 class Rest(Term):
-    """weight x (axis-angle pose - target) on joints that nothing in the image turns.
+    """weight x (axis-angle pose - target) on joints whose rotation the image does not determine.
 
-    E_T knows accelerations only: without it an arm that leaves the image goes on in a straight line and comes back.
+    E_T knows only accelerations: without it an arm that leaves the image goes on in a straight line and comes back.
     """
 
     weight: Float[Tensor, "T 63"]
@@ -71,12 +71,12 @@ def _make(setting: Setting, looked: Looked, s: int) -> Term | None:
 ENTRY = Entry(
     name="rest",
     kind=Rest,
-    about="joints of which nothing is known stay at ease",
+    about="joints without evidence stay near the neutral pose",
     make=_make,
     weights=(
         Weight(
             "rest",
-            "Distance of joints that nothing in the image turns from the prior's neutral pose (beyond the paper).",
+            "Distance of joints without evidence in the image from the prior's neutral pose (beyond the paper).",
             tcfit=(0.0, 0.0, 0.0, 15.0, 15.0),
         ),
     ),

@@ -1,4 +1,4 @@
-"""What terms are made from: what is constant over a fit, and the keypoints that an objective looks at."""
+"""What terms are made from: the constants of a fit, and the keypoints that an objective uses."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from fitting_core.fit.variables.state import Parametrisation
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Setting:
-    """What is constant over a fit, as far as terms look at it."""
+    """The constants of a fit that terms depend on."""
 
     config: FitConfig
     """Weights and all other settings."""
@@ -29,22 +29,22 @@ class Setting:
     """What is known of each frame."""
     camera: Camera
     pelvis: Float[Tensor, "3"]
-    """Of the likeliest shape at rest, metres: the root turns about it."""
+    """Of the likeliest shape at rest, metres: the root rotates about it."""
     near_start: Bool[Tensor, "T"]
-    """Frames that are held near a given start, which tells how the root stands and where the legs are."""
+    """Frames that are held near a given start, which determines the root's rotation and the legs."""
     hands_shown: bool
     """Whether the clip shows any keypoint of the hands."""
     turned: Bool[np.ndarray, "T 55"]
-    """Joints that the image turns, or what is known of relative positions."""
+    """Joints whose rotation the image, or known relative positions, determine."""
     temporal_weight: float
     """w_T for this clip."""
     colliding: Callable[[], CollidingBody]
-    """Makes the whole mesh the first time."""
+    """Creates the whole mesh on first use."""
 
 
 @dataclass(frozen=True)
 class Looked:
-    """Keypoints that one objective looks at."""
+    """Keypoints that one objective uses."""
 
     indices: Int[Tensor, "N"]
     weight: Float[Tensor, "T N"]

@@ -1,4 +1,4 @@
-"""The TERMS table: which terms objectives have."""
+"""The TERMS table: the terms of objectives."""
 
 from jaxtyping import Float
 from torch import Tensor
@@ -36,9 +36,9 @@ TERMS: dict[str, Entry] = {
         temporal.ENTRY,
     )
 }
-"""By name, in the order in which costs are added up."""
+"""By name, in the order of summation."""
 REACH = max(entry.kind.reach for entry in TERMS.values())
-"""Frames to either side that any term looks at. Frames up to twice as far apart are coupled."""
+"""Frames to either side that any term depends on. Frames up to twice as far apart are coupled."""
 
 
 def stage_terms(setting: Setting, looked: Looked, stage: int) -> list[Term]:

@@ -24,13 +24,13 @@ OFF_MEAN = Stencil(((-1, -1 / 3), (0, 2 / 3), (1, -1 / 3)))
 
 
 class JointPositions:
-    """The 55 joints, in the body's own space or in camera space; of a camera that moves, as they are in still space.
+    """The 55 joints, in the body's own space or in camera space; for a moving camera, in still space.
 
     Args:
         body: the body model.
         parametrisation: how a state's numbers become its pose.
         in_camera: whether the camera's translation counts.
-        path: how the camera moves through the frames that are looked at; only its turns count in the body's own space.
+        path: the camera's motion through these frames; only its rotation matters in the body's own space.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class JointPositions:
             self._turn, self._place = torch.as_tensor(path.to_still).to(unit), torch.as_tensor(path.places).to(unit)
 
     def estimate(self, state: State, frames: Int[Tensor, "B"] | None = None) -> Estimate:
-        """The state's joints, evaluated when asked for; `frames` says which of the clip they are, None: the first."""
+        """The state's joints, evaluated on demand; `frames` says which of the clip they are, None: the first."""
         index = torch.arange(len(state), device=state.vector.device) if frames is None else frames
         return Estimate(self.view, state, index)
 
@@ -64,7 +64,7 @@ class JointPositions:
         return turned + self._place[frames, None] if self.in_camera else turned
 
     def rows_in_still_space(self, rows: Float[Tensor, "B 165 d"], frames: Int[Tensor, "B"]) -> Float[Tensor, "B 165 d"]:
-        """The Jacobian of joints as the camera has them, of those in still space."""
+        """The Jacobian in still space, from the one in camera space."""
         if self.path is None:
             return rows
         return (self._turn[frames, None] @ rows.unflatten(1, (N_JOINTS, 3))).flatten(1, 2)
@@ -72,13 +72,13 @@ class JointPositions:
 
 @lru_cache(maxsize=4)
 def _joints(body: BodyModel, dtype: torch.dtype, device: torch.device) -> BodyPoints:
-    """The joints as points. Remembered beyond a fit, as each drag of a keypoint would wait for them."""
+    """The joints as points. Cached beyond a fit, as each drag of a keypoint would wait for them."""
     return BodyPoints(body, [Joint(j) for j in range(N_JOINTS)], dtype=dtype, device=device)
 
 
 @dataclass(frozen=True, eq=False)
 class Evenness(Term):
-    """E_T: weight x how far each joint is from the mean of its places in the frame before, this one and the next."""
+    """E_T: weight x distance of each joint from the mean of its places in the frame before, this one and the next."""
 
     weight: float
     joints: JointPositions
@@ -96,7 +96,7 @@ class Evenness(Term):
         return self.joints.of(self.joints.estimate(e.state, e.frames)).flatten(1)
 
     def residual(self, e: Estimate) -> Float[Tensor, "c 165"]:
-        """Of each frame that has one before it and one after it."""
+        """For each frame that has one before and one after it."""
         return self.stencil(self.quantity(e))
 
     def rows(self, e: Estimate, jacobian: PointJacobian) -> Rows:

@@ -1,7 +1,7 @@
-"""What a term of the objective is: weighted residuals, and beside them what the term says of itself.
+"""A term of the objective: weighted residuals, and what the term declares about itself.
 
-The cost of a term is the sum of its squared residuals. A name and the residuals are all that it needs. What it knows
-beyond, such as a closed-form Jacobian, makes it faster, and tests compare it with automatic differentiation.
+The cost of a term is the sum of its squared residuals. It needs only a name and the residuals. Anything more, such as a
+closed-form Jacobian, makes it faster, and tests compare it with automatic differentiation.
 """
 
 from abc import ABC, abstractmethod
@@ -23,7 +23,7 @@ class Derivative(Enum):
     AUTOMATIC = auto()
     """By automatic differentiation of `residual`."""
     COLUMNS = auto()
-    """Each residual depends on one column of the state alone: `columns` and `slope`."""
+    """Each residual depends on only one column of the state: `columns` and `slope`."""
     POSE_COLUMNS = auto()
     """The same with columns of the axis-angle pose, whatever the pose prior's own numbers are."""
     ROWS = auto()
@@ -44,10 +44,10 @@ class Rows:
 
 @dataclass(frozen=True)
 class Stencil:
-    """How residuals combine what is known of single frames: r_i = sum over offsets of factor x quantity_(i + offset).
+    """How residuals combine a quantity of single frames: r_i = sum over offsets of factor x quantity_(i + offset).
 
     It acts on the frames of a span, and gives residuals for those that have `reach` neighbours on either side in it.
-    The matrix L that it stands for is never written out: with its square it would be frames times frames.
+    The matrix L that it stands for is never built: L and its square would be frames times frames.
     """
 
     factors: tuple[tuple[int, float], ...]
@@ -55,7 +55,7 @@ class Stencil:
 
     @property
     def reach(self) -> int:
-        """Frames to either side that a residual looks at."""
+        """Frames to either side that a residual depends on."""
         return max(abs(offset) for offset, _ in self.factors)
 
     def scaled(self, weight: float) -> "Stencil":
@@ -79,7 +79,7 @@ class Stencil:
         return values
 
     def square(self, span: int, like: Tensor) -> list[Float[Tensor, "s"]]:
-        """The diagonal of L^T L and the ones below it, each over the frames of a span, zero where it ends."""
+        """The diagonal of L^T L and the ones below it, each over the frames of a span, zero past its end."""
         bands = [like.new_zeros(span) for _ in range(2 * self.reach + 1)]
         for lower, a in self.factors:
             for upper, b in self.factors:
@@ -89,20 +89,20 @@ class Stencil:
 
 
 class Term(ABC):
-    """A part of the objective: a frozen dataclass with a name and residuals, and what is declared of it.
+    """A part of the objective: a frozen dataclass with a name and residuals, and declarations about it.
 
     `derivative` and `reach` are those of the class; `once` may differ from one term to another.
     """
 
     name: str
-    """Under which its cost is reported."""
+    """The name its cost is reported under."""
     derivative: ClassVar[Derivative] = Derivative.AUTOMATIC
-    """Which of the methods below the residual it has."""
+    """Which of the methods below it implements."""
     reach: ClassVar[int] = 0
-    """Frames to either side that the residuals of a frame look at. A term with a reach couples frames up to twice as
-    far apart, and counts where frames are fitted together (phase 3)."""
+    """Frames to either side that a frame's residuals depend on. A term with a reach couples frames up to twice as far
+    apart, and is used when frames are fitted together (phase 3)."""
     once: bool = False
-    """Whether it counts once for the clip and not in every frame: a term on the shape that frames share (phase 2)."""
+    """Whether it counts once for the clip instead of in every frame: on the shape that frames share (phase 2)."""
 
     def __init_subclass__(cls) -> None:
         over_time = {Derivative.AUTOMATIC, Derivative.STENCIL}
@@ -123,7 +123,7 @@ class Term(ABC):
     def softened(self, *, cold: bool) -> "Term":
         """A gentler term with its minima in about the same places, which Levenberg-Marquardt minimises first.
 
-        The term itself where its slope leads down well enough. Terms with a reach are not asked.
+        The term itself if its slope is good enough. Not called for terms with a reach.
 
         Args:
             cold: whether the start is far from the solution.
@@ -143,7 +143,7 @@ class Term(ABC):
         raise NotImplementedError
 
     def quantity(self, e: Estimate) -> Float[Tensor, "B m"]:
-        """STENCIL: what residuals combine, of each frame."""
+        """STENCIL: the quantity of each frame that residuals combine."""
         raise NotImplementedError
 
     @property

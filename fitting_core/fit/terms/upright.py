@@ -1,4 +1,4 @@
-"""The term of a root that leans or turns where no leg is seen (beyond the paper)."""
+"""The term of a root that leans or turns if no leg is seen (beyond the paper)."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -20,7 +20,7 @@ from fitting_core.fit.variables.point_jacobian import PointJacobian
 
 @dataclass(frozen=True)
 class Upright(Term):
-    """Lean and turn of the root where no leg is seen.
+    """Lean and turn of the root if no leg is seen.
 
     lean x the horizontal part (x and z) of the root's up axis in camera space, and turn x the sideways part (x) of its
     forward axis. Nothing else holds the root there: it leaned 67 degrees on average at 1-3 px error, and turned by up
@@ -34,7 +34,7 @@ class Upright(Term):
 
     @staticmethod
     def of(setting: Setting, lean: float, turn: float) -> "Upright | None":
-        """With these weights on the frames that show no leg, if there are any."""
+        """With these weights on the frames that show no leg, if any."""
         unheld = ~(setting.observations.leg_seen | setting.near_start)
         if not (lean or turn) or not bool(unheld.any()):
             return None
@@ -76,17 +76,17 @@ def _cost(c, frame, orient, x, s, derivatives):
 ENTRY = Entry(
     name="upright",
     kind=Upright,
-    about="where no leg is seen, the body does not lean or turn away",
+    about="if no leg is seen, the body does not lean or turn away",
     make=lambda setting, looked, s: Upright.of(setting, setting.config.weights.lean[s], setting.config.weights.turn[s]),
     weights=(
         Weight(
             "lean",
-            "Lean of the root against the image's vertical, where no leg is seen (beyond the paper).",
+            "Lean of the root against the image's vertical, if no leg is seen (beyond the paper).",
             tcfit=every_stage(30.0),
         ),
         Weight(
             "turn",
-            "Turn of the root away from the camera, where no leg is seen (beyond the paper).",
+            "Turn of the root away from the camera, if no leg is seen (beyond the paper).",
             tcfit=every_stage(15.0),
         ),
     ),

@@ -1,1 +1,1 @@
-"""How far off a fit's joints and angles may be: from the normal equations, through a table of what was measured."""
+"""Errors to expect in a fit's joints and angles: from the normal equations, calibrated by measurements."""

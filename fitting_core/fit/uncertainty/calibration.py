@@ -1,10 +1,10 @@
-"""From the normal equations' deviations to error bars: what errors the motion suite showed beside them.
+"""From the normal equations' deviations to error bars, calibrated on the motion suite's errors.
 
     error bar = sqrt((factor x deviation)^2 + least^2)
 
-for each part of the body and each direction. The factor makes up for errors that last (a detector's and the lifter's do
-not average out over the frames, as J^T J takes them to do), the least error for what the deviations do not know: the
-shape, and where joints lie in a person.
+for each part of the body and each direction. The factor makes up for persistent errors (a detector's and the lifter's
+do not average out over frames, as J^T J assumes), the least error for what the deviations do not include: the shape,
+and a person's true joint positions.
 """
 
 import numpy as np
@@ -16,11 +16,11 @@ from fitting_core.fit.variables.state import State
 from fitting_core.results.error_bars import ANGLES, JOINTS, ErrorBars
 
 _EXACT = ((1.0, 0.0), (1.0, 0.0))
-"""Of the pelvis, from which all others are told."""
+"""Of the pelvis, to which all others are relative."""
 
 
 def error_bars(stages: Stages, state: State) -> ErrorBars | None:
-    """Error bars of a state that phase 3 has found; None where the lifter has no say, for which none were measured.
+    """Error bars of a state found by phase 3; None if the lifter is not used, for which none were measured.
 
     Arguments: as of `deviations`.
     """
@@ -28,7 +28,7 @@ def error_bars(stages: Stages, state: State) -> ErrorBars | None:
 
 
 def calibrated(found: ErrorBars) -> ErrorBars:
-    """Error bars, from what the normal equations say."""
+    """Error bars from the normal equations' deviations."""
     of_joints = np.array([OF_JOINTS.get(part_of(name), _EXACT) for name in JOINTS])
     of_angles = np.array([OF_ANGLES[part_of(name)] for name in ANGLES])
     return ErrorBars(joints=_widened(found.joints, of_joints), angles=_widened(found.angles, of_angles))

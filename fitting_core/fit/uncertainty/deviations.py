@@ -1,12 +1,12 @@
-"""How far off the normal equations say that joints and angles are: their own deviations, which are too small.
+"""Deviations of joints and angles according to the normal equations, which are too small.
 
 The objective is a sum of squared residuals, so near its minimum it is (up to a factor) the negative logarithm of a
 normal distribution whose inverse covariance is J^T J of all residuals: keypoints with their robust weights, the lifter,
 the priors, E_T and held feet (Triggs et al., Bundle Adjustment - A Modern Synthesis, 2000, section 2.3). A covariance
 of the unknowns becomes one of what depends on them, K C K^T with K its derivative.
 
-The shape is held, and so is the camera; and every error counts as one of a single frame, where a detector's and the
-lifter's last. `calibration` makes up for that.
+Shape and camera are held; and every error counts as one of a single frame, although a detector's and the lifter's last.
+`calibration` makes up for that.
 """
 
 import torch
@@ -27,10 +27,10 @@ from fitting_core.fit.variables.state import State
 from fitting_core.results.error_bars import ANGLES, JOINTS, ErrorBars
 
 _PART, _SEAM = 200, 20
-"""Frames whose normal equations stand in memory together, and those that two neighbours share: the deviations
-differ from the whole clip's by less than 0.2 % (a test has it)."""
+"""Frames whose normal equations are in memory together, and those that two neighbours share: the deviations differ from
+the whole clip's by less than 0.2 % (a test has it)."""
 _AT_ONCE = 32
-"""Frames whose joints' derivatives stand in memory together: 0.2 MB each."""
+"""Frames whose joints' derivatives are in memory together: 0.2 MB each."""
 _SEGMENTS = {
     "hip": ("pelvis", "thigh"),
     "knee": ("thigh", "shank"),
@@ -41,7 +41,7 @@ _SEGMENTS = {
 }
 """By the joint that bends: the segment before it, and the one that it turns."""
 _HANGING = 1e-6
-"""Of an arm that hangs along the thorax, whose elevation has no slope."""
+"""For an arm that hangs along the thorax, whose elevation has no slope."""
 
 
 def _about_z(turn: Float[Tensor, "B 3 3"]) -> Float[Tensor, "B"]:
@@ -70,9 +70,9 @@ sign. All others are about z."""
 
 
 def deviations(stages: Stages, state: State) -> ErrorBars:
-    """Standard deviations of a state in which E_o + E_T is at its minimum, as the normal equations have them.
+    """Standard deviations of a state at the minimum of E_o + E_T, according to the normal equations.
 
-    Linear in the number of frames; NaN where the normal equations cannot be inverted.
+    Linear in the number of frames; NaN if the normal equations cannot be inverted.
 
     Args:
         stages: Of the clip, with feet held as in the fit.
@@ -82,7 +82,7 @@ def deviations(stages: Stages, state: State) -> ErrorBars:
     parts = overlapping_parts(frames, _PART, _SEAM)
     found = [_of_part(stages.within(part), state[part.start : part.stop]) for part in parts]
     whole = ErrorBars.unknown(frames)
-    for part, bars in zip(parts, found, strict=True):  # of frames that two parts share, the later half is the later's
+    for part, bars in zip(parts, found, strict=True):  # the later half of shared frames is the later part's
         first = part.start and part.start + _SEAM // 2
         whole = whole.with_frames(range(first, part.stop), bars[slice(first - part.start, None)])
     return whole
@@ -108,7 +108,7 @@ def _of_part(stages: Stages, state: State) -> ErrorBars:
 def _of_joints(
     objective: FrameObjective, joints: Estimate, covariance: Float[Tensor, "B d d"]
 ) -> Float[Tensor, "B 22 2"]:
-    """Metres along the camera's ray through each joint, and across it: the root mean square over two directions."""
+    """Metres along the camera's ray through each joint, and across it (root mean square over two directions)."""
     posed, count = joints.posed, len(JOINTS)
     identity = torch.eye(3, dtype=covariance.dtype, device=covariance.device).expand(*posed.points.shape, 3)
     of_all = objective.jacobian.on(joints.view.points)(posed, identity, translation=False)
@@ -123,7 +123,6 @@ def _of_joints(
 def _of_angles(
     objective: FrameObjective, joints: Estimate, covariance: Float[Tensor, "B d d"]
 ) -> Float[Tensor, "B 13"]:
-    """Degrees."""
     with torch.enable_grad():
         pose = joints.body_pose.detach().requires_grad_()
         angles = _angles(joints, pose)

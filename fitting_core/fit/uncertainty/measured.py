@@ -1,4 +1,4 @@
-"""How much wider than the deviations of the normal equations the errors of the motion suite's tuning half are.
+"""Ratio of the motion suite's errors (tuning half) to the normal equations' deviations.
 
 Written by `python -m benchmarks.error_bars --half tuning --write`, with preset tcfit and the free body.
 """

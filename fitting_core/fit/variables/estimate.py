@@ -1,4 +1,4 @@
-"""What every term looks at: a state of some frames, evaluated."""
+"""The evaluated state of some frames, which every term depends on."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,14 +16,14 @@ NEAREST = 0.1
 
 @dataclass(frozen=True)
 class SolverView:
-    """What stays the same over a stage: the points looked at, their camera, and the head's yaw tables."""
+    """The constants of a stage: the points used, their camera, and the head's yaw tables."""
 
     parametrisation: Parametrisation
     points: BodyPoints
     focal: Float[Tensor, "2"]
     center: Float[Tensor, "2"]
     contour_bin: Int[Tensor, "T"] | None = None
-    """Of every frame of the clip, held through a stage: the tables jump by millimetres from one to the next."""
+    """For every frame of the clip, fixed through a stage: the tables differ by millimetres."""
 
     @property
     def pose_columns(self) -> Columns:
@@ -74,5 +74,5 @@ class Estimate:
 
     @cached_property
     def valid(self) -> Tensor:
-        """Frames of which every point lies before the camera, (B,) bool."""
+        """Frames with every point in front of the camera, (B,) bool."""
         return (self.in_camera[..., 2] > NEAREST).all(1)

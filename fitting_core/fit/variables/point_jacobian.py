@@ -1,4 +1,4 @@
-"""Derivative of a body's points by the free pose columns, put together from their closed-form entries."""
+"""Derivative of a body's points by the free pose columns, assembled from their closed-form entries."""
 
 import torch
 from jaxtyping import Float
@@ -37,7 +37,7 @@ class PointJacobian:
             self._index_fingers(hand_basis)
 
     def on(self, points: BodyPoints) -> "PointJacobian":
-        """The same for other points, made once."""
+        """The same for other points, created once."""
         if points not in self._others:
             self._others[points] = PointJacobian(points, self.columns, self.free, self.hand_basis)
         return self._others[points]
@@ -106,7 +106,7 @@ class PointJacobian:
     ) -> Float[Tensor, "R width"]:
         """Derivatives by the joints' axis-angles (and by betas and expression) as rows in the free columns.
 
-        For what does not move with the camera translation.
+        For points that do not move with the camera translation.
         """
         out = by_joint.new_zeros(len(by_joint), self.width)
         out[:, :3] = by_joint[:, 0]

@@ -1,4 +1,4 @@
-"""The solver's variables of some frames, their columns, and the way to and from BodyParams."""
+"""The solver's variables of some frames, their columns, and conversion to and from BodyParams."""
 
 from dataclasses import dataclass, replace
 
@@ -19,14 +19,14 @@ _HALF_FIST = [[(0, 0, -55), (0, 0, -66), (0, 0, -42)]] * 4 + [[(21, 17, -8), (8,
 
 @dataclass(frozen=True)
 class Columns:
-    """Where each group stands in the tangent vector of one frame, for a pose of `pose` and hands of `hand` numbers."""
+    """Place of each group in the tangent vector of one frame, for a pose of `pose` and hands of `hand` numbers."""
 
     pose: int
     hand: int
 
     @property
     def orient(self) -> slice:
-        """The root's turn."""
+        """The root's rotation."""
         return slice(0, 3)
 
     @property
@@ -72,7 +72,7 @@ class Columns:
 
 @dataclass(frozen=True)
 class Free:
-    """Which groups a solver moves besides the orientation; the others rest where they are."""
+    """Which groups a solver moves besides the orientation; the others stay."""
 
     body: bool = True
     hands: bool = True
@@ -111,7 +111,7 @@ class State:
         return State(self.orient[frames], self.vector[frames])
 
     def moved(self, step: Float[Tensor, "B total"]) -> "State":
-        """The retraction: orientation turned by the step about world axes, everything else added."""
+        """The retraction: orientation rotated by the step about world axes, everything else added."""
         turn = step.clone()
         turn[:, 3:] = 0
         return State(rotations.exp(step[:, :3]) @ self.orient, self.vector + (step - turn))
@@ -167,7 +167,7 @@ class Parametrisation:
         return self.prior.decode(state.vector[:, self.columns.body])
 
     def with_seat(self, state: State) -> State:
-        """The same states with the legs of somebody who sits: thighs forward, shanks down."""
+        """The same states with the legs of somebody sitting: thighs forward, shanks down."""
         pose = self.body_pose(state).clone()
         for side in ("left", "right"):
             pose[:, 3 * (JOINT[f"{side}_hip"] - 1)] = -1.4
@@ -175,7 +175,7 @@ class Parametrisation:
         return state.with_columns(self.columns.body, self.prior.encode(pose, rough=True))
 
     def with_half_fists(self, state: State) -> State:
-        """The same states with both hands halfway to a fist, as near as the hand space comes to it."""
+        """The same states with both hands halfway to a fist, as near as the hand space allows."""
         left = torch.tensor(_HALF_FIST).to(self.hand_mean).deg2rad()
         both = torch.stack([left, left * left.new_tensor([1.0, -1.0, -1.0])])
         return state.with_columns(self.columns.hands, self.nearest_hands(both.flatten()).expand(len(state), -1))

@@ -1,4 +1,4 @@
-"""What is written about stretches of time, in tiers as annotation programs have them."""
+"""Texts about stretches of time, in tiers as annotation programs have them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -11,19 +11,19 @@ class Annotation:
     start: int
     """Milliseconds from the beginning of the video."""
     end: int
-    """Milliseconds; behind `start`."""
+    """Milliseconds; after `start`."""
     text: str
 
 
 @dataclass(frozen=True, kw_only=True)
 class Tier:
-    """Annotations of one kind, in the order of their time. In files of tcfit they do not overlap."""
+    """Annotations of one kind, ordered by time. In files of tcfit they do not overlap."""
 
     name: str
     kind: str = ""
-    """What tiers of one kind have in common: the vocabulary, and whether they have a parent. ELAN: linguistic type."""
+    """What tiers of one kind share: the vocabulary, and whether they have a parent. ELAN: linguistic type."""
     annotations: tuple[Annotation, ...]
     vocabulary: Mapping[str, str] = field(default_factory=dict)
-    """The only texts that the tier has, each with what it means; empty: any text."""
+    """The only texts that the tier may have, each with its meaning; empty: any text."""
     parent: str = ""
-    """The name of the tier whose annotations these belong to, one to each of the same time; empty: of none."""
+    """Name of the parent tier, with one annotation for each of these at the same time; empty: no parent."""

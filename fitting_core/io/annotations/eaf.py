@@ -1,7 +1,7 @@
 """ELAN's annotation files (.eaf), version 3.0.
 
-The form is that of the schema EAFv3.0.xsd of the Max Planck Institute for Psycholinguistics, and of "ELAN Annotation
-Format: EAF schema description" (Sloetjes and Hulsbosch). Files of earlier versions are read as well.
+Follows the schema EAFv3.0.xsd of the Max Planck Institute for Psycholinguistics, and "ELAN Annotation Format: EAF
+schema description" (Sloetjes and Hulsbosch). Files of earlier versions are read as well.
 """
 
 import re
@@ -24,7 +24,7 @@ _XSI = "http://www.w3.org/2001/XMLSchema-instance"
 _LANGUAGE = {"LANG_DEF": "http://cdb.iso.org/lg/CDB-00138502-001", "LANG_ID": "eng", "LANG_LABEL": "English (eng)"}
 """Of the vocabularies' words, as ELAN writes it."""
 _NEVER = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-"""Characters that XML cannot have."""
+"""Characters that XML cannot contain."""
 _WHOLE = re.compile(r"-?[0-9]{1,11}")
 _STEREOTYPES = {
     "Time_Subdivision": "Time subdivision of parent annotation's time interval, no time gaps allowed within this "
@@ -45,9 +45,9 @@ def write_eaf(path: Path, tiers: Sequence[Tier], *, media: Path | None = None) -
 
     Args:
         path: The file.
-        tiers: In the order in which they are shown; a parent comes before its children. Annotations of one tier must
-            not overlap, which ELAN does not know.
-        media: The video, linked by its whole path and as a file beside this one; None: no video is linked.
+        tiers: In display order; a parent comes before its children. Annotations of one tier must
+            not overlap, which ELAN does not allow.
+        media: The video, linked by its absolute path and as a file beside this one; None: no video is linked.
     """
     root = ET.Element("ANNOTATION_DOCUMENT", {
         "AUTHOR": "tcfit", "DATE": datetime.now(UTC).isoformat(timespec="seconds"), "FORMAT": "3.0", "VERSION": "3.0",
@@ -71,7 +71,7 @@ def _quoted(media: Path) -> str:
 
 
 def _write_times(root: ET.Element, tiers: Sequence[Tier]) -> dict[int, str]:
-    """The time slots, in the order of time, by their milliseconds."""
+    """The time slots by their milliseconds, ordered by time."""
     ends = {time for tier in tiers for a in tier.annotations if not tier.parent for time in (a.start, a.end)}
     slots = {time: f"ts{n}" for n, time in enumerate(sorted(ends), 1)}
     order = ET.SubElement(root, "TIME_ORDER")
@@ -106,7 +106,7 @@ def _entry(tier: Tier, text: str) -> str:
 
 
 def _write_types(root: ET.Element, tiers: Sequence[Tier]) -> None:
-    """The linguistic types of the tiers, and what they refer to, in the order that the schema wants."""
+    """The linguistic types of the tiers, and what they refer to, in the schema's order."""
     kinds = {tier.kind: tier for tier in tiers}
     for kind, tier in kinds.items():
         about = {"GRAPHIC_REFERENCES": "false", "LINGUISTIC_TYPE_ID": kind}
@@ -130,21 +130,19 @@ def _write_types(root: ET.Element, tiers: Sequence[Tier]) -> None:
 
 
 def read_eaf(path: Path, video: str = "") -> tuple[Tier, ...]:
-    """The tiers of an .eaf file, in its order, all annotations with their time in the video.
+    """The tiers of an .eaf file in file order, with the time in the video of all annotations. Raises InputError if it
+    cannot be read, is not an .eaf file, or is inconsistent; or it links videos that begin at different times, and none
+    of this name.
 
-    ELAN counts from where it lets a medium begin (TIME_ORIGIN): the origin is that of the linked file with the video's
-    name but for its ending, else that of all linked videos.
+    ELAN counts from each medium's origin (TIME_ORIGIN): that of the linked file whose name is the video's, whatever its
+    suffix, otherwise that of all linked videos.
 
-    Annotations that only refer to others have the time of these; several that refer to the same one share it evenly, as
-    ELAN shows them. So do those between two time slots with a time that have none themselves.
+    Annotations that only refer to others take the time of those; several that refer to the same one share it evenly, as
+    in ELAN. So do consecutive annotations whose inner time slots have no time.
 
     Args:
         path: The file.
         video: The name of the file whose time counts.
-
-    Raises:
-        InputError: It cannot be read, is no .eaf file, or says something that makes no sense; or it links videos that
-            begin at different times, and none of this name.
     """
     try:
         content = regular_file(path, most=_MOST_BYTES).read_bytes()
@@ -156,15 +154,15 @@ def read_eaf(path: Path, video: str = "") -> tuple[Tier, ...]:
             raise ValueError(f"its outermost element is <{root.tag[:40]}>, expected <ANNOTATION_DOCUMENT>")
         return _Document(root, video).tiers()
     except (ValueError, expat.ExpatError) as error:
-        raise InputError(f"{path}: is no .eaf file that can be read: {error}. Open it in ELAN and save it.") from error
+        raise InputError(f"{path}: is not a readable .eaf file: {error}. Open it in ELAN and save it.") from error
 
 
 def _parsed(content: bytes) -> ET.Element:
-    """XML without a document type: entities, which could be made to fill the memory or to read files, need one."""
+    """XML without a document type, which entities need: they could fill the memory or read files."""
     builder, parser = ET.TreeBuilder(), expat.ParserCreate()
 
     def refuse(*_: object) -> None:
-        raise ValueError("it has a document type (<!DOCTYPE>), which files of ELAN have not")
+        raise ValueError("it has a document type (<!DOCTYPE>), which ELAN's files never have")
 
     parser.StartDoctypeDeclHandler = refuse
     parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
@@ -190,7 +188,7 @@ class _Document:
         self.slots = {_of(slot, "TIME_SLOT_ID"): _time(slot) for slot in root.iterfind("TIME_ORDER/TIME_SLOT")}
         self.held = {_of(tier, "TIER_ID"): [_held(a) for a in tier.findall("ANNOTATION")] for tier in self.elements}
         self.spans: dict[str, _Span] = {}
-        """Of annotations, by their id, as far as they are known."""
+        """By id, the times of annotations known so far."""
 
     def tiers(self) -> tuple[Tier, ...]:
         for annotations in self.held.values():
@@ -211,7 +209,7 @@ class _Document:
         return Tier(name=name, annotations=tuple(found), parent=element.get("PARENT_REF", ""))
 
     def _align(self, annotations: list[ET.Element]) -> None:
-        """Times of a tier's annotations with time slots. A chain is what hangs together by slots without a time."""
+        """Times of a tier's annotations with time slots. A chain is a run joined by slots without a time."""
         chain: list[ET.Element] = []
         for held in (a for a in annotations if a.tag == "ALIGNABLE_ANNOTATION"):
             if chain and _of(chain[-1], "TIME_SLOT_REF2") != _of(held, "TIME_SLOT_REF1"):
@@ -239,7 +237,7 @@ class _Document:
         return self.slots[name]
 
     def _refer(self) -> None:
-        """Times of annotations that refer to others, from those whose parents are known on."""
+        """Times of annotations that refer to others, starting from those whose parents are known."""
         waiting: dict[str, dict[str, list[ET.Element]]] = {}  # by the parent's id and the children's tier
         for tier, annotations in self.held.items():
             for held in annotations:
@@ -278,7 +276,6 @@ def _stem(url: str) -> str:
 
 
 def _of(element: ET.Element, name: str) -> str:
-    """An attribute that must be there."""
     value = element.get(name)
     if value is None:
         raise ValueError(f"a <{element.tag}> has no {name}")
@@ -295,7 +292,6 @@ def _time(slot: ET.Element) -> int | None:
 
 
 def _held(annotation: ET.Element) -> ET.Element:
-    """What an <ANNOTATION> holds."""
     kinds = ("ALIGNABLE_ANNOTATION", "REF_ANNOTATION")
     if len(annotation) != 1 or annotation[0].tag not in kinds:
         raise ValueError(f"an <ANNOTATION> holds {[child.tag for child in annotation][:3]}, expected one of {kinds}")
@@ -309,7 +305,7 @@ def _shares(span: _Span, count: int) -> list[_Span]:
 
 
 def _in_order(children: list[ET.Element]) -> list[ET.Element]:
-    """Those that name the one before them come behind it; the others as the file has them."""
+    """Elements that name a predecessor come after it; the others keep the file's order."""
     after = {child.get("PREVIOUS_ANNOTATION"): child for child in children}
     found: dict[str, ET.Element] = {}
     for first in children:

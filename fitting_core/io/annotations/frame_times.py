@@ -1,9 +1,9 @@
-"""Frames of a video and its time in milliseconds: frame f is shown from f / rate seconds on until the next one is."""
+"""Frames of a video and their time in milliseconds: frame f is shown from f / rate seconds until the next one."""
 
 import math
 
 _ROUNDING = 0.5
-"""Milliseconds by which a whole number of them may be off."""
+"""Rounding error of a whole number of milliseconds."""
 _TINY = 1e-6
 
 
@@ -18,7 +18,7 @@ def milliseconds_of(frames: range, frame_rate: float) -> tuple[int, int]:
 
 
 def frames_of(start: float, end: float, frame_rate: float) -> range:
-    """The frames that are shown in a stretch of time, at least one: what `milliseconds_of` gives, comes back.
+    """The frames shown in a stretch of time, at least one; the inverse of `milliseconds_of`.
 
     Args:
         start: Milliseconds.

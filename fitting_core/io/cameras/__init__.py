@@ -1,1 +1,1 @@
-"""Calibrated cameras in the files of others: one file for each layout, and reading.py, which tells them apart."""
+"""Calibrated cameras from other programs' files: one module per layout, and reading.py, which tells them apart."""

@@ -1,4 +1,4 @@
-"""One camera of a calibration file, as the file has it, checked."""
+"""One camera of a calibration file, as in the file, checked."""
 
 from dataclasses import dataclass
 from typing import Any, get_args
@@ -19,7 +19,7 @@ class Calibration:
     """A camera of a file, in the file's units."""
 
     name: str
-    """Empty where the file gives it none."""
+    """Empty if the file does not name it."""
     focal: tuple[float, float]
     """Pixels of an image of `size`."""
     center: tuple[float, float]
@@ -27,18 +27,18 @@ class Calibration:
     distortion: tuple[float, ...]
     """As of `Lens`; empty for none."""
     size: tuple[int, int] | None
-    """Width and height of the images that were calibrated; None where the file does not say it."""
+    """Width and height of the images that were calibrated; None if the file does not give it."""
     rotation: Float[np.ndarray, "3 3"] | None = None
-    """x_camera = rotation x_world + translation; both or none."""
+    """x_camera = rotation x_world + translation; both given, or neither."""
     translation: Float[np.ndarray, "3"] | None = None
     up: Up | None = None
-    """Of the world, as the file says it or its program's convention has it."""
+    """Of the world, as the file states or its program's convention has it."""
     has_unit: bool = True
     """Whether lengths of the world have a unit; a reconstruction from images alone has none."""
     poses: Poses | None = None
-    """Of a camera that moves, in place of rotation and translation."""
+    """Of a moving camera, in place of rotation and translation."""
     notes: tuple[str, ...] = ()
-    """What a user should know of how it was read."""
+    """What a user should know about how it was read."""
 
 
 def calibration(
@@ -54,7 +54,8 @@ def calibration(
     has_unit: bool = True,
     first_pixel: float = 0.5,
 ) -> Calibration:
-    """A camera from what a file has, in any of the usual shapes.
+    """A camera from what a file has, in any of the usual shapes. Raises ValueError if it is not a camera, or is one
+    that tcfit cannot use; the message says what was found and expected.
 
     Args:
         name: In the file.
@@ -64,13 +65,10 @@ def calibration(
         rotation: 3 x 3, or OpenCV's rotation vector (axis times angle in radians).
         translation: 3 numbers.
         up: One of `Up`.
-        poses: Of a camera that moves, checked, in place of rotation and translation.
+        poses: Of a moving camera, checked, in place of rotation and translation.
         has_unit: As of `Calibration`.
-        first_pixel: What the file's principal point calls the middle of the first pixel: OPENCV_FIRST_PIXEL, or 0.5 in
-            COLMAP and whatever counts from the image's corner, as tcfit does.
-
-    Raises:
-        ValueError: It is no camera, or one that tcfit cannot use; the message says what was found and expected.
+        first_pixel: What the file's principal point counts as the middle of the first pixel: OPENCV_FIRST_PIXEL, or 0.5
+            in COLMAP and whatever counts from the image's corner, as tcfit does.
     """
     k = finite_numbers("the camera matrix", matrix, 9).reshape(3, 3)
     if not (min(k[0, 0], k[1, 1]) > 0 and np.allclose(k[2], (0, 0, 1)) and abs(k[1, 0]) < 1e-6):
@@ -81,7 +79,7 @@ def calibration(
         raise ValueError(f"has skewed pixels (skew {k[0, 1]:g} in the camera matrix), expected 0")
     if (rotation is None) != (translation is None):
         there, missing = ("translation", "rotation") if rotation is None else ("rotation", "translation")
-        raise ValueError(f"has a {there} and no {missing}; expected both or none")
+        raise ValueError(f"has a {there} but no {missing}; expected both or neither")
     if up is not None and up not in get_args(Up):
         raise ValueError(f"says that up is {up!r}; expected one of {', '.join(get_args(Up))}")
     pose = None if rotation is None else pose_of(rotation, translation)
@@ -105,7 +103,7 @@ def pose_of(rotation: Any, translation: Any) -> tuple[Float[np.ndarray, "3 3"], 
 
 
 def _coefficients(values: Any) -> tuple[float, ...]:
-    """Without zeros that say nothing; empty for a lens that bends nothing."""
+    """Without trailing zeros; empty for a lens without distortion."""
     if values is None:
         return ()
     found = finite_numbers("the distortion", values)
@@ -142,20 +140,20 @@ def _rotation(value: Any) -> Float[np.ndarray, "3 3"]:
         )
     matrix = numbers.reshape(3, 3)
     if is_rotation(-matrix):
-        raise ValueError("has a rotation that mirrors (determinant -1); expected one that turns")
+        raise ValueError("has a rotation that mirrors (determinant -1); expected determinant 1")
     if not is_rotation(matrix):
-        raise ValueError("has a rotation that is none (R R^T is not the identity)")
+        raise ValueError("has an invalid rotation (R R^T is not the identity)")
     return matrix
 
 
 def finite_numbers(what: str, value: Any, count: int | None = None) -> Float[np.ndarray, "n"]:
-    """Finite numbers in a row, so many of them. Raises ValueError, with `what` they are."""
+    """So many finite numbers in a row. Raises ValueError, which says `what` they are."""
     try:
         found = np.asarray(value)
     except ValueError:  # rows of different lengths
         raise ValueError(f"{what} has rows of different lengths") from None
     if found.dtype.kind not in "fiu":
-        raise ValueError(f"{what} is no array of numbers")
+        raise ValueError(f"{what} is not an array of numbers")
     found = found.astype(float).ravel()
     if count is not None and len(found) != count:
         raise ValueError(f"{what} has {len(found)} numbers, expected {count}")

@@ -1,4 +1,4 @@
-"""tcfit's own form of a calibrated camera: an npz with OpenCV's arrays, x_camera = R x_world + t.
+"""tcfit's own format for a calibrated camera: an npz with OpenCV's arrays, x_camera = R x_world + t.
 
 | key | shape | |
 |---|---|---|
@@ -11,8 +11,8 @@
 | names | (N,) | optional: names of N cameras; the arrays above then have N rows, but for up |
 | frames | (N,) | optional, of one camera that moves: numbers of the frames that R and t are of |
 
-A camera that moves has N rows in R, (N, 3, 3) or (N, 3), and in t, and no names. Without `frames` they are those of all
-frames, one after the other.
+A moving camera has N rows in R, (N, 3, 3) or (N, 3), and in t, and no names. Without `frames` they are those of all
+frames in order.
 """
 
 from dataclasses import replace
@@ -37,11 +37,11 @@ def read_camera_npz(path: Path) -> list[Calibration]:
     """All cameras of the file.
 
     Raises:
-        ValueError: It is no such npz, or has a camera that cannot be used.
+        ValueError: It is not such an npz, or has a camera that cannot be used.
         OSError: It cannot be read.
     """
     cameras = _cameras(read_npz(path, _KEYS, most=_MAX_BYTES))
-    # A distortion by another name, passed over in silence, would bend every result.
+    # A distortion under another name, ignored in silence, would bend every result.
     if other := [name for name in npz_names(path) if name not in _KEYS]:
         note = f"{', '.join(map(legible, other[:5]))}: passed over; expected {', '.join(_KEYS)}."
         return [replace(camera, notes=(note,)) for camera in cameras]
@@ -69,7 +69,7 @@ def _one(name: str, up: Any, given: dict[str, Any], poses: Poses | None = None) 
 
 def _standing(given: dict[str, Any], up: Any) -> Calibration:
     if given["matrix"].ndim == 3:
-        raise ValueError("has several cameras and no names, or one that zooms; expected one K, or names")
+        raise ValueError("has several cameras without names, or a zooming one; expected one K, or names")
     return _one("", up, given)
 
 
@@ -77,7 +77,7 @@ def _moving(given: dict[str, Any], up: Any, frames: np.ndarray | None) -> Calibr
     matrix = np.unique(given["matrix"], axis=0) if given["matrix"].ndim == 3 else given["matrix"]
     if matrix.ndim == 3 and len(matrix) > 1:
         raise ValueError(
-            "has several cameras and no names, or one that zooms; expected names, or one K for all frames of a camera "
+            "has several cameras without names, or a zooming one; expected names, or one K for all frames of a camera "
             "that moves"
         )
     if "rotation" not in given or len(given["rotation"]) != len(given["translation"]):

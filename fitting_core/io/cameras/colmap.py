@@ -1,7 +1,7 @@
 """COLMAP's text format: cameras.txt, and images.txt beside it (colmap.github.io/format.html).
 
-cameras.txt has a line for each camera: CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]. images.txt has two for each image, of
-which the first counts: IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, with x_camera = R(q) x_world + t.
+cameras.txt has one line per camera: CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]. images.txt has two per image, of which only
+the first is used: IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, with x_camera = R(q) x_world + t.
 """
 
 from collections.abc import Iterator, Sequence
@@ -24,24 +24,23 @@ MODELS: dict[str, tuple[int, int]] = {
     "OPENCV": (2, 4),
     "FULL_OPENCV": (2, 8),
 }
-"""By the model's name: how many focal lengths its parameters begin with, and how many of OpenCV's coefficients follow
-the principal point."""
+"""By the model's name: the count of focal lengths, and of OpenCV's coefficients after the principal point."""
 
 
 def read_colmap(path: Path) -> list[Calibration]:
-    """All cameras of a model: those of images under the images' names; without images.txt, the cameras under their ids.
+    """All cameras of a model: those of images by image name; without images.txt, the cameras by id.
 
     Args:
         path: The model's folder, or a file in it.
 
     Raises:
-        ValueError: It is no such model, or has a camera of another kind.
+        ValueError: It is not such a model, or has an unsupported camera.
         OSError: A file cannot be read.
     """
     folder = path if path.is_dir() else path.parent
     if not (folder / CAMERAS).exists() and (folder / BINARY).exists():
         raise ValueError(
-            "is a model of COLMAP in binary files; expected text: colmap model_converter --output_type TXT writes it"
+            "is a COLMAP model in binary files; expected text: colmap model_converter --output_type TXT writes it"
         )
     cameras = {found.name: found for found in _cameras(folder / CAMERAS)}
     if not (folder / IMAGES).exists():
@@ -50,10 +49,10 @@ def read_colmap(path: Path) -> list[Calibration]:
 
 
 def one_that_moves(images: Sequence[Calibration]) -> Calibration | None:
-    """The camera that took all of these; None where they were not taken by one.
+    """The camera that took all of these; None if there were several.
 
     Args:
-        images: What `read_colmap` gives, with a pose each.
+        images: From `read_colmap`, each with a pose.
     """
     first = images[0] if images else None
     lenses = {(image.focal, image.center, image.distortion, image.size) for image in images}
@@ -102,7 +101,7 @@ def _images(path: Path, cameras: dict[str, Calibration]) -> Iterator[Calibration
             _, *pose, camera, name = fields
             quaternion, translation = np.array(pose[:4], float), np.array(pose[4:], float)
             if camera not in cameras:
-                raise _Refused(f"image {name} is of camera {camera}, which {CAMERAS} has not")
+                raise _Refused(f"image {name} is of camera {camera}, which is not in {CAMERAS}")
             if len(pose) != 7 or not np.isfinite([*quaternion, *translation]).all() or not quaternion.any():
                 raise _Refused("expected a quaternion and a translation of finite numbers")
             turn = Rotation.from_quat(quaternion[[1, 2, 3, 0]]).as_matrix()
@@ -117,14 +116,13 @@ class _Refused(ValueError):
 
 
 def _reason(error: ValueError, fields: Sequence[str], least: int) -> str:
-    """What is wrong with a line: our own words, or that it is no line of such a file."""
+    """What is wrong with a line: our own words, or that it does not have the form of one."""
     if len(fields) < least:
         return f"has {len(fields)} entries, expected {least} or more, as COLMAP writes them"
     return str(error)
 
 
 def _lines(path: Path, *, keep_empty: bool = False) -> Iterator[tuple[int, str]]:
-    """The lines that are no comments, with their numbers."""
     for number, line in enumerate(text_of(path).splitlines(), 1):
         if not line.startswith("#") and (keep_empty or line.strip()):
             yield number, line

@@ -1,4 +1,4 @@
-"""A camera that moves: the poses of a file, put to the frames of a clip."""
+"""A moving camera: the poses of a file, matched to the frames of a clip."""
 
 from dataclasses import dataclass
 from pathlib import PurePosixPath
@@ -11,10 +11,10 @@ from fitting_core.frame_alignment import IN_ORDER, Timeline, counted
 from fitting_core.video.frame_names import frame_numbers, image_numbers, spans
 
 _LONGEST_GAP = 0.5
-"""Seconds between two poses that others may be put between: every tenth frame of a video is reconstructed often."""
+"""Longest gap in seconds that is interpolated: often only every tenth frame of a video is reconstructed."""
 _LISTED = 3
 _NOWHERE = -(2**31)
-"""The place of an image that is none of the clip's."""
+"""The place of an image that is not in the clip."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -26,14 +26,14 @@ class Poses:
     names: tuple[str, ...] = ()
     """Of the images, with or without folders and suffixes."""
     numbers: tuple[int, ...] | None = None
-    """Of the frames, counted as the clip's are; where there are neither, the poses are those of all frames in a row."""
+    """Of the frames, in the clip's count; with neither names nor numbers, those of all frames in order."""
 
     def __len__(self) -> int:
         return len(self.rotation)
 
     @property
     def move(self) -> bool:
-        """Whether they differ by more than rounded numbers do."""
+        """Whether they differ by more than rounding."""
         far = 1e-6 * max(1.0, float(abs(self.translation).max()))
         turned, moved = np.ptp(self.rotation, axis=0).max(), np.ptp(self.translation, axis=0).max()
         return bool(turned > 1e-6 or moved > far)
@@ -41,7 +41,7 @@ class Poses:
 
 @dataclass(frozen=True, kw_only=True)
 class ClipFrames:
-    """The frames that are looked at."""
+    """The frames that are used."""
 
     timeline: Timeline
     part: slice
@@ -50,16 +50,13 @@ class ClipFrames:
 
     @property
     def numbers(self) -> range:
-        """As the clip counts them."""
+        """In the clip's count."""
         return self.timeline.numbers[self.part]
 
 
 def in_frames(poses: Poses, frames: ClipFrames) -> tuple[Poses, tuple[str, ...]]:
-    """The poses of all frames that are looked at, and notes on them; between two poses where a few frames lack theirs.
-
-    Raises:
-        ValueError: They are not of these frames, or too many of these have none.
-    """
+    """The poses of all used frames, and notes on them; interpolated where a few frames lack theirs. Raises ValueError
+    if they are not of these frames, or too many frames have no pose."""
     places, how = _places(poses, frames)
     found = np.array(places)
     order = np.argsort(found)[(found == _NOWHERE).sum() :]
@@ -69,7 +66,7 @@ def in_frames(poses: Poses, frames: ClipFrames) -> tuple[Poses, tuple[str, ...]]
     inside = (at >= 0) & (at < count)
     if not inside.any():
         raise ValueError(
-            f"has {len(poses)} poses, and none of frames {frames.numbers[0]} to {frames.numbers[-1]} ({how}); expected "
+            f"has {len(poses)} poses, but none of frames {frames.numbers[0]} to {frames.numbers[-1]} ({how}); expected "
             "the path of this clip's camera"
         )
     missing = sorted(set(range(count)) - set(at.tolist()))
@@ -81,19 +78,19 @@ def in_frames(poses: Poses, frames: ClipFrames) -> tuple[Poses, tuple[str, ...]]
         numbers = spans([frames.numbers[frame] for frame in some], _LISTED)
         first, last = frames.numbers[0] + at[inside][0], frames.numbers[0] + at[inside][-1]
         raise ValueError(
-            f"has no pose for frame{'s' * (len(some) > 1)} {numbers} of the clip (poses and frames were put together "
-            f"{how}); expected one for each, or two that are at most {most} frames apart. Choose frames by "
+            f"has no pose for frame{'s' * (len(some) > 1)} {numbers} of the clip (poses and frames were matched "
+            f"{how}); expected one for each, or gaps of at most {most} frames. Choose frames by "
             f"`first_frame` and `last_frame`: {first} and {last} are the first and the last with a pose"
         )
     known = Poses(rotation=poses.rotation[order], translation=poses.translation[order])
     plain = not missing and len(poses) == count
-    note = f"has poses for {inside.sum()} of {count} frames, put together {how}"
-    between = f"; those of {len(missing)} frames are between their neighbours'" if missing else ""
+    note = f"has poses for {inside.sum()} of {count} frames, matched {how}"
+    between = f"; those of {len(missing)} frames are interpolated" if missing else ""
     return _between(known, at, count), () if plain else (f"{note}{between}.",)
 
 
 def _places(poses: Poses, frames: ClipFrames) -> tuple[list[int], str]:
-    """Of each pose in the timeline, those of other images at _NOWHERE; and how that was found, in words."""
+    """The place of each pose in the timeline, _NOWHERE for other images; and how that was found, in words."""
     timeline = frames.timeline
     if poses.numbers is not None:
         return [number - timeline.numbers[0] for number in poses.numbers], "by their numbers"
@@ -125,7 +122,7 @@ def _places(poses: Poses, frames: ClipFrames) -> tuple[list[int], str]:
 
 
 def _in_order(poses: Poses, frames: ClipFrames) -> tuple[list[int], str]:
-    """Poses without names and numbers are those of all frames of the video, or of those that are looked at."""
+    """Poses without names and numbers are those of all frames of the video, or of all used frames."""
     whole, part = len(frames.timeline.numbers), len(frames.numbers)
     if len(poses) not in (whole, part):
         looked_at = "" if whole == part else f", of which {part} are used"
@@ -138,13 +135,13 @@ def _in_order(poses: Poses, frames: ClipFrames) -> tuple[list[int], str]:
 
 
 def _stem(name: str) -> str:
-    """Without folders and suffix; a number after the last dot is none."""
+    """Without folders and suffix; a number after the last dot is not a suffix."""
     path = PurePosixPath(name.replace("\\", "/"))
     return path.name if path.suffix[1:].isdigit() else path.stem
 
 
 def _between(known: Poses, at: Int[np.ndarray, "N"], count: int) -> Poses:
-    """One of each frame: the turn goes evenly from one to the next, and so does the camera's place."""
+    """One per frame, with rotation (slerp) and position interpolated evenly."""
     frames = np.arange(count)
     places = -np.einsum("nji,nj->ni", known.rotation, known.translation)
     if len(at) == 1:

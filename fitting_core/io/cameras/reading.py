@@ -1,5 +1,4 @@
-"""A camera from a calibration file: which of the file's, for images of which size, in a world of which unit; how it
-moves."""
+"""A camera from a calibration file: which one, its image size, the unit of its world, how it moves."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -22,18 +21,18 @@ from fitting_core.io.cameras.tables import TABLES
 from fitting_core.lens import share_straightened
 
 _ASPECT = 0.005
-"""By so much the ratio of sides may differ: 1280 x 720 becomes 854 x 480."""
+"""Allowed difference of aspect ratios: 1280 x 720 becomes 854 x 480."""
 _ANGLES = (0.5, 170.0)
-"""Degrees that a camera sees from left to right."""
+"""Horizontal field of view in degrees."""
 _MAX_CENTER = 2.0
-"""Image sizes that the principal point may be from the image's middle: cropped videos have it outside."""
+"""How far the principal point may be from the image's middle, in image sizes: cropped videos have it outside."""
 _MOST_NOWHERE = 0.25
-"""Share of a picture that a lens may leave nowhere: more says that the coefficients are of another model."""
+"""Share of a picture that a lens may leave undefined: more means coefficients of another model."""
 _FAR = 100.0
-"""Metres from the origin from which a world is hardly one of metres."""
+"""Distance in metres from the origin beyond which a world's unit is hardly the metre."""
 _LISTED = 12
 _FORMS: dict[str, Callable[[Path], list[Calibration]]] = {".npz": read_camera_npz, **TABLES}
-"""By the file's suffix; COLMAP's texts are known by their names."""
+"""By the file's suffix; COLMAP's texts are recognised by name."""
 EXPECTED = (
     "an npz with K, a TOML of Pose2Sim or caliscope, OpenCV's YAML, XML or JSON with a camera_matrix, a "
     f"transforms.json, or COLMAP's {CAMERAS} with {IMAGES} beside it"
@@ -42,15 +41,15 @@ EXPECTED = (
 
 @dataclass(frozen=True, kw_only=True)
 class CameraFile:
-    """Which camera of which file, as a user says it."""
+    """Which camera of which file, as the user gave it."""
 
     path: Path
     name: str | None = None
-    """Of one of several; may be None for one."""
+    """Of one among several; may be None if there is one."""
     unit: float | None = None
-    """Metres that one unit of its world is long; None: 1."""
+    """Metres per unit of its world; None: 1."""
     up: Up | None = None
-    """The world's axis against gravity; None: what the file or its program's convention says."""
+    """The world's axis against gravity; None: as the file or its program's convention has it."""
 
 
 def read_camera(
@@ -60,18 +59,14 @@ def read_camera(
     *,
     scale_of: Callable[[Camera], PathScale | None] | None = None,
 ) -> tuple[Camera, tuple[str, ...]]:
-    """The camera of images of a size, and notes on how it was read.
+    """The camera for images of a size, and notes on how it was read. Raises InputError if the file cannot be read, has
+    several cameras but none of that name, was made for images of another shape, or holds no valid camera.
 
     Args:
         file: Which camera of which file.
         size: Width and height in pixels.
-        frames: What it filmed, for one that moves; None: the images that the file has poses of.
-        scale_of: Estimates the metres of one unit, if the camera moves and neither file nor user says it, from the
-            camera in units.
-
-    Raises:
-        InputError: The file cannot be read, has several cameras and none of that name, was made for images of another
-            shape, or holds what is no camera.
+        frames: What a moving camera filmed; None: the images with poses in the file.
+        scale_of: Estimates the metres of one unit from the camera in units, if it moves and nobody states it.
     """
     if file.unit is not None and not 1e-6 <= file.unit <= 1e6:
         raise InputError(
@@ -101,7 +96,7 @@ def read_camera(
 
 
 def camera_files(path: Path) -> list[Path]:
-    """The files that the camera of a path is read from, as far as they are there."""
+    """The files that the camera of a path is read from, if they exist."""
     if not _is_colmap(path):
         return [path] if path.is_file() else []
     folder = path if path.is_dir() else path.parent
@@ -125,7 +120,7 @@ def _all(path: Path) -> list[Calibration]:
         raise InputError(f"{path}: cannot be read ({error.strerror or error}).") from error
     except ValueError as error:
         raise InputError(f"{path}: {error}.") from error
-    what = "is no camera file by its name" if path.exists() else "does not exist"
+    what = "is not a known kind of camera file" if path.exists() else "does not exist"
     raise InputError(f"{path}: {what}; expected {EXPECTED}.")
 
 
@@ -153,24 +148,22 @@ def _titled(camera: Calibration) -> str:
 
 
 def _for_size(camera: Calibration, size: tuple[int, int]) -> tuple[Calibration, tuple[str, ...]]:
-    """The calibration for images of another size of the same shape."""
+    """The calibration scaled to images of another size and the same shape."""
     (width, height) = size
     if camera.size is None:
-        return camera, (f"does not say for images of which size it is; {width} x {height} is taken.",)
+        return camera, (f"does not state its image size; {width} x {height} is assumed.",)
     if camera.size == size:
         return camera, ()
     x, y = width / camera.size[0], height / camera.size[1]
     of = f"images of {camera.size[0]} x {camera.size[1]} pixels"
     if abs(x / y - 1) > _ASPECT:
-        turned = " They are turned by a quarter." if camera.size == (height, width) else ""
+        turned = " They are rotated by 90 degrees." if camera.size == (height, width) else ""
         raise ValueError(
             f"was calibrated on {of}, and the clip has {width} x {height}, of another shape; expected the same images, "
             f"or all of them scaled.{turned} Calibrate as you film, without cropping"
         )
     scaled = replace(
-        camera,
-        focal=(camera.focal[0] * x, camera.focal[1] * y),
-        center=(camera.center[0] * x, camera.center[1] * y),
+        camera, focal=(camera.focal[0] * x, camera.focal[1] * y), center=(camera.center[0] * x, camera.center[1] * y)
     )
     return scaled, (f"was calibrated on {of} and is scaled to the clip's {width} x {height}.",)
 
@@ -187,8 +180,8 @@ def _lens(camera: Calibration, size: tuple[int, int]) -> tuple[Lens | None, tupl
         )
     if nowhere > 0:
         return lens, (
-            f"has distortion coefficients that say nothing of {max(nowhere, 0.01):.0%} of the picture; "
-            "keypoints there do not count.",
+            f"has distortion coefficients that are undefined for {max(nowhere, 0.01):.0%} of the picture; "
+            "keypoints there are ignored.",
         )
     return lens, ()
 
@@ -208,7 +201,7 @@ def _check_view(camera: Calibration, size: tuple[int, int]) -> None:
 
 
 def _poses(camera: Calibration, frames: ClipFrames | None) -> tuple[Poses | None, tuple[str, ...]]:
-    """Of each frame that is looked at, of one at least; and notes."""
+    """For each used frame, at least one; and notes."""
     if camera.poses is None or frames is None:
         return camera.poses, ()
     return in_frames(camera.poses, frames)
@@ -217,7 +210,7 @@ def _poses(camera: Calibration, frames: ClipFrames | None) -> tuple[Poses | None
 def _world(
     file: CameraFile, camera: Calibration, poses: Poses | None, scale: PathScale | None = None
 ) -> tuple[World | None, CameraPath | None, tuple[str, ...]]:
-    """Where the camera stands, or where it begins and how it moves, in metres."""
+    """Where the camera stands, or its start and path, in metres."""
     rotation, translation = camera.rotation, camera.translation
     if poses is not None:
         rotation, translation = poses.rotation[0], poses.translation[0]
@@ -225,7 +218,7 @@ def _world(
         unused = [f"camera_{name}" for name in ("unit", "up") if getattr(file, name) is not None]
         if unused:
             raise InputError(
-                f"{unused[0]} is given, but {file.path} does not say where its camera stands. Leave it out, or give a "
+                f"{unused[0]} is given, but {file.path} has no camera pose. Leave it out, or give a "
                 "file with rotation and translation."
             )
         return None, None, ()
@@ -240,7 +233,6 @@ def _world(
 
 
 def _path(poses: Poses, unit: float) -> CameraPath:
-    """From the first pose on."""
     turns = poses.rotation @ poses.rotation[0].T
     return path_of(turns, unit * (poses.translation - turns @ poses.translation[0]))
 
@@ -256,27 +248,27 @@ def _world_notes(
     if path is not None:
         length = float(np.linalg.norm(np.diff(path.places, axis=0), axis=1).sum())
         turned = np.degrees(Rotation.from_matrix(path.to_still).magnitude().max())
-        yield f"moves: {length:.2f} m along its path, turned by up to {turned:.0f} degrees from where it begins."
+        yield f"moves: {length:.2f} m along its path, turned by up to {turned:.0f} degrees from its start."
     if scale is not None:
         yield (
-            f"moves in a world without a scale; by {scale.by}, one unit is {scale.metres:.3g} m "
+            f"moves in a world without scale; by {scale.by}, one unit is {scale.metres:.3g} m "
             f"(± {scale.deviation:.0%}). If you know better, give `camera_unit` (a length that you know, divided by "
             "what it is in the file's world)."
         )
     elif path is not None and not scaled:
         yield (
-            "moves in a world without a scale, and its unit is taken for a metre. If that is wrong, the person slides "
-            "and comes out as too fast or too slow: give `camera_unit`, the metres of one unit (a length that you "
+            "moves in a world without scale; its unit is assumed to be a metre. If that is wrong, the person slides "
+            "and is too fast or too slow: give `camera_unit`, the metres of one unit (a length that you "
             "know, divided by what it is in the file's world)."
         )
     elif not scaled:
-        yield "stands in a world without a scale; its unit is taken for a metre. Give `camera_unit` to scale it."
+        yield "stands in a world without scale; its unit is assumed to be a metre. Give `camera_unit` to scale it."
     elif file.unit is None and (distance := float(np.linalg.norm(world.place))) > _FAR:
         yield f"stands {distance:.0f} m from the origin; if its file is in millimetres, give `camera_unit` 0.001."
     if world.up_in_camera is None:
-        yield "stands in a world of which up is not known; exports are upright by estimate. Give `camera_up`."
+        yield "stands in a world whose up axis is not known; exports are levelled by estimate. Give `camera_up`."
     elif world.up_in_camera[1] > 0:
-        yield f"hangs upside down if {world.up} is up, as is taken; if it is not, give `camera_up`."
+        yield f"hangs upside down if {world.up} is up, as assumed; if it is not, give `camera_up`."
 
 
 def _vector(row: Float[np.ndarray, "3"]) -> Vector:

@@ -1,7 +1,7 @@
 """Cameras in nested tables: TOML of Pose2Sim, caliscope and Anipose; OpenCV's YAML, XML and JSON, and ROS's YAML.
 
-A table that holds a camera matrix is a camera, wherever it lies. Names of the same thing differ between programs by
-capitals, underscores and words: NAMES has those that are read.
+Any table that holds a camera matrix is a camera, at any depth. Programs spell the same names with other capitals,
+underscores and words: NAMES has those that are read.
 
 - Pose2Sim, Anipose: a section for each camera: name, size, matrix, distortions, rotation (vector), translation.
 - caliscope: `[cameras.N]` with cam_id, size, matrix, distortions, rotation (matrix), translation.
@@ -44,76 +44,76 @@ _MODELS = ("plumbbob", "rationalpolynomial", "radtan", "opencv", "brownconrady",
 _DEEPEST = 8
 """Tables within tables."""
 _NESTED = 256
-"""Levels that OpenCV's parsers may have to go down; they fell at 30,000."""
+"""Nesting allowed to OpenCV's parsers, which crashed at 30,000 levels."""
 _XML = re.compile(r"(?P<opens><[^/!?][^<>]*+(?<!/)>)|</")
 _YAML = re.compile(r"(?P<opens>[\[{])|[\]}]")
 _INDENTED = re.compile(rf"^[ \t?-]{{{_NESTED}}}", re.MULTILINE)
 _MOST_BYTES = 4 * 2**20
-"""Of TOML, YAML and XML of cameras, which have some kilobytes."""
+"""Limit for TOML, YAML and XML of cameras, which take a few kilobytes."""
 _MOST = 100
 """Elements of a matrix."""
 _TOML_UP = "z"
-"""Pose2Sim's worlds have z up, and so have those that caliscope's users level."""
+"""Pose2Sim's worlds have z up, and so do those that caliscope's users level."""
 
 
 def read_toml(path: Path) -> list[Calibration]:
-    """All cameras of a TOML file. Raises ValueError if it has none, or one that cannot be used; OSError."""
+    """All cameras of a TOML file. Raises ValueError if it has none, or an unusable one; OSError."""
     try:
         table = parsed_toml(text_of(path, most=_MOST_BYTES))
     except ValueError as error:
-        raise ValueError(f"is no TOML ({error})") from error
+        raise ValueError(f"is not TOML ({error})") from error
     return _cameras(table, up=_TOML_UP)
 
 
 def read_json(path: Path) -> list[Calibration]:
-    """All cameras of a JSON file. Raises ValueError if it has none, or one that cannot be used; OSError."""
+    """All cameras of a JSON file. Raises ValueError if it has none, or an unusable one; OSError."""
     try:
         table = msgspec.json.decode(text_of(path))
     except (msgspec.DecodeError, RecursionError) as error:
-        raise ValueError(f"is no JSON ({error})") from error
+        raise ValueError(f"is not JSON ({error})") from error
     return read_transforms(table) if is_transforms(table) else _cameras(table)
 
 
 def read_yaml(path: Path) -> list[Calibration]:
-    """All cameras of OpenCV's or ROS's YAML. Raises ValueError if it has none, or one that cannot be used; OSError."""
+    """All cameras of OpenCV's or ROS's YAML. Raises ValueError if it has none, or an unusable one; OSError."""
     text = text_of(path, most=_MOST_BYTES)
     _forbid_depth("YAML", text, _YAML)
     if deep := _INDENTED.search(text):
         raise ValueError(
-            f"is no YAML of a camera: line {text.count(chr(10), 0, deep.start()) + 1} is nested too deeply"
+            f"is not a camera's YAML: line {text.count(chr(10), 0, deep.start()) + 1} is nested too deeply"
         )
-    # OpenCV reads no YAML without its header, which ROS does not write.
+    # OpenCV needs the YAML header, which ROS does not write.
     return _cameras(_stored(text if text.startswith("%YAML") else f"%YAML:1.0\n---\n{text}", "YAML"))
 
 
 def read_xml(path: Path) -> list[Calibration]:
-    """All cameras of OpenCV's XML. Raises ValueError if it has none, or one that cannot be used; OSError."""
+    """All cameras of OpenCV's XML. Raises ValueError if it has none, or an unusable one; OSError."""
     text = text_of(path, most=_MOST_BYTES)
     _forbid_depth("XML", text, _XML)
     return _cameras(_stored(text, "XML"))
 
 
 def _forbid_depth(form: str, text: str, marks: re.Pattern) -> None:
-    """Raises ValueError for a text nested so deeply that OpenCV's parsers, which recurse, end the process."""
+    """Raises ValueError for a text so deeply nested that OpenCV's recursive parsers would crash the process."""
     depth = 0
     for mark in marks.finditer(text):
         depth += 1 if mark["opens"] else -1
         if depth > _NESTED:
-            raise ValueError(f"is no {form} of a camera: it is nested more than {_NESTED} deep")
+            raise ValueError(f"is not a camera's {form}: it is nested more than {_NESTED} deep")
 
 
 def _stored(text: str, form: str) -> Any:
-    """What OpenCV's parser makes of a text, which it neither runs nor resolves."""
+    """The text parsed by OpenCV, which neither runs nor resolves anything in it."""
     try:
         storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
         return _plain(storage.root())
     except (cv2.error, SystemError, UnicodeDecodeError) as error:
         reason = str(error.__cause__ or error).strip().rpartition("error: ")[2].replace("\n", " ")
-        raise ValueError(f"is no {form} that OpenCV reads ({reason[:200]})") from error
+        raise ValueError(f"is not {form} that OpenCV can read ({reason[:200]})") from error
 
 
 def _plain(node: Any, depth: int = 0) -> Any:
-    """A node as dicts, lists, numbers and texts; the rest of what lies too deep is left out."""
+    """A node as dicts, lists, numbers and texts; what is nested too deeply is left out."""
     if depth > _DEEPEST:
         return None
     if node.isMap():
@@ -150,7 +150,7 @@ def _is_table_of_cameras(value: Any) -> bool:
 
 
 def _names(table: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """What of NAMES a table has, and under which key; of several spellings the first."""
+    """The entries of NAMES that a table has, with their keys; the first of several spellings."""
     keys = {re.sub("[-_ ]", "", str(key)).lower(): key for key in reversed(table)}
     for what, spellings in NAMES.items():
         for spelling in spellings:
@@ -187,13 +187,13 @@ def _camera(key: str, known: dict[str, Any], up: str | None) -> Calibration:
 
 
 def _array(value: Any) -> Any:
-    """The numbers of a matrix that is a table of rows, cols and data; others as they are."""
+    """The numbers of a matrix given as a table of rows, cols and data; other values unchanged."""
     if not isinstance(value, dict):
         return value
     data = value.get("data")
     shape = [value.get(side, 0) for side in ("rows", "cols")]
     if not isinstance(data, list) or not all(isinstance(side, int | float) for side in shape):
-        raise ValueError(f"has a matrix without data in it (it has {', '.join(map(str, value))[:100]})")
+        raise ValueError(f"has a matrix without data (it has {', '.join(map(str, value))[:100]})")
     if len(data) != shape[0] * shape[1]:
         raise ValueError(f"has a matrix of {shape[0]:g} x {shape[1]:g} with {len(data)} numbers")
     return data

@@ -1,11 +1,11 @@
-"""Calibrations are small texts: what else lies at a path is refused before it is read."""
+"""Calibrations are small text files: anything else is refused before it is read."""
 
 from pathlib import Path
 
 from fitting_core.files.regular import refusal
 
 _MAX_BYTES = 256 * 2**20
-"""COLMAP's list of images has its points in it: some 100 kB an image."""
+"""COLMAP's list of images includes their points: some 100 kB per image."""
 
 
 def text_of(path: Path, *, most: int = _MAX_BYTES) -> str:
@@ -13,15 +13,15 @@ def text_of(path: Path, *, most: int = _MAX_BYTES) -> str:
 
     Args:
         path: The file.
-        most: Bytes that it may have.
+        most: Largest size in bytes.
 
     Raises:
-        ValueError: It is no file, too large, or no text.
-        OSError: It is not there, or cannot be read.
+        ValueError: It is not a file, is too large, or is not text.
+        OSError: It does not exist, or cannot be read.
     """
     if why := refusal(path, most=most):
         raise ValueError(why)
     try:
         return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
-        raise ValueError("is no text in UTF-8") from None
+        raise ValueError("is not UTF-8 text") from None

@@ -1,4 +1,4 @@
-"""transforms.json, as Nerfstudio, Instant NGP and add-ons for Blender write it: a pose for each image of one camera.
+"""transforms.json, as written by Nerfstudio, Instant NGP and Blender add-ons: one camera, with a pose for each image.
 
 docs.nerf.studio/quickstart/data_conventions.html: intrinsics fl_x, fl_y, cx, cy, w, h and OpenCV's k1, k2, k3, p1, p2
 for all images, or camera_angle_x (radians) in place of a focal length; and `frames`, each with file_path and
@@ -25,7 +25,7 @@ def is_transforms(table: Any) -> bool:
 
 
 def read_transforms(table: dict[str, Any]) -> list[Calibration]:
-    """The camera. Raises ValueError if something of it is missing, or cannot be used."""
+    """The camera. Raises ValueError if a part of it is missing or unusable."""
     frames = table["frames"]
     for place, frame in enumerate(frames):
         if not (isinstance(frame, dict) and {"file_path", "transform_matrix"} <= set(frame)):
@@ -33,8 +33,7 @@ def read_transforms(table: dict[str, Any]) -> list[Calibration]:
     known = [{name: f.get(name, table.get(name)) for name in _INTRINSICS} for f in frames]
     if any(other != known[0] for other in known):
         raise ValueError(
-            "has intrinsics that differ from image to image, as of a lens that zooms; expected one camera of one focal "
-            "length"
+            "has intrinsics that differ between images, as of a zooming lens; expected one camera of one focal length"
         )
     poses = [_pose(str(frame["file_path"]), frame["transform_matrix"]) for frame in frames]
     return [
@@ -55,14 +54,14 @@ def _camera(table: dict[str, Any], known: dict[str, Any], poses: Poses) -> Calib
     if model not in _MODELS or table.get("is_fisheye"):
         raise ValueError(
             f"has a lens of the model {model or 'fisheye'}; expected {', '.join(filter(None, _MODELS))}. Undistort the "
-            "images, and write the file for these"
+            "images, and write the file for those"
         )
     if known["k4"]:
         raise ValueError("has a coefficient k4 of a fisheye lens; expected k1, k2, k3, p1, p2 of OpenCV's")
     size = None if known["w"] is None or known["h"] is None else (known["w"], known["h"])
     fx, fy = _focal(known)
     if None in (known["cx"], known["cy"]) and size is None:
-        raise ValueError("has no principal point (cx, cy) and no image size (w, h); expected one of both")
+        raise ValueError("has no principal point (cx, cy) and no image size (w, h); expected either")
     center = [known[c] if known[c] is not None else finite_numbers(s, known[s], 1)[0] / 2 for c, s in _CENTERS]
     return calibration(
         "",
@@ -82,7 +81,7 @@ def _focal(known: dict[str, Any]) -> tuple[float, float]:
         fx = finite_numbers("fl_x", known["fl_x"], 1)[0]
         return fx, fx if known["fl_y"] is None else finite_numbers("fl_y", known["fl_y"], 1)[0]
     if known["camera_angle_x"] is None or known["w"] is None:
-        raise ValueError("has no fl_x, and not both of camera_angle_x and w; expected a focal length in pixels")
+        raise ValueError("has neither fl_x nor both camera_angle_x and w; expected a focal length in pixels")
     angle, width = (finite_numbers(name, known[name], 1)[0] for name in ("camera_angle_x", "w"))
     if not 0 < angle < math.pi:
         raise ValueError(f"has a camera_angle_x of {angle:g}; expected radians between 0 and pi")

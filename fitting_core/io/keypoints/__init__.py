@@ -1,1 +1,1 @@
-"""Keypoint files in and out, one file for each format, and from all people seen to one person."""
+"""Reading and writing keypoint files, one module per format, and choosing one person among all detected."""

@@ -1,4 +1,4 @@
-"""The forms of COCO-WholeBody JSON: which entries stand for which frame, before their numbers are looked at."""
+"""The variants of COCO-WholeBody JSON: which entries belong to which frame, before their numbers are checked."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -16,7 +16,7 @@ class CocoFrame:
 
     stem: str
     people: tuple[tuple[str, dict[str, Any]], ...]
-    """Where each stands in the file, for messages; and its entry."""
+    """Each one's place in the file, for messages; and its entry."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,7 +27,7 @@ class CocoContent:
     size: tuple[int, int] | None = None
     frame_rate: float | None = None
     detector: Any = None
-    """As the file says it."""
+    """As the file states it."""
 
 
 def _annotation_file(path: Path, content: dict[str, Any]) -> CocoContent:
@@ -57,7 +57,6 @@ def _annotation_file(path: Path, content: dict[str, Any]) -> CocoContent:
 
 
 def _image(path: Path, k: int, entry: Any) -> tuple[Any, str, tuple[int, int] | None]:
-    """Id, stem of the name, and size."""
     if not isinstance(entry, dict) or type(entry.get("id")) not in (int, str):
         raise InputError(f"{path}: image {k} has no id; expected an object with 'id' and 'file_name'.")
     name = entry.get("file_name")
@@ -108,7 +107,7 @@ def _has(content: Any, key: str) -> bool:
 
 
 def _mmpose(content: Any) -> Any:
-    """What mmpose predicts: its demos write it below 'instance_info', its inferencer alone."""
+    """mmpose's predictions: its demos nest them in 'instance_info', its inferencer writes them alone."""
     return content.get("instance_info") if isinstance(content, dict) else content
 
 
@@ -125,7 +124,7 @@ FORMS: tuple[tuple[Callable[[Any], bool], Callable[[Path, Any], CocoContent]], .
     ),
     (lambda c: isinstance(c, list), _result_list),
 )
-"""What tells a form by the file's content -> what reads it."""
+"""A check of the file's content -> the reader for that variant."""
 
 
 def _entries(path: Path, what: str, entries: Any) -> Iterator[tuple[str, dict[str, Any]]]:

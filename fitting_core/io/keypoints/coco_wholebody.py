@@ -35,17 +35,17 @@ PARTS: dict[str, tuple[slice, str]] = {
     "lefthand_kpts": (layout.LEFT_HAND_21, "lefthand_valid"),
     "righthand_kpts": (layout.RIGHT_HAND_21, "righthand_valid"),
 }
-"""Lists beside `keypoints` by key: their places among the 133, and the flag that says whether they count."""
+"""Lists beside `keypoints`, by key: their indices among the 133, and the flag that says whether they are valid."""
 _KEYPOINTS: dict[int, slice] = {133: slice(0, 133), 17: layout.BODY_17}
-"""What `keypoints` can hold, by its number of points."""
+"""Variants of `keypoints`, by number of points."""
 _NAMES = layout.WHOLEBODY_NAMES
 _ADVICE = "export it again"
 _MAX_SCORE = 20.0
-"""Detectors with SimCC heads give peaks of logits as scores; a percentage is none."""
+"""Detectors with SimCC heads give logit peaks as scores; percentages are refused."""
 
 
 def holds_coco(start: bytes) -> bool:
-    """Whether a JSON file that starts so is one of those that `read_coco_wholebody` reads."""
+    """Whether a JSON file with this start is one that `read_coco_wholebody` reads."""
     inside = start.lstrip(b"\xef\xbb\xbf \t\r\n")
     if inside.startswith(b"["):
         return any(key in start for key in (b'"image_id"', b'"instances"', b'"keypoints"'))
@@ -53,24 +53,24 @@ def holds_coco(start: bytes) -> bool:
 
 
 def folder_holds_coco(folder: Path) -> bool:
-    """Whether the first of a folder's JSON files that says something holds the people of an image, as mmpose writes."""
+    """Whether the first conclusive JSON file of a folder holds the people of an image, as mmpose writes."""
     starts = (first_bytes(file).lstrip() for file in json_files(folder))
     said = next((start for start in starts if start.strip(b"[] \t\r\n")), b"")
     return said.startswith(b"[") and holds_coco(said)
 
 
 def read_coco_wholebody(path: Path) -> Detections:
-    """Read an annotation file (images and annotations), a result list, or what mmpose's inferencer predicts.
+    """Read an annotation file (images and annotations), a result list, or predictions of mmpose's inferencer.
 
-    Of that a file for a video, or a folder with a file for each image.
+    Those are a file for a video, or a folder with a file for each image.
 
-    Frames come in the order of the images' names, or of the ids of pictures where names are not told. A person has
+    Frames come in the order of the images' names, or of the ids of the images if there are no names. A person has
     `keypoints` of all 133 points, or of the 17 of the body beside `foot_kpts`, `face_kpts`, `lefthand_kpts` and
-    `righthand_kpts`, any of which can be absent. Neck and mid-hip are made of shoulders and hips. A file whose third
+    `righthand_kpts`, any of which can be absent. Neck and mid-hip are means of shoulders and hips. A file whose third
     numbers are 0, 1 and 2 has COCO's visibilities, which become confidences of 0, 0.5 and 1.
 
     Raises:
-        InputError: The file is damaged, of another format, or holds values that cannot be; it names the person.
+        InputError: The file is damaged, of another format, or holds invalid values; the message names the person.
     """
     known = _of_folder(path) if path.is_dir() else _of_file(path)
     raw = [[_raw_points(where, entry) for where, entry in frame.people] for frame in known.frames]
@@ -100,7 +100,7 @@ def _of_file(path: Path) -> CocoContent:
     if form is None:
         found = f"an object with {some_of(content)}" if isinstance(content, dict) else ""
         raise InputError(
-            f"{path} is no COCO-WholeBody JSON: found {found or kind(content)}; expected 'images' and 'annotations', "
+            f"{path} is not COCO-WholeBody JSON: found {found or kind(content)}; expected 'images' and 'annotations', "
             "a list of results with 'image_id' and 'keypoints', or 'instance_info'."
         )
     return form(path, content)
@@ -112,7 +112,7 @@ def _of_folder(folder: Path) -> CocoContent:
     for file, content in read.items():
         if len(content.frames) != 1:
             raise InputError(
-                f"{file}: holds {len(content.frames)} frames; expected one in each file of a folder. Give this file "
+                f"{file}: holds {len(content.frames)} frames; expected one per file in a folder. Give this file "
                 "alone, if it is the clip's."
             )
     return CocoContent(frames=tuple(replace(content.frames[0], stem=file.stem) for file, content in read.items()))
@@ -186,14 +186,13 @@ def _annotation(image: int, points: Float[np.ndarray, "133 3"]) -> dict[str, Any
 
 
 def _raw_points(where: str, entry: dict[str, Any]) -> Float[np.ndarray, "133 3"]:
-    """Positions and scores as they stand there."""
     points = np.zeros((layout.WHOLEBODY_COUNT, 3))
     if "keypoints" not in entry:
         raise InputError(f"{where} has no 'keypoints' (it has {some_of(entry)}).")
     values = _triples(where, "keypoints", entry)
     if len(values) not in _KEYPOINTS:
         raise InputError(
-            f"{where}, keypoints: found {len(values)} points; expected 133, or the 17 of COCO beside foot_kpts, "
+            f"{where}, keypoints: found {len(values)} points; expected 133, or COCO's 17 beside foot_kpts, "
             "face_kpts, lefthand_kpts and righthand_kpts. Detect with a whole-body model."
         )
     points[_KEYPOINTS[len(values)]] = values
@@ -209,7 +208,6 @@ def _raw_points(where: str, entry: dict[str, Any]) -> Float[np.ndarray, "133 3"]
 
 @cache
 def _labels(key: str, first: int) -> list[str]:
-    """Names of a list's points, for messages."""
     return [f"{name} ({key})" for name in _NAMES[first:]]
 
 

@@ -1,4 +1,4 @@
-"""JSON that somebody else wrote, and the keypoints in it: read, checked, and complained about in the user's words."""
+"""JSON from other programs, and the keypoints in it: read and checked, with errors in the user's words."""
 
 import json
 import math
@@ -20,11 +20,11 @@ MIN_CONFIDENCE = -1e-3
 """Its heat maps undershoot as well: -2e-6 is common in real files, and means 0."""
 MAX_POSITION = 1e6
 _START = 65536
-"""Bytes of a file by which its format is told: COCO's annotation files can start with a list of licences."""
+"""Bytes of a file that its format is recognised by: COCO's annotation files can start with a list of licences."""
 
 
 def first_bytes(path: Path) -> bytes:
-    """What a file begins with. Raises InputError if it cannot be read."""
+    """The start of a file. Raises InputError if it cannot be read."""
     try:
         with regular_file(path).open("rb") as file:
             return file.read(_START)
@@ -33,25 +33,23 @@ def first_bytes(path: Path) -> bytes:
 
 
 def is_json(start: bytes) -> bool:
-    """Whether a file that starts so is JSON, an object or a list."""
+    """Whether a file with this start is a JSON object or list."""
     return start.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] in (b"{", b"[")
 
 
 def json_files(folder: Path) -> list[Path]:
-    """By the order of their names, without those that systems leave beside them."""
+    """Ordered by name, without hidden files that operating systems add."""
     files = [file for file in folder.iterdir() if file.suffix.lower() == ".json" and not file.name.startswith(".")]
     return sorted(files, key=lambda file: natural_key(file.stem))
 
 
 def read_json(file: Path, *, advice: str) -> Any:
-    """The content of a JSON file.
+    """The content of a JSON file. Raises InputError if it is missing, unreadable, damaged, or nested deeper than Python
+    can read.
 
     Args:
         file: UTF-8, with or without a byte order mark.
         advice: What to do if it is damaged.
-
-    Raises:
-        InputError: It is missing, unreadable, damaged, or nested deeper than Python reads.
     """
     try:
         return json.loads(regular_file(file).read_text(encoding="utf-8-sig"))
@@ -66,34 +64,31 @@ def read_json(file: Path, *, advice: str) -> Any:
 
 
 def kind(value: Any) -> str:
-    """What a JSON value is, in words."""
+    """A JSON value described in words."""
     return {dict: "an object", list: "a list", str: "a text", bool: "a truth value", type(None): "null"}.get(
         type(value), f"the number {value:g}" if isinstance(value, float) else f"the number {short(value)}"
     )
 
 
 def short(value: object) -> str:
-    """A value's text, cut where it would fill the screen."""
+    """A value's text, shortened for a message."""
     said = repr(value) if not isinstance(value, int) or value.bit_length() < 200 else "of hundreds of digits"
     return said if len(said) <= 60 else f"{said[:57]}..."
 
 
 def numbers(where: str, values: Sequence[Any], names: Sequence[str], *, each: int = 3) -> Float[np.ndarray, "n"]:
-    """A list of JSON as floats.
+    """A JSON list as floats. Raises InputError if one of them is not a number; the message names its keypoint.
 
     Args:
         where: File, person and list, for the message.
         values: The list.
         names: Of the keypoints, `each` values apiece.
         each: Values of one keypoint.
-
-    Raises:
-        InputError: One of them is no number; the message names its keypoint.
     """
     if not set(map(type, values)) <= {int, float}:
         k = next(k for k, value in enumerate(values) if type(value) not in (int, float))
         raise InputError(f"{where}, {names[k // each]}: found {short(values[k])}; expected a number.")
-    # Python's integers have no limit, floats have: an integer of 400 digits is a wrong position and not an overflow.
+    # Python's integers have no limit, but floats do: an integer of 400 digits is a wrong position, not an overflow.
     try:
         return np.array(values, dtype=float)
     except OverflowError:
@@ -103,16 +98,14 @@ def numbers(where: str, values: Sequence[Any], names: Sequence[str], *, each: in
 def checked_points(
     where: str, points: Float[np.ndarray, "K 3"], names: Sequence[str], *, most: float = MAX_CONFIDENCE
 ) -> Float[np.ndarray, "K 3"]:
-    """Positions and confidences that can be used: x, y, and confidence up to 1; (0, 0, 0) where not detected.
+    """Usable positions and confidences: x, y, and confidence up to 1; (0, 0, 0) where not detected. Raises InputError
+    if a value is not finite, too large, or a negative confidence; the message names its keypoint.
 
     Args:
         where: File, person and list, for the message.
         points: x, y, confidence as read; a confidence down to MIN_CONFIDENCE counts as 0.
         names: Of the keypoints.
-        most: The largest confidence that is set to 1 rather than refused.
-
-    Raises:
-        InputError: One is no finite number, too large, or a negative confidence; the message names its keypoint.
+        most: The largest confidence that is clipped to 1 instead of refused.
     """
     wrong_position = ~np.all(np.abs(points[:, :2]) <= MAX_POSITION, axis=1)
     wrong_confidence = ~((points[:, 2] >= MIN_CONFIDENCE) & (points[:, 2] <= most))
@@ -127,7 +120,7 @@ def checked_points(
 
 
 def stray_confidences(path: Path, confidences: Float[np.ndarray, "n"]) -> tuple[str, ...]:
-    """A note on those that `checked_points` moved into 0 to 1, if there are any.
+    """A note on the confidences that `checked_points` clipped to 0 to 1, if any.
 
     Args:
         path: Where they were read.
@@ -141,12 +134,12 @@ def stray_confidences(path: Path, confidences: Float[np.ndarray, "n"]) -> tuple[
 
 
 def told_detector(path: Path, told: Any) -> tuple[str, tuple[str, ...]]:
-    """The name in `keypoint_noise.DETECTOR_TITLES` that a file tells, and a note where the detector is not known."""
+    """The name in `keypoint_noise.DETECTOR_TITLES` that a file states, and a note if the detector is unknown."""
     name = told.strip().lower() if isinstance(told, str) else ""
     if name in DETECTOR_TITLES:
         return name, ()
     known = ", ".join(DETECTOR_TITLES)
     return "", (
-        f"{path.name} says that its keypoints are of the detector {short(told)}; known are {known}. They are weighed "
+        f"{path.name} states the detector {short(told)}; known are {known}. Its keypoints are weighted "
         "as if they were OpenPose's.",
     )

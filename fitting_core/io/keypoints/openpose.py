@@ -1,4 +1,4 @@
-"""OpenPose JSON: one file per frame with all people in it. Reading of all variants in the wild, and writing."""
+"""OpenPose JSON: one file per frame with all people in it. Reads all variants in use, and writes."""
 
 import json
 import re
@@ -31,7 +31,7 @@ from fitting_core.video.frame_names import frame_numbers, natural_key
 
 SUFFIX = "_keypoints.json"
 DETECTOR = "detector"
-"""Key beside "people" under which our files say who detected them. OpenPose's own do not have it."""
+"""Key beside "people" under which our files name the detector. OpenPose's own do not have it."""
 
 _CANVAS = ("canvas_width", "canvas_height")
 
@@ -52,7 +52,7 @@ PARTS: dict[str, dict[int, list[int]]] = {
     "hand_right_keypoints": {21: _indices(RIGHT_HAND)},
     "face_keypoints": {70: _indices(FACE), 68: _indices(FACE)[:68]},
 }
-"""By the list's key (with or without "_2d"): the layouts it can have, as number of points -> places among the 137."""
+"""By the list's key (with or without "_2d"): its possible layouts, as number of points -> indices among the 137."""
 
 _WRITTEN = {
     "pose_keypoints": BODY,
@@ -68,16 +68,17 @@ _ADVICE = "run the detector again, or remove the file so that its frame counts a
 def read_openpose(path: Path) -> Detections:
     """Read a folder with a file for each frame, or one file.
 
-    Where files are called as OpenPose does, ``<name>_keypoints.json``, these alone count, else all that hold people.
-    Frames come in the order of their numbers, by the one number in which the names differ. Body lists can be BODY_25 or
+    If files are named as OpenPose names them, ``<name>_keypoints.json``, only these are read, otherwise all with
+    people.
+    Frames come in the order of their numbers, the one number in which the names differ. Body lists can be BODY_25 or
     COCO-18 (feet are then not detected, and mid-hip is the mean of the hips); any list can be empty or absent;
-    ``person_id`` and 3D lists are not used. Positions stay as in the files, pixels or normalised. Confidences slightly
-    below 0 or above 1 count as 0 and 1, which is noted. Beside the people a file can say who detected them, as
-    `write_openpose` does; else it was OpenPose. A file of ControlNet or ComfyUI tells the size of its canvas, of which
-    its positions may be shares, and may hold a list of frames.
+    ``person_id`` and 3D lists are ignored. Positions stay as in the files, pixels or normalised. Confidences slightly
+    below 0 or above 1 count as 0 and 1, which is noted. Beside the people a file can name the detector, as
+    `write_openpose` does; otherwise it was OpenPose. A file of ControlNet or ComfyUI states the size of its canvas,
+    may hold positions as shares of it, and may hold a list of frames.
 
     Raises:
-        InputError: Nothing to read, broken files, or files of different layouts; it names file, person and keypoint.
+        InputError: Nothing to read, or files broken or of different layouts; the message names file, person, keypoint.
     """
     found = [one for file in (_json_files(path) if path.is_dir() else [path]) for one in _frames(file, path.is_dir())]
     _forbid_same_number(found)
@@ -103,10 +104,8 @@ def read_openpose(path: Path) -> Detections:
 
 @dataclass(frozen=True, kw_only=True)
 class _Frame:
-    """What stands for a frame."""
-
     name: str
-    """Its file's; of a list in one, with its place there."""
+    """The file's name; for one of a list in a file, with its index."""
     where: str
     """The same, with the folder."""
     stem: str
@@ -118,7 +117,7 @@ class _Frame:
 
     @property
     def canvas(self) -> tuple[int, int] | None:
-        """Width and height of the image, which ControlNet and ComfyUI write."""
+        """Width and height of the image, as ControlNet and ComfyUI write them."""
         sides: Any = [self.content.get(key) for key in _CANVAS]
         if sides == [None, None]:
             return None
@@ -131,11 +130,11 @@ class _Frame:
 
 
 def _frames(file: Path, one_each: bool) -> list[_Frame]:
-    """The frames of a file: one, or of ComfyUI a list of them.
+    """The frames of a file: one, or a list of them from ComfyUI.
 
     Args:
         file: To read.
-        one_each: Whether others beside it hold the other frames.
+        one_each: Whether other files beside it hold the other frames.
     """
     content = read_json(file, advice=_ADVICE)
     stem = stem_of(file.name)
@@ -143,7 +142,7 @@ def _frames(file: Path, one_each: bool) -> list[_Frame]:
         return [_frame(content, name=file.name, where=str(file), stem=stem)]
     if len(content) > 1 and one_each:
         raise InputError(
-            f"{file}: holds {len(content)} frames; expected one in each file of a folder. Give this file alone, if it "
+            f"{file}: holds {len(content)} frames; expected one per file in a folder. Give this file alone, if it "
             "is the clip's."
         )
     return [
@@ -173,7 +172,7 @@ def write_openpose(
     image_stems: Sequence[str] = (),
     detector: str = "",
 ) -> list[Path]:
-    """Write one person's keypoints; as of `write_everybody`."""
+    """Write one person's keypoints, as `write_everybody` does."""
     points = np.concatenate([keypoints.xy, keypoints.confidence[..., None]], axis=-1)[:, None]
     return write_everybody(
         folder, list(points), name=name, first_frame=first_frame, image_stems=image_stems, detector=detector
@@ -190,22 +189,20 @@ def write_everybody(
     detector: str = "",
 ) -> list[Path]:
     """Write everybody's keypoints as BODY_25 JSON, ``<name>_<12 digits>_keypoints.json`` per frame; return the paths.
+    Raises InputError if the folder holds other keypoint files, which would be read as frames of this clip.
 
-    A part (hands, face) that no frame has is an empty list, as OpenPose writes it when that part is switched off;
-    whoever has no detected keypoint in a frame is not in it. Reading gives exactly the same positions and confidences
-    back.
+    A part (hands, face) that no frame has is an empty list, as OpenPose writes it when that part is switched off.
+    People without a detected keypoint in a frame are left out of it. Reading gives back exactly the same positions
+    and confidences.
 
     Args:
         folder: Made if it does not exist. Files of the same names are replaced, each at once.
-        people: Of each frame, its people: x, y in pixels and confidence; those of confidence 0 are not detected.
+        people: The people of each frame: x, y in pixels and confidence; those of confidence 0 are not detected.
         name: What the files' names start with.
         first_frame: Number of the first file.
-        image_stems: The images' own names without suffixes, if they are files: the keypoints' files are named after
-            them, as OpenPose does.
-        detector: Whose points they are like, if it is known (`Detected.points`).
-
-    Raises:
-        InputError: The folder holds other keypoint files, which a reader would take for frames of this clip.
+        image_stems: The images' own names without suffixes, if they are files: the keypoint files are named after them,
+            as OpenPose does.
+        detector: The detector whose points they resemble, if known (`Detected.points`).
     """
     folder.mkdir(parents=True, exist_ok=True)
     stems = image_stems or [f"{name}_{first_frame + t:012d}" for t in range(len(people))]
@@ -233,12 +230,12 @@ def _entry(points: Float[np.ndarray, "137 3"], parts: dict[str, slice]) -> dict[
 
 
 def stem_of(name: str) -> str:
-    """What the name of a keypoint file is without its ending."""
+    """The name of a keypoint file without its ending."""
     return re.sub(rf"({SUFFIX}|\.json)$", "", name, flags=re.IGNORECASE)
 
 
 def _json_files(folder: Path) -> list[Path]:
-    # Names that start with a dot are what macOS and network drives leave beside the real files.
+    # macOS and network drives leave files that start with a dot beside the real ones.
     entries = [entry for entry in folder.iterdir() if not entry.name.startswith(".")]
     files = [entry for entry in entries if entry.name.lower().endswith(SUFFIX)] or [
         entry for entry in json_files(folder) if holds_people(first_bytes(entry))
@@ -254,7 +251,7 @@ def _json_files(folder: Path) -> list[Path]:
 
 
 def holds_people(start: bytes) -> bool:
-    """Whether a JSON file that starts so is one of OpenPose's, or was to be one."""
+    """Whether a JSON file with this start is, or claims to be, one of OpenPose's."""
     return not start.strip() or (is_json(start) and b'"people"' in start)
 
 
@@ -304,7 +301,6 @@ def _points(where: str, key: str, values: list[Any], places: list[int]) -> Float
 
 
 def _confidences(found: Sequence[_Frame]) -> Float[np.ndarray, "n"]:
-    """All third numbers, as they stand in the files."""
     lists = [_list(entry, key) or () for one in found for entry in one.people for key in PARTS]
     return np.array([confidence for values in lists for confidence in values[2::3]], float)
 
@@ -329,7 +325,7 @@ def _forbid_mixed_layouts(found: Sequence[_Frame]) -> None:
 
 
 def _forbid_mixed(what: str, found: Sequence[_Frame]) -> None:
-    """Of one clip all frames have the same detector and canvas."""
+    """All frames of a clip must have the same detector and canvas."""
     told = [one.content.get(DETECTOR, OPENPOSE) if what == "detectors" else one.canvas for one in found]
     if other := next((k for k, one in enumerate(told) if one != told[0]), None):
         raise InputError(

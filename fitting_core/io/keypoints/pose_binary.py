@@ -1,6 +1,6 @@
 """The binary `.pose` file of pose-format (https://github.com/sign-language-processing/pose), versions 0.1 and 0.2.
 
-All numbers are little-endian, texts have their length in front (16 bits) and are UTF-8.
+All numbers are little-endian; texts are UTF-8 with their length in front (16 bits).
 
 | part | content |
 |---|---|
@@ -27,13 +27,13 @@ from fitting_core.files.regular import regular_file
 
 VERSIONS = (0.1, 0.2)
 _MAX_FRAMES = 10_000_000
-"""4 days at 30 frames per second. Frames without people take no bytes, so that the file's size does not bound them."""
+"""4 days at 30 frames per second. Frames without people take no bytes, so the file's size does not limit them."""
 _MAX_FRAME_RATE = 2000.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Component:
-    """A group of points, such as a hand."""
+    """A named group of points, such as a hand."""
 
     name: str
     points: tuple[str, ...]
@@ -46,29 +46,26 @@ class Component:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PoseFile:
-    """What a `.pose` file holds."""
+    """The content of a `.pose` file."""
 
     components: tuple[Component, ...]
     size: tuple[int, int]
-    """Width and height in pixels; 0 where they were not known."""
+    """Width and height in pixels; 0 if unknown."""
     frame_rate: float
-    """Frames per second; 0 where it was not known."""
+    """Frames per second; 0 if unknown."""
     data: Float[np.ndarray, "T P K D"]
     """Positions of all components' points; the first two dimensions are x and y."""
     confidence: Float[np.ndarray, "T P K"]
 
 
 def starts_as_pose(start: bytes) -> bool:
-    """Whether a file that starts so has the version number of a `.pose` file."""
+    """Whether a file with this start has the version number of a `.pose` file."""
     return any(start.startswith(struct.pack("<f", version)) for version in VERSIONS)
 
 
 def read_pose_file(path: Path) -> PoseFile:
-    """Read a `.pose` file as it is.
-
-    Raises:
-        InputError: It is missing, damaged, of another version, or its counts do not fit its size.
-    """
+    """Read a `.pose` file as it is. Raises InputError if it is missing, damaged, of another version, or its counts do
+    not match its size."""
     try:
         content = regular_file(path).read_bytes()
     except OSError as error:
@@ -82,11 +79,8 @@ def read_pose_file(path: Path) -> PoseFile:
 
 
 def write_pose_file(path: Path, pose: PoseFile) -> None:
-    """Write version 0.2, which pose-format reads; an existing file is replaced at once.
-
-    Raises:
-        InputError: Width or height are no numbers that the format can hold.
-    """
+    """Write version 0.2, which pose-format reads; an existing file is replaced atomically. Raises InputError if width
+    or height do not fit the format."""
     if not all(0 <= side < 2**16 for side in pose.size):
         raise InputError(
             f"{path.name}: images of {pose.size[0]} x {pose.size[1]}; .pose files hold up to 65535 pixels."
@@ -106,7 +100,7 @@ class _Damaged(ValueError):
 
 
 class _Bytes:
-    """Reads numbers and texts one after the other, and never past the end."""
+    """Reads numbers and texts in sequence, never past the end."""
 
     def __init__(self, content: bytes) -> None:
         self._content, self._place = content, 0
@@ -117,7 +111,7 @@ class _Bytes:
 
     def take(self, count: int, what: str) -> bytes:
         if count > self.left:
-            raise _Damaged(f"ends within {what}, after {len(self._content)} bytes: it is cut off or no .pose file")
+            raise _Damaged(f"ends within {what}, after {len(self._content)} bytes: it is cut off or not a .pose file")
         self._place += count
         return self._content[self._place - count : self._place]
 
@@ -129,7 +123,7 @@ class _Bytes:
         try:
             return self.take(length, what).decode("utf-8")
         except UnicodeDecodeError as error:
-            raise _Damaged(f"{what} is no UTF-8 text ({error.reason})") from error
+            raise _Damaged(f"{what} is not UTF-8 text ({error.reason})") from error
 
 
 def _parsed(content: _Bytes) -> PoseFile:
@@ -175,7 +169,7 @@ def _body_1(content: _Bytes, point_bytes: int) -> tuple[float, int, int]:
     rate, frames, people = content.numbers("HHH", "its counts")
     each = people * point_bytes
     if each and content.left % each:
-        raise _Damaged(f"has {content.left} bytes of points, which are no whole frames of {each} bytes: it is cut off")
+        raise _Damaged(f"has {content.left} bytes of points, not a multiple of {each}, a frame: it is cut off")
     return float(rate), content.left // each if each else frames, people
 
 

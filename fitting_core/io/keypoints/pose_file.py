@@ -1,4 +1,4 @@
-"""`.pose` files as keypoints: OpenPose, MediaPipe Holistic and COCO-WholeBody points are read, OpenPose's written."""
+"""`.pose` files as keypoints: reads points of OpenPose, MediaPipe Holistic and COCO-WholeBody, writes OpenPose's."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,7 +17,7 @@ _SHORT = {"right_": "R", "left_": "L"}
 
 
 def _camel(name: str) -> str:
-    """OpenPose's own way to write a name: left_big_toe is LBigToe."""
+    """OpenPose's spelling of a name: left_big_toe is LBigToe."""
     for side, letter in _SHORT.items():
         if name.startswith(side):
             return letter + _camel(name.removeprefix(side))
@@ -31,7 +31,7 @@ _OPENPOSE_HAND = (
     "BASE T_STT T_BCMC T_MCP T_IP I_CMC I_MCP I_PIP I_DIP M_CMC M_MCP M_PIP M_DIP R_CMC R_MCP R_PIP R_DIP "
     "P_CMC P_MCP P_PIP P_DIP"
 ).split()
-"""pose-format's names of OpenPose's points; whatever they say, the last of each finger is its tip."""
+"""pose-format's names of OpenPose's points; despite their names, the last of each finger is its tip."""
 _OPENPOSE_FACE = (
     [f"FB_{i}" for i in range(17)]
     + [f"FEB_{i}" for i in range(17, 27)]
@@ -55,7 +55,7 @@ _MEDIAPIPE_BODY = {
        for part in ("EYE", "EAR", "SHOULDER", "ELBOW", "WRIST", "HIP", "KNEE", "ANKLE", "HEEL")},
     "LEFT_FOOT_INDEX": "left_big_toe", "RIGHT_FOOT_INDEX": "right_big_toe",
 }
-"""The others (corners of eyes and mouth, fingers of the body's model) have no place among ours, or a better one."""
+"""The others (corners of eyes and mouth, fingers of the body model) have no equivalent among ours, or a better one."""
 _FACE_MESH = (
     127, 234, 132, 58, 172, 150, 149, 148, 152, 377, 378, 379, 397, 288, 361, 454, 356,
     70, 63, 105, 66, 107, 336, 296, 334, 293, 300,
@@ -65,9 +65,9 @@ _FACE_MESH = (
     78, 81, 13, 311, 308, 402, 14, 178,
     468, 473,
 )
-"""Of each of our 70 points of the face, the nearest of MediaPipe's 478; the pupils are of its refined mesh only.
+"""The nearest of MediaPipe's 478 points for each of our 70 face points; only its refined mesh has pupils.
 
-All pairs mirror each other. The contour's lie on the mesh's outline, where a detector of 68 points sees the jaw.
+All pairs mirror each other. Contour points lie on the mesh's outline, where a 68-point detector sees the jaw.
 """
 # fmt: on
 _FACE_70 = range(FACE.start, FACE.stop)
@@ -93,15 +93,15 @@ COMPONENTS: dict[str, dict[str, int]] = {
     "LEFT_HAND": _hand(LEFT_HAND, _COCO_HAND),
     "RIGHT_HAND": _hand(RIGHT_HAND, _COCO_HAND),
 }
-"""By a component's name: our place of each of its points, by the point's name."""
+"""By component name: our index for each of its points, by the point's name."""
 BODIES = {
     "pose_keypoints_2d": (OPENPOSE, "OpenPose"),
     "POSE_LANDMARKS": (MEDIAPIPE, "MediaPipe Holistic"),
     "BODY": (COCO_WHOLEBODY, "COCO-WholeBody"),
 }
-"""By the body's component: whose points the file has, and how notes call it."""
+"""By the body's component: whose points the file has, and their name in notes."""
 WITH_MEANS = ("POSE_LANDMARKS", "BODY")
-"""Bodies without neck and mid-hip, which are made of shoulders and hips."""
+"""Bodies without neck and mid-hip, which are computed from shoulders and hips."""
 
 _WRITTEN = {
     "pose_keypoints_2d": ("body", (255, 0, 0)),
@@ -112,7 +112,7 @@ _WRITTEN = {
 
 
 def openpose_components() -> tuple[tuple[Component, ...], tuple[int, ...]]:
-    """The four components that pose-format has for OpenPose, and our place of each of their points, in order."""
+    """pose-format's four components for OpenPose, with our index for each of their points, in order."""
     components, places = [], []
     for name, (group, color) in _WRITTEN.items():
         part, points = GROUPS[group], COMPONENTS[name]
@@ -125,19 +125,19 @@ def openpose_components() -> tuple[tuple[Component, ...], tuple[int, ...]]:
 
 
 _LISTED = 6
-"""Missing keypoints that a note names."""
+"""Most missing keypoints that a note names."""
 _MOST_PEOPLE = 2_000_000
-"""Over all frames: what takes 6 GB as 137 points."""
+"""Over all frames: takes 6 GB as 137 points."""
 
 
 def read_pose(path: Path) -> Detections:
     """Read the keypoints of a `.pose` file, with its frame rate and image size.
 
-    Points are found by the names of components and points, so that reduced files (fewer points of the face) read as
-    well. MediaPipe's face mesh gives its nearest points, and the tip of its foot the big toe. Depths are not used.
+    Points are found by component and point name, so reduced files (fewer face points) are read too. MediaPipe's face
+    points are the nearest in its mesh, and its foot tip becomes the big toe. Depths are not used.
 
     Raises:
-        InputError: It is damaged, of another version, holds none of the known components, or values that cannot be.
+        InputError: It is damaged, of another version, holds no known component, or invalid values.
     """
     pose = read_pose_file(path)
     places = _places(path, pose)
@@ -146,7 +146,7 @@ def read_pose(path: Path) -> Detections:
         raise InputError(f"{path}: has {shape[1]} people in {shape[0]} frames; expected a few people in one clip.")
     points = np.zeros((*shape, COUNT, 3))
     found = np.concatenate([pose.data[..., :2], pose.confidence[..., None]], -1)
-    # What was not detected may hold anything, NaN included.
+    # Undetected points may hold anything, NaN included.
     found[(pose.confidence <= 0) & (pose.confidence >= MIN_CONFIDENCE)] = 0
     used = [k for k, place in enumerate(places) if place is not None]
     ours = [place for place in places if place is not None]
@@ -171,20 +171,18 @@ def read_pose(path: Path) -> Detections:
 def write_pose(
     path: Path, keypoints: Keypoints, *, size: tuple[int, int], frame_rate: float, first_frame: int = 0
 ) -> None:
-    """Write one person's keypoints as the four components that pose-format has for OpenPose.
+    """Write one person's keypoints as pose-format's four components for OpenPose. Raises InputError if the image is too
+    large for the format.
 
     Numbers are float32: positions to 0.0005 px in images of 8192 pixels. Reading gives all 137 back.
 
     Args:
-        path: An existing file is replaced at once.
+        path: An existing file is replaced atomically.
         keypoints: Pixels and confidences.
         size: Image width and height in pixels.
         frame_rate: Frames per second.
-        first_frame: Frames to leave empty before the first one, as the format counts them from the video's first. None
-            is left empty for a number above 1,000,000, which counts no frames: of images that are named by their date.
-
-    Raises:
-        InputError: The image is larger than the format can say.
+        first_frame: Empty frames to write before the first one, as the format counts from the video's first. None are
+            written for a number above 1,000,000, which is a date in an image's name and not a count.
     """
     components, places = openpose_components()
     detected = (keypoints.confidence > 0)[..., None]
@@ -198,7 +196,7 @@ def write_pose(
 
 
 def _places(path: Path, pose: PoseFile) -> list[int | None]:
-    """Of every point of the file, its place among the 137; None for points that have none."""
+    """The index among the 137 of every point of the file; None for points without one."""
     places: list[int | None] = []
     for component in pose.components:
         known = COMPONENTS.get(component.name, {})

@@ -1,17 +1,17 @@
-"""A motion as the npz of SMPL-X animations that AMASS has and the Blender add-ons read.
+"""A motion as an npz of SMPL-X animation, as AMASS has it and the Blender add-ons read.
 
 | key | shape | |
 |---|---|---|
 | poses | (N, 165) | axis-angle: root, 21 of the body, jaw, eyes, left and right hand with their mean pose |
 | root_orient, pose_body, pose_jaw, pose_eye, pose_hand | (N, 3), (N, 63), (N, 3), (N, 6), (N, 90) | its parts |
 | trans, expressions | (N, 3), (N, 10) | |
-| betas | (16,) | ten, and zeros: AMASS has 16, and programs with fewer take the first |
+| betas | (16,) | ten, then zeros: AMASS has 16, and programs with fewer take the first |
 | gender, surface_model_type, mocap_frame_rate, mocap_framerate | () | |
 | axes, camera_to_world, camera_place, ground, camera_*, image_size, lens_*, world_*, first_frame, \
 body_kind, body_hash, betas_source, generator | | tcfit's own: x_world = camera_to_world @ x_camera + camera_place, \
 with a row for each frame where the camera moves |
 
-Posed as SMPL-X has it: the root turns about the pelvis, and trans is added. AMASS's world has z up, which is the
+Posed as in SMPL-X: the root turns about the pelvis, and trans is added. AMASS's world has z up, which is the
 add-on's format "AMASS"; its format "SMPL-X" has y up.
 """
 
@@ -38,11 +38,8 @@ POSE_KEYS: dict[str, slice] = {
 
 
 def write_animation_npz(path: Path, motion: Motion) -> None:
-    """Write a motion with one shape; it reads with np.load(allow_pickle=False).
-
-    Raises:
-        OSError: The file cannot be written; nothing is left of it.
-    """
+    """Write a motion with one shape; it reads with np.load(allow_pickle=False). Raises OSError if the file cannot be
+    written; nothing is left of it."""
     write_npz(path, animation_arrays(motion))
 
 
@@ -71,5 +68,5 @@ def animation_arrays(motion: Motion) -> dict[str, np.ndarray]:
 
 
 def pose_arrays(poses: Float[np.ndarray, "T 165"]) -> dict[str, np.ndarray]:
-    """Axis-angle of all joints under AMASS's keys, whole and in parts."""
+    """Axis-angle of all joints under AMASS's keys, as a whole and in parts."""
     return {"poses": poses, **{name: poses[:, part] for name, part in POSE_KEYS.items()}}

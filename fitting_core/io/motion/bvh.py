@@ -1,8 +1,8 @@
-"""A motion as BVH: a skeleton of 55 joints that turns, without a mesh.
+"""A motion as BVH: a moving skeleton of 55 joints, without a mesh.
 
-Metres and degrees. The root has a position, which is the pelvis in the world; every joint turns by Z, X and Y in this
-order (R = Rz Rx Ry). Offsets are those of the rest pose, with the motion's one shape and without expression. BVH has no
-place for anything else: `stated_by_frame` belongs beside it.
+Metres and degrees. The root's position is that of the pelvis in the world; every joint rotates by Z, X and Y in this
+order (R = Rz Rx Ry). Offsets are of the rest pose, with the motion's one shape and no expression. BVH has no place for
+anything else: write `stated_by_frame` beside it.
 """
 
 from pathlib import Path
@@ -18,16 +18,12 @@ from fitting_core.motion import Motion, Progress
 _ORDER = "ZXY"
 _CHANNELS = "Zrotation Xrotation Yrotation"
 _END = (0.0, 0.02, 0.0)
-"""Metres: BVH wants a bone behind the last joint."""
+"""Metres: BVH requires an end beyond the last joint."""
 _DECIMALS = 6
 
 
 def write_bvh(path: Path, motion: Motion, progress: Progress | None = None) -> None:
-    """Write the skeleton and its motion.
-
-    Raises:
-        OSError: The file cannot be written; nothing is left of it.
-    """
+    """Write the skeleton and its motion. Raises OSError if the file cannot be written; nothing is left of it."""
     shaped = motion.one_shape
     with replacing(path) as draft, draft.open("w", encoding="ascii", newline="\n") as file:
         file.write("\n".join(_hierarchy(rest_offsets(shaped), motion.body.parents)))
@@ -76,14 +72,14 @@ def _offset(offset: np.ndarray | tuple[float, ...], indent: str) -> str:
 
 
 def _rows(motion: Motion) -> Float[np.ndarray, "T 168"]:
-    """The root's position, then the joints' angles in the order in which the hierarchy names them."""
+    """The root's position, then the joints' angles in the order of the hierarchy."""
     order = depth_first(motion.body.parents)
     angles = continuous_euler(motion.pose.numpy())[:, order]
     return np.concatenate([motion.pelvis, angles.reshape(len(motion), -1)], 1)
 
 
 def depth_first(parents: np.ndarray) -> list[int]:
-    """The joints as a file with nested joints names them."""
+    """The joints in the order of a file with nested joints."""
     order = []
     waiting = [0]
     while waiting:
@@ -94,10 +90,10 @@ def depth_first(parents: np.ndarray) -> list[int]:
 
 
 def continuous_euler(pose: Float[np.ndarray, "T J 3"]) -> Float[np.ndarray, "T J 3"]:
-    """Degrees about Z, X and Y of axis-angle rotations, without jumps that the rotation does not make.
+    """Degrees about Z, X and Y of axis-angle rotations, unwrapped over time.
 
-    Of the two triples of a rotation, (z, x, y) and (z + 180, 180 - x, y + 180), and of all full turns, each frame gets
-    the one that is nearest to the frame before: programs that interpolate angles would turn the long way round.
+    Of the two triples of a rotation, (z, x, y) and (z + 180, 180 - x, y + 180), and their full turns, each frame gets
+    the one nearest to the frame before: programs that interpolate angles would otherwise turn the long way round.
     """
     frames, joints, _ = pose.shape
     angles = Rotation.from_rotvec(pose.reshape(-1, 3)).as_euler(_ORDER, degrees=True).reshape(frames, joints, 3)

@@ -1,9 +1,9 @@
-"""A motion as binary glTF: one skinned mesh of 55 joints, its expression and correctives as morph targets, animated.
+"""A motion as binary glTF: an animated, skinned mesh of 55 joints, with expression and correctives as morph targets.
 
-glTF's world is y up in metres, so a motion gets the axes "y-up". The camera is in the file: it stands at the origin and
-looks along -z, or, where the floor is known, stands above the origin and looks as it was held. One that moves begins
-so, and is animated. Frame t of the motion is at t / frame rate seconds. Everything that glTF has no place for (frame
-rate, first frame, intrinsics, gender, axes, the largest deviation from the fit) is in the extras of asset and scene.
+glTF's world is y up in metres, so a motion gets the axes "y-up". The file contains the camera: at the origin, looking
+along -z, or, if the floor is known, above the origin and tilted as it was held. A moving camera starts so and is
+animated. Frame t of the motion is at t / frame rate seconds. What glTF has no place for (frame rate, first frame,
+intrinsics, gender, axes, the largest deviation from the fit) is in the extras of asset and scene.
 """
 
 import math
@@ -29,8 +29,7 @@ from fitting_core.motion import Motion, Progress, stated
 
 _AXES = "y-up"
 _ROOT, _MESH, _CAMERA, _FIRST_JOINT = range(4)
-"""Nodes: the rig as a whole, what is skinned, the camera, and the joints one after the other. Those of the next person
-follow, without a camera."""
+"""Nodes: the rig's root, the skinned mesh, the camera, then the joints. The next person's follow, without a camera."""
 _THINNING = 0.3
 """Share of the whole time that finding the keys takes."""
 _COLORS = ([0.62, 0.68, 0.76, 1.0], [0.80, 0.62, 0.50, 1.0], [0.55, 0.72, 0.58, 1.0], [0.74, 0.60, 0.76, 1.0])
@@ -38,12 +37,12 @@ _COLORS = ([0.62, 0.68, 0.76, 1.0], [0.80, 0.62, 0.50, 1.0], [0.55, 0.72, 0.58, 
 
 @dataclass(frozen=True, kw_only=True)
 class WrittenGlb:
-    """What a program shows of a file."""
+    """What a program will show for a file."""
 
     deviation: Deviation
     """How far its vertices are from the fit's."""
     keys: Keys | None
-    """Those of the animation; None: one for each frame."""
+    """Those of the animation; None: one per frame."""
 
 
 def write_glb(
@@ -55,35 +54,30 @@ def write_glb(
         path: Of the file, which is replaced.
         motion: In any axes.
         progress: See `Progress`.
-        within: Only the keys are kept that are needed for joints, finger tips and toes to stay so near to where they
-            are with all keys, metres; None: all are.
+        within: Keep only the keys needed for joints, finger tips and toes to stay this close to where all keys put
+            them, metres; None: keep all.
 
     Raises:
-        InputError: The bound is none.
+        InputError: The bound is invalid.
         OSError: The file cannot be written; nothing is left of it.
     """
     return write_people_glb(path, [motion], name=motion.name, progress=progress, within=within)[0]
 
 
 def write_people_glb(
-    path: Path,
-    motions: Sequence[Motion],
-    *,
-    name: str,
-    progress: Progress | None = None,
-    within: float | None = None,
+    path: Path, motions: Sequence[Motion], *, name: str, progress: Progress | None = None, within: float | None = None
 ) -> list[WrittenGlb]:
-    """Write the motions of several people of one clip, each as `write_glb` writes one.
+    """Write the motions of several people of one clip, each as in `write_glb`.
 
     Args:
         path: The file.
-        motions: Of one frame rate, camera and level; their frames are numbered in one video.
+        motions: Of the same frame rate, camera and level; frames are numbered in one video.
         name: Of the clip.
         progress: Takes the share that is done.
         within: As in `write_glb`.
 
     Raises:
-        InputError: The bound is none.
+        InputError: The bound is invalid.
         OSError: The file cannot be written; nothing is left of it.
     """
     tell = progress or (lambda _: None)
@@ -102,14 +96,12 @@ def _part_of(tell: Progress, k: int, count: int, share: float) -> None:
 
 @dataclass(frozen=True)
 class _Nodes:
-    """One person's."""
-
     root: int
     mesh: int
     first_joint: int
 
     def later(self, start: int) -> "_Nodes":
-        """Those of somebody whose first node has this number."""
+        """The nodes of the person whose first node has this number."""
         return _Nodes(start, start + 1, start + 2)
 
 
@@ -118,8 +110,6 @@ _ONE = _Nodes(_ROOT, _MESH, _FIRST_JOINT)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Person:
-    """Somebody in the file."""
-
     motion: Motion
     rig: Rig
     deviation: Deviation
@@ -127,7 +117,7 @@ class _Person:
 
     @property
     def stated(self) -> dict[str, Any]:
-        """What the file says."""
+        """The file's extras."""
         return stated(self.motion) | {
             "largest_deviation_m": round(self.deviation.largest, 7),
             "mean_deviation_m": round(self.deviation.mean, 7),
@@ -203,15 +193,13 @@ def _joint_nodes(one: _Person) -> list[gltf.Node]:
 
 
 def _camera_node(people: list[_Person]) -> gltf.Node:
-    """Where the camera stands. That of glTF looks along -z with y up: the one here along z with y down."""
+    """Where the camera stands. A glTF camera looks along -z with y up; ours along z with y down."""
     _, places, turns = _camera_poses(people)
     return gltf.Node(name="camera", camera=0, translation=places[0].tolist(), rotation=turns[0].tolist())
 
 
-def _camera_poses(
-    people: list[_Person],
-) -> tuple[list[int], Float[np.ndarray, "n 3"], Float[np.ndarray, "n 4"]]:
-    """Frames by number, where the camera is in them, and how it is turned (quaternions); of one that stands, once."""
+def _camera_poses(people: list[_Person]) -> tuple[list[int], Float[np.ndarray, "n 3"], Float[np.ndarray, "n 4"]]:
+    """Frame numbers, and the camera's positions and rotations (quaternions) in them; for a static one, once."""
     places: dict[int, np.ndarray] = {}
     turns: dict[int, np.ndarray] = {}
     for motion in (one.motion for one in people):
@@ -225,13 +213,13 @@ def _camera_poses(
 
 
 def _without_jumps(quaternions: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "n 4"]:
-    """The same turns by quaternions of which each is on the side of the one before: programs go straight between."""
+    """The quaternions with signs chosen to be near the previous one, since programs interpolate linearly."""
     crossed = (quaternions[1:] * quaternions[:-1]).sum(1) < 0
     return quaternions * np.where(np.append(False, np.cumsum(crossed) % 2 == 1), -1.0, 1.0)[:, None]
 
 
 def _camera(motion: Motion) -> gltf.Camera:
-    """The opening angle and the proportions; where the principal point is off the middle, only the extras say it."""
+    """Field of view and aspect ratio; an off-centre principal point is only in the extras."""
     (_, focal), (width, height) = motion.camera.focal, motion.camera.size
     return gltf.Camera(
         type="perspective",
@@ -276,7 +264,6 @@ def _mesh(rig: Rig, buffer: Buffer, person: int) -> gltf.Mesh:
 
 
 def _normals(rig: Rig) -> Float[np.ndarray, "V 3"]:
-    """Unit normals of the rest pose."""
     normals = vertex_normals(rig.vertices.astype(float), rig.faces)
     return np.where(normals.any(1, keepdims=True), normals, (0.0, 1.0, 0.0)).astype(np.float32)
 

@@ -1,4 +1,4 @@
-"""The binary data of a glTF file that is being written."""
+"""The binary data of a glTF file being written."""
 
 import numpy as np
 import pygltflib as gltf
@@ -18,7 +18,7 @@ class Buffer:
         self._document, self._parts, self._size = document, [], 0
 
     def add(self, array: np.ndarray, target: int | None = None, *, bounds: bool = False) -> int:
-        """Append an array; the number of its accessor."""
+        """Append an array; returns the number of its accessor."""
         array = np.ascontiguousarray(array)
         content = array.tobytes()
         document = self._document
@@ -40,6 +40,6 @@ class Buffer:
         return len(document.accessors) - 1
 
     def close(self) -> None:
-        """Make it the document's."""
+        """Make this the document's buffer."""
         self._document.buffers = [gltf.Buffer(byteLength=self._size)]
         self._document.set_binary_blob(b"".join(self._parts))

@@ -1,4 +1,4 @@
-"""A body's motion as another program's file has it, and how it comes into a clip: its space, its hands, its frames."""
+"""A body's motion as read from another program's file, and its conversion to a clip's space, hands and frames."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -19,11 +19,11 @@ from fitting_core.shipped import FREE_FOLDER
 from fitting_core.video.frame_names import among_images, frames_for_one
 
 _NEAREST = 0.5
-"""Metres: a body of which something is nearer to the camera is not in front of it."""
+"""Metres: a body with a part nearer than this to the camera is not in front of it."""
 _SAME_SHAPE = 0.01
-"""Share by which the sides' ratio of two images that show the same may differ."""
+"""Allowed relative difference of the aspect ratios of two images that show the same."""
 _IN_VIEW = 1.2
-"""Where a body's place is not known: metres from the pelvis up and down that are to be in the picture."""
+"""For a body at an unknown place: metres above and below the pelvis that must be in view."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,7 +31,7 @@ class SeenPoints:
     """Points of T frames in camera space, metres: keypoints of any body, or the vertices of a mesh."""
 
     keypoints: Float[np.ndarray, "T 137 3"] | None = None
-    """NaN where there are none; the same in all frames."""
+    """NaN where missing; the same in all frames."""
     vertices: Float[np.ndarray, "T V 3"] | None = None
     """Of SMPL-X's mesh."""
 
@@ -41,55 +41,55 @@ class PersonTrack:
     """One of the people in a file."""
 
     number: int
-    """As the file has it."""
+    """As in the file."""
     numbers: tuple[int, ...]
-    """Of the frames with this person, ascending."""
+    """Frames with this person, ascending."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ImportedMotion:
-    """T frames of a body, with what the file says about them."""
+    """T frames of a body, with what the file states about them."""
 
     source: Path
     format: str
     """What it was read as, in words."""
     kind: str
-    """"smplx" or "smplh": of the body that it belongs to."""
+    """"smplx" or "smplh": the kind of its body."""
     gender: str
     """"neutral", "male", "female" or "child"."""
     body_hash: str = ""
-    """SHA-256 of the body's file, where the motion tells it."""
+    """SHA-256 of the body's file, if stated."""
     params: BodyParams
     """In the file's own space, but for `camera_translation`, which is added after `turn`."""
     about_pelvis: bool = False
-    """Whether `camera_translation` is where the pelvis lies, instead of what is added to the body's own origin."""
+    """Whether `camera_translation` is the pelvis's position instead of what is added to the body's own origin."""
     from_corner: bool = False
     """Whether `camera_translation` is for a camera whose principal point is the image's corner."""
     points: SeenPoints | None = None
-    """What the file tells instead of a pose; `params` are zero until `starts.posing` has posed a body."""
+    """Points in the file instead of a pose; `params` are zero until `starts.posing` has posed a body."""
     whole_hands: bool
-    """Whether hands are the axis-angle of 15 joints with the mean pose in it; else they are over that mean."""
+    """Whether hands are axis-angle of 15 joints including the mean pose; otherwise they are relative to that mean."""
     turn: Float[Tensor, "T 3 3"]
     """Rotation of the file's space into camera space (x right, y down, z away)."""
     placed: bool = True
-    """Whether the motion was seen by a camera; else it is put where the clip's camera sees it."""
+    """Whether a camera saw the motion; otherwise it is placed where the clip's camera sees it."""
     numbers: tuple[int, ...]
     """Of the frames, ascending."""
     numbered: bool
-    """Whether the file tells these numbers; else they count from 0."""
+    """Whether the file states these numbers; otherwise they count from 0."""
     stems: tuple[str, ...] = ()
-    """Of the frames' images, where the file tells their names."""
+    """Of the frames' images, if the file names them."""
     frame_rate: float | None = None
     """Frames per second."""
     camera: Camera | None = None
     focal: tuple[float, str] | None = None
-    """Where the camera is not told: the focal length in pixels that the program takes, and these words for it."""
+    """If no camera is stated: the focal length in pixels that the program assumes, and its description."""
     focal_rule: tuple[Callable[[tuple[int, int]], float], str] | None = None
-    """Instead of `focal`, where the program takes it from the image's width and height."""
+    """Instead of `focal`, if the program computes it from the image's width and height."""
     people: tuple[PersonTrack, ...] = ()
-    """In the file, where it tells several apart; who is in most frames first."""
+    """In the file, if it distinguishes them; whoever is in most frames first."""
     notes: tuple[str, ...] = field(default=())
-    """What a user should know of how it was read."""
+    """What a user should know about how it was read."""
 
     def __post_init__(self) -> None:
         assert len(self.numbers) == len(self.params) == len(self.turn)
@@ -98,18 +98,16 @@ class ImportedMotion:
         return len(self.params)
 
     def focal_for(self, size: tuple[int, int]) -> tuple[float, str] | None:
-        """The focal length that the program takes for images of this width and height, and words for it."""
+        """The focal length that the program assumes for images of this width and height, and its description."""
         return self.focal if self.focal_rule is None else (self.focal_rule[0](size), self.focal_rule[1])
 
     def camera_for(self, camera: Camera, focal_length: float | None = None) -> Camera:
-        """The camera that the motion was found with, for a clip's images; it stands, or moves, as the clip's does.
+        """The camera that the motion was found with, for a clip's images; it stands or moves as the clip's does. Raises
+        InputError if the focal length is invalid, or the motion was found on images of another shape.
 
         Args:
-            camera: The clip's, which counts where nothing is told.
-            focal_length: In pixels, where the file tells no camera.
-
-        Raises:
-            InputError: The focal length is none, or the motion was found on images of another form.
+            camera: The clip's, used if the file states none.
+            focal_length: In pixels, if the file states no camera.
         """
         own = self._own_camera(camera, focal_length)
         return replace(own, lens=camera.lens, world=camera.world, path=camera.path)
@@ -142,7 +140,7 @@ class ImportedMotion:
         )
 
     def for_body(self, body: BodyModel) -> "ImportedMotion":
-        """Without those of its numbers that mean nothing to this body, and with a note that says so.
+        """Without the numbers that mean nothing for this body, with a note about it.
 
         Betas, expressions and hand components are numbers of one body model; joint angles are not.
         """
@@ -157,7 +155,7 @@ class ImportedMotion:
             empty |= {name: torch.zeros_like(getattr(params, name)) for name in hands}
             lost = "shape, expression and hands (components)"
         whose = "tcfit's free body" if free else f"the {body.kind} body {body.source}"
-        note = f"It is posed on {whose}, to which its {lost} mean nothing: these are left out, joint angles are kept."
+        note = f"It is posed on {whose}, for which its {lost} mean nothing: these are left out, joint angles are kept."
         return replace(self, params=replace(params, **empty), notes=(*self.notes, note))
 
     def on(self, body: BodyModel, camera: Camera) -> BodyParams:
@@ -166,8 +164,8 @@ class ImportedMotion:
         The root turns about the pelvis, which lies off the body's origin: t' = t + R p - p with p the pelvis at rest.
 
         Args:
-            body: Of the motion's kind; its mean hand is the one that whole hands are taken against.
-            camera: Which sees the motion; only used where `placed` is not.
+            body: Of the motion's kind; its mean hand is subtracted from whole hands.
+            camera: Sees the motion; only used if not `placed`.
         """
         assert self.points is None
         params = self._as_body_params(body)
@@ -187,7 +185,7 @@ class ImportedMotion:
         return rest_joints(body, self.params)[:, 0]
 
     def _as_body_params(self, body: BodyModel) -> BodyParams:
-        """Hands and translation as BodyParams has them."""
+        """Hands and translation in the form of BodyParams."""
         params = self.params
         if self.about_pelvis:
             params = replace(params, camera_translation=params.camera_translation - self.pelvis(body))
@@ -200,7 +198,7 @@ class ImportedMotion:
 
 
 def from_still(body: BodyModel, params: BodyParams, camera: Camera) -> BodyParams:
-    """A body that moves in still space (see `CameraPath`), in the camera space of each frame.
+    """A body moving in still space (see `CameraPath`), in the camera space of each frame.
 
     Args:
         body: Whose root turns about its pelvis.
@@ -216,7 +214,7 @@ def from_still(body: BodyModel, params: BodyParams, camera: Camera) -> BodyParam
 
 
 def _before(camera: Camera, places: Float[Tensor, "T 3"]) -> Float[Tensor, "T 3"]:
-    """Places that look the same to a camera as these to one whose principal point is the image's corner."""
+    """Positions that look to a camera as these do to one whose principal point is the image's corner."""
     slope = torch.tensor([c / f for c, f in zip(camera.center, camera.focal, strict=True)], dtype=places.dtype)
     return torch.cat([places[:, :2] - slope * places[:, 2:], places[:, 2:]], 1)
 
@@ -229,7 +227,7 @@ def _turned(body: BodyModel, params: BodyParams, turn: Float[Tensor, "T 3 3"]) -
 
 
 def _in_view(body: BodyModel, params: BodyParams, camera: Camera) -> BodyParams:
-    """The same motion moved as a whole: its middle before the camera, and so far away that a standing body is seen."""
+    """The motion moved as a whole: its middle in front of the camera, far enough away to see a standing body."""
     at = rest_joints(body, params)[:, 0] + params.camera_translation
     reach = at.amax(0) - at.amin(0)
     half = (torch.as_tensor(camera.size, dtype=at.dtype) / 2 / torch.as_tensor(camera.focal, dtype=at.dtype)).tolist()
@@ -241,17 +239,17 @@ def _in_view(body: BodyModel, params: BodyParams, camera: Camera) -> BodyParams:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CoveredFrames:
-    """Which of a motion's frames stand for the frames of a clip."""
+    """Which of a motion's frames match the frames of a clip."""
 
     places: Int[np.ndarray, "T"]
     """Of each frame of the clip, the motion's."""
     there: Bool[np.ndarray, "T"]
-    """Whether the motion has this very frame; else it is the nearest."""
+    """Whether the motion has exactly this frame; otherwise it is the nearest."""
     notes: tuple[str, ...]
 
     @property
     def missing(self) -> list[int]:
-        """Places of the clip's frames that the motion does not have."""
+        """Indices of the clip's frames that the motion lacks."""
         return np.flatnonzero(~self.there).tolist()
 
 
@@ -265,24 +263,21 @@ def cover(
     first_frame: int | None = None,
     partly: bool = False,
 ) -> CoveredFrames:
-    """Find a motion's frame for each of a clip.
+    """Find a motion's frame for each frame of a clip. Raises InputError if the motion has no frame of the clip, or
+    fewer than it with nothing to say which; the message gives the frames found and expected.
 
-    Where the file tells the names of the clip's images, they tell. Else a motion with as many frames as the clip has
-    these. Else the frames' numbers tell, those in the images' names before places, or `first_frame`; and the moment,
-    where the file says another frame rate. Frames without a result take the nearest, and are not `there`.
+    If the file names the clip's images, they decide. Otherwise a motion with as many frames as the clip matches them in
+    order. Otherwise frame numbers decide: those in the images' names before indices, or `first_frame`; and time, if the
+    file states another frame rate. Frames without a result take the nearest, and are not `there`.
 
     Args:
         motion: Any.
         frames: Of the clip.
         clip_first: Number of the clip's first frame in its video.
         clip_rate: Frames per second of the clip.
-        images: Names without suffixes of the images that the clip is a part of, in order.
+        images: Names without suffix of the images that the clip is part of, in order.
         first_frame: Number in the video of the motion's first frame.
-        partly: Whether a part of the clip is enough although nobody says which.
-
-    Raises:
-        InputError: The motion has no frame of the clip, or fewer than it and nobody says which; the message says which
-            frames were found and expected.
+        partly: Whether a part of the clip is enough, even if nothing says which part.
     """
     named = set(motion.stems) <= set(images) and bool(motion.stems) and first_frame is None
     whole = motion.numbers[-1] - motion.numbers[0] + 1 == len(motion)
@@ -311,8 +306,8 @@ def cover(
 
 
 def _places(motion: ImportedMotion, images: Sequence[str]) -> Float[np.ndarray, "n"]:
-    """Of the motion's frames among the images, by their names or by the numbers in these, not a number where there is
-    no such image; else its own numbers."""
+    """Indices among the images of the motion's frames, by name or by the numbers in the names, NaN if there is no such
+    image; otherwise its own numbers."""
     pairs = among_images(motion.stems, motion.numbers if motion.numbered else None, images) if motion.stems else None
     if pairs is None:
         return np.array(motion.numbers, float)
@@ -327,13 +322,13 @@ def _not_covered(
     return (
         f"{motion.source}: has {len(motion)} frames{rate}, for the video's frames {start} to {int(last)}; expected "
         f"{'some' if said else 'all'} of the clip's {frames} frames, {clip_first} to {clip_first + frames - 1} at "
-        f"{clip_rate:g} per second. Say with --first-frame which frame of the video its first one is"
-        f"{'' if said else '; of a part of the clip it is imported as that'}, or import the result of this clip."
+        f"{clip_rate:g} per second. Give --first-frame, the video frame of its first one"
+        f"{'' if said else ' (it may cover part of the clip)'}, or import the result of this clip."
     )
 
 
 def body_params(arrays: dict[str, np.ndarray], hands: int) -> BodyParams:
-    """BodyParams of arrays in its names; what is absent (expression, eyes, jaw) is zero."""
+    """BodyParams from arrays under its names; missing ones (expression, eyes, jaw) are zero."""
     frames = len(next(iter(arrays.values())))
     neutral = vars(BodyParams.neutral(frames, hand_components=hands))
     assert arrays.keys() <= neutral.keys() and neutral["expression"].shape[1] == N_EXPRESSION

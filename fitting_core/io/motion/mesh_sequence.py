@@ -1,7 +1,7 @@
-"""A motion as a folder of meshes, one for each frame: OBJ or binary PLY, and motion.json beside them.
+"""A motion as a folder of meshes, one per frame: OBJ or binary PLY, with motion.json beside them.
 
-Vertices are those of the fit in the motion's world, metres, with everything that moves them: shape, expression, pose
-correctives, translation. Files are called <name>_<number of the frame in the video>.
+Vertices are those of the fit in the motion's world, metres, with all that moves them: shape, expression, pose
+correctives, translation. Files are named <name>_<number of the frame in the video>.
 """
 
 import re
@@ -24,8 +24,8 @@ def write_obj_sequence(folder: StrPath, motion: Motion, progress: Progress | Non
     """Write an OBJ file for each frame; vertices to 0.001 mm.
 
     Args:
-        folder: Exists, and is empty.
-        motion: What is written.
+        folder: An existing, empty folder.
+        motion: To write.
         progress: See `Progress`.
     """
     folder = Path(folder)
@@ -65,7 +65,7 @@ def _write(folder: Path, motion: Motion, suffix: str, write: MeshWriter, progres
 
 
 def file_stem(name: str) -> str:
-    """A name that every system takes for a file."""
+    """A name that every system accepts for a file."""
     return re.sub(r"[^\w.-]+", "_", name, flags=re.ASCII).strip("._") or "motion"
 
 

@@ -1,4 +1,4 @@
-"""Results of SMPLify-X: a pickle for each person in each frame, `results/<stem>/000.pkl`.
+"""Results of SMPLify-X: one pickle per person and frame, `results/<stem>/000.pkl`.
 
 | key | shape | |
 |---|---|---|
@@ -10,7 +10,7 @@
 | pose_embedding | (1, 32) | as tcfit writes it beside axis-angle: numbers of the pose prior |
 | camera_focal, camera_center, image_size | (1, 2) | as tcfit writes them; SMPLify-X keeps no camera |
 
-tcfit writes results/about.json beside them: body, frame rate, axes, which are read if they are there.
+tcfit writes results/about.json beside them with body, frame rate and axes, and reads it if present.
 """
 
 import re
@@ -37,16 +37,16 @@ from fitting_core.motion import AXES
 from fitting_core.video.frame_names import frame_numbers, natural_key
 
 FOCAL = 5000.0
-"""Pixels: what SMPLify-X takes where nobody tells it the focal length, and its results do not say."""
+"""Pixels: SMPLify-X's default focal length, which its results do not record."""
 RESULTS, ABOUT = "results", "about.json"
 Decode = Callable[[Float[Tensor, "T 32"]], Float[Tensor, "T 63"]]
-"""From a pose prior's numbers to axis-angle."""
+"""From the pose prior's latent numbers to axis-angle."""
 _MAX_ABOUT = 2**16
 _NUMBERED = re.compile(r"\d+\.pkl")
 
 
 class ResultAbout(msgspec.Struct, frozen=True, kw_only=True):
-    """What about.json says."""
+    """The content of about.json."""
 
     generator: str = ""
     axes: str = ""
@@ -63,18 +63,16 @@ class ResultAbout(msgspec.Struct, frozen=True, kw_only=True):
 def read_smplifyx(
     path: Path, *, person: int = 0, gender: str | None = None, decode: Decode | None = None
 ) -> ImportedMotion:
-    """Read a folder of results, an archive of one, or a single pickle.
+    """Read a folder of results, an archive of one, or a single pickle. Raises InputError if there are no results, one
+    is damaged or invalid, or the pose needs a VPoser.
 
-    Frames are the folders around the pickles, in the order of their numbers.
+    Frames are the folders around the pickles, ordered by number.
 
     Args:
         path: SMPLify-X's output folder, `results` in it, one frame's folder, one pickle, or a zip or tar of them.
         person: Number of the pickle in each frame: 0 is 000.pkl.
-        gender: Of the body that it was fitted with, not told by SMPLify-X; None: as about.json says, or neutral.
-        decode: Of the VPoser that it was fitted with; None: there is none here.
-
-    Raises:
-        InputError: There are no results, one is damaged or holds what cannot be, or the pose needs a VPoser.
+        gender: Of the fitted body, which SMPLify-X does not record; None: as about.json says, or neutral.
+        decode: Of the VPoser that it was fitted with; None: not available.
     """
     with open_members(path) as members:
         pickles = [member for member in members if _NUMBERED.fullmatch(member.path.name)]
@@ -106,7 +104,7 @@ def read_smplifyx(
         numbered=numbered,
         stems=tuple(frame.stem for frame in frames),
         camera=camera,
-        focal=None if camera else (FOCAL, "SMPLify-X's default, as its results tell none"),
+        focal=None if camera else (FOCAL, "SMPLify-X's default, as its results have none"),
         notes=notes,
     )
 
@@ -122,22 +120,20 @@ def write_smplifyx(
     embedding: Float[Tensor, "T 32"] | None = None,
     progress: Callable[[float], None] = lambda share: None,
 ) -> None:
-    """Write `results/<stem>/000.pkl` for each frame, and about.json with what pickles have no place for.
+    """Write `results/<stem>/000.pkl` for each frame, and about.json with what does not fit into pickles. Raises OSError
+    if it cannot be written.
 
-    Pickles hold float32 arrays alone, which numpy 1 and 2 read, and so do SMPLify-X's own scripts.
+    Pickles contain only float32 arrays, which numpy 1 and 2 and SMPLify-X's own scripts read.
 
     Args:
-        folder: Where `results` comes; made if it does not exist.
+        folder: Parent of `results`; made if it does not exist.
         params: T frames in camera space. Hands stay as they are: components, or 45 numbers over the mean.
         stems: Of the frames' images.
-        camera: Which sees them.
+        camera: The one that sees them.
         body: Whose parameters these are.
         frame_rate: Frames per second.
-        embedding: The poses in numbers of the pose prior; None: it has none.
-        progress: Takes the share that is done; what it raises ends the writing.
-
-    Raises:
-        OSError: It cannot be written.
+        embedding: The poses in the pose prior's numbers; None: it has none.
+        progress: Takes the share that is done; an exception from it ends the writing.
     """
     assert len(stems) == len(set(stems)) == len(params)
     (folder / RESULTS).mkdir(parents=True, exist_ok=True)
@@ -178,7 +174,7 @@ def _about(path: Path, member: Member) -> ResultAbout:
         return msgspec.json.decode(content, type=ResultAbout)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
         raise InputError(
-            f"{path}: its {ABOUT} is none that tcfit wrote ({error}). Remove it, or write the results again."
+            f"{path}: its {ABOUT} was not written by tcfit ({error}). Remove it, or write the results again."
         ) from error
 
 
@@ -211,7 +207,7 @@ def _forbid_mixed(path: Path, frames: list[ResultFrame]) -> None:
 
 
 def _numbers(stems: list[str]) -> tuple[tuple[int, ...], bool]:
-    """Frame numbers, and whether the names tell them."""
+    """Frame numbers, and whether they come from the names."""
     numbers = frame_numbers(stems)
     if numbers is None or len(set(numbers)) < len(stems):
         return tuple(range(len(stems))), False
@@ -224,19 +220,21 @@ def _params(path: Path, frames: list[ResultFrame], decode: Decode | None) -> Bod
         arrays["body_pose"] = _decoded(path, arrays["body_pose"], decode)
     arrays["betas"] = arrays["betas"][:, :N_BETAS]
     arrays["expression"] = arrays["expression"][:, :N_EXPRESSION]
-    # Of the forks, some move the body before the camera does.
+    # Some forks move the body before the camera does.
     moves = np.stack([frame.rotation @ frame.values.get("transl", np.zeros(3)) for frame in frames])
     arrays["camera_translation"] = arrays["camera_translation"] + moves
     hands = {arrays[f"{side}_hand_pose"].shape[1] for side in ("left", "right")}
     if len(hands) > 1:
-        raise InputError(f"{path}: the left hand has other numbers of components than the right; expected the same.")
+        raise InputError(
+            f"{path}: the left hand has a different number of components than the right; expected the same."
+        )
     return body_params(arrays, hands.pop())
 
 
 def _decoded(path: Path, latent: np.ndarray, decode: Decode | None) -> np.ndarray:
     if decode is None:
         raise InputError(
-            f"{path}: its body_pose has {LATENT} numbers of a VPoser instead of angles, and none was added here. Get "
+            f"{path}: its body_pose has {LATENT} VPoser numbers instead of angles, and no VPoser was added. Get "
             "the VPoser that it was fitted with (SMPLify-X: version 1) from its official site, and run `tcfit models "
             "add` with the download."
         )

@@ -15,7 +15,7 @@ from fitting_core.files.archives import Member
 from fitting_core.files.pickles import as_array, read_pickle
 
 LATENT, BODY = 32, 63
-"""Numbers of a body_pose: of VPoser, and of 21 joints' axis-angle."""
+"""Lengths of a body_pose: VPoser's numbers, or axis-angle of 21 joints."""
 WIDTHS: dict[str, tuple[int, ...]] = {
     "global_orient": (3,),
     "jaw_pose": (3,),
@@ -28,10 +28,10 @@ WIDTHS: dict[str, tuple[int, ...]] = {
     "expression": tuple(range(N_EXPRESSION, 101)),
     "camera_translation": (3,),
 }
-"""Numbers that each key can have."""
+"""Allowed lengths of each key."""
 CAMERA = ("camera_focal", "camera_center", "image_size")
 _MAX_BYTES = 16 * 2**20
-"""Of one pickle; SMPLify-X's have 3 kB."""
+"""Limit for one pickle; SMPLify-X's have 3 kB."""
 _MAX_VALUE = 1e6
 
 
@@ -40,7 +40,7 @@ class ResultFrame:
     """One person in one frame."""
 
     stem: str
-    """Name of the folder around the pickle, which is the image's."""
+    """Name of the folder around the pickle, which is the image's stem."""
     values: dict[str, Float[np.ndarray, "n"]]
     """By key, flat."""
     rotation: Float[np.ndarray, "3 3"]
@@ -48,14 +48,11 @@ class ResultFrame:
 
 
 def read_result(path: Path, member: Member) -> ResultFrame:
-    """Read a pickle.
+    """Read a pickle. Raises InputError if it is damaged, refers to code, lacks a key, or has invalid values.
 
     Args:
         path: What the user gave, for messages.
-        member: The pickle at or in it.
-
-    Raises:
-        InputError: It is damaged, asks for code, lacks a key, or holds what cannot be.
+        member: The pickle: the path itself, or inside it.
     """
     itself = path.is_file() and member.path.name == path.name
     where = path if itself else path / member.path.relative_to(member.path.parts[0])
@@ -96,12 +93,12 @@ def _rotation(content: dict[str, Any]) -> Float[np.ndarray, "3 3"]:
         return np.eye(3)
     matrix = _values(content, "camera_rotation", (9,)).reshape(3, 3)
     if np.abs(matrix @ matrix.T - np.eye(3)).max() > 1e-3 or np.linalg.det(matrix) < 0:
-        raise InputError("'camera_rotation' is no rotation matrix")
+        raise InputError("'camera_rotation' is not a rotation matrix")
     return matrix
 
 
 def pickled(arrays: dict[str, np.ndarray]) -> bytes:
     """Arrays as the pickle of a dictionary, in float32."""
     content = pickle.dumps({name: array.astype(np.float32) for name, array in arrays.items()}, protocol=2)
-    # numpy 2 names a module that numpy 1 does not have; the old name is known to both. Names end lines in protocol 2.
+    # numpy 2 names a module that numpy 1 lacks; both know the old name. Protocol 2 ends names with a newline.
     return content.replace(b"cnumpy._core.multiarray\n", b"cnumpy.core.multiarray\n")

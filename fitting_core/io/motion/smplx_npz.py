@@ -1,4 +1,4 @@
-"""SMPL-X animations as npz: AMASS (SMPL-X and SMPL-H), the Blender add-ons', and tcfit's own fit.npz and exports.
+"""SMPL-X animations as npz: of AMASS (SMPL-X and SMPL-H), the Blender add-ons, and tcfit's own fit.npz and exports.
 
 | key | shape | |
 |---|---|---|
@@ -33,11 +33,11 @@ from fitting_core.motion import AXES
 
 _ADVICE = "Expected an npz of AMASS, of the SMPL-X Blender add-on or of tcfit, with 'poses' and 'trans'"
 _GIVEN = ("root_orient", "pose_body")
-"""Of a pose's parts, those that must be there; the others are zero where they are absent."""
+"""Required parts of a pose; the others are zero if absent."""
 
 
 def _layout(parts: Iterable[str]) -> dict[str, slice]:
-    """Columns of parameters that follow one another."""
+    """Consecutive columns of parameters."""
     widths = {name: POSE_COLUMNS[name].stop - POSE_COLUMNS[name].start for name in parts}
     return {
         name: slice(stop - widths[name], stop) for name, stop in zip(widths, accumulate(widths.values()), strict=True)
@@ -61,11 +61,7 @@ _KEYS = (
 
 
 def read_smplx_npz(path: Path) -> ImportedMotion:
-    """Read an animation.
-
-    Raises:
-        InputError: It is damaged, no SMPL-X or SMPL-H animation, or holds values that cannot be.
-    """
+    """Read an animation. Raises InputError if it is damaged, invalid, or not an SMPL-X or SMPL-H animation."""
     try:
         arrays = read_npz(path, (*_KEYS, *POSE_KEYS))
     except OSError as error:
@@ -117,7 +113,7 @@ def _motion(path: Path, arrays: dict[str, np.ndarray]) -> ImportedMotion:
 
 
 def _poses(arrays: dict[str, np.ndarray]) -> Float[np.ndarray, "N J"]:
-    """All joints in one array, in SMPL-X's order where the parts had to be put together."""
+    """All joints in one array, concatenated in SMPL-X's order if given in parts."""
     if "poses" in arrays:
         shape = arrays["poses"].shape
         if len(shape) != 2:
@@ -160,7 +156,7 @@ def _numbers(arrays: dict[str, np.ndarray], name: str, shape: tuple[int | None, 
 def _betas(arrays: dict[str, np.ndarray], frames: int) -> tuple[Float[np.ndarray, "N 10"], tuple[str, ...]]:
     array = arrays.get("betas")
     if array is None:
-        return np.zeros((frames, N_BETAS)), ("It tells no shape: the mean shape is shown.",)
+        return np.zeros((frames, N_BETAS)), ("It has no shape: the mean shape is shown.",)
     betas = _numbers(arrays, "betas", (None,) * array.ndim, _MAX_LENGTH)
     betas = betas[None] if betas.ndim == 1 else betas
     if betas.ndim != 2 or len(betas) not in (1, frames) or betas.shape[1] < N_BETAS:
@@ -171,14 +167,13 @@ def _betas(arrays: dict[str, np.ndarray], frames: int) -> tuple[Float[np.ndarray
 
 
 def _turn_into_camera(arrays: dict[str, np.ndarray], frames: int) -> tuple[Float[np.ndarray, "*T 3 3"], bool]:
-    """Rotation of an animation's world into camera space, of each frame where the camera moves; and whether it stands
-    before a camera."""
+    """Rotation from an animation's world to camera space, per frame if the camera moves; and whether there is one."""
     if "camera_to_world" in arrays:
         matrices = _once_or_by_frame(arrays, "camera_to_world", frames, (3, 3), 2.0)
         if not are_rotations(matrices).all():
-            raise _Wrong("'camera_to_world' is no rotation")
+            raise _Wrong("'camera_to_world' is not a rotation")
         return matrices.swapaxes(-1, -2), True
-    # fit.npz stands in camera space and has no matrix to say it.
+    # fit.npz is in camera space and has no matrix to say so.
     if _text(arrays, "axes", "").lower().startswith("camera"):
         return np.eye(3), True
     return np.array(AXES["z-up"].from_camera, float).T, False

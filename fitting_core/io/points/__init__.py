@@ -1,1 +1,1 @@
-"""Named points over time in files of laboratories, TRC and C3D, and tables of the feet's contacts."""
+"""Named points over time in laboratories' files, TRC and C3D, and tables of foot contacts."""

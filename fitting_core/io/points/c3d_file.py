@@ -1,7 +1,7 @@
 """C3D, the binary format of motion capture, by the package c3d: points with names, and events.
 
-ezc3d, the other well-kept reader, is compiled, and ended the whole process on 16 of the first 189 files whose header or
-parameters we had damaged; c3d, pure Python, raised an error or read on in all of 400.
+ezc3d, the other maintained reader, is compiled, and crashed the process on 16 of the first 189 files with a damaged
+header or parameters; c3d, pure Python, raised an error or read on in all of 400.
 """
 
 import warnings
@@ -28,16 +28,16 @@ from fitting_core.io.points.named_points import (
 _UNITS = {"mm": 1e-3, "cm": 1e-2, "dm": 1e-1, "m": 1.0, "": 1e-3}
 _MOST_BYTES, _MOST_FRAMES = 2**30, 10**6
 _ROW = 255
-"""What one parameter lists: further ones have a number behind their name."""
+"""Entries of one parameter: further ones are in parameters with a number appended to the name."""
 _LAST_NUMBER = 65535
-"""The highest frame's number that all readers take."""
+"""The highest frame number that all readers accept."""
 _BLOCK = 512
 _C3D = "a C3D file with 3D points"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """Something that happens at a moment."""
+    """An event at a moment."""
 
     seconds: float
     """Of the video."""
@@ -53,24 +53,22 @@ def write_c3d(
     screen: tuple[str, str] | None = None,
     subject: str = "",
 ) -> None:
-    """Write points in millimetres; frames are numbered from 1, which is the video's first one, at the time 0.
+    """Write points in millimetres; frames are numbered from 1, the video's first one, at time 0. Raises OSError if it
+    cannot be written; nothing is left of it.
 
-    Where a number would pass _LAST_NUMBER, they are numbered from the points' first one, and events are timed from it.
-    The group TCFIT says where the camera stands, if that is known.
+    If a number would exceed _LAST_NUMBER, they are numbered from the points' first frame, and events are timed from it.
+    The group TCFIT says where the camera stands, if known.
 
     Args:
         path: The file.
         points: At most MOST_POINTS.
-        events: Become the group EVENT as Vicon's programs have it.
+        events: Written as the group EVENT, as in Vicon's programs.
         screen: The axes that point right and up on a screen, such as ("+X", "+Z"); None: not known.
         subject: Whose they are.
-
-    Raises:
-        OSError: It cannot be written; nothing is left of it.
     """
     writer = c3d.Writer(point_rate=points.frame_rate, point_units="mm")
     first = points.first_frame or 0
-    if first + len(points) > _LAST_NUMBER:  # some readers know no higher numbers
+    if first + len(points) > _LAST_NUMBER:  # some readers accept no higher numbers
         events = [replace(event, seconds=event.seconds - first / points.frame_rate) for event in events]
         first = 0
     writer.set_start_frame(first + 1)
@@ -135,7 +133,7 @@ def _set_texts(group: "c3d.c3d.GroupEditable", name: str, texts: Sequence[str]) 
         some = texts[start : start + _ROW]
         long = max(1, *map(len, some))
         packed = "".join(text.ljust(long) for text in some)
-        assert packed.isascii(), "letters of several bytes would move all texts behind them"
+        assert packed.isascii(), "multi-byte letters would shift all later texts"
         group.set_str(f"{name}{_number(start)}", "", packed, long, len(some))
 
 
@@ -145,44 +143,41 @@ def _plain(text: str) -> str:
 
 
 def read_c3d(path: Path) -> NamedPoints:
-    """Read points. Those whose residual is negative, and those at exactly 0, 0, 0, were not seen.
-
-    Raises:
-        InputError: It is no such file, holds no points, or says that it holds more than it does.
-    """
+    """Read points. Those with a negative residual, and those at exactly 0, 0, 0, were not seen. Raises InputError if it
+    is not a C3D file, has no points, or fewer frames than it states."""
     try:
         regular_file(path, most=_MOST_BYTES)
         with path.open("rb") as file, _quietly():
             if file.read(2)[1:] != b"\x50":
-                raise InputError(f"{path}: does not begin as such files do; expected {_C3D}.")
+                raise InputError(f"{path}: does not begin like such a file; expected {_C3D}.")
             file.seek(0)
             return _read(path, _Reader(file))
     except InputError:
         raise
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error}); expected {_C3D}.") from error
-    except Exception as error:  # whatever c3d's unpacking comes upon in a damaged file
+    except Exception as error:  # c3d raises almost anything for a damaged file
         raise InputError(f"{path}: is damaged ({type(error).__name__}: {error!s:.80}); expected {_C3D}.") from error
 
 
 class _Reader(c3d.Reader):
-    """Takes files that c3d does not, and programs write."""
+    """Accepts files that c3d refuses, and programs write."""
 
     def _check_metadata(self) -> None:
-        """Header and parameters may disagree on analogue signals."""
+        """Header and parameters may disagree about analogue signals."""
 
     def get_analog_transform_parameters(self) -> tuple[float, np.ndarray, np.ndarray]:
-        """Analogue signals are not read: their scale, which some programs write as one number, does not count."""
+        """Analogue signals are not read: their scale, which some programs write as one number, is ignored."""
         return 1.0, np.ones(self.analog_used), np.zeros(self.analog_used, int)
 
     @property
     def first_frame(self) -> int:
-        """Not of 16 bits, which overflow behind the frame 65535."""
+        """Not 16-bit, which overflows after frame 65535."""
         return int(super().first_frame)
 
     @property
     def last_frame(self) -> int:
-        """Likewise. Where the first frame's number is 0, POINT:FRAMES is no number of a frame."""
+        """Likewise. If the first frame's number is 0, POINT:FRAMES is not a frame's number."""
         return int(super().last_frame if self.first_frame else self.header.last_frame)
 
 
@@ -208,14 +203,14 @@ def _read(path: Path, reader: c3d.Reader) -> NamedPoints:
         names=names,
         places=places,
         frame_rate=rate,
-        # The first frame's number is 1, also where a trial was cut.
+        # The first frame's number is 1 even in a trimmed trial.
         first_frame=max(reader.first_frame - 1, 0) or None,
         camera=read_camera(path, [] if (param := reader.get("TCFIT:CAMERA")) is None else param.float_array.tolist()),
     )
 
 
 def _frames(path: Path, reader: c3d.Reader, points: int) -> int:
-    """How many frames there are. Raises InputError where the file is too short for as many as it says."""
+    """The number of frames. Raises InputError if the file is too short for the number it states."""
     frames = int(reader.frame_count)
     width = 4 if reader.point_scale < 0 else 2
     each = width * (4 * points + int(reader.analog_used) * int(reader.analog_per_frame))
@@ -224,14 +219,14 @@ def _frames(path: Path, reader: c3d.Reader, points: int) -> int:
     room = max(0, size - _BLOCK * before) // each if before > 1 else 0
     if not 0 < frames <= min(room, _MOST_FRAMES):
         raise InputError(
-            f"{path}: says that it holds {frames} frames of {points} points, and has room for {room}; expected 1 to "
-            f"{_MOST_FRAMES}, all of them there. It was cut off, or is damaged."
+            f"{path}: states {frames} frames of {points} points, but has room for {room}; expected 1 to "
+            f"{_MOST_FRAMES}, all present. It was cut off, or is damaged."
         )
     return frames
 
 
 def _labels(reader: c3d.Reader) -> list[str]:
-    """Of all points, also of more than one parameter can list."""
+    """Of all points, even if they are more than one parameter can list."""
     found: list[str] = []
     for number in range(MOST_POINTS // _ROW + 1):
         param = reader.get(f"POINT:LABELS{_number(number * _ROW)}")
@@ -245,5 +240,5 @@ def _text(param: "c3d.c3d.Param | None") -> str:
 
 
 def _quietly() -> warnings.catch_warnings:
-    """Without c3d's warnings: of files without analogue signals, and of what is checked here."""
+    """Without c3d's warnings about files without analogue signals, and about what is checked here."""
     return warnings.catch_warnings(action="ignore")

@@ -1,14 +1,15 @@
-"""When which foot stands: stretches of a motion, as a table and as events."""
+"""When each foot stands: intervals of a motion, as a table and as events."""
 
 import csv
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from fitting_core.body.geometry import SIDES
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.frame_runs import runs_where
-from fitting_core.ground.contacts import SIDES, Contacts
+from fitting_core.ground.contacts import Contacts
 from fitting_core.io.points.c3d_file import Event
 from fitting_core.motion import Motion
 
@@ -30,11 +31,7 @@ class Stand:
 
 
 def stands_of(motion: Motion) -> list[Stand]:
-    """By when they begin; the contacts of the feet's own frames.
-
-    Raises:
-        InputError: Nobody looked where the feet stand.
-    """
+    """Ordered by start; from the contacts of the feet's own frames. Raises InputError if the contacts are not known."""
     contacts = motion.contacts
     if contacts is None:
         raise InputError(
@@ -63,9 +60,9 @@ def _ends(contacts: Contacts, foot: int, stop: int) -> End:
 
 
 def events_of(motion: Motion) -> list[Event]:
-    """Foot strikes, at the first frame in which a foot stands, and feet off, at the first in which it does no longer.
+    """Foot strikes, at the first frame of a stand, and foot offs, at the first frame after it.
 
-    By time; none where it is not known which foot stands. What merely comes into view or leaves it is no event.
+    Ordered by time; empty if contacts are not known. Coming into view or leaving it is not an event.
     """
     if motion.contacts is None:
         return []
@@ -80,11 +77,11 @@ def events_of(motion: Motion) -> list[Event]:
 
 
 def write_contacts(path: Path, motion: Motion) -> None:
-    """Write a CSV table, a line for each time that a foot stands: frames by their numbers in the video, both included,
-    and seconds of the video, from where the first frame begins to where the last one ends.
+    """Write a CSV table with a line for each stand of a foot: frames by their numbers in the video, both included, and
+    seconds of the video, from the start of the first frame to the end of the last.
 
     Raises:
-        InputError: Nobody looked where the feet stand.
+        InputError: The contacts are not known.
         OSError: It cannot be written; nothing is left of it.
     """
     rate = motion.frame_rate

@@ -1,4 +1,4 @@
-"""The joints of a motion as a table: where they are, and how far off they may be."""
+"""The joints of a motion as a table: their positions and error bars."""
 
 import csv
 from pathlib import Path
@@ -16,11 +16,8 @@ _DECIMALS = 5
 
 def write_joints_csv(path: Path, motion: Motion) -> None:
     """A row for each frame: its number, seconds in the video, x, y and z of the 55 joints in the motion's axes, metres,
-    and error bars of those that have some; empty where they are not known. Lines that begin with # say so.
-
-    Raises:
-        OSError: The file cannot be written; nothing is left of it.
-    """
+    and error bars of the joints that have them; unknown ones are empty. Lines that start with # explain this. Raises
+    OSError if the file cannot be written; nothing is left of it."""
     names = [f"{joint}_{axis}" for joint in JOINTS for axis in "xyz"]
     bars = motion.error_bars or ErrorBars.unknown(len(motion))
     names += [f"{joint}_error_bar_{direction}" for joint in error_bars.JOINTS for direction in DIRECTIONS]

@@ -1,4 +1,4 @@
-"""Points with names that move: what files of motion capture hold."""
+"""Named moving points, as in motion capture files."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,9 +10,9 @@ from fitting_core.camera import Vector, World
 from fitting_core.errors import InputError
 
 MOST_POINTS = 2000
-"""That a file may have."""
+"""Limit for a file."""
 _ROTATION_ERROR = 1e-4
-"""By which R R^T may differ from 1: C3D has 32-bit floats."""
+"""Allowed deviation of R R^T from the identity: C3D has 32-bit floats."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,7 +29,7 @@ class NamedPoints:
     camera: World | None = None
     """Where the clip's camera stands in the file's world; None: the file does not say, or it moves."""
     notes: tuple[str, ...] = ()
-    """What a user should know of how they were read."""
+    """What a user should know about how they were read."""
 
     def __post_init__(self) -> None:
         assert self.places.shape[1:] == (len(self.names), 3)
@@ -39,7 +39,7 @@ class NamedPoints:
 
 
 def without_subject(names: Sequence[str]) -> tuple[str, ...]:
-    """LASI for Anna:LASI, where all names that have a subject before them have the same."""
+    """LASI for Anna:LASI, if all names have the same subject before them."""
     subjects = {name.rpartition(":")[0] for name in names} - {""}
     return tuple(name.rpartition(":")[2] for name in names) if len(subjects) == 1 else tuple(names)
 
@@ -52,24 +52,24 @@ def check_names(path: object, names: tuple[str, ...]) -> None:
 
 
 def stated_camera(camera: World) -> list[float]:
-    """A camera's place as twelve numbers: R by rows, then t, metres."""
+    """A camera's pose as twelve numbers: R by rows, then t, metres."""
     return [float(value) for row in (*camera.rotation, camera.translation) for value in row]
 
 
 def read_camera(path: object, numbers: Sequence[float | str]) -> World | None:
-    """What `stated_camera` gave; None of nothing. Raises InputError if these are no rotation and place."""
+    """The inverse of `stated_camera`; None for nothing. Raises InputError if these are no pose."""
     if not len(numbers):
         return None
     try:
         a, b, c, place = np.array(numbers, float).reshape(4, 3)
         rotation = np.stack([a, b, c])
         if not np.abs(rotation @ rotation.T - np.eye(3)).max() < _ROTATION_ERROR or np.linalg.det(rotation) < 0:
-            raise ValueError("the first nine are no rotation")
+            raise ValueError("the first nine are not a rotation")
         return World(rotation=(_vector(a), _vector(b), _vector(c)), translation=_vector(place))
     except ValueError as error:
         raise InputError(
-            f"{path}: says where the camera stands by what is no rotation and place ({error!s:.80}); expected nine and "
-            "three numbers, as tcfit wrote them. Export it again, or take them out."
+            f"{path}: its camera pose is not a rotation and a position ({error!s:.80}); expected nine and "
+            "three numbers, as tcfit wrote them. Export it again, or remove them."
         ) from error
 
 

@@ -1,4 +1,4 @@
-"""OpenSim's text format for points, TRC: five lines of header, then frame, time and x, y, z of each point, by tabs."""
+"""OpenSim's text format for points, TRC: five header lines, then frame, time and x, y, z of each point, by tabs."""
 
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from fitting_core.io.points.named_points import (
 
 _UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 _MOST_BYTES = 512 * 2**20
-"""An hour of 60 points at 120 per second has 0.6 GB with more digits than anyone measures."""
+"""An hour of 60 points at 120 per second takes 0.6 GB; more decimals are below measurement accuracy."""
 _MOST_PLACES = 2**26
 """Markers of all frames together: 1.6 GB."""
 _LATEST = 1e10
@@ -26,14 +26,14 @@ _LATEST = 1e10
 _ROUNDED = 0.01
 """Seconds: some programs write times with two decimals."""
 _CAMERA = "x_camera = R x + t, metres:"
-"""In the first line, behind the file's name, before R by rows and t. OpenSim reads no further than (X/Y/Z) there."""
+"""In the first line, after the file's name, before R by rows and t. OpenSim reads only up to (X/Y/Z) there."""
 _TRC = "a TRC file of OpenSim (five lines of header, then frame, time and x, y, z of each marker, by tabs)"
 
 
 def write_trc(path: Path, points: NamedPoints) -> None:
-    """Write points in millimetres; frames are numbered from 1, and the video's first one has the time 0.
+    """Write points in millimetres; frames are numbered from 1, and the video's first one has time 0.
 
-    The first line says where the camera stands, if that is known.
+    The first line says where the camera stands, if known.
 
     Raises:
         OSError: It cannot be written; nothing is left of it.
@@ -60,19 +60,16 @@ def write_trc(path: Path, points: NamedPoints) -> None:
 
 
 def read_trc(path: Path) -> NamedPoints:
-    """Read points. Cells without a number, and points at exactly 0, 0, 0, were not seen.
-
-    Raises:
-        InputError: It is no such file, or its lines have another form, or its times another rate, than its header says.
-    """
+    """Read points. Cells without a number, and points at exactly 0, 0, 0, were not seen. Raises InputError if it is not
+    a TRC file, or its lines or times do not fit its header."""
     try:
-        # The first line may name a folder in any encoding. Marker names that are known here have ASCII alone.
+        # The first line may name a folder in any encoding. Known marker names are ASCII.
         text = regular_file(path, most=_MOST_BYTES).read_text(encoding="utf-8-sig", errors="replace")
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error}); expected {_TRC}.") from error
     lines = text.splitlines()
     if len(lines) < 6 or not lines[0].startswith("PathFileType"):
-        raise InputError(f"{path}: does not begin as such files do; expected {_TRC}.")
+        raise InputError(f"{path}: does not begin like such a file; expected {_TRC}.")
     keys, values = ([cell.strip() for cell in line.split("\t")] for line in lines[1:3])
     header = dict(zip(keys, values, strict=False))
     names = without_subject([name.strip() for name in lines[3].split("\t")[2:] if name.strip()])
@@ -81,7 +78,7 @@ def read_trc(path: Path) -> NamedPoints:
         rate, declared = float(header["DataRate"]), int(header["NumMarkers"])
     except (KeyError, ValueError) as error:
         raise InputError(
-            f"{path}: its second and third line tell no rate or number of markers ({error}); expected {_TRC}."
+            f"{path}: its second and third lines do not give a rate and a number of markers ({error}); expected {_TRC}."
         ) from error
     if unit not in _UNITS or not 0 < rate < np.inf or declared != len(names) or declared > MOST_POINTS:
         raise InputError(
@@ -101,7 +98,7 @@ def read_trc(path: Path) -> NamedPoints:
         names=names,
         places=_UNITS[unit] * places,
         frame_rate=rate,
-        # Programs that cut a trial begin it at 0 again as often as not.
+        # Programs that trim a trial often restart its time at 0.
         first_frame=round(times[0] * rate) or None,
         camera=read_camera(path, lines[0].partition(_CAMERA)[2].split()),
         notes=(f"Its header says {stated[:20]} frames; it has {len(rows)}.",) if cut else (),
@@ -117,20 +114,20 @@ def _rows(path: Path, rows: list[tuple[int, str]], markers: int) -> tuple[list[f
             times.append(float(cells[1]))
             points[i, : len(values)] = [float(value) if value else np.nan for value in values]
             if not abs(times[-1]) < _LATEST or np.isinf(points[i]).any():
-                raise ValueError("a time or place is infinite or no number")
+                raise ValueError("a time or place is infinite or not a number")
             if any(cells[2 + 3 * markers :]):
-                raise ValueError(f"it has more than {3 * markers} numbers behind its time")
+                raise ValueError(f"it has more than {3 * markers} numbers after its time")
         except (ValueError, IndexError) as error:
             raise InputError(f"{path}: line {number} cannot be read ({error}); expected {_TRC}.") from error
     return times, points.reshape(len(rows), markers, 3)
 
 
 def _check_times(path: Path, times: list[float], rate: float) -> None:
-    """Raises InputError where frames do not last as long as the rate says: that is wrong, or some are left out."""
+    """Raises InputError where frame times disagree with the stated rate: it is wrong, or frames were left out."""
     lasted, expected = times[-1] - times[0], (len(times) - 1) / rate
     if abs(lasted - expected) > 0.01 * expected + max(1 / rate, _ROUNDED):
         raise InputError(
             f"{path}: its {len(times)} frames go from {times[0]:g} to {times[-1]:g} s, and at the {rate:g} per second "
-            f"of its header they would last {expected:.4g} s; expected both alike. Correct the header's DataRate, or "
-            "put in the frames that are left out, with empty cells."
+            f"of its header they would last {expected:.4g} s; expected the same. Correct the header's DataRate, or "
+            "add the missing frames with empty cells."
         )

@@ -63,11 +63,8 @@ def _conventions(motion: Motion) -> list[str]:
 
 
 def write_mot(path: Path, motion: Motion) -> None:
-    """The motion for OpenSim's model `Rajagopal2015.osim`, see `opensim`: seconds in the video, degrees, metres.
-
-    Raises:
-        OSError: The file cannot be written; nothing is left of it.
-    """
+    """The motion for OpenSim's model `Rajagopal2015.osim`, see `opensim`: seconds in the video, degrees, metres. Raises
+    OSError if the file cannot be written; nothing is left of it."""
     columns, world = opensim_coordinates(motion)
     times = (motion.first_frame + np.arange(len(motion))) / motion.frame_rate
     upright = motion.in_axes("y-up")

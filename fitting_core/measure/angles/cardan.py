@@ -43,8 +43,7 @@ def continuous(
     Args:
         angles: degrees.
         sequence: their axes.
-        start: what an angle is near to in the first frame, and in the first after some in which it was not determined;
-            None: zeros.
+        start: what an angle is near to in the first frame, and after a gap; None: zeros.
         determined: which angles are; None: all.
     """
     found, origin = np.full_like(angles, np.nan), np.zeros(angles.shape[1]) if start is None else np.array(start)

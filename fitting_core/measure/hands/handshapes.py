@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from fitting_core.body.geometry import unit
+from fitting_core.body.geometry import Side, unit
 from fitting_core.body.handshapes import HANDSHAPES, Handshape, finger_angles
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
@@ -20,7 +20,6 @@ from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
 from fitting_core.files.toml_text import parsed_toml
 from fitting_core.keypoints import LEFT_HAND, RIGHT_HAND
-from fitting_core.measure.hands.phases import Side
 
 FARTHEST = 30.0
 """Degrees: a hand that is farther from all of the set has none of its shapes. Shapes of the set are 10 to 32 degrees
@@ -118,13 +117,10 @@ class _Written(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 def read_handshapes(path: Path) -> dict[str, Handshape]:
-    """The user's own set of named handshapes.
+    """The user's own set of named handshapes. Raises InputError if it cannot be read, or says something else.
 
     Args:
         path: TOML: a table for each shape, `like` one of HANDSHAPES or of those above it, with the angles that differ.
-
-    Raises:
-        InputError: It cannot be read, or says something else.
     """
     try:
         table = parsed_toml(regular_file(path, most=_MOST_BYTES).read_text(encoding="utf-8"))

@@ -22,14 +22,11 @@ from fitting_core.world_camera import WorldCamera, in_camera
 
 
 def body_of(record: BodyOf, *, search: Path | None = None) -> BodyModel:
-    """The body model of a reference.
+    """The body model of a reference. Raises InputError if it is not there; the message says which file goes where.
 
     Args:
         record: Which one.
         search: A model file or a folder that alone is searched; None: `registry.search_folders`, and the free bodies.
-
-    Raises:
-        InputError: It is not there; the message says which file goes where.
     """
     if not record.hash:
         return load_body(find_body(model=record.kind, gender=record.gender, search=search))
@@ -69,11 +66,7 @@ def reference_of(
 
 
 def read_generated(path: Path, *, search: Path | None) -> Reference:
-    """The truth of a generated clip.
-
-    Raises:
-        InputError: It is damaged, or its body is not there.
-    """
+    """The truth of a generated clip. Raises InputError if it is damaged, or its body is not there."""
     truth = read_truth(path)
     body = body_of(BodyOf(kind="smplx", gender="neutral", hash=truth.body_hash), search=search)
     rate = truth.frame_rate
@@ -81,11 +74,7 @@ def read_generated(path: Path, *, search: Path | None) -> Reference:
 
 
 def read_other_fit(path: Path, *, search: Path | None) -> Reference:
-    """Another fit's result.
-
-    Raises:
-        InputError: It is damaged, or its body is not there.
-    """
+    """Another fit's result. Raises InputError if it is damaged, or its body is not there."""
     fit = read_fit(path)
     body = body_of(BodyOf(kind=fit.body_kind, gender=fit.gender, hash=fit.body_hash), search=search)
     name = f"{path.parent.name}/{path.name}"

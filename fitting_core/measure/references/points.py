@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fitting_core import keypoints as kp
+from fitting_core.body.geometry import SIDES
 from fitting_core.body.markers.marker_set import RADIUS, MarkerSet, Target
 from fitting_core.body.markers.places import PLACES
 from fitting_core.body.model import JOINT
@@ -29,7 +30,6 @@ _LIMBS = {
     ("elbow", "wrist"): 0.26,
 }
 """Metres between joints of an adult."""
-_SIDES = ("left", "right")
 _SPINE = {"pelvis", "spine1", "spine2", "spine3"}
 """Beside these, left_hip and others are SMPL-X's joints, which lie centimetres from the keypoints of the same names."""
 _NEAR = {"shoulder": "SHO", "hip": "ASI", "knee": "KNE", "ankle": "ANK", "elbow": "ELB", "wrist": "WRA"}
@@ -50,7 +50,7 @@ def _plain(name: str) -> str:
 
 
 _KEYPOINTS = {_plain(own): index for own, index in kp.INDEX.items()}
-_KEYPOINTS |= {side[0] + part: _KEYPOINTS[side + part] for side in _SIDES for part in _SIDED}
+_KEYPOINTS |= {side[0] + part: _KEYPOINTS[side + part] for side in SIDES for part in _SIDED}
 _KEYPOINTS |= {name: kp.INDEX[own] for name, own in _MIDDLE.items()}
 
 
@@ -63,15 +63,13 @@ def matched(
     path: Path, points: NamedPoints, own: MarkerSet | None = None
 ) -> tuple[Float[np.ndarray, "T 137 3"], MarkerSet, Float[np.ndarray, "T M 3"], tuple[str, ...]]:
     """Named points in the places of the keypoints, those that are markers or joints, and what is to be said of others.
+    Raises InputError if too few names are known, or one stands for a keypoint that another one is.
 
     Args:
         path: For messages.
         points: By names of OpenPose's keypoints, of markers of the standard set, or of SMPL-X's joints if those of the
             spine are there.
         own: The user's names, which go before these.
-
-    Raises:
-        InputError: Too few names are known, or one stands for a keypoint that another one is.
     """
     placed = np.full((len(points), kp.COUNT, 3), np.nan)
     owner: dict[int, str] = {}
@@ -128,11 +126,8 @@ def read_points(path: Path, arrays: dict[str, np.ndarray], camera: WorldCamera |
 
 
 def _clock(path: Path, seconds: np.ndarray, count: int) -> tuple[float, int]:
-    """Frames per second, and the number of the first frame, of frames at these moments.
-
-    Raises:
-        InputError: They are not as many as the frames, or not evenly spaced.
-    """
+    """Frames per second, and the number of the first frame, of frames at these moments. Raises InputError if they are
+    not as many as the frames, or not evenly spaced."""
     steps = np.diff(seconds)
     if seconds.shape != (count,) or count < 2 or not (steps > 0).all() or np.ptp(steps) > _UNEVEN * steps.mean():
         raise InputError(
@@ -146,7 +141,8 @@ def _clock(path: Path, seconds: np.ndarray, count: int) -> tuple[float, int]:
 def reference_of_points(
     path: Path, kind: str, points: NamedPoints, camera: WorldCamera | None, markers: MarkerSet | None = None
 ) -> Reference:
-    """A reference of points alone.
+    """A reference of points alone. Raises InputError if too few of them have known names, or they are not in metres or
+    not before the camera.
 
     Args:
         path: Where they were read.
@@ -154,9 +150,6 @@ def reference_of_points(
         points: In the file's world; a frame rate of 0 is not known.
         camera: Where the clip's camera stands in that; None: where the file says, if it does.
         markers: What the user says that points are.
-
-    Raises:
-        InputError: Too few of them have known names, or they are not in metres or not before the camera.
     """
     placed, known, places, notes = matched(path, points, markers)
     if not np.isfinite(placed).any() and not np.isfinite(places).any():
@@ -204,7 +197,7 @@ def trunk_axis(found: Reference) -> Float[np.ndarray, "3"] | None:
     markers = found.markers or MarkerSet({}, RADIUS)
     places = np.zeros((len(found), 0, 3)) if found.marker_places is None else found.marker_places
     ends = _ends(found.points, markers, places)
-    ways = np.concatenate([ends[f"{side}_shoulder"] - ends[f"{side}_hip"] for side in _SIDES])
+    ways = np.concatenate([ends[f"{side}_shoulder"] - ends[f"{side}_hip"] for side in SIDES])
     ways = ways[np.isfinite(ways).all(1) & ways.any(1)]
     if not len(ways):
         return None
@@ -234,7 +227,7 @@ def _ends(
     placed: Float[np.ndarray, "T 137 3"], markers: MarkerSet, places: Float[np.ndarray, "T M 3"]
 ) -> dict[str, Float[np.ndarray, "T 3"]]:
     """Of limbs, such as left_knee, by keypoint, joint, or the marker that is near."""
-    near = {f"{side}_{part}": f"{side[0].upper()}{marker}" for side in _SIDES for part, marker in _NEAR.items()}
+    near = {f"{side}_{part}": f"{side[0].upper()}{marker}" for side in SIDES for part, marker in _NEAR.items()}
     found = {}
     for end, marker in near.items():
         names = [i for i, on in enumerate(markers.targets.values()) if on in (end, marker)]
@@ -245,7 +238,7 @@ def _ends(
 def _limb_lengths(ends: dict[str, Float[np.ndarray, "T 3"]]) -> dict[tuple[tuple[str, str], str], float]:
     """Medians over the frames, by limb and side, of those that are known in any."""
     found = {}
-    for limb, side in product(_LIMBS, _SIDES):
+    for limb, side in product(_LIMBS, SIDES):
         start, end = (ends[f"{side}_{part}"] for part in limb)
         lengths = np.linalg.norm(end - start, axis=-1)
         if np.isfinite(lengths).any():

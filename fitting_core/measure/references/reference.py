@@ -126,11 +126,8 @@ class Reference:
 
 
 def stated_rate(path: Path, arrays: Mapping[str, np.ndarray], keys: Sequence[str]) -> float | None:
-    """Frames per second by the first of these keys that a file has; None: it does not say.
-
-    Raises:
-        InputError: It says something impossible.
-    """
+    """Frames per second by the first of these keys that a file has; None: it does not say. Raises InputError if it says
+    something impossible."""
     rate = next((float(arrays[key]) for key in keys if key in arrays), None)
     if rate is not None and not 0 < rate < np.inf:
         raise InputError(f"{path}: has {rate:g} frames per second; expected a number above 0.")
@@ -138,11 +135,8 @@ def stated_rate(path: Path, arrays: Mapping[str, np.ndarray], keys: Sequence[str
 
 
 def stated_first_frame(path: Path, arrays: Mapping[str, np.ndarray]) -> int | None:
-    """What a file's key `first_frame` says, counted at its own rate from the video's first frame; None: nothing.
-
-    Raises:
-        InputError: It says something impossible.
-    """
+    """What a file's key `first_frame` says, counted at its own rate from the video's first frame; None: nothing. Raises
+    InputError if it says something impossible."""
     if "first_frame" not in arrays:
         return None
     number = float(arrays["first_frame"])

@@ -45,10 +45,7 @@ def report_page(evaluation: Evaluation, *, worst: Sequence[WorstFrame] = (), sec
     parts = [tag("h1", evaluation.title)]
     parts += [tag("p", note, class_="dim") for note in evaluation.notes]
     if evaluation.records:
-        parts += [
-            verdict(evaluation.records),
-            section("Errors", paper_table(evaluation.records), note=_TABLE),
-        ]
+        parts += [verdict(evaluation.records), section("Errors", paper_table(evaluation.records), note=_TABLE)]
         if len(sequences(evaluation.records)) == 1:
             parts.append(section("Over the frames", together(evaluation, [(c, truth) for c, truth, _ in OVER_TIME])))
     if worst:

@@ -196,12 +196,7 @@ def legend(series: Sequence[tuple[str, str]]) -> Markup:
         *(
             tag(
                 "span",
-                tag(
-                    "svg",
-                    tag("path", d="M1 6H23", class_=f"line {style}"),
-                    viewBox="0 0 24 12",
-                    aria_hidden="true",
-                ),
+                tag("svg", tag("path", d="M1 6H23", class_=f"line {style}"), viewBox="0 0 24 12", aria_hidden="true"),
                 title,
             )
             for title, style in series

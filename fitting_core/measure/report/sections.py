@@ -145,9 +145,7 @@ def _timed(records: Sequence[Record], names: list[str], curve: str, truth: str, 
     kept = [i for i in range(first.frames) if any(values[i] is not None for values in lines.values())]
     drawn = [
         Series(
-            title=name,
-            style="truth" if name == "truth" else style_of(name, names),
-            values=[values[i] for i in kept],
+            title=name, style="truth" if name == "truth" else style_of(name, names), values=[values[i] for i in kept]
         )
         for name, values in lines.items()
     ]

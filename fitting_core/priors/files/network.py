@@ -51,11 +51,8 @@ class Layer:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PriorNetwork:
-    """A latent pose prior: poses decode from numbers that are independent and normal with variance 1.
-
-    Raises:
-        InputError: The layers do not fit together, or are not a network of body poses.
-    """
+    """A latent pose prior: poses decode from numbers that are independent and normal with variance 1. Raises InputError
+    if the layers do not fit together, or are not a network of body poses."""
 
     decoder: tuple[Layer, ...]
     """From the latent numbers to OUTPUTS."""
@@ -156,11 +153,8 @@ def write_network(path: Path, network: PriorNetwork, *, dtype: type[np.floating]
 
 
 def read_network(path: Path) -> PriorNetwork:
-    """Read what `write_network` wrote.
-
-    Raises:
-        InputError: It is missing, damaged, of another version, or its layers do not fit together.
-    """
+    """Read what `write_network` wrote. Raises InputError if it is missing, damaged, of another version, or its layers
+    do not fit together."""
     arrays = _arrays(path)
     try:
         about = msgspec.json.decode(str(arrays.pop("about")), type=PriorAbout)
@@ -186,7 +180,7 @@ def _arrays(path: Path) -> dict[str, np.ndarray]:
     except FileNotFoundError as error:
         raise InputError(f"{path}: does not exist. Give VPoser or the npz file of a pose prior.") from error
     except (OSError, ValueError) as error:
-        raise InputError(f"{path}: is no complete npz archive ({error}). Get it again.") from error
+        raise InputError(f"{path}: is not a complete npz archive ({error}). Get it again.") from error
     try:
         found = msgspec.json.decode(str(arrays["about"]))["format"]
     except (KeyError, TypeError, msgspec.DecodeError):

@@ -33,20 +33,13 @@ def user_file() -> Path:
 
 
 def read_prior(path: Path) -> PriorNetwork:
-    """A latent pose prior from an npz of our own form, or else from VPoser's files.
-
-    Raises:
-        InputError: It is missing, damaged or neither.
-    """
+    """A latent pose prior from an npz of our own form, or else from VPoser's files. Raises InputError if it is missing,
+    damaged or neither."""
     return read_network(path) if path.suffix.lower() == ".npz" else read_vposer(path)
 
 
 def registered_vposer() -> Path:
-    """The file of the registered VPoser.
-
-    Raises:
-        InputError: None was registered.
-    """
+    """The file of the registered VPoser. Raises InputError if none was registered."""
     if not user_file().is_file():
         raise InputError(
             "The pose prior is to be vposer, but no VPoser was added yet. Get it from its official site and run "

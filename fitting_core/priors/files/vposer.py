@@ -46,11 +46,7 @@ _FLAT: Activation = "leaky_relu_0.01"
 VERSIONS = (
     _Version(
         title="VPoser 1",
-        decoder=(
-            _Step("bodyprior_dec_fc1", _STEEP),
-            _Step("bodyprior_dec_fc2", _STEEP),
-            _Step("bodyprior_dec_out"),
-        ),
+        decoder=(_Step("bodyprior_dec_fc1", _STEEP), _Step("bodyprior_dec_fc2", _STEEP), _Step("bodyprior_dec_out")),
         encoder=(
             _Step("bodyprior_enc_fc1", _STEEP, norm="bodyprior_enc_bn1"),
             _Step("bodyprior_enc_fc2", _STEEP, norm="bodyprior_enc_bn2"),

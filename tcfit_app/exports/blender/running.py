@@ -41,11 +41,8 @@ def _command() -> list[str]:
 
 
 def write_fbx(source: ExportSource, path: Path, progress: Progress) -> str | None:
-    """Write the character of a GLB as FBX, with a key in each frame.
-
-    Raises:
-        InputError: There is no Blender, or it fails, or takes too long.
-    """
+    """Write the character of a GLB as FBX, with a key in each frame. Raises InputError if there is no Blender, or it
+    fails, or takes too long."""
     command = _command()
     if not command:
         raise InputError(_MISSING)

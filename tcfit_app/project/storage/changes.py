@@ -133,16 +133,13 @@ class Changes:
         return bool(self.made or self.taken_back)
 
     def add(self, before: Frames, *, seen: int, edits: dict[int, bool], frames: int) -> None:
-        """Store frames before they change.
+        """Store frames before they change. Raises InputError if it cannot be written.
 
         Args:
             before: the frames.
             seen: As in `ChangeAbout`, like the rest.
             edits: as in `ChangeAbout`.
             frames: as in `ChangeAbout`.
-
-        Raises:
-            InputError: It cannot be written.
         """
         about = ChangeAbout(
             format=_FORMAT,

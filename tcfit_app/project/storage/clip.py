@@ -71,19 +71,13 @@ def write_clip(draft: Path, clip: Clip, *, link: MediaLink | None) -> None:
         msgspec.json.encode(link).decode() if link else None,
         _sha256(draft / DETECTIONS),
     )
-    with (
-        closing(Database(draft / database.NAME, read_only=False)) as store,
-        store.transaction() as connection,
-    ):
+    with closing(Database(draft / database.NAME, read_only=False)) as store, store.transaction() as connection:
         connection.execute("INSERT INTO clip VALUES (1, ?, ?, ?, ?, ?, ?, ?, ?, NULL)", values)
 
 
 def read_clip(folder: Path, store: Database) -> tuple[Clip, MediaLink | None]:
     """The clip with its detections, without a source, and the link to the source. `store.damage` collects damage.
-
-    Raises:
-        InputError: There is no clip, or its detections are missing or damaged.
-    """
+    Raises InputError if there is no clip, or its detections are missing or damaged."""
     rows = store.rows("SELECT * FROM clip")
     if not rows:
         raise InputError(f"{store.path}: has no clip: it is damaged. Restore it from a backup.")
@@ -142,8 +136,7 @@ def _camera(value: Any, frames: int) -> Camera:
 
 
 def _with_notes(camera: Camera, notes: tuple[str, ...]) -> Camera:
-    """With the camera's notes among a clip's: earlier versions stored them only there, starting with the file's
-    name."""
+    """With the camera's notes among a clip's: earlier versions stored them only there, after the file's name."""
     if camera.notes or camera.focal_from is not FocalFrom.FILE:
         return camera
     own = (note for note in notes if camera.source.startswith(f"camera file {note.partition(': ')[0]}, "))

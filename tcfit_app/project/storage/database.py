@@ -159,14 +159,12 @@ class Database:
     """
 
     def __init__(self, path: Path, *, read_only: bool) -> None:
-        """Open a project's database, and upgrade it to the current version.
+        """Open a project's database, and upgrade it to the current version. Raises InputError if it cannot be opened,
+        is damaged, not a project of tcfit, or from a newer tcfit.
 
         Args:
             path: Of the file.
             read_only: Leave it unchanged; an older version is read as a snapshot of its opening.
-
-        Raises:
-            InputError: It cannot be opened, is damaged, not a project of tcfit, or from a newer tcfit.
         """
         self.path, self.read_only = path, read_only
         self.damage = Damage(path)
@@ -220,11 +218,8 @@ class Database:
 
     @contextmanager
     def transaction(self) -> Iterator[sqlite3.Connection]:
-        """All changes of the block or none; they are on disk when it ends.
-
-        Raises:
-            InputError: The project is open read-only, or its file cannot be written.
-        """
+        """All changes of the block or none; they are on disk when it ends. Raises InputError if the project is open
+        read-only, or its file cannot be written."""
         if self.read_only:
             raise InputError(read_only_refusal(self.path.parent))
         with self._lock, _explained(self.path), _transaction(self._connection):

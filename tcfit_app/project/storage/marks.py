@@ -48,11 +48,8 @@ class MarkStore:
         self._database, self._frames, self._done, self._append = database, frames, done, append
 
     def set(self, frames: Iterable[int], state: MarkState | None, *, author: str = "") -> LogEntry:
-        """Mark frames, replacing their marks; None removes them.
-
-        Raises:
-            InputError: A frame is outside the clip, or the project cannot be written.
-        """
+        """Mark frames, replacing their marks; None removes them. Raises InputError if a frame is outside the clip, or
+        the project cannot be written."""
         assert state is None or state in get_args(MarkState)
         (row,) = self._database.rows(f"SELECT {LAST_MOMENT}")
         return self._append(MarkFrames(frames=tuple(frames), state=state, moment=row[0]), author)

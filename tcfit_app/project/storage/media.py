@@ -41,11 +41,7 @@ class Media:
 
 
 def link(source: Path, project: Path) -> MediaLink:
-    """A link from a project's folder to a video or a folder of images.
-
-    Raises:
-        InputError: It cannot be read.
-    """
+    """A link from a project's folder to a video or a folder of images. Raises InputError if it cannot be read."""
     source = _named(source)
     try:
         relative = Path(os.path.relpath(source, project.resolve())).as_posix()
@@ -55,11 +51,8 @@ def link(source: Path, project: Path) -> MediaLink:
 
 
 def check_decodes(path: Path) -> None:
-    """Refuse what is neither video nor image: otherwise packing the project could leak any file.
-
-    Raises:
-        InputError: It cannot be decoded, or an image file contains something else.
-    """
+    """Refuse what is neither video nor image: otherwise packing the project could leak any file. Raises InputError if
+    it cannot be decoded, or an image file contains something else."""
     with FrameSource(_named(path)) as source:
         images = image_files(path) if source.stems is not None else ()
     for image in images:
@@ -68,21 +61,13 @@ def check_decodes(path: Path) -> None:
 
 
 def frame_files(path: Path) -> list[Path]:
-    """The files of a clip's frames: the video, or only the images in a folder.
-
-    Raises:
-        InputError: As `check_decodes`.
-    """
+    """The files of a clip's frames: the video, or the images in a folder. Raises InputError as `check_decodes` does."""
     check_decodes(path)
     return list(image_files(path)) if path.is_dir() else [path]
 
 
 def copy(source: Path, project: Path) -> MediaLink:
-    """Copy a video, or the images of a folder, into a project without media.
-
-    Raises:
-        InputError: It cannot be read or written.
-    """
+    """Copy a video, or the images of a folder, into a project without media. Raises InputError if that fails."""
     source = _named(source)
     target = project / FOLDER / portable(source.name)
     with accessing(target):
@@ -108,8 +93,7 @@ def find(link: MediaLink | None, project: Path) -> Media:
         return Media(path=None, problem="The project was created without a video.")
     if link == UNREADABLE:
         return Media(
-            path=None,
-            problem="The video's path is damaged in the project. Relink the video in the panel Review.",
+            path=None, problem="The video's path is damaged in the project. Relink the video in the panel Review."
         )
     places = [project / link.relative] if link.relative else []
     found = [path for path in (*places, Path(link.absolute)) if not _absence(path)]
@@ -120,8 +104,7 @@ def find(link: MediaLink | None, project: Path) -> Media:
         problem = f"{found[0]} differs from what the project was created with, or cannot be read."
         return Media(path=found[0], problem=problem)
     return Media(
-        path=None,
-        problem=f"{link.absolute} {_absence(Path(link.absolute))}. Relink the video in the panel Review.",
+        path=None, problem=f"{link.absolute} {_absence(Path(link.absolute))}. Relink the video in the panel Review."
     )
 
 

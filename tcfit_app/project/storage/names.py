@@ -9,11 +9,8 @@ _ROOM = 30
 
 
 def checked_name(name: str) -> str:
-    """A name given by a user, stripped of surrounding blanks.
-
-    Raises:
-        InputError: It is empty, too long, or not a single line.
-    """
+    """A name given by a user, stripped of surrounding blanks. Raises InputError if it is empty, too long, or not a
+    single line."""
     stripped = name.strip()
     if not stripped or len(stripped) > _LONGEST or not stripped.isprintable():
         raise InputError(f"{name[:50]!r} cannot be a name; expected one line of 1 to {_LONGEST} characters.")

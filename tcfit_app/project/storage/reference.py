@@ -20,11 +20,7 @@ def stored_reference(folder: Path) -> Reference | None:
 
 
 def store_reference(folder: Path, reference: Reference | None) -> None:
-    """Store a reference, or remove it; that is on disk when this returns.
-
-    Raises:
-        InputError: The folder cannot be written.
-    """
+    """Store a reference, or remove it; it is on disk when this returns. Raises InputError if that fails."""
     path = folder / NAME
     with accessing(path):
         if reference is None:

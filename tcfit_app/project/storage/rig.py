@@ -64,11 +64,7 @@ def keep_joints(kept: KeptRig, joints: Joints) -> KeptRig:
 
 
 def kept_rig(project: Path) -> KeptRig | None:
-    """The project's rig, if any.
-
-    Raises:
-        InputError: Its files can no longer be read.
-    """
+    """The project's rig, if any. Raises InputError if its files can no longer be read."""
     path = project / FOLDER / MAPPING
     if not path.exists():
         return None

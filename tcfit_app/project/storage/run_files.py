@@ -74,11 +74,7 @@ class _About(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def write_run(path: Path, fit: FitResult) -> None:
-    """Write a fit; it is on disk when this returns.
-
-    Raises:
-        InputError: The folder cannot be written.
-    """
+    """Write a fit; it is on disk when this returns. Raises InputError if the folder cannot be written."""
     phases = tuple(map(PhaseRecord.of, fit.phases))
     about = _About(
         format=FORMAT,
@@ -114,14 +110,11 @@ def phase_arrays(phase: PhaseResult) -> dict[str, np.ndarray]:
 
 
 def read_run(path: Path, config: FitConfig) -> FitResult:
-    """Read a file written by `write_run`.
+    """Read a file written by `write_run`. Raises InputError if it is missing, damaged, or not a run of tcfit.
 
     Args:
         path: The file.
         config: The run's configuration, from the database.
-
-    Raises:
-        InputError: It is missing, damaged, or not a run of tcfit.
     """
     try:
         arrays = read_npz(path)

@@ -93,11 +93,8 @@ def newest(runs: Sequence[Run]) -> Run:
 
 
 def named(runs: Sequence[Run], name: str) -> Run:
-    """The run that a user refers to by name or by number ("3" or "#3").
-
-    Raises:
-        InputError: There is none, or there are several with this name.
-    """
+    """The run that a user refers to by name or by number ("3" or "#3"). Raises InputError if there is none, or there
+    are several with this name."""
     found = [run for run in runs if name == run.name] or [run for run in runs if name.lstrip("#") == str(run.id)]
     if len(found) == 1:
         return found[0]

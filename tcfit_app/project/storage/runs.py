@@ -27,16 +27,7 @@ from tcfit_app.project.storage.columns import UNKNOWN_TIME, Columns, Count, json
 from tcfit_app.project.storage.database import Database
 from tcfit_app.project.storage.names import checked_name
 from tcfit_app.project.storage.run_files import read_run, write_run
-from tcfit_app.project.storage.run_record import (
-    LAST_MOMENT,
-    BodyRecord,
-    Ended,
-    Given,
-    Run,
-    RunKind,
-    RunState,
-    largest,
-)
+from tcfit_app.project.storage.run_record import LAST_MOMENT, BodyRecord, Ended, Given, Run, RunKind, RunState, largest
 
 ENTRY = r"runs/\d{6,}\.npz"
 """Paths of results in a project's folder, as a regular expression."""
@@ -74,11 +65,8 @@ class Runs:
         self.version = next(self._versions)
 
     def recover(self) -> None:
-        """Clean up after a crashed process. Only for the holder of the project's lock.
-
-        Raises:
-            InputError: The project cannot be written.
-        """
+        """Clean up after a crashed process. Only for the holder of the project's lock. Raises InputError if the project
+        cannot be written."""
         with self._database.transaction() as connection:
             connection.execute(
                 f"UPDATE runs SET state = 'interrupted', ended = ?, moment = {_NEXT} WHERE state = 'running'",
@@ -105,7 +93,8 @@ class Runs:
         frames: range | None = None,
         name: str = "",
     ) -> Run:
-        """Record that a fit starts.
+        """Record that a fit starts. Raises InputError if the name is invalid, the parent does not exist, or the project
+        cannot be written.
 
         Args:
             config: All of its settings.
@@ -116,9 +105,6 @@ class Runs:
             given: What it is given besides the clip.
             frames: The frames to refit; None for all.
             name: By default from its number.
-
-        Raises:
-            InputError: The name is invalid, the parent does not exist, or the project cannot be written.
         """
         if parent is not None:
             self.get(parent)
@@ -146,11 +132,7 @@ class Runs:
         return self.get(number)
 
     def store(self, run: int, fit: FitResult) -> None:
-        """Store the phases that a run has finished so far.
-
-        Raises:
-            InputError: It is not running, or the project cannot be written.
-        """
+        """Store a run's finished phases. Raises InputError if it is not running, or the project cannot be written."""
         self._expect(run, "running")
         write_run(self._path(run), fit)
         self.version = next(self._versions)
@@ -158,16 +140,14 @@ class Runs:
     def finish(
         self, run: int, fit: FitResult, *, summary: dict[str, Any] | None = None, state: RunState = "running"
     ) -> Run:
-        """Store a run's result; it is on disk when this returns.
+        """Store a run's result; it is on disk when this returns. Raises InputError if it is in another state, or the
+        project cannot be written; it is unchanged then.
 
         Args:
             run: Its number.
             fit: The result.
             summary: Figures for lists; None: seconds and costs.
             state: Its required state: "running", or "failed" because the result could not be written before.
-
-        Raises:
-            InputError: It is in another state, or the project cannot be written; it is unchanged then.
         """
         self._expect(run, state)
         write_run(self._path(run), fit)
@@ -175,11 +155,8 @@ class Runs:
         return self.get(run)
 
     def amend(self, run: int, fit: FitResult, *, edits_seen: int) -> Run:
-        """Update the result of a finished run of corrections; it is on disk when this returns.
-
-        Raises:
-            InputError: It is not a finished run of corrections, or the project cannot be written.
-        """
+        """Update the result of a finished run of corrections; it is on disk when this returns. Raises InputError if it
+        is not a finished run of corrections, or the project cannot be written."""
         found = self.get(run)
         if found.kind != "corrections" or found.state != "finished":
             raise InputError(f"{found.name} is not a finished run of corrections; it is unchanged.")
@@ -192,11 +169,8 @@ class Runs:
         return self.get(run)
 
     def end(self, run: int, state: Ended, message: str = "") -> Run:
-        """Record that a run was cancelled or failed, and why; stored phases are kept.
-
-        Raises:
-            InputError: It is not running, or the project cannot be written.
-        """
+        """Record that a run was cancelled or failed, and why; stored phases are kept. Raises InputError if it is not
+        running, or the project cannot be written."""
         self._expect(run, "running")
         # A message may contain a path that is not valid text.
         self._end(run, state, message.encode(errors="replace").decode(), None)
@@ -210,21 +184,15 @@ class Runs:
             )
 
     def rename(self, run: int, name: str) -> None:
-        """Rename a run; names are not file names, and may repeat.
-
-        Raises:
-            InputError: The name is invalid, there is no such run, or the project cannot be written.
-        """
+        """Rename a run; names are not file names, and may repeat. Raises InputError if the name is invalid, there is no
+        such run, or the project cannot be written."""
         self.get(run)
         with self._writing() as connection:
             connection.execute("UPDATE runs SET name = ? WHERE id = ?", (checked_name(name), run))
 
     def delete(self, run: int) -> None:
-        """Remove a run from the list; `undelete` restores it, until `purge`.
-
-        Raises:
-            InputError: It is running, there is no such run, or the project cannot be written.
-        """
+        """Remove a run from the list; `undelete` restores it, until `purge`. Raises InputError if it is running, there
+        is no such run, or the project cannot be written."""
         if (found := self.get(run)).state == "running":
             raise InputError(f"{found.name} is running; cancel it first.")
         self._set_deleted(run, _now().isoformat())
@@ -239,11 +207,8 @@ class Runs:
             connection.execute("UPDATE runs SET deleted = ? WHERE id = ?", (when, run))
 
     def purge(self) -> list[int]:
-        """Remove all deleted runs permanently; returns their numbers, which are not reused.
-
-        Raises:
-            InputError: The project cannot be written.
-        """
+        """Remove all deleted runs permanently; returns their numbers, which are not reused. Raises InputError if the
+        project cannot be written."""
         gone = [run.id for run in self.all(deleted=True)]
         with self._writing() as connection, accessing(self._folder):
             # Files first: a row without a file only means that there is nothing to show.
@@ -270,11 +235,8 @@ class Runs:
         return found
 
     def load(self, run: int) -> FitResult:
-        """A run's result, with all phases it finished.
-
-        Raises:
-            InputError: There is no such run, or it has no result.
-        """
+        """A run's result, with all phases it finished. Raises InputError if there is no such run, or it has no
+        result."""
         return read_run(self._path(run), self.get(run).config)
 
     def changes(self, run: int) -> Changes:
@@ -332,7 +294,6 @@ class Runs:
 
 
 def _parent(run: int) -> Any:
-    """The number of an earlier run."""
     return Annotated[int, msgspec.Meta(ge=1, lt=run)]
 
 

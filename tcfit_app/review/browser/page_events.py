@@ -240,11 +240,7 @@ _decoder = msgspec.json.Decoder(Envelope, strict=True)
 
 
 def decode(text: str) -> Envelope:
-    """The event in a JSON text.
-
-    Raises:
-        msgspec.DecodeError: It is too long, not JSON, or not an event.
-    """
+    """The event in a JSON text. Raises msgspec.DecodeError if it is too long, not JSON, or not an event."""
     if len(text) > EVENT_CHARACTERS:
         raise msgspec.DecodeError(f"{len(text)} characters, {EVENT_CHARACTERS} are the most")
     try:

@@ -520,11 +520,11 @@ class Saving(_State, frozen=True, kw_only=True):
 
 
 class Typing(_State, frozen=True, kw_only=True):
-    """Focus a text field of a panel, once for each of these."""
+    """Show a panel, and focus a text field of it, once for each of these."""
 
     panel: str
-    field: str
-    """Its label."""
+    field: str = ""
+    """Its label; empty: none."""
     number: int = 0
     """Different for each request: see `Channel.ask`."""
 
@@ -614,27 +614,7 @@ STATES: dict[str, type[_State]] = {
     "hints": Hints,
 }
 """By name; sending None removes a state."""
-
-PageState = (
-    (
-        Layout
-        | SidePlate
-        | Skeleton
-        | Keypoints
-        | Style
-        | Selection
-        | Framing
-        | Trail
-        | Silhouette
-        | Focus
-        | Bodies
-        | Space
-        | Legend
-        | OtherPeople
-    )
-    | (Timeline | Rows | Thumbnails | Marks | Keyframes | Suspicions | FrameMenus | PictureMenus | Fit | Provenance)
-    | (ChosenRange | Cursor | Keys | Notice | Chips | Beat | Saving | Typing | Linking | Leaving | Hints)
-)
+PageState = _State
 
 
 def pixel_pairs(xy: Float[np.ndarray, "n 2"]) -> tuple[tuple[float, float], ...]:

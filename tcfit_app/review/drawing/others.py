@@ -94,7 +94,6 @@ def _named(one: _Seen, *, flat: bool) -> OtherPerson:
 
 
 def _above(layer: BodyLayer) -> tuple[float, float] | None:
-    """The image pixel above a body."""
     camera = layer.camera
     assert camera is not None
     vertices = layer.vertices[layer.vertices[:, 2] > NEAREST]

@@ -68,11 +68,8 @@ CHOICES = tuple(
 
 
 def with_plot(plots: tuple[str, ...], name: str, *, shown: bool) -> tuple[str, ...]:
-    """The names of the rows with one added or removed; unchanged for a name that is not in PLOTS.
-
-    Raises:
-        InputError: There are too many already.
-    """
+    """The names of the rows with one added or removed; unchanged for a name that is not in PLOTS. Raises InputError if
+    there are too many already."""
     if name not in PLOTS or (name in plots) == shown:
         return plots
     if not shown:

@@ -21,7 +21,7 @@ from tcfit_app.review.gestures.reviewing import Reviewing
 from tcfit_app.review.gestures.shaping import ShapingHands
 from tcfit_app.review.gestures.zooming import next_close_up, show_whole, zoom_to_selection
 from tcfit_app.review.scene.windows import ARRANGEMENTS
-from tcfit_app.review.tab.state import MODES, OPACITIES, SIDES_SEEN
+from tcfit_app.review.tab.state import MODES, OPACITIES, PANEL_TITLES, SIDES_SEEN
 from tcfit_app.review.tab.tab import Tab
 
 P = ParamSpec("P")
@@ -271,6 +271,16 @@ _EDIT = writable, keypoints, frames
 _OF_JOINTS = *_EDIT, joints
 _OF_HAND = *_EDIT, hand, fit
 _AGAIN = writable, keypoints, settings, fit
+_WAYS = {"left": (-1.0, 0.0), "right": (1.0, 0.0), "up": (0.0, -1.0), "down": (0.0, 1.0)}
+"""Image directions."""
+_NUDGES = {1: "Ctrl", 10: "Ctrl+Shift"}
+"""Pixels of a nudge, and the keys held for it."""
+
+
+def _nudge(name: str, pixels: int) -> str:
+    return f"nudge_{name}" if pixels == 1 else f"nudge{pixels}_{name}"
+
+
 _Row = tuple[str, str, str, Callable[[Gestures], object], tuple[Need, ...]]
 """By action: its name, title, keys as "Shift+m Delete", what does it, and its needs."""
 _PLAYING: tuple[_Row, ...] = (
@@ -315,6 +325,16 @@ _VIEW: tuple[_Row, ...] = (
     ("save_picture", "Save the picture", "", lambda g: g.tab.save_picture(), ()),
     ("first_steps", "Show the first steps", "", lambda g: g.tab.show_first_steps(), ()),
     ("help", "Show all keys", "h", _toggle("keys"), ()),
+    *(
+        (
+            f"panel_{title.lower()}",
+            f"Panel: {title}",
+            f"Shift+Digit{number}",
+            lambda g, title=title: g.tab.show_panel(title),
+            (),
+        )
+        for number, title in enumerate(PANEL_TITLES, 1)
+    ),
 )
 _KEYPOINTS: tuple[_Row, ...] = (
     ("bad", "Mark bad, or restore", "x", lambda g: g.correcting.toggle_bad(), _OF_JOINTS),
@@ -351,13 +371,14 @@ _KEYPOINTS: tuple[_Row, ...] = (
     ("free_hand", "Hand shape: take it off", "", lambda g: g.shaping.free(), _OF_HAND),
     *(
         (
-            f"nudge_{name}",
-            f"Nudge {name} by 1 px",
-            f"Ctrl+Arrow{name.title()}",
-            lambda g, by=by: g.correcting.nudge(*by),
+            _nudge(name, pixels),
+            f"Nudge {name} by {pixels} px",
+            f"{held}+Arrow{name.title()}",
+            lambda g, by=(pixels * x, pixels * y): g.correcting.nudge(*by),
             (writable, keypoints, joints),
         )
-        for name, by in {"left": (-1.0, 0.0), "right": (1.0, 0.0), "up": (0.0, -1.0), "down": (0.0, 1.0)}.items()
+        for pixels, held in _NUDGES.items()
+        for name, (x, y) in _WAYS.items()
     ),
     *(
         (f"detect_{p}", f"Detect the {part_name(p)} again", "", lambda g, p=p: g.again.look(p), (_looking, frames))
@@ -407,8 +428,9 @@ _FAMILIES = {
     "10 frames back, forward": ("previous10", "next10"),
     "First, last frame": ("first", "last"),
     f"Mode {', '.join(MODES.values())}": tuple(MODES),
+    f"Panel {', '.join(PANEL_TITLES)}": tuple(f"panel_{title.lower()}" for title in PANEL_TITLES),
     "Less, more opacity": ("fainter", "denser"),
-    "Nudge by 1 px": ("nudge_left", "nudge_right", "nudge_up", "nudge_down"),
+    **{f"Nudge by {pixels} px": tuple(_nudge(name, pixels) for name in _WAYS) for pixels in _NUDGES},
     "Select frames from here on, up to here": ("range_start", "range_end"),
     "Next, previous suspicious frame": ("next_suspect", "previous_suspect"),
     "Next, previous clip of the list": ("next_clip", "previous_clip"),
@@ -423,7 +445,7 @@ _REPEATING = {
     "denser",
     "undo",
     "redo",
-    *_FAMILIES["Nudge by 1 px"],
+    *(_nudge(name, pixels) for name in _WAYS for pixels in _NUDGES),
 }
 _HELD = {"peek"}
 _GROUPS = {"Playing": _PLAYING, "View": _VIEW, "Keypoints": _KEYPOINTS, "Frames": _FRAMES, "Fit": _FIT, "Clips": _CLIPS}

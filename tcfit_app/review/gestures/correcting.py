@@ -194,8 +194,7 @@ class Correcting:
         self.make(CopyFrom(frames=frames, joints=joints, source=source))
 
     def interpolate(self) -> None:
-        """Interpolate the selected keypoints linearly: inside the selected frames, or between the corrected ones
-        around."""
+        """Interpolate the selected keypoints linearly: in the selected frames, or between the corrected ones around."""
         joints = self.selected()
         first, last = self._ends(joints)
         if last - first < 2:
@@ -236,8 +235,7 @@ class Correcting:
         self.make(self._placed(frame, there, corrected.xy[frame, list(there)] + np.array([dx, dy])))
 
     def delete_key(self) -> None:
-        """Delete the keyframe of the selected keypoints in this frame, which is then interpolated from those around
-        it."""
+        """Delete the keyframe of the selected keypoints in this frame, which is then interpolated from others."""
         frame, corrected = self._tab.state.frame, self._tab.session.project.corrected
         self.make(removed(corrected, frame, keys_in(corrected, self.selected(), frame)))
 

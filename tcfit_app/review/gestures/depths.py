@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float, Int
 
+from fitting_core.body.geometry import unit
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.fit.evidence.sides import other_side
@@ -73,7 +74,7 @@ class SeenBody:
         points = self.points[every, np.hstack([roots, ends])]
         off = points[:, 1:, 2] - points[:, :1, 2]
         flat = (abs(off) < _IN_PLANE) & (self.keypoints.confidence[every, limb[1:]] > 0) & (way != "mirror")
-        rays = _unit(np.where(flat[..., None], self._rays(limb), points[:, 1:]))
+        rays = unit(np.where(flat[..., None], self._rays(limb), points[:, 1:]))
         poses, was = _poses(points, rays)
         if way == "mirror":
             return poses[np.arange(len(poses)), 3 - was] - self.pelvis[:, None]
@@ -111,12 +112,7 @@ def _poses(
 def _ends(
     start: Float[np.ndarray, "F 3"], length: Float[np.ndarray, "F"], ray: Float[np.ndarray, "F 3"]
 ) -> tuple[Float[np.ndarray, "F 3"], Float[np.ndarray, "F 3"]]:
-    """Where bones of given lengths can end on unit rays, nearer and farther; the closest point of a ray out of
-    reach."""
+    """Where bones of given lengths can end on unit rays, nearer and farther; the closest point if out of reach."""
     along = (start * ray).sum(1)
     half = np.sqrt(np.maximum(length**2 - (start**2).sum(1) + along**2, 0))
     return (along - half)[:, None] * ray, (along + half)[:, None] * ray
-
-
-def _unit(vectors: Float[np.ndarray, "*any 3"]) -> Float[np.ndarray, "*any 3"]:
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)

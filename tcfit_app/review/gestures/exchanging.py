@@ -50,8 +50,7 @@ class Exchanging:
         tab.set(frames=range(first, end + 1))
 
     def confirm(self, doubt: Doubt) -> None:
-        """Confirm that it is this person: these frames are no longer uncertain. Raises InputError if that cannot be
-        saved."""
+        """Confirm this person: these frames are no longer uncertain. Raises InputError if that cannot be saved."""
         someone = self._tab.someone
         self._tab.refuse_read_only()
         assert someone.group is not None
@@ -59,14 +58,12 @@ class Exchanging:
         self._tab.say(f"It is {someone.name}: {_words(doubt.span)}")
 
     def exchange(self, other: Someone, number: int) -> None:
-        """Swap the keypoints of two people from a frame on, in both projects.
+        """Swap the keypoints of two people from a frame on, in both projects. Raises InputError if they are not both
+        present from this frame on, or a project cannot be written.
 
         Args:
             other: The other person.
             number: The video frame number.
-
-        Raises:
-            InputError: They are not both present from this frame on, or a project cannot be written.
         """
         mine = self._tab.someone
         self._correcting.refuse_while_dragging()

@@ -158,11 +158,7 @@ class Fitting:
 
 
 def camera_of(settings: FitSettings, camera: Camera) -> Camera:
-    """The clip's camera with the chosen focal length; square pixels stay square.
-
-    Raises:
-        InputError: The focal length is invalid.
-    """
+    """The clip's camera with the chosen focal length; square pixels stay square. Raises InputError if it is invalid."""
     if settings.focal is None:
         return camera
     if not (math.isfinite(settings.focal) and settings.focal > 0):

@@ -4,7 +4,7 @@ from fitting_core.errors import InputError
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.edits.edit_log import Note
 from tcfit_app.project.frame_words import in_words
-from tcfit_app.review.browser.page_states import Linking, Typing
+from tcfit_app.review.browser.page_states import Linking
 from tcfit_app.review.tab.tab import Tab
 
 PANEL = "Review"
@@ -23,7 +23,7 @@ class Noting:
 
     def begin(self) -> None:
         """Open the field for a note on the selected frames, or the one on show."""
-        self._tab.channel.ask("typing", Typing(panel=PANEL, field=FIELD))
+        self._tab.show_panel(PANEL, FIELD)
 
     def write(self, text: str) -> None:
         """Save a new note, or the edited one. Raises InputError as the log does."""
@@ -61,15 +61,12 @@ class Noting:
         tab.say(f"Link to frame {frame} copied. It works in browsers signed in to tcfit")
 
     def open_link(self, frame: int, run: int | None, phase: int | None) -> None:
-        """Follow a link.
+        """Follow a link. Raises InputError if there is no such frame or run in this project.
 
         Args:
             frame: the number shown to users.
             run: of the fit; None: keep the current one.
             phase: of that run; None: its last.
-
-        Raises:
-            InputError: There is no such frame or run in this project.
         """
         tab = self._tab
         if not 0 <= frame - tab.first_frame < tab.length:

@@ -56,8 +56,6 @@ _AXES_HINT = "As the target programs expect; each button's tooltip says which"
 
 @dataclass(frozen=True, kw_only=True)
 class _Wishes:
-    """What to export, and how."""
-
     side: Letter = "B"
     selected: bool = False
     """Only the selected frames."""
@@ -275,7 +273,6 @@ class ExportPanel:
         ]
 
     def _groups(self, titles: dict[Letter, str]) -> list[Html]:
-        """The formats, by group."""
         there = self._wishes.side in titles
         rows = []
         for group in get_args(Group):
@@ -299,7 +296,6 @@ class ExportPanel:
 
 
 def _fits(shown: OnShow) -> dict[Letter, Shown]:
-    """A and B, where available."""
     both: dict[Letter, Shown | None] = {"A": shown.a, "B": shown.b}
     return {side: fit for side, fit in both.items() if fit is not None}
 

@@ -309,7 +309,6 @@ _MOST = 5
 
 
 def _detected_by(detector: str) -> list[Html]:
-    """The detector, if known."""
     return [paragraph(f"Detected by {DETECTOR_TITLES.get(detector, detector)}.", "dim")] if detector else []
 
 

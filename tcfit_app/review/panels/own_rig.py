@@ -170,7 +170,6 @@ def _value(kept: KeptRig | None, part: str) -> str:
 
 
 def _label(part: str, *, missing: bool) -> str:
-    """A part in animators' words."""
     side, _, rest = part.partition("_")
     words = meant(part) if meant(part) != part or side not in ("left", "right") else f"{side} {rest}"
     words = words.partition(",")[0]

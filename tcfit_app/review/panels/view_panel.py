@@ -14,18 +14,7 @@ from tcfit_app.review.browser.page_states import GROUP_COLORS
 from tcfit_app.review.gestures.actions import ACTIONS, Gestures
 from tcfit_app.review.gestures.zooming import show_close_up
 from tcfit_app.review.panels.elements.field import Dropdown, Field
-from tcfit_app.review.panels.elements.html import (
-    Board,
-    Html,
-    action,
-    button,
-    choice,
-    dot,
-    heading,
-    joined,
-    row,
-    text,
-)
+from tcfit_app.review.panels.elements.html import Board, Html, action, button, choice, dot, heading, joined, row, text
 from tcfit_app.review.scene.layers import RUN_COLORS, css
 from tcfit_app.review.scene.poses import SPACE_FROM
 from tcfit_app.review.scene.side_view import angle_of

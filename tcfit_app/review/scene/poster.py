@@ -25,8 +25,7 @@ from tcfit_app.review.scene.windows import Arrangement, Division, divide
 PLATE = FrameImage.uniform((38, 40, 44))
 """Replaces a frame that is not ready, or a video that is switched off."""
 _FAR_OUT = 8.0
-"""Maximum distance of a drawn vertex from the centre, in image heights: float32 and the browser's clipping fail
-beyond."""
+"""Maximum distance of a drawn vertex from the centre, in image heights: float32 and clipping fail beyond."""
 _CLEARANCE = 0.01
 """Between the image and the farthest vertex, in image heights."""
 SIDE_PLATE = FrameImage.uniform((27, 29, 33))

@@ -15,8 +15,7 @@ from fitting_core.ground.level import Level
 _STRAY = 2.0
 """Percentage of frames that need not be in view."""
 _FLOOR_PERCENTILE = 95.0
-"""Percentile over frames of the lowest vertex's height: a foot that is now and then fitted below the floor is no
-floor."""
+"""Percentile over frames of the lowest vertex's height: a foot sometimes fitted below the floor is no floor."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

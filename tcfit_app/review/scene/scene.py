@@ -146,8 +146,7 @@ class Cameras:
         """Refit the 3D scene to a new window unless the user has moved the camera; posters have their own windows.
 
         Args:
-            canvas: Width and height in CSS pixels, if reported by the page; otherwise viser's report is used, in device
-                pixels.
+            canvas: Width and height in CSS pixels, if reported by the page; otherwise viser's, in device pixels.
             covered: CSS pixels at the canvas's bottom covered by something else, if that changes.
         """
         self._canvas = canvas or self._canvas

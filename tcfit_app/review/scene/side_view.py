@@ -119,8 +119,7 @@ class SideView:
     def relief(
         self, bodies: Sequence[Float[np.ndarray, "V 3"]], shifts: Float[np.ndarray, "n 2"]
     ) -> list[Float[np.ndarray, "V 3"]]:
-        """Vertices of bodies that occlude each other, the farthest at z = 0; parts outside are moved to the plate's
-        edge."""
+        """Vertices of bodies that occlude each other, the farthest at z = 0; parts outside go to the plate's edge."""
         if not bodies:
             return []
         away = [vertices @ self.axes[2] for vertices in bodies]

@@ -64,8 +64,7 @@ class Space:
         return offsets(len(self.bodies), self.apart)
 
     def bounds(self) -> Float[np.ndarray, "2 3"] | None:
-        """Least and greatest coordinates of the bodies as drawn, over the clip as far as known; None if none can be
-        drawn."""
+        """Least and greatest coordinates of the bodies as drawn, over the clip as far as known; None without any."""
         extents = self.extents or (None,) * len(self.bodies)
         corners = [
             (extent((body.vertices @ self.turn.T + self.place)[None]) if known is None else known)

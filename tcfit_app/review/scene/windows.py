@@ -1,5 +1,4 @@
-"""Division of the canvas among posters: each has its own window, and all pictures show the same part. Arithmetic, no
-viser.
+"""Division of the canvas among posters: each has its own window, and all pictures show the same part. Without viser.
 
 There is one camera, which looks at one picture. The page draws each poster as if its window's centre were the canvas's,
 clipped to its window: so the wheel zooms all pictures at once, each about the same pixel.

@@ -97,11 +97,8 @@ class Group:
         ]
 
     def settle(self, doubt: Doubt) -> None:
-        """Mark these frames as certain, removing them from people.json.
-
-        Raises:
-            InputError: people.json can no longer be read or written; nothing has changed then.
-        """
+        """Mark these frames as certain, removing them from people.json. Raises InputError if people.json can no longer
+        be read or written; nothing has changed then."""
         file = read_people_file(self.folder)  # again: another process may have settled others
         folder = self.members[doubt.owner].person.folder
         people = tuple(

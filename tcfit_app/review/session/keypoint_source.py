@@ -66,14 +66,12 @@ class KeypointSource:
         return not (edited or self.busy) and project.footage.camera == self._camera
 
     def choose(self, frame: int, place: int) -> None:
-        """Choose one of the detected people; keypoints already in the project are replaced.
+        """Choose one of the detected people; keypoints already in the project are replaced. Raises InputError if the
+        project has edits or runs.
 
         Args:
             frame: From the clip's first frame.
             place: Index in the frame's list of people.
-
-        Raises:
-            InputError: The project has edits or runs.
         """
         people, before = self.people, self._before
         if people is None or before is None or not self.can_choose:
@@ -119,11 +117,7 @@ class KeypointSource:
 
     @contextmanager
     def camera_changes(self) -> Iterator[None]:
-        """Blocks jobs, which would use the previous camera. For any thread.
-
-        Raises:
-            InputError: A job is running.
-        """
+        """Blocks jobs, which would use the previous camera. For any thread. Raises InputError if a job is running."""
         with self._beginning:
             if self.busy:
                 raise InputError(

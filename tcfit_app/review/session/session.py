@@ -88,11 +88,8 @@ class Session:
     # --- keypoints ---
 
     def edit(self, edit: Edit, *, author: str, shown: Shown | None = None) -> LogEntry:
-        """Make an edit, which is on disk when this returns; the fit on show follows it.
-
-        Raises:
-            InputError: The edit is invalid, or the project cannot be written.
-        """
+        """Make an edit, which is on disk when this returns; the fit on show follows it. Raises InputError if the edit
+        is invalid, or the project cannot be written."""
         self.refuse_without_keypoints()
         entry = self.project.append(edit, author=author)
         if shown is not None:
@@ -113,31 +110,25 @@ class Session:
         return entry
 
     def mark(self, frames: Iterable[int], state: Literal["checked", "flag"] | None, *, author: str) -> None:
-        """Mark frames as fine or as needing attention, or remove the mark. Raises InputError if that cannot be
-        stored."""
+        """Mark frames as fine or as needing attention, or remove the mark. Raises InputError if that fails."""
         self.project.marks.set(frames, state, author=author)
 
     def write_note(self, frames: Iterable[int], text: str, *, author: str, replaces: int | None = None) -> None:
-        """Save a note on consecutive frames.
+        """Save a note on consecutive frames. Raises InputError if the note is invalid, or the project cannot be
+        written.
 
         Args:
             frames: which.
             text: its text; empty deletes the note it replaces.
             author: who wrote it.
             replaces: the `Note.id` of the note it replaces.
-
-        Raises:
-            InputError: The note is invalid, or the project cannot be written.
         """
         note = WriteNote(frames=tuple(frames), text=text.strip(), replaces=replaces)
         self.project.append(note, author=author)
 
     def read_elan(self, name: str, content: bytes, tiers: tuple[str, ...]) -> tuple[WriteNotes | None, ElanNotes]:
-        """The notes in an uploaded .eaf file, for `keep_notes`. Slow: for `tasks`.
-
-        Raises:
-            InputError: As `import_notes`; nothing is stored.
-        """
+        """The notes in an uploaded .eaf file, for `keep_notes`. Slow: for `tasks`. Raises InputError as `import_notes`
+        does; nothing is stored then."""
         with kept_as("upload.eaf", content, name_of_file(name)) as path:
             return notes_of(path, self.project, tiers)
 
@@ -154,7 +145,7 @@ class Session:
     def fit_everything(
         self, config: FitConfig, *, kind: str, gender: str, camera: Camera | None = None, known: KnownInputs = NOTHING
     ) -> Run:
-        """Submit a whole fit.
+        """Submit a whole fit. Raises InputError if the body model is missing, or the project cannot be written.
 
         Args:
             config: All settings.
@@ -162,9 +153,6 @@ class Session:
             gender: Its gender.
             camera: None: the clip's. Runs started from this one keep it.
             known: A start and a shape, for this body and camera.
-
-        Raises:
-            InputError: The body model is missing, or the project cannot be written.
         """
         self.refuse_without_keypoints()
         body = self.bodies.find(kind=kind, gender=gender)
@@ -181,46 +169,30 @@ class Session:
         """A preset, with the height of the project's person."""
         return replace(PRESETS[name], height=self.project.height)
 
-    def find_and_fit(
-        self,
-        detector: str,
-        config: FitConfig | None = None,
-        *,
-        person: int | None = None,
-        kind: str = "smplx",
-        gender: str = "neutral",
-    ) -> None:
-        """Start detecting keypoints in the video, and fit them as they are found.
+    def find_and_fit(self, detector: str, config: FitConfig | None = None, *, person: int | None = None) -> None:
+        """Start detecting keypoints in the video, and fit them as they are found. Raises InputError as `fit_everything`
+        and `KeypointSource.begin` do; nothing has been started then.
 
         Args:
             detector: As in `KeypointSource.detect`.
             config: All settings; None: the default preset's.
             person: As in `KeypointSource.detect`.
-            kind: The body model.
-            gender: Its gender.
-
-        Raises:
-            InputError: As `fit_everything` and `KeypointSource.begin`; nothing has been started then.
         """
-        body = self.bodies.find(kind=kind, gender=gender)
+        body = self.bodies.find()
         self.source.detect(detector, person=person)
         job = FitEverything(clip=self.project.clip, body=body, config=config or self.preset(), fresh=self.source.feed())
         self._as_found = self._submit(job, kind="fit", start=None).id
 
     @property
     def can_choose_person(self) -> bool:
-        """Whether another of the detected people can be chosen: there are no keypoints, or nothing depends on them
-        yet."""
+        """Whether another of the detected people can be chosen: without keypoints, or while nothing depends on them."""
         return self.source.can_choose and not (self.project.has_detections and self.fits.runs)
 
     def reading(
         self, given: Given, *, kind: str, gender: str, camera: Camera | None = None
     ) -> Callable[[], KnownInputs]:
         """A function that reads a start and a shape for a whole fit with that body and camera, for another thread.
-
-        Raises:
-            InputError: The body model is missing, or nothing can be fitted. The function raises as `read_given`.
-        """
+        Raises InputError if the body model is missing, or nothing can be fitted. It raises as `read_given`."""
         self.refuse_without_keypoints()
         body, clip = self.bodies.find(kind=kind, gender=gender), self.clip_of(camera or self.project.footage.camera)
         return lambda: read_given(given, self.project, clip, body, self.bodies)
@@ -231,14 +203,12 @@ class Session:
         return lambda: read_given(only, self.project, clip, body, self.bodies)
 
     def set_camera(self, file: CameraFile, *, sent_as: str = "") -> Camera:
-        """Use a calibration as the project's camera. Slow: for `tasks`.
+        """Use a calibration as the project's camera. Slow: for `tasks`. Raises InputError if it cannot be read, does
+        not fit this clip, or the project cannot be written.
 
         Args:
             file: On this computer.
             sent_as: Its name in the browser, if it was uploaded.
-
-        Raises:
-            InputError: It cannot be read, does not fit this clip, or the project cannot be written.
         """
         self.project.refuse_read_only()
         with self.source.camera_changes():
@@ -250,17 +220,14 @@ class Session:
             return camera
 
     def import_run(self, path: Path, choices: ImportChoices, report: Step, *, sent_as: str = "") -> Run:
-        """Store another program's result as a run to compare. Slow: for `tasks`.
+        """Store another program's result as a run to compare. Slow: for `tasks`. Raises InputError if it cannot be read
+        or does not match the clip, its body model is missing, or the project cannot be written; nothing is stored then.
 
         Args:
             path: On this computer.
             choices: What its files do not say.
             report: Called before anything is written.
             sent_as: Its name in the browser, if it was uploaded.
-
-        Raises:
-            InputError: It cannot be read or does not match the clip, its body model is missing, or the project cannot
-                be written; nothing is stored then.
         """
         self.project.refuse_read_only()
         name = name_of_file(sent_as) if sent_as else ""
@@ -275,11 +242,8 @@ class Session:
             return self.import_run(path, choices, report, sent_as=name)
 
     def rerun_frames(self, shown: Shown, config: FitConfig, windows: tuple[range, ...]) -> Run:
-        """Submit phase 3 of some frames again, as a new run; if this run is unfinished, once it has finished.
-
-        Raises:
-            InputError: As `fit_everything`.
-        """
+        """Submit phase 3 of some frames again, as a new run; if this run is unfinished, once it has finished. Raises
+        InputError as `fit_everything` does."""
         start = self._start_of(shown)
         if start.last.phase < 2 and shown.run.state != "running":
             raise InputError(
@@ -291,17 +255,10 @@ class Session:
         return self._submit(job, kind="frames", start=shown, windows=windows)
 
     def rerun_shape(self, shown: Shown, config: FitConfig, *, known: KnownInputs = NOTHING) -> Run:
-        """Submit phases 2 and 3 again, as a new run, with a known shape if given. Raises InputError as
-        `fit_everything`."""
+        """Submit phases 2 and 3 again, as a new run, with any known shape. Raises InputError as `fit_everything`."""
         start = self._start_of(shown)
         body = self.bodies.of(shown.run.body)
-        job = FitShape(
-            clip=self.clip_of(start.camera),
-            body=body,
-            config=config,
-            start=start,
-            shape=known.shape,
-        )
+        job = FitShape(clip=self.clip_of(start.camera), body=body, config=config, start=start, shape=known.shape)
         return self._submit(job, kind="shape", start=shown, given=known.given)
 
     def _start_of(self, shown: Shown) -> FitResult:
@@ -382,8 +339,7 @@ class Session:
         return self.project.edits_since(run.edits_seen)
 
     def as_corrected(self, run: Run) -> Run:
-        """The run that shows a run's (or its corrections' run's) current corrections; the run itself once none
-        remain."""
+        """The run that shows a run's (or its corrections' run's) current corrections; itself once none remain."""
         base = run if run.kind != "corrections" or run.parent is None else self.fits.run(run.parent)
         if base is None:
             return run
@@ -431,7 +387,6 @@ class Session:
             self._enqueue(correction, None, follows=correction.origin)
 
     def _take_keypoints(self, ended: Going) -> None:
-        """Process the end of a keypoint job."""
         if ended.state != "finished" and self._as_found is not None:
             self.cancel(self._as_found)
         if ended.state == "failed":

@@ -110,11 +110,8 @@ class DrawingData:
         return Drawn(vertices=vertices, version=(shown.version, frame))
 
     def posed(self, shown: Shown) -> Callable[[], PosedFit]:
-        """A function that poses a run together with the current keypoints, for another thread.
-
-        Raises:
-            InputError: The body model is missing.
-        """
+        """A function that poses a run together with the current keypoints, for another thread. Raises InputError if the
+        body model is missing."""
         project, meshes = self.session.project, self.meshes(shown)
         fit = self.session.fits.fit(shown.run)
 

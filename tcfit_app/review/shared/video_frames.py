@@ -1,7 +1,6 @@
 """The frames of a clip's video as JPEGs, decoded ahead in a thread.
 
-Nothing here blocks, and nothing raises for a missing or broken video: instead there is a grey frame, and a text that
-says what is wrong.
+Nothing here blocks, and nothing raises for a missing or broken video: instead there is a grey frame, and a text.
 
 One thread opens, decodes and encodes, because a video is read forwards. First come requested frames, then those about
 to be played, then thumbnails, then the rest of the clip at the playing size, as far as memory allows. So a jump in a

@@ -47,13 +47,10 @@ class Someone:
         return None if self.group is None else self.group.members[self.number].number
 
     def numbered(self, listed: int) -> "Someone":
-        """The person a link refers to.
+        """The person a link refers to. Raises InputError if there is no such person here.
 
         Args:
             listed: As in `listed`.
-
-        Raises:
-            InputError: There is no such person here.
         """
         found = next((someone for someone in self.everybody if someone.listed == listed), None)
         if found is None:
@@ -74,11 +71,8 @@ class Someone:
         return () if self.group is None else tuple(doubt.span for doubt in self.group.doubts(self.number))
 
     def undo(self, *, author: str, shown: Shown | None) -> LogEntry | None:
-        """Undo the last edit or remark; an exchange of two people is undone for both.
-
-        Raises:
-            InputError: As `Session.undo`; or the other person was corrected after the exchange.
-        """
+        """Undo the last edit or remark; an exchange of two people is undone for both. Raises InputError as
+        `Session.undo` does, or if the other person was corrected after the exchange."""
         return self._step(Session.undo, lambda project: project.undoable, author=author, shown=shown)
 
     def redo(self, *, author: str, shown: Shown | None) -> LogEntry | None:

@@ -14,6 +14,8 @@ from tcfit_app.review.scene.windows import Arrangement
 Mode = Literal["edit", "ab", "space"]
 MODES: dict[Mode, str] = {"edit": "Edit", "ab": "A | B", "space": "3D"}
 """One poster; two posters; a room around the bodies."""
+PANEL_TITLES = ("View", "Keypoints", "Review", "Fit", "Runs", "Compare", "Export")
+"""The panels beside the picture, in their order."""
 SIDES_SEEN: tuple[Named, ...] = ("left", "right", "top")
 """Directions of the side view that a key cycles through."""
 SIDE_WIDTHS = (0.25, 2.0)

@@ -9,7 +9,7 @@ from typing import Any
 from fitting_core.errors import InputError
 from tcfit_app.fitting.reports import Notice
 from tcfit_app.project.frame_words import in_words
-from tcfit_app.review.browser.page_states import Saving
+from tcfit_app.review.browser.page_states import Saving, Typing
 from tcfit_app.review.scene.side_view import usual_width
 from tcfit_app.review.scene.windows import Arrangement, divide
 from tcfit_app.review.session.tasks import Task, Value, Work
@@ -82,8 +82,7 @@ class Tab:
             title: What it is.
             work: See `Tasks.submit`.
             then: Receives the result, on the drawing thread.
-            writes: It changes the project: it continues when the tab is closed, and everyone is told; anything else
-                ends with the tab.
+            writes: It changes the project: it outlives the tab, and everyone is told; anything else ends with the tab.
         """
 
         def ended(task: Task[Value]) -> None:
@@ -122,6 +121,10 @@ class Tab:
         name = f"{self.session.project.footage.name} frame {self.state.frame + self.first_frame}.png"
         self.channel.ask("saving", Saving(name=name))
         self.say(f"Saved: {name}")
+
+    def show_panel(self, title: str, field: str = "") -> None:
+        """Show the panel of this title, and let the user type into the field of this label, if any."""
+        self.channel.ask("typing", Typing(panel=title, field=field))
 
     def show_first_steps(self) -> None:
         """Have the page show the first steps."""
@@ -301,8 +304,7 @@ class Tab:
         return self.look() if self._shown is None else self._shown
 
     def look(self) -> OnShow:
-        """Resolve again what is on show: for each drawing, and for gestures, which may follow each other
-        immediately."""
+        """Resolve again what is on show: for each drawing, and for gestures, which may come fast."""
         self._go_over_to_corrections()
         self._shown = on_show(self.state, self.session)
         return self._shown

@@ -16,8 +16,6 @@ SHORT, LONG = 4.0, 12.0
 
 @dataclass(frozen=True, kw_only=True)
 class _Toast:
-    """A message on show."""
-
     handle: viser.NotificationHandle
     until: float
     count: int

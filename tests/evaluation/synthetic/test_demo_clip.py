@@ -204,7 +204,7 @@ def test_the_clip_that_comes_with_tcfit_is_up_to_date(
 def test_damaged_truth_is_explained(tmp_path: Path, demo: DemoClip) -> None:
     path = tmp_path / "truth.npz"
     path.write_bytes(demo.truth.read_bytes()[:1000])
-    with pytest.raises(InputError, match="make it anew"):
+    with pytest.raises(InputError, match="make it again"):
         read_truth(path)
-    with pytest.raises(InputError, match="make it anew"):
+    with pytest.raises(InputError, match="make it again"):
         read_truth(replace(demo, truth=tmp_path / "none.npz").truth)

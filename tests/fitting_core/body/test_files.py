@@ -370,10 +370,14 @@ def _flip_middle(path: Path) -> None:
 
 
 DAMAGE: dict[str, tuple[str, Callable[[Path], Any], str]] = {
-    "cut npz": ("a.npz", lambda p: _cut(p, 5000), "no complete npz archive"),
-    "empty npz": ("a.npz", lambda p: _cut(p, 0), "no complete npz archive"),
+    "cut npz": ("a.npz", lambda p: _cut(p, 5000), "not a complete npz archive"),
+    "empty npz": ("a.npz", lambda p: _cut(p, 0), "not a complete npz archive"),
     "flipped npz": ("a.npz", _flip_middle, "is damaged"),
-    "text as npz": ("a.npz", lambda p: p.write_text("version https://git-lfs.github.com"), "no complete npz archive"),
+    "text as npz": (
+        "a.npz",
+        lambda p: p.write_text("version https://git-lfs.github.com"),
+        "not a complete npz archive",
+    ),
     "cut pkl": ("a.pkl", lambda p: _cut(p, 5000), "damaged or incomplete"),
     "empty pkl": ("a.pkl", lambda p: _cut(p, 0), "damaged or incomplete"),
     "list as pkl": ("a.pkl", lambda p: p.write_bytes(pickle.dumps([1, 2])), "holds a list, expected a dictionary"),

@@ -290,7 +290,7 @@ def _encrypted(path: Path) -> None:
         ("models.zip", lambda p: zipfile.ZipFile(p, "w").close(), "holds no body model .found nothing"),
         ("models.zip", _encrypted, "encrypted.*Unpack it yourself"),
         ("photos", lambda p: (p.mkdir(), (p / "a.jpg").touch()), r"holds no body model .found a\.jpg"),
-        ("SMPLX_NEUTRAL.npz", lambda p: p.write_bytes(b"x"), "no complete npz archive"),
+        ("SMPLX_NEUTRAL.npz", lambda p: p.write_bytes(b"x"), "not a complete npz archive"),
         ("notes.txt", lambda p: p.write_text("x"), r"holds no body model .found notes\.txt"),
     ],
 )
@@ -305,7 +305,7 @@ def test_broken_bodies_are_listed_with_their_problem(user: Path, tmp_path: Path)
     user.mkdir(parents=True)
     (user / "SMPLX_MALE.npz").write_bytes(b"not a zip")
     broken, free = list_bodies()
-    assert (broken.gender, broken.vertices) == ("male", 0) and "no complete npz" in broken.problem
+    assert (broken.gender, broken.vertices) == ("male", 0) and "not a complete npz" in broken.problem
     assert (free.origin, free.problem) == ("free", "")
 
 

@@ -36,7 +36,7 @@ def test_photographs_tell_it(tmp_path: Path):
         photograph(tmp_path / name, 28)
     camera = read_footage(tmp_path, camera=CameraOptions(focal_length="auto")).camera
     assert camera.focal[0] == pytest.approx(focal_from_35mm(28, (320, 240))) and camera.calibrated
-    assert camera.source == "35 mm equivalent of 28 mm, as the images tell"
+    assert camera.source == "35 mm equivalent of 28 mm, stated by the images"
     assert read_footage(tmp_path).camera == camera, "the default, as of the commands"
     assert read_footage(tmp_path, camera=CameraOptions(focal_length="diagonal")).camera == CAMERA
     single = told_by_files(CAMERA, tmp_path / "1.jpg")
@@ -68,7 +68,7 @@ def movie(path: Path, told: str | None) -> Path:
 def test_a_phones_video_tells_it(tmp_path: Path, name: str):
     camera = read_footage(movie(tmp_path / name, "26.5")).camera
     assert camera.focal[0] == pytest.approx(focal_from_35mm(26.5, (320, 240))) and camera.calibrated
-    assert camera.source == "35 mm equivalent of 26.5 mm, as the video tells"
+    assert camera.source == "35 mm equivalent of 26.5 mm, stated by the video"
 
 
 @pytest.mark.parametrize("told", [None, "0", "nan", "wide", "60000"])

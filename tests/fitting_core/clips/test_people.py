@@ -89,7 +89,7 @@ def test_who_may_have_been_exchanged_is_noted(figure: Figure, write_people: Call
         camera=CameraOptions(focal_length=900),
     ):
         assert one.about.uncertain
-        assert any("taken for somebody else" in note for note in one.clip.notes)
+        assert any("confused with another" in note for note in one.clip.notes)
         first, last = one.about.frames
         assert all(first <= start <= end <= last for start, end in one.about.uncertain)
 

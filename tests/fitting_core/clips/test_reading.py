@@ -298,7 +298,7 @@ def test_a_truncated_video_is_used_as_far_as_it_goes(video, walk):
     path.write_bytes(content[: len(content) * 4 // 5])
     clip = read_clip(path, walk(range(20)))
     assert 5 < len(clip) < 20
-    assert f"it says it has 20 frames, but only {len(clip)} can be decoded" in clip.notes[0]
+    assert f"its header states 20 frames, but only {len(clip)} can be decoded" in clip.notes[0]
     assert f"There are 20 keypoint files, walk.avi has {len(clip)} frames" in alignment_note(clip)
 
 
@@ -314,7 +314,7 @@ def test_unevenly_spaced_frames_are_noted(video, walk, monkeypatch):
     assert clip.frame_rate == 14.98765
     assert clip.notes[0].startswith(
         "The frames of walk.avi are not evenly spaced in time, but are taken as if they were: 14.99 per second on "
-        "average (its header says 25)."
+        "average (its header states 25)."
     )
 
 

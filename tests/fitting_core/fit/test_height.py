@@ -73,6 +73,6 @@ def test_an_adult_of_a_childs_height_is_told(free_body: BodyModel, child: BodyMo
 def test_a_shape_of_another_height_is_told(free_body: BodyModel):
     shape = KnownShape(betas=free_body.betas_of_height(1.65), source="a.json")
     assert other_height(free_body, shape, 172.0) == (
-        "the shape of a.json is 165 cm tall, not 172 as is said: the shape counts",
+        "the shape of a.json is 165 cm tall, not 172 as stated: the shape is used",
     )
     assert other_height(free_body, shape, 166.0) == other_height(free_body, shape, None) == ()

@@ -237,7 +237,7 @@ KEYPOINTS |= {
     "mmpose several frames in a file of a folder": Case(
         lambda f: content("walk/1.json", json.dumps([{"frame_id": k, "instances": []} for k in (0, 1)]))(f).parent,
         read_detections,
-        "holds 2 frames; expected one in each file of a folder",
+        "holds 2 frames; expected one per file in a folder",
         "1.json",
     ),
 }
@@ -279,7 +279,7 @@ KEYPOINTS |= {
     "pose of a wrong format": pose(
         "component 0 has the format 'ZC', expected XYC", lambda data: data.replace(b"\x03\x00XYC", b"\x02\x00ZC", 1)
     ),
-    "pose names in latin-1": pose("is no UTF-8 text", lambda data: data.replace(b"Nose", b"N\xf6se", 1)),
+    "pose names in latin-1": pose("is not UTF-8 text", lambda data: data.replace(b"Nose", b"N\xf6se", 1)),
     "pose NaN": pose(r"frame 1, person 0, right_wrist: found position \(nan", x=float("nan")),
     "pose huge": pose(r"right_wrist: found position \(1e\+30", x=1e30),
     "pose negative confidence": pose("right_wrist: found confidence -0.5", sure=-0.5),

@@ -211,10 +211,10 @@ LEARNED |= {
     "torch of a list": case("a.pt", torch_bytes([torch.zeros(3)]), "holds a list of nothing known, no result of GVHMR"),
     "torch of weights": case("a.pt", torch_bytes(torch.nn.Linear(2, 2).state_dict()), "holds a dict of weight, bias"),
     "torch of a module": case("a.pt", torch_bytes(torch.nn.Linear(2, 2)), "asks for torch.nn.modules.linear.Linear"),
-    "npy of numbers": case("a.npy", _numbers.getvalue(), "is no result of a fit that can be read"),
+    "npy of numbers": case("a.npy", _numbers.getvalue(), "is not a readable result of a fit"),
     "npy of two objects": case("a.npy", npy_bytes([{}, {}]), "holds an array of 2 objects, expected one"),
     "npy truncated": case("a.npy", npy_bytes({"pred_rotmat": 1})[:-20], "cannot be read, it is damaged"),
-    "npy header cut off": case("a.npy", npy_bytes({"a": 1})[:30], "is no npy array"),
+    "npy header cut off": case("a.npy", npy_bytes({"a": 1})[:30], "is not an npy array"),
     "gvhmr without a camera": case(
         "a.pt",
         torch_bytes({k: v for k, v in gvhmr(truth()).items() if k != "K_fullimg"}),
@@ -235,10 +235,10 @@ LEARNED |= {
     "wham NaN": of_wham("'trans' holds nan, expected finite", trans=_NAN),
     "wham huge": of_wham(r"'pose' holds 1e\+30", pose=np.full((5, 72), 1e30)),
     "wham of 165 numbers": of_wham(r"'pose' has the shape \(5, 165\), expected \(5, 72\)", pose=np.zeros((5, 165))),
-    "wham without frames": of_wham("'frame_ids' holds no numbers of frames", frame_ids=np.zeros(0)),
-    "wham with half frames": of_wham("'frame_ids' holds no numbers of frames", frame_ids=np.arange(5) + 0.5),
+    "wham without frames": of_wham("'frame_ids' does not hold frame numbers", frame_ids=np.zeros(0)),
+    "wham with half frames": of_wham("'frame_ids' does not hold frame numbers", frame_ids=np.arange(5) + 0.5),
     "wham with a frame twice": of_wham("'frame_ids' has a frame twice", frame_ids=np.array([1, 2, 2, 3, 4])),
-    "wham with negative frames": of_wham("'frame_ids' holds no numbers of frames", frame_ids=np.arange(5) - 2),
+    "wham with negative frames": of_wham("'frame_ids' does not hold frame numbers", frame_ids=np.arange(5) - 2),
     "wham with one frame less": of_wham(r"'betas' has the shape \(4, 10\)", betas=np.zeros((4, 10))),
     "wham with text": of_wham("'trans' holds <U1 values", trans=np.full((5, 3), "a")),
     "wham with objects": of_wham("'pose' is of the type 'O8', expected numbers", pose=np.array([{}] * 5, dtype=object)),
@@ -258,14 +258,16 @@ LEARNED |= {
     "vibe of an endless image": of_vibe("was found on images of", orig_cam=np.full((5, 4), 1e-6)),
     "vibe without a whole image": of_vibe("'orig_cam' has the shape", orig_cam=np.zeros((5, 3))),
     "phalp with no rotations": of_phalp(
-        "'smpl' holds matrices that are no rotations", smpl={"body_pose": np.zeros((23, 3, 3))}
+        "'smpl' holds matrices that are not rotations", smpl={"body_pose": np.zeros((23, 3, 3))}
     ),
     "phalp mirrored": of_phalp(
-        "'smpl' holds matrices that are no rotations", smpl={"global_orient": -np.eye(3, dtype=np.float32)[None]}
+        "'smpl' holds matrices that are not rotations", smpl={"global_orient": -np.eye(3, dtype=np.float32)[None]}
     ),
     "phalp with too few cameras": of_phalp("'camera' has no entry for each person", camera=[]),
-    "phalp whose tracks are no list": of_phalp("'tid' is no list", tid=3),
-    "phalp whose tracks are names": of_phalp("'tid' holds what is no number of a person", tid=["a"], tracked_time=[0]),
+    "phalp whose tracks are no list": of_phalp("'tid' is not a list", tid=3),
+    "phalp whose tracks are names": of_phalp(
+        "'tid' holds something other than numbers of people", tid=["a"], tracked_time=[0]
+    ),
     "phalp with nobody": of_phalp("with nobody in it", tid=[], tracked_time=[]),
     "phalp without times": of_phalp("'time' has|'time' holds", time=None),
     "phalp with a person twice": case(
@@ -279,7 +281,7 @@ LEARNED |= {
         "has person 1 twice in a frame, expected each person once",
     ),
     "tram with no rotations": of_tram("'pred_rotmat' holds matrices", pred_rotmat=torch.ones(5, 24, 3, 3)),
-    "tram without frames": of_tram(r"'frame' holds no numbers", frame=torch.zeros(0)),
+    "tram without frames": of_tram(r"'frame' does not hold frame numbers", frame=torch.zeros(0)),
     "tram with a broken camera": Case(
         lambda f: (
             content("hps/hps_track_0.npy", npy_bytes(tram(truth(), FRAMES)))(
@@ -303,6 +305,6 @@ LEARNED |= {
     "romp with nobody": case("a.npz", npz_bytes(results={}), "is a result of ROMP or BEV with nobody in it"),
     "romp of a list": case("a.npz", npz_bytes(results=np.zeros(3)), "holds an array of 3 objects|'results' is a"),
     "romp truncated": case(
-        "a.npz", npz_bytes(results={"cam": np.zeros(9)})[:-40], "is no complete npz archive|no result"
+        "a.npz", npz_bytes(results={"cam": np.zeros(9)})[:-40], "is not a complete npz archive|no result"
     ),
 }

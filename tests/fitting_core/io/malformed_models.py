@@ -44,8 +44,8 @@ def _pickled_body(data: bytes, says: str) -> Case:
 
 
 MODELS: dict[str, Case] = {
-    "body truncated": body("is no complete npz archive", lambda data: data[:-90]),
-    "body empty": Case(content("SMPLX_MALE.npz", b""), load_body, "is no complete npz archive"),
+    "body truncated": body("is not a complete npz archive", lambda data: data[:-90]),
+    "body empty": Case(content("SMPLX_MALE.npz", b""), load_body, "is not a complete npz archive"),
     "body folder": Case(directory("SMPLX_MALE.npz"), load_body, "is a folder, expected a body model file"),
     "body that is a motion": Case(
         content("SMPLX_MALE.npz", npz(poses=np.zeros((4, 165)), trans=np.zeros((4, 3)))), load_body, "is a motion"
@@ -79,7 +79,7 @@ MODELS: dict[str, Case] = {
         read_vposer,
         "is not VPoser",
     ),
-    "prior truncated": Case(content("prior.npz", npz(about="{}")[:-20]), read_network, "no complete npz archive"),
+    "prior truncated": Case(content("prior.npz", npz(about="{}")[:-20]), read_network, "not a complete npz archive"),
     "prior of another kind": Case(content("prior.npz", npz(about="{}")), read_network, "an npz of another kind"),
     "prior bomb": Case(content("prior.npz", zip_bomb("about")), read_network, "unpacks to 4.0 GB"),
 }

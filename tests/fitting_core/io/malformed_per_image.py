@@ -81,10 +81,10 @@ def _cut_meshes(folder: Path) -> Path:
 
 PER_IMAGE: dict[str, Case] = {
     "smplerx without cameras": of_smplerx(
-        "has smplx/00003_0.npz and no meta/00003_0.json", lambda f: (f / "meta" / "00003_0.json").unlink()
+        "has smplx/00003_0.npz but no meta/00003_0.json", lambda f: (f / "meta" / "00003_0.json").unlink()
     ),
     "smplerx with a cut camera": of_smplerx(
-        "is no JSON", lambda f: (f / "meta" / "00002_0.json").write_text('{"focal": [1')
+        "is not JSON", lambda f: (f / "meta" / "00002_0.json").write_text('{"focal": [1')
     ),
     "smplerx with a camera of a list": of_smplerx(
         "meta/00002_0.json is a list, expected a dictionary", lambda f: (f / "meta" / "00002_0.json").write_text("[1]")
@@ -103,7 +103,7 @@ PER_IMAGE: dict[str, Case] = {
     "smplerx of nobody": of_smplerx("with nobody in it", lambda f: [file.unlink() for file in (f / "smplx").iterdir()]),
     "multi-hmr NaN": of_meshes("'a' holds nan, expected finite", np.nan),
     "multi-hmr huge": of_meshes("'a' holds .*, expected finite", 1e30),
-    "multi-hmr cut off": Case(_cut_meshes, read_motion, "is no result of a fit|cut off|damaged"),
+    "multi-hmr cut off": Case(_cut_meshes, read_motion, "is not a readable result of a fit|cut off|damaged"),
     "sam of 44 points": of_sam(
         r"'pred_keypoints_3d' has the shape \(44, 3\), expected 210", pred_keypoints_3d=np.zeros((44, 3))
     ),
@@ -115,8 +115,8 @@ PER_IMAGE: dict[str, Case] = {
     "sam behind the camera": of_sam("'pred_cam_t' holds -3", pred_cam_t=np.array([0, 0, -3.0])),
     "sam with a text": of_sam("'pred_cam_t' ", pred_cam_t="here"),
     "sam asks for code": of_sam("asks for .*could run code", mask=Bomb()),
-    "json cut off": of_json('[[{"pred_cam_t": [0', "is no JSON"),
-    "json nested": of_json("[" * 10**5, "is no JSON"),
+    "json cut off": of_json('[[{"pred_cam_t": [0', "is not JSON"),
+    "json nested": of_json("[" * 10**5, "is not JSON"),
     "json of another": of_json(json.dumps({"people": [1]}), "holds a dict of people, no result of GVHMR"),
     "json of lists without end": of_json(
         json.dumps([[{"pred_keypoints_3d": [[]] * 70, "pred_cam_t": [[[[1]]]], "focal_length": 1}]]), "pred_"

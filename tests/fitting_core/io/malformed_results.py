@@ -68,11 +68,11 @@ RESULTS: dict[str, Case] = {
     "smplifyx NaN": smplifyx(_pickled(jaw_pose=np.full((1, 3), np.nan)), "'jaw_pose' holds nan, expected finite"),
     "smplifyx huge": smplifyx(_pickled(betas=np.full((1, 10), 1e30)), r"'betas' holds 1e\+30"),
     "smplifyx text for numbers": smplifyx(_pickled(betas=np.array(["a"] * 10)), "'betas' has the shape .* of <U1"),
-    "smplifyx mirrored camera": smplifyx(_pickled(camera_rotation=-np.eye(3)[None]), "is no rotation matrix"),
+    "smplifyx mirrored camera": smplifyx(_pickled(camera_rotation=-np.eye(3)[None]), "is not a rotation matrix"),
     "smplifyx needs VPoser": Case(
         content("results/walk_0001/000.pkl", _pickled(body_pose=np.zeros((1, 32)))),
         read_motion,
-        "32 numbers of a VPoser instead of angles, and none was added here.*tcfit models add",
+        "32 VPoser numbers instead of angles, and no VPoser was added.*tcfit models add",
     ),
     "smplifyx two runs": Case(
         lambda f: (
@@ -93,10 +93,10 @@ RESULTS: dict[str, Case] = {
     "smplifyx about.json": Case(
         lambda f: smplifyx(_pickled(), "").make(content("results/about.json", '{"gender": 3}')(f).parent.parent),
         read_motion,
-        "its about.json is none that tcfit wrote",
+        "its about.json was not written by tcfit",
         "results",
     ),
-    "a result that is none": Case(content("notes.txt", "hello"), read_motion, "is no result of a fit that can be read"),
+    "a result that is none": Case(content("notes.txt", "hello"), read_motion, "is not a readable result of a fit"),
     "a result that is not there": Case(lambda f: f / "gone", read_motion, "there is no such file or folder"),
 }
 
@@ -116,8 +116,8 @@ def motion(says: str, change: Callable[[bytes], bytes] = lambda data: data, **ch
 
 
 RESULTS |= {
-    "npz truncated": motion("is no complete npz archive, it is damaged", lambda data: data[:-50]),
-    "npz empty": Case(content("walk.npz", b""), read_motion, "is no complete npz archive"),
+    "npz truncated": motion("is not a complete npz archive, it is damaged", lambda data: data[:-50]),
+    "npz empty": Case(content("walk.npz", b""), read_motion, "is not a complete npz archive"),
     "npz changed byte": motion("is damaged", lambda data: data[:400] + b"\xff" + data[401:]),
     "npz folder": Case(directory("walk.npz"), read_motion, "holds no results"),
     "npz says 8 TB": Case(content("walk.npz", endless_npz("poses")), read_motion, "declares the shape"),
@@ -140,7 +140,7 @@ RESULTS |= {
     "npz three betas": motion(r"'betas' has the shape \(3,\), expected 10 or more", betas=np.zeros(3)),
     "npz gender": motion("'gender' is 'robot', expected neutral, male, female or child", gender="robot"),
     "npz frame rate": motion("'mocap_frame_rate' is -30, expected", mocap_frame_rate=-30.0),
-    "npz mirrored world": motion("'camera_to_world' is no rotation", camera_to_world=-np.eye(3)),
+    "npz mirrored world": motion("'camera_to_world' is not a rotation", camera_to_world=-np.eye(3)),
     "npz is a body model": Case(
         content("SMPLX_MALE.npz", npz(v_template=np.zeros((5, 3)))), read_motion, "has neither 'poses'"
     ),
@@ -154,7 +154,7 @@ def _fit(data: bytes, says: str) -> Case:
 _NO_RUN = PRESETS["paper"]
 RESULTS |= {
     "fit.npz missing": Case(directory("out"), read_fit, "does not exist; expected a result of tcfit fit"),
-    "fit.npz truncated": _fit(npz(**_MOTION)[:-50], "no complete npz archive"),
+    "fit.npz truncated": _fit(npz(**_MOTION)[:-50], "not a complete npz archive"),
     "fit.npz of another program": _fit(npz(**_MOTION), "is 'an npz of another program'; expected 'tcfit fit 1'"),
     "fit.npz without parameters": _fit(npz(format="tcfit fit 1"), "lacks 'poses'; expected a fit.npz of tcfit"),
     "fit.npz bomb": _fit(zip_bomb("poses"), "unpacks to 4.0 GB"),

@@ -33,7 +33,7 @@ def test_the_shape_of_another_body_is_refused(tmp_path: Path):
 
 WRONG = {
     "nothing.npz": (None, "No such file"),
-    "cut.npz": (b"PK\x03\x04", "no complete npz"),
+    "cut.npz": (b"PK\x03\x04", "not a complete npz"),
     "motion.npz": ({"poses": np.zeros((2, 165))}, "lacks 'betas'"),
     "frames.npz": ({"betas": np.zeros((7, 10))}, r"of the shape \(7, 10\)"),
     "few.npz": ({"betas": np.zeros(5)}, r"of the shape \(5,\)"),

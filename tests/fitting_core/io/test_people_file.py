@@ -49,7 +49,7 @@ MALFORMED: dict[str, tuple[object, str]] = {
     "no object": ([], "object"),
     "no people": (content(people=[]), "0 people"),
     "too many": (content(people=[one(name=f"{i}", folder=f"{i}") for i in range(101)]), "101 people"),
-    "a newer version": (content(tcfit_people=2), "is of version 2, and this tcfit knows 1. Update"),
+    "a newer version": (content(tcfit_people=2), "has version 2; this tcfit reads 1. Update"),
     "no such version": (content(tcfit_people=0), "tcfit_people"),
     "no version": ({"name": "a talk", "people": [one()]}, "tcfit_people"),
     "a text as version": (content(tcfit_people="1"), "tcfit_people"),

@@ -346,8 +346,8 @@ def test_files_that_are_no_archive(tmp_path: Path, result: Callable[..., Result]
     whole = (tmp_path / "fit.npz").read_bytes()
     for content in (b"", b"text", whole[: len(whole) // 2]):
         (tmp_path / "fit.npz").write_bytes(content)
-        with pytest.raises(InputError, match="no complete npz archive"):
+        with pytest.raises(InputError, match="not a complete npz archive"):
             read_fit(tmp_path)
     np.save(tmp_path / "fit.npy", np.zeros(3))
-    with pytest.raises(InputError, match="no complete npz archive"):
+    with pytest.raises(InputError, match="not a complete npz archive"):
         read_fit(tmp_path / "fit.npy")

@@ -115,7 +115,7 @@ def test_a_reference_that_stands_along_another_axis_than_the_calibrations_world(
 def test_a_camera_that_is_none(tmp_path: Path, numbers: str):
     text = trc(POINTS).replace("x.trc", f"x.trc\tx_camera = R x + t, metres: {numbers}", 1)
     (tmp_path / "x.trc").write_text(text)
-    with pytest.raises(InputError, match="no rotation and place"):
+    with pytest.raises(InputError, match="not a rotation and a position"):
         read_reference(tmp_path / "x.trc")
 
 
@@ -240,7 +240,7 @@ def test_axes_without_a_camera_are_a_world_of_its_own(tmp_path: Path, free_body:
         np.savez(tmp_path / "a.npz", axes=np.array(axes), **arrays)
         assert read_reference(tmp_path / "a.npz").in_camera == placed
     np.savez(tmp_path / "a.npz", camera_to_world=np.diag([1.0, 1.0, -1.0]), **arrays)
-    with pytest.raises(InputError, match="'camera_to_world' is no rotation"):
+    with pytest.raises(InputError, match="'camera_to_world' is not a rotation"):
         read_reference(tmp_path / "a.npz")
 
 

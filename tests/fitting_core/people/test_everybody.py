@@ -129,8 +129,7 @@ def test_a_flash_is_nobody_and_that_is_said(figure: Figure):
     everybody = found(frames)
     assert len(everybody.people) == 1 and uncertain(everybody) == [set()]
     assert everybody.note == (
-        "Whoever is seen for fewer than 6 frames at a stretch was left out as a false detection, in frames 107-108, "
-        "120."
+        "Anybody seen for fewer than 6 frames at a stretch was left out as a false detection, in frames 107-108, 120."
     )
 
 

@@ -120,13 +120,13 @@ def test_who_comes_back_far_off_beside_others_may_be_one_of_them(figure):
     choice = choose_person(clip(*_after_a_gap(figure, 90, beside=True)), first_frame=100)
     assert all(entry == 0 for t, entry in enumerate(choice.entries) if not 20 <= t < 27)
     assert choice.doubtful == (range(19, 28),)
-    assert "Over frames 119-127 the person may have become one of the others" in choice.note
+    assert "Over frames 119-127 the person may be confused with another" in choice.note
 
 
 @pytest.mark.parametrize("moved, beside", [(5, True), (90, False)])
 def test_who_comes_back_where_he_was_or_was_alone_is_the_same(figure, moved: int, beside: bool):
     choice = choose_person(clip(*_after_a_gap(figure, moved, beside=beside)))
-    assert not choice.doubtful and "may have become" not in choice.note and "not in frames 20-26" in choice.note
+    assert not choice.doubtful and "may be confused" not in choice.note and "not in frames 20-26" in choice.note
 
 
 def test_exchanges_in_generated_scenes_are_named_in_few_frames():

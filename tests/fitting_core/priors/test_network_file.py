@@ -71,7 +71,7 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
     "layer too many": ({"decoder_bias_3": np.zeros(3)}, "decoder_bias_3, which belongs to no layer"),
     "not finite": ({"encoder_bias_0": np.full(7, np.inf)}, "layer 0 of its encoder holds values that are not finite"),
     "whole numbers": ({"encoder_bias_0": np.zeros(7, int)}, "not finite numbers"),
-    "pickled": ({"encoder_bias_0": np.array([None])}, "is no complete npz archive"),
+    "pickled": ({"encoder_bias_0": np.array([None])}, "is not a complete npz archive"),
 }
 
 
@@ -96,5 +96,5 @@ def test_other_files_are_refused(tmp_path: Path):
     whole = path.read_bytes()
     for bytes_ in (whole[: len(whole) // 2], b"", b"{}"):
         path.write_bytes(bytes_)
-        with pytest.raises(InputError, match="is no complete npz archive"):
+        with pytest.raises(InputError, match="is not a complete npz archive"):
             read_network(path)

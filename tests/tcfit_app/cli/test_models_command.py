@@ -48,7 +48,7 @@ def test_damaged_model_is_shown_with_its_problem(places: Path, capsys: pytest.Ca
     (places / "free" / "SMPLX_MALE.npz").write_bytes(b"x")
     list_models()
     out = capsys.readouterr().out
-    assert "damaged" in out and "Cannot be read:" in out and "no complete npz archive" in out
+    assert "damaged" in out and "Cannot be read:" in out and "not a complete npz archive" in out
 
 
 def test_without_models_the_folders_are_named(places: Path, capsys: pytest.CaptureFixture[str]):

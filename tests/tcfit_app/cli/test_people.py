@@ -128,7 +128,7 @@ def test_what_is_about_one_person_says_whose_folders_there_are(
 ):
     more = ["x.npz"] if command == ["import"] else []
     assert main([*command, str(fitted), *more]) == 2
-    assert f"is of several people. Give the folder of one of them, such as {fitted / 'person-1'}" in (
+    assert f"holds several people. Give the folder of one of them, such as {fitted / 'person-1'}" in (
         capsys.readouterr().err
     )
 

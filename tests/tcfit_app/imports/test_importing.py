@@ -89,7 +89,7 @@ def test_the_wrong_clip_is_refused_and_nothing_kept(project: Project, tmp_path: 
     # Whose numbers nobody tells may be of any part of the clip.
     arrays = {"poses": np.zeros((FRAMES - 2, 165)), "trans": np.zeros((FRAMES - 2, 3)), "axes": "camera"}
     np.savez(tmp_path / "cut.npz", **arrays)
-    with pytest.raises(InputError, match=r"expected all of .* Say with --first-frame .* imported as that"):
+    with pytest.raises(InputError, match=r"expected all of .* Give --first-frame, .*it may cover part of the clip"):
         import_run(project, OneBody(tiny_body), tmp_path / "cut.npz")
     run = import_run(project, OneBody(tiny_body), tmp_path / "cut.npz", ImportChoices(first_frame=first_frame(project)))
     assert project.runs.load(run.id).observed.any(1).tolist() == [True] * (FRAMES - 2) + [False] * 2
@@ -142,7 +142,7 @@ def test_vposers_numbers_take_the_vposer_that_was_given(project: Project, tmp_pa
     for t, file in enumerate(sorted(folder.rglob("*.pkl"))):
         content = pickle.loads(file.read_bytes()) | {"body_pose": latent[t : t + 1].numpy()}
         file.write_bytes(pickle.dumps(content, protocol=2))
-    with pytest.raises(InputError, match="32 numbers of a VPoser instead of angles"):
+    with pytest.raises(InputError, match="32 VPoser numbers instead of angles"):
         import_run(project, OneBody(tiny_body), folder)
     write_network(tmp_path / "vposer.npz", random_network(), notes="")
     run = import_run(project, OneBody(tiny_body), folder, ImportChoices(vposer=tmp_path / "vposer.npz"))

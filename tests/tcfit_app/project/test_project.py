@@ -503,8 +503,8 @@ MADE_UP: dict[str, tuple[bytes, str]] = {
     "a long name": (_npz(xy=XY, confidence=CONFIDENCE, detector=np.array("x" * 101)), "detector is <U101 .* a name"),
     "one array": (_npz(xy=XY), "'confidence'"),
     "197 TB": (_declared(10**11), "declares the shape"),
-    "no archive": (b"PK" * 100, "no complete npz archive"),
-    "cut off": (_npz(xy=XY, confidence=CONFIDENCE)[:3000], "no complete npz archive"),
+    "no archive": (b"PK" * 100, "not a complete npz archive"),
+    "cut off": (_npz(xy=XY, confidence=CONFIDENCE)[:3000], "not a complete npz archive"),
 }
 
 

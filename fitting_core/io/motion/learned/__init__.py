@@ -1,1 +1,1 @@
-"""Results of learned systems: their files opened without running anything in them, and a table of their layouts."""
+"""Results of learned systems: opening their files without running anything in them, and a table of their layouts."""

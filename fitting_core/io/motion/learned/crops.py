@@ -1,6 +1,6 @@
-"""Systems that see a person in a crop or a padded square, or write so: VIBE, 4D-Humans (PHALP), ROMP and BEV.
+"""Systems that see, or write for, a crop or a padded square: VIBE, 4D-Humans (PHALP), ROMP and BEV.
 
-A crop's camera (s, tx, ty) shows a body's point X at s (X + t), with the crop's edges at -1 and 1: b s / 2 pixels a
+A crop's camera (s, tx, ty) shows a body's point X at s (X + t), with the crop's edges at -1 and 1: b s / 2 pixels per
 metre in a crop of b pixels. With the focal length f of the whole image, the body is 2 f / (b s) away.
 
 | system | documented by | body | taken |
@@ -50,11 +50,11 @@ _PHALP_FOCAL = 5000 / 256
 _ROMP_FOCAL = 443.4 / 512
 ROMP_KEYS = ("smpl_thetas", "smpl_betas", "cam", "cam_trans", "joints", "track_ids")
 _CHILD = 1e-3
-"""Of BEV's number for the age from which on it counts."""
+"""Lowest of BEV's age values that counts as a child."""
 
 
 def vibe_track(content: Any, person: int) -> Track:
-    """One of the people. VIBE's focal length is that of the crop of middle size: bodies are far, and nearly without
+    """One of the people. VIBE's focal length is taken from the median crop: bodies are far away, almost without
     perspective."""
     values = by_person(content)[person]
     numbers = frame_numbers(values, "frame_ids")
@@ -82,9 +82,9 @@ def _square_pixels(focal: float, size: Sequence[float] | np.ndarray, source: str
 
 
 def _phalp_frames(content: Any, person: int | None = None) -> Iterator[tuple[str, int, int, dict[Any, Any]]]:
-    """Of all images: name, number, and the person's place in its lists; of all people with person None.
+    """For all images: name, number, and the person's index in its lists; of all people for person None.
 
-    Ghosts, whom the tracker thinks there but did not see, are left out.
+    Ghosts, which the tracker extrapolates but did not see, are left out.
     """
     for name, frame in content.items():
         values = mapping(frame, "an image's result")
@@ -99,12 +99,11 @@ def _phalp_frames(content: Any, person: int | None = None) -> Iterator[tuple[str
 def _list(values: Mapping[Any, Any], key: str) -> list[Any]:
     found = values.get(key)
     if not isinstance(found, list):
-        raise InputError(f"'{key}' is {'absent' if found is None else 'no list'}, expected a list of the people")
+        raise InputError(f"'{key}' is {'absent' if found is None else 'not a list'}, expected a list of the people")
     return [plain(one) for one in found]
 
 
 def _entry(values: Mapping[Any, Any], key: str, place: int) -> Any:
-    """A person's entry."""
     found = values.get(key)
     if not isinstance(found, list) or place >= len(found):
         raise InputError(f"'{key}' has no entry for each person in 'tid'")
@@ -116,7 +115,7 @@ def phalp_people(content: Any) -> Mapping[int, Sequence[int]]:
     people: dict[int, list[int]] = {}
     for _, track, _, values in _phalp_frames(content):
         if type(track) is not int:
-            raise InputError("'tid' holds what is no number of a person")
+            raise InputError("'tid' holds something other than numbers of people")
         people.setdefault(track, []).append(int(frame_numbers({"time": values.get("time")}, "time")[0]))
     return people
 
@@ -142,7 +141,7 @@ def phalp_track(content: Any, person: int) -> Track:
 
 
 def _romp_frames(content: Any) -> list[tuple[str, int, dict[Any, Any]]]:
-    """Of all images: name, number and result. Numbers are those in the names, where only these differ."""
+    """For all images: name, number and result. Numbers are those in the names, if the names differ only in these."""
     results = mapping(content["results"], "'results'")
     if is_mapping_with(results, "smpl_thetas", "cam"):
         return [("", 0, results)]
@@ -154,7 +153,7 @@ def _romp_frames(content: Any) -> list[tuple[str, int, dict[Any, Any]]]:
 
 
 def _romp_ids(values: dict[Any, Any]) -> list[int]:
-    """Of an image's people; without a tracker their places."""
+    """Track numbers of an image's people; without a tracker their indices."""
     array = as_array(values.get("smpl_thetas"))
     count = array.size // (3 * SMPL_JOINTS) if array.dtype.kind == "f" else 0
     if not count or array.size % (3 * SMPL_JOINTS):
@@ -172,9 +171,9 @@ def romp_people(content: Any) -> Mapping[int, Sequence[int]]:
 
 
 def _romp_translation(cam: np.ndarray, told: np.ndarray) -> np.ndarray:
-    """ROMP's own, fitted to the joints' projections, or where it fitted none what its orthographic camera says.
+    """ROMP's own translation, fitted to the projected joints, or if that failed the one of its orthographic camera.
 
-    Then it writes 2 (tx, ty, 1) / s, which is for no camera, or -1.
+    In that case it writes 2 (tx, ty, 1) / s, which fits no camera, or -1.
     """
     scale = positive(cam[:, :1], "cam")
     orthographic = np.concatenate([cam[:, 1:], np.full_like(scale, 2 * _ROMP_FOCAL)], 1) / scale
@@ -202,9 +201,9 @@ def romp_track(content: Any, person: int) -> Track:
     if jointed:
         translation = translation + gather("joints", 3 * 71)[:, :3]
     if not all("track_ids" in values for values, _, _ in seen) and max(count for _, _, count in seen) > 1:
-        notes.append("It tells no tracks: of several people in an image the one with this number is taken.")
+        notes.append("It has no tracks: of several people in an image, the one with this number is taken.")
     if bev and np.abs(betas[:, 10]).max() > _CHILD:
-        notes.append("BEV's number for a child's age is left out: the body is that of an adult.")
+        notes.append("BEV's number for a child's age is left out: the body is an adult's.")
     return Track(
         pose=body_angles(gather("smpl_thetas", 3 * SMPL_JOINTS)),
         betas=shape_numbers({"smpl_betas": betas}, "smpl_betas", len(seen)),

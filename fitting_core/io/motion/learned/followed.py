@@ -1,4 +1,4 @@
-"""People of images that tell no tracks, followed by where they are."""
+"""People in images without tracks, followed by position."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,18 +9,18 @@ from jaxtyping import Float
 from fitting_core.people.tracks import Track, follow
 
 _FARTHEST, _LONGEST = 0.35, 30
-"""Of a body's length in the image, how far one may be from where the person should be; and frames unseen."""
+"""How far from the expected place a person may be, in body lengths in the image; and how many frames unseen."""
 _DEEPER = 1.5
-"""By so much the distances of one person may differ, in two estimates."""
+"""Allowed ratio of one person's distances in two estimates."""
 _LENGTH = 1.7
 
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
     place: int
-    """In the list of the image's people."""
+    """Index in the list of the image's people."""
     at: Float[np.ndarray, "2"]
-    """In the image, for a focal length of 1."""
+    """In the image at a focal length of 1."""
     depth: float
 
     @property
@@ -30,10 +30,10 @@ class _Seen:
 
 
 def followed(frames: Sequence[Sequence[Float[np.ndarray, "3"]]]) -> dict[int, dict[int, int]]:
-    """Of each person by number, the frames with the place in that frame's list; the most prominent is number 0.
+    """For each person by number, the frames with the index in that frame's list; the most prominent is number 0.
 
     Args:
-        frames: Where the people of each frame are, camera space. Units may be any; depths above 0.
+        frames: Positions of each frame's people in camera space, any unit; depths above 0.
     """
     seen = [[_Seen(i, p[:2] / max(p[2], 1e-6), max(p[2], 1e-6)) for i, p in enumerate(people)] for people in frames]
     tracks = follow(seen, prices=_prices, offset=lambda one, other: other.at - one.at)

@@ -1,4 +1,4 @@
-"""Files of results opened: torch's, npy and npz with Python objects, pickles and joblib's, packed or not."""
+"""Opening result files: torch's, npy and npz with Python objects, pickles and joblib's, compressed or not."""
 
 import bz2
 import gzip
@@ -22,12 +22,12 @@ from fitting_core.files.torch_pickles import MAX_BYTES, of_torch_zip, unpickled
 
 _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
 _OBJECTS = re.compile(r"(?:.*/)?(?:hps_track_\d{1,6}|camera)\.npy|results\.npy", re.DOTALL)
-"""Members of archives that are arrays of objects: TRAM's and ROMP's. Others are not looked at."""
+"""Members of archives that are object arrays: TRAM's and ROMP's. Others are ignored."""
 _LZ4 = b"\x04\x22\x4d\x18"
 _PICKLE, _NPY = b"\x80", b"\x93NUMPY"
 _FREE, _RATIO = 2**28, 50
-"""Bytes that a packed pickle may always unpack to, and how many times its own size more. Poses and vertices shrink to a
-tenth at best; a bomb, to a thousandth."""
+"""Bytes that a compressed pickle may always expand to, plus a multiple of its size. Poses and vertices shrink to a
+tenth at best; a bomb to a thousandth."""
 
 
 class _Inflated:
@@ -41,7 +41,7 @@ class _Inflated:
         self._file, self._packed, self._ready = file, zlib.decompressobj(), b""
 
     def read(self, count: int) -> bytes:
-        """So many bytes, or those that are left."""
+        """So many bytes, or as many as are left."""
         parts, left = [], count
         while left > 0:
             if not self._ready and not self._packed.eof:
@@ -59,7 +59,7 @@ class _Inflated:
         return b"".join(parts)
 
     def readline(self, limit: int) -> bytes:
-        """Up to the end of a line."""
+        """Up to and including the end of a line."""
         line = b""
         while len(line) < limit and not line.endswith(b"\n") and (byte := self.read(1)):
             line += byte
@@ -73,22 +73,22 @@ _UNPACKED: dict[bytes, Callable[[BinaryIO], Any]] = {
     b"\x5d\x00": lzma.LZMAFile,
     b"\xfd7zXZ": lzma.LZMAFile,
 }
-"""What joblib packs pickles with, by the first bytes: zlib, gzip, bz2, lzma, xz."""
+"""joblib's compression formats, by first bytes: zlib, gzip, bz2, lzma, xz."""
 
 
 @contextmanager
 def opened(path: Path, *, most: int = MAX_BYTES) -> Iterator[Any]:
-    """What a file of Python objects holds, as long as the block lasts: arrays in it are read when they are wanted.
+    """The content of a file of Python objects while the block lasts: arrays in it are read on access.
 
     Args:
         path: Of a plain file.
-        most: Bytes that are read into memory.
+        most: Limit for the bytes read into memory.
 
     Yields:
-        A dictionary as a rule; of an npz one of its arrays of objects; None if it is no file of Python objects.
+        Usually a dictionary; for an npz, one of its object arrays; None if it is not a file of Python objects.
 
     Raises:
-        InputError: It is damaged, too large, or asks for what could run code.
+        InputError: It is damaged, too large, or refers to what could run code.
     """
     with ExitStack() as open_files:
         file = open_files.enter_context(regular_file(path).open("rb"))
@@ -138,14 +138,14 @@ def _of_zip(archive: zipfile.ZipFile, left: int) -> Any:
 
 
 def _of_npy(stream: Stream) -> Any:
-    """What an array of one Python object holds; None of an array of numbers."""
+    """The content of an array of one Python object; None for an array of numbers."""
     try:
         version = npy.read_magic(stream)  # pyright: ignore[reportArgumentType]
         shape, _, dtype = _HEADERS[version](stream)  # pyright: ignore[reportArgumentType]
     except InputError:
         raise
-    except Exception as error:  # numpy lets pass what Python's own reader of such headers raises
-        raise InputError(f"is no npy array ({str(error)[:80]})") from error
+    except Exception as error:  # numpy passes on what Python's own reader of such headers raises
+        raise InputError(f"is not an npy array ({str(error)[:80]})") from error
     if not dtype.hasobject:
         return None
     objects = as_objects(unpickled(stream))

@@ -1,4 +1,4 @@
-"""Systems that write what they see in each image by itself: SMPLer-X, Multi-HMR, and SAM 3D Body.
+"""Systems that write each image's people independently: SMPLer-X, Multi-HMR, and SAM 3D Body.
 
 | system | documented by | body | taken |
 |---|---|---|---|
@@ -13,8 +13,8 @@ transl_pelvis |
 MHR, by keypoints | what `process_one_image` returns, as it is kept: of each person pred_keypoints_3d (70, 3; axes \
 of the camera), pred_cam_t (3), focal_length, for a principal point in the image's middle |
 
-SMPLest-X, which follows SMPLer-X, writes pictures alone (its main/inference.py). None of them tells tracks: people are
-followed by where they are.
+SMPLest-X, which follows SMPLer-X, writes only pictures (its main/inference.py). None of them has tracks: people are
+followed by position.
 """
 
 import math
@@ -60,13 +60,13 @@ _MULTI_HMR_FOCAL_RULE: Focal = (
     "Multi-HMR's, 60 degrees over the longer side",
 )
 _SMPLERX, _MULTI_HMR, _SAM = "SMPLer-X", "Multi-HMR", "SAM 3D Body"
-_FOLLOWED = "It tells no tracks: people were followed by where they are."
+_FOLLOWED = "It has no tracks: people were followed by position."
 _SMPLERX_PARTS = ("left_hand_pose", "right_hand_pose", "jaw_pose", "expression")
 
 
 @dataclass(frozen=True, eq=False)
 class _Image:
-    """The people of one image, with where they are: camera space, metres."""
+    """The people of one image with their positions: camera space, metres."""
 
     number: int
     stem: str
@@ -76,7 +76,7 @@ class _Image:
 
 @dataclass(frozen=True, eq=False)
 class PerImage:
-    """What a system of these wrote."""
+    """The output of one of these systems."""
 
     system: str
     images: list[_Image]
@@ -85,22 +85,15 @@ class PerImage:
 
 
 def of_folder(path: Path) -> PerImage | None:
-    """The files of all images; None if it is no such folder.
-
-    Raises:
-        InputError: They are not as the system writes them.
-    """
+    """The files of all images; None if it is not such a folder. Raises InputError if they are not as written."""
     if (path / "smplx").is_dir():
         return _smplerx(path)
     return _multi_hmr([file for file in path.glob("*.npy") if not refusal(file)])
 
 
 def of_file(path: Path) -> Any:
-    """What a file of arrays or JSON holds that is SAM 3D Body's, or Multi-HMR's of one image; None for all others.
-
-    Raises:
-        InputError: It is damaged.
-    """
+    """The content of a file of arrays or JSON if it is SAM 3D Body's, or Multi-HMR's of one image; otherwise None.
+    Raises InputError if it is damaged."""
     suffix = path.suffix.lower()
     if suffix == ".npy":
         return _multi_hmr([path])
@@ -122,11 +115,11 @@ def _json(path: Path) -> Any:
     try:
         return msgspec.json.decode(text)
     except (msgspec.DecodeError, RecursionError) as error:
-        raise InputError(f"is no JSON ({str(error)[:80]})") from error
+        raise InputError(f"is not JSON ({str(error)[:80]})") from error
 
 
 def _numbers(stems: Sequence[str]) -> list[int]:
-    """Numbers in the images' names, where all have one; else their places."""
+    """Numbers in the images' names if all have one, otherwise their indices."""
     told = {t: number for number, t in image_numbers(list(stems)).items()}
     return [told[t] if len(told) == len(stems) else t for t in range(len(stems))]
 
@@ -149,7 +142,7 @@ def _smplerx(path: Path) -> PerImage:
 
 def _smplerx_person(file: Path, beside: Path) -> dict[str, Any]:
     if not beside.is_file() or refusal(beside):
-        raise InputError(f"has smplx/{file.name} and no meta/{beside.name}, which tells the camera")
+        raise InputError(f"has smplx/{file.name} but no meta/{beside.name}, which has the camera")
     try:
         arrays = read_npz(file, ("global_orient", "body_pose", "betas", "transl", *_SMPLERX_PARTS))
     except (OSError, ValueError) as error:
@@ -158,10 +151,10 @@ def _smplerx_person(file: Path, beside: Path) -> dict[str, Any]:
 
 
 def _at_corner(person: dict[str, Any]) -> Float[np.ndarray, "3"]:
-    """Place for a focal length of 1 pixel and a principal point in the image's corner.
+    """Translation for a focal length of 1 pixel and a principal point in the image's corner.
 
-    The crop's camera (focal f, centre c) shows the point at f x / z + c; a camera of focal F shows it there in the same
-    size at the depth z F / f.
+    The crop's camera (focal f, centre c) shows the point at f x / z + c; a camera of focal F shows it there at the same
+    size from the depth z F / f.
     """
     shift = flat(person, "transl", 3)
     focal, center = positive(flat(person, "focal", 2), "focal"), flat(person, "princpt", 2)
@@ -211,10 +204,10 @@ def _multi_hmr(files: Sequence[Path]) -> PerImage | None:
 
 
 def _meshes(file: Path) -> np.ndarray | None:
-    """An array of SMPL-X's meshes, left in the file until it is looked at; None if it is something else."""
+    """An array of SMPL-X meshes, memory-mapped; None if it is something else."""
     try:
         array = np.load(regular_file(file), mmap_mode="r", allow_pickle=False)
-    except Exception:  # numpy lets pass what Python's own reader of such headers raises
+    except Exception:  # numpy passes on what Python's own reader of such headers raises
         return None
     right = isinstance(array, np.ndarray) and array.ndim == 3 and array.shape[1:] == (_VERTICES, 3)
     return array if right and array.dtype.kind == "f" else None
@@ -223,12 +216,7 @@ def _meshes(file: Path) -> np.ndarray | None:
 def _meshed_track(content: PerImage, person: int) -> Track:
     seen = _of_person(content, person)
     vertices = np.stack([finite(np.asarray(mesh), image.stem) for image, mesh in seen])
-    return _of_points(
-        content,
-        seen,
-        SeenPoints(vertices=vertices),
-        focal=_MULTI_HMR_FOCAL_RULE,
-    )
+    return _of_points(content, seen, SeenPoints(vertices=vertices), focal=_MULTI_HMR_FOCAL_RULE)
 
 
 def _multi_hmr_people(content: Any) -> PerImage:
@@ -276,11 +264,11 @@ _SAM_NAMES: dict[int, str] = (
     | {41: "right_wrist", 62: "left_wrist", 69: "neck"}
     | {42 + i: f"left_{name}" for i, name in enumerate(_SAM_FINGERS)}
 )
-"""Of mhr70's points those that OpenPose has; its fingers run from the tip to the knuckle."""
+"""The points of mhr70 that OpenPose has; its fingers run from tip to knuckle."""
 
 
 def _by_frame(values: Mapping[str, Any]) -> list[list[Any]]:
-    """One person's arrays as lists of people; of one image where they are of one."""
+    """One person's arrays as lists of people, for a result of one image."""
     if np.size(values.get("focal_length", 0)) == 1 and np.size(values["pred_cam_t"]) == 3:
         return [[dict(values)]]
     places = rows(values, "pred_cam_t", 3)
@@ -290,11 +278,11 @@ def _by_frame(values: Mapping[str, Any]) -> list[list[Any]]:
 
 
 def _with_focal(person: Mapping[str, Any]) -> Mapping[str, Any]:
-    """The same. Raises InputError where the focal length was not kept."""
+    """The same. Raises InputError if the focal length was not saved."""
     if "focal_length" not in person:
         raise InputError(
-            "has no 'focal_length' (pixels), without which its 'pred_cam_t' tells no place; expected it beside that, "
-            "as SAM 3D Body's process_one_image returns it. Add it"
+            "has no 'focal_length' (pixels), without which its 'pred_cam_t' is ambiguous; expected both, "
+            "as SAM 3D Body's process_one_image returns them. Add it"
         )
     return person
 
@@ -311,7 +299,7 @@ def _sam_track(content: Any, person: int) -> Track:
     focals = positive(np.concatenate([flat(_with_focal(one), "focal_length", 1) for _, one in seen]), "focal_length")
     places = np.stack([flat(one, "pred_cam_t", 3) for _, one in seen])
     focal = float(np.median(focals))
-    # The images' own focal lengths become one: at another depth a body looks the same to it.
+    # The images' focal lengths are unified: at another depth a body looks the same.
     places[:, 2] = positive(places[:, 2], "pred_cam_t") * focal / focals
     keypoints = np.full((len(seen), kp.COUNT, 3), np.nan)
     for place, name in _SAM_NAMES.items():
@@ -328,7 +316,7 @@ def _is_person(value: Any, keys: Sequence[str]) -> bool:
 
 
 def _kept_images(content: Any, keys: Sequence[str]) -> list[tuple[str, list[Any]]] | None:
-    """Names and people of all images: of a dictionary or list of these, or of one image; None if they are not this."""
+    """Names and people of all images: from a dictionary or list of them, or one image; None if it is none of these."""
     if not isinstance(content, dict | list) or not content:
         return None
     entries = list(content.items()) if isinstance(content, dict) else [("", one) for one in content]
@@ -340,7 +328,7 @@ def _kept_images(content: Any, keys: Sequence[str]) -> list[tuple[str, list[Any]
 
 
 def _kept(content: Any, system: str, keys: Sequence[str], place: str) -> PerImage:
-    """What a system's program returned, as people keep it."""
+    """The return value of a system's program, as people save it."""
     entries = _kept_images(content, keys)
     assert entries is not None
     stems = [stem for stem, _ in entries]
@@ -373,7 +361,7 @@ def _notes(content: PerImage) -> tuple[str, ...]:
 
 
 def _tracks(content: PerImage) -> dict[int, dict[int, int]]:
-    """Of each person, by the place of the image, the place in it."""
+    """For each person, the index within the image by the image's index."""
     return followed([image.places for image in content.images])
 
 

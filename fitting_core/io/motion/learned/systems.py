@@ -1,6 +1,6 @@
-"""Results of learned systems: which system a file is of, whom of its people to take, and their motion.
+"""Results of learned systems: which system wrote a file, which of its people to take, and their motion.
 
-A system is a line in `SYSTEMS`. The first that knows what a file holds reads it.
+Each system is a line in `SYSTEMS`. The first that recognises the content reads it.
 """
 
 import lzma
@@ -28,7 +28,7 @@ from fitting_core.io.motion.learned.tracks import System, Track, is_mapping_with
 
 SYSTEMS: tuple[System, ...] = (*whole_image.SYSTEMS, *crops.SYSTEMS, *per_image.SYSTEMS)
 _FILES = ("hmr4d_results.pt", "wham_output.pkl", "vibe_output.pkl", "video_results.npz", "results.pkl")
-"""What systems call their results in the folder of a video."""
+"""The systems' names for their results in the folder of a video."""
 _CAMERA = "camera.npy"
 _TRACK = re.compile(r"hps_track_(\d{1,6})(?:\.npy)?")
 _IMAGE = re.compile(r".*\d\.npz")
@@ -40,31 +40,26 @@ _DAMAGED = (
     *(zipfile.BadZipFile, zlib.error, lzma.LZMAError, struct.error, EOFError, OSError, MemoryError),
     *(RuntimeError, NotImplementedError, ValueError, OverflowError),
 )
-"""What zipfile and the others raise about bytes that are not as they should be."""
+"""Raised by zipfile and the others for malformed bytes."""
 _DEPTH, _MAX_PARTS, _MAX_IMAGE, _MAX_SHOWN = 1, 10**5, 2**26, 5
 
 
 def people_in(path: Path) -> tuple[PersonTrack, ...]:
-    """The people in a learned system's result, by which to choose one; none if it is no such result.
-
-    Raises:
-        InputError: It is damaged, or asks for what could run code.
-    """
+    """The people in a learned system's result, to choose one from; empty if it is not such a result. Raises InputError
+    if it is damaged, or refers to what could run code."""
     with _checked(path), _content(path) as content:
         system = _system_of(content)
         return () if system is None else _people(system, content)
 
 
 def read_learned(path: Path, *, person: int | None = None, gender: str | None = None) -> ImportedMotion | None:
-    """Read a learned system's result; None if it is none.
+    """Read a learned system's result; None if it is not one. Raises InputError if it is damaged, refers to what could
+    run code, or lacks what the system writes.
 
     Args:
-        path: Its file, or the folder that it lies in, or of TRAM a zip of that.
-        person: Number of the one to take, as the file has it; None: who is in most frames.
-        gender: Of the body; None: neutral, which all these systems take.
-
-    Raises:
-        InputError: It is damaged, asks for what could run code, or lacks what the system writes.
+        path: Its file, the folder that contains it, or for TRAM a zip of that folder.
+        person: Number of the one to take, as in the file; None: whoever is in most frames.
+        gender: Of the body; None: neutral, which all these systems assume.
     """
     with _checked(path), _content(path) as content:
         system = _system_of(content)
@@ -120,11 +115,8 @@ def _motion(
 
 
 def _system_of(content: Any) -> System | None:
-    """The system that wrote it; None if it is nothing of Python's objects, or a pickle of SMPLify-X.
-
-    Raises:
-        InputError: No system is known that writes so.
-    """
+    """The system that wrote it; None if it has no Python objects, or is a pickle of SMPLify-X. Raises InputError if it
+    is of no known system."""
     found = next((system for system in SYSTEMS if system.holds(content)), None)
     if found is None and content is not None and not is_mapping_with(content, *_SMPLIFYX_KEYS):
         has = some_of(map(plain, content)) if isinstance(content, dict) else "nothing known"
@@ -134,7 +126,7 @@ def _system_of(content: Any) -> System | None:
 
 
 def _people(system: System, content: Any) -> tuple[PersonTrack, ...]:
-    """Who is in most frames first."""
+    """Whoever is in most frames first."""
     found: Mapping[int, Sequence[int]] = system.people(content)
     if not found:
         raise InputError(f"is a result of {system.title} with nobody in it")
@@ -154,12 +146,11 @@ def _chosen(people: tuple[PersonTrack, ...], number: int | None) -> PersonTrack:
 
 @contextmanager
 def _checked(path: Path) -> Iterator[None]:
-    """Errors that name the file."""
     try:
         yield
     except InputError as error:
         message = str(error).removeprefix(f"{path}: ").rstrip(".")
-        advice = "Expected a learned system's result as it wrote it; write it again"
+        advice = "Expected a learned system's result, unchanged; write it again"
         raise InputError(f"{path}: {message}. {advice}.") from error
     except _DAMAGED as error:
         raise InputError(f"{path}: is damaged or was cut off ({str(error)[:80]}). Write it again.") from error
@@ -167,7 +158,7 @@ def _checked(path: Path) -> Iterator[None]:
 
 @contextmanager
 def _content(path: Path) -> Iterator[Any]:
-    """What a file holds, or the files of a folder together; None if it is nothing of a learned system."""
+    """The content of a file, or of a folder's files together; None if it is nothing of a learned system."""
     if path.is_dir() and (images := per_image.of_folder(path)) is not None:
         yield images
         return
@@ -190,7 +181,7 @@ def _content(path: Path) -> Iterator[Any]:
 
 
 def _part(file: Path, stack: ExitStack) -> Any:
-    """A file of several. Those of images, which can be thousands, are in memory, without meshes."""
+    """One file of several. Those of images, which can be thousands, are kept in memory, without meshes."""
     if not _IMAGE.fullmatch(file.name):
         return stack.enter_context(opened(file))
     with opened(file, most=_MAX_IMAGE) as content:
@@ -200,7 +191,7 @@ def _part(file: Path, stack: ExitStack) -> Any:
 
 @contextmanager
 def _camera_beside(path: Path) -> Iterator[Any]:
-    """What TRAM's camera.npy holds, in the folder above one of its tracks; None without it."""
+    """The content of TRAM's camera.npy, in the folder above one of its tracks; None without it."""
     file = path.absolute().parent.parent / _CAMERA
     if not _TRACK.fullmatch(path.name) or not file.is_file():
         yield None
@@ -210,7 +201,7 @@ def _camera_beside(path: Path) -> Iterator[Any]:
 
 
 def _together(content: Any) -> Any:
-    """Files that make one result, by their names, as one; anything else as it is."""
+    """Files that make one result, recognised by name, as one; anything else unchanged."""
     names = [name for name in content if isinstance(name, str)] if isinstance(content, dict) else []
     tracks = {int(match[1]): content[name] for name in names if (match := _TRACK.fullmatch(PurePosixPath(name).name))}
     if tracks:

@@ -1,4 +1,4 @@
-"""A person as a learned system's file has it: frames, poses and places in camera space, from checked arrays."""
+"""A person in a learned system's file: frames, poses and positions in camera space, from checked arrays."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -21,7 +21,7 @@ BODY = 22
 SMPL_JOINTS = 24
 _MAX_VALUE, _MAX_FRAME, _MAX_FRAMES = 1e6, 10**9, 10**6
 _ORTHONORMAL = 1e-2
-"""How far a rotation matrix of a network, in half precision at worst, may be from one."""
+"""Allowed deviation from a rotation for a network's matrix, in half precision at worst."""
 Focal = tuple[Callable[[tuple[int, int]], float], str]
 
 
@@ -32,67 +32,61 @@ class Track:
     pose: Float[np.ndarray, "T 66"]
     """Axis-angle of the root and of 21 joints."""
     more: Mapping[str, Float[np.ndarray, "T n"]] = field(default_factory=dict)
-    """Hands over their mean, jaw and expression, by their names in BodyParams; what is not there is zero."""
+    """Hands relative to their mean, jaw and expression, by their names in BodyParams; missing ones are zero."""
     points: SeenPoints | None = None
-    """Instead of a pose, shape and translation, which are zero then."""
+    """Instead of a pose, shape and translation, which are then zero."""
     betas: Float[np.ndarray, "T 10"]
     translation: Float[np.ndarray, "T 3"]
     about_pelvis: bool = False
-    """Whether `translation` is where the pelvis lies, instead of what is added to the body's own origin."""
+    """Whether `translation` is the pelvis's position instead of what is added to the body's own origin."""
     from_corner: bool = False
     """Whether `translation` is for a camera whose principal point is the image's corner, instead of its own."""
     numbers: Int[np.ndarray, "T"] | None = None
-    """Of the frames in the video; None: it does not tell."""
+    """Of the frames in the video; None: not stated."""
     stems: tuple[str, ...] = ()
     kind: str = "smpl"
     flat_hands: bool = False
-    """Whether hands are flat, instead of as the body's mean."""
+    """Whether hands are flat instead of the body's mean."""
     camera: Camera | None = None
     focal: Focal | None = None
-    """Where the camera is not told: the focal length in pixels by the image's size, and these words for it."""
+    """If no camera is stated: the focal length in pixels by image size, and its description."""
     notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
 class System:
-    """How the files of a learned system are known and read."""
+    """How a learned system's files are recognised and read."""
 
     title: str
     holds: Callable[[Any], bool]
-    """Whether what a file holds is of this system."""
+    """Whether a file's content is of this system."""
     people: Callable[[Any], Mapping[int, Sequence[int]]]
-    """Of all people by their numbers: their frames."""
+    """For all people by number: their frames."""
     track: Callable[[Any, int], Track]
     """One of them."""
 
 
 def is_mapping_with(content: object, *keys: str) -> bool:
-    """Whether it is a dictionary that has one of these keys."""
+    """Whether it is a dictionary with one of these keys."""
     return isinstance(content, dict) and any(key in content for key in keys)
 
 
 def mapping(content: object, what: str) -> dict[Any, Any]:
-    """A dictionary, as it must be.
-
-    Raises:
-        InputError: It is none.
-    """
+    """The content, if it is a dictionary. Raises InputError if it is not."""
     if not isinstance(content, dict):
         raise InputError(f"{what} is a {type(content).__name__}, expected a dictionary")
     return content
 
 
 def rows(values: object, key: str, width: int, frames: int | None = None) -> Float[np.ndarray, "T width"]:
-    """Numbers of each frame.
+    """An array of numbers for each frame. Raises InputError if it is missing, of another shape, or not of finite
+    numbers.
 
     Args:
         values: A dictionary.
         key: In it.
-        width: Numbers of a frame, in whatever shape.
-        frames: That it must have; None: any.
-
-    Raises:
-        InputError: It is not there, or of another shape, or not of finite numbers.
+        width: Numbers per frame, in any shape.
+        frames: Expected count; None: any.
     """
     array = _numbers(values, key)
     if array.ndim == 0 or not len(array) or array.size != len(array) * width or frames not in (None, len(array)):
@@ -101,11 +95,7 @@ def rows(values: object, key: str, width: int, frames: int | None = None) -> Flo
 
 
 def flat(values: object, key: str, count: int) -> Float[np.ndarray, "count"]:
-    """So many numbers in whatever shape.
-
-    Raises:
-        InputError: As `rows`.
-    """
+    """So many numbers in any shape. Raises InputError as `rows` does."""
     array = _numbers(values, key)
     if array.size != count:
         raise InputError(f"'{key}' has the shape {array.shape}, expected {count} numbers")
@@ -125,11 +115,7 @@ def _numbers(values: object, key: str) -> np.ndarray:
 
 
 def finite(array: np.ndarray, key: str) -> np.ndarray:
-    """The same in float64.
-
-    Raises:
-        InputError: There are numbers that are not finite, or beyond what can be.
-    """
+    """The same in float64. Raises InputError if some numbers are not finite or implausibly large."""
     with np.errstate(invalid="ignore"):  # of the NaNs that warn when they are cast
         array = array.astype(np.float64)
     good = np.abs(array) <= _MAX_VALUE
@@ -139,11 +125,7 @@ def finite(array: np.ndarray, key: str) -> np.ndarray:
 
 
 def shape_numbers(values: object, key: str, frames: int) -> Float[np.ndarray, "T 10"]:
-    """The first ten shape parameters of each frame, of so many frames or of all at once.
-
-    Raises:
-        InputError: As `rows`.
-    """
+    """The first ten shape parameters of each frame, given for each or for all. Raises InputError as `rows` does."""
     array = _numbers(values, key)
     width = array.shape[-1] if array.ndim else 0
     if not N_BETAS <= width <= 300 or array.size not in (width, frames * width):
@@ -153,26 +135,18 @@ def shape_numbers(values: object, key: str, frames: int) -> Float[np.ndarray, "T
 
 
 def frame_numbers(values: object, key: str) -> Int[np.ndarray, "T"]:
-    """Numbers of frames, which are not repeated.
-
-    Raises:
-        InputError: They are none.
-    """
+    """Frame numbers, without repetitions. Raises InputError if they are not."""
     array = _numbers(values, key).reshape(-1)
     whole = finite(array, key).astype(np.int64)
     if not len(whole) or len(whole) > _MAX_FRAMES or (whole != array).any() or whole.min() < 0:
-        raise InputError(f"'{key}' holds no numbers of frames, expected whole ones from 0 for each frame")
+        raise InputError(f"'{key}' does not hold frame numbers, expected a whole number from 0 for each frame")
     if len(set(whole.tolist())) < len(whole):
         raise InputError(f"'{key}' has a frame twice, expected those of one clip")
     return whole
 
 
 def by_person(people: object) -> dict[int, Any]:
-    """A dictionary's entries by the numbers of people.
-
-    Raises:
-        InputError: Its keys are none.
-    """
+    """A dictionary's entries by the numbers of people. Raises InputError if its keys are not."""
     found = {plain(key): values for key, values in mapping(people, "what holds the people").items()}
     if not all(type(key) is int for key in found):
         raise InputError("has people without numbers, expected a number for each")
@@ -180,29 +154,21 @@ def by_person(people: object) -> dict[int, Any]:
 
 
 def people_by(people: object, key: str) -> dict[int, list[int]]:
-    """Of each person in a dictionary, the frames under a key of theirs.
-
-    Raises:
-        InputError: There are none.
-    """
+    """For each person in a dictionary, the frames under one of their keys. Raises InputError if there are none."""
     return {number: frame_numbers(values, key).tolist() for number, values in by_person(people).items()}
 
 
 def first_of(content: object) -> object:
-    """The first value of a dictionary, None without any."""
+    """The first value of a dictionary, None if it is empty."""
     return next(iter(content.values()), None) if isinstance(content, dict) else None
 
 
 def angles(matrices: Float[np.ndarray, "T n"], key: str) -> Float[np.ndarray, "T m"]:
-    """Axis-angle of rotation matrices, row-major, side by side.
-
-    Raises:
-        InputError: They are none.
-    """
+    """Axis-angle of flattened row-major rotation matrices. Raises InputError if they are not rotations."""
     turns = torch.as_tensor(matrices).reshape(len(matrices), -1, 3, 3)
     off = (turns @ turns.mT - torch.eye(3, dtype=turns.dtype)).abs().amax()
     if float(off) > _ORTHONORMAL or float(torch.linalg.det(turns).amin()) < 0:
-        raise InputError(f"'{key}' holds matrices that are no rotations")
+        raise InputError(f"'{key}' holds matrices that are not rotations")
     return rotations.log(turns).reshape(len(matrices), -1).numpy()
 
 
@@ -212,11 +178,8 @@ def body_angles(smpl_pose: Float[np.ndarray, "T 72"]) -> Float[np.ndarray, "T 66
 
 
 def centred(focal: float, center: Sequence[float], source: str) -> Camera:
-    """A camera whose principal point is the middle of its image, by which the image's size is known.
-
-    Raises:
-        InputError: It is no camera.
-    """
+    """A camera with the principal point in the middle of its image, which determines the image's size. Raises
+    InputError if it is not a valid camera."""
     size = (round(2 * center[0]), round(2 * center[1]))
     if not (focal > 0 and min(size) >= 1 and max(size) <= 10**5):
         raise InputError(f"has a focal length of {focal:g} pixels and a principal point at {list(center)}")
@@ -225,11 +188,7 @@ def centred(focal: float, center: Sequence[float], source: str) -> Camera:
 
 
 def positive(numbers: np.ndarray, key: str) -> np.ndarray:
-    """The same.
-
-    Raises:
-        InputError: Some are not above 0.
-    """
+    """The same. Raises InputError if some are not above 0."""
     if not (numbers > 0).all():
         raise InputError(f"'{key}' holds {numbers.min():g}, expected numbers above 0")
     return numbers

@@ -1,4 +1,4 @@
-"""Systems that give a body's place before the camera of the whole image: GVHMR, GEM, WHAM, TRAM and PromptHMR.
+"""Systems that place a body before the camera of the whole image: GVHMR, GEM, WHAM, TRAM and PromptHMR.
 
 | system | documented by | body | taken |
 |---|---|---|---|
@@ -12,7 +12,7 @@ pred_shape, pred_trans, frame; camera.npy: img_focal, img_center |
 | PromptHMR | yufu-wang/PromptHMR pipeline/pipeline.py, phmr_vid.py | SMPL-X, flat hands | by person: smplx_cam (pose, \
 shape, trans), frames; camera: img_focal, img_center |
 
-All of them give a motion in the world too, for a camera that moves; it is left out.
+All of them also give a motion in the world, for a moving camera; it is not read.
 """
 
 import math
@@ -83,12 +83,12 @@ def tram_people(content: Any) -> Mapping[int, Sequence[int]]:
 
 
 def tram_track(content: Any, person: int) -> Track:
-    """One of the tracks; its shape is the mean of its frames', as TRAM shows it."""
+    """One of the tracks; its shape is the mean over its frames, as TRAM shows it."""
     values = content["tracks"][person]
     numbers = frame_numbers(values, "frame")
     shape = shape_numbers(values, "pred_shape", len(numbers))
     camera = content["camera"]
-    lost = "It has no camera.npy beside its folder hps, so its focal length is not known: give TRAM's folder."
+    lost = "It has no camera.npy beside its folder hps, so its focal length is not known; give TRAM's folder."
     return Track(
         pose=angles(rows(values, "pred_rotmat", 9 * SMPL_JOINTS, len(numbers)), "pred_rotmat")[:, : 3 * BODY],
         betas=np.broadcast_to(shape.mean(0), shape.shape),
@@ -105,7 +105,7 @@ def prompthmr_people(content: Any) -> Mapping[int, Sequence[int]]:
 
 
 def prompthmr_track(content: Any, person: int) -> Track:
-    """One of the people. `pose` goes on with jaw and eyes, which are zero."""
+    """One of the people. `pose` continues with jaw and eyes, which are zero."""
     track = by_person(content["people"])[person]
     values = mapping(track, "a person").get("smplx_cam")
     numbers = frame_numbers(track, "frames")
@@ -138,10 +138,7 @@ SYSTEMS = (
         track=wham_track,
     ),
     System(
-        title="TRAM",
-        holds=lambda content: is_mapping_with(content, "tracks"),
-        people=tram_people,
-        track=tram_track,
+        title="TRAM", holds=lambda content: is_mapping_with(content, "tracks"), people=tram_people, track=tram_track
     ),
     System(
         title="PromptHMR",

@@ -1,1 +1,1 @@
-"""Files of animators' rigs: read as skeletons and mappings, written with the motion of a fit on them."""
+"""Files of animators' rigs: read as skeletons and mappings, written with a fit's motion."""

@@ -1,4 +1,4 @@
-"""The hierarchy of a BVH file without its motion. The rest pose is the one without turns, as its offsets have it."""
+"""The hierarchy of a BVH file without its motion. The rest pose is given by its offsets, with no rotation."""
 
 import re
 from collections.abc import Iterator
@@ -12,7 +12,7 @@ from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
 
 _MOST = 64 * 2**20
-"""Bytes of a BVH that is read for its skeleton."""
+"""Bytes of a BVH that are read for its skeleton."""
 _JOINTS = 4096
 _CHANNELS = {f"{axis}{kind}" for axis in "XYZ" for kind in ("position", "rotation")}
 
@@ -27,11 +27,7 @@ class _Found:
 
 
 def read_bvh_skeleton(path: Path) -> Skeleton:
-    """Read the joints of a BVH file.
-
-    Raises:
-        InputError: It cannot be read, or its hierarchy is not that of a BVH.
-    """
+    """Read the joints of a BVH file. Raises InputError if it cannot be read, or its hierarchy is not valid."""
     try:
         text = regular_file(path, most=_MOST).read_text(encoding="utf-8-sig", errors="replace")
     except OSError as error:
@@ -43,8 +39,8 @@ def read_bvh_skeleton(path: Path) -> Skeleton:
         _read(words, found)
     except ValueError as error:
         raise InputError(
-            f"{path}: is no BVH that can be read: {error}. Expected HIERARCHY, ROOT, OFFSET and CHANNELS as every "
-            "program writes them; export the skeleton again."
+            f"{path}: is not a readable BVH: {error}. Expected HIERARCHY, ROOT, OFFSET and CHANNELS as any "
+            "program writes; export the skeleton again."
         ) from None
     except StopIteration:
         raise InputError(f"{path}: ends in the middle of its hierarchy. Export the skeleton again.") from None
@@ -55,7 +51,7 @@ def read_bvh_skeleton(path: Path) -> Skeleton:
 
 
 def _read(words: Iterator[str], found: _Found) -> None:
-    """Fill `found`; ValueError says what is wrong, StopIteration that something is missing."""
+    """Fill `found`; ValueError says what is wrong, StopIteration that the file ended early."""
     if (first := next(words, "")) != "HIERARCHY":
         raise ValueError(f"it begins with {first[:40]!r}, not HIERARCHY")
     above: list[int] = []
@@ -88,7 +84,7 @@ def _read(words: Iterator[str], found: _Found) -> None:
 
 
 def _name(words: Iterator[str]) -> str:
-    """Of a joint, with the brace behind it: some programs write blanks in it."""
+    """A joint's name and the brace after it: some programs write blanks in names."""
     found = []
     while (word := next(words)) != "{":
         if word in ("OFFSET", "CHANNELS", "}"):

@@ -1,4 +1,4 @@
-"""A glTF 2.0 file, binary or not, as its JSON and one block of data, and how it is written again."""
+"""A glTF 2.0 file, binary or not, as its JSON and one block of data; and writing it again."""
 
 import base64
 import binascii
@@ -13,16 +13,16 @@ from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
 
 _MOST = 2**30
-"""Bytes of a rig's file."""
+"""Limit for a rig's file, in bytes."""
 _MAGIC, _JSON, _BIN = 0x46546C67, 0x4E4F534A, 0x004E4942
 _PACKED = "_meshopt_compression"
-"""The end of an extension's name that has buffers of its own."""
+"""Suffix of the names of extensions with their own buffers."""
 _IMAGES = {b"\x89PNG": "image/png", b"RIFF": "image/webp", b"\xabKTX": "image/ktx2"}
-"""Kinds by how they begin; else JPEG."""
+"""Image types by first bytes; otherwise JPEG."""
 _HEADER = 20
 """Bytes of a GLB before its JSON."""
 WRONG = (ValueError, KeyError, IndexError, TypeError, AttributeError, OverflowError, struct.error, RecursionError)
-"""What reading raises where a file is not as it should be."""
+"""Errors of reading a malformed file, and their messages."""
 _SAID: dict[type[Exception], str] = {
     KeyError: "it lacks {}",
     IndexError: "it names a part that it does not have",
@@ -35,10 +35,10 @@ _SAID: dict[type[Exception], str] = {
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GltfFile:
-    """What is in a file; its buffers are one."""
+    """A file's content, with its buffers joined."""
 
     document: dict[str, Any]
-    """The JSON. Its first buffer, if it has any, is `data`."""
+    """The JSON. Its first buffer, if any, is `data`."""
     data: bytes
     path: Path
 
@@ -57,14 +57,11 @@ class GltfFile:
 
 
 def read_gltf(path: Path, *, with_data: bool = True) -> GltfFile:
-    """Read a .glb or .gltf.
+    """Read a .glb or .gltf. Raises InputError if it cannot be read, or is not glTF 2.0.
 
     Args:
-        path: The file. What a .gltf names must lie in its folder.
-        with_data: Buffers and images as well; without them, only the skeleton can be read.
-
-    Raises:
-        InputError: It cannot be read, or is no glTF 2.0.
+        path: The file. Files that a .gltf refers to must be in its folder.
+        with_data: Read buffers and images as well; without them, only the skeleton is available.
     """
     try:
         content = regular_file(path, most=_MOST).read_bytes()
@@ -78,18 +75,17 @@ def read_gltf(path: Path, *, with_data: bool = True) -> GltfFile:
             data = _joined(document, data, path)
     except WRONG as error:
         raise InputError(
-            f"{path}: is no glTF 2.0 that can be read: {said_of(error)}. Export the rig again as GLB."
+            f"{path}: is not a readable glTF 2.0 file: {said_of(error)}. Export the rig again as GLB."
         ) from error
     return GltfFile(document=document, data=data, path=path)
 
 
 def said_of(error: Exception) -> str:
-    """What is wrong with a file, by one of WRONG."""
+    """What is wrong with a file, from WRONG."""
     return _SAID.get(type(error), "{}").format(error)
 
 
 def _parts(content: bytes) -> tuple[dict[str, Any], bytes]:
-    """JSON and binary chunk."""
     if content[:4] != b"glTF":
         return _json(content), b""
     if len(content) < _HEADER:
@@ -122,7 +118,7 @@ def _json(content: bytes) -> dict[str, Any]:
 
 
 def _joined(document: dict[str, Any], data: bytes, path: Path) -> bytes:
-    """All buffers and images as one block; the document then names that."""
+    """All buffers and images as one block, which the document then refers to."""
     if packed := sorted(name for name in document.get("extensionsUsed", []) if name.endswith(_PACKED)):
         raise ValueError(f"its data is compressed by {packed[0]}; expected none, or Draco")
     places, joined = [], b""
@@ -149,17 +145,17 @@ def _joined(document: dict[str, Any], data: bytes, path: Path) -> bytes:
 
 
 def _content(uri: str, path: Path) -> bytes:
-    """What a uri leads to: data inside of it, or a file in the folder of the glTF."""
+    """The content behind a uri: embedded data, or a file in the folder of the glTF."""
     if uri.startswith("data:"):
         try:
             return base64.b64decode(uri.partition(",")[2], validate=True)
         except binascii.Error:
-            raise ValueError("data inside of it is not base64") from None
+            raise ValueError("its embedded data is not base64") from None
     folder = path.parent.resolve()
     file = (folder / unquote(uri)).resolve()
     if not file.is_relative_to(folder):
-        raise ValueError(f"it names {uri!r}, which is outside of its folder")
+        raise ValueError(f"it refers to {uri!r}, which is outside its folder")
     try:
         return regular_file(file, most=_MOST).read_bytes()
     except OSError as error:
-        raise ValueError(f"{uri!r}, which it names, cannot be read ({error.strerror or error})") from None
+        raise ValueError(f"{uri!r}, which it refers to, cannot be read ({error.strerror or error})") from None

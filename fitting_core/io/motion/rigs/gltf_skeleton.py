@@ -1,4 +1,4 @@
-"""The nodes of a glTF file as a skeleton. The rest pose is that of its nodes when nothing is animated."""
+"""The nodes of a glTF file as a skeleton. Their transforms without animation are the rest pose."""
 
 from typing import Any
 
@@ -14,11 +14,7 @@ _NODES = 4096
 
 
 def gltf_skeleton(file: GltfFile) -> tuple[Skeleton, list[int]]:
-    """The skeleton, and each joint's node.
-
-    Raises:
-        InputError: The nodes are no tree, or a transform is none.
-    """
+    """The skeleton, and each joint's node. Raises InputError if the nodes are not a tree, or a transform is invalid."""
     nodes = file.document.get("nodes")
     try:
         if not isinstance(nodes, list) or not nodes:
@@ -34,7 +30,7 @@ def gltf_skeleton(file: GltfFile) -> tuple[Skeleton, list[int]]:
     jointed = _with_those_between(nodes, order, jointed)
     names = {n: str(nodes[n].get("name") or f"node {n}") for n in order}
     offered = tuple(names[n] for n in order if n in jointed)
-    for n in order:  # a mesh called Head is not the bone Head
+    for n in order:  # a mesh named Head is not the bone Head
         if n not in jointed and names[n] in offered:
             names[n] += f" (node {n})"
     place = {n: j for j, n in enumerate(order)}
@@ -50,25 +46,25 @@ def gltf_skeleton(file: GltfFile) -> tuple[Skeleton, list[int]]:
 
 
 def _order(nodes: list[dict[str, Any]]) -> tuple[list[int], list[int]]:
-    """Nodes so that parents stand first, and the parent of each."""
+    """Nodes, parents first, and the parent of each."""
     if len(nodes) > _NODES:
         raise ValueError(f"it has {len(nodes)} nodes, expected at most {_NODES}: the character alone")
     parents = [-1] * len(nodes)
     for n, node in enumerate(nodes):
         for child in node.get("children", []):
             if not 0 <= child < len(nodes) or parents[child] >= 0 or child == n:
-                raise ValueError(f"node {child!r} is the child of two nodes, of itself, or is not there")
+                raise ValueError(f"node {child!r} is the child of two nodes or of itself, or does not exist")
             parents[child] = n
     order = [n for n, parent in enumerate(parents) if parent < 0]
     for n in order:
         order += nodes[n].get("children", [])
     if len(order) < len(nodes):
-        raise ValueError("its nodes run in a circle")
+        raise ValueError("its nodes form a cycle")
     return order, parents
 
 
 def _human_bones(extensions: dict[str, Any], order: list[int]) -> dict[str, int]:
-    """By VRM's names of bones, their nodes, parents first; empty for what is no VRM, 1.0 or 0."""
+    """Nodes by VRM bone name, parents first; empty if it is neither VRM 1.0 nor 0."""
     if "VRMC_vrm" in extensions:
         found = {name: bone["node"] for name, bone in extensions["VRMC_vrm"]["humanoid"]["humanBones"].items()}
     elif "VRM" in extensions:
@@ -79,7 +75,7 @@ def _human_bones(extensions: dict[str, Any], order: list[int]) -> dict[str, int]
 
 
 def _with_those_between(nodes: list[dict[str, Any]], order: list[int], jointed: set[int]) -> set[int]:
-    """Joints of the skins, and nodes between them and above, as hips that no vertex follows; up to what all hang on."""
+    """Joints of the skins, and the nodes between and above them up to their common root, as hips without vertices."""
     below = {n: int(n in jointed) for n in order}
     for n in reversed(order):
         below[n] += sum(below[child] for child in nodes[n].get("children", []))
@@ -97,7 +93,7 @@ def _local(node: dict[str, Any]) -> Float[np.ndarray, "4 4"]:
     else:
         turn = np.array(node.get("rotation", (0, 0, 0, 1)), float)
         if turn.shape != (4,) or not np.linalg.norm(turn) > 0:
-            raise ValueError(f"the rotation {turn.tolist()} is no quaternion")
+            raise ValueError(f"the rotation {turn.tolist()} is not a quaternion")
         matrix = np.eye(4)
         matrix[:3, :3] = Rotation.from_quat(turn).as_matrix() * np.broadcast_to(node.get("scale", (1, 1, 1)), 3)
         matrix[:3, 3] = node.get("translation", (0, 0, 0))

@@ -1,4 +1,4 @@
-"""The user's own rig: a small TOML file beside a BVH, GLB or glTF, which says what its joints stand for.
+"""The user's own rig: a small TOML file beside a BVH, GLB or glTF, which maps its joints.
 
     skeleton = "hero.glb"            # in the folder of this file
 
@@ -8,8 +8,8 @@
     left_hip = "LeftUpLeg"           # SMPL-X's names: the thigh begins at the hip
     jaw = ""                         # the rig has none
 
-What the table leaves out is guessed by the joints' names, and "" says that the rig has no such joint. Of
-the rig itself, given in the place of this file, everything is guessed.
+Joints that the table leaves out are guessed by name, and "" says that the rig has no such joint. If the rig itself is
+given instead of this file, everything is guessed.
 """
 
 from dataclasses import dataclass
@@ -27,10 +27,10 @@ from fitting_core.io.motion.rigs.gltf_file import read_gltf
 from fitting_core.io.motion.rigs.gltf_skeleton import gltf_skeleton
 
 _MOST = 2**20
-"""Bytes of a mapping file."""
+"""Limit for a mapping file, in bytes."""
 _GLTF = (".glb", ".gltf", ".vrm")
 _TO_CONVERT = (".fbx", ".blend", ".dae", ".usd")
-"""Rigs that are not read."""
+"""Rig formats that are not read."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,14 +43,12 @@ class RigMapping:
 
 
 def read_skeleton(path: Path, *, whole: bool = False) -> Skeleton:
-    """The skeleton of a .bvh, .glb, .gltf or .vrm file; `offered` are the names to choose from.
+    """The skeleton of a .bvh, .glb, .gltf or .vrm file, with the names to choose from. Raises InputError if it is not
+    one of these, or cannot be read.
 
     Args:
         path: The file.
-        whole: Whether all that the file needs must be there, its surface and images too.
-
-    Raises:
-        InputError: It is none of these, or cannot be read.
+        whole: Require everything that the file refers to, surface and images included.
     """
     ending = path.suffix.lower()
     if ending == ".bvh":
@@ -62,14 +60,12 @@ def read_skeleton(path: Path, *, whole: bool = False) -> Skeleton:
 
 
 def read_mapping(path: Path, *, checked: bool = True) -> RigMapping:
-    """Read a mapping file, complete what it leaves out by names, and check it, unless it is still being made.
+    """Read a mapping file, fill it in by joint names, and check it unless it is still being edited. Raises InputError
+    if the mapping cannot be read or used, or the rig cannot be read.
 
     Args:
-        path: The mapping file, or the rig itself, of which everything is guessed.
-        checked: Refuse what cannot be used.
-
-    Raises:
-        InputError: It cannot be read, or cannot be used, or the rig cannot be read.
+        path: The mapping file, or the rig itself, for which everything is guessed.
+        checked: Refuse a mapping that cannot be used.
     """
     is_rig = path.suffix.lower() in (*_GLTF, ".bvh", *_TO_CONVERT)
     table = {} if is_rig else _table(path)
@@ -101,10 +97,10 @@ def _table(path: Path) -> dict:
         table = parsed_toml(content.decode("utf-8-sig"))
     except ValueError as error:
         raise InputError(
-            f'{path}: is no TOML file ({error}). Expected a line such as skeleton = "hero.glb", and a table [joints].'
+            f'{path}: is not a TOML file ({error}). Expected a line like skeleton = "hero.glb", and a table [joints].'
         ) from None
     if unknown := sorted(set(table) - {"skeleton", "joints"}):
-        raise InputError(f"{path}: {some_of(unknown)} is not known here; expected skeleton and [joints].")
+        raise InputError(f"{path}: {some_of(unknown)} is unknown; expected skeleton and [joints].")
     return table
 
 
@@ -135,15 +131,15 @@ def _names(path: Path, part: str, value: object) -> tuple[str, ...]:
 
 
 def write_mapping(path: Path, mapping: RigMapping) -> None:
-    """Write a mapping file. Parts that the rig lacks are written as "", so that nothing is guessed for them.
+    """Write a mapping file. Parts that the rig lacks are written as "", so that they are not guessed.
 
     Raises:
-        InputError: The rig does not lie in the folder of the file, or below it.
+        InputError: The rig is not in the file's folder or below it.
         OSError: It cannot be written; nothing is left of it.
     """
     folder, rig = path.parent.resolve(), mapping.skeleton.resolve()
     if not rig.is_relative_to(folder):
-        raise InputError(f"{path}: the rig {mapping.skeleton} does not lie beside it. Copy one to the other.")
+        raise InputError(f"{path}: the rig {mapping.skeleton} is not in its folder. Copy one to the other.")
     lines = [f"skeleton = {_quoted(rig.relative_to(folder).as_posix())}", "", "[joints]"]
     for part in PARTS:
         names = mapping.joints.get(part, ())

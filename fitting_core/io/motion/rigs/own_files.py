@@ -1,4 +1,4 @@
-"""Files of a motion on the user's own rig: the rig's file with the animation in it, or a BVH of its skeleton."""
+"""Export of a motion on the user's own rig: the rig's file with an animation added, or a BVH of its skeleton."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -22,7 +22,7 @@ _FLOAT = 5126
 
 
 def write_own_glb(path: Path, motion: Motion, mapping_path: Path, progress: Progress | None = None) -> None:
-    """Write the rig's own GLB or glTF with all that is in it, and the motion as its first animation.
+    """Write the rig's own GLB or glTF with all its content, and the motion as its first animation.
 
     Raises:
         InputError: The mapping or the rig cannot be used, or the rig is a BVH, which has no surface.
@@ -45,7 +45,7 @@ def write_own_glb(path: Path, motion: Motion, mapping_path: Path, progress: Prog
 
 
 def write_own_bvh(path: Path, motion: Motion, mapping_path: Path, progress: Progress | None = None) -> None:
-    """Write the rig's skeleton with the motion, in the rig's unit and with its up axis.
+    """Write the rig's skeleton with the motion, in the rig's unit and up axis.
 
     Raises:
         InputError: The mapping or the rig cannot be used.
@@ -59,7 +59,7 @@ def write_own_bvh(path: Path, motion: Motion, mapping_path: Path, progress: Prog
 
 
 def _jointed(skeleton: Skeleton, moving: RigMotion) -> list[int]:
-    """The pelvis and the joints below it: a glTF has meshes, cameras and the like among its nodes as well."""
+    """The pelvis and the joints below it: glTF nodes also include meshes and cameras."""
     target, offered = moving.target, set(skeleton.offered)
     kept = set()
     for k in target.order_below_root:
@@ -99,7 +99,7 @@ def _animated(file: GltfFile, moving: RigMotion, nodes: list[int], rest: np.ndar
 
 
 def _adder(document: dict[str, Any], data: bytearray) -> Callable[..., int]:
-    """What appends an array to a file's data, and gives the number of its accessor."""
+    """A function that appends an array to a file's data and returns the number of its accessor."""
     views, accessors = (document.setdefault(name, []) for name in ("bufferViews", "accessors"))
 
     def add(values: np.ndarray, kind: str, *, bounds: bool = False) -> int:
@@ -116,7 +116,7 @@ def _adder(document: dict[str, Any], data: bytearray) -> Callable[..., int]:
 
 
 def _as_parts(node: dict[str, Any]) -> None:
-    """A node with a matrix cannot be animated: translation, rotation and scale take its place."""
+    """A node with a matrix cannot be animated: replace it by translation, rotation and scale."""
     if "matrix" in node:
         matrix = np.array(node.pop("matrix"), float).reshape(4, 4).T
         scale = np.linalg.norm(matrix[:3, :3], axis=0)

@@ -1,6 +1,6 @@
-"""A rig that moves as BVH: its joints by their names, turned against a rest pose whose axes are the world's.
+"""A moving rig as BVH: its joints by name, rotated from a rest pose whose axes are the world's.
 
-The root has a position, and so has the pelvis where the rig has a root above it; every joint turns by Z, X and Y in
+The root has a position, and so does the pelvis if the rig has a root above it; every joint rotates by Z, X and Y in
 this order (R = Rz Rx Ry), as in `io/motion/bvh.py`.
 """
 
@@ -21,7 +21,7 @@ from fitting_core.motion import Progress
 _TURNS = "Zrotation Xrotation Yrotation"
 _PLACES = "Xposition Yposition Zposition"
 _END = 0.2
-"""Share of the last bone by which its end lies behind it."""
+"""Length of the end site, as a share of the last bone."""
 
 
 def write_rig_bvh(
@@ -33,19 +33,16 @@ def write_rig_bvh(
     kept: Sequence[int] | None = None,
     progress: Progress | None = None,
 ) -> None:
-    """Write the skeleton and its motion.
+    """Write the skeleton and its motion. Raises OSError if the file cannot be written; nothing is left of it.
 
     Args:
         path: The file.
         moving: What moves.
         frame_rate: Frames per second.
-        unit: What the rig's lengths are multiplied with: 100 for centimetres in place of metres.
-        kept: The joints that are written, parents first, with the parents of all but the first; None: all that hang on
-            what the pelvis hangs on.
+        unit: Factor for the rig's lengths: 100 for centimetres instead of metres.
+        kept: The joints to write, parents first, with the parents of all but the first; None: all below the topmost
+            joint above the pelvis.
         progress: See `Progress`.
-
-    Raises:
-        OSError: The file cannot be written; nothing is left of it.
     """
     tree = _Tree(moving, sorted(_of_pelvis(moving) if kept is None else kept), unit)
     rows = tree.rows()
@@ -59,7 +56,7 @@ def write_rig_bvh(
 
 
 def _of_pelvis(moving: RigMotion) -> list[int]:
-    """The topmost joint above the pelvis, and all that hang on it."""
+    """The topmost joint above the pelvis, and all its descendants."""
     parents, top = moving.target.parents, moving.target.root
     while parents[top] >= 0:
         top = int(parents[top])
@@ -72,8 +69,6 @@ def _of_pelvis(moving: RigMotion) -> list[int]:
 
 @dataclass(frozen=True, eq=False)
 class _Tree:
-    """The joints that are written."""
-
     moving: RigMotion
     kept: list[int]
     unit: float
@@ -87,7 +82,6 @@ class _Tree:
 
     @cached_property
     def children(self) -> dict[int, list[int]]:
-        """By joint, those that hang on it."""
         found: dict[int, list[int]] = {k: [] for k in self.kept}
         for k in self.kept[1:]:
             found[self.parent(k)].append(k)
@@ -104,7 +98,7 @@ class _Tree:
         return order
 
     def rows(self) -> Float[np.ndarray, "T n"]:
-        """The values of the channels, joint by joint as the hierarchy names them."""
+        """The channels' values, joint by joint in the hierarchy's order."""
         moved, places, order = self.moving.moved, self.moving.places, self.depth_first()
         local = np.stack([self._against_parent(moved, k) @ moved[:, k] for k in order], 1)
         vectors = Rotation.from_matrix(local.reshape(-1, 3, 3)).as_rotvec().reshape(*local.shape[:2], 3)
@@ -122,7 +116,7 @@ class _Tree:
         return moved[:, p].swapaxes(-1, -2) if p >= 0 else np.broadcast_to(np.eye(3), moved[:, k].shape)
 
     def lines(self) -> list[str]:
-        """The hierarchy. A chain of joints may be longer than Python calls itself."""
+        """The hierarchy, iteratively: a chain of joints may exceed Python's recursion limit."""
         lines: list[str] = []
         opened: list[int] = []
         for k in self.depth_first():
@@ -134,11 +128,11 @@ class _Tree:
         return lines + ["\t" * depth + "}" for depth in reversed(range(len(opened)))]
 
     def _joint(self, k: int, indent: str) -> list[str]:
-        """A joint without what hangs on it, and without the brace that ends it."""
+        """A joint without its children, and without the closing brace."""
         target, inner, p = self.moving.target, indent + "\t", self.parent(k)
         offset = self.unit * (target.places[k] - (target.places[p] if p >= 0 else 0.0))
         channels = f"6 {_PLACES} {_TURNS}" if self.has_place(k) else f"3 {_TURNS}"
-        name = "_".join(target.names[k].split()) or "joint"  # a name with a blank would be two words
+        name = "_".join(target.names[k].split()) or "joint"  # a blank would split the name
         lines = [f"{indent}{'JOINT' if p >= 0 else 'ROOT'} {name}", f"{indent}{{"]
         lines += [_offset(offset, inner), f"{inner}CHANNELS {channels}"]
         if not self.children[k]:

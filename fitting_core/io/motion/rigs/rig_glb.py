@@ -1,7 +1,7 @@
-"""A standard rig that moves as binary glTF: the person's surface skinned to its joints, in its rest pose, animated.
+"""A moving standard rig as binary glTF: the person's surface skinned to its joints, in its rest pose, animated.
 
-As `io/motion/glb.py` writes the body on its own skeleton. Metres, y up. The rest pose is that of the nodes and of the
-skin. What is said of the motion, and how far the surface is from the fit's, is in the extras of asset and scene.
+Like `io/motion/glb.py`, which writes the body on its own skeleton. Metres, y up. Nodes and skin have the same rest
+pose. Facts about the motion, and the surface's deviation from the fit's, are in the extras of asset and scene.
 """
 
 from pathlib import Path
@@ -21,16 +21,13 @@ from fitting_core.io.motion.gltf_buffer import Buffer
 from fitting_core.motion import Motion, Progress, stated
 
 ARMATURE, MESH, FIRST_JOINT = range(3)
-"""Nodes: the rig as a whole, what is skinned, and the joints one after the other."""
+"""Nodes: the rig's root, the skinned mesh, then the joints."""
 _COLOR = [0.62, 0.68, 0.76, 1.0]
 
 
 def write_standard_glb(path: Path, motion: Motion, standard: Standard, progress: Progress | None = None) -> Deviation:
-    """Write a motion on a standard rig; how far the surface will be from the fit's where a program shows it.
-
-    Raises:
-        OSError: The file cannot be written; nothing is left of it.
-    """
+    """Write a motion on a standard rig; returns how far the surface will be from the fit's as programs show it. Raises
+    OSError if the file cannot be written; nothing is left of it."""
     moving = on_standard(motion, standard)
     surface = surface_on(motion, moving)
     found = surface_deviation(motion, moving, surface, progress)
@@ -82,7 +79,7 @@ def skinned_document(
 
 
 def joint_nodes(moving: RigMotion) -> list[gltf.Node]:
-    """The joints at rest, beginning at node FIRST_JOINT."""
+    """The joints at rest, from node FIRST_JOINT on."""
     target = moving.target
     nodes = []
     for k, p in enumerate(target.parents):
@@ -98,7 +95,7 @@ def joint_nodes(moving: RigMotion) -> list[gltf.Node]:
 def animation_of(
     motion: Motion, moving: RigMotion, buffer: Buffer, *, surface: Surface | None = None
 ) -> gltf.Animation:
-    """The joints' turns, the pelvis's place and the shapes' weights at the times of the frames."""
+    """The joints' rotations, the pelvis's position and the shapes' weights at the frames' times."""
     target, times = moving.target, np.arange(len(motion)) / motion.frame_rate
     animation = gltf.Animation(name=motion.name, samplers=[], channels=[])
     when = buffer.add(times.astype(np.float32), bounds=True)

@@ -1,10 +1,10 @@
 """A person as VRM 1.0, and their motion as VRM animation 1.0: two files, as VRM holds no motion.
 
-Both have the bones of `known_rigs.VRM` in T pose, facing +z, in metres. The avatar has the person's surface, which
-follows the bones by linear skinning; a component of the body's expression is a custom expression each way, a weight of
-1 being three of its units, and the same in the animation. Of VRM's presets there is `aa`, which opens the jaw, and of
-the free body, whose components are known, some of the face. Eyes are bones of the avatar, and not of the animation,
-where VRM has a point that they look at instead: it has none here.
+Both have the bones of `known_rigs.VRM` in T pose, facing +z, in metres. The avatar has the person's surface with linear
+skinning; each component of the body's expression becomes two custom expressions, one per sign, with a weight of 1 for
+three units, and likewise in the animation. Of VRM's presets it has `aa`, which opens the jaw, and for the free body,
+whose components are known, some of the face. Eyes are bones in the avatar but not in the animation, where VRM has a
+look-at point instead, which is not written.
 
 Sources: the specifications VRMC_vrm-1.0 and VRMC_vrm_animation-1.0 of the VRM Consortium.
 """
@@ -31,7 +31,7 @@ from fitting_core.motion import Motion, Progress, stated
 from fitting_core.shipped import FREE_FOLDER
 
 UNITS = 3.0
-"""Of an expression's component, at a weight of 1."""
+"""Units of an expression component at a weight of 1."""
 _OPEN = 0.35
 """Radians by which the jaw opens for `aa`."""
 _JAW = "jaw_open"
@@ -43,14 +43,14 @@ _FREE_PRESETS = {
     "blinkLeft": ("expression_8", 0.7),
     "blinkRight": ("expression_8_negative", 0.7),
 }
-"""What the free body's components are (assets/bodies/ATTRIBUTION.md): smile, lips protruded and wide, eyes closed; and
-how much of it: at more, lids and lips bulge."""
+"""Meaning of the free body's components (assets/bodies/ATTRIBUTION.md): smile, lips protruded and wide, eyes closed;
+and their largest value: beyond it, lids and lips bulge."""
 _EYES = ("leftEye", "rightEye")
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Licence:
-    """What may be done with a body's files."""
+    """The terms of use of a body's files."""
 
     names: str
     url: str
@@ -64,11 +64,7 @@ _OF_KINDS = {
 
 
 def write_vrm(path: Path, motion: Motion, progress: Progress | None = None) -> None:
-    """Write the person as an avatar, without motion.
-
-    Raises:
-        OSError: The file cannot be written; nothing is left of it.
-    """
+    """Write the person as an avatar, without motion. Raises OSError if that fails; nothing is left of the file."""
     moving = on_standard(motion, VRM)
     still = replace(motion.one_shape[:1], contacts=None)
     surface = _avatar(motion, replace(moving, moved=moving.moved[:1], root=moving.root[:1]), still)
@@ -85,7 +81,7 @@ def write_vrm(path: Path, motion: Motion, progress: Progress | None = None) -> N
 def write_vrm_animation(path: Path, motion: Motion, progress: Progress | None = None) -> None:
     """Write the motion for avatars of VRM 1.0, of any proportions: their hips' height scales it.
 
-    It begins at the origin, on the floor, where programs that show avatars look.
+    It starts at the origin, on the floor, where programs that show avatars look.
 
     Raises:
         OSError: The file cannot be written; nothing is left of it.
@@ -127,7 +123,7 @@ def write_vrm_animation(path: Path, motion: Motion, progress: Progress | None = 
 
 
 def _animate(animation: gltf.Animation, node: int, values: Float[np.ndarray, "T"], buffer: Buffer) -> None:
-    """An expression's weight is the x of a node's translation."""
+    """glTF has an expression's weight in the x of a node's translation."""
     rows = np.zeros((len(values), 3), np.float32)
     rows[:, 0] = values
     times = animation.samplers[0].input
@@ -151,7 +147,7 @@ def _components(body: BodyModel) -> list[tuple[str, int, float]]:
 
 
 def _values(motion: Motion) -> dict[str, Float[np.ndarray, "T"]]:
-    """Weights from 0 to 1 of the expressions that the motion has."""
+    """The motion's expressions as weights from 0 to 1."""
     found = {}
     for name, k, sign in _components(motion.body):
         values = (sign * motion.params.expression[:, k].double().numpy() / UNITS).clip(0.0, 1.0)
@@ -161,7 +157,7 @@ def _values(motion: Motion) -> dict[str, Float[np.ndarray, "T"]]:
 
 
 def _avatar(motion: Motion, moving: RigMotion, still: Motion) -> Surface:
-    """The person's surface at rest, with shapes for its face in place of a motion's."""
+    """The person's surface at rest, with morph targets for its face instead of a motion's."""
     surface = surface_on(still, moving)
     body, target = still.shaped_body, moving.target
     weights = body.skinning_weights
@@ -182,7 +178,6 @@ def _avatar(motion: Motion, moving: RigMotion, still: Motion) -> Surface:
 
 
 def _opened(body: BodyModel, moving: RigMotion) -> Float[np.ndarray, "V 3"]:
-    """The surface at rest with the jaw open."""
     target = moving.target
     places = np.stack([target.places[target.of_joint[name]] for name in JOINT])
     turns = target.rest.copy()
@@ -225,7 +220,7 @@ def is_free(body: BodyModel) -> bool:
 
 
 def meta_of(motion: Motion) -> dict[str, Any]:
-    """VRM's terms: those of the body's files, and for whom it shows, that they were not asked."""
+    """VRM's terms of use: those of the body's files, with a reminder that the person was not asked."""
     person = "The shape is that of a person who was filmed: ask them before others use it."
     common = {
         "name": f"{motion.name} (tcfit)",
@@ -252,8 +247,8 @@ def meta_of(motion: Motion) -> dict[str, Any]:
     return common | {
         "copyrightInformation": f"Made from the body model {licence.names}, which has a licence of its own. {person}",
         "thirdPartyLicenses": (
-            f"{licence.names}: by default for non-commercial scientific research alone, and not to be passed on. Who "
-            "holds another licence of it follows that."
+            f"{licence.names}: for non-commercial scientific research only, not to be redistributed. Holders "
+            "of another licence follow that."
         ),
         "otherLicenseUrl": licence.url,
         "commercialUsage": "personalNonProfit",

@@ -22,8 +22,6 @@ _PERSON, _FIRST = "Person in it", "Its first frame"
 
 @dataclass(frozen=True, kw_only=True)
 class _Part:
-    """One part of `Given`, in words."""
-
     name: Literal["start", "shape"]
     label: str
     hint: str
@@ -134,7 +132,6 @@ class _SourceInput:
         self.set(structs.replace(before, run=None, path=str(path)))
 
     def set(self, source: Source | None) -> None:
-        """Set the source for the next fit."""
         now = self._tab.state.settings
         given = structs.replace(now.given, **{self._part.name: source})
         self._tab.set(settings=replace(now, given=given))
@@ -143,7 +140,6 @@ class _SourceInput:
         return getattr(now.given, self._part.name)
 
     def draw(self, now: FitSettings) -> None:
-        """Send what changed."""
         source, wrong = self._source(now), self._part.name in dict(now.problems)
         of_file = source is not None and source.run is None
         known = {run.id: run.option for run in reversed(self._tab.session.fits.runs) if run.stored}

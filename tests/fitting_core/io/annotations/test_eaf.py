@@ -166,7 +166,7 @@ def test_broken_files(tmp_path: Path, name: str):
     content, says = BROKEN[name]
     path = tmp_path / "broken.eaf"
     path.write_text(content)
-    with pytest.raises(InputError, match=rf"broken\.eaf: is no \.eaf file that can be read: .*({says})"):
+    with pytest.raises(InputError, match=rf"broken\.eaf: is not a readable \.eaf file: .*({says})"):
         read_eaf(path)
 
 

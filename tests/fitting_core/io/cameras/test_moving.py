@@ -55,7 +55,7 @@ def test_the_same_path_in_every_form(tmp_path: Path, form):
     np.testing.assert_allclose(camera.path.rotation[0], np.eye(3), atol=1e-12)
     assert any("moves" in note for note in notes)
     scaleless = form is not files.moving_npz
-    assert any("without a scale" in note for note in notes) == scaleless
+    assert any("without scale" in note for note in notes) == scaleless
     assert is_possible(camera) and camera_from(camera_arrays(camera)) == camera
 
 
@@ -101,7 +101,7 @@ def test_short_gaps_are_filled_between_their_neighbours(tmp_path: Path):
     np.testing.assert_allclose(places[4], (WAY[2] + 2 * WAY[5]) / 3, atol=1e-9)
     half = Rotation.from_matrix(turns[0] @ turns[1].T).magnitude()
     assert half == pytest.approx(Rotation.from_matrix(turns[1] @ turns[2].T).magnitude())
-    assert any("those of 3 frames are between their neighbours'" in note for note in notes)
+    assert any("those of 3 frames are interpolated" in note for note in notes)
 
 
 def test_other_numbers_are_of_another_clip(tmp_path: Path):
@@ -149,7 +149,7 @@ def test_a_clip_has_the_path_of_its_frames(tmp_path: Path, first: int | None, la
     part = slice(first or 0, COUNT if last is None else last + 1)
     np.testing.assert_allclose(in_world(made.camera)[1], WAY[part], atol=1e-9)
     assert made.camera.path is not None and len(made.camera.path) == len(made)
-    assert any("without a scale" in note and "camera_unit" in note for note in made.notes)
+    assert any("without scale" in note and "camera_unit" in note for note in made.notes)
     with Project.create(tmp_path / "p.tcfit", made):
         pass
     with Project.open(tmp_path / "p.tcfit", read_only=True) as project:
@@ -180,4 +180,4 @@ def test_a_unit_that_nobody_says_is_estimated_with_the_keypoints(tmp_path: Path)
     assert told.camera.path is not None and np.ptp(told.camera.path.places[:, 0]) == pytest.approx(
         np.ptp(aside) * 0.5 / unit
     )
-    assert not any("without a scale" in note for note in told.notes)
+    assert not any("without scale" in note for note in told.notes)

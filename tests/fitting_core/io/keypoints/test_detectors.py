@@ -71,7 +71,7 @@ def test_a_name_is_read_in_any_case(tmp_path: Path):
 @pytest.mark.parametrize("said", ["alphapose", "", 5, ["mediapipe"], {"name": "mediapipe"}])
 def test_of_a_detector_that_nobody_measured_a_note_says_so(tmp_path: Path, said: object):
     found = read_detections(openpose(tmp_path / "walk", said))
-    assert found.detector == "" and "weighed as if they were OpenPose's" in found.notes[0]
+    assert found.detector == "" and "weighted as if they were OpenPose's" in found.notes[0]
     assert repr(said) in found.notes[0] and "mediapipe" in found.notes[0]
 
 

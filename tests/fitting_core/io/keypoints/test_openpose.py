@@ -293,7 +293,7 @@ def test_a_folder_without_keypoint_files(tmp_path):
 @pytest.mark.parametrize("name", ["clip.csv", "coco.json"])
 def test_an_unknown_format(tmp_path, name):
     (tmp_path / name).write_text('{"frames": []}')
-    with pytest.raises(InputError, match=f"{name} is no keypoint format that can be read: it starts as none"):
+    with pytest.raises(InputError, match=f"{name} is not a readable keypoint format: it starts as none"):
         read_detections(tmp_path / name)
 
 
@@ -410,7 +410,7 @@ def test_a_list_of_frames_in_a_folder(tmp_path: Path, figure):
         (tmp_path / f"pose_{k:05}_.json").write_text(json.dumps([of_controlnet(figure, shares=True)]))
     assert read_detections(tmp_path).numbers == (0, 1)
     (tmp_path / "pose_00002_.json").write_text(json.dumps([of_controlnet(figure, shares=True)] * 2))
-    with pytest.raises(InputError, match=r"pose_00002_\.json: holds 2 frames; expected one in each file of a folder"):
+    with pytest.raises(InputError, match=r"pose_00002_\.json: holds 2 frames; expected one per file in a folder"):
         read_detections(tmp_path)
 
 

@@ -162,8 +162,8 @@ def test_vposers_numbers_are_decoded(tiny_body: BodyModel, tmp_path: Path):
     found = read_smplifyx(folder, gender="female", decode=prior.decode)
     assert torch.allclose(found.params.body_pose, prior.decode(latent), atol=1e-9)
     assert found.gender == "female" and found.camera is None
-    assert found.focal == (FOCAL, "SMPLify-X's default, as its results tell none")
-    with pytest.raises(InputError, match="32 numbers of a VPoser instead of angles"):
+    assert found.focal == (FOCAL, "SMPLify-X's default, as its results have none")
+    with pytest.raises(InputError, match="32 VPoser numbers instead of angles"):
         read_smplifyx(folder)
 
 
@@ -258,7 +258,7 @@ def test_a_result_of_frames_of_which_some_have_no_image(tiny_body: BodyModel, tm
 def test_frames_that_do_not_reach_over_the_clip(tiny_body: BodyModel, tmp_path: Path):
     motion = _named(tiny_body, tmp_path, [0, 1, 2, 3])
     found, wanted = "has 4 frames at 25 per second, for the video's frames 0 to 3", "clip's 3 frames, 4 to 6 at 25 per"
-    with pytest.raises(InputError, match=f"{found}; expected some of the {wanted} second. Say with --first-frame"):
+    with pytest.raises(InputError, match=f"{found}; expected some of the {wanted} second. Give --first-frame"):
         cover(motion, 3, clip_first=4, clip_rate=25)
     assert cover(motion, 3, clip_first=2, clip_rate=25).there.tolist() == [True, True, False]
     assert cover(motion, 3, clip_first=2, clip_rate=25, first_frame=1).places.tolist() == [1, 2, 3]

@@ -272,7 +272,7 @@ def test_romp_without_tracks(tmp_path: Path, tiny_body: BodyModel):
     results = romp(people, pelvis_of(tiny_body), tracked=False)
     found = read_motion(written(tmp_path / "a.npz", npz_bytes(results=results)), person=1)
     assert torch.allclose(found.params.body_pose, people[1][0].body_pose, atol=1e-5)
-    assert "tells no tracks" in found.notes[1]
+    assert "has no tracks" in found.notes[1]
 
 
 def test_bevs_children_are_told(tmp_path: Path, tiny_body: BodyModel):
@@ -280,7 +280,7 @@ def test_bevs_children_are_told(tmp_path: Path, tiny_body: BodyModel):
     for values in results.values():
         values["smpl_betas"][:, 10] = 0.5
     found = read_motion(written(tmp_path / "a.npz", npz_bytes(results=results)))
-    assert found.notes == ("BEV's number for a child's age is left out: the body is that of an adult.",)
+    assert found.notes == ("BEV's number for a child's age is left out: the body is an adult's.",)
 
 
 def test_frames_come_in_order(tmp_path: Path):

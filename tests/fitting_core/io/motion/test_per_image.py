@@ -60,7 +60,7 @@ def test_people_change_places_in_the_list(tmp_path: Path):
     folder = smplerx(tmp_path, {0: (one, ALL), 1: (other, ALL[1:])})
     found = [read_motion(folder, person=n) for n in (0, 1)]
     found.sort(key=len)
-    assert [len(motion) for motion in found] == [4, 5] and "tells no tracks" in found[0].notes[-1]
+    assert [len(motion) for motion in found] == [4, 5] and "has no tracks" in found[0].notes[-1]
     assert torch.allclose(found[1].params.body_pose, one.body_pose)
     assert torch.allclose(found[0].params.body_pose, other.body_pose[:4])
 

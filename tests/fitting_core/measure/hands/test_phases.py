@@ -9,9 +9,10 @@ from scipy.spatial.transform import Rotation
 from evaluation.synthetic.acting.script import Build
 from evaluation.synthetic.motions.signing import signing
 from evaluation.synthetic.suite import SEQUENCES, subject_body, world_params
+from fitting_core.body.geometry import SIDES
 from fitting_core.body.model import JOINT
 from fitting_core.body.points.positions import joints_in_space
-from fitting_core.measure.hands.phases import SIDES, hand_phases, wrist_height, wrist_speed
+from fitting_core.measure.hands.phases import hand_phases, wrist_height, wrist_speed
 from fitting_core.measure.hands.spans import Span, spans_of
 from tests.samples.scripted_phases import agreement, scripted_phases
 

@@ -3,8 +3,10 @@
 from pathlib import Path
 
 from tcfit_app.review.gestures.actions import ACTIONS, Key
+from tcfit_app.review.panels import PANELS
 from tcfit_app.review.panels.key_list import GESTURES, joined_keys, key_groups, keys_html
-from tcfit_app.review.tab.state import MODES
+from tcfit_app.review.panels.start_panel import StartPanel
+from tcfit_app.review.tab.state import MODES, PANEL_TITLES
 
 PAGE = Path(__file__).parents[4] / "docs" / "app.md"
 
@@ -48,6 +50,12 @@ def test_keys_are_called_what_is_written_on_them():
     assert ACTIONS["undo"].key_text == "Ctrl+Z"
     assert ACTIONS["range_start"].key_text == "["
     assert [ACTIONS[name].key_text for name in MODES] == ["1", "2", "3"]
+
+
+def test_every_panel_of_a_fitted_clip_has_a_key():
+    always = [panel.title for panel in PANELS if panel is not StartPanel]
+    assert list(PANEL_TITLES) == always
+    assert [ACTIONS[f"panel_{title.lower()}"].key_text for title in always] == [f"Shift+{n}" for n in range(1, 8)]
 
 
 def test_the_window_has_a_heading_for_each_group():

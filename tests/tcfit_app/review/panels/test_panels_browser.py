@@ -234,6 +234,13 @@ def test_the_window_of_keys_opens_and_closes(opened: Reviewing):
         window.wait_for(state="detached")
 
 
+def test_keys_lead_to_panels(opened: Reviewing):
+    selected = opened.tab.locator("[role=tab][aria-selected=true]")
+    for number, title in ((6, "Compare"), (7, "Export"), (1, "View")):
+        opened.tab.keyboard.press(f"Shift+Digit{number}")
+        until(lambda title=title: selected.inner_text() == title, f"the panel {title}")
+
+
 def test_the_panel_on_show_stays_over_a_reload_and_a_lost_connection(opened: Reviewing):
     def shown() -> str:
         return opened.tab.locator("[role=tab][aria-selected=true]").inner_text()

@@ -33,14 +33,17 @@ window.addEventListener("click", ({ target }) => {
   const tab = allTabs().find((each) => target instanceof Node && each.contains(target));
   if (tab) sessionStorage.setItem(PANEL, tab.title);
 }, true);
-/** Shows a panel and lets the user type into one of its fields, once they are there.
- * @param {string} panel its title @param {string} name the field's label @param {number} looks that are left */
+
+/** Shows a panel and lets the user type into one of its fields, if one is named, once they are there.
+ * @param {string} panel its title @param {string} name the field's label, or nothing
+ * @param {number} looks that are left */
 function leadTo(panel, name, looks) {
   const tab = allTabs().find(({ title }) => title === panel);
   if (tab && tab.getAttribute("aria-selected") !== "true") {
     pressTab(tab);
     sessionStorage.setItem(PANEL, panel);
   }
+  if (tab && !name) return;
   const fields = [...document.querySelectorAll(TEXT_INPUT)].filter((field) => field instanceof HTMLInputElement);
   const field = fields.find((each) => isShown(each) && nameOf(each) === name);
   if (field) field.focus();

@@ -184,9 +184,9 @@ def pipe(folder: Path) -> Path:
 
 MALFORMED: dict[str, tuple[Callable[[Path], Path], str]] = {
     "no file": (lambda folder: folder / "rig.toml", "cannot be read"),
-    "no TOML": (toml("skeleton: hero"), "is no TOML file"),
-    "not UTF-8": (toml('skeleton = "h\xe9ro.bvh"'), "is no TOML file"),
-    "an unknown table": (toml('skeleton = "a.bvh"\n[bones]'), "bones is not known here"),
+    "no TOML": (toml("skeleton: hero"), "is not a TOML file"),
+    "not UTF-8": (toml('skeleton = "h\xe9ro.bvh"'), "is not a TOML file"),
+    "an unknown table": (toml('skeleton = "a.bvh"\n[bones]'), "bones is unknown"),
     "no skeleton": (toml("[joints]"), "skeleton is None"),
     "a skeleton that is a number": (toml("skeleton = 3"), "skeleton is 3"),
     "a rig that is not there": (toml('skeleton = "hero.glb"'), "not in its folder"),
@@ -212,26 +212,26 @@ MALFORMED: dict[str, tuple[Callable[[Path], Path], str]] = {
     "a BVH without known names": (bvh(lambda text: text.replace("Arm", "Qrm")), "no joint stands for left_elbow"),
     "a pipe": (pipe, "is a named pipe"),
     "a GLB that is cut off": (
-        lambda f: with_mapping(f, "hero.glb", glb_bytes(gltf_document())[:200]), "is no glTF 2.0 that can be read"),
+        lambda f: with_mapping(f, "hero.glb", glb_bytes(gltf_document())[:200]), "is not a readable glTF 2.0 file"),
     "a GLB of version 1": (glb(lambda d: d["asset"].update(version="1.0")), "its version is '1.0'"),
     "a GLB without asset": (glb(lambda d: d.pop("asset")), "its version is None"),
     "a GLB without nodes": (glb(lambda d: d.pop("nodes")), "has no nodes"),
     "nodes in a circle": (glb(lambda d: d["nodes"][5].update(children=[2])), "child of two nodes|circle"),
-    "a child that is not there": (glb(lambda d: d["nodes"][5].update(children=[999])), "not there"),
-    "a rotation of nothing": (glb(lambda d: d["nodes"][3].update(rotation=[0, 0, 0, 0])), "no quaternion"),
+    "a child that is not there": (glb(lambda d: d["nodes"][5].update(children=[999])), "does not exist"),
+    "a rotation of nothing": (glb(lambda d: d["nodes"][3].update(rotation=[0, 0, 0, 0])), "not a quaternion"),
     "a transform that is not finite": (glb(lambda d: d["nodes"][3].update(translation=[0, float("inf"), 0])), "finite"),
     "a matrix of nine": (glb(lambda d: d["nodes"][3].update(matrix=[1] * 9)), "skeleton cannot be read"),
     "a skin without joints": (glb(lambda d: d["skins"][0].pop("joints")), "lacks 'joints'"),
     "two joints of a name": (glb(lambda d: d["nodes"][5].update(name="Hips")), "several joints 'Hips'"),
-    "no JSON": (lambda f: with_mapping(f, "hero.gltf", "{"), "is no glTF 2.0"),
+    "no JSON": (lambda f: with_mapping(f, "hero.gltf", "{"), "is not a readable glTF 2.0"),
     "a number beyond all numbers": (glb(lambda d: d["nodes"][3].update(translation=[10**400, 0, 0])), "too large"),
     "children that are none": (glb(lambda d: d["nodes"][3].update(children=None)), "of the wrong kind"),
     "more nodes than a character has": (glb(lambda d: d["nodes"].extend([{}] * 5000)), "nodes, expected at most 4096"),
     "a GLB of a few bytes": (lambda f: with_mapping(f, "hero.glb", b"glTF and"), "it is cut off"),
     "a VRM without bones": (glb(lambda d: d.update(extensions={"VRMC_vrm": {}})), "lacks 'humanoid'"),
     "a BVH with a brace too few": (bvh(lambda text: text.replace("{", "", 1)), "'OFFSET' where '{'"),
-    "TOML nested without end": (toml('skeleton = "a.bvh"\nx = ' + "[" * 20000), "is no TOML file"),
-    "a number of 5000 digits": (toml('skeleton = "a.bvh"\nx = ' + "9" * 5000), "is no TOML file"),
+    "TOML nested without end": (toml('skeleton = "a.bvh"\nx = ' + "[" * 20000), "is not a TOML file"),
+    "a number of 5000 digits": (toml('skeleton = "a.bvh"\nx = ' + "9" * 5000), "is not a TOML file"),
     "a name of 5000 letters": (toml(f'skeleton = "{"a" * 5000}.bvh"'), "not in its folder"),
     "JSON that is no object": (lambda f: with_mapping(f, "hero.gltf", "[]"), "not an object"),
 }  # fmt: skip
@@ -248,7 +248,7 @@ def test_what_cannot_be_used_is_refused(tmp_path: Path, name: str):
 def test_a_rig_elsewhere_is_not_written_about(tmp_path: Path):
     (tmp_path / "a").mkdir()
     (tmp_path / "hero.bvh").write_text(bvh_text())
-    with pytest.raises(InputError, match="does not lie beside it"):
+    with pytest.raises(InputError, match="is not in its folder"):
         write_mapping(tmp_path / "a" / "rig.toml", RigMapping(skeleton=tmp_path / "hero.bvh", joints={}))
     assert not list((tmp_path / "a").iterdir())
 

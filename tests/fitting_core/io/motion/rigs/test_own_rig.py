@@ -11,9 +11,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fitting_core.animation.retargeting.retarget import Posed, RigMotion, turned
-from fitting_core.animation.retargeting.touch import SIDES, gaps, touches
+from fitting_core.animation.retargeting.touch import gaps, touches
 from fitting_core.animation.rigs.known_rigs import MIXAMO
 from fitting_core.animation.rigs.own_rig import on_own
+from fitting_core.body.geometry import SIDES
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.errors import InputError
 from fitting_core.io.motion.rigs.mapping_file import RigMapping, read_mapping, read_skeleton
