@@ -15,6 +15,8 @@ BODY_25 = (
     "right_ankle left_hip left_knee left_ankle right_eye left_eye right_ear left_ear left_big_toe left_small_toe "
     "left_heel right_big_toe right_small_toe right_heel"
 ).split()
+FINGERS = ("index", "middle", "pinky", "ring", "thumb")
+"""In the order of SMPL-X's finger joints."""
 _FINGER_POINTS = [f"{finger}{k}" for finger in ("thumb", "index", "middle", "ring", "pinky") for k in (1, 2, 3, 4)]
 HAND_21 = ["wrist", *_FINGER_POINTS]
 FACE_70 = (
@@ -41,6 +43,7 @@ SEEN = 0.2
 """Confidence above which a keypoint counts as seen, where a yes or no is needed."""
 GROUPS = {"body": BODY, "left_hand": LEFT_HAND, "right_hand": RIGHT_HAND, "face": FACE}
 
+Side = Literal["left", "right"]
 PartOfPerson = Literal["person", "left_hand", "right_hand", "face"]
 PARTS: dict[PartOfPerson, slice] = {
     "person": slice(0, COUNT),
@@ -96,6 +99,17 @@ LIMBS = [
 LOCKABLE = {INDEX["nose"]: "head"} | {INDEX[name]: name for name in ("neck", *(BODY_25[i] for i in LIMBS))}
 """Keypoints by which a joint of the body can be locked as it is turned, and that joint's name."""
 
+_HAND_STARTS: dict[Side, int] = {"left": LEFT_HAND.start, "right": RIGHT_HAND.start}
+FINGER_JOINTS: dict[Side, tuple[int, ...]] = {
+    side: tuple(start + HAND_21.index(f"{finger}{k}") for finger in FINGERS for k in (1, 2, 3))
+    for side, start in _HAND_STARTS.items()
+}
+"""The keypoints on the 15 finger joints of a hand, in SMPL-X's order: by their turns a person states its shape."""
+_BEYOND_KNUCKLES = {
+    side: np.array([start + HAND_21.index(f"{finger}{k}") for finger in FINGERS for k in (2, 3, 4)])
+    for side, start in _HAND_STARTS.items()
+}
+
 
 @dataclass(frozen=True, kw_only=True)
 class Keypoints:
@@ -116,8 +130,9 @@ class Keypoints:
     It does not need a confidence: it says where the part is that has this name, detected or not.
     """
     turn: Float[np.ndarray, "T 137 3"] | None = None
-    """How the body's joint (see LOCKABLE) is turned against its parent, as stated by a person: axis-angle, radians;
-    NaN where not stated, None: nowhere. It is independent of the detection, and stays where sides are swapped back.
+    """How the body's joint (see LOCKABLE, FINGER_JOINTS) is turned against its parent, as stated by a person:
+    axis-angle, radians; NaN where not stated, None: nowhere. It is independent of the detection, and stays where sides
+    are swapped back. That of fingers counts where all of a hand's are stated.
     """
 
     def __post_init__(self) -> None:
@@ -136,6 +151,19 @@ class Keypoints:
     def told_depth(self) -> Float[np.ndarray, "T 137"]:
         """`depth`, all NaN when None."""
         return np.full(self.confidence.shape, np.nan) if self.depth is None else self.depth
+
+    @property
+    def overruled(self) -> Bool[np.ndarray, "T 137"]:
+        """Detections that do not count because a person stated the hand's shape: of fingers, beyond the knuckles.
+
+        Wrist and knuckles tell how the hand is held, and still count.
+        """
+        found = np.zeros(self.confidence.shape, bool)
+        if self.turn is not None:
+            for side, joints in FINGER_JOINTS.items():
+                stated = np.isfinite(self.turn[:, joints]).all((1, 2))
+                found[np.ix_(np.flatnonzero(stated), _BEYOND_KNUCKLES[side])] = True
+        return found
 
     def __len__(self) -> int:
         return len(self.xy)

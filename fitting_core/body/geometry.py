@@ -1,12 +1,11 @@
 """Sides, rotations between directions, mirror images, and the normals of a mesh."""
 
-from typing import Literal
-
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial.transform import Rotation
 
-Side = Literal["left", "right"]
+from fitting_core.keypoints import Side
+
 SIDES: tuple[Side, Side] = ("left", "right")
 MIRROR = np.array([-1.0, 1.0, 1.0])
 """Multiplies positions: swaps the body's left and right."""

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-FINGERS = ("index", "middle", "pinky", "ring", "thumb")
-"""In SMPL-X's order."""
+from fitting_core.keypoints import FINGERS, Side
+
 _MIRROR = np.array([1.0, -1.0, -1.0])
 """From the left hand's axis-angle to the right hand's."""
 
@@ -115,7 +115,7 @@ _YAW = {"index": 6.0, "middle": 0.0, "ring": -5.0, "pinky": -11.0}
 """Degrees from straight ahead to the thumb's side in the rest pose: a finger curls about its own hinge, across it."""
 
 
-def finger_angles(shape: Handshape, side: str) -> Float[np.ndarray, "15 3"]:
+def finger_angles(shape: Handshape, side: Side) -> Float[np.ndarray, "15 3"]:
     """Axis-angle (radians) of the 15 finger joints of a hand in SMPL-X's order, relative to the rest pose."""
     angles = np.zeros((5, 3, 3))
     for i, finger in enumerate(FINGERS[:4]):
@@ -124,4 +124,9 @@ def finger_angles(shape: Handshape, side: str) -> Float[np.ndarray, "15 3"]:
         angles[i, 0] += shape.converge * _STEPS[finger] * np.array([cosine, 0, sine])
         angles[i, 0, 1] = shape.aside[_LONG.index(finger)] - shape.spread * _STEPS[finger]
     angles[4] = shape.thumb
-    return np.radians(angles.reshape(15, 3)) * (1.0 if side == "left" else _MIRROR)
+    return in_hand(np.radians(angles.reshape(15, 3)), side)
+
+
+def in_hand(angles: Float[np.ndarray, "*b 15 3"], side: Side) -> Float[np.ndarray, "*b 15 3"]:
+    """Angles of a left hand's finger joints in the hand of this side, and of this side's in a left hand."""
+    return angles * (1.0 if side == "left" else _MIRROR)

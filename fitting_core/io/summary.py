@@ -90,9 +90,9 @@ def _ground(grounding: Grounding) -> dict[str, Any]:
 
 
 def counted_keypoints(clip: Clip, body: BodyModel) -> Bool[np.ndarray, "T 137"]:
-    """Confident keypoints that are not cut off by the image border."""
+    """Confident keypoints that are neither cut off by the image border nor overruled by a stated handshape."""
     inside = (cut_off(clip.keypoints, clip.camera) == 0).all(-1)
-    return inside & (clip.keypoints.confidence > CONFIDENT)
+    return inside & (clip.keypoints.confidence > CONFIDENT) & ~clip.keypoints.overruled
 
 
 def reprojection(

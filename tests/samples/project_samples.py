@@ -15,7 +15,7 @@ from fitting_core.ground.contacts import Contacts
 from fitting_core.ground.gravity import Gravity
 from fitting_core.ground.grounding import Grounding
 from fitting_core.ground.plane import Ground
-from fitting_core.keypoints import COUNT, GROUPS, PARTS, Keypoints
+from fitting_core.keypoints import COUNT, FINGER_JOINTS, GROUPS, PARTS, Keypoints
 from fitting_core.results.error_bars import ErrorBars, error_bar_arrays
 from fitting_core.results.fit_result import FitResult, PhaseResult
 from fitting_core.results.provenance import Provenance
@@ -40,6 +40,7 @@ from tcfit_app.project.edits.kinds import (
     Restore,
     SetConfidence,
     SetDepth,
+    ShapeHand,
     SwapSides,
     TakeOver,
     Unlock,
@@ -201,6 +202,22 @@ def _locks(draw: st.DrawFn) -> Lock:
 
 
 @st.composite
+def _shaped_hands(draw: st.DrawFn) -> ShapeHand:
+    first, last = sorted(draw(st.tuples(*[st.integers(0, FRAMES - 1)] * 2)))
+    blend = draw(st.integers(0, (last - first) // 2))
+    shape = tuple((0.1 * k, draw(st.floats(-3, 3)), 0.0) for k in range(15))
+    return ShapeHand(
+        frames=tuple(range(first, last + 1)),
+        joints=draw(st.sampled_from(list(FINGER_JOINTS.values()))),
+        name="claw",
+        shape=shape if blend or draw(st.booleans()) else None,
+        blend=(blend if first else 0, blend if last < FRAMES - 1 else 0),
+        before=shape[::-1] if blend and first else None,
+        after=shape[::-1] if blend and last < FRAMES - 1 else None,
+    )
+
+
+@st.composite
 def _taken_over(draw: st.DrawFn) -> TakeOver:
     frames, joints = draw(_FRAMES), draw(_JOINTS)
     rng = np.random.default_rng(draw(st.integers(0, 99)))
@@ -255,6 +272,7 @@ def edits() -> st.SearchStrategy[Edit]:
         _depths(),
         _depths().map(_pinned),
         _locks(),
+        _shaped_hands(),
         _taken_over(),
         _detected_again(),
         st.builds(Unlock, frames=_FRAMES, joints=_LOCKABLE),
@@ -285,5 +303,6 @@ def random_edit(seed: int) -> Edit:
         SetDepth(frames=frames, joints=(4, 7), depth=tuple(map(tuple, rng.uniform(-1, 1, (2, 2)).tolist()))),
         PlaceKey(frames=tuple(range(FRAMES)), joints=joints, at=frames[0], xy=xy[0]),
         Lock(frames=frames, joints=(4,), turn=((0.1, -0.2, 0.3),)),
+        ShapeHand(frames=frames[:1], joints=FINGER_JOINTS["left"], name="x", shape=((0.1, -0.2, 0.3),) * 15),
     ]
     return kinds[seed % len(kinds)]

@@ -76,7 +76,7 @@ class Observations:
     turn: Float[Tensor, "T 137 3"]
     """Joint rotations set by a person (`Keypoints.turn`); NaN elsewhere."""
     shown: Bool[Tensor, "137"] = field(metadata=_OF_CLIP)
-    """Keypoints detected in any frame of the clip."""
+    """Keypoints detected in any frame of the clip, or of a hand whose shape a person stated."""
 
     def __post_init__(self) -> None:
         rows = {name: len(value) for name, value in self._by_frame().items()}
@@ -108,9 +108,11 @@ class Observations:
             keypoints, swaps = unswapped(keypoints)
             for pair, name in enumerate(PAIRED):
                 swapped[swaps.get(name, []), pair] = True
+        stated = keypoints.overruled
         side = cut_off(keypoints, camera) if config.one_sided_cut_off else np.zeros(keypoints.xy.shape, np.int8)
         xy, confidence, sides = (
-            as_tensor(a, dtype=dtype, device=device) for a in (keypoints.xy, keypoints.confidence, side)
+            as_tensor(a, dtype=dtype, device=device)
+            for a in (keypoints.xy, np.where(stated, 0.0, keypoints.confidence), side)
         )
         seen = (confidence > SEEN) & (sides == 0).all(-1)
         depth = as_tensor(keypoints.told_depth, dtype=dtype, device=device)
@@ -132,7 +134,7 @@ class Observations:
             held_position=xy.new_zeros(*confidence.shape, 3),
             held_position_deviation=torch.full_like(confidence, torch.inf),
             turn=torch.full_like(position, torch.nan) if turn is None else as_tensor(turn, dtype=dtype, device=device),
-            shown=(confidence > 0).any(0),
+            shown=(confidence > 0).any(0) | torch.as_tensor(stated.any(0)).to(device),
         )
 
     def lifted(self, camera: Camera, frame_rate: float, *, size: float = 1.0) -> "Observations":

@@ -12,10 +12,12 @@ from torch import Tensor
 from fitting_core.fit.compiled.jit import helper
 from fitting_core.fit.compiled.layout import MOST_COLUMNS, NUMBER
 from fitting_core.fit.terms.entry import Entry, Five, Kernel, Weight
+from fitting_core.fit.terms.locks import LOCK_WEIGHT
 from fitting_core.fit.terms.setting import Looked, Setting
 from fitting_core.fit.terms.term import Derivative, Term
 from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.state import Columns, Parametrisation
+from fitting_core.keypoints import FINGER_JOINTS
 
 DEPTH_WEIGHT = 100.0
 """Of the camera step: (1e2)^2 (tz - tz_0)^2."""
@@ -28,7 +30,7 @@ class Quadratic(Term):
     name: str
     where: slice
     """In the prior's own space."""
-    weight: Float[Tensor, "n"]
+    weight: Float[Tensor, "n"] | Float[Tensor, "T n"]
     target: Float[Tensor, "n"] | Float[Tensor, "T n"] | None = None
     once: bool = False
     derivative: ClassVar = Derivative.COLUMNS
@@ -37,8 +39,8 @@ class Quadratic(Term):
         """Weighted distance from the target."""
         value = e.state.vector[:, self.where]
         if self.target is not None:
-            value = value - (self.target[e.frames] if self.target.ndim == 2 else self.target)
-        return self.weight * value
+            value = value - _of_frames(self.target, e)
+        return _of_frames(self.weight, e) * value
 
     def columns(self, e: Estimate) -> Tensor:
         """The slice's columns."""
@@ -46,42 +48,46 @@ class Quadratic(Term):
 
     def slope(self, e: Estimate) -> Tensor:
         """The weights."""
-        return self.weight.expand(len(e.frames), -1)
+        return _of_frames(self.weight, e).expand(len(e.frames), -1)
+
+
+def _of_frames(values: Float[Tensor, "n"] | Float[Tensor, "T n"], e: Estimate) -> Tensor:
+    return values[e.frames] if values.ndim == 2 else values
 
 
 @helper
 def _cost(c, frame, orient, x, s, derivatives):
     """Of all quadratic terms, by columns of the state."""
-    cost, clip, target = 0.0, c.clip, c.frames[frame].target
+    cost, clip, target, weight = 0.0, c.clip, c.frames[frame].target, c.frames[frame].column_weight
     for k in range(0 if derivatives else clip.width - clip.shift):
-        away = clip.column_weight[k] * (x[k] - target[k])
+        away = weight[k] * (x[k] - target[k])
         cost += away * away
     return cost
 
 
 @helper
 def _add_columns(c, frame, x, s):
-    clip, target = c.clip, c.frames[frame].target
+    clip, target, weight = c.clip, c.frames[frame].target, c.frames[frame].column_weight
     for a in range(clip.free):
         at = clip.index[a]
-        weight = clip.column_weight[at] * clip.column_weight[at]
-        s.free_gradient[a] += weight * (x[at] - target[at])
-        s.free_matrix[a, a] += weight
+        square = weight[at] * weight[at]
+        s.free_gradient[a] += square * (x[at] - target[at])
+        s.free_matrix[a, a] += square
 
 
 def _constants(term: Quadratic) -> Mapping[str, Any]:
-    weight, target = np.zeros(MOST_COLUMNS), np.zeros((1, MOST_COLUMNS))
-    weight[term.where] = term.weight.detach()
-    if term.target is not None:
-        target = np.zeros((len(term.target) if term.target.ndim == 2 else 1, MOST_COLUMNS))
-        target[:, term.where] = term.target.detach()
-    return {"column_weight": weight, "target": target}
+    def in_columns(values: Tensor) -> np.ndarray:
+        wide = np.zeros((len(values) if values.ndim == 2 else 1, MOST_COLUMNS))
+        wide[:, term.where] = values.detach()
+        return wide
+
+    target = term.weight.new_zeros(1) if term.target is None else term.target
+    return {"column_weight": in_columns(term.weight), "target": in_columns(target)}
 
 
 KERNEL = Kernel(
     constants=_constants,
-    clip=(("column_weight", NUMBER, MOST_COLUMNS),),
-    frame=(("target", NUMBER, MOST_COLUMNS),),
+    frame=(("column_weight", NUMBER, MOST_COLUMNS), ("target", NUMBER, MOST_COLUMNS)),
     cost=_cost,
     add_columns=_add_columns,
 )
@@ -130,6 +136,29 @@ def _shared_shape(setting: Setting, looked: Looked, s: int) -> Term:
     return replace(shape, name="shared_shape", once=True)
 
 
+_HANDS = _l2(
+    "hand_pose",
+    "the coefficients of the hands' pose are small, or those of the shape that a person stated",
+    lambda columns: columns.hands,
+    Weight("hand_pose", "L2 of the hand components.", _POSE),
+)
+
+
+def _stated_hands(setting: Setting, looked: Looked, s: int) -> Term:
+    """The hands' prior; where a person stated a hand's shape, how far the hand is from it instead."""
+    prior, p, turn = _HANDS.make(setting, looked, s), setting.parametrisation, setting.observations.turn
+    both = torch.stack([turn[:, joints] for joints in FINGER_JOINTS.values()], 1).flatten(2)
+    stated = both.isfinite().all(2)
+    assert isinstance(prior, Quadratic), "hands have a term in every stage"
+    if not bool(stated.any()):
+        return prior
+    here = stated[..., None].expand(-1, -1, p.columns.hand).flatten(1)
+    angles = torch.where(stated[..., None], both, p.hand_mean)
+    return replace(
+        prior, weight=torch.where(here, LOCK_WEIGHT, prior.weight), target=p.nearest_hands(angles.flatten(1))
+    )
+
+
 ENTRIES = (
     _l2(
         "body_pose",
@@ -138,12 +167,7 @@ ENTRIES = (
         Weight("body_pose", "Body pose prior.", _POSE),
         target=lambda p: p.prior.neutral.to(p.betas),
     ),
-    _l2(
-        "hand_pose",
-        "the coefficients of the hands' pose are small",
-        lambda columns: columns.hands,
-        Weight("hand_pose", "L2 of the hand components.", _POSE),
-    ),
+    replace(_HANDS, make=_stated_hands),
     _l2(
         "jaw",
         "the jaw is not turned far",

@@ -178,9 +178,12 @@ class Parametrisation:
         """The same states with both hands halfway to a fist, as near as the hand space allows."""
         left = torch.tensor(_HALF_FIST).to(self.hand_mean).deg2rad()
         both = torch.stack([left, left * left.new_tensor([1.0, -1.0, -1.0])])
-        offset = both.view(2, 45) - self.hand_mean
-        values = (self.hand_basis.transpose(1, 2) @ offset[..., None]).flatten()
-        return state.with_columns(self.columns.hands, values.expand(len(state), -1))
+        return state.with_columns(self.columns.hands, self.nearest_hands(both.flatten()).expand(len(state), -1))
+
+    def nearest_hands(self, angles: Float[Tensor, "*b 90"]) -> Float[Tensor, "*b hands"]:
+        """The numbers of the hands of the hand space that are nearest to 15 + 15 finger joints' axis-angle."""
+        offset = angles.unflatten(-1, (2, 45)) - self.hand_mean
+        return torch.einsum("hjk,...hj->...hk", self.hand_basis, offset).flatten(-2)
 
     def hands(self, state: State) -> Float[Tensor, "B 90"]:
         """Axis-angle of the 15 + 15 finger joints."""

@@ -16,6 +16,7 @@ from fitting_core.keypoints import (
     BODY_25,
     COUNT,
     FACE,
+    FINGER_JOINTS,
     GROUPS,
     HANDS,
     INDEX,
@@ -204,10 +205,15 @@ class Interpolate(_Edit, frozen=True, tag="interpolate"):
 
 
 class Reset(_Edit, frozen=True, tag="reset"):
-    """Reset to the detection, without depth."""
+    """Reset to the detection, without depth. The shape of a hand stays unless all of its finger joints are reset."""
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
-        return detections.at(self.frames, self.joints)
+        made = detections.at(self.frames, self.joints)
+        for hand in FINGER_JOINTS.values():
+            if not {*hand} <= {*self.joints}:  # single fingers leave the hand's shape
+                of_hand = np.isin(self.joints, hand)
+                made.turn[:, of_hand] = now.at(self.frames, self.joints).turn[:, of_hand]
+        return made
 
 
 class SetConfidence(_Edit, frozen=True, tag="set_confidence"):
@@ -291,9 +297,7 @@ class Lock(_Edit, frozen=True, tag="lock"):
     def problem(self, length: int) -> str:
         if len(self.turn) != len(self.joints):
             return f"turn does not have one rotation for each of {len(self.joints)} keypoints"
-        if not all(abs(value) <= _MAX_TURN for turn in self.turn for value in turn):
-            return f"a rotation has a number that is not between -{_MAX_TURN:g} and {_MAX_TURN:g} radians"
-        return _lock_problem(self.joints)
+        return _turns_problem(self.turn) or _lock_problem(self.joints)
 
 
 class Unlock(_Edit, frozen=True, tag="unlock"):
@@ -306,6 +310,58 @@ class Unlock(_Edit, frozen=True, tag="unlock"):
 
     def problem(self, length: int) -> str:
         return _lock_problem(self.joints)
+
+
+Shape = tuple[tuple[float, float, float], ...]
+"""Axis-angle in radians of a hand's 15 finger joints."""
+
+
+class ShapeHand(_Edit, frozen=True, tag="shape_hand"):
+    """Give a hand a shape in consecutive frames, or none; keypoints stay as they are (see `Keypoints.overruled`)."""
+
+    name: str
+    """Of the shape, for people."""
+    shape: Shape | None
+    """For each of `joints`, which are FINGER_JOINTS of the hand; None: the hand is as it is seen again."""
+    blend: tuple[int, int] = (0, 0)
+    """How many of the first frames lead to the shape, and of the last ones away from it."""
+    before: Shape | None = None
+    """The hand before the first frame, where `blend` begins unless a shape was stated there."""
+    after: Shape | None = None
+    """The hand after the last frame."""
+
+    def values(self, now: Corrected, detections: Corrected) -> Corrected:
+        here = now.at(self.frames, self.joints)
+        here.turn[:] = np.nan if self.shape is None else self.shape
+        ends = (self.frames[0] - 1, self.before), (self.frames[-1] + 1, self.after)
+        for turns, count, (frame, seen) in zip((here.turn, here.turn[::-1]), self.blend, ends, strict=True):
+            if count:
+                stated = now.at((frame,), self.joints).turn[0]
+                start = stated if np.isfinite(stated).all() else np.array(seen)
+                share = (np.arange(count) + 1)[:, None, None] / (count + 1)
+                turns[:count] = start + share**2 * (3 - 2 * share) * (turns[:count] - start)
+        return here
+
+    @property
+    def whole(self) -> tuple[int, ...]:
+        """The frames that have the shape itself."""
+        return self.frames[self.blend[0] : len(self.frames) - self.blend[1]]
+
+    def problem(self, length: int) -> str:
+        if self.joints not in FINGER_JOINTS.values():
+            return "its keypoints are not the finger joints of one hand"
+        if self.frames != tuple(range(self.frames[0], self.frames[-1] + 1)):
+            return "its frames are not consecutive"
+        shapes = [shape for shape in (self.shape, self.before, self.after) if shape is not None]
+        if any(len(shape) != len(self.joints) for shape in shapes):
+            return f"a shape does not have one rotation for each of {len(self.joints)} finger joints"
+        if min(self.blend) < 0 or sum(self.blend) >= len(self.frames):
+            return "as many frames lead to or from the shape as there are, or a negative number"
+        inside = self.frames[0] > 0, self.frames[-1] + 1 < length
+        ends = zip(self.blend, (self.before, self.after), inside, strict=True)
+        if any(count and (self.shape is None or seen is None or not there) for count, seen, there in ends):
+            return "frames lead to or from the shape where nothing says what the hand is before or after"
+        return _turns_problem(turn for shape in shapes for turn in shape)
 
 
 class TakeOver(_Edit, frozen=True, tag="take_over"):
@@ -448,6 +504,7 @@ Edit = (
     | Pin
     | Lock
     | Unlock
+    | ShapeHand
     | TakeOver
     | DetectAgain
 )
@@ -515,6 +572,12 @@ def _depths_problem(depth: Sequence[Sequence[float]], frames: Sequence[int], joi
 def _depth_problem(joints: tuple[int, ...]) -> str:
     others = [NAMES[j] for j in joints if j >= len(BODY_25)]
     return f"{others[0]} is not a body keypoint, and only those have a depth" if others else ""
+
+
+def _turns_problem(turns: Iterable[tuple[float, float, float]]) -> str:
+    if all(abs(value) <= _MAX_TURN for turn in turns for value in turn):
+        return ""
+    return f"a rotation has a number that is not between -{_MAX_TURN:g} and {_MAX_TURN:g} radians"
 
 
 def _lock_problem(joints: tuple[int, ...]) -> str:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import ParamSpec
 
+from fitting_core.body.handshapes import HANDSHAPES
 from fitting_core.errors import InputError
 from fitting_core.keypoints import PARTS
 from tcfit_app.review.browser.page_states import KeyBinding
@@ -17,6 +18,7 @@ from tcfit_app.review.gestures.fitting import Fitting
 from tcfit_app.review.gestures.keyframing import keys_in
 from tcfit_app.review.gestures.noting import Noting
 from tcfit_app.review.gestures.reviewing import Reviewing
+from tcfit_app.review.gestures.shaping import ShapingHands
 from tcfit_app.review.gestures.zooming import next_close_up, show_whole, zoom_to_selection
 from tcfit_app.review.scene.windows import ARRANGEMENTS
 from tcfit_app.review.tab.state import MODES, OPACITIES, PANEL_TITLES, SIDES_SEEN
@@ -32,6 +34,7 @@ class Gestures:
         self.tab = tab
         self.correcting, self.reviewing, self.fitting = Correcting(tab), Reviewing(tab), Fitting(tab)
         self.depth = CorrectingDepth(tab, self.correcting)
+        self.shaping = ShapingHands(tab, self.correcting)
         self.noting, self.exchanging = Noting(tab), Exchanging(tab, self.correcting)
         self.again = DetectingAgain(tab, self.correcting)
 
@@ -193,6 +196,11 @@ def lockable(g: Gestures) -> None:
     g.depth.lockable()
 
 
+def hand(g: Gestures) -> None:
+    """Requires a selected hand."""
+    g.shaping.side()
+
+
 def key(g: Gestures) -> None:
     """Requires a keyframe of the selected keypoints."""
     keys_in(g.tab.session.project.corrected, g.correcting.selected(), g.tab.state.frame)
@@ -257,10 +265,11 @@ def _edited(g: Gestures) -> None:
     g.fitting.edited_windows()
 
 
-OF_SELECTION = (joints, limbs, lockable, key)
+OF_SELECTION = (joints, limbs, lockable, hand, key)
 """Needs that a menu opened on a keypoint ignores: it will be selected by then."""
 _EDIT = writable, keypoints, frames
 _OF_JOINTS = *_EDIT, joints
+_OF_HAND = *_EDIT, hand, fit
 _AGAIN = writable, keypoints, settings, fit
 _WAYS = {"left": (-1.0, 0.0), "right": (1.0, 0.0), "up": (0.0, -1.0), "down": (0.0, 1.0)}
 """Image directions."""
@@ -351,6 +360,15 @@ _KEYPOINTS: tuple[_Row, ...] = (
     ("lock", "Lock the joint's rotation", "Shift+l", lambda g: g.depth.lock(), (*_EDIT, lockable, fit)),
     ("unlock", "Unlock the joint", "", lambda g: g.depth.unlock(), (*_EDIT, lockable)),
     ("clear_depth", "Clear depth", "", lambda g: g.depth.clear_depth(), (*_EDIT, limbs)),
+    *(
+        (f"shape_{name}", f"Hand shape: {name}", "", lambda g, name=name: g.shaping.give_named(name), _OF_HAND)
+        for name in HANDSHAPES
+    ),
+    ("shape_other", "Hand shape: that of the other hand, mirrored", "", lambda g: g.shaping.give_other(), _OF_HAND),
+    ("shape_copied", "Hand shape: the copied one", "", lambda g: g.shaping.give_copied(), _OF_HAND),
+    ("shape_last", "Hand shape: the one given last", "Shift+h", lambda g: g.shaping.give_last(), _OF_HAND),
+    ("copy_shape", "Copy the hand's shape in the fit", "Shift+c", lambda g: g.shaping.copy(), (hand, fit)),
+    ("free_hand", "Hand shape: take it off", "", lambda g: g.shaping.free(), _OF_HAND),
     *(
         (
             _nudge(name, pixels),

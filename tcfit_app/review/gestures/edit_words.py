@@ -4,7 +4,7 @@ import textwrap
 
 import numpy as np
 
-from fitting_core.keypoints import PartOfPerson
+from fitting_core.keypoints import FINGER_JOINTS, PartOfPerson
 from tcfit_app.analysis.body_regions import full_name
 from tcfit_app.project.edits.edit_log import MarkFrames, MarkState, Said, WriteNote, WriteNotes
 from tcfit_app.project.edits.kinds import (
@@ -25,6 +25,7 @@ from tcfit_app.project.edits.kinds import (
     Restore,
     SetConfidence,
     SetDepth,
+    ShapeHand,
     SwapSides,
     TakeOver,
     Unlock,
@@ -56,6 +57,7 @@ VERBS: dict[type[Edit], str] = {
     Pin: "pinned in space",
     Lock: "rotation locked",
     Unlock: "unlocked",
+    ShapeHand: "given the shape",
     TakeOver: "exchanged with",
     DetectAgain: "detected again",
 }
@@ -78,6 +80,8 @@ def describe(edit: Said, first_frame: int = 0) -> str:
         return f"{_note_in_words(edit)}, {in_words(edit.frames, first_frame)}"
     if isinstance(edit, WriteNotes):
         return f"{len(edit.notes)} notes imported, {in_words(edit.frames, first_frame)}"
+    if isinstance(edit, ShapeHand):
+        return _shape_in_words(edit, first_frame)
     what = part_name(edit.part) if isinstance(edit, DetectAgain) else _keypoints_in_words(edit.joints)
     verb = _in_depth(edit) if isinstance(edit, SetDepth) else VERBS[type(edit)]
     if isinstance(edit, MoveKey):
@@ -121,6 +125,14 @@ def _keypoints_in_words(joints: tuple[int, ...]) -> str:
         return f"{full_name(wrists[0])} and its hand"
     names = [full_name(joint) for joint in joints]
     return ", ".join(names) if len(names) <= FEW else f"{len(names)} keypoints"
+
+
+def _shape_in_words(edit: ShapeHand, first_frame: int) -> str:
+    hand = next(side for side, joints in FINGER_JOINTS.items() if joints == edit.joints)
+    if edit.shape is None:
+        return f"{hand} hand's shape taken off, {in_words(edit.frames, first_frame)}"
+    lead = f", blended over {' and '.join(map(str, edit.blend))} frames" if any(edit.blend) else ""
+    return f"{hand} hand {VERBS[ShapeHand]} {shortened(edit.name)}, {in_words(edit.whole, first_frame)}{lead}"
 
 
 def _in_depth(edit: SetDepth) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 import viser
 
 from fitting_core.keypoint_noise import DETECTOR_TITLES
-from fitting_core.keypoints import COUNT, GROUPS, PARTS, PartOfPerson
+from fitting_core.keypoints import COUNT, GROUPS, LOCKABLE, PARTS, PartOfPerson
 from tcfit_app.analysis.body_regions import full_name
 from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.project.edits.edit_log import LogEntry, Redo, Remark, Said, Undo
@@ -41,6 +41,7 @@ from tcfit_app.review.panels.elements.html import (
     words,
 )
 from tcfit_app.review.panels.elements.selected_frames import listen, named, unseen
+from tcfit_app.review.panels.hand_shapes import HandShapes
 from tcfit_app.review.tab.buttons import one_of
 from tcfit_app.review.tab.tab import Tab
 
@@ -67,6 +68,8 @@ class KeypointsPanel:
         names = gui.add_dropdown("Keypoint", (_NOTHING, *_JOINTS), hint="Type a part of the name to find it")
         self._name = Dropdown(tab, names, self._select)
         self._buttons = Board(tab)
+        self._shapes = HandShapes(gestures)
+        self._moving = Board(tab)
         by = gui.add_vector2("Move by", (1.0, 0.0), step=0.5, hint="Pixels to the right and down")
         self._by = by
         self._confidence = gui.add_slider("Confidence", 0.0, 1.0, 0.05, 1.0)
@@ -122,6 +125,7 @@ class KeypointsPanel:
         looks = not refusal(self._gestures.again.refuse_blind)
         self._draw_missing(looks=looks)
         self._draw_buttons(where := self._where())
+        self._shapes.draw(where)
         self._groups.show(
             heading("Whole groups", where), self._group_table(), *_detected_by(session.project.footage.detector)
         )
@@ -204,6 +208,7 @@ class KeypointsPanel:
             row(act("interpolate_depth"), act("clear_depth")),
             row(act("pin", "Pin in space"), act("lock", "Lock rotation"), act("unlock", "Unlock")),
         )
+        self._moving.show(heading("By numbers", where))
         self._exactly.show(
             row(
                 button("Move by x, y", "keypoints.move", disabled=none, hint="In the frame on show only"),
@@ -365,7 +370,9 @@ def _place(tab: Tab, joint: int) -> Html:
 
 
 def _lock(corrected: Corrected, frame: int, joint: int) -> Html:
-    return tag("div", "rotation locked", class_="tcfit-dim") if corrected[frame].locked[joint] else Html()
+    if not corrected[frame].locked[joint]:
+        return Html()
+    return tag("div", "rotation locked" if joint in LOCKABLE else "in a given hand shape", class_="tcfit-dim")
 
 
 def _depth(corrected: Corrected, frame: int, joint: int) -> Html:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 
 from fitting_core.errors import InputError
-from fitting_core.keypoints import BODY, FACE, HANDS, INDEX, LEFT_HAND, NAMES, RIGHT_HAND, Keypoints
+from fitting_core.keypoints import BODY, FACE, FINGER_JOINTS, HANDS, INDEX, LEFT_HAND, NAMES, RIGHT_HAND, Keypoints
 from tcfit_app.project.edits import edit_log
 from tcfit_app.project.edits.edit_log import EditHistory, LogEntry, decode, encode
 from tcfit_app.project.edits.kinds import (
@@ -33,6 +33,7 @@ from tcfit_app.project.edits.kinds import (
     Restore,
     SetConfidence,
     SetDepth,
+    ShapeHand,
     SwapSides,
     Unlock,
 )
@@ -265,6 +266,43 @@ def test_joints_are_locked_until_they_are_unlocked_or_reset(detected: Keypoints)
     assert after(detected, lock, Unlock(frames=(0, 1, 2), joints=(4, 7))).keypoints.turn is None
 
 
+FIST = ((0.0, 0.0, -1.0),) * 15
+FLAT = ((0.0, 0.0, 0.0),) * 15
+LEFT_FINGERS = FINGER_JOINTS["left"]
+
+
+def shaped(detected: Keypoints, *edits: Edit) -> np.ndarray:
+    """How far a left hand is closed in each frame, NaN where it has no shape."""
+    turn = after(detected, *edits).corrected.turn
+    assert np.array_equal(turn[:, LEFT_FINGERS], turn[:, LEFT_FINGERS[:1]].repeat(15, 1), equal_nan=True)
+    return -turn[:, LEFT_FINGERS[0], 2]
+
+
+def test_a_hand_goes_over_into_its_shape_and_out_of_it(detected: Keypoints):
+    where: Any = {"joints": LEFT_FINGERS, "name": "fist"}
+    edit = ShapeHand(frames=(1, 2, 3, 4), **where, shape=FIST, blend=(2, 1), before=FLAT, after=FLAT)
+    assert edit.whole == (3,)
+    history = after(detected, edit)
+    assert untouched(history, detected, [], []) and history.corrected.told.sum() == 4 * 15
+    np.testing.assert_allclose(shaped(detected, edit), [np.nan, 7 / 27, 20 / 27, 1, 0.5, np.nan], atol=1e-6)
+    free = ShapeHand(frames=(2, 3), joints=LEFT_FINGERS, name="", shape=None)
+    assert np.isnan(shaped(detected, edit, free)).tolist() == [True, False, True, True, False, True]
+    other = ShapeHand(frames=(3, 4), **where, shape=FLAT, blend=(1, 0), before=FLAT)
+    already = ShapeHand(frames=(2,), **where, shape=FIST)
+    np.testing.assert_allclose(shaped(detected, already, other)[2:5], [1, 0.5, 0], atol=1e-6)
+
+
+def test_a_shape_stays_when_single_fingers_are_corrected(detected: Keypoints):
+    edit = ShapeHand(frames=(1, 2), joints=LEFT_FINGERS, name="fist", shape=FIST)
+    finger = LEFT_FINGERS[3]
+    stay = Reset(frames=(1,), joints=(finger, 4)), SwapSides(frames=(2,), joints=SWAPPABLE["hands"])
+    moved = MoveKeypoint(frames=(1,), joints=(finger,), xy=(((9.0, 9.0),),))
+    assert (shaped(detected, edit, moved, *stay)[1:3] == 1).all()
+    assert after(detected, edit, moved, *stay).corrected.xy[1, finger].tolist() == detected.xy[1, finger].tolist()
+    for gone in (Reset(frames=(1,), joints=HAND), DetectAgain.found((1,), "left_hand", hand_at(7))):
+        assert np.isnan(shaped(detected, edit, gone)).tolist() == [True, True, False, True, True, True]
+
+
 def test_depths_are_reset_and_cleared(detected: Keypoints):
     where: Any = {"frames": (1,), "joints": (LEFT,)}
     moved = MoveKeypoint(**where, xy=(((1.0, 1.0),),))
@@ -333,6 +371,7 @@ def test_undo_brings_the_earlier_detection_back(detected: Keypoints):
 
 
 ONE: Any = {"frames": (0,), "joints": (0,)}
+SHAPED = ShapeHand(frames=(1, 2, 3), joints=LEFT_FINGERS, name="fist", shape=FIST)
 AGAIN = DetectAgain.found((0,), "left_hand", hand_at(7))
 REFUSED = {
     "no frame": (MarkBad(frames=(), joints=(0,)), "names no frame"),
@@ -383,6 +422,16 @@ REFUSED = {
     "found nowhere": (DetectAgain.found((0,), "left_hand", hand_at(np.nan)), "a position is not a number"),
     "found too surely": (DetectAgain.found((0,), "left_hand", hand_at(7, confidence=1.5)), "a confidence is not"),
     "found unsurely": (DetectAgain.found((0,), "left_hand", hand_at(7, confidence=np.nan)), "a confidence is not"),
+    "shape of an arm": (msgspec.structs.replace(SHAPED, joints=(4, 7)), "not the finger joints of one hand"),
+    "shape with a gap": (msgspec.structs.replace(SHAPED, frames=(1, 2, 4)), "frames are not consecutive"),
+    "half a shape": (msgspec.structs.replace(SHAPED, shape=FIST[1:]), "one rotation for each of 15 finger joints"),
+    "endless shape": (msgspec.structs.replace(SHAPED, shape=((9.0, 0.0, 0.0),) * 15), "not between -7 and 7 radians"),
+    "only blends": (msgspec.structs.replace(SHAPED, blend=(1, 2), before=FIST, after=FIST), "as many frames lead"),
+    "blend from nothing": (msgspec.structs.replace(SHAPED, blend=(1, 0)), "nothing says what the hand is"),
+    "blend before the clip": (
+        msgspec.structs.replace(SHAPED, frames=(0, 1), blend=(1, 0), before=FIST),
+        "nothing says what the hand is",
+    ),
     "face": (SwapSides(frames=(0,), joints=(100,)), "belongs to the face"),
 }
 
@@ -400,7 +449,7 @@ def test_an_edit_reads_back_from_its_text(edit: Edit):
 
 
 def test_every_kind_is_drawn_in_these_tests():
-    assert set(KINDS.values()) == set(get_args(Edit)) and len(KINDS) == 19
+    assert set(KINDS.values()) == set(get_args(Edit)) and len(KINDS) == 20
     assert set(get_args(edit_log.LogAction)) == {
         *KINDS.values(),
         edit_log.MarkFrames,

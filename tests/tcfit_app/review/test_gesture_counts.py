@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from fitting_core.keypoints import INDEX, NAMES
+from fitting_core.body.points.positions import keypoints_in_space
+from fitting_core.keypoints import FINGER_JOINTS, INDEX, NAMES
+from fitting_core.measure.hands.handshapes import HandshapeSet, finger_bones
 from tests.drivers.page_tab import GUTTER, MARGIN
 from tests.drivers.review_page import QUICK, Reviewing, reviewing, until
 
@@ -139,6 +141,25 @@ def test_an_arm_on_the_wrong_side_over_twenty_frames(user: User):
     until(lambda: np.isfinite(user.review.session.project.corrected.depth[2:22, WRIST]).all(), "the depths")
     assert user.count == 3
     user.review.rest()
+
+
+def test_a_fist_instead_of_a_flat_hand_over_twenty_frames(user: User, monkeypatch: pytest.MonkeyPatch):
+    review, page = user.review, user.review.page
+    monkeypatch.setattr(page.gestures.shaping, "blend", 0)
+    user.select_frames(2, 21)
+    user.click(*review.place("right_wrist"))
+    user.press("tab", "Keypoints")
+    user.press("button", "Fist")
+    until(lambda: np.isfinite(review.session.project.corrected.turn[2:22, FINGER_JOINTS["right"]]).all(), "the shape")
+    assert user.count == 4
+    review.rest()
+    until(lambda: not review.session.jobs and not review.session.edit_follower.busy, "the fit")
+    shown = page.tab.look().b
+    assert shown is not None
+    body = review.session.bodies.of(shown.run.body)
+    bones = finger_bones(keypoints_in_space(body, shown.params)[0], "right")[2:22]
+    shapes = [HandshapeSet(body).nearest(bones[[frame]]) for frame in range(20)]
+    assert all(shape is not None and shape.name == "fist" and shape.degrees < 7 for shape in shapes)
 
 
 def test_a_glb(user: User):

@@ -7,10 +7,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from torch import Tensor
 
+from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.config.schema import PRESETS, FitConfig, SolverSettings
 from fitting_core.fit.fused import ready
@@ -182,6 +184,18 @@ def test_hands_of_other_spaces(tiny_body: BodyModel):
     made = stages(tiny_body, replace(config_of("tcfit"), hand_components=45))
     state = random_state(made.parametrisation, len(FRAMES))
     assert_same(*both(made, 5, state), state)
+
+
+def test_hands_whose_shape_was_stated(tiny_body: BodyModel):
+    turn = np.full((len(FRAMES), kp.COUNT, 3), np.nan)
+    turn[1:3, kp.FINGER_JOINTS["left"]], turn[2:, kp.FINGER_JOINTS["right"]] = 0.3, -0.2
+    detections = replace(noisy(keypoints_of(tiny_body, random_params(len(FRAMES))), 3.0), turn=turn)
+    made = stages_of(tiny_body, detections, config_of("tcfit"))
+    state = random_state(made.parametrisation, len(FRAMES))
+    fused, plain = both(made, 5, state)
+    assert_same(fused, plain, state)
+    seen = stages_of(tiny_body, replace(detections, turn=None), config_of("tcfit"))
+    assert apart(fused.cost(state, FRAMES), both(seen, 5, state)[1].cost(state, FRAMES)) > 0.1
 
 
 @pytest.mark.parametrize("moving", [Free(betas=False), Free(betas=False, hands=False, face=False)], ids=["all", "body"])

@@ -20,6 +20,7 @@ from fitting_core.fit.stages import Stages
 from fitting_core.fit.terms.collision import Collision
 from fitting_core.fit.terms.data import Data
 from fitting_core.fit.terms.limits import JointLimits
+from fitting_core.fit.terms.locks import LOCK_WEIGHT
 from fitting_core.fit.terms.positions import HeldPosition, RelativePosition
 from fitting_core.fit.terms.quadratic import Quadratic
 from fitting_core.fit.terms.table import TERMS
@@ -63,7 +64,8 @@ LOCKED = np.full((T, kp.COUNT, 3), np.nan)
 LOCKED[2, kp.INDEX["right_elbow"]] = (0.1, 1.9, -0.4)
 LOCKED[:3, kp.INDEX["nose"]] = (0.0, 0.3, 0.2)
 LOCKED[3, kp.INDEX["left_knee"]] = (0.0, 0.0, 0.0)
-"""Turns that a person has locked."""
+LOCKED[0, kp.FINGER_JOINTS["left"]] = np.random.default_rng(3).normal(0, 0.5, (15, 3))
+"""Turns that a person has locked, and a hand whose shape one stated."""
 
 
 class Huddle(Term):
@@ -328,6 +330,24 @@ def upright_by_hand(scene: Scene) -> list[float]:
     return costs
 
 
+def hand_pose_by_hand(scene: Scene) -> list[float]:
+    """5^2 x^2, and LOCK_WEIGHT^2 (x - x')^2 where x' are the nearest numbers to the stated shape."""
+    found = []
+    for i, frame in enumerate(FRAMES.tolist()):
+        of_frame = 0.0
+        for side, hand in enumerate(("left", "right")):
+            numbers = getattr(scene.params, f"{hand}_hand_pose")[i].numpy()
+            stated = LOCKED[frame, kp.FINGER_JOINTS[hand]].flatten()
+            weight, away = 5.0, numbers
+            if np.isfinite(stated).all():
+                weight = LOCK_WEIGHT
+                rows = scene.body.hand_components[side, : len(numbers)]
+                away = numbers - rows @ (stated - scene.body.hand_mean[side])
+            of_frame += float((weight * away) @ (weight * away))
+        found.append(of_frame)
+    return found
+
+
 def locks_by_hand(scene: Scene) -> list[float]:
     """3 - trace(R_0^T R) is (2 sin(a / 2))^2."""
     costs = []
@@ -354,7 +374,7 @@ BY_HAND = {
     "relative_position": relative_position_by_hand,
     "held_position": held_position_by_hand,
     "body_pose": body_pose_by_hand,
-    "hand_pose": lambda s: squares(torch.cat([s.params.left_hand_pose, s.params.right_hand_pose], 1), 5.0),
+    "hand_pose": hand_pose_by_hand,
     "shape": lambda s: squares(s.params.betas - torch.as_tensor(likeliest_shape(s)), 7.0),
     "shared_shape": lambda s: squares(s.params.betas - torch.as_tensor(likeliest_shape(s)), 7.0),
     "height": height_by_hand,

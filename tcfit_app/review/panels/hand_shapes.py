@@ -1,0 +1,73 @@
+"""Hands given a shape, a part of the Keypoints panel."""
+
+from functools import partial
+
+from fitting_core.body.handshapes import HANDSHAPES
+from fitting_core.errors import InputError
+from fitting_core.keypoints import Side
+from tcfit_app.review.gestures.actions import ACTIONS, Gestures, refusal
+from tcfit_app.review.gestures.shaping import HAND_POINTS, MOST_BLEND
+from tcfit_app.review.panels.elements.field import Field
+from tcfit_app.review.panels.elements.html import Board, action, button, choice, heading, paragraph, row
+from tcfit_app.review.shared.own_handshapes import keep_handshape, own_handshapes
+from tcfit_app.review.tab.buttons import one_of
+
+_BLEND = "Frames before and after, in which the hand goes over into the shape and out of it"
+_NAME = "Name of a shape of your own: Save keeps the hand of the frame on show under it, for all projects"
+
+
+class HandShapes:
+    """Which hand, the shapes to give it, and the user's own. Called repeatedly, it sends only changes."""
+
+    def __init__(self, gestures: Gestures) -> None:
+        self._gestures, self._action = gestures, partial(action, gestures)
+        self._tab, self._shaping = gestures.tab, gestures.shaping
+        gui = self._tab.client.gui
+        self._shapes = Board(self._tab)
+        slider = gui.add_slider("Blend", 0, MOST_BLEND, 1, self._shaping.blend, hint=_BLEND)
+        self._blend = Field(self._tab, slider, partial(setattr, self._shaping, "blend"))
+        self._name = gui.add_text("Own shape", "", hint=_NAME)
+        self._own = Board(self._tab)
+        on = self._tab.buttons.on
+        on("shapes.hand", self._select, one_of(HAND_POINTS))
+        on("shapes.own", self._shaping.give_own)
+        on("shapes.save", lambda _: self._shaping.save(self._name.value.strip()))
+        on("shapes.delete", lambda _: keep_handshape(self._name.value.strip(), None))
+
+    def _select(self, side: Side) -> None:
+        points = HAND_POINTS[side]
+        self._tab.set(selection=tuple(range(points.start, points.stop)))
+
+    def draw(self, where: str) -> None:
+        """Bring it to the tab's state; `where` says in words which frames buttons change."""
+        shaping, act = self._shaping, self._action
+        why = ACTIONS["shape_last"].obstacle(self._gestures)
+        try:
+            own, problem = own_handshapes(), ""
+        except InputError as error:
+            own, problem = {}, str(error)
+        side = None if refusal(shaping.side) else shaping.side()
+        hands = [button(f"{each.title()} hand", "shapes.hand", each, pressed=each == side) for each in HAND_POINTS]
+        copied = shaping.copied
+        self._shapes.show(
+            heading("Hand shape", where),
+            row(choice(*hands)),
+            row(*(act(f"shape_{name}", name[0].upper() + name[1:], kind="mini") for name in HANDSHAPES), wrap=True),
+            *(
+                [row(*(button(n, "shapes.own", n, disabled=bool(why), hint=why, kind="mini") for n in own), wrap=True)]
+                if own
+                else []
+            ),
+            row(act("shape_other", "Other hand"), act("copy_shape", "Copy")),
+            *([] if copied is None else [row(act("shape_copied", f"Copied: {copied.name}"))]),
+            row(act("shape_last", "Last one again", disabled=shaping.last is None), act("free_hand", "Take off")),
+        )
+        self._blend.show(shaping.blend)
+        unable = refusal(shaping.side) or ACTIONS["copy_shape"].obstacle(self._gestures)
+        self._own.show(
+            row(
+                button("Save shape", "shapes.save", disabled=bool(unable or problem), hint=unable),
+                button("Delete shape", "shapes.delete", disabled=not own),
+            ),
+            *([paragraph(problem, "warn")] if problem else []),
+        )

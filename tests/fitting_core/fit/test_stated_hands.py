@@ -1,0 +1,106 @@
+"""Hands whose shape a person stated: what the fit makes of them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from fitting_core import keypoints as kp
+from fitting_core.body.handshapes import HANDSHAPES, finger_angles
+from fitting_core.body.params import BodyParams
+from fitting_core.body.points.positions import keypoints_in_space
+from fitting_core.camera import project
+from fitting_core.clip import Clip
+from fitting_core.config.schema import PRESETS
+from fitting_core.fit.fitting import fit_clip, rerun_events
+from fitting_core.fit.stages import Stages
+from fitting_core.measure.hands.handshapes import HandshapeSet, finger_bones
+from tests.samples.posed_clips import clip_of, motion, shipped_body
+from tests.samples.scenes import finished
+
+FRAMES = 9
+STATED = slice(2, 6)
+NEAR = 7.0
+"""Degrees between finger bones: so near to each of the named shapes is what twelve numbers of a hand can say."""
+
+
+@pytest.fixture(scope="module")
+def params() -> BodyParams:
+    return motion(FRAMES)
+
+
+@pytest.fixture(scope="module")
+def clip(params: BodyParams) -> Clip:
+    return clip_of(params, noise=0.5, groups=(kp.BODY, kp.HANDS))
+
+
+def with_shape(clip: Clip, name: str, side: kp.Side = "left") -> Clip:
+    turn = np.full((FRAMES, kp.COUNT, 3), np.nan)
+    turn[STATED, kp.FINGER_JOINTS[side]] = finger_angles(HANDSHAPES[name], side)
+    return replace(clip, keypoints=replace(clip.keypoints, turn=turn))
+
+
+def told(found: BodyParams, side: kp.Side, frames: slice) -> tuple[str, float]:
+    """The named shape that a hand is nearest to, and how far from it, degrees."""
+    points = keypoints_in_space(shipped_body(), found)[0][frames]
+    nearest = HandshapeSet(shipped_body()).nearest(finger_bones(points, side))
+    assert nearest is not None
+    return nearest.name, nearest.degrees
+
+
+@pytest.mark.parametrize("name", HANDSHAPES)
+def test_the_hand_space_comes_near_to_every_named_shape(name: str):
+    stages = Stages.of(clip_of(motion(1)).keypoints, clip_of(motion(1)).camera, shipped_body(), PRESETS["tcfit"])
+    p = stages.parametrisation
+    angles = torch.as_tensor(np.concatenate([finger_angles(HANDSHAPES[name], side) for side in kp.FINGER_JOINTS]))
+    state = p.neutral(1).with_columns(p.columns.hands, p.nearest_hands(angles.flatten()))
+    for side in kp.FINGER_JOINTS:
+        shape, degrees = told(p.to_params(state), side, slice(None))
+        assert shape == name and degrees < NEAR
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_a_hand_has_its_shape_in_every_preset(clip: Clip, params: BodyParams, preset: str):
+    config = PRESETS[preset]
+    weights = replace(config.weights, collision=(0.0,) * 5)
+    config = replace(config, solver="lm", weights=weights, temporal=replace(config.temporal, stages=(5,)))
+    seen, found = (
+        finished(rerun_events(each, shipped_body(), config, params, range(1, 8))).params
+        for each in (clip, with_shape(clip, "fist"))
+    )
+    shape, degrees = told(found, "left", STATED)
+    assert shape == "fist" and degrees < NEAR
+    assert (found.right_hand_pose - seen.right_hand_pose).abs().max() < 0.1
+    assert (found.left_hand_pose - seen.left_hand_pose)[STATED].abs().max() > 1
+    assert torch.equal(found.left_hand_pose[[0, 8]], params.left_hand_pose[[0, 8]])
+
+
+def test_a_whole_fit_has_it_and_wrists_stay_where_they_are_seen(clip: Clip):
+    before = fit_clip(clip, shipped_body(), PRESETS["tcfit"]).last.params
+    after = fit_clip(with_shape(clip, "horns", "right"), shipped_body(), PRESETS["tcfit"]).last.params
+    assert told(before, "right", STATED)[0] != "horns" == told(after, "right", STATED)[0]
+    wrists = [keypoints_in_space(shipped_body(), p)[0][:, kp.INDEX["right_wrist"]] for p in (before, after)]
+    pixels = [project(clip.camera, torch.as_tensor(wrist)) for wrist in wrists]
+    assert (pixels[1] - pixels[0]).abs().max() < 1
+
+
+def test_hands_move_where_none_was_detected(params: BodyParams):
+    clip = with_shape(clip_of(params, noise=0.5), "fist")
+    found = fit_clip(clip, shipped_body(), PRESETS["tcfit"]).last.params
+    assert told(found, "left", STATED)[0] == "fist"
+
+
+def test_keypoints_of_its_fingers_do_not_count_and_those_of_the_palm_do(clip: Clip):
+    said = with_shape(clip, "fist")
+    over = said.keypoints.overruled
+    names = {kp.NAMES[j] for j in np.flatnonzero(over.any(0))}
+    assert names == {f"left_{finger}{k}" for finger in kp.FINGERS for k in (2, 3, 4)}
+    assert over.any(1).tolist() == [2 <= frame < 6 for frame in range(FRAMES)]
+    stages = Stages.of(said.keypoints, said.camera, shipped_body(), PRESETS["tcfit"])
+    assert not stages.observations.confidence[torch.as_tensor(over)].any()
+    assert stages.observations.confidence[3, kp.INDEX["left_index1"]] > 0
+
+    assert said.keypoints.turn is not None
+    said.keypoints.turn[3, kp.INDEX["left_thumb2"]] = np.nan
+    assert not said.keypoints.overruled[3].any(), "a hand without all of its joints has no stated shape"
