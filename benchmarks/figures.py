@@ -16,7 +16,7 @@ from fitting_core.body.model import N_HAND_COMPONENTS, N_JOINTS, POSE_JOINTS, Bo
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.camera import Camera
-from fitting_core.keypoints import COUNT, Keypoints
+from fitting_core.keypoints import COUNT, Keypoints, Side
 
 CAMERA = Camera(focal=(1150.0, 1150.0), center=(500.0, 500.0), size=(1000, 1000), source="given")
 DISTANCE = 3.5
@@ -25,7 +25,7 @@ TILT_DEGREES = 10.0
 """By which the camera looks down."""
 _COLLAR_ROUNDS = 4
 """The collar follows the upper arm, whose direction follows from where the collar holds it."""
-_SIDES = (("left", 1.0), ("right", -1.0))
+_SIDES: tuple[tuple[Side, float], ...] = (("left", 1.0), ("right", -1.0))
 _FACING = np.diag([1.0, -1.0, -1.0])
 _BODY = POSE_JOINTS["body_pose"]
 
@@ -120,7 +120,7 @@ def _place_arm(figure: Figure, side: str, sign: float, arm: Arm, shoulders: Floa
         figure.turn(limb.joints[-1], np.eye(3)[None])
 
 
-def _hand(body: BodyModel, side: str, shape: str) -> Float[torch.Tensor, "1 12"]:
+def _hand(body: BodyModel, side: Side, shape: str) -> Float[torch.Tensor, "1 12"]:
     """The nearest hand that the principal components can form, so that a fit could return it exactly."""
     index = 0 if side == "left" else 1
     angles = finger_angles(HANDSHAPES[shape], side).reshape(45) - body.hand_mean[index]

@@ -42,7 +42,7 @@ from fitting_core.keypoints import Keypoints
 from fitting_core.render.renderer import Renderer
 from fitting_core.world_camera import WorldCamera, in_camera
 
-SIDES = {"left": (1.0, kp.LEFT_HAND), "right": (-1.0, kp.RIGHT_HAND)}
+SIDES: dict[kp.Side, tuple[float, slice]] = {"left": (1.0, kp.LEFT_HAND), "right": (-1.0, kp.RIGHT_HAND)}
 VIEWS = {
     "palm": ((0.05, 1.0, 0.1), (-0.1, 0.0, 1.0)),
     "back": ((-0.3, 0.9, 0.1), (0.0, 0.0, -1.0)),

@@ -19,6 +19,7 @@ from fitting_core.body.handshapes import FINGERS, HANDSHAPES, finger_angles
 from fitting_core.body.mesh import shared_mesh
 from fitting_core.body.model import JOINT, N_JOINTS, POSE_JOINTS, BodyModel
 from fitting_core.body.params import BodyParams
+from fitting_core.keypoints import Side
 
 # Among the 51 inner landmarks, right ones of the person first.
 _BROWS = range(10)
@@ -170,7 +171,7 @@ class _Actor:
         figure.reach(LIMBS[f"{side}_leg"], ankle, directions_through(knees, self.times), foot)
         figure.turn(f"{side}_foot", toes)
 
-    def _pose_arm(self, figure: Figure, side: str, sign: float) -> None:
+    def _pose_arm(self, figure: Figure, side: Side, sign: float) -> None:
         keys, times = self.script.arms[side], self.times
         mirror = np.array([sign, 1.0, 1.0])
 

@@ -13,6 +13,7 @@ from scipy.interpolate import PchipInterpolator
 from scipy.ndimage import gaussian_filter1d
 
 from fitting_core.body.model import JOINT, BodyModel, other_side
+from fitting_core.keypoints import Side
 
 Key = tuple[float, Sequence[float] | np.ndarray]
 """A time in seconds and the value there."""
@@ -58,7 +59,7 @@ def wander(
 
 
 Vector = tuple[float, float, float]
-SIDES = {"left": 1.0, "right": -1.0}
+SIDES: dict[Side, float] = {"left": 1.0, "right": -1.0}
 """Each side with the sign of its x."""
 
 

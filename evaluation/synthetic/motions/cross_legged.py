@@ -12,6 +12,7 @@ import numpy as np
 
 from evaluation.synthetic.acting.script import (
     SIDES,
+from fitting_core.keypoints import Side
     ArmKey,
     Build,
     FootKey,
@@ -210,7 +211,7 @@ _FEET = {
 }
 
 
-def _arm(side: str, build: Build, manner: Manner) -> list[ArmKey]:
+def _arm(side: Side, build: Build, manner: Manner) -> list[ArmKey]:
     """An arm that supports the body, or balances it, on the way down and on the way up."""
     keys = [hanging(0.0, build), hanging(1.15, build)]
     keys += _landing(side, 1.9, build, manner) if side == manner.down else _balancing(1.7, 2.25, build)
@@ -239,7 +240,7 @@ _REACHING: dict[str, Any] = _FLAT | dict(fingers=(0.2, -0.5, 0.85), palm=(-0.6, 
 _OVER: dict[str, Any] = _FLAT | dict(fingers=(0.1, -0.4, 0.9), palm=(-0.5, -0.8, -0.3), shape="relaxed")
 
 
-def _landing(side: str, time: float, build: Build, manner: Manner) -> list[ArmKey]:
+def _landing(side: Side, time: float, build: Build, manner: Manner) -> list[ArmKey]:
     """The hand goes down to the floor behind the seat, and then past the thigh to the knee."""
     x, z = _support(side, build, manner, (0.37, 0.05))
     return [
@@ -253,7 +254,7 @@ def _landing(side: str, time: float, build: Build, manner: Manner) -> list[ArmKe
     ]
 
 
-def _rising(side: str, time: float, build: Build, manner: Manner) -> list[ArmKey]:
+def _rising(side: Side, time: float, build: Build, manner: Manner) -> list[ArmKey]:
     """The hand goes from the knee past the thigh to the floor beside the seat, and pushes off."""
     x, z = _support(side, build, manner, (0.42, 0.04))
     return [
@@ -267,7 +268,7 @@ def _rising(side: str, time: float, build: Build, manner: Manner) -> list[ArmKey
     ]
 
 
-def _support(side: str, build: Build, manner: Manner, place: tuple[float, float]) -> tuple[float, float]:
+def _support(side: Side, build: Build, manner: Manner, place: tuple[float, float]) -> tuple[float, float]:
     """x and z (for the left side, metres) where a hand supports; `place`: outward and ahead of the seat's middle."""
     out = place[0] * manner.reach + build.stout + SIDES[side] * _ASIDE
     return float(build.leg * out), float(build.leg * (_SEAT + place[1]))
