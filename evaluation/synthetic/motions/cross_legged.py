@@ -12,7 +12,6 @@ import numpy as np
 
 from evaluation.synthetic.acting.script import (
     SIDES,
-from fitting_core.keypoints import Side
     ArmKey,
     Build,
     FootKey,
@@ -23,6 +22,7 @@ from fitting_core.keypoints import Side
     mirrored,
     mirrored_hazards,
 )
+from fitting_core.keypoints import Side
 
 _ACTIVE_SECONDS = 6.6
 """All of it but the rest on the floor."""
