@@ -81,6 +81,9 @@ export interface Keypoints {
   bad: number[];
   edited: number[];
   pinned: number[];
+  locked: number[];
+  deep: number[];
+  ignored: number[];
   detections: [number, number, number][];
 }
 

@@ -172,6 +172,12 @@ class Keypoints(_State, frozen=True, kw_only=True):
     edited: tuple[int, ...] = ()
     pinned: tuple[int, ...] = ()
     """Edited ones that are pinned in space."""
+    locked: tuple[int, ...] = ()
+    """Of the body: those at joints whose rotation is locked."""
+    deep: tuple[int, ...] = ()
+    """Those whose depth was set, but not pinned."""
+    ignored: tuple[int, ...] = ()
+    """Of a hand with a given shape: those that do not count."""
     detections: tuple[tuple[int, float, float], ...] = ()
     """Of edited ones: the keypoint, and its detected position."""
 

@@ -5,6 +5,7 @@ from collections.abc import Hashable
 import numpy as np
 
 from fitting_core.errors import InputError
+from fitting_core.keypoints import BODY
 from tcfit_app.analysis.curves import vertex_distances
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.review.browser.page_states import Keypoints, Layout, Legend, Style, pixel_pairs, shares, triple
@@ -252,15 +253,19 @@ class Picture:
         """Corrected keypoints of the frame on show."""
         project, frame = self._tab.session.project, self._tab.state.frame
         corrected, found = project.corrected, project.detected
-        edited = np.flatnonzero(corrected.edited[frame])
+        here, ignored = corrected[frame], corrected[[frame]].keypoints().overruled[0]
+        edited = np.flatnonzero(here.edited)
         detected = [int(j) for j in edited if found.confidence[frame, j] > 0]
         return Keypoints(
             frame=frame,
             xy=pixel_pairs(corrected.xy[frame]),
             confidence=shares(corrected.confidence[frame]),
-            bad=tuple(np.flatnonzero(corrected.bad[frame]).tolist()),
+            bad=tuple(np.flatnonzero(here.bad).tolist()),
             edited=tuple(edited.tolist()),
-            pinned=tuple(np.flatnonzero(corrected.pinned[frame]).tolist()),
+            pinned=tuple(np.flatnonzero(here.pinned).tolist()),
+            locked=tuple(np.flatnonzero(here.locked[BODY]).tolist()),
+            deep=tuple(np.flatnonzero(np.isfinite(here.told_depth) & ~here.pinned).tolist()),
+            ignored=tuple(np.flatnonzero(ignored).tolist()),
             detections=tuple((j, *pixel_pairs(found.xy[frame, [j]])[0]) for j in detected),
         )
 

@@ -5,6 +5,7 @@ import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
 import pytest
 from msgspec.structs import replace
@@ -240,6 +241,13 @@ def test_a_pinned_keypoint_has_a_mark_of_its_own(tab: Tab) -> None:
     tab.page.mouse.move(x + 4, y + 4)
     tab.settle()
     assert tab.text(".tcfit > .tcfit-tooltip") == "right_wrist  0.83  pinned"
+    for name, said in (("locked", "rotation locked"), ("deep", "depth set")):
+        tab.send("keypoints", msgspec.structs.replace(state, pinned=(), **{name: (WRIST,)}))
+        assert marked() > 1.05 * edited, f"{name} has a mark too"
+        tab.page.mouse.move(x + 4, y + 3)
+        tab.page.mouse.move(x + 4, y + 4)
+        tab.settle()
+        assert tab.text(".tcfit > .tcfit-tooltip") == f"right_wrist  0.83  edited  {said}"
 
 
 def test_a_missing_keypoint_is_only_there_when_selected(tab: Tab) -> None:

@@ -19,8 +19,9 @@ import { wayOf } from "./depth.js";
 import { fitLine } from "./fits.js";
 import { drawBorder, drawFits, drawSide } from "./side.js";
 import {
-  badJoints, chosen, editedJoints, groupOf, groupShown, isPicture, isSide, isSpace, jointRadius, located, pinnedJoints,
-  placesOf, position, shown, shownJoints, skeletonReady, zoomFactor,
+  badJoints, chosen, deepJoints, editedJoints, groupOf, groupShown, ignoredJoints, isPicture, isSide, isSpace,
+  jointRadius, located, lockedJoints, pinnedJoints, placesOf, position, shown, shownJoints, skeletonReady,
+  zoomFactor,
 } from "./skeleton.js";
 import { drawSilhouette } from "./silhouette.js";
 import { drawTrail } from "./trail.js";
@@ -136,7 +137,10 @@ function drawJoint(context, map, joint) {
   const radius = jointRadius(joint, map);
   if (badJoints.has(joint)) drawBad(context, x, y, radius);
   else drawDisc(context, x, y, radius, joint);
-  if (pinnedJoints.has(joint)) drawPin(context, x, y, 1.6 * radius + 3.5);
+  const around = 1.6 * radius + 3.5; // beyond all rings
+  if (pinnedJoints.has(joint)) drawPin(context, x, y, around);
+  if (lockedJoints.has(joint)) drawLock(context, x, y, 1.2 * around);
+  if (deepJoints.has(joint)) drawDepth(context, x, y, around);
   if (editedJoints.has(joint)) ring(context, x, y, 1.15 * radius + 1.5, COLORS.edited, 1.6);
   if (chosen.joints.has(joint)) ring(context, x, y, 1.5 * radius + 1.8, COLORS.selected, Math.min(1 + radius / 5, 2.2));
 }
@@ -144,6 +148,7 @@ function drawJoint(context, map, joint) {
 /** @param {Context} context @param {number} x @param {number} y @param {number} radius @param {number} joint */
 function drawDisc(context, x, y, radius, joint) {
   const { color, alpha } = jointPaint(joint);
+  if (ignoredJoints.has(joint)) return ring(context, x, y, radius, color, 1);
   stamp(context, rim(radius), x, y);
   if (known("keypoints").confidence[joint] === 0) return;
   context.globalAlpha = alpha;
@@ -164,6 +169,18 @@ function drawPin(context, x, y, half) {
   const square = new Path2D();
   square.rect(x - half, y - half, 2 * half, 2 * half);
   stroke(context, square, COLORS.edited, 1.6);
+}
+
+/** A square on its corner. @param {Context} context @param {number} x @param {number} y @param {number} half */
+function drawLock(context, x, y, half) {
+  const diamond = new Path2D(`M${x - half} ${y}L${x} ${y - half}L${x + half} ${y}L${x} ${y + half}Z`);
+  stroke(context, diamond, COLORS.edited, 1.6);
+}
+
+/** A line to either side. @param {Context} context @param {number} x @param {number} y @param {number} half */
+function drawDepth(context, x, y, half) {
+  const lines = new Path2D(`M${x - half - 5} ${y}h5M${x + half} ${y}h5`);
+  stroke(context, lines, COLORS.edited, 1.6);
 }
 
 /** Where edited keypoints were detected, and the way from there. @param {Context} context @param {PosterMap} map */
@@ -206,6 +223,9 @@ function jointLine(joint) {
   if (badJoints.has(joint)) parts.push("bad");
   if (pinnedJoints.has(joint)) parts.push("pinned");
   else if (editedJoints.has(joint)) parts.push("edited");
+  if (lockedJoints.has(joint)) parts.push("rotation locked");
+  if (deepJoints.has(joint)) parts.push("depth set");
+  if (ignoredJoints.has(joint)) parts.push("does not count: the hand has a given shape");
   return parts.join("  ");
 }
 

@@ -47,6 +47,12 @@ export let badJoints = new Set();
 export let editedJoints = new Set();
 /** @type {Set<number>} */
 export let pinnedJoints = new Set();
+/** @type {Set<number>} */
+export let lockedJoints = new Set();
+/** @type {Set<number>} */
+export let deepJoints = new Set();
+/** @type {Set<number>} */
+export let ignoredJoints = new Set();
 
 watch("skeleton", (skeleton) => {
   const groups = skeleton?.groups ?? [];
@@ -62,6 +68,9 @@ watch("keypoints", (keypoints) => {
   badJoints = new Set(keypoints?.bad);
   editedJoints = new Set(keypoints?.edited);
   pinnedJoints = new Set(keypoints?.pinned);
+  lockedJoints = new Set(keypoints?.locked);
+  deepJoints = new Set(keypoints?.deep);
+  ignoredJoints = new Set(keypoints?.ignored);
   const { held } = chosen;
   if (held?.left && (keypoints?.frame !== held.frame || arrived(held, keypoints))) chosen.held = null;
   invalidate("overlay");
