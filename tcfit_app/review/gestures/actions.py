@@ -358,6 +358,13 @@ _KEYPOINTS: tuple[_Row, ...] = (
     ("interpolate_depth", "Interpolate depth", "", lambda g: g.depth.interpolate_depth(), (*_EDIT, limbs)),
     ("pin", "Pin in space over the selected frames", "Shift+p", lambda g: g.depth.pin(), (*_OF_JOINTS, fit)),
     ("lock", "Lock the joint's rotation", "Shift+l", lambda g: g.depth.lock(), (*_EDIT, lockable, fit)),
+    (
+        "take_from_a",
+        "Take limbs from A",
+        "Shift+t",
+        lambda g: g.depth.take_from_a(),
+        (*_EDIT, fit),
+    ),
     ("unlock", "Unlock the joint", "", lambda g: g.depth.unlock(), (*_EDIT, lockable)),
     ("clear_depth", "Clear depth", "", lambda g: g.depth.clear_depth(), (*_EDIT, limbs)),
     *(

@@ -2,18 +2,32 @@
 
 import numpy as np
 from jaxtyping import Float
+from scipy.spatial.transform import Rotation
 
-from fitting_core.body.model import JOINT
+from fitting_core.body.model import JOINT, POSE_JOINTS
+from fitting_core.body.params import full_pose
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.errors import InputError
 from fitting_core.fit.evidence.sides import other_side, unswapped
-from fitting_core.keypoints import BODY, LOCKABLE
-from tcfit_app.project.edits.kinds import ClearDepth, Lock, Pin, Unlock
+from fitting_core.keypoints import BODY, FACE, FINGER_JOINTS, INDEX, LOCKABLE
+from tcfit_app.analysis.body_regions import LIMB_OF, REGION_OF
+from tcfit_app.fitting.fits import Shown
+from tcfit_app.project.edits.kinds import ClearDepth, Lock, Pin, TakeRotations, Unlock
+from tcfit_app.project.edits.packed_points import packed
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.gestures.correcting import Correcting
 from tcfit_app.review.gestures.depths import SeenBody, Way, limbs_of
 from tcfit_app.review.gestures.keyframing import depth_edit
 from tcfit_app.review.tab.tab import Tab
+
+_JOINT_AT = {joint: JOINT[name] for joint, name in LOCKABLE.items()} | {
+    joint: POSE_JOINTS[f"{side}_hand_pose"].start + place
+    for side, joints in FINGER_JOINTS.items()
+    for place, joint in enumerate(joints)
+}
+"""The joint of the full pose whose rotation is stated at a keypoint."""
+_LEAD = 3
+"""Frames at each end of those taken from another fit in which a limb goes over to it."""
 
 
 class CorrectingDepth:
@@ -51,6 +65,33 @@ class CorrectingDepth:
         turns = (pose[JOINT[LOCKABLE[joint]] - JOINT["left_hip"]].tolist() for joint in of_body)
         rounded = tuple((round(x, 5), round(y, 5), round(z, 5)) for x, y, z in turns)
         self._correcting.make(Lock(frames=frames, joints=of_body, turn=rounded))
+
+    def take_from_a(self) -> None:
+        """Lock limbs in the chosen frames to their rotations in fit A: the arms, legs, hands and head of the selected
+        keypoints, or all of them if none is selected. The first and last frames lead there from B and back."""
+        tab, frames, on_show = self._tab, self._tab.frames_to_change, self._tab.look()
+        a, b = on_show.a, on_show.b
+        if a is None or b is None or (a.run.id, a.phase) == (b.run.id, b.phase):
+            raise InputError("Limbs are taken from fit A into fit B, and A and B are the same: choose another for A.")
+        if missing := [frame for frame in frames if not (a.has(frame) and b.has(frame))]:
+            raise InputError(f"Fit A or B has no pose in {in_words(tuple(missing), tab.first_frame)}.")
+        swaps = unswapped(tab.session.project.clip.keypoints)[1] if b.run.config.unswap_sides else {}
+        sides = [name for name, swapped in swaps.items() if tab.state.frame in swapped]
+        joints = _stated_with(tuple(other_side(joint, sides) for joint in tab.state.selection))
+        if not joints:
+            raise InputError("Arms, legs, hands and the head can be taken from A: select a keypoint of one, or none.")
+        theirs, ours = (self._rotations(fit, frames, joints) for fit in (a, b))
+        share = _lead(len(frames), start=frames[0] > 0, end=frames[-1] + 1 < tab.length)
+        between = Rotation.from_rotvec(ours.reshape(-1, 3)).inv() * Rotation.from_rotvec(theirs.reshape(-1, 3))
+        way = np.repeat(share, len(joints))[:, None] * between.as_rotvec()
+        turned = (Rotation.from_rotvec(ours.reshape(-1, 3)) * Rotation.from_rotvec(way)).as_rotvec()
+        made = packed(turned.reshape(ours.shape))
+        self._correcting.make(TakeRotations(frames=frames, joints=joints, source=a.title, packed=made))
+
+    def _rotations(self, fit: Shown, frames: tuple[int, ...], joints: tuple[int, ...]) -> Float[np.ndarray, "F n 3"]:
+        """Axis-angle of the joints at these keypoints."""
+        pose = full_pose(self._tab.session.bodies.of(fit.run.body), fit.params[list(frames)]).numpy()
+        return pose[:, [_JOINT_AT[joint] for joint in joints]]
 
     def unlock(self) -> None:
         """Unlock the joints of the selected keypoints."""
@@ -134,3 +175,20 @@ class CorrectingDepth:
         depths = np.round(points[:, 2] - seen.pelvis[:, None], 4)
         places = tuple((round(float(u), 3), round(float(v), 3)) for u, v in xy)
         self._correcting.make(Pin(frames=frames, joints=joints, xy=places, depth=tuple(map(tuple, depths.tolist()))))
+
+
+def _stated_with(joints: tuple[int, ...]) -> tuple[int, ...]:
+    """The keypoints that state the rotations of these keypoints' limbs; all of them if there are none. A hand's
+    keypoints stand for the hand alone."""
+    limbs = LIMB_OF | {INDEX["neck"]: "head"}
+    chosen = {REGION_OF[joint] if BODY.stop <= joint < FACE.start else limbs[joint] for joint in joints}
+    hands = {joint: {REGION_OF[joint]} if joint >= BODY.stop else set() for joint in _JOINT_AT}
+    return tuple(joint for joint in _JOINT_AT if not joints or chosen & {limbs[joint], *hands[joint]})
+
+
+def _lead(frames: int, *, start: bool, end: bool) -> Float[np.ndarray, "F"]:
+    """Shares of the other fit in consecutive frames: 1, but for those near an end at which the clip goes on."""
+    place = np.arange(frames) + 1.0
+    near = np.minimum(place if start else np.inf, place[::-1] if end else np.inf)
+    share = np.clip(near / (min(_LEAD, (frames - 1) // 3) + 1), 0, 1)
+    return share**2 * (3 - 2 * share)

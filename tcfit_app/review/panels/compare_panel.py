@@ -27,6 +27,7 @@ from tcfit_app.review.panels.elements.field import frame_number, take_uploads
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
+    action,
     button,
     dot,
     heading,
@@ -58,8 +59,8 @@ class ComparePanel:
     icon: ClassVar[viser.IconName] = viser.Icon.SCALE
 
     def __init__(self, gestures: Gestures) -> None:
-        self._tab = tab = gestures.tab
-        self._rest = _Rest()
+        self._gestures, self._tab = gestures, gestures.tab
+        self._rest, tab = _Rest(), gestures.tab
         self._head, self._peaks, self._against = (Board(tab) for _ in range(3))
         self._selected = SelectedFigures(tab)
         self._figures = Board(tab)
@@ -80,7 +81,8 @@ class ComparePanel:
             for board in (self._peaks, self._against, self._figures, self._costs):
                 board.show()
             return
-        self._head.show(*_heads(a, b, parent=parent_of(tab, b.run)))
+        taking = row(action(self._gestures, "take_from_a"))
+        self._head.show(*_heads(a, b, taking, parent=parent_of(tab, b.run)))
         if self._rest.lasts(data.key(a), data.key(b), tab.session.project.reference_version):
             self._draw_figures(a, b)
         else:
@@ -181,13 +183,13 @@ class SelectedFigures:
             self._board.show(head, _table(compare(one, other)))
 
 
-def _heads(a: Shown, b: Shown, *, parent: Run | None) -> list[Html]:
+def _heads(a: Shown, b: Shown, taking: Html, *, parent: Run | None) -> list[Html]:
     named = zip("AB", RUN_COLORS, (a, b), strict=True)
     rows = [paragraph(joined(dot(css(color)), text(f"{name}: {fit.title}"))) for name, color, fit in named]
     same = (a.run.id, a.phase) == (b.run.id, b.phase)
     beside = parent is not None and a.run.id != parent.id
     more = [row(button("Compare B with its parent", "compare.parent", hint=parent.name))] if beside and parent else []
-    return [heading("Fits on show", first=True), *rows, *([paragraph(_SAME, "dim")] if same else []), *more]
+    return [heading("Fits on show", first=True), *rows, paragraph(_SAME, "dim") if same else taking, *more]
 
 
 def _table(rows: Iterable[ComparedMetric]) -> Html:

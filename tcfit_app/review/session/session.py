@@ -347,11 +347,15 @@ class Session:
         return self.project.edits_since(run.edits_seen)
 
     def as_corrected(self, run: Run) -> Run:
-        """The run that shows a run's (or its corrections' run's) current corrections; itself once none remain."""
-        base = run if run.kind != "corrections" or run.parent is None else self.fits.run(run.parent)
+        """The run that shows a run's current corrections; a run of corrections shows its own, and the run that they
+        correct once none remain."""
+        corrections = run.kind == "corrections"
+        base = self.fits.run(run.parent) if corrections and run.parent is not None else run
         if base is None:
             return run
-        return self.fits.corrections.of(base.id) if self.edits_since(base) else base
+        if not self.edits_since(base):
+            return base
+        return run if corrections else self.fits.corrections.of(base.id)
 
     def frames_edited_since(self, run: Run) -> frozenset[int]:
         """The frames of those edits."""

@@ -253,3 +253,23 @@ def test_deleted_corrections_are_purged_with_their_changes(session: Session, fol
     session.delete(newest(session).run.id)
     session.purge()
     assert [entry.name for entry in (folder / "runs").iterdir()] == ["000001.npz"]
+
+
+def test_corrections_stay_on_show_in_a_project_that_is_opened_again(folder: Path, tiny_body: BodyModel):
+    with session_of(folder, tiny_body) as session:
+        nudge(session, 1)
+        idle(session)
+        corrections = newest(session).run
+    with session_of(folder, tiny_body) as session:
+        shown = newest(session).run
+        assert shown.id == corrections.id and shown.kind == "corrections"
+        nudge(session, 6)
+        assert session.as_corrected(shown).id == corrections.id, "before its fit follows"
+        idle(session)
+        assert session.as_corrected(shown).id == newest(session).run.id == corrections.id
+        undo(session)
+        idle(session)
+        assert session.as_corrected(shown).id == corrections.id, "one edit is left"
+        undo(session)
+        idle(session)
+        assert session.as_corrected(shown).id == corrections.parent
