@@ -72,7 +72,7 @@ class CorrectingDepth:
         tab, frames, on_show = self._tab, self._tab.frames_to_change, self._tab.look()
         a, b = on_show.a, on_show.b
         if a is None or b is None or (a.run.id, a.phase) == (b.run.id, b.phase):
-            raise InputError("Limbs are taken from fit A into fit B, and A and B are the same: choose another for A.")
+            raise InputError("Limbs are taken from fit A into another fit B: choose two fits in the panel View.")
         if missing := [frame for frame in frames if not (a.has(frame) and b.has(frame))]:
             raise InputError(f"Fit A or B has no pose in {in_words(tuple(missing), tab.first_frame)}.")
         swaps = unswapped(tab.session.project.clip.keypoints)[1] if b.run.config.unswap_sides else {}
@@ -82,10 +82,9 @@ class CorrectingDepth:
             raise InputError("Arms, legs, hands and the head can be taken from A: select a keypoint of one, or none.")
         theirs, ours = (self._rotations(fit, frames, joints) for fit in (a, b))
         share = _lead(len(frames), start=frames[0] > 0, end=frames[-1] + 1 < tab.length)
-        between = Rotation.from_rotvec(ours.reshape(-1, 3)).inv() * Rotation.from_rotvec(theirs.reshape(-1, 3))
-        way = np.repeat(share, len(joints))[:, None] * between.as_rotvec()
-        turned = (Rotation.from_rotvec(ours.reshape(-1, 3)) * Rotation.from_rotvec(way)).as_rotvec()
-        made = packed(turned.reshape(ours.shape))
+        own, other = (Rotation.from_rotvec(turns.reshape(-1, 3)) for turns in (ours, theirs))
+        way = np.repeat(share, len(joints))[:, None] * (own.inv() * other).as_rotvec()
+        made = packed((own * Rotation.from_rotvec(way)).as_rotvec().reshape(ours.shape))
         self._correcting.make(TakeRotations(frames=frames, joints=joints, source=a.title, packed=made))
 
     def _rotations(self, fit: Shown, frames: tuple[int, ...], joints: tuple[int, ...]) -> Float[np.ndarray, "F n 3"]:
