@@ -185,7 +185,7 @@ def test_reading_and_writing_estimates_nothing():
 
 def loaded_by(module: str) -> set[str]:
     """Which of the packages that take long a module loads, in a new process."""
-    code = f"import sys, {module}; print(*{{'numpy', 'torch', 'viser', 'pyrender'}} & set(sys.modules))"
+    code = f"import sys, {module}; print(*{{'numpy', 'torch', 'viser', 'pyrender', 'scipy.stats'}} & set(sys.modules))"
     out = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     return set(out.stdout.split())
 
@@ -202,3 +202,7 @@ def test_light_modules_load_no_torch(module: str):
 
 def test_a_review_serves_its_page_before_torch_is_loaded():
     assert loaded_by("tcfit_app.cli.review_command") == {"numpy", "viser"}
+
+
+def test_an_app_that_draws_has_not_loaded_what_only_some_fits_need():
+    assert loaded_by("tcfit_app.review.app") == {"numpy", "torch", "viser"}
