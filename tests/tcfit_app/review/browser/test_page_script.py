@@ -46,6 +46,8 @@ from tests.drivers.page_tab import (
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
+pytestmark = pytest.mark.browser
+
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[ReviewServer]:

@@ -18,6 +18,8 @@ from tests.drivers.page_tab import KEYS, LENGTH, POSTER, RECORD, ROWS, TABS, TIM
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
+pytestmark = pytest.mark.browser
+
 RULER = 36.0
 """Its middle, in pixels below the strip's upper border."""
 LANES = {name: 13 + 15 * (i + 0.5) for i, name in enumerate(("peaks", "notes", "flags", "suspicion", "keys", "edits"))}
