@@ -25,7 +25,7 @@ WEB_TOOLS_INSTALLED := $(WEB_TOOLS)/.installed
 
 help: ## This list
 	@echo 'make TARGET [PYTHON=python3.12] [ARGS="..."]   (Python 3.11 or later; ARGS go to demo and the tests)'
-	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  \1|\2/p' Makefile | awk -F'|' '{ printf "%-12s %s\n", $$1, $$2 }'
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  \1|\2/p' Makefile | awk -F'|' '{ printf "%-14s %s\n", $$1, $$2 }'
 
 install: $(INSTALLED) $(NETWORKS) ## Set up .venv, fetch the networks that detect keypoints, and nothing else
 
