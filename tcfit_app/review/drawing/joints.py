@@ -2,13 +2,14 @@
 
 import numpy as np
 
-from fitting_core.keypoints import BODY, NAMES
+from fitting_core.keypoints import BODY, GROUPS, NAMES
 from fitting_core.results.error_bars import JOINTS
 from tcfit_app.fitting.fits import Shown
-from tcfit_app.review.browser.page_states import Bodies, FitBody, points_in_space
+from tcfit_app.review.browser.page_states import Bodies, FitBody, Triple, points_in_space
 from tcfit_app.review.scene.layers import BodyLayer, css
 from tcfit_app.review.scene.room import Room
 from tcfit_app.review.tab.on_show import OnShow, Slot
+from tcfit_app.review.tab.state import HELD_BY
 from tcfit_app.review.tab.tab import Tab
 
 _OTHERWISE_NAMED = {"nose": "head", "left_big_toe": "left_foot", "right_big_toe": "right_foot"}
@@ -29,7 +30,8 @@ class JointsPart:
         if room is None:
             return
         there: dict[Slot, Shown] = {side: fit for side in drawn(bodies) if (fit := shown.with_body(side)) is not None}
-        key = shown.frame, shown.revision, room, tuple((side, fit.version) for side, fit in there.items())
+        versions = tuple((side, fit.version) for side, fit in there.items())
+        key = shown.frame, shown.revision, room, versions, self._tab.state.close_up
         state = self._tab.once("bodies", key, lambda: self._state(shown, there, bodies, room) if there else None)
         self._tab.channel.send("bodies", state)
 
@@ -39,14 +41,29 @@ class JointsPart:
             points = self._data.body_points(fit, shown.frame, shown.live_of(side))
             assert len(points) == BODY.stop
             bars = () if shown.live_of(side) is not None else error_bars_of(fit, shown.frame)
-            body = FitBody(color=css(bodies[side].color), points=points_in_space(points), error_bars=bars)
-            made.append(body)
+            made.append(
+                FitBody(
+                    color=css(bodies[side].color),
+                    points=points_in_space(points),
+                    error_bars=bars,
+                    followed=self._followed(shown, side, fit),
+                )
+            )
         down = (float(value) for value in np.round(room.turn[1], 5))
         return Bodies(
             bodies=tuple(made),
             down=(next(down), next(down), next(down)),
             floor=round(room.floor - float(room.place[1]), 4),
         )
+
+    def _followed(self, shown: OnShow, side: Slot, fit: Shown) -> Triple | None:
+        """The middle of the part that the close-up follows; of its wrist or nose if the body has no points of it."""
+        part = self._tab.state.close_up
+        if part is None:
+            return None
+        points = self._data.keypoints(fit, shown.frame, shown.live_of(side))
+        known = [group for group in (points[GROUPS[part]], points[[HELD_BY[part]]]) if np.isfinite(group).any()]
+        return points_in_space(np.nanmean(known[0], 0)[None])[0] if known else None
 
 
 def error_bars_of(fit: Shown, frame: int) -> tuple[tuple[float, float] | None, ...]:
