@@ -173,7 +173,7 @@ class Page:
 
     def _look_at(self, event: page_events.LookAt) -> None:
         found = self.gestures.reviewing.everything or ()
-        meant = [suspect for suspect in found if (suspect.frame, suspect.kind) == (event.frame, event.kind)]
+        meant = [suspect for suspect in found if suspect.key == event.entry]
         if meant:
             self.gestures.reviewing.show(meant[0])
 

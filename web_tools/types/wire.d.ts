@@ -23,6 +23,7 @@ export interface FitBody {
   color: string;
   points: ([number, number, number] | null)[];
   error_bars: ([number, number] | null)[];
+  followed: [number, number, number] | null;
 }
 
 export interface Bodies {
@@ -221,7 +222,7 @@ export interface Suspicion {
   first: number;
   last: number;
   frame: number;
-  kind: string;
+  key: string;
   score: number;
   reason: string;
 }
@@ -398,8 +399,7 @@ export interface MoveKey {
 
 export interface LookAt {
   type: "look_at";
-  frame: number;
-  kind: string;
+  entry: string;
 }
 
 export interface Select {

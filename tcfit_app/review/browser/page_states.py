@@ -71,6 +71,8 @@ class FitBody(_State, frozen=True, kw_only=True):
     """In camera space, metres; None if the body has no such keypoint."""
     error_bars: tuple[tuple[float, float] | None, ...] = ()
     """Error bars along the camera's ray and across it, metres; None if unknown."""
+    followed: Triple | None = None
+    """The middle of the part that a close-up follows, like `points`; None if none does, or the body lacks it."""
 
 
 class Bodies(_State, frozen=True, kw_only=True):
@@ -400,8 +402,8 @@ class Suspicion(_State, frozen=True, kw_only=True):
     last: int
     frame: int
     """The worst of them."""
-    kind: str
-    """Identifies it among entries of that frame."""
+    key: str
+    """Identifies it; empty if a click on it leads to its frame alone."""
     score: float
     """From 1."""
     reason: str
