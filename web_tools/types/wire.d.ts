@@ -23,6 +23,7 @@ export interface FitBody {
   color: string;
   points: ([number, number, number] | null)[];
   error_bars: ([number, number] | null)[];
+  unseen: number[];
   followed: [number, number, number] | null;
 }
 
@@ -129,6 +130,7 @@ export interface Curve {
   color: string;
   values: (number | null)[];
   error_bars: (number | null)[];
+  unseen: [number, number][];
 }
 
 export interface Heat {

@@ -71,6 +71,8 @@ class FitBody(_State, frozen=True, kw_only=True):
     """In camera space, metres; None if the body has no such keypoint."""
     error_bars: tuple[tuple[float, float] | None, ...] = ()
     """Error bars along the camera's ray and across it, metres; None if unknown."""
+    unseen: tuple[int, ...] = ()
+    """Which of them keypoints do not show in this frame."""
     followed: Triple | None = None
     """The middle of the part that a close-up follows, like `points`; None if none does, or the body lacks it."""
 
@@ -258,6 +260,8 @@ class Curve(_State, frozen=True, kw_only=True):
     """One per frame."""
     error_bars: tuple[float | None, ...] = ()
     """Error bars to either side; empty if unknown."""
+    unseen: tuple[Span, ...] = ()
+    """Frames in which keypoints do not show what it measures."""
 
 
 class Heat(_State, frozen=True, kw_only=True):

@@ -4,6 +4,7 @@ import numpy as np
 
 from fitting_core.keypoints import BODY, GROUPS, NAMES
 from fitting_core.results.error_bars import JOINTS
+from tcfit_app.analysis.seen import unseen_keypoints
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.review.browser.page_states import Bodies, FitBody, Triple, points_in_space
 from tcfit_app.review.scene.layers import BodyLayer, css
@@ -31,12 +32,13 @@ class JointsPart:
             return
         there: dict[Slot, Shown] = {side: fit for side in drawn(bodies) if (fit := shown.with_body(side)) is not None}
         versions = tuple((side, fit.version) for side, fit in there.items())
-        key = shown.frame, shown.revision, room, versions, self._tab.state.close_up
+        edits = self._tab.session.project.keypoints_version
+        key = shown.frame, shown.revision, room, versions, edits, self._tab.state.close_up
         state = self._tab.once("bodies", key, lambda: self._state(shown, there, bodies, room) if there else None)
         self._tab.channel.send("bodies", state)
 
     def _state(self, shown: OnShow, there: dict[Slot, Shown], bodies: dict[Slot, BodyLayer], room: Room) -> Bodies:
-        made = []
+        made, present = [], self._data.present(shown.frame)
         for side, fit in there.items():
             points = self._data.body_points(fit, shown.frame, shown.live_of(side))
             assert len(points) == BODY.stop
@@ -46,6 +48,7 @@ class JointsPart:
                     color=css(bodies[side].color),
                     points=points_in_space(points),
                     error_bars=bars,
+                    unseen=() if present is None else unseen_keypoints(present),
                     followed=self._followed(shown, side, fit),
                 )
             )
