@@ -16,16 +16,17 @@ from tcfit_app.fitting.reports import Notice
 from tcfit_app.review.browser import page_events
 from tcfit_app.review.browser.page_events import PageEvent
 from tcfit_app.review.browser.page_states import Beat, Cursor, Framing, Keys, Selection, Skeleton
-from tcfit_app.review.drawing.first_steps import HINTS
+from tcfit_app.review.drawing.first_steps import first_steps
 from tcfit_app.review.drawing.menus import frame_menus, picture_menus
 from tcfit_app.review.drawing.picture import Picture
 from tcfit_app.review.drawing.rows import MOST_ROWS, PLOTS
 from tcfit_app.review.drawing.status import Status
 from tcfit_app.review.drawing.timeline import Timeline
 from tcfit_app.review.faults import Faults
-from tcfit_app.review.gestures.actions import ACTIONS, Action, Gestures, bindings
+from tcfit_app.review.gestures.actions import ACTIONS, Action, Gestures
 from tcfit_app.review.gestures.edit_words import part_name
 from tcfit_app.review.gestures.keyframing import HANDS_OF
+from tcfit_app.review.gestures.own_keys import bindings, key_text, keys_problem
 from tcfit_app.review.panels import PANELS, WITHOUT_KEYPOINTS, Panel
 from tcfit_app.review.panels.key_list import KeyWindow
 from tcfit_app.review.panels.person_choice import PersonChoice
@@ -69,9 +70,8 @@ class Page:
         """Show this page in the browser tab."""
         browser = self.tab.browser
         browser.receive = lambda event: self.tab.do(lambda: self.receive(event))
-        browser.show_first_steps = lambda: browser.channel.ask("hints", HINTS)
+        browser.show_first_steps = lambda: browser.channel.ask("hints", first_steps())
         self.tab.channel.send("skeleton", SKELETON)
-        self.tab.channel.send("keys", Keys(bindings=bindings()))
 
     def come_from(self, other: "Page") -> None:
         """Replace another person's page in the same tab."""
@@ -108,14 +108,14 @@ class Page:
 
     def _add_commands(self) -> None:
         browser = self.tab.browser
-        if browser.has_commands:
+        if browser.commands:
             return
-        browser.has_commands = True
         for name, action in ACTIONS.items():
             if not action.held:
-                command = browser.client.gui.add_command(action.title, description=action.key_text)
+                command = browser.client.gui.add_command(action.title, description=key_text(name) or None)
                 chosen = page_events.Key(action=name, repeat=False)
                 command.on_trigger(lambda _, chosen=chosen: browser.receive(chosen))
+                browser.commands[name] = command
 
     # --- events of the page ---
 
@@ -132,6 +132,8 @@ class Page:
         self.tab.greet(plots=rows and rows[:MOST_ROWS])
         if not event.hinted and self.tab.session.project.has_detections:
             self.tab.show_first_steps()
+        if problem := keys_problem():
+            self.tab.notify(Notice(title="Your own keys are not used", text=problem, kind="error"))
         browser.has_come()
 
     def _resized(self, event: page_events.Resized) -> None:
@@ -220,7 +222,7 @@ class Page:
         self._attempt("draw the timeline", self.timeline.draw, now)
         problem = self.picture.problem or self.tab.shown.problem
         self._attempt("draw the status line", lambda: self.status.draw(now, problem), now)
-        self._attempt("show the keys", self._key_window.draw, now)
+        self._attempt("show the keys", self._draw_keys, now)
         self.behind = time.monotonic() < self._next_panels
         if not self.behind:
             self._draw_panels(now)
@@ -232,6 +234,13 @@ class Page:
         for panel in panels:
             self._attempt(f"draw the panel {panel.title}", panel.draw, now)
         self._next_panels = time.monotonic() + _REST * (time.thread_time() - begun)
+
+    def _draw_keys(self) -> None:
+        self._key_window.draw()
+        self.tab.channel.send("keys", self.tab.once("keys", bindings(), lambda: Keys(bindings=bindings())))
+        for name, command in self.tab.browser.commands.items():
+            if command.description != (key_text(name) or None):
+                command.description = key_text(name) or None
 
     def _draw_menus(self) -> None:
         self.tab.channel.send("frame_menus", frame_menus(self.gestures))

@@ -7,7 +7,6 @@ from typing import ParamSpec
 from fitting_core.body.handshapes import HANDSHAPES
 from fitting_core.errors import InputError
 from fitting_core.keypoints import PARTS
-from tcfit_app.review.browser.page_states import KeyBinding
 from tcfit_app.review.gestures.correcting import Correcting
 from tcfit_app.review.gestures.correcting_depth import CorrectingDepth
 from tcfit_app.review.gestures.depths import limbs_of
@@ -79,6 +78,7 @@ class Action:
     title: str
     run: Callable[[Gestures], object]
     keys: tuple[Key, ...] = ()
+    """The usual ones; a user may have others (`own_keys`)."""
     group: str = ""
     family: str = ""
     """The shared line for actions of one family in lists of keys."""
@@ -103,11 +103,6 @@ class Action:
         for need in self.needs:
             need(gestures)
         self.run(gestures)
-
-    @property
-    def key_text(self) -> str | None:
-        """Its keys, for users."""
-        return " or ".join(map(str, self.keys)) or None
 
 
 def _key(text: str) -> Key:
@@ -473,12 +468,3 @@ ACTIONS: dict[str, Action] = {
     for name, title, keys, run, needs in rows
 }
 """By the name that the page sends."""
-
-
-def bindings() -> tuple[KeyBinding, ...]:
-    """All keys, in the page's form."""
-    return tuple(
-        KeyBinding(key=key.key, action=name, shift=key.shift, ctrl=key.ctrl, held=action.held)
-        for name, action in ACTIONS.items()
-        for key in action.keys
-    )
