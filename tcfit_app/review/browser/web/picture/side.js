@@ -6,7 +6,8 @@
 
 import { known, states } from "../connection.js";
 import { COLORS, FONT } from "../style.js";
-import { ellipse, projections } from "./fits.js";
+import { bonePath, ellipse, projections } from "./fits.js";
+import { drawNeighbours } from "./onion.js";
 import { borderAt, pointer } from "./picking.js";
 import { drawn, toScreen } from "./projection.js";
 import { NOT_SURE, disc, rim, ring, stamp, stroke } from "./shapes.js";
@@ -35,6 +36,8 @@ export function drawSide(context, map) {
 /** The fits' keypoints and bones. @param {Context} context @param {PosterMap} map of the side view or of 3D */
 export function drawFits(context, map) {
   const bodies = states.bodies?.bodies ?? [];
+  for (const [i, project] of projections(map).entries())
+    if (bodies[i]) drawNeighbours(context, map, bodies[i], project);
   if (known("style").error_bars) drawErrorBars(context, map, bodies);
   if (known("style").bones && groupShown(0)) drawBones(context, map, bodies);
   // The body that is corrected on top, and on each body the joints in the order of the picture.
@@ -128,15 +131,10 @@ function drawBones(context, map, bodies) {
   for (const [i, project] of projections(map).entries()) {
     if (!bodies[i]) continue;
     const { points, color, unseen } = bodies[i];
-    const places = points.map((point) => point && project(point));
-    const [seen, notSeen] = [new Path2D(), new Path2D()];
-    for (const [a, b] of known("skeleton").bones) {
-      const [from, to] = [places[a], places[b]];
-      if (!from || !to) continue;
-      const lines = unseen.includes(a) || unseen.includes(b) ? notSeen : seen;
-      lines.moveTo(...from);
-      lines.lineTo(...to);
-    }
+    /** @param {number} a @param {number} b */
+    const hidden = (a, b) => unseen.includes(a) || unseen.includes(b);
+    const seen = bonePath(points, project, (a, b) => !hidden(a, b));
+    const notSeen = bonePath(points, project, hidden);
     stroke(context, seen, "rgba(8, 10, 14, 0.5)", width + 1.6);
     stroke(context, seen, color, width);
     context.globalAlpha = NOT_SURE;
