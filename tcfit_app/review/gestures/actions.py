@@ -7,7 +7,7 @@ from typing import ParamSpec
 from fitting_core.body.handshapes import HANDSHAPES
 from fitting_core.errors import InputError
 from fitting_core.keypoints import PARTS
-from tcfit_app.review.gestures.correcting import Correcting
+from tcfit_app.review.gestures.correcting import NUDGES, Correcting
 from tcfit_app.review.gestures.correcting_depth import CorrectingDepth
 from tcfit_app.review.gestures.depths import limbs_of
 from tcfit_app.review.gestures.detecting_again import DetectingAgain
@@ -268,7 +268,7 @@ _OF_HAND = *_EDIT, hand, fit
 _AGAIN = writable, keypoints, settings, fit
 _WAYS = {"left": (-1.0, 0.0), "right": (1.0, 0.0), "up": (0.0, -1.0), "down": (0.0, 1.0)}
 """Image directions."""
-_NUDGES = {1: "Ctrl", 10: "Ctrl+Shift"}
+_NUDGES = dict(zip(NUDGES, ("Ctrl", "Ctrl+Shift"), strict=True))
 """Pixels of a nudge, and the keys held for it."""
 
 
