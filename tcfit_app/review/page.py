@@ -55,7 +55,8 @@ class Page:
         self.tab = Tab(browser, someone, do)
         self.gestures = Gestures(self.tab)
         self.tab.buttons.on("action", self._run, ACTIONS.__getitem__)
-        self.picture, self.timeline, self.status = Picture(self.tab), Timeline(self.tab), Status(self.gestures)
+        self.picture = Picture(self.tab, self.gestures.turning.rings)
+        self.timeline, self.status = Timeline(self.tab), Status(self.gestures)
         self._key_window = KeyWindow(self.tab)
         self._faults = Faults(lambda notice: self.tab.notify(notice))
         self._followed: int | None = None
@@ -70,6 +71,7 @@ class Page:
         """Show this page in the browser tab."""
         browser = self.tab.browser
         browser.receive = lambda event: self.tab.do(lambda: self.receive(event))
+        browser.scene.rings.turned = lambda *turned: self.tab.do(lambda: self.gestures.turning.take(*turned))
         browser.show_first_steps = lambda: browser.channel.ask("hints", first_steps())
         self.tab.channel.send("skeleton", SKELETON)
 
@@ -83,6 +85,7 @@ class Page:
     def leave(self) -> None:
         """Make room for another person's page. Running work continues."""
         self.gestures.correcting.abandon()
+        self.gestures.turning.abandon()
         self.gestures.again.give_up_framing()
         self.tab.pause()
         self.tab.set(keys=False)
@@ -250,6 +253,7 @@ class Page:
         self._faults.attempt(what, draw, now)
 
     def _draw_picture(self, now: float) -> None:
+        self.gestures.turning.settle()
         tab, revision = self.tab, self.tab.shown.revision
         following = revision not in (None, self._followed)
         if self.picture.draw():
@@ -266,6 +270,7 @@ class Page:
     def close(self) -> None:
         """The tab was closed."""
         self.gestures.correcting.abandon()
+        self.gestures.turning.abandon()
         self.tab.data.video.leave(self.tab)
         self.tab.session.tasks.leave(self.tab)
 

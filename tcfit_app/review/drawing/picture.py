@@ -1,6 +1,6 @@
 """The canvas of one tab: video, bodies and keypoints of the frame on show."""
 
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 
 import numpy as np
 from jaxtyping import Bool
@@ -22,6 +22,7 @@ from tcfit_app.review.drawing.silhouette import SilhouettePart
 from tcfit_app.review.scene.layers import DISTANCE_LIMIT, RGB, RUN_COLORS, BodyLayer, FrameImage, color_table, css
 from tcfit_app.review.scene.poses import Window
 from tcfit_app.review.scene.poster import PICTURE_NODES, PLATE, SIDE_NODE, Poster, Posters, body_nodes
+from tcfit_app.review.scene.rings import Rings
 from tcfit_app.review.scene.room import Room
 from tcfit_app.review.scene.side_view import direction_text
 from tcfit_app.review.scene.space import Space, offsets
@@ -44,8 +45,9 @@ _OTHER: dict[Slot, Slot] = {"a": "b", "b": "a"}
 class Picture:
     """Draws one tab's picture; called repeatedly, it sends only changes."""
 
-    def __init__(self, tab: Tab) -> None:
-        self._tab, self._data = tab, tab.data
+    def __init__(self, tab: Tab, rings: Callable[[OnShow], Rings | None]) -> None:
+        """For a tab; `rings` says where those are that turn a joint in 3D."""
+        self._tab, self._data, self._rings = tab, tab.data, rings
         self._size = (0, 0)
         self._image: FrameImage | None = None
         self._side, self._joints, self._around = SidePart(tab), JointsPart(tab), AroundPart(tab)
@@ -211,6 +213,7 @@ class Picture:
             place=np.zeros(3) if room is None else room.place,
             ground=None if room is None else room.floor,
             apart=self._tab.state.apart,
+            rings=self._rings(shown) if layers else None,
         )
 
     def _tell_space(self, space: Space, bodies: dict[Slot, BodyLayer]) -> None:

@@ -18,6 +18,7 @@ from tcfit_app.review.gestures.keyframing import keys_in
 from tcfit_app.review.gestures.noting import Noting
 from tcfit_app.review.gestures.reviewing import Reviewing
 from tcfit_app.review.gestures.shaping import ShapingHands
+from tcfit_app.review.gestures.turning import Turning
 from tcfit_app.review.gestures.zooming import next_close_up, show_whole, zoom_to_selection
 from tcfit_app.review.scene.windows import ARRANGEMENTS
 from tcfit_app.review.tab.state import MODES, OPACITIES, PANEL_TITLES, SIDES_SEEN
@@ -33,6 +34,7 @@ class Gestures:
         self.tab = tab
         self.correcting, self.reviewing, self.fitting = Correcting(tab), Reviewing(tab), Fitting(tab)
         self.depth = CorrectingDepth(tab, self.correcting)
+        self.turning = Turning(tab, self.correcting)
         self.shaping = ShapingHands(tab, self.correcting)
         self.noting, self.exchanging = Noting(tab), Exchanging(tab, self.correcting)
         self.again = DetectingAgain(tab, self.correcting)

@@ -34,7 +34,11 @@ GESTURES = {
         ("Drag a keypoint", "Move it in depth, along its viewing ray; the fit follows"),
         ("Drag the left border", "Make it wider"),
     ),
-    "In 3D": (("Drag", "Turn the view"), ("Wheel, right drag", "Zoom, pan")),
+    "In 3D": (
+        ("Drag", "Turn the view"),
+        ("Drag a ring", "Turn the selected joint, and lock it; the fit follows"),
+        ("Wheel, right drag", "Zoom, pan"),
+    ),
     "In the timeline": (
         ("Click, drag", "Go to a frame; on a mark, to what it marks"),
         ("Drag in the ruler, or Shift+drag", "Select frames; their ends can be dragged"),
