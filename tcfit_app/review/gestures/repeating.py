@@ -60,8 +60,9 @@ class Repeating:
         project = self._tab.session.project
         standing = (entry for entry in project.last_said(_LOOKED_BACK) if project.stands(entry.id))
         last = next((entry for entry in standing if not isinstance(entry.action, Remark)), None)
-        own = last is not None and last.author == self._tab.author
-        return last.action if own and isinstance(last.action, _REPEATED) else None
+        if last is None or last.author != self._tab.author or not isinstance(last.action, _REPEATED):
+            return None
+        return last.action
 
     def found(self) -> Alike:
         """The same. Raises InputError if there is nothing to repeat."""
