@@ -172,6 +172,9 @@ def _of_result(path: Path, options: ExportOptions) -> ExportSource:
     if options.run is not None or options.against is not None:
         raise InputError(f"{path}: is a result of one fit and not a project: leave out --run and --against.")
     stored = read_fit(path)
+    for note in stored.notes:
+        emit(Note(text=note))
+        print(f"Note: {note}", file=sys.stderr, flush=True)
     name = _clip_name(path)
     body = Bodies(options.models).of(BodyRecord(kind=stored.body_kind, gender=stored.gender, hash=stored.body_hash))
     motion = stored_motion(stored, body, name=name, phase=options.phase)
