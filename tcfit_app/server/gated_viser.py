@@ -155,7 +155,7 @@ def _screened(
 def _whose(gate: Gate, connection: ServerConnection) -> Visitor:
     request, other_end = connection.request, connection.remote_address
     assert request is not None
-    here = bool(other_end) and on_this_computer(other_end[0], request.headers)
+    here = bool(other_end) and not gate.entry.for_others and on_this_computer(other_end[0], request.headers)
     return Visitor(here=here, name=gate.name_of(request.headers) or "", path=request.path)
 
 

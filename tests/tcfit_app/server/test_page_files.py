@@ -10,6 +10,7 @@ from websockets.datastructures import Headers
 from websockets.sync.client import connect
 
 from fitting_core.errors import InputError
+from tcfit_app.server.gate import Entry
 from tcfit_app.server.gated_viser import visitor
 from tcfit_app.server.page_files import PageFiles, on_this_computer
 from tcfit_app.server.serving import review_server
@@ -78,19 +79,37 @@ def test_what_is_no_path_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
             files.path(text)
 
 
-@pytest.mark.parametrize("headers", [{}, {"X-Forwarded-For": "127.0.0.1"}, {"Forwarded": "for=127.0.0.1"}])
-def test_the_server_tells_its_pages_apart(headers: dict[str, str]):
-    with review_server("A clip", port=0, open_browser=False, say=lambda text: None) as server:
+PUBLIC = "https://fits.example.org"
+NGINX = {"Origin": PUBLIC}
+"""With the lines of docs/server.md, X-Forwarded-For left out."""
+CADDY = {**NGINX, "X-Forwarded-For": "192.0.2.7", "X-Forwarded-Host": "fits.example.org", "X-Forwarded-Proto": "https"}
+
+
+@pytest.mark.parametrize(
+    ("entry", "headers"),
+    [
+        (Entry(), {}),
+        (Entry(), {"X-Forwarded-For": "127.0.0.1"}),
+        (Entry(), {"Forwarded": "for=127.0.0.1"}),
+        (Entry(public=PUBLIC), NGINX),
+        (Entry(public=PUBLIC), CADDY),
+        (Entry(public=PUBLIC), {}),
+        (Entry(password="correct horse battery"), {}),
+    ],
+)
+def test_the_server_tells_its_pages_apart(entry: Entry, headers: dict[str, str]):
+    """A server that was told of browsers elsewhere believes no connection that looks as if it came from here."""
+    with review_server("A clip", port=0, open_browser=False, say=lambda text: None, entry=entry) as server:
         cookie = admit(server)
         with connect(
-            f"ws://127.0.0.1:{server.address.port}/",
-            origin=server.address.url,  # pyright: ignore[reportArgumentType]
-            additional_headers={"Cookie": cookie, **headers},
+            f"ws://{'fits.example.org' if 'Origin' in headers else '127.0.0.1'}/",
+            sock=socket.create_connection(("127.0.0.1", server.address.port)),
+            additional_headers={"Cookie": cookie, "Origin": "http://127.0.0.1", **headers},
             subprotocols=[f"viser-v{viser.__version__}"],  # pyright: ignore[reportArgumentType]
             max_size=None,
         ) as tab:
             tab.recv(timeout=20)
-            assert visitor(server.viser, 0).here == (not headers)
+            assert visitor(server.viser, 0).here == (entry == Entry() and not headers)
         assert not visitor(server.viser, 1).here
 
 
