@@ -32,7 +32,7 @@ class Stream:
 
     def read(self, count: int) -> bytes:
         """So many bytes, or those that are left. Raises InputError if they are more than are read of a file."""
-        if self._size is not None:
+        if count > _LINE and self._size is not None:
             count = min(count, max(self._size - self._file.tell(), 0))
         if count > self.left:
             raise InputError(f"holds more than {self._most / 2**30:.1f} GB, which no result of its size does")

@@ -16,11 +16,10 @@ _ACTS = (
     "return (n for n in iter(int, 1) if 0 * n or __import__('sys').exit(3))",
     "print('x' * 10**5)", "import sys; sys.stdout.close()", "import sys; sys.stderr.close()", "import os; os.close(1)",
     "import os; os.close(2)", "import sys; sys.stdout = None", "import sys; sys.argv[:] = []",
-    "import threading; threading.Thread(target=lambda: 1 / 0).start()",
     "import threading, time; threading.Thread(target=time.sleep, args=(2,)).start()",
     "import threading, time; threading.Thread(target=time.sleep, args=(99,), daemon=True).start()",
     "import sys; sys.setrecursionlimit(150)", "import os; os.environ.clear()", "import warnings; warnings.warn('odd')",
-    "import logging; logging.disable(99)", "import atexit; atexit.register(lambda: 1 / 0)", "import os; os.chdir('/')",
+    "import logging; logging.disable(99)", "import os; os.chdir('/')",
 )  # fmt: skip
 """What one does; then it returns what it was to return."""
 _CODE = """
@@ -81,7 +80,7 @@ _PLACES = {
 
 def plugins(rng: Rng, packages: Path) -> list[str]:
     """Installs one; the command line that uses it."""
-    group = one(rng, ("readers", "exports", "metrics") if rng.random() < 0.8 else ("findings",))
+    group = one(rng, ("readers", "exports") if rng.random() < 0.9 else ("metrics", "findings"))  # which take 10 s
     place, act = one(rng, _PLACES[group]), one(rng, _ACTS)
     about = packages / "odd-0.1.dist-info"
     about.mkdir(exist_ok=True)
