@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Bool, Float
 
+from fitting_core.config.choices import Up
+
 if TYPE_CHECKING:  # Reading a clip needs a camera and must not load torch.
     from torch import Tensor
 
