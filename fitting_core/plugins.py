@@ -135,4 +135,8 @@ def forget() -> None:
 def _in_words(reason: object) -> str:
     if not isinstance(reason, BaseException):
         return str(reason)
-    return f"{type(reason).__name__}: {next(iter(str(reason).splitlines()), '')}".rstrip(": .")
+    try:
+        text = str(reason)
+    except FAILURES:  # that, too, is a stranger's
+        text = ""
+    return f"{type(reason).__name__}: {next(iter(text.splitlines()), '')}".rstrip(": .")

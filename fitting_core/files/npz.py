@@ -10,7 +10,7 @@ import numpy as np
 from numpy.lib import format as npy
 
 from fitting_core.files.atomic import replacing
-from fitting_core.files.regular import refusal
+from fitting_core.files.regular import most_unpacked, refusal
 
 MAX_BYTES = 2 * 2**30
 """Unpacked size of what is read of one archive; an hour of poses has 0.2 GB."""
@@ -45,8 +45,10 @@ def read_npz(path: Path, keys: Collection[str] | None = None, *, most: int = MAX
             members = {m.filename.removesuffix(".npy"): m for m in archive.infolist() if m.filename.endswith(".npy")}
             chosen = {name: m for name, m in members.items() if keys is None or name in keys}
             size = sum(member.file_size for member in chosen.values())
-            if size > most:
-                raise ValueError(f"unpacks to {size / 2**30:.1f} GB, expected at most {most / 2**30:.1f} GB")
+            if size > (most := most_unpacked(path.stat().st_size, most)):
+                raise ValueError(
+                    f"unpacks to {size / 2**30:.1f} GB, expected at most {most / 2**30:.1f} GB of its size"
+                )
             return {name: _array(archive, name, member) for name, member in chosen.items()}
     except (OSError, ValueError):
         raise

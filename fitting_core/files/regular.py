@@ -66,6 +66,12 @@ def regular_file(path: Path, *, most: int | None = MAX_BYTES) -> Path:
     return path
 
 
+def most_unpacked(size: int, most: int = MAX_BYTES) -> int:
+    """Bytes that a compressed file of `size` bytes may expand to, at most `most`: poses and vertices shrink to a tenth
+    at best, a bomb to a thousandth."""
+    return min(2**28 + 50 * size, most)
+
+
 def legible(name: str) -> str:
     """A name as text: what is not UTF-8 in it, as file names may have it, becomes question marks in diamonds."""
     return name.encode("utf-8", "surrogateescape").decode("utf-8", "replace")

@@ -11,7 +11,9 @@ from fitting_core.errors import InputError
 Load = Callable[[], bytes]
 """Gives bytes that were left in a file."""
 _MOST_OBJECTS = 2**23
-"""Containers, texts and numbered objects of one pickle: of a byte each they take a hundred in memory, 1 GB in all."""
+"""Containers, texts and numbered objects of a file: of a byte each they take a hundred in memory, 1 GB in all."""
+_MOST_CODES = 2**23
+"""Other codes: each takes a millionth of a second, and a packed file of 0.3 MB could hold 300 million."""
 _LINE = 2**16
 
 
@@ -29,10 +31,12 @@ class Stream:
         self._file, self._size, self._most, self._line = file, size, most, line
         self.left = most
         """Bytes that may still be read into memory."""
+        self.objects = self.codes = 0
+        """What the pickles in it have had so far: objects, and other codes."""
 
     def read(self, count: int) -> bytes:
         """So many bytes, or those that are left. Raises InputError if they are more than are read of a file."""
-        if self._size is not None:
+        if count > _LINE and self._size is not None:
             count = min(count, max(self._size - self._file.tell(), 0))
         if count > self.left:
             raise InputError(f"holds more than {self._most / 2**30:.1f} GB, which no result of its size does")
@@ -109,7 +113,6 @@ class RestrictedUnpickler(pickle._Unpickler):
         super().__init__(stream, encoding="latin1")  # pyright: ignore[reportArgumentType]
         self.stream = stream
         self.stack: list[Any]
-        self._objects = 0
 
     @abstractmethod
     def find_class(self, module: str, name: str) -> Any:
@@ -123,10 +126,15 @@ class RestrictedUnpickler(pickle._Unpickler):
         """What becomes of a stand-in that has its state."""
         return stand_in
 
-    def _count(self) -> None:
-        self._objects += 1
-        if self._objects > _MOST_OBJECTS:
+    def _count_object(self) -> None:
+        self.stream.objects += 1
+        if self.stream.objects > _MOST_OBJECTS:
             raise InputError(f"the pickle holds more than {_MOST_OBJECTS} objects, expected those of a clip or a body")
+
+    def _count_code(self) -> None:
+        self.stream.codes += 1
+        if self.stream.codes > _MOST_CODES:
+            raise InputError(f"the pickle holds more than {_MOST_CODES} codes, expected those of a clip or a body")
 
     def _build(self) -> None:
         state, instance = self.stack.pop(), self.stack[-1]
@@ -191,18 +199,22 @@ def _put(target: object, key: object, value: object) -> None:
     target[key] = value
 
 
-def _counted(codes: Iterable[bytes]) -> None:
-    """Let these of a pickle's codes count as objects."""
+def _counted(objects: Iterable[bytes]) -> None:
+    """Let all of a pickle's codes count, these as objects."""
+    makers = {code[0] for code in objects}
 
-    def counting(handler: Callable[[RestrictedUnpickler], None]) -> Callable[[RestrictedUnpickler], None]:
+    def counting(
+        count: Callable[[RestrictedUnpickler], None], handler: Callable[[RestrictedUnpickler], None]
+    ) -> Callable[[RestrictedUnpickler], None]:
         def load(self: RestrictedUnpickler) -> None:
-            self._count()
+            count(self)
             handler(self)
 
         return load
 
-    for code in codes:
-        RestrictedUnpickler.dispatch[code[0]] = counting(RestrictedUnpickler.dispatch[code[0]])
+    for code, handler in RestrictedUnpickler.dispatch.items():
+        count = RestrictedUnpickler._count_object if code in makers else RestrictedUnpickler._count_code
+        RestrictedUnpickler.dispatch[code] = counting(count, handler)
 
 
 _counted((

@@ -106,6 +106,11 @@ class StoredFit:
     grounding: Grounding | None = None
     """Gravity, contacts and floor; None where the file does not tell, as those of earlier versions."""
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What users of the result should know."""
+        return () if self.complete else (stopped_note(self.last_phase),)
+
 
 def write_result(
     folder: StrPath, fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool = True, command: str = ""
@@ -154,6 +159,11 @@ def video_of(folder: Path) -> Path | None:
         return path if path.exists() else None
     except (OSError, ValueError, KeyError, TypeError, InputError):  # of an earlier version, or not ours
         return None
+
+
+def stopped_note(phase: int) -> str:
+    """About a fit of which this was the last phase that finished, for users."""
+    return f"This fit was stopped, and is only what phase {phase} found. Fit the clip again for a finished result."
 
 
 def is_result(folder: Path) -> bool:

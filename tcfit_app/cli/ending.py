@@ -12,6 +12,9 @@ from tcfit_app.cli.json_lines import Failure, discard, emit
 FAILED, INPUT_ERROR, CANCELLED, PIPE_CLOSED = 1, 2, 130, 141
 """Exit codes: of a full disk, too little memory and the like; of what the user gave (as for unknown options); of Ctrl-C
 (128 + SIGINT, as shells have it); of a reader such as `head` that has gone (128 + SIGPIPE)."""
+_NO_ROOM = ("failed to map segment", "cannot allocate memory")
+"""What the system's loader of libraries says where memory is short."""
+_ROOM = "tcfit needs 1.5 GB: close other programs, or raise the limit (ulimit -v)."
 
 
 def prepare_streams() -> None:
@@ -61,6 +64,10 @@ def _told(run: Callable[[], int | None]) -> int:
         raise
     except MemoryError as error:
         return _say(f"there is not enough memory ({_first_line(error)}). Close other programs, or take fewer frames.")
+    except ImportError as error:
+        if not any(words in str(error).lower() for words in _NO_ROOM):
+            raise
+        return _say(f"there is not enough memory to load a library ({_first_line(error)}). {_ROOM}")
     except OverflowError as error:
         return _say(f"a number is too large to compute with ({_first_line(error)}). Check what was given.")
     except UnicodeEncodeError:

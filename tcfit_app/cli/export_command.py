@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -70,6 +70,7 @@ def write_one(name: str, path: Path, write: Callable[[Progress], str | None]) ->
         write: Writes it, and returns what a person should know of it.
     """
     emit(Step(step=name, title=exports()[name].title))
+    new = not path.parent.exists()
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with bar(exports()[name].title, told(name)) as progress:
@@ -78,6 +79,10 @@ def write_one(name: str, path: Path, write: Callable[[Progress], str | None]) ->
         raise InputError(
             f"{path}: cannot be written ({error.strerror or error}). Free space, or choose another --out."
         ) from error
+    finally:
+        if new:
+            with suppress(OSError):  # it holds what was written
+                path.parent.rmdir()
     print(f"Wrote {path}" + (f": {note}" if note else ""), flush=True)
     if note:
         emit(Note(text=f"{path.name}: {note}"))
@@ -172,6 +177,9 @@ def _of_result(path: Path, options: ExportOptions) -> ExportSource:
     if options.run is not None or options.against is not None:
         raise InputError(f"{path}: is a result of one fit and not a project: leave out --run and --against.")
     stored = read_fit(path)
+    for note in stored.notes:
+        emit(Note(text=note))
+        print(f"Note: {note}", file=sys.stderr, flush=True)
     name = _clip_name(path)
     body = Bodies(options.models).of(BodyRecord(kind=stored.body_kind, gender=stored.gender, hash=stored.body_hash))
     motion = stored_motion(stored, body, name=name, phase=options.phase)

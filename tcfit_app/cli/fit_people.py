@@ -64,7 +64,9 @@ def run_fit_people(options: FitOptions, *, command: str = "") -> list[Outcome]:
             outcomes.append(fitted)
     except BaseException:
         if listed and not is_result(options.out / listed[-1].about.folder):
-            _list(options.out, listed[:-1])
+            with suppress(InputError):  # what stopped the fit is told; whoever has no folder is passed over
+                _list(options.out, listed[:-1])
+        tell([f"{len(outcomes)} of {len(people)} people are fitted."])
         raise
     _write_together(options.out, people, outcomes)
     return outcomes

@@ -138,6 +138,7 @@ def _of_ours(path: Path, models: Path | None) -> EvaluatedFit:
         frame_rate=fit.frame_rate,
         first_frame=fit.first_frame,
         clip=None,
+        notes=fit.notes,
     )
 
 

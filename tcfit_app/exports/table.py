@@ -367,8 +367,10 @@ def _guarded(plugin: Plugin[Export]) -> Callable[[ExportSource, Path, Progress],
         ended: list[BaseException] = []
 
         def advance(share: float) -> None:
+            if not 0 <= (known := float(share)) <= 1:
+                raise ValueError(f"it reported {known} as the share that is done; expected 0 to 1")
             try:
-                progress(share)
+                progress(known)
             except BaseException as error:
                 ended.append(error)
                 raise

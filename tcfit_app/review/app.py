@@ -168,6 +168,8 @@ class ReviewApp:
             now = time.monotonic()
             for someone in self.people:
                 self._faults.attempt(f"take the worker's news {someone.name}", someone.session.take_news, now)
+            if (group := self._first.group) is not None:
+                self._faults.attempt("undo half an exchange", group.take_up, now)
             for number, page in list(self.pages.items()):
                 self._faults.attempt(f"draw tab {number}", partial(page.draw, now), now)
             self._faults.attempt("keep the time spent", partial(self._keeping.keep, self.pages.values()), now)

@@ -58,6 +58,12 @@ class Entry:
     public: str = ""
     """The address under which a proxy offers the server, such as https://fits.example.org; empty: there is none."""
 
+    @property
+    def for_others(self) -> bool:
+        """Whether browsers on other computers are expected. A proxy on this computer may connect for them, and the
+        headers that it adds are up to it: no connection shows then that a browser is on this computer."""
+        return bool(self.password or self.public)
+
     def is_at(self, host_header: str) -> bool:
         """Whether a request's Host names the public address."""
         return bool(self.public) and host_header.lower() == urlsplit(self.public).netloc
@@ -105,7 +111,7 @@ class Gate:
             admitted: Called after each new browser, when `link` is a fresh one.
             site: What is served; None: one review, at HOME.
         """
-        self._address, self._entry, self.site = address, entry or Entry(), site
+        self._address, self.entry, self.site = address, entry or Entry(), site
         self._wrong: OrderedDict[str, deque[float]] = OrderedDict()
         """When passwords were wrong, the last ones, by the place that they came from."""
         self._scripts = scripts or {}
@@ -120,17 +126,17 @@ class Gate:
     def link(self) -> str:
         """What to open in the next browser."""
         with self._lock:
-            return (self._entry.public or self._address.url) + self._entrance()
+            return (self.entry.public or self._address.url) + self._entrance()
 
     def answer(self, request: Request, address: str = "") -> Response | None:
         """The answer that a request from `address` gets without reaching viser; None if viser may answer."""
         hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
-        public = len(hosts) == 1 and self._entry.is_at(hosts[0])
+        public = len(hosts) == 1 and self.entry.is_at(hosts[0])
         if len(hosts) != 1 or not (public or self._address.accepts(hosts[0])):
             return _page(HTTPStatus.MISDIRECTED_REQUEST, _WRONG_HOST)
         websocket = "Upgrade" in request.headers
         # Browsers send it with every websocket, but with pages only where one page asks for another.
-        own = self._entry.public if public else f"http://{hosts[0]}"
+        own = self.entry.public if public else f"http://{hosts[0]}"
         if (origins or websocket) and origins != [own]:
             return _page(HTTPStatus.FORBIDDEN, _FOREIGN)
         if self.name_of(request.headers) is not None:
@@ -144,7 +150,7 @@ class Gate:
             and "cross-site" in request.headers.get_all("Sec-Fetch-Site")
         ):
             return _going_on(request.path)  # a click in another page, with which the strict cookie does not come
-        if self._entry.password and not websocket:
+        if self.entry.password and not websocket:
             place = _place(_sent_from(request.headers) or address if public else address)
             return self._ask(request, place, secure=own.startswith("https:"))
         return _page(HTTPStatus.FORBIDDEN, _UNKNOWN)
@@ -156,7 +162,7 @@ class Gate:
         if len(wrong) == _TRIES and now - wrong[0] < _MINUTE:
             return _page(HTTPStatus.TOO_MANY_REQUESTS, _TOO_OFTEN, {"Retry-After": f"{_MINUTE:.0f}"})
         name, password = _signed_in(given[0]) if len(given) == 1 else ("", "")
-        if given and _same(password, self._entry.password):
+        if given and _same(password, self.entry.password):
             return self._welcome(request.path, secure=secure, name=name)
         if given:
             with self._lock:

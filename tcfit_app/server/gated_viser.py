@@ -17,6 +17,7 @@ import rich
 import viser
 import websockets.asyncio.server
 from websockets.asyncio.server import ServerConnection
+from websockets.datastructures import Headers
 from websockets.exceptions import InvalidMessage
 from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
@@ -152,10 +153,15 @@ def _screened(
     return screened
 
 
+def is_here(gate: Gate, address: str, headers: Headers) -> bool:
+    """Whether a request from `address` is certainly of a browser on this computer."""
+    return not gate.entry.for_others and on_this_computer(address, headers)
+
+
 def _whose(gate: Gate, connection: ServerConnection) -> Visitor:
     request, other_end = connection.request, connection.remote_address
     assert request is not None
-    here = bool(other_end) and on_this_computer(other_end[0], request.headers)
+    here = bool(other_end) and is_here(gate, other_end[0], request.headers)
     return Visitor(here=here, name=gate.name_of(request.headers) or "", path=request.path)
 
 

@@ -47,7 +47,7 @@ _NESTED = 256
 """Nesting allowed to OpenCV's parsers, which crashed at 30,000 levels."""
 _XML = re.compile(r"(?P<opens><[^/!?][^<>]*+(?<!/)>)|</")
 _YAML = re.compile(r"(?P<opens>[\[{])|[\]}]")
-_INDENTED = re.compile(rf"^[ \t?-]{{{_NESTED}}}", re.MULTILINE)
+_INDENTED = re.compile(rf"[ \t?-]{{{_NESTED}}}")
 _MOST_BYTES = 4 * 2**20
 """Limit for TOML, YAML and XML of cameras, which take a few kilobytes."""
 _MOST = 100

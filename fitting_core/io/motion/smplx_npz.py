@@ -29,6 +29,7 @@ from fitting_core.errors import InputError, some_of
 from fitting_core.files.npz import read_npz
 from fitting_core.io.motion.animation_npz import POSE_KEYS
 from fitting_core.io.motion.imported_motion import ImportedMotion, body_params
+from fitting_core.io.result_files import stopped_note
 from fitting_core.motion import AXES
 
 _ADVICE = "Expected an npz of AMASS, of the SMPL-X Blender add-on or of tcfit, with 'poses' and 'trans'"
@@ -56,7 +57,8 @@ _MAX_ANGLE, _MAX_LENGTH = 1e3, 1e6
 _KEYS = (
     "poses trans betas expressions gender surface_model_type mocap_frame_rate mocap_framerate axes camera_to_world "
     "camera_place "
-    "camera_focal camera_center image_size camera_focal_from camera_source first_frame body_kind body_hash"
+    "camera_focal camera_center image_size camera_focal_from camera_source first_frame body_kind body_hash complete "
+    "last_phase"
 ).split()
 
 
@@ -108,8 +110,15 @@ def _motion(path: Path, arrays: dict[str, np.ndarray]) -> ImportedMotion:
         numbered=first is not None,
         frame_rate=_frame_rate(arrays),
         camera=_camera(arrays),
-        notes=notes,
+        notes=(*notes, *_stopped(arrays)),
     )
+
+
+def _stopped(arrays: dict[str, np.ndarray]) -> tuple[str, ...]:
+    """A note on a fit of tcfit that did not go through."""
+    if "complete" not in arrays or "last_phase" not in arrays or arrays["complete"].all():
+        return ()
+    return (stopped_note(int(_numbers(arrays, "last_phase", (), 3))),)
 
 
 def _poses(arrays: dict[str, np.ndarray]) -> Float[np.ndarray, "N J"]:

@@ -79,7 +79,7 @@ def read_other_fit(path: Path, *, search: Path | None) -> Reference:
     body = body_of(BodyOf(kind=fit.body_kind, gender=fit.gender, hash=fit.body_hash), search=search)
     name = f"{path.parent.name}/{path.name}"
     found = reference_of(name, "another fit", body, fit.params, frame_rate=fit.frame_rate, in_camera=True)
-    return replace(found, first_frame=fit.first_frame)
+    return replace(found, first_frame=fit.first_frame, notes=fit.notes)
 
 
 def read_amass(path: Path, camera: WorldCamera | None, search: Path | None) -> Reference:

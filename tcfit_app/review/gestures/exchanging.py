@@ -32,12 +32,15 @@ class Exchanging:
 
     @property
     def halves(self) -> list[str]:
-        """Incomplete exchanges, in words; they arise only if tcfit was killed or a project was opened alone."""
+        """Incomplete exchanges, in words; they stay only on a full disk, or if a project was corrected alone."""
         someone = self._tab.someone
-        found = [] if someone.group is None else someone.group.half_exchanged(someone.number)
+        if (group := someone.group) is None:
+            return []
+        span = group.members[someone.number].span
         return [
-            f"{_words(span).capitalize()} were taken over from {other.person.name}, but not in exchange. Undo that."
-            for other, span in found
+            f"{_words(span(entry)).capitalize()} were taken over from {other.person.name}, but not in exchange. Undo "
+            "that."
+            for other, entry in group.half_exchanged(someone.number)
         ]
 
     def go(self, doubt: Doubt) -> None:
@@ -59,7 +62,8 @@ class Exchanging:
 
     def exchange(self, other: Someone, number: int) -> None:
         """Swap the keypoints of two people from a frame on, in both projects. Raises InputError if they are not both
-        present from this frame on, or a project cannot be written.
+        present from this frame on, or a project cannot be written; neither is changed then, or, on a full disk, both
+        are as before as soon as that can be written.
 
         Args:
             other: The other person.
@@ -84,12 +88,12 @@ class Exchanging:
             )
             for one, source in ((mine, other), (other, mine))
         ]
-        author = self._tab.author
-        mine.session.edit(edits[0], author=author)
+        assert mine.group is not None
         try:
-            other.session.edit(edits[1], author=author)
+            for one, edit in zip((mine, other), edits, strict=True):
+                one.session.edit(edit, author=self._tab.author)
         except InputError:
-            mine.session.undo(author=author)
+            mine.group.undo_halves()
             raise
         stay = [
             f"; {_words((shared.stop, one.stop - 1))} of {one.name} stay, where {another.name} is not"

@@ -1,16 +1,18 @@
 """The open projects of one clip's people, with their sessions."""
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
 import msgspec
 
+from fitting_core.errors import InputError
 from fitting_core.io.people_file import Person, Span, read_people_file, write_people_file
 from tcfit_app.project.edits.edit_log import LogEntry
 from tcfit_app.project.edits.kinds import TakeOver
 from tcfit_app.project.people import OpenPeople
-from tcfit_app.review.session.session import Session
+from tcfit_app.review.session.session import RETRY, Session
 
 
 @dataclass(kw_only=True, eq=False)
@@ -63,6 +65,9 @@ class Group:
         )
         self._doubts: tuple[object, list[list[Doubt]]] = (), []
         """What they were found from, and they."""
+        self._next_try: float | None = None
+        """When to try again to undo half an exchange; None: there is none that could not be undone."""
+        self.undo_halves()
 
     def doubts(self, number: int) -> list[Doubt]:
         """What is uncertain about a member, in order; for two who were exchanged, later doubts are exchanged too."""
@@ -86,15 +91,31 @@ class Group:
             found += [(taken[name].time, i, j, one.span(taken[name])) for name in taken.keys() & other.exchanges]
         return [(i, j, span) for _, i, j, span in sorted(found)]
 
-    def half_exchanged(self, number: int) -> list[tuple[Member, Span]]:
-        """From whom a member has taken frames over without an exchange in return, and which frames."""
-        own = self.members[number]
+    def half_exchanged(self, number: int) -> list[tuple[Member, LogEntry]]:
+        """From whom a member has taken frames over without an exchange in return, and by which edits."""
         return [
-            (other, own.span(entry))
-            for name, entry in own.exchanges.items()
+            (other, entry)
+            for name, entry in self.members[number].exchanges.items()
             for other in self.members
             if other.person.name == _taken(entry).source and name not in other.exchanges
         ]
+
+    def undo_halves(self) -> None:
+        """Undo half exchanges, unless something was done after them. A full disk or a killed process leaves them: two
+        projects cannot be written at once. What cannot be written now is tried again by `take_up`."""
+        self._next_try = None
+        for number, member in enumerate(self.members):
+            project, halves = member.session.project, {entry.id for _, entry in self.half_exchanged(number)}
+            try:
+                while not project.read_only and (last := project.undoable) is not None and last.id in halves:
+                    member.session.undo(author=last.author)
+            except InputError:
+                self._next_try = time.monotonic() + RETRY
+
+    def take_up(self) -> None:
+        """Undo what could not be undone before, if possible now."""
+        if self._next_try is not None and time.monotonic() >= self._next_try:
+            self.undo_halves()
 
     def settle(self, doubt: Doubt) -> None:
         """Mark these frames as certain, removing them from people.json. Raises InputError if people.json can no longer

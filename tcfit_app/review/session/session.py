@@ -34,7 +34,7 @@ from tcfit_app.review.session.own_rig import OwnRig
 from tcfit_app.review.session.stored_fits import StoredFits
 from tcfit_app.review.session.tasks import Step, Tasks
 
-_RETRY = 5.0
+RETRY = 5.0
 """Seconds between attempts to write what could not be written."""
 _log = logging.getLogger(__name__)
 
@@ -488,7 +488,7 @@ class Session:
         """Write what could not be written before, if possible now."""
         if not (self._unended or self.fits.unwritten) or 0 < now < self._next_try:
             return
-        self._next_try = now + _RETRY
+        self._next_try = now + RETRY
         while self._unended:
             if self._ended(self._unended[0]):
                 return

@@ -90,10 +90,10 @@ class Someone:
         entry = next_of(self.session.project)
         if entry is None or not isinstance(entry.action, TakeOver):
             return step(self.session, author=author, shown=shown)
-        taken = entry.action
+        taken, both = entry.action, [self.session]
         for other in self.others:
             if _is(taken, next_of(other.session.project)):
-                step(other.session, author=author)
+                both.insert(0, other.session)
                 break
             done = any(_is(taken, theirs) for theirs in other.session.project.exchanges)
             if other.name == taken.source and done == (step is Session.undo):
@@ -101,7 +101,17 @@ class Someone:
                     f"{other.name} and {self.name} were exchanged, and {other.name} has been corrected or marked "
                     f"since. Undo that first, or exchange them once more."
                 )
-        return step(self.session, author=author)  # fits made before the exchange are valid again
+        for session in both:
+            session.project.refuse_read_only()
+        try:
+            for session in both:
+                step(session, author=author)  # fits made before the exchange are valid again
+        except InputError:
+            if self.group is not None:
+                self.group.undo_halves()
+            if self.session.project.stands(entry.id) != (step is Session.redo):
+                raise
+        return entry
 
     @property
     def stop(self) -> int:

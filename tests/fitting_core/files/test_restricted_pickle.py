@@ -44,6 +44,15 @@ def test_objects_are_counted(monkeypatch: pytest.MonkeyPatch, code: bytes):
         unpickled(b"\x80\x04" + code * 101 + b"N.")
 
 
+@pytest.mark.parametrize("code", [b"N0", b"K\x000", b"0N", b"\x89N00"])
+def test_codes_that_make_nothing_are_counted(monkeypatch: pytest.MonkeyPatch, code: bytes):
+    """They take no memory, and the time of hundreds of millions from a small packed file."""
+    monkeypatch.setattr(restricted_pickle, "_MOST_CODES", 100)
+    assert unpickled(b"\x80\x04N" + code * 20 + b".") is None
+    with pytest.raises(InputError, match="holds more than 100 codes"):
+        unpickled(b"\x80\x04N" + code * 100 + b".")
+
+
 def test_no_more_is_read_than_may_be():
     with pytest.raises(InputError, match="holds more than"):
         unpickled(b"\x80\x04B" + (2**21).to_bytes(4, "little") + bytes(2**21) + b".")

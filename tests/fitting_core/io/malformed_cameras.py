@@ -197,6 +197,9 @@ CAMERAS: dict[str, Case] = {
     ),
     "camera yaml of braces": _case(content("camera.yaml", "a: " + "{a: " * 50_000), "nested more than 256"),
     "camera yaml of dashes": _case(content("camera.yml", "a:\n" + "- " * 50_000 + "1"), "line 2 is nested too deeply"),
+    "camera yaml of dashes behind a key": _case(
+        content("camera.yml", "a: " + "- " * 50_000 + "1"), "line 1 is nested too deeply"
+    ),
     "camera yaml of steps": _case(
         content("camera.yml", "".join(" " * k + "a:\n" for k in range(2000))), "line 257 is nested too deeply"
     ),

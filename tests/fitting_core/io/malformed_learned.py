@@ -32,6 +32,7 @@ from tests.fitting_core.io.motion.learned_files import (
     truth,
     vibe,
     wham,
+    zlib_packed,
 )
 
 FRAMES = np.arange(5)
@@ -181,6 +182,9 @@ LEARNED |= {
     "nested tuples": case("a.pkl", _LOOP, "holds a tuple of nothing known, no result of GVHMR, WHAM"),
     "nested dictionaries": case("a.pkl", _DICT_LOOP, "holds a dict of a, no result of GVHMR"),
     **{name: case("a.pkl", *hostile) for name, hostile in HOSTILE.items()},
+    "a key of many tuples, packed": case(
+        "a.pkl", zlib_packed(HOSTILE["a key of many tuples"][0]), "an entry under a tuple"
+    ),
     "a type that is a list without end": case("a.pkl", _DTYPE, "holds a _Dtype of nothing known"),
     "a reference without end": case("a.pkl", _PERSISTENT, "refers to an object outside the pickle .a tuple"),
     "a name of 5 kB": case("a.pkl", _NAMED, "asks for a{60}, which no result needs"),

@@ -121,7 +121,7 @@ RESULTS |= {
     "npz changed byte": motion("is damaged", lambda data: data[:400] + b"\xff" + data[401:]),
     "npz folder": Case(directory("walk.npz"), read_motion, "holds no results"),
     "npz says 8 TB": Case(content("walk.npz", endless_npz("poses")), read_motion, "declares the shape"),
-    "npz bomb": Case(content("walk.npz", zip_bomb("poses")), read_motion, "unpacks to 4.0 GB, expected at most 2.0"),
+    "npz bomb": Case(content("walk.npz", zip_bomb("poses")), read_motion, "unpacks to 4.0 GB, expected at most 0.3"),
     "npz of objects": motion("'poses' is an array of Python objects", poses=np.array([{}, {}], dtype=object)),
     "npz that points outside": Case(
         content("walk.npz", zipped({"../poses.npy": npz()})), read_motion, "has neither 'poses' nor 'root_orient'"

@@ -15,7 +15,9 @@ import torch
 from fitting_core.body.model import BodyModel
 from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.camera import project
+from fitting_core.errors import InputError
 from fitting_core.fit.events import FitEvent
+from fitting_core.io.motion.smplx_npz import read_smplx_npz
 from fitting_core.io.people_file import read_people_file, write_people_file
 from fitting_core.io.result_files import read_fit
 from fitting_core.keypoints import BODY
@@ -311,3 +313,47 @@ def test_what_was_fitted_before_a_cancel_is_listed(
     assert main(["fit", *clip, "--out", str(tmp_path / "out"), *arguments]) == 130
     assert [one.folder for one in read_people_file(tmp_path / "out").people] == ["person-1"]
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["people.json", "person-1"]
+
+
+@pytest.mark.parametrize("written", [0, 1, 2, 3, 4, 5])
+def test_after_a_full_disk_every_result_says_whether_it_is_finished(
+    clip: list[str],
+    tmp_path: Path,
+    free_body: BodyModel,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    written: int,
+):
+    """The disk is full after so many writes: three for each of two people."""
+    whole, out, left = fit_command.write_result, tmp_path / "out", iter(range(written))
+
+    def until_full(*arguments: Any, **options: Any) -> dict[str, Any]:
+        if next(left, None) is None:
+            raise InputError("the disk is full")
+        return whole(*arguments, **options)
+
+    monkeypatch.setattr(fit_command, "load_body", lambda path: free_body)
+    monkeypatch.setattr(fit_command, "write_result", until_full)
+    assert main(["fit", *clip, "--people", "all", "--out", str(out), "--no-overlay", *QUICK]) == 2
+    err = capsys.readouterr().err
+    assert "the disk is full" in err and f"{written // 3} of 2 people are fitted." in err
+    people = read_people_file(out).people if written else ()
+    assert [one.folder for one in people] == ["person-1", "person-2"][: (written + 2) // 3]
+    for number, one in enumerate(people):
+        result, phase = out / one.folder, min(3, written - 3 * number)
+        reports = (
+            ["export", str(result), "--formats", "npz", "--out", str(tmp_path / f"exported-{number}")],
+            [
+                "evaluate",
+                str(result),
+                "--reference",
+                str(result / "fit.npz"),
+                "--out",
+                str(tmp_path / f"rated-{number}"),
+            ],
+        )
+        for command in reports:
+            assert main(command) == 0
+            said = "".join(capsys.readouterr())
+            assert (f"only what phase {phase} found" in said) == (phase < 3), (command, said)
+        assert bool(read_smplx_npz(result / "fit.npz").notes) == (phase < 3)

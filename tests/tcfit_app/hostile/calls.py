@@ -5,11 +5,11 @@ A process that has loaded everything waits for command lines and forks for each:
 
 import json
 import os
+import resource
 import select
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,6 +19,11 @@ _GOES_ON = "http://127.0.0.1:"
 """What is printed by an app that is open until it is stopped."""
 LIMIT = 20.0
 """Seconds after which a call hangs."""
+MOST_MEMORY = 1.0
+"""GB that a call may take beyond what has been loaded."""
+UPLOAD = "upload"
+"""Stands for a command that imports a file as a browser uploads it: project and file."""
+_MOST_SPACE = 16 * 2**30
 _LOADED = (
     "torch", "cv2", "fitting_core.fit.fitting", "fitting_core.clips.reading", "fitting_core.measure.report.page",
     "tcfit_app.cli.fit_command", "tcfit_app.cli.export_command", "tcfit_app.cli.import_command",
@@ -38,6 +43,10 @@ class Ended:
     out: str
     err: str
     hung: bool
+    seconds: float
+    """Of a processor: what others do on this computer does not count."""
+    memory: float
+    """GB that the call took, at most at one time."""
 
     @property
     def fault(self) -> str:
@@ -52,7 +61,7 @@ class Ended:
             return f"ends with status {self.status}"
         if self.status == 2 and not self.err.strip():
             return "says nothing about what is wrong"
-        return ""
+        return f"takes {self.memory:.1f} GB" if self.memory > MOST_MEMORY else ""
 
 
 class Calls:
@@ -66,7 +75,7 @@ class Calls:
         assert self._process.stdin and self._process.stdout
         self._process.stdin.write(json.dumps([list(arguments), limit]).encode() + b"\n")
         self._process.stdin.flush()
-        status, hung = json.loads(self._process.stdout.readline())
+        status, hung, seconds, memory = json.loads(self._process.stdout.readline())
         out, err = (self._folder / name for name in ("out", "err"))
         return Ended(
             arguments=tuple(arguments),
@@ -74,21 +83,26 @@ class Calls:
             out=out.read_bytes().decode("utf-8", "replace"),
             err=err.read_bytes().decode("utf-8", "replace"),
             hung=hung,
+            seconds=seconds,
+            memory=memory,
         )
 
 
 @contextmanager
-def calls(folder: Path, working: Path) -> Iterator[Calls]:
+def calls(folder: Path, working: Path, *, packages: Path | None = None) -> Iterator[Calls]:
     """A process that runs calls.
 
     Args:
         folder: New; for what calls print.
         working: Where they run.
+        packages: Where further packages may be installed while it runs.
     """
     folder.mkdir()
     command = [sys.executable, "-m", "tests.tcfit_app.hostile.calls", str(folder), str(working)]
     root = str(Path(__file__).parents[3])
-    environment = {**os.environ, "PYTHONPATH": root, "OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
+    paths = root if packages is None else os.pathsep.join((root, str(packages)))
+    environment = {**os.environ, "PYTHONPATH": paths, "OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
+    environment |= {"XDG_DATA_HOME": str(folder / "data")}
     process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment, cwd=root)
     try:
         yield Calls(process, folder)
@@ -106,17 +120,25 @@ def _serve(folder: Path, working: Path) -> None:
         print(json.dumps(_forked(arguments, limit, folder)), flush=True)
 
 
-def _forked(arguments: list[str], limit: float, folder: Path) -> tuple[int, bool]:
+def _forked(arguments: list[str], limit: float, folder: Path) -> tuple[int, bool, float, float]:
+    hung = False
     child = os.fork()
     if child == 0:
         _become(arguments, folder)
-    end, hung = time.monotonic() + limit, False
     handle = os.pidfd_open(child)
-    if not select.select([handle], [], [], end - time.monotonic())[0]:
+    if not select.select([handle], [], [], limit)[0]:
         hung = True
         os.killpg(child, signal.SIGKILL)
     os.close(handle)
-    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), hung
+    _, status, used = os.wait4(child, 0)
+    memory = max(used.ru_maxrss - _resident(), 0) / 2**20
+    return os.waitstatus_to_exitcode(status), hung, used.ru_utime + used.ru_stime, memory
+
+
+def _resident() -> int:
+    """Kilobytes of this process, with which a forked one begins."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") // 2**10
 
 
 def _become(arguments: list[str], folder: Path) -> None:
@@ -130,10 +152,12 @@ def _become(arguments: list[str], folder: Path) -> None:
     sys.stdin, sys.stdout, sys.stderr = (os.fdopen(i, "r" if i == 0 else "w", closefd=False) for i in range(3))
     sys.stderr.reconfigure(errors="backslashreplace")  # as Python has it
     status = 70
+    space = resource.getrlimit(resource.RLIMIT_AS)[1]
+    resource.setrlimit(resource.RLIMIT_AS, (_MOST_SPACE, space))  # so that no fault takes the whole computer
     try:
         from tcfit_app.cli.main import main
 
-        status = main(arguments)
+        status = _uploaded(*arguments[1:]) if arguments[:1] == [UPLOAD] else main(arguments)
     except BaseException:
         sys.excepthook(*sys.exc_info())
         status = 1
@@ -141,6 +165,20 @@ def _become(arguments: list[str], folder: Path) -> None:
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(status)
+
+
+def _uploaded(project: str, file: str) -> int:
+    from tcfit_app.cli.ending import ended
+    from tcfit_app.fitting.bodies import Bodies
+    from tcfit_app.imports.results import import_run, upload
+    from tcfit_app.project.project import Project
+
+    def take() -> None:
+        path = Path(file)
+        with Project.open(Path(project)) as opened, upload(path.name, path.read_bytes()) as kept:
+            import_run(opened, Bodies(), kept, source=path.name)
+
+    return ended(take)
 
 
 if __name__ == "__main__":

@@ -17,6 +17,11 @@ def hostile_paths(folder: Path) -> Mapping[str, str]:
     bytes_file = folder / os.fsdecode(b"caf\xe9")
     bytes_file.write_bytes(b"\x00\xff" * 300)
     (folder / "loop").symlink_to("loop")
+    (folder / "dangling").symlink_to("nowhere")
+    (folder / "round").mkdir()
+    (folder / "round" / "again").symlink_to("..")
+    for a, b in (("to", "fro"), ("fro", "to")):
+        (folder / a).symlink_to(b)
     (folder / "text").write_text("no such format\n")
     (folder / "empty").touch()
     locked = folder / "locked"
@@ -43,6 +48,18 @@ def hostile_paths(folder: Path) -> Mapping[str, str]:
         "nothing under a name that is no UTF-8": os.fsdecode(b"caf\xe8"),
         "home of nobody": "~nosuchuser/walk.mp4",
         "link to itself": str(folder / "loop"),
+        "links to each other": str(folder / "to"),
+        "dangling link": str(folder / "dangling"),
+        "folder that holds itself": str(folder / "round"),
+        "endless ways into a folder": str(folder / "round" / "/".join(["again/round"] * 50)),
+        "null byte": "walk\0.mp4",
+        "line breaks": str(folder / "a\nb\r\x1b[31mc"),
+        "process": "/proc/self/mem",
+        "pages of a process": "/proc/self/pagemap",
+        "open file": "/proc/self/fd/0",
+        "kernel's log": "/proc/kmsg",
+        "folder of the kernel": "/sys/kernel",
+        "random device": "/dev/urandom",
         "unreadable": str(locked),
         "below a file": str(folder / "text" / "walk"),
         "text": str(folder / "text"),

@@ -1,5 +1,5 @@
-"""SIGKILL at random moments of everything that writes: nothing acknowledged is lost, nothing half-written shows under
-its name, and what was left beside it is gone after the next start."""
+"""SIGKILL at random moments of everything that writes, and full disks: nothing acknowledged is lost, nothing
+half-written shows under its name, and what was left beside it is gone after the next start."""
 
 import shutil
 import sqlite3
@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from fitting_core.body.model import BodyModel
+from fitting_core.errors import InputError
 from fitting_core.io.result_files import read_fit, write_result
 from tcfit_app.batch import clip_fit
 from tcfit_app.batch.manifest import ClipTask, Complaints, read_manifest
@@ -24,7 +25,7 @@ from tcfit_app.imports.results import import_run
 from tcfit_app.project.packed import pack, unpack
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage import database
-from tests.drivers.processes import killed_after, needs_fork
+from tests.drivers.processes import killed_after, needs_fork, succeeded
 from tests.samples.batch_clips import CHEAP, write_clip, write_list
 from tests.samples.media import write_images
 from tests.samples.project_samples import BODY, CONFIG, assert_same_fit, random_edit, sample_clip, sample_fit
@@ -32,6 +33,7 @@ from tests.samples.waving import waving_fit, waving_project
 from tests.tcfit_app.conftest import FRAMES
 
 pytestmark = needs_fork
+resource = pytest.importorskip("resource", reason="this system has no limits on files")
 Report = Callable[[str], None]
 EXPORTED = {"npz": "walk.smplx.npz", "bvh": "walk-bvh", "fit": "walk.fit.npz", "openpose": "walk-keypoints"}
 LONGEST = 0.4
@@ -277,3 +279,50 @@ def test_killed_at_anything(world: World):
 @pytest.mark.slow
 def test_killed_two_hundred_times(world: World):
     _killed_often(world, rounds=200, seed=2)
+
+
+# --- full disks ---
+
+
+def _on_a_full_disk(world: World, kind: str, number: int, most: int) -> bool:
+    """Whether it could be done where no file may have more bytes, or else was refused in words."""
+
+    def work(report: Report) -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
+        try:
+            DEEDS[kind](world, number)
+            report("done")
+        except InputError as error:
+            report("refused" if "cannot" in str(error) else f"refused without a word of why: {error}")
+        except AssertionError:  # a command, which has said it itself
+            report("refused")
+
+    (found,) = succeeded(work)
+    assert found in ("done", "refused"), (kind, most, found)
+    return found == "done"
+
+
+def _full_often(world: World, rounds: int, seed: int) -> None:
+    rng, done, refused = np.random.default_rng(seed), set[tuple[str, int]](), set[str]()
+    for number in range(rounds):
+        kind, most = list(DEEDS)[rng.integers(len(DEEDS))], int(2 ** rng.uniform(0, 19))
+        if _on_a_full_disk(world, kind, number, most):
+            done.add((kind, number))
+        else:
+            refused.add(kind)
+            assert not list(_hidden(world)), (kind, most, list(_hidden(world)))
+        _check(world, done)
+        if (kind, number) not in done:
+            _again(world, kind, number)
+            done.add((kind, number))
+    _check(world, done)
+    assert refused if rounds < 100 else refused == set(DEEDS)
+
+
+def test_full_disks(world: World):
+    _full_often(world, rounds=10, seed=3)
+
+
+@pytest.mark.slow
+def test_two_hundred_full_disks(world: World):
+    _full_often(world, rounds=200, seed=4)

@@ -101,6 +101,8 @@ def _raising(error: BaseException) -> Callable[[], None]:
         (OSError("torn"), FAILED, "torn."),
         (MemoryError("Unable to allocate 5 TiB"), FAILED, "not enough memory (Unable to allocate 5 TiB)"),
         (MemoryError(), FAILED, "not enough memory (MemoryError)"),
+        (ImportError("libavcodec.so: failed to map segment from shared object"), FAILED, "tcfit needs 1.5 GB"),
+        (ImportError("x.so: cannot allocate memory in static TLS block"), FAILED, "to load a library (x.so: cannot"),
         (OverflowError("int too large"), FAILED, "too large to compute with (int too large)"),
         (UnicodeEncodeError("utf-8", "\udce4", 0, 1, "surrogates"), INPUT_ERROR, "not UTF-8"),
         (KeyboardInterrupt(), CANCELLED, "cancelled."),

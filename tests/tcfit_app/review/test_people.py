@@ -5,7 +5,7 @@ import shutil
 import time
 import zlib
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -29,6 +29,7 @@ from tcfit_app.project.edits.kinds import MarkBad, MoveKeypoint, Reset, SetDepth
 from tcfit_app.project.edits.packed_points import packed
 from tcfit_app.project.people import opened_people
 from tcfit_app.project.project import Project
+from tcfit_app.project.storage.database import Database
 from tcfit_app.project.storage.lock import ProjectLocked
 from tcfit_app.review.app import ReviewApp
 from tcfit_app.review.browser.page_events import GoToPerson, Hello, OpenLink, Press
@@ -330,13 +331,15 @@ def test_an_exchange_is_not_undone_in_one_while_the_other_was_corrected(folder: 
         assert len(one.log) == 2
 
 
-def test_half_an_exchange_is_told_and_can_be_undone(folder: Path, panel_server: viser.ViserServer):
-    """As it is if tcfit is killed in between, or if one of the projects is opened by itself."""
+def test_half_an_exchange_is_told_where_more_was_done_after_it(folder: Path, panel_server: viser.ViserServer):
+    """As it is if one of the projects is opened by itself."""
     with reviewed(folder, panel_server) as app:
         exchanged(app, 9)
         assert app.pages[1].gestures.exchanging.halves == []
     with Project.open(folder / "person-2") as opened_alone:
         opened_alone.undo()
+    with Project.open(folder / "person-1") as opened_alone:
+        opened_alone.append(MarkBad(frames=(6,), joints=(4,)))
     with reviewed(folder, panel_server) as app:
         hello(app, "mine")
         gestures = app.pages[1].gestures
@@ -344,7 +347,74 @@ def test_half_an_exchange_is_told_and_can_be_undone(folder: Path, panel_server: 
         assert told.startswith("Frames 9–11 were taken over from person 2")
         assert app.people[1].uncertain == ((9, FRAMES - 1),), "not settled by half an exchange"
         gestures.correcting.undo()
+        gestures.correcting.undo()
         assert gestures.exchanging.halves == []
+
+
+class Disk:
+    """Refuses the writes of all projects from one on, for some time."""
+
+    def __init__(self, patch: pytest.MonkeyPatch) -> None:
+        self.left, self.refused, self.error = 10**9, 0, InputError("full")
+        whole = Database.transaction
+
+        @contextmanager
+        def transaction(database: Database) -> Iterator[Any]:
+            self.left -= 1
+            if self.left < 0 <= self.left + self.refused:
+                raise self.error
+            with whole(database) as connection:
+                yield connection
+
+        patch.setattr(Database, "transaction", transaction)
+
+    def refuse(self, first: int, count: int, error: BaseException) -> None:
+        """Refuse `count` writes after the next `first` ones; 0, 0: none."""
+        self.left, self.refused, self.error = first, count, error
+
+
+def keypoints(app: ReviewApp) -> list[np.ndarray]:
+    return [someone.session.project.corrected.xy.copy() for someone in app.people]
+
+
+def is_either(found: list[np.ndarray], ends: list[list[np.ndarray]]) -> bool:
+    return any(all(map(np.array_equal, found, end)) for end in ends)
+
+
+@pytest.mark.parametrize("count", [1, 1000], ids=["one write", "all later writes"])
+@pytest.mark.parametrize("what", ["exchange", "undo", "redo"])
+def test_no_half_exchange_stays_whichever_write_fails_or_is_the_last_before_a_kill(
+    folder: Path, panel_server: viser.ViserServer, monkeypatch: pytest.MonkeyPatch, what: str, count: int
+):
+    """Two people are exchanged, undone or done again, whole or not at all."""
+    monkeypatch.setattr("tcfit_app.review.session.group.RETRY", 0.0)
+    disk = Disk(monkeypatch)
+    for number, error in itertools.product(range(3), (InputError("full"), KeyboardInterrupt())):
+        with reviewed(folder, panel_server) as app:
+            hello(app, "mine")
+            correcting, group = app.pages[1].gestures.correcting, app.people[0].group
+            before = keypoints(app)
+            exchanged(app, 9)
+            after = keypoints(app)
+            if what != "undo":
+                correcting.undo()
+            if what == "exchange":
+                app.people[0].session.project.append(MarkBad(frames=(0,), joints=(4,)))
+            disk.refuse(number, count, error)
+            told = suppress(KeyboardInterrupt) if number == 2 else suppress(InputError, KeyboardInterrupt)
+            with told:
+                {"exchange": partial(exchanged, app, 9), "undo": correcting.undo, "redo": correcting.redo}[what]()
+            disk.refuse(0, 0, error)
+            if isinstance(error, InputError):
+                assert group is not None
+                group.take_up()
+                assert is_either(keypoints(app), [before, after])
+        with reviewed(folder, panel_server) as app:
+            assert is_either(keypoints(app), [before, after])
+            assert app.pages[1].gestures.exchanging.halves == []
+            while app.people[0].session.project.undoable is not None:
+                app.people[0].undo(author="", shown=None)
+            assert is_either(keypoints(app), [before])
 
 
 def test_what_is_uncertain_later_goes_with_whom_it_is_about(folder: Path, panel_server: viser.ViserServer):

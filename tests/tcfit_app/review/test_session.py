@@ -648,7 +648,7 @@ def test_a_fit_that_finds_no_room_on_the_disk_is_written_later(
 
     for name in barred:
         monkeypatch.setattr(runs, name, on_full_disk(getattr(runs, name)))
-    monkeypatch.setattr("tcfit_app.review.session.session._RETRY", 0.0)
+    monkeypatch.setattr("tcfit_app.review.session.session.RETRY", 0.0)
     run = session.rerun_frames(newest(session), QUICK, (range(2, 4),))
     idle(session)
     kept = session.fits.run(run.id)
@@ -668,7 +668,7 @@ def test_a_run_whose_end_goes_wrong_is_ended_later(session: Session, monkeypatch
     runs, broken = session.project.runs, [OSError("a bad cable")]
     end = runs.end
     monkeypatch.setattr(runs, "end", lambda *given: (_ for _ in ()).throw(broken.pop()) if broken else end(*given))
-    monkeypatch.setattr("tcfit_app.review.session.session._RETRY", 0.0)
+    monkeypatch.setattr("tcfit_app.review.session.session.RETRY", 0.0)
     begun = [session.fit_everything(QUICK, kind="smplx", gender="neutral") for _ in range(2)]
     if closing:
         session.close()

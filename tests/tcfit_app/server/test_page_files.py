@@ -1,16 +1,22 @@
 """Which files of this computer a page may name: those of a page elsewhere are none of the user's."""
 
+import ipaddress
 import os
 import socket
 from pathlib import Path
 
 import pytest
 import viser
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from websockets.datastructures import Headers
+from websockets.http11 import Request
 from websockets.sync.client import connect
 
 from fitting_core.errors import InputError
-from tcfit_app.server.gated_viser import visitor
+from tcfit_app.server.address import Address
+from tcfit_app.server.gate import Entry, Gate
+from tcfit_app.server.gated_viser import is_here, visitor
 from tcfit_app.server.page_files import PageFiles, on_this_computer
 from tcfit_app.server.serving import review_server
 from tests.tcfit_app.server.test_gate import admit
@@ -78,20 +84,81 @@ def test_what_is_no_path_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
             files.path(text)
 
 
-@pytest.mark.parametrize("headers", [{}, {"X-Forwarded-For": "127.0.0.1"}, {"Forwarded": "for=127.0.0.1"}])
-def test_the_server_tells_its_pages_apart(headers: dict[str, str]):
-    with review_server("A clip", port=0, open_browser=False, say=lambda text: None) as server:
+PUBLIC = "https://fits.example.org"
+NGINX = {"Origin": PUBLIC}
+"""With the lines of docs/server.md, X-Forwarded-For left out."""
+CADDY = {**NGINX, "X-Forwarded-For": "192.0.2.7", "X-Forwarded-Host": "fits.example.org", "X-Forwarded-Proto": "https"}
+
+
+@pytest.mark.parametrize(
+    ("entry", "headers"),
+    [
+        (Entry(), {}),
+        (Entry(), {"X-Forwarded-For": "127.0.0.1"}),
+        (Entry(), {"Forwarded": "for=127.0.0.1"}),
+        (Entry(public=PUBLIC), NGINX),
+        (Entry(public=PUBLIC), CADDY),
+        (Entry(public=PUBLIC), {}),
+        (Entry(password="correct horse battery"), {}),
+    ],
+)
+def test_the_server_tells_its_pages_apart(entry: Entry, headers: dict[str, str]):
+    """A server that was told of browsers elsewhere believes no connection that looks as if it came from here."""
+    with review_server("A clip", port=0, open_browser=False, say=lambda text: None, entry=entry) as server:
         cookie = admit(server)
         with connect(
-            f"ws://127.0.0.1:{server.address.port}/",
-            origin=server.address.url,  # pyright: ignore[reportArgumentType]
-            additional_headers={"Cookie": cookie, **headers},
+            f"ws://{'fits.example.org' if 'Origin' in headers else '127.0.0.1'}/",
+            sock=socket.create_connection(("127.0.0.1", server.address.port)),
+            additional_headers={"Cookie": cookie, "Origin": "http://127.0.0.1", **headers},
             subprotocols=[f"viser-v{viser.__version__}"],  # pyright: ignore[reportArgumentType]
             max_size=None,
         ) as tab:
             tab.recv(timeout=20)
-            assert visitor(server.viser, 0).here == (not headers)
+            assert visitor(server.viser, 0).here == (entry == Entry() and not headers)
         assert not visitor(server.viser, 1).here
+
+
+NAMES = (
+    "Host", "Origin", "Forwarded", "Via", "X-Forwarded-For", "X-Forwarded-Host", "X-Forwarded-Proto", "X-Real-IP",
+    "x-forwarded-for", "X_Forwarded_For", "Cookie", "Authorization", "Sec-Fetch-Site", "Upgrade", "Connection",
+)  # fmt: skip
+VALUES = (
+    "", " ", "127.0.0.1", "localhost", "[::1]", "::1", "::ffff:127.0.0.1", "[::ffff:7f00:1]", "0.0.0.0", "127.1",
+    "2130706433", "fe80::1%lo", "127.0.0.1:8080", "localhost:99999", "127.0.0.1, 192.0.2.7", "for=127.0.0.1",
+    'for="[::1]";host=localhost', "null", "http://127.0.0.1", PUBLIC, "fits.example.org", "fits.example.org.",
+    "FITS.example.org", "fits.example.org:443", "unknown", "_hidden", "tcfit-1=..", "tcfit-1=.x", "Basic Og==",
+    "Basic " + "A" * 5000, "websocket", "x" * 5000, "%00", "cross-site",
+)  # fmt: skip
+PROXIES: dict[str, dict[str, str]] = {
+    "nginx": {},
+    "nginx with the sender": {"X-Forwarded-For": "192.0.2.7"},
+    "Caddy": CADDY,
+    "Apache": {"X-Forwarded-For": "192.0.2.7", "X-Forwarded-Host": "fits.example.org", "X-Forwarded-Server": "x"},
+    "Traefik": {"X-Real-IP": "192.0.2.7", "X-Forwarded-For": "192.0.2.7", "X-Forwarded-Port": "443"},
+    "RFC 7239": {"Forwarded": "for=192.0.2.7;proto=https"},
+}
+"""What proxies on this computer add to whatever a browser sends."""
+
+
+@settings(max_examples=300, deadline=None)
+@given(
+    sent=st.lists(st.tuples(st.sampled_from(NAMES), st.sampled_from(VALUES)), max_size=8),
+    proxy=st.sampled_from(list(PROXIES)),
+    entry=st.sampled_from([Entry(), Entry(public=PUBLIC), Entry(password="correct horse battery", public=PUBLIC)]),
+    path=st.sampled_from(["/", "/?token=", "/?frame=1", "//", "/?token=%00", "/\udce4", "*", "http://x/"]),
+)
+def test_whatever_a_browser_elsewhere_sends_through_a_proxy_it_is_not_here_and_not_in(
+    sent: list[tuple[str, str]], proxy: str, entry: Entry, path: str
+):
+    headers = Headers(sent)
+    for name, value in PROXIES[proxy].items():
+        headers[name] = value
+    gate = Gate(Address(asked="127.0.0.1", ip=ipaddress.ip_address("127.0.0.1"), port=1), entry=entry)
+    assert gate.answer(Request(path, headers), "127.0.0.1") is not None
+    assert gate.name_of(headers) is None
+    if entry.for_others or PROXIES[proxy]:
+        assert not is_here(gate, "127.0.0.1", headers)
+    assert not is_here(gate, "192.0.2.7", headers)
 
 
 def test_a_browser_that_comes_over_the_network_is_elsewhere():

@@ -16,7 +16,7 @@ from numpy.lib import format as npy
 
 from fitting_core.errors import InputError
 from fitting_core.files.pickles import as_objects
-from fitting_core.files.regular import regular_file
+from fitting_core.files.regular import most_unpacked, regular_file
 from fitting_core.files.restricted_pickle import Stream
 from fitting_core.files.torch_pickles import MAX_BYTES, of_torch_zip, unpickled
 
@@ -25,12 +25,9 @@ _OBJECTS = re.compile(r"(?:.*/)?(?:hps_track_\d{1,6}|camera)\.npy|results\.npy",
 """Members of archives that are object arrays: TRAM's and ROMP's. Others are ignored."""
 _LZ4 = b"\x04\x22\x4d\x18"
 _PICKLE, _NPY = b"\x80", b"\x93NUMPY"
-_FREE, _RATIO = 2**28, 50
-"""Bytes that a compressed pickle may always expand to, plus a multiple of its size. Poses and vertices shrink to a
-tenth at best; a bomb to a thousandth."""
 
 
-class _Inflated:
+class _Inflated(io.RawIOBase):
     """A zlib stream as a file.
 
     Args:
@@ -38,36 +35,27 @@ class _Inflated:
     """
 
     def __init__(self, file: BinaryIO) -> None:
-        self._file, self._packed, self._ready = file, zlib.decompressobj(), b""
+        super().__init__()
+        self._file, self._packed = file, zlib.decompressobj()
 
-    def read(self, count: int) -> bytes:
-        """So many bytes, or as many as are left."""
-        parts, left = [], count
-        while left > 0:
-            if not self._ready and not self._packed.eof:
-                source = self._packed.unconsumed_tail or self._file.read(2**16)
-                self._ready = self._packed.decompress(source, 2**20)
-                if not source and not self._ready:
-                    raise EOFError("the compressed data ends early")
-                if not self._ready:
-                    continue
-            part, self._ready = self._ready[:left], self._ready[left:]
-            if not part:
-                break
-            parts.append(part)
-            left -= len(part)
-        return b"".join(parts)
+    def readable(self) -> bool:
+        """It can only be read."""
+        return True
 
-    def readline(self, limit: int) -> bytes:
-        """Up to and including the end of a line."""
-        line = b""
-        while len(line) < limit and not line.endswith(b"\n") and (byte := self.read(1)):
-            line += byte
-        return line
+    def readinto(self, buffer: Any) -> int:
+        """Fill the buffer, or a part of it; 0 at the end."""
+        found = b""
+        while not found and not self._packed.eof:
+            source = self._packed.unconsumed_tail or self._file.read(2**16)
+            found = self._packed.decompress(source, len(buffer))
+            if not source and not found:
+                raise EOFError("the compressed data ends early")
+        buffer[: len(found)] = found
+        return len(found)
 
 
 _UNPACKED: dict[bytes, Callable[[BinaryIO], Any]] = {
-    b"\x78": _Inflated,
+    b"\x78": lambda file: io.BufferedReader(_Inflated(file), 2**16),
     b"\x1f\x8b": lambda file: gzip.GzipFile(fileobj=file),
     b"BZh": bz2.BZ2File,
     b"\x5d\x00": lzma.LZMAFile,
@@ -102,7 +90,7 @@ def opened(path: Path, *, most: int = MAX_BYTES) -> Iterator[Any]:
                     raise InputError(f"is damaged or was cut off ({str(error)[:80]})") from error
                 yield None
             else:
-                yield _of_zip(archive, most)
+                yield _of_zip(archive, most_unpacked(path.stat().st_size, most))
         elif start.startswith(_NPY):
             yield _of_npy(Stream(file, path.stat().st_size, most=most))
         elif start.startswith(_PICKLE):
@@ -119,13 +107,15 @@ def _of_packed(unpack: Callable[[BinaryIO], Any], file: BinaryIO) -> Any:
         holds_pickle = unpack(file).read(1) == _PICKLE
     except (OSError, EOFError, zlib.error, lzma.LZMAError):
         return None
-    most = min(_FREE + _RATIO * file.seek(0, io.SEEK_END), MAX_BYTES)
+    most = most_unpacked(file.seek(0, io.SEEK_END), MAX_BYTES)
     file.seek(0)
     return unpickled(Stream(unpack(file), None, most=most)) if holds_pickle else None
 
 
 def _of_zip(archive: zipfile.ZipFile, left: int) -> Any:
     members = {member.filename: member for member in archive.infolist()}
+    if (size := sum(member.file_size for member in members.values())) > left:
+        raise InputError(f"unpacks to {size / 2**30:.1f} GB, expected at most {left / 2**30:.1f} GB of its size")
     if pickled := next((name for name in members if PurePosixPath(name).name == "data.pkl"), None):
         return of_torch_zip(archive, pickled)
     found = {}
