@@ -32,7 +32,7 @@ _ORDER = (
     "name sorts by it. The picture is of the frame that the review would show first, and grows under the "
     "pointer."
 )
-_TOGETHER = "All projects in one list, to be reviewed and approved: "
+_TOGETHER = "All clips in one list, to be reviewed and approved: "
 
 
 def write_report(
@@ -92,7 +92,7 @@ def _shown(folder: Path, task: ClipTask, row: Row, figures: Figures | None, with
         "why": row.reason or "; ".join([*figures.doubts, figures.worst] if figures else []),
         "notes": row.notes,
         "href": _link(task.out, folder) if done else "",
-        "command": _command(task) if done else "",
+        "command": shlex.join(["tcfit", "review", str(task.out.absolute())]) if done else "",
         "picture": _picture(folder, task, within) if done else "",
     }
     return {name: value for name, value in content.items() if value not in (None, "")}
@@ -106,26 +106,8 @@ def _link(path: Path, folder: Path) -> str:
         return path.absolute().as_uri()
 
 
-def _command(task: ClipTask) -> str:
-    """What opens a result in the app: a project is there already, or is made of the clip and the result."""
-    out = str(task.out.absolute())
-    if task.form == "project":
-        return shlex.join(["tcfit", "review", out])
-    project = f"{out}.tcfit"
-    new = ["tcfit", "new", *([str(task.fit.video.absolute())] if task.fit.video else []), "--out", project]
-    if task.fit.keypoints:
-        new += ["--keypoints", str(task.fit.keypoints.absolute())]
-    for options in (task.fit.clip, task.fit.camera):
-        for name, value in vars(options).items():
-            if value != getattr(type(options), name):
-                values = value if isinstance(value, tuple) else (value,)
-                new += [f"--{name.replace('_', '-')}", *map(str, values)]
-    steps = (new, ["tcfit", "import", project, out], ["tcfit", "review", project])
-    return " && ".join(map(shlex.join, steps))
-
-
 def _review_of(folders: Sequence[Path]) -> str:
-    """What opens the list of all projects in some folders; of the first where they lie on several drives."""
+    """What opens the list of all clips in some folders; of the first where they lie on several drives."""
     try:
         common = os.path.commonpath(folders)
     except ValueError:
@@ -149,7 +131,7 @@ def _page(title: str, tasks: Sequence[ClipTask], rows: Sequence[Row], shown: Seq
         for state, count in counts(rows).items()
         if count
     ]
-    listed = [task.out.absolute().parent for task in tasks if task.form == "project"]
+    listed = [task.out.absolute().parent for task in tasks]
     together = [tag("p", _TOGETHER, tag("code", _review_of(listed)))] if listed else []
     data = msgspec.json.encode(shown).decode().replace("<", "\\u003c")  # </script> in a name must not end the data.
     body = tag(

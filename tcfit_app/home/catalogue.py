@@ -11,7 +11,7 @@ from pathlib import Path
 import msgspec
 
 from fitting_core.errors import InputError
-from tcfit_app.home.found import Found, find
+from tcfit_app.home.found import Found, Kind, find
 from tcfit_app.home.messages import Row, Work
 from tcfit_app.project.glance import Glance, Stamp, glance, stamp
 from tcfit_app.project.storage.lock import Holder
@@ -19,6 +19,9 @@ from tcfit_app.project.storage.lock import Holder
 SUMMARY = "summary.json"
 """`result_files.SUMMARY_NAME`, which would take torch's two seconds to import."""
 
+_ORDER: dict[Kind, int] = {"project": 0, "result": 1, "video": 2}
+"""A clip is shown once: as its project, or else its result, or else its video. The first two say what video is
+theirs."""
 _READERS = 4
 """Threads that wait for the disk."""
 
@@ -31,7 +34,7 @@ class Entry:
     stamp: Stamp
     row: Row
     media: tuple[Path, ...] = ()
-    """As of `Glance`."""
+    """As of `Glance`, or a result's video."""
     first_frame: int = 0
     """As of `Glance`."""
     by: str = ""
@@ -64,15 +67,15 @@ class Catalogue:
     def refresh(self) -> tuple[list[Row], list[str]]:
         """Look at the disk; rows that are other ones than before, and keys of those that are gone."""
         with self._guard:
-            before, now, claimed = self._entries, dict[str, Entry](), set[str]()
+            before, now, claimed = self._entries, dict[str, Entry](), set[Path]()
             found = find(self.root)
             with ThreadPoolExecutor(_READERS) as pool:
                 read = dict(zip(found, pool.map(lambda one: self._entry(one, before.get(one.key)), found), strict=True))
-            for one in sorted(found, key=lambda one: one.kind != "project"):  # which say of what videos they are
-                if one.kind == "video" and os.path.normpath(one.path) in claimed:
+            for one in sorted(found, key=lambda one: _ORDER[one.kind]):
+                if one.path in claimed or (one.kind == "result" and one.project in claimed):
                     continue
                 entry = now[one.key] = read[one]
-                claimed.update(map(os.path.normpath, entry.media))
+                claimed.update((one.path, *(Path(os.path.normpath(path)) for path in entry.media)))
             self._entries = {one.key: now[one.key] for one in found if one.key in now}
             changed = [e.row for key, e in self._entries.items() if key not in before or before[key].row != e.row]
             return changed, [key for key in before if key not in self._entries]
@@ -129,7 +132,7 @@ def _read(found: Found, new: Stamp) -> Entry:
             row, media, first_frame = _of_project(row, seen), seen.media, seen.first_frame
             by = busy(seen.holder)
         elif found.kind == "result":
-            row = _of_result(row, found.path / SUMMARY)
+            row, media = _of_result(row, found.path / SUMMARY)
     except InputError as error:
         row = msgspec.structs.replace(row, problem=str(error))
     return Entry(found=found, stamp=new, row=row, media=media, first_frame=first_frame, by=by)
@@ -174,18 +177,20 @@ class _Summary(msgspec.Struct):
     frames: int = 0
     frame_rate: float = 30.0
     reprojection_px: dict[str, dict[str, float | None]] = {}
+    video: str | None = None
 
 
-def _of_result(row: Row, path: Path) -> Row:
+def _of_result(row: Row, path: Path) -> tuple[Row, tuple[Path, ...]]:
     try:
         found = msgspec.json.decode(path.read_bytes(), type=_Summary)
     except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"{path}: cannot be read ({error}).") from error
     phases = found.reprojection_px
-    return msgspec.structs.replace(
+    row = msgspec.structs.replace(
         row,
         state="fitted",
         frames=max(found.frames, 0),
         seconds=max(found.frames, 0) / found.frame_rate if found.frame_rate > 0 else 0.0,
         error=phases[max(phases)].get("median") if phases else None,
     )
+    return row, () if found.video is None else (path.parent / found.video,)

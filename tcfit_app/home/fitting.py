@@ -21,13 +21,14 @@ from tcfit_app.analysis.suspicion import worst_place
 from tcfit_app.batch.pictures import suspects, write_picture
 from tcfit_app.fitting import child_processes
 from tcfit_app.fitting.bodies import record_of
+from tcfit_app.home.found import Found
 from tcfit_app.home.messages import Work
 from tcfit_app.imports.keypoint_jobs import Detect
+from tcfit_app.imports.result_project import project_of_result
 from tcfit_app.options.fit import BodyOptions
 from tcfit_app.options.preparing import body_file, compile_kernels, prepare_solver
 from tcfit_app.project.picture import NAME
 from tcfit_app.project.project import Project
-from tcfit_app.project.storage.database import is_project
 
 Report = Callable[[Work], None]
 _BETWEEN = 0.5
@@ -47,10 +48,13 @@ def serve(pipe: Connection, folder: Path, models: Path | None) -> None:
         pipe.send(Work(step=f"{type(error).__name__}: {error}. tcfit's terminal has the details.", ended=True))
 
 
-def make_project(folder: Path, video: Path) -> None:
-    """A project of a video without keypoints yet; one that is there stays. Raises InputError as `Project.create`."""
-    if not is_project(folder):
-        Project.create(folder, read_footage(video)).close()
+def make_project(clip: Found) -> None:
+    """The project of a result, with its fit, or of a video, without keypoints yet. Raises InputError as
+    `project_of_result` and `Project.create`."""
+    if clip.kind == "result":
+        project_of_result(clip.path, clip.project)
+    else:
+        Project.create(clip.project, read_footage(clip.path)).close()
 
 
 def _seldom(report: Report) -> Report:

@@ -11,6 +11,7 @@ from tcfit_app.project.storage.database import NAME as PROJECT
 
 VIDEOS = frozenset(".3gp .avi .m2ts .m4v .mkv .mov .mp4 .mpeg .mpg .mts .webm .wmv".split())
 """Suffixes of what is taken for a video."""
+PROJECT_SUFFIX = ".tcfit"
 RESULT = "fit.npz"
 """`result_files.FIT_NAME`, which would take torch's two seconds to import."""
 BATCH_SUFFIX = ".batch"
@@ -33,6 +34,13 @@ class Found:
     place: str
     """From the folder, with "/"."""
     kind: Kind
+
+    @property
+    def project(self) -> Path:
+        """Its project's folder, which is made beside it where it is none itself."""
+        if self.kind == "project":
+            return self.path
+        return self.path.with_name((self.path.stem if self.kind == "video" else self.path.name) + PROJECT_SUFFIX)
 
 
 def find(root: Path) -> list[Found]:
@@ -60,6 +68,11 @@ def find(root: Path) -> list[Found]:
                 elif os.path.splitext(entry.name)[1].lower() in VIDEOS and entry.is_file():
                     found.append(_found(root, Path(entry.path), "video"))
     return sorted(found, key=lambda one: one.place)
+
+
+def as_result(folder: Path) -> Found | None:
+    """A folder that is a result itself; None for any other."""
+    return _found(folder.parent, folder, "result") if (folder / RESULT).is_file() else None
 
 
 def _found(root: Path, path: Path, kind: Kind) -> Found:

@@ -90,6 +90,8 @@ class Home:
         self._pool = ThreadPoolExecutor(4, "tcfit list")
         self._drawing = ThreadPoolExecutor(1, "tcfit pictures")
         """One at a time: decoding takes a core."""
+        self._making = threading.Lock()
+        """Held while a project is made."""
         self._wake = threading.Event()
         self._stop = False
 
@@ -157,29 +159,27 @@ class Home:
                     self._refresh([key])
 
     def _open(self, watcher: _Watcher, asked: Open) -> None:
-        entry = self._entry(asked.key)
-        if entry.found.kind == "video":
-            entry = self._made_of(entry)
-        self.reviews.open(entry.found.key)
-        watcher.send(Opened(key=entry.found.key))
+        key = self._as_project(self._entry(asked.key)).found.key
+        self.reviews.open(key)
+        watcher.send(Opened(key=key))
 
-    def _made_of(self, video: Entry) -> Entry:
-        """The project that is made of a video, beside it, without keypoints yet."""
+    def _as_project(self, entry: Entry) -> Entry:
+        """A clip's project, which is made beside it where there is none yet."""
+        if entry.found.kind == "project":
+            return entry
         from tcfit_app.home.fitting import make_project
 
-        folder = video.found.path.with_suffix(".tcfit")
-        make_project(folder, video.found.path)
-        self.look()
+        with self._making:
+            if self.catalogue.get(entry.found.key) is not None:  # else somebody else has just made it
+                make_project(entry.found)
+                self.look()
         entries = (self.catalogue.get(row.key) for row in self.catalogue.rows())
-        return next(entry for entry in entries if entry is not None and entry.found.path == folder)
+        return next(one for one in entries if one is not None and one.found.path == entry.found.project)
 
     def _fit(self, watcher: _Watcher, asked: Fit) -> None:
-        entries = list(map(self._entry, asked.keys))
-        if results := [entry.row.name for entry in entries if entry.found.kind == "result"]:
-            raise InputError(f"{results[0]}: is a result; make a project of its clip, to fit it again.")
-        for entry in entries:
+        for entry in list(map(self._entry, asked.keys)):
             try:
-                self._queue.add([(self._made_of(entry) if entry.found.kind == "video" else entry).found.key])
+                self._queue.add([self._as_project(entry).found.key])
             except InputError as error:  # the others are fitted all the same
                 watcher.send(Told(text=str(error)))
 

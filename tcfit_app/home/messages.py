@@ -107,7 +107,7 @@ class Look(_Asked, frozen=True, kw_only=True, tag="look"):
 
 
 class Open(_Asked, frozen=True, kw_only=True, tag="open"):
-    """Make ready to be gone to; of a video a project is made."""
+    """Make ready to be gone to; of a result or a video a project is made."""
 
     key: Key
 

@@ -1,6 +1,7 @@
 """The list behind the gate, without a browser: what it sends, what it takes, and whom it refuses."""
 
 import http.client
+import shutil
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -17,7 +18,7 @@ from websockets.sync.connection import Connection
 
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
-from tcfit_app.cli.review_command import is_list, run_review
+from tcfit_app.cli.review_command import _of_result, is_list, run_review
 from tcfit_app.home.home import SOCKET, Home
 from tcfit_app.home.reviews import PATH
 from tcfit_app.options.fit import ReviewOptions
@@ -27,6 +28,7 @@ from tcfit_app.review.browser.channel import web_files
 from tcfit_app.server.gate import Entry
 from tcfit_app.server.serving import ReviewServer, review_server
 from tests.drivers.raw_tab import admitted
+from tests.tcfit_app.conftest import FinishedRun
 from tests.tcfit_app.home.lists import folder_of_clips
 
 PATIENCE = 60.0
@@ -192,6 +194,21 @@ def test_a_review_is_open_while_somebody_looks_and_closed_after(lab: Served, mon
     lab.home.reviews.tidy()
     assert lab.home.reviews.project(key) is None
     Project.open(folder).close()
+
+
+def test_a_result_becomes_a_project_and_is_opened(tmp_path: Path, finished: FinishedRun):
+    root = tmp_path / "corpus"
+    folder = Path(shutil.copytree(finished.folder, root / "wave"))
+    with served(root) as lab, lab.socket() as page:
+        key = lab.key("wave")
+        send(page, type="open", key=key)
+        opened = received(page, "opened")["key"]
+        assert [row.kind for row in lab.home.catalogue.rows()] == ["project"] and opened == lab.key("wave.tcfit")
+        assert glance(root / "wave.tcfit").state == "fitted" and lab.home.reviews.project(opened) is not None
+        send(page, type="open", key=key)
+        assert "no longer there" in received(page, "told")["text"]
+    assert _of_result(folder) == root / "wave.tcfit", "which is there already"
+    assert not is_list(ReviewOptions(video=root / "wave.tcfit"))
 
 
 def test_those_who_signed_in_are_named(tmp_path: Path, free_body: BodyModel):

@@ -32,8 +32,7 @@ export const stateOf = (row) => row.state ?? "new";
 /** @param {HTMLElement} cell @param {Row} row */
 function name(cell, row) {
   const box = element("div", "", cell);
-  if (row.kind === "result") element("div", "one score", box, row.name);
-  else element("a", "", element("div", "one", box), row.name).href = `/clip/${row.key}`;
+  element("a", "", element("div", "one", box), row.name).href = `/clip/${row.key}`;
   element("div", "one dim", box, row.kind === "project" ? row.place : `${row.kind} · ${row.place}`);
   cell.title = row.place;
 }

@@ -173,8 +173,7 @@ function chosen() {
 function drawButtons() {
   const about = chosen();
   const going = [...rows.values()].filter((row) => row.work && !row.work.ended).length;
-  buttons.open.disabled = !about.length || about[0].kind === "result";
-  buttons.fit.disabled = !about.some((row) => row.kind !== "result");
+  buttons.open.disabled = buttons.fit.disabled = !about.length;
   buttons.approve.disabled = !about.some((row) => row.kind === "project" && stateOf(row) !== "new");
   buttons.cancel.disabled = !about.some((row) => row.work);
   const off = about.length > 0 && about.every((row) => stateOf(row) === "approved");
@@ -197,7 +196,7 @@ function keep() {
 /** @param {string} [key] */
 function openCurrent(key) {
   const row = rows.get(key ?? chosen()[0]?.key ?? "");
-  if (!row || row.kind === "result") return;
+  if (!row) return;
   kept.current = row.key;
   drawNow();
   told.textContent = `Opening ${row.name} …`;
@@ -205,7 +204,7 @@ function openCurrent(key) {
 }
 
 function fit() {
-  send({ type: "fit", keys: chosen().filter((row) => row.kind !== "result").map((row) => row.key) });
+  send({ type: "fit", keys: chosen().map((row) => row.key) });
 }
 
 function approve() {
