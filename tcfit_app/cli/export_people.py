@@ -10,8 +10,9 @@ import torch
 
 from fitting_core.errors import InputError
 from fitting_core.io.people_file import PEOPLE_NAME, People, read_people_file
-from tcfit_app.cli.export_command import formats_of, numbers_of, source_of, target, write_one
+from tcfit_app.cli.export_command import write_one
 from tcfit_app.exports.exporting import write_export
+from tcfit_app.exports.from_path import formats_of, numbers_of, source_of, target
 from tcfit_app.exports.motions import write_everybody
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.exports.table import exports

@@ -19,8 +19,9 @@ from fitting_core.render.overlay import PANEL_COLORS
 from fitting_core.render.sheets import Cell, beside, write_sheet
 from fitting_core.video.encoding import video_writer
 from fitting_core.video.frames import FrameSource
-from tcfit_app.cli.export_command import bar, source_of, wished_frames
+from tcfit_app.cli.export_command import bar
 from tcfit_app.cli.json_lines import Step, StepDone, emit, emit_wrote, told
+from tcfit_app.exports.from_path import source_of, wished_frames
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.options.export import ExportOptions
 from tcfit_app.options.render import RenderOptions

@@ -16,6 +16,8 @@ RESULT = "fit.npz"
 """`result_files.FIT_NAME`, which would take torch's two seconds to import."""
 BATCH_SUFFIX = ".batch"
 """`records.FOLDER_SUFFIX`, like it."""
+EXPORTS_SUFFIX = ".exports"
+"""Of the folder beside a project into which the list exports it."""
 MOST = 20_000
 """Clips that are listed."""
 _KEY = 12
@@ -63,11 +65,16 @@ def find(root: Path) -> list[Found]:
             found.append(_found(root, folder, "result"))
         else:
             for entry in inside:
-                if entry.is_dir() and not entry.name.endswith(BATCH_SUFFIX):
+                if entry.is_dir() and not entry.name.endswith((BATCH_SUFFIX, EXPORTS_SUFFIX)):
                     folders.append(Path(entry.path))
                 elif os.path.splitext(entry.name)[1].lower() in VIDEOS and entry.is_file():
                     found.append(_found(root, Path(entry.path), "video"))
     return sorted(found, key=lambda one: one.place)
+
+
+def exports_beside(project: Path) -> Path:
+    """Where a project's exports go."""
+    return project.with_name(project.name.removesuffix(PROJECT_SUFFIX) + EXPORTS_SUFFIX)
 
 
 def as_result(folder: Path) -> Found | None:

@@ -19,9 +19,12 @@ from websockets.exceptions import ConnectionClosed
 
 from fitting_core.errors import InputError
 from tcfit_app.home.catalogue import Catalogue, Entry
+from tcfit_app.home.jobs import ExportJob, FitJob, Job
 from tcfit_app.home.messages import (
     Approve,
+    AskFormats,
     Cancel,
+    Export,
     Fit,
     FromPage,
     Look,
@@ -36,7 +39,7 @@ from tcfit_app.home.messages import (
     decode,
 )
 from tcfit_app.home.pictures import picture_of
-from tcfit_app.home.queue import FitQueue
+from tcfit_app.home.queue import WorkQueue
 from tcfit_app.home.reviews import PATH, Reviews
 from tcfit_app.project.storage.clip_review import ReviewOfClip, reviewed
 from tcfit_app.server.gate import HOME
@@ -83,7 +86,8 @@ class Home:
     """
 
     def __init__(self, root: Path, *, files: Path | None = None, models: Path | None = None) -> None:
-        self._queue = FitQueue(self._place_of, self._refresh, models)
+        self._models = models
+        self._queue = WorkQueue(self._place_of, self._refresh)
         self.catalogue = Catalogue(root, self._queue.on)
         self.reviews = Reviews(self._folder_of, lambda key: self._refresh([key]), files=files, models=models)
         self._watchers: set[_Watcher] = set()
@@ -177,11 +181,26 @@ class Home:
         return next(one for one in entries if one is not None and one.found.path == entry.found.project)
 
     def _fit(self, watcher: _Watcher, asked: Fit) -> None:
-        for entry in list(map(self._entry, asked.keys)):
+        self._begin(watcher, list(map(self._entry, asked.keys)), FitJob(models=self._models))
+
+    def _begin(self, watcher: _Watcher, entries: Iterable[Entry], job: Job) -> None:
+        for entry in entries:
             try:
-                self._queue.add([self._as_project(entry).found.key])
-            except InputError as error:  # the others are fitted all the same
+                self._queue.add([self._as_project(entry).found.key], job)
+            except InputError as error:  # the others are done all the same
                 watcher.send(Told(text=str(error)))
+
+    def _ask_formats(self, watcher: _Watcher, asked: AskFormats) -> None:
+        from tcfit_app.home.exporting import offered
+
+        watcher.send(offered())
+
+    def _export(self, watcher: _Watcher, asked: Export) -> None:
+        entries = list(map(self._entry, asked.keys))
+        if videos := [entry.row.name for entry in entries if entry.found.kind == "video"]:
+            raise InputError(f"{videos[0]}: has no fit yet that could be exported. Fit it first.")
+        job = ExportJob(formats=asked.formats, axes=asked.axes, keyframes=asked.keyframes, models=self._models)
+        self._begin(watcher, entries, job)
 
     def _cancel(self, watcher: _Watcher, asked: Cancel) -> None:
         self._queue.cancel(asked.keys)
@@ -223,9 +242,9 @@ class Home:
             raise InputError(f"{entry.row.name}: is no project. Open it from the list.")
         return entry.found.path
 
-    def _place_of(self, key: str) -> Path:
+    def _place_of(self, key: str, job: Job) -> Path:
         folder = self._folder_of(key)
-        if not self.reviews.release(key):
+        if job.writes and not self.reviews.release(key):
             raise InputError(f"{self.reviews.viewers(key) or 'Somebody'} has it open: fit it there.")
         return folder
 
@@ -279,6 +298,8 @@ _RECEIVERS: dict[type, Callable[[Home, _Watcher, Any], None]] = {
     Look: Home._look,
     Open: Home._open,
     Fit: Home._fit,
+    AskFormats: Home._ask_formats,
+    Export: Home._export,
     Cancel: Home._cancel,
     Approve: Home._approve,
     WriteNote: Home._write_note,

@@ -161,8 +161,9 @@ def test_rows_pictures_approvals_and_notes(lab: Served):
         '{"type": "open", "key": "../../etc"}',
         '{"type": "delete", "key": "000000000000"}',
         '{"type": "note", "key": "000000000000", "text": "%s"}' % ("x" * 501),
+        '{"type": "export", "keys": [], "formats": ["glb"], "axes": "sideways"}',
     ],
-    ids=["no JSON", "no key", "a path", "unknown", "long"],
+    ids=["no JSON", "no key", "a path", "unknown", "long", "no axes"],
 )
 def test_what_no_page_sends_is_dropped_and_the_page_goes_on(message: str, lab: Served):
     with lab.socket() as page:
@@ -209,6 +210,24 @@ def test_a_result_becomes_a_project_and_is_opened(tmp_path: Path, finished: Fini
         assert "no longer there" in received(page, "told")["text"]
     assert _of_result(folder) == root / "wave.tcfit", "which is there already"
     assert not is_list(ReviewOptions(video=root / "wave.tcfit"))
+
+
+def test_clips_are_exported_in_the_background(lab: Served):
+    root = lab.home.catalogue.root
+    with lab.socket() as page:
+        send(page, type="formats")
+        assert "joints" in [choice["value"] for choice in received(page, "formats")["groups"]["Laboratory"]]
+        new, fitted = lab.key("a new.tcfit"), lab.key("set/d approved.tcfit")
+        send(page, type="export", keys=[new, fitted], formats=["joints"])
+        ends: dict[str, Any] = {}
+        while len(ends) < 2:
+            rows = received(page, "rows", lambda m: m["rows"])["rows"]
+            ends |= {row["key"]: row["work"] for row in rows if row.get("work", {}).get("ended")}
+        assert ends[fitted]["ended"] == "done" and "d approved.exports" in ends[fitted]["step"]
+        assert ends[new]["ended"] == "failed" and "no fit to export" in ends[new]["step"]
+        assert [path.suffix for path in (root / "set" / "d approved.exports").iterdir()] == [".csv"]
+        send(page, type="cancel", keys=[new, fitted])
+        received(page, "rows", lambda m: any(row["key"] == fitted and "work" not in row for row in m["rows"]))
 
 
 def test_those_who_signed_in_are_named(tmp_path: Path, free_body: BodyModel):

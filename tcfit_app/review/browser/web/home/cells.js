@@ -3,7 +3,7 @@
 import { element } from "../element.js";
 
 /**
- * @typedef {{ step: string, share?: number, ended?: boolean }} Work
+ * @typedef {{ step: string, share?: number, ended?: "failed" | "done" }} Work
  * @typedef {{ key: string, name: string, place: string, kind: "project" | "result" | "video", state?: State,
  *   frames?: number, seconds?: number, score?: number, left?: number, words?: string, frame?: number, error?: number,
  *   reviewer?: string, spent?: number, altered?: boolean, note?: string, notes?: number, busy?: string, work?: Work,
@@ -60,7 +60,7 @@ function state(cell, row) {
   }
   const word = stateOf(row);
   element("div", `one badge ${word === "in review" ? "review" : word}`, box, word[0].toUpperCase() + word.slice(1));
-  if (work) element("div", "two wrong dim", box, work.step);
+  if (work) element("div", work.ended === "failed" ? "two wrong dim" : "two dim", box, work.step);
   else if (row.altered) element("div", "one dim", box, "changed since approved");
   else if (row.notes) element("div", "one dim", box, some(row.notes, "note") + " on frames");
   if (work) cell.title = work.step;

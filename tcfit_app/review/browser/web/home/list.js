@@ -5,6 +5,7 @@ import { ORDER } from "../order.js";
 import { PANEL_SHEET } from "../style.js";
 import { THEME_SHEET } from "../theme.js";
 import { COLUMNS, STATES, stateOf } from "./cells.js";
+import { ExportWindow } from "./export_window.js";
 import { LIST_SHEET } from "./sheet.js";
 import { Table } from "./table.js";
 
@@ -58,8 +59,11 @@ function action(label, key, hint, run, kind = "") {
 const buttons = {
   open: action("Open", "Enter", "Review the clip", () => openCurrent(), "tcfit-main"),
   fit: action("Fit", "F", "Find keypoints where there are none, and fit, one clip after the other", () => fit()),
+  export: action("Export", "E", "Choose formats, and write the fits beside the projects, one clip after the other",
+    () => askExport()),
   approve: action("Approve", "A", "Say that it is done, or take that back", () => approve()),
-  cancel: action("Cancel", "C", "Not fit them; take away what is told of those that failed", () => cancel()),
+  cancel: action("Cancel", "C", "Not fit or export them; take away what is told of those that have ended",
+    () => cancel()),
 };
 const main = element("main", "", document.body);
 const nothing = element("p", "nothing", main);
@@ -174,12 +178,13 @@ function drawButtons() {
   const about = chosen();
   const going = [...rows.values()].filter((row) => row.work && !row.work.ended).length;
   buttons.open.disabled = buttons.fit.disabled = !about.length;
+  buttons.export.disabled = !exportable().length;
   buttons.approve.disabled = !about.some((row) => row.kind === "project" && stateOf(row) !== "new");
   buttons.cancel.disabled = !about.some((row) => row.work);
   const off = about.length > 0 && about.every((row) => stateOf(row) === "approved");
   const label = buttons.approve.firstChild;
   if (label) label.textContent = off ? "Not approved after all" : "Approve";
-  const parts = [selected.size ? `${selected.size} selected` : "", going ? `${going} to fit` : ""];
+  const parts = [selected.size ? `${selected.size} selected` : "", going ? `${going} in the queue` : ""];
   told.textContent = parts.filter(Boolean).join(" · ");
 }
 
@@ -206,6 +211,20 @@ function openCurrent(key) {
 function fit() {
   send({ type: "fit", keys: chosen().map((row) => row.key) });
 }
+
+/** Of the chosen clips those that may have a fit. */
+const exportable = () => chosen().filter((row) => row.kind !== "video");
+
+function askExport() {
+  if (!exportable().length) return;
+  told.textContent = "Looking which formats there are …";
+  send({ type: "formats" });
+}
+
+const exportWindow = new ExportWindow({
+  begin: (wishes) => send({ type: "export", keys: exportable().map((row) => row.key), ...wishes }),
+  closed: () => table.focus(),
+});
 
 function approve() {
   const about = chosen().filter((row) => row.kind === "project");
@@ -299,6 +318,7 @@ const KEYS = {
     drawNow();
   },
   "/": () => search.focus(),
+  e: () => askExport(),
   f: () => fit(),
   a: (event) => {
     if (!event.ctrlKey && !event.metaKey) return approve();
@@ -314,7 +334,7 @@ const KEYS = {
 
 window.addEventListener("keydown", (event) => {
   const target = /** @type {Element} */ (event.target);
-  if (event.isComposing || event.altKey || noteWindow.open) return;
+  if (event.isComposing || event.altKey || document.querySelector("dialog[open]")) return;
   if (target === search) {
     if (event.key === "Escape") search.value = kept.text = "";
     if (["Escape", "Enter", "ArrowDown"].includes(event.key)) {
@@ -352,12 +372,13 @@ function take(message) {
   if (message.type === "rows") takeRows(message);
   else if (message.type === "picture") table.take(message.key, message.data);
   else if (message.type === "told") tell(message.text);
+  else if (message.type === "formats" && exportable().length) exportWindow.open(message, exportable());
   else if (message.type === "opened") {
     kept.current = message.key;
     keep();
     location.assign(`/clip/${message.key}`);
   }
-  if (message.type === "told") drawButtons();
+  if (["told", "formats"].includes(message.type)) drawButtons();
 }
 
 /** @param {{ rows: Row[], gone?: string[], whole?: boolean }} message */

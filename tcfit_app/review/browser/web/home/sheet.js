@@ -72,8 +72,20 @@ footer kbd { font: inherit; color: var(--tcfit-key); font-weight: 600; }
 dialog { width: min(460px, 90vw); padding: 18px 20px; border: 1px solid var(--tcfit-edge); border-radius: 10px;
   background: var(--tcfit-menu); color: var(--tcfit-text); }
 dialog::backdrop { background: rgba(0, 0, 0, 0.45); }
+dialog.wide { width: min(840px, 92vw); }
+dialog h2 { margin: 0 0 12px; font-size: 16px; font-weight: 600; color: var(--tcfit-strong); }
+dialog .group { display: flex; gap: 12px; padding: 5px 0; }
+dialog .group > .dim { flex: 0 0 90px; margin: 0; line-height: 22px; }
+dialog .choices { flex: 1; display: grid; grid-template-columns: repeat(4, 1fr); gap: 2px 12px; }
+dialog .choices label { display: flex; gap: 7px; align-items: center; min-height: 22px; margin: 0; font-weight: 400; }
+dialog .choices input { margin: 0; }
+dialog .dim { margin: 6px 0 0; font-size: 13px; color: var(--tcfit-dim); }
+dialog select { flex: 1; min-width: 0; height: 28px; border: 1px solid var(--tcfit-edge); border-radius: 4px;
+  background: var(--tcfit-field); color: var(--tcfit-text); font: inherit; }
+@media (max-width: 800px) { dialog .choices { grid-template-columns: repeat(2, 1fr); } }
+dialog :is(input[type=checkbox], select):focus-visible { outline: 2px solid #288cdc; outline-offset: 1px; }
 dialog label { display: block; margin-bottom: 8px; font-weight: 600; }
-dialog input { box-sizing: border-box; width: 100%; height: 32px; padding: 0 10px; border: 1px solid var(--tcfit-edge); border-radius: 4px;
+dialog input:not([type=checkbox]) { box-sizing: border-box; width: 100%; height: 32px; padding: 0 10px; border: 1px solid var(--tcfit-edge); border-radius: 4px;
   background: var(--tcfit-field); color: var(--tcfit-text); font: inherit; }
 dialog .buttons { display: flex; justify-content: flex-end; gap: 8px; margin-top: 14px; padding: 0; }
 dialog .buttons button { flex: none; height: 30px; padding: 0 16px; }
