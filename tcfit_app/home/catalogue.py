@@ -11,6 +11,7 @@ from pathlib import Path
 import msgspec
 
 from fitting_core.errors import InputError
+from fitting_core.io.people_file import read_people_file
 from tcfit_app.home.found import Found, Kind, find
 from tcfit_app.home.messages import Row, Work
 from tcfit_app.project.glance import Glance, Stamp, glance, stamp
@@ -19,8 +20,8 @@ from tcfit_app.project.storage.lock import Holder
 SUMMARY = "summary.json"
 """`result_files.SUMMARY_NAME`, which would take torch's two seconds to import."""
 
-_ORDER: dict[Kind, int] = {"project": 0, "result": 1, "video": 2}
-"""A clip is shown once: as its project, or else its result, or else its video. The first two say what video is
+_ORDER: dict[Kind, int] = {"project": 0, "result": 1, "video": 2, "images": 2}
+"""A clip is shown once: as its project, or else its result, or else its video or images. The first two say which are
 theirs."""
 _READERS = 4
 """Threads that wait for the disk."""
@@ -72,7 +73,7 @@ class Catalogue:
             with ThreadPoolExecutor(_READERS) as pool:
                 read = dict(zip(found, pool.map(lambda one: self._entry(one, before.get(one.key)), found), strict=True))
             for one in sorted(found, key=lambda one: _ORDER[one.kind]):
-                if one.path in claimed or (one.kind == "result" and one.project in claimed):
+                if one.footage in claimed or (one.kind == "result" and one.project in claimed):
                     continue
                 entry = now[one.key] = read[one]
                 claimed.update((one.path, *(Path(os.path.normpath(path)) for path in entry.media)))
@@ -105,7 +106,7 @@ class Catalogue:
         # A fit of our own has the project open: that is told already.
         by = "" if work is not None and not work.ended else entry.by
         row = msgspec.structs.replace(entry.row, work=work, busy=by)
-        if found.kind == "video" and (length := self._videos.get(found.key)):
+        if found.is_footage and (length := self._videos.get(found.key)):
             row = msgspec.structs.replace(row, frames=length[0], seconds=length[1])
         return Entry(found=found, stamp=new, row=row, media=entry.media, first_frame=entry.first_frame, by=entry.by)
 
@@ -114,14 +115,14 @@ def _stamp(found: Found) -> Stamp:
     if found.kind == "project":
         return stamp(found.path)
     try:
-        status = os.stat(found.path if found.kind == "video" else found.path / SUMMARY)
+        status = os.stat(found.footage if found.is_footage else found.path / SUMMARY)
     except OSError:
         return ()
     return status.st_mtime_ns, status.st_size
 
 
 def _read(found: Found, new: Stamp) -> Entry:
-    name = found.path.stem if found.kind != "result" else found.path.name
+    name = found.path.stem if found.kind in ("project", "video") else found.path.name
     row = Row(
         key=found.key, name="".join(c if c.isprintable() else "?" for c in name), place=found.place, kind=found.kind
     )
@@ -133,9 +134,18 @@ def _read(found: Found, new: Stamp) -> Entry:
             by = busy(seen.holder)
         elif found.kind == "result":
             row, media = _of_result(row, found.path / SUMMARY)
+        if found.one_of_people:
+            row = _of_people(row, found.path)
     except InputError as error:
         row = msgspec.structs.replace(row, problem=str(error))
     return Entry(found=found, stamp=new, row=row, media=media, first_frame=first_frame, by=by)
+
+
+def _of_people(row: Row, folder: Path) -> Row:
+    """With the names of the clip and the person, as their file has them."""
+    people = read_people_file(folder.parent)
+    name = next((f"{people.name} - {one.name}" for one in people.people if one.folder == folder.name), row.name)
+    return msgspec.structs.replace(row, name=name, group=row.place.rpartition("/")[0])
 
 
 def _of_project(row: Row, seen: Glance) -> Row:

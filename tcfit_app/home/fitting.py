@@ -4,8 +4,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from fitting_core.body.files.reading import load_body
+from fitting_core.clips.footage import locate
 from fitting_core.clips.options import ClipOptions
-from fitting_core.clips.reading import read_footage
+from fitting_core.clips.reading import read_clip, read_footage
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.errors import InputError
 from fitting_core.fit.events import Iteration, drained, mapped
@@ -26,12 +27,13 @@ from tcfit_app.project.project import Project
 
 
 def make_project(clip: Found) -> None:
-    """The project of a result, with its fit, or of a video, without keypoints yet. Raises InputError as
-    `project_of_result` and `Project.create`."""
+    """The project of a result, with its fit, or of a video or images, with the keypoints that lie beside these if there
+    are any. Raises InputError as `project_of_result`, `read_clip` and `Project.create`."""
     if clip.kind == "result":
-        project_of_result(clip.path, clip.project)
-    else:
-        Project.create(clip.project, read_footage(clip.path)).close()
+        return project_of_result(clip.path, clip.project)
+    given = clip.kind == "images" and locate(clip.path, None)[1] is not None
+    Project.create(clip.project, read_clip(clip.path) if given else read_footage(clip.path)).close()
+    return None
 
 
 def fit_project(folder: Path, report: Report, *, models: Path | None = None, config: FitConfig | None = None) -> None:

@@ -159,7 +159,7 @@ class Home:
             if (entry := self.catalogue.get(key)) is not None:
                 data = picture_of(entry, self.catalogue)
                 watcher.send(Picture(key=key, data=base64.b64encode(data).decode()))
-                if entry.found.kind == "video":
+                if entry.found.is_footage:
                     self._refresh([key])
 
     def _open(self, watcher: _Watcher, asked: Open) -> None:
@@ -197,8 +197,8 @@ class Home:
 
     def _export(self, watcher: _Watcher, asked: Export) -> None:
         entries = list(map(self._entry, asked.keys))
-        if videos := [entry.row.name for entry in entries if entry.found.kind == "video"]:
-            raise InputError(f"{videos[0]}: has no fit yet that could be exported. Fit it first.")
+        if without := [entry.row.name for entry in entries if entry.found.is_footage]:
+            raise InputError(f"{without[0]}: has no fit yet that could be exported. Fit it first.")
         job = ExportJob(formats=asked.formats, axes=asked.axes, keyframes=asked.keyframes, models=self._models)
         self._begin(watcher, entries, job)
 

@@ -35,6 +35,8 @@ class Row(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     key: str
     name: str
     place: str
+    group: str = ""
+    """The place of the folder in which the people of this clip lie."""
     kind: Kind
     state: State = "new"
     frames: int = 0

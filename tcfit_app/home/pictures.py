@@ -35,10 +35,10 @@ def picture_of(entry: Entry, catalogue: Catalogue) -> bytes:
     kind, path = entry.found.kind, entry.found.path
     kept = path / NAME if kind == "project" else _in_cache(path)
     with suppress(OSError, InputError, ValueError):
-        if kind != "video" or catalogue.has_length(entry.found.key):
+        if not entry.found.is_footage or catalogue.has_length(entry.found.key):
             return regular_file(kept, most=_MOST_BYTES).read_bytes()
     try:
-        made = _of_video(entry, catalogue) if kind == "video" else _of_person(entry)
+        made = _of_footage(entry, catalogue) if entry.found.is_footage else _of_person(entry)
     except (InputError, OSError, ValueError, KeyError, cv2.error):
         return b""  # a clip without a picture is a clip all the same
     with suppress(OSError):  # where nothing can be written it is made again
@@ -53,8 +53,8 @@ def _in_cache(path: Path) -> Path:
     return platformdirs.user_cache_path("tcfit", appauthor=False, ensure_exists=True) / "pictures" / f"{name}.jpg"
 
 
-def _of_video(entry: Entry, catalogue: Catalogue) -> bytes:
-    with FrameSource(entry.found.path) as source:
+def _of_footage(entry: Entry, catalogue: Catalogue) -> bytes:
+    with FrameSource(entry.found.footage) as source:
         catalogue.knows_length(entry.found.key, source.count, source.count / (source.frame_rate or 30.0))
         return as_jpeg(_cut(source.frame(source.count // 2), None))
 

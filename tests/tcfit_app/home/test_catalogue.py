@@ -18,6 +18,7 @@ from tcfit_app.project.project import Project
 from tcfit_app.project.storage.clip_review import reviewed
 from tcfit_app.project.storage.lock import Holder
 from tests.samples.media import write_video
+from tests.samples.people_projects import two_people
 from tests.samples.project_samples import sample_clip
 from tests.tcfit_app.conftest import FinishedRun
 from tests.tcfit_app.home.lists import folder_of_clips
@@ -122,6 +123,14 @@ def test_a_result_has_a_picture_of_its_keypoints(tmp_path: Path, finished: Finis
     entry = catalogue.get(row.key)
     assert entry is not None and picture_of(entry, catalogue).startswith(b"\xff\xd8")
     assert sorted(path.name for path in folder.iterdir()) == sorted(path.name for path in finished.folder.iterdir())
+
+
+def test_the_people_of_a_clip_are_named_and_grouped(tmp_path: Path, free_body: BodyModel):
+    two_people(tmp_path / "duet", free_body)
+    rows = Catalogue(tmp_path).refresh()[0]
+    assert [(row.name, row.group) for row in rows] == [("talk - person 1", "duet"), ("talk - person 2", "duet")]
+    (tmp_path / "duet" / "people.json").write_text("{")
+    assert "people.json" in Catalogue(tmp_path).refresh()[0][0].problem
 
 
 def test_a_damaged_project_is_a_row_that_says_so(root: Path):

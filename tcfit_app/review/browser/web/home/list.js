@@ -69,7 +69,8 @@ const main = element("main", "", document.body);
 const nothing = element("p", "nothing", main);
 const footer = element("footer", "", document.body);
 const KEYS_TOLD = [
-  ["↑ ↓", "go"], ["Space", "select"], ["Ctrl+A", "select all"], ["N", "note"], ["Esc", "select none"],
+  ["↑ ↓", "go"], ["Space", "select"], ["Ctrl+A", "select all"], ["G", "select the people of a clip"],
+  ["Esc", "select none"], ["N", "note"],
   ["PageDown PageUp", "next and previous clip, in a clip"],
 ];
 for (const [keys, what] of KEYS_TOLD) {
@@ -213,7 +214,7 @@ function fit() {
 }
 
 /** Of the chosen clips those that may have a fit. */
-const exportable = () => chosen().filter((row) => row.kind !== "video");
+const exportable = () => chosen().filter((row) => ["project", "result"].includes(row.kind));
 
 function askExport() {
   if (!exportable().length) return;
@@ -326,6 +327,11 @@ const KEYS = {
     drawNow();
   },
   c: () => cancel(),
+  g: () => {
+    const group = rows.get(kept.current ?? "")?.group;
+    for (const row of shown) if (group && row.group === group) selected.add(row.key);
+    drawNow();
+  },
   n: () => {
     const row = rows.get(kept.current ?? "");
     if (row?.kind === "project") askNote(row);
