@@ -109,7 +109,7 @@ def is_list(options: ReviewOptions) -> bool:
         return False
     if is_project(folder) or holds_people(folder) or (folder / "images").is_dir() or (folder / "keypoints").is_dir():
         return False
-    return not image_files(folder) and bool(find(folder.resolve()))
+    return not image_files(folder) and any(one.kind != "report" for one in find(folder.resolve()))
 
 
 def _review_many(options: ReviewOptions) -> None:

@@ -107,6 +107,12 @@ class Choice(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """It cannot be chosen on this computer; `hint` says why."""
 
 
+class Reports(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="reports"):
+    """Those of batches, all there are."""
+
+    reports: list[Choice]
+
+
 class Formats(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="formats"):
     """What clips can be exported as."""
 
@@ -117,7 +123,7 @@ class Formats(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="
     """Of a page that has not chosen yet."""
 
 
-ToPage = Rows | Picture | Opened | Told | Formats
+ToPage = Rows | Picture | Opened | Told | Formats | Reports
 
 # --- from the page ---
 
