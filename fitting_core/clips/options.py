@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from fitting_core.camera import FocalRule, Up
+from fitting_core.config.choices import FocalRule, Up
 from fitting_core.detect.detectors import DEFAULT
 
 _AS_PUBLISHED = ("paper", "smplifyx")

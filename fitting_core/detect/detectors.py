@@ -4,10 +4,13 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fitting_core.detect.known_models import KNOWN_MODELS, KnownModel, find_model, is_here
-from fitting_core.detect.part import Detector
 from fitting_core.errors import InputError
+
+if TYPE_CHECKING:  # the command line knows the names without loading numpy
+    from fitting_core.detect.part import Detector
 
 DEFAULT = "mediapipe"
 _BOXES = "rtmdet-nano"
@@ -19,7 +22,7 @@ class Known:
     """A detector that users can name."""
 
     title: str
-    make: Callable[[str, "Running"], Detector]
+    make: Callable[[str, "Running"], "Detector"]
     is_here: Callable[[], bool]
     """Whether everything that it needs is on this computer."""
     models: tuple[str, ...] = ()
@@ -44,8 +47,8 @@ class Running:
     """0: one for each core."""
 
 
-def _mediapipe(*, body: str, mirrored: bool) -> Callable[[str, Running], Detector]:
-    def make(name: str, running: Running) -> Detector:
+def _mediapipe(*, body: str, mirrored: bool) -> "Callable[[str, Running], Detector]":
+    def make(name: str, running: Running) -> "Detector":
         from fitting_core.detect.mediapipe.detector import Effort, MediaPipe
 
         return MediaPipe(name, Effort(body=body, mirrored=mirrored), threads=running.threads)
@@ -59,7 +62,7 @@ def _networks_are_here() -> bool:
     return not networks.missing()
 
 
-def top_down(name: str, pose: str, running: Running) -> Detector:
+def top_down(name: str, pose: str, running: Running) -> "Detector":
     """A model of the RTMPose family, by path or name. Raises InputError if it is not here, or something else."""
     from fitting_core.detect.topdown.detector import TopDown
     from fitting_core.detect.topdown.families import load_box_model, load_pose_model
@@ -71,7 +74,7 @@ def top_down(name: str, pose: str, running: Running) -> Detector:
 
 
 def _of_family(name: str, title: str) -> Known:
-    def make(name: str, running: Running) -> Detector:
+    def make(name: str, running: Running) -> "Detector":
         return top_down(name, name, running if running.boxes else replace(running, boxes=_BOXES))
 
     models = (name, _BOXES)
@@ -92,7 +95,7 @@ DETECTORS: dict[str, Known] = {
 """By name. Anything else that is given is the path of a model of the RTMPose family."""
 
 
-def find_detector(name: str = DEFAULT, running: Running | None = None) -> Detector:
+def find_detector(name: str = DEFAULT, running: Running | None = None) -> "Detector":
     """Open a detector.
 
     Args:

@@ -16,7 +16,8 @@ from typing import Any, get_args
 
 import numpy as np
 
-from fitting_core.camera import Camera, CameraPath, FocalFrom, Lens, Up, World, focal_from_words, is_possible, path_of
+from fitting_core.camera import Camera, CameraPath, FocalFrom, Lens, World, focal_from_words, is_possible, path_of
+from fitting_core.config.choices import Up
 
 
 def camera_arrays(camera: Camera) -> dict[str, np.ndarray]:

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.signal import fftconvolve
 
 from fitting_core.errors import InputError
 from fitting_core.measure.pairing import PosedMotion, comparable
@@ -159,6 +158,8 @@ def _correlations(
     ours: Float[np.ndarray, "T P"], theirs: Float[np.ndarray, "R P"], rate: float
 ) -> tuple[Float[np.ndarray, "L"], np.ndarray]:
     """For each lag, NaN where too little lies in both; what `_correlation` gives, of all lags at once."""
+    from scipy.signal import fftconvolve  # with it comes scipy.stats, for which the app need not wait
+
     known = np.isfinite(theirs)
     middle = np.where(known, theirs, 0.0).sum(0) / np.maximum(known.sum(0), 1)
     x, y = ours - ours.mean(0), np.where(known, theirs - middle, 0.0)

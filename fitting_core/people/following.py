@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
-from scipy.optimize import linear_sum_assignment
 
 from fitting_core.people.sightings import Sighting
 
@@ -118,6 +117,8 @@ def optimal(prices: Float[np.ndarray, "P T"]) -> list[int | None]:
     Args:
         prices: Infinite if the two cannot match.
     """
+    from scipy.optimize import linear_sum_assignment  # the app need not wait for it
+
     rows, columns = prices.shape
     alone = np.where(np.eye(rows, dtype=bool), _NO_MATCH, _NEVER)
     table = np.concatenate([np.where(prices < _NEVER, prices, _NEVER), alone], axis=1)

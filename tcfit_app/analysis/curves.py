@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Float, Float32
+from jaxtyping import Bool, Float, Float32
 
 from fitting_core import keypoints as kp
 from fitting_core.body.geometry import SIDES, Side
@@ -16,6 +16,7 @@ from fitting_core.measure.angles.joint_angles import joint_angle
 from fitting_core.measure.hands.phases import wrist_speed
 from fitting_core.results.error_bars import ANGLES
 from tcfit_app.analysis.posed_fit import GROUPS, PosedFit
+from tcfit_app.analysis.seen import seen_joints, told
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,6 +30,8 @@ class Curve:
     """NaN where missing."""
     error_bars: Float[np.ndarray, "T"] | None = None
     """Error bars: 68 % of errors lie within; None if unknown."""
+    unseen: Bool[np.ndarray, "T"] | None = None
+    """Frames in which keypoints do not show what it measures; None: in no frame."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +44,14 @@ class CurveKind:
     """A frame's value may depend on its neighbours, and on no other frames."""
     angle: int | None = None
     """The error bars it uses, one of `error_bars.ANGLES`."""
+    moved_by: tuple[str, ...] = ()
+    """The joints whose parts must be seen; empty: any part of the body."""
+
+    def unseen(self, fit: PosedFit) -> Bool[np.ndarray, "T"]:
+        """Frames in which keypoints do not show what it measures."""
+        seen = seen_joints(told(fit.clip.keypoints))
+        seen = seen[:, [JOINT[name] for name in self.moved_by]].all(1) if self.moved_by else seen.any(1)
+        return np.asarray(~seen)
 
 
 def curve(name: str, fit: PosedFit) -> Curve:
@@ -48,7 +59,8 @@ def curve(name: str, fit: PosedFit) -> Curve:
     kind = CURVES[name]
     values = kind.values(fit) if fit.there is None else np.where(fit.there, kind.values(fit), np.nan)
     bars = None if fit.error_bars is None or kind.angle is None else fit.error_bars.angles[:, kind.angle]
-    return Curve(name=name, title=kind.title, unit=kind.unit, values=values, error_bars=bars)
+    unseen = kind.unseen(fit) if fit.tracked.any() else None
+    return Curve(name=name, title=kind.title, unit=kind.unit, values=values, error_bars=bars, unseen=unseen)
 
 
 def weighted_mean(values: Float[np.ndarray, "T K"], weights: Float[np.ndarray, "T K"]) -> Float[np.ndarray, "T"]:
@@ -103,6 +115,23 @@ def _angle_title(name: str) -> str:
     return f"{angle.capitalize()} of the {' '.join(joint)}"
 
 
+_BONES = {"hip": ("pelvis", "hip"), "knee": ("hip", "knee"), "ankle": ("knee", "ankle"), "lumbar": ("pelvis",)} | {
+    "shoulder": ("pelvis", "shoulder"),
+    "elbow": ("shoulder", "elbow"),
+}
+"""By joint, what moves the two segments between which its angles are."""
+
+
+def _bones(angle: str) -> tuple[str, ...]:
+    *side, joint, _ = angle.split("_")
+    return tuple("_".join((*side, bone)) if bone != "pelvis" else bone for bone in _BONES[joint])
+
+
+_HEIGHTS = {"pelvis": "pelvis"} | {
+    f"{side}_{end}": f"{side}_{by}" for end, by in (("wrist", "elbow"), ("ankle", "knee")) for side in SIDES
+}
+"""Joints with a curve of their height, and what moves them."""
+
 CURVES: dict[str, CurveKind] = {
     "reprojection": CurveKind(title="Reprojection error", unit="px", values=_reprojection(slice(0, kp.COUNT))),
     **{
@@ -115,15 +144,19 @@ CURVES: dict[str, CurveKind] = {
     "confidence": CurveKind(title="Mean confidence", unit="", values=_confidence),
     "depth": CurveKind(title="Depth of the pelvis", unit="m", values=lambda fit: fit.root[:, 2]),
     **{
-        f"{side}_wrist": CurveKind(title=f"Speed of the {side} wrist", unit="m/s", values=_speed(side))
+        f"{side}_wrist": CurveKind(
+            title=f"Speed of the {side} wrist", unit="m/s", values=_speed(side), moved_by=(f"{side}_elbow",)
+        )
         for side in SIDES
     },
     **{
-        f"{joint}_height": CurveKind(title=f"Height of the {joint.replace('_', ' ')}", unit="m", values=_height(joint))
-        for joint in ("pelvis", "left_wrist", "right_wrist", "left_ankle", "right_ankle")
+        f"{joint}_height": CurveKind(
+            title=f"Height of the {joint.replace('_', ' ')}", unit="m", values=_height(joint), moved_by=(by,)
+        )
+        for joint, by in _HEIGHTS.items()
     },
     **{
-        name: CurveKind(title=_angle_title(name), unit="°", values=_angle(name), angle=i)
+        name: CurveKind(title=_angle_title(name), unit="°", values=_angle(name), angle=i, moved_by=_bones(name))
         for i, name in enumerate(ANGLES)
     },
 }

@@ -6,7 +6,7 @@ from collections.abc import Callable, Hashable
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Float32, Int
+from jaxtyping import Bool, Float, Float32, Int, UInt8
 from torch import Tensor
 
 from fitting_core.body.mesh import shared_mesh
@@ -14,6 +14,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import body_keypoints_in_space, joints_in_space, keypoints_in_space
 from tcfit_app.analysis.byte_cache import ByteCache
+from tcfit_app.analysis.seen import opacities
 
 _LIMIT = 96 * 2**20
 """Six hundred frames of the free body: a loop played twice."""
@@ -34,6 +35,7 @@ class Meshes:
         self.body = body
         self._mesh = shared_mesh(body)
         self._cache: ByteCache[np.ndarray] = ByteCache(limit, lambda vertices: vertices.nbytes)
+        self._opacities: ByteCache[np.ndarray] = ByteCache(_LIMIT // 32, lambda found: found.nbytes)
         self.joints = FrameByFrame(lambda params: joints_in_space(body, params))
         """(T, 55, 3) for parameters: the kinematic joints in camera space, metres."""
         self.keypoints = FrameByFrame(lambda params: _keypoints(body, params))
@@ -60,6 +62,16 @@ class Meshes:
     def points(self, params: BodyParams) -> Float[np.ndarray, "T 137 3"]:
         """Like `keypoints` for a few frames, but not cached."""
         return _keypoints(self.body, params)
+
+    def opacities(self, seen: Bool[np.ndarray, "55"]) -> UInt8[np.ndarray, "V"] | None:
+        """See `seen.opacities`; the same array for the same joints, so that it is sent once. None if all are seen."""
+        if seen.all():
+            return None
+        found = self._opacities.get(seen.tobytes())
+        if found is None:
+            found = opacities(self.body.skinning_weights, seen)
+            self._opacities.put(seen.tobytes(), found)
+        return found
 
     def batch(self, params: BodyParams) -> Float32[np.ndarray, "T V 3"]:
         """All frames of the parameters, in camera space (metres), bypassing the cache."""

@@ -10,8 +10,8 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import msgspec
 
-from fitting_core.camera import FocalRule, Up
 from fitting_core.clips.options import CameraOptions, ClipOptions
+from fitting_core.config.choices import FocalRule, Up
 from fitting_core.config.schema import PRESETS
 from fitting_core.config.settings import Range, nearest, settings
 from fitting_core.files.regular import at_home

@@ -15,7 +15,6 @@ from tyro.conf import OmitArgPrefixes, OmitSubcommandPrefixes, Positional, arg, 
 from fitting_core.config.schema import DEFAULT_PRESET
 from fitting_core.errors import InputError
 from fitting_core.files.regular import legible
-from fitting_core.io.people_file import holds_people
 from tcfit_app.cli.ending import ended, prepare_streams
 from tcfit_app.cli.json_lines import OPTION, SCHEMA, Started, emit, json_lines, version
 from tcfit_app.options.batch import BatchOptions
@@ -83,6 +82,8 @@ def _fit(options: FitOptions, command: str) -> None:
 
 
 def _export(options: ExportOptions, command: str) -> None:
+    from fitting_core.io.people_file import holds_people
+
     if options.path is not None and options.formats != (LIST,) and holds_people(options.path):
         _in("export_people").run_export_people(options.path, options)
     else:

@@ -54,7 +54,7 @@ class EditFollower:
 
     def __init__(self, project: Project, bodies: Bodies, fits: Fits, worker: Worker) -> None:
         self._windows_of: dict[int, LiveWindow] = {}
-        """The window of each drag, by its number: several tabs may drag at once."""
+        """The window of each drag, by its number: several tabs may drag at once. Previews have negative numbers."""
         self.after_edits = True
         """Whether the fit follows edits automatically."""
         self._project, self._bodies, self._fits, self._worker = project, bodies, fits, worker
@@ -140,6 +140,23 @@ class EditFollower:
             self._windows_of[moved.drag] = LiveWindow(
                 run=run.id, frames=moved.frames, params=moved.params, revision=next(self._revisions)
             )
+
+    def preview(self, number: int, run: Run, frame: int, params: BodyParams) -> None:
+        """Show a body in place of a run's in one frame, like that of a drag.
+
+        Args:
+            number: Of the preview: whose it is.
+            run: Which run.
+            frame: In which frame.
+            params: Of that frame.
+        """
+        self._windows_of[-1 - number] = LiveWindow(
+            run=run.id, frames=range(frame, frame + 1), params=params, revision=next(self._revisions)
+        )
+
+    def end_preview(self, number: int) -> None:
+        """Show the run again."""
+        self._windows_of.pop(-1 - number, None)
 
     def take_end(self, report: DragEnded) -> None:
         """A drag has ended; a failed one is followed like other edits, now or once it is released."""

@@ -16,16 +16,17 @@ from tcfit_app.fitting.reports import Notice
 from tcfit_app.review.browser import page_events
 from tcfit_app.review.browser.page_events import PageEvent
 from tcfit_app.review.browser.page_states import Beat, Cursor, Framing, Keys, Selection, Skeleton
-from tcfit_app.review.drawing.first_steps import HINTS
+from tcfit_app.review.drawing.first_steps import first_steps
 from tcfit_app.review.drawing.menus import frame_menus, picture_menus
 from tcfit_app.review.drawing.picture import Picture
 from tcfit_app.review.drawing.rows import MOST_ROWS, PLOTS
 from tcfit_app.review.drawing.status import Status
 from tcfit_app.review.drawing.timeline import Timeline
 from tcfit_app.review.faults import Faults
-from tcfit_app.review.gestures.actions import ACTIONS, Action, Gestures, bindings
+from tcfit_app.review.gestures.actions import ACTIONS, Action, Gestures
 from tcfit_app.review.gestures.edit_words import part_name
 from tcfit_app.review.gestures.keyframing import HANDS_OF
+from tcfit_app.review.gestures.own_keys import bindings, key_text, keys_problem
 from tcfit_app.review.panels import PANELS, WITHOUT_KEYPOINTS, Panel
 from tcfit_app.review.panels.key_list import KeyWindow
 from tcfit_app.review.panels.person_choice import PersonChoice
@@ -54,7 +55,8 @@ class Page:
         self.tab = Tab(browser, someone, do)
         self.gestures = Gestures(self.tab)
         self.tab.buttons.on("action", self._run, ACTIONS.__getitem__)
-        self.picture, self.timeline, self.status = Picture(self.tab), Timeline(self.tab), Status(self.gestures)
+        self.picture = Picture(self.tab, self.gestures.turning.rings)
+        self.timeline, self.status = Timeline(self.tab), Status(self.gestures)
         self._key_window = KeyWindow(self.tab)
         self._faults = Faults(lambda notice: self.tab.notify(notice))
         self._followed: int | None = None
@@ -69,9 +71,9 @@ class Page:
         """Show this page in the browser tab."""
         browser = self.tab.browser
         browser.receive = lambda event: self.tab.do(lambda: self.receive(event))
-        browser.show_first_steps = lambda: browser.channel.ask("hints", HINTS)
+        browser.scene.rings.turned = lambda *turned: self.tab.do(lambda: self.gestures.turning.take(*turned))
+        browser.show_first_steps = lambda: browser.channel.ask("hints", first_steps())
         self.tab.channel.send("skeleton", SKELETON)
-        self.tab.channel.send("keys", Keys(bindings=bindings()))
 
     def come_from(self, other: "Page") -> None:
         """Replace another person's page in the same tab."""
@@ -83,6 +85,7 @@ class Page:
     def leave(self) -> None:
         """Make room for another person's page. Running work continues."""
         self.gestures.correcting.abandon()
+        self.gestures.turning.abandon()
         self.gestures.again.give_up_framing()
         self.tab.pause()
         self.tab.set(keys=False)
@@ -108,14 +111,14 @@ class Page:
 
     def _add_commands(self) -> None:
         browser = self.tab.browser
-        if browser.has_commands:
+        if browser.commands:
             return
-        browser.has_commands = True
         for name, action in ACTIONS.items():
             if not action.held:
-                command = browser.client.gui.add_command(action.title, description=action.key_text)
+                command = browser.client.gui.add_command(action.title, description=key_text(name) or None)
                 chosen = page_events.Key(action=name, repeat=False)
                 command.on_trigger(lambda _, chosen=chosen: browser.receive(chosen))
+                browser.commands[name] = command
 
     # --- events of the page ---
 
@@ -132,6 +135,8 @@ class Page:
         self.tab.greet(plots=rows and rows[:MOST_ROWS])
         if not event.hinted and self.tab.session.project.has_detections:
             self.tab.show_first_steps()
+        if problem := keys_problem():
+            self.tab.notify(Notice(title="Your own keys are not used", text=problem, kind="error"))
         browser.has_come()
 
     def _resized(self, event: page_events.Resized) -> None:
@@ -173,7 +178,7 @@ class Page:
 
     def _look_at(self, event: page_events.LookAt) -> None:
         found = self.gestures.reviewing.everything or ()
-        meant = [suspect for suspect in found if (suspect.frame, suspect.kind) == (event.frame, event.kind)]
+        meant = [suspect for suspect in found if suspect.key == event.entry]
         if meant:
             self.gestures.reviewing.show(meant[0])
 
@@ -220,7 +225,7 @@ class Page:
         self._attempt("draw the timeline", self.timeline.draw, now)
         problem = self.picture.problem or self.tab.shown.problem
         self._attempt("draw the status line", lambda: self.status.draw(now, problem), now)
-        self._attempt("show the keys", self._key_window.draw, now)
+        self._attempt("show the keys", self._draw_keys, now)
         self.behind = time.monotonic() < self._next_panels
         if not self.behind:
             self._draw_panels(now)
@@ -233,6 +238,13 @@ class Page:
             self._attempt(f"draw the panel {panel.title}", panel.draw, now)
         self._next_panels = time.monotonic() + _REST * (time.thread_time() - begun)
 
+    def _draw_keys(self) -> None:
+        self._key_window.draw()
+        self.tab.channel.send("keys", self.tab.once("keys", bindings(), lambda: Keys(bindings=bindings())))
+        for name, command in self.tab.browser.commands.items():
+            if command.description != (key_text(name) or None):
+                command.description = key_text(name) or None
+
     def _draw_menus(self) -> None:
         self.tab.channel.send("frame_menus", frame_menus(self.gestures))
         self.tab.channel.send("picture_menus", picture_menus(self.gestures))
@@ -241,6 +253,7 @@ class Page:
         self._faults.attempt(what, draw, now)
 
     def _draw_picture(self, now: float) -> None:
+        self.gestures.turning.settle()
         tab, revision = self.tab, self.tab.shown.revision
         following = revision not in (None, self._followed)
         if self.picture.draw():
@@ -257,6 +270,7 @@ class Page:
     def close(self) -> None:
         """The tab was closed."""
         self.gestures.correcting.abandon()
+        self.gestures.turning.abandon()
         self.tab.data.video.leave(self.tab)
         self.tab.session.tasks.leave(self.tab)
 

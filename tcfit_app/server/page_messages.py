@@ -1,4 +1,4 @@
-"""What tcfit's page may send to the server: these five messages of viser's protocol, in this form, and no others.
+"""What tcfit's page may send to the server: these eight messages of viser's protocol, in this form, and no others.
 
 viser itself would take any message of its protocol, with any values: some it keeps and sends on to all tabs, others end
 in a traceback. The names of types and fields here are viser's.
@@ -81,8 +81,40 @@ class FileTransferPart(_Message, frozen=True):
     content: bytes
 
 
+class TransformControlsDragStartMessage(_Message, frozen=True):
+    """The user has taken hold of the rings around a joint."""
+
+    name: Id
+    """Of the node."""
+    owner: Id
+    """The tab's id in viser."""
+
+
+class TransformControlsUpdateMessage(_Message, frozen=True):
+    """The user has turned them."""
+
+    name: Id
+    wxyz: tuple[Number, Number, Number, Number]
+    position: Vector
+    owner: Id
+
+
+class TransformControlsDragEndMessage(_Message, frozen=True):
+    """The user has let go of them."""
+
+    name: Id
+    owner: Id
+
+
 PageMessage = (
-    ViewerCameraMessage | GuiUpdateMessage | CommandTriggerMessage | FileTransferStartUpload | FileTransferPart
+    ViewerCameraMessage
+    | GuiUpdateMessage
+    | CommandTriggerMessage
+    | FileTransferStartUpload
+    | FileTransferPart
+    | TransformControlsDragStartMessage
+    | TransformControlsUpdateMessage
+    | TransformControlsDragEndMessage
 )
 
 _decoder = msgspec.msgpack.Decoder(PageMessage)

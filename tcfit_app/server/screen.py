@@ -20,6 +20,9 @@ from tcfit_app.server.page_messages import (
     FileTransferPart,
     FileTransferStartUpload,
     GuiUpdateMessage,
+    TransformControlsDragEndMessage,
+    TransformControlsDragStartMessage,
+    TransformControlsUpdateMessage,
     Value,
     ViewerCameraMessage,
     read,
@@ -108,6 +111,10 @@ class Screen:
         if math.dist(message.position, message.look_at) < 1e-9 or math.hypot(*message.up_direction) < 1e-9:
             raise ValueError("a camera that looks nowhere")
 
+    def _check_turn(self, message: TransformControlsUpdateMessage) -> None:
+        if math.hypot(*message.wxyz) < 1e-9:
+            raise ValueError("rings that are turned nowhere")
+
     def _check_value(self, message: GuiUpdateMessage) -> None:
         widget, value = self._widget(message.uuid, FITS), message.updates.value
         # The script's events are the value of a text field that nobody sees.
@@ -136,6 +143,10 @@ _CHECKS: dict[type, Callable[[Screen, Any], None]] = {
     ViewerCameraMessage: Screen._check_camera,
     GuiUpdateMessage: Screen._check_value,
     CommandTriggerMessage: lambda screen, message: None,  # viser looks whether there is such a command
+    # Of rings too: it knows those that are there by their names.
+    TransformControlsDragStartMessage: lambda screen, message: None,
+    TransformControlsUpdateMessage: Screen._check_turn,
+    TransformControlsDragEndMessage: lambda screen, message: None,
     FileTransferStartUpload: Screen._check_upload,
     FileTransferPart: lambda screen, message: screen._uploads.take(message),
 }

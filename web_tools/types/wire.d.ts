@@ -19,10 +19,19 @@ export interface Layout {
   wipe: boolean;
 }
 
+export interface Neighbour {
+  offset: number;
+  points: ([number, number, number] | null)[];
+}
+
 export interface FitBody {
   color: string;
   points: ([number, number, number] | null)[];
   error_bars: ([number, number] | null)[];
+  unseen: number[];
+  neighbours: Neighbour[];
+  camera: [number, number, number, number];
+  followed: [number, number, number] | null;
 }
 
 export interface Bodies {
@@ -128,6 +137,7 @@ export interface Curve {
   color: string;
   values: (number | null)[];
   error_bars: (number | null)[];
+  unseen: [number, number][];
 }
 
 export interface Heat {
@@ -221,7 +231,7 @@ export interface Suspicion {
   first: number;
   last: number;
   frame: number;
-  kind: string;
+  key: string;
   score: number;
   reason: string;
 }
@@ -398,8 +408,7 @@ export interface MoveKey {
 
 export interface LookAt {
   type: "look_at";
-  frame: number;
-  kind: string;
+  entry: string;
 }
 
 export interface Select {

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
-from scipy.signal import savgol_filter
 
 from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT, BodyModel
@@ -68,6 +67,8 @@ def steadied(start: GivenStart, frame_rate: float) -> GivenStart:
         start: as placed.
         frame_rate: frames per second.
     """
+    from scipy.signal import savgol_filter  # with it comes scipy.stats, for which the app need not wait
+
     window, points = 2 * round(_STEADY * frame_rate / 2) + 1, start.points.copy()
     if window <= _PARABOLA + 1:  # a parabola interpolates so few exactly
         return start

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 SECONDS = 40
 """Approximate compile time, seconds."""
+_FUNCTIONS = 141
+"""Approximately how many functions numba compiles for them; each takes about as long."""
 NOT_YET = "the kernels are not compiled yet"
 """The problem that `prepare` solves."""
 _MARK = "compiled"
@@ -88,11 +90,10 @@ def prepare(say: Callable[[str], None]) -> None:
         return
     _Use.told = True
     from fitting_core.fit.compiled.jit import kept_in
-    from fitting_core.fit.fused.frames import compile_all
 
     say(f"Compiling the solver's kernels, which happens once and takes about {SECONDS} seconds ...")
     try:
-        compile_all()
+        _compile(say)
     except Exception as error:  # any error of numba or LLVM: torch still works
         _Use.allowed = False
         say(f"They cannot be compiled ({type(error).__name__}: {error}); fits take several times as long without.")
@@ -102,6 +103,28 @@ def prepare(say: Callable[[str], None]) -> None:
         (kept_in() / _MARK).touch()
     except OSError:
         say(f"They cannot be kept in {kept_in()}; TCFIT_KERNELS names another folder.")
+
+
+def _compile(say: Callable[[str], None]) -> None:
+    """Compile all kernels; `say` is told after each quarter of the functions."""
+    from numba.core import event
+
+    from fitting_core.fit.fused.frames import compile_all
+
+    class Count(event.Listener):
+        compiled = 0
+
+        def on_start(self, event: object) -> None:
+            pass
+
+        def on_end(self, event: object) -> None:
+            self.compiled += 1
+            quarters, rest = divmod(4 * self.compiled, _FUNCTIONS)
+            if rest < 4 and 0 < quarters < 4:
+                say(f"{25 * quarters} % compiled ...")
+
+    with event.install_listener("numba:compile", Count()):
+        compile_all()
 
 
 def fused_frames(terms: list[Term], view: SolverView, free: Free, index: Tensor) -> "FusedFrames | None":

@@ -7,7 +7,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from fitting_core.camera import COEFFICIENTS, Up, is_rotation
+from fitting_core.camera import COEFFICIENTS, is_rotation
+from fitting_core.config.choices import Up
 from fitting_core.io.cameras.moving import Poses
 
 OPENCV_FIRST_PIXEL = 0.0

@@ -10,7 +10,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from fitting_core.camera import Camera, CameraPath, FocalFrom, Lens, PathScale, Up, Vector, World, path_of
+from fitting_core.camera import Camera, CameraPath, FocalFrom, Lens, PathScale, Vector, World, path_of
+from fitting_core.config.choices import Up
 from fitting_core.errors import InputError, some_of
 from fitting_core.files.regular import legible
 from fitting_core.io.cameras.calibration import Calibration

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
-from scipy.interpolate import CubicSpline
 
 from fitting_core.measure.references.reference import Reference
 
@@ -41,6 +40,8 @@ def interpolated(values: Float[np.ndarray, "T N D"], moments: Float[np.ndarray, 
 
 def _between(run: Float[np.ndarray, "T N D"], moments: Float[np.ndarray, "M"]) -> Float[np.ndarray, "M N D"]:
     if len(run) >= _CUBIC:
+        from scipy.interpolate import CubicSpline  # the app need not wait for it
+
         return CubicSpline(np.arange(len(run)), run)(moments)
     below = np.floor(moments).astype(int).clip(0, max(len(run) - 2, 0))
     above = np.minimum(below + 1, len(run) - 1)

@@ -11,6 +11,8 @@ EVENT_CHARACTERS = 16_384
 """Longer messages are refused unread. The longest valid one, a drag of all 137 keypoints, has 700 characters."""
 
 Text = Annotated[str, msgspec.Meta(max_length=64)]
+Value = Annotated[str, msgspec.Meta(max_length=256)]
+"""Of a button, also the key of an entry of the review queue, which names all of its limbs."""
 Pixels = Annotated[float, msgspec.Meta(ge=-1e6, le=1e6)]
 Size = Annotated[int, msgspec.Meta(ge=0, le=65_535)]
 Frame = Annotated[int, msgspec.Meta(ge=0)]
@@ -103,8 +105,8 @@ class MoveKey(_Event, frozen=True, tag="move_key"):
 class LookAt(_Event, frozen=True, tag="look_at"):
     """The user clicked on a review queue entry in the timeline; the page has already gone to its frame."""
 
-    frame: Frame
-    kind: Text
+    entry: Value
+    """Its `Suspicion.key`."""
 
 
 class Select(_Event, frozen=True, tag="select"):
@@ -163,7 +165,7 @@ class Press(_Event, frozen=True, tag="press"):
     """A button in the HTML of a panel was pressed."""
 
     command: Text
-    value: Text
+    value: Value
 
 
 class TooLarge(_Event, frozen=True, tag="too_large"):

@@ -63,6 +63,15 @@ class Layout(_State, frozen=True, kw_only=True):
     """Two pictures share a window: the first is shown left of a divider, the other right of it."""
 
 
+class Neighbour(_State, frozen=True, kw_only=True):
+    """A body in a frame near the one on show."""
+
+    offset: int
+    """Frames after the one on show; negative before it."""
+    points: tuple[Triple | None, ...]
+    """As in `FitBody`, seen by the camera of the frame on show."""
+
+
 class FitBody(_State, frozen=True, kw_only=True):
     """A body's BODY_25 keypoints according to the fit."""
 
@@ -71,6 +80,14 @@ class FitBody(_State, frozen=True, kw_only=True):
     """In camera space, metres; None if the body has no such keypoint."""
     error_bars: tuple[tuple[float, float] | None, ...] = ()
     """Error bars along the camera's ray and across it, metres; None if unknown."""
+    unseen: tuple[int, ...] = ()
+    """Which of them keypoints do not show in this frame."""
+    neighbours: tuple[Neighbour, ...] = ()
+    """The onion skin; empty if it is off."""
+    camera: tuple[float, float, float, float] = (1.0, 1.0, 0.0, 0.0)
+    """Its focal length and centre, pixels: x, y, x, y."""
+    followed: Triple | None = None
+    """The middle of the part that a close-up follows, like `points`; None if none does, or the body lacks it."""
 
 
 class Bodies(_State, frozen=True, kw_only=True):
@@ -256,6 +273,8 @@ class Curve(_State, frozen=True, kw_only=True):
     """One per frame."""
     error_bars: tuple[float | None, ...] = ()
     """Error bars to either side; empty if unknown."""
+    unseen: tuple[Span, ...] = ()
+    """Frames in which keypoints do not show what it measures."""
 
 
 class Heat(_State, frozen=True, kw_only=True):
@@ -400,8 +419,8 @@ class Suspicion(_State, frozen=True, kw_only=True):
     last: int
     frame: int
     """The worst of them."""
-    kind: str
-    """Identifies it among entries of that frame."""
+    key: str
+    """Identifies it; empty if a click on it leads to its frame alone."""
     score: float
     """From 1."""
     reason: str

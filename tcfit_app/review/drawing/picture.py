@@ -1,12 +1,14 @@
 """The canvas of one tab: video, bodies and keypoints of the frame on show."""
 
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 
 import numpy as np
+from jaxtyping import Bool
 
 from fitting_core.errors import InputError
 from fitting_core.keypoints import BODY
 from tcfit_app.analysis.curves import vertex_distances
+from tcfit_app.analysis.seen import seen_joints
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.review.browser.page_states import Keypoints, Layout, Legend, Style, pixel_pairs, shares, triple
 from tcfit_app.review.browser.page_states import Poster as PosterPlace
@@ -20,6 +22,7 @@ from tcfit_app.review.drawing.silhouette import SilhouettePart
 from tcfit_app.review.scene.layers import DISTANCE_LIMIT, RGB, RUN_COLORS, BodyLayer, FrameImage, color_table, css
 from tcfit_app.review.scene.poses import Window
 from tcfit_app.review.scene.poster import PICTURE_NODES, PLATE, SIDE_NODE, Poster, Posters, body_nodes
+from tcfit_app.review.scene.rings import Rings
 from tcfit_app.review.scene.room import Room
 from tcfit_app.review.scene.side_view import direction_text
 from tcfit_app.review.scene.space import Space, offsets
@@ -35,8 +38,6 @@ _LEGEND_HEIGHT = 34.0
 """CSS pixels below the posters kept free for the colour bar."""
 _PLAIN_COLOR = "#8a94a3"
 """Colour of the names that are not those of fits."""
-_UNSEEN = 0.4
-"""Relative opacity of a body filled in from neighbouring frames."""
 _COLORS: dict[Slot, RGB] = dict(zip(SLOTS, RUN_COLORS, strict=True))
 _OTHER: dict[Slot, Slot] = {"a": "b", "b": "a"}
 
@@ -44,8 +45,9 @@ _OTHER: dict[Slot, Slot] = {"a": "b", "b": "a"}
 class Picture:
     """Draws one tab's picture; called repeatedly, it sends only changes."""
 
-    def __init__(self, tab: Tab) -> None:
-        self._tab, self._data = tab, tab.data
+    def __init__(self, tab: Tab, rings: Callable[[OnShow], Rings | None]) -> None:
+        """For a tab; `rings` says where those are that turn a joint in 3D."""
+        self._tab, self._data, self._rings = tab, tab.data, rings
         self._size = (0, 0)
         self._image: FrameImage | None = None
         self._side, self._joints, self._around = SidePart(tab), JointsPart(tab), AroundPart(tab)
@@ -114,8 +116,10 @@ class Picture:
         state, data = self._tab.state, self._data
         drawn = data.body(fit, shown.frame, shown.live_of(side))
         compared = self._compared_with(shown, _OTHER[side], drawn) if state.difference else None
-        opacity = state.opacity * (1.0 if self._seen(shown.frame) else _UNSEEN)
-        look = (_COLORS[side], opacity, state.wireframe, state.outline, compared.version if compared else None)
+        present = self._present(shown.frame)
+        opacities = None if present is None else data.meshes(fit).opacities(seen_joints(present))
+        against = compared.version if compared else None
+        look = (_COLORS[side], state.opacity, state.wireframe, state.outline, against, id(opacities))
         key = (drawn.version, fit.camera, *look)
         if key not in self._layers:
             values = None if compared is None else vertex_distances(drawn.vertices, compared.vertices) / 1e3
@@ -126,17 +130,21 @@ class Picture:
                 faces=data.meshes(fit).faces,
                 color=_COLORS[side],
                 camera=fit.camera,
-                opacity=opacity,
+                opacity=state.opacity,
+                opacities=opacities,
                 wireframe=state.wireframe,
                 outline=state.outline,
                 values=values,
             )
         return self._layers[key]
 
+    def _present(self, frame: int) -> Bool[np.ndarray, "137"] | None:
+        key = frame, self._tab.session.project.keypoints_version
+        return self._tab.once("present", key, lambda: self._data.present(frame))
+
     def _seen(self, frame: int) -> bool:
-        """Whether any keypoint counts in a frame; in a project without keypoints, fits do not depend on them."""
-        project = self._tab.session.project
-        return not project.has_detections or bool(project.corrected[frame].present.any())
+        present = self._present(frame)
+        return present is None or bool(present.any())
 
     def _compared_with(self, shown: OnShow, other: Slot, drawn: Drawn) -> Drawn | None:
         """The other side's body, if it has the same topology."""
@@ -205,6 +213,7 @@ class Picture:
             place=np.zeros(3) if room is None else room.place,
             ground=None if room is None else room.floor,
             apart=self._tab.state.apart,
+            rings=self._rings(shown) if layers else None,
         )
 
     def _tell_space(self, space: Space, bodies: dict[Slot, BodyLayer]) -> None:

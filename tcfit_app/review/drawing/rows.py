@@ -4,6 +4,8 @@ from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeVar
 
+import numpy as np
+
 from fitting_core.errors import InputError
 from tcfit_app.analysis.curves import BETWEEN, CURVES, Curve
 from tcfit_app.analysis.heat_maps import HEAT_MAPS, HeatMap
@@ -195,12 +197,14 @@ class Rows:
     def _lines(self, plot: Plot, found: _Found) -> Iterator[states.Curve]:
         if plot.how == "difference":
             (_, a), (_, b) = found.curves
-            yield states.Curve(label="", color=_COMPARED, values=curve_values(b.values - a.values))
+            both = curve_values(b.values - a.values)
+            yield states.Curve(label="", color=_COMPARED, values=both, unseen=_unseen(a))
             return
         for side, curve in found.curves:
             label, color = ("", _COMPARED) if plot.how == "between" else (self._label(side), _color(side))
             bars = () if curve.error_bars is None else curve_values(curve.error_bars, digits=3)
-            yield states.Curve(label=label, color=color, values=curve_values(curve.values), error_bars=bars)
+            values = curve_values(curve.values)
+            yield states.Curve(label=label, color=color, values=values, error_bars=bars, unseen=_unseen(curve))
 
 
 _WAYS: dict[str, Callable[[Rows, str], _Found]] = {
@@ -210,6 +214,10 @@ _WAYS: dict[str, Callable[[Rows, str], _Found]] = {
     "difference": Rows._difference,
     "between": Rows._between,
 }
+
+
+def _unseen(curve: Curve) -> tuple[states.Span, ...]:
+    return () if curve.unseen is None else states.spans(np.flatnonzero(curve.unseen))
 
 
 def heat(found: HeatMap) -> states.Heat:

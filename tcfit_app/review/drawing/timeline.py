@@ -141,7 +141,7 @@ def _mixed_up(span: Span, first_frame: int, length: int) -> states.Suspicion | N
     if first > last:
         return None
     reason = "may be someone else from here on: see Who is who in the panel Review"
-    return states.Suspicion(first=first, last=last, frame=first, kind="person", score=_MIXED_UP, reason=reason)
+    return states.Suspicion(first=first, last=last, frame=first, key="", score=_MIXED_UP, reason=reason)
 
 
 def origins(label: str, provenance: Provenance) -> states.Origins:
@@ -171,7 +171,7 @@ def suspicions(suspects: Iterable[Suspect]) -> states.Suspicions:
             first=suspect.frames[0],
             last=suspect.frames[-1],
             frame=suspect.frame,
-            kind=suspect.kind,
+            key=suspect.key,
             score=round(suspect.score, 2),
             reason=suspect.reason,
         )

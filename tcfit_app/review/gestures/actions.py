@@ -7,8 +7,7 @@ from typing import ParamSpec
 from fitting_core.body.handshapes import HANDSHAPES
 from fitting_core.errors import InputError
 from fitting_core.keypoints import PARTS
-from tcfit_app.review.browser.page_states import KeyBinding
-from tcfit_app.review.gestures.correcting import Correcting
+from tcfit_app.review.gestures.correcting import NUDGES, Correcting
 from tcfit_app.review.gestures.correcting_depth import CorrectingDepth
 from tcfit_app.review.gestures.depths import limbs_of
 from tcfit_app.review.gestures.detecting_again import DetectingAgain
@@ -19,6 +18,7 @@ from tcfit_app.review.gestures.keyframing import keys_in
 from tcfit_app.review.gestures.noting import Noting
 from tcfit_app.review.gestures.reviewing import Reviewing
 from tcfit_app.review.gestures.shaping import ShapingHands
+from tcfit_app.review.gestures.turning import Turning
 from tcfit_app.review.gestures.zooming import next_close_up, show_whole, zoom_to_selection
 from tcfit_app.review.scene.windows import ARRANGEMENTS
 from tcfit_app.review.tab.state import MODES, OPACITIES, PANEL_TITLES, SIDES_SEEN
@@ -34,6 +34,7 @@ class Gestures:
         self.tab = tab
         self.correcting, self.reviewing, self.fitting = Correcting(tab), Reviewing(tab), Fitting(tab)
         self.depth = CorrectingDepth(tab, self.correcting)
+        self.turning = Turning(tab, self.correcting)
         self.shaping = ShapingHands(tab, self.correcting)
         self.noting, self.exchanging = Noting(tab), Exchanging(tab, self.correcting)
         self.again = DetectingAgain(tab, self.correcting)
@@ -79,6 +80,7 @@ class Action:
     title: str
     run: Callable[[Gestures], object]
     keys: tuple[Key, ...] = ()
+    """The usual ones; a user may have others (`own_keys`)."""
     group: str = ""
     family: str = ""
     """The shared line for actions of one family in lists of keys."""
@@ -103,11 +105,6 @@ class Action:
         for need in self.needs:
             need(gestures)
         self.run(gestures)
-
-    @property
-    def key_text(self) -> str | None:
-        """Its keys, for users."""
-        return " or ".join(map(str, self.keys)) or None
 
 
 def _key(text: str) -> Key:
@@ -273,7 +270,7 @@ _OF_HAND = *_EDIT, hand, fit
 _AGAIN = writable, keypoints, settings, fit
 _WAYS = {"left": (-1.0, 0.0), "right": (1.0, 0.0), "up": (0.0, -1.0), "down": (0.0, 1.0)}
 """Image directions."""
-_NUDGES = {1: "Ctrl", 10: "Ctrl+Shift"}
+_NUDGES = dict(zip(NUDGES, ("Ctrl", "Ctrl+Shift"), strict=True))
 """Pixels of a nudge, and the keys held for it."""
 
 
@@ -322,6 +319,7 @@ _VIEW: tuple[_Row, ...] = (
         (picture,),
     ),
     ("trail", "Trail of the selected keypoints on or off", "j", _toggle("trail"), ()),
+    ("onion", "Onion skin on or off", "Shift+j", _toggle("onion"), ()),
     ("save_picture", "Save the picture", "", lambda g: g.tab.save_picture(), ()),
     ("first_steps", "Show the first steps", "", lambda g: g.tab.show_first_steps(), ()),
     ("help", "Show all keys", "h", _toggle("keys"), ()),
@@ -473,12 +471,3 @@ ACTIONS: dict[str, Action] = {
     for name, title, keys, run, needs in rows
 }
 """By the name that the page sends."""
-
-
-def bindings() -> tuple[KeyBinding, ...]:
-    """All keys, in the page's form."""
-    return tuple(
-        KeyBinding(key=key.key, action=name, shift=key.shift, ctrl=key.ctrl, held=action.held)
-        for name, action in ACTIONS.items()
-        for key in action.keys
-    )

@@ -1,5 +1,6 @@
 """Correcting keypoints in one tab: turns gestures and keys into edits of the log."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,11 +30,17 @@ from tcfit_app.project.edits.kinds import (
     SwapSides,
 )
 from tcfit_app.project.frame_words import in_words
+from tcfit_app.project.project import Project
 from tcfit_app.review.browser.page_events import Drag as DragEvent
 from tcfit_app.review.browser.page_events import DragDepth as DragDepthEvent
 from tcfit_app.review.gestures.edit_words import FEW, describe, whose
 from tcfit_app.review.gestures.keyframing import depth_edit, filled, keys_in, moved, placed, removed, with_hands
 from tcfit_app.review.tab.tab import Tab
+
+NUDGES = (1, 10)
+"""Pixels of a nudge."""
+_SERIES = 1.0
+"""Seconds between two nudges of a series, which are undone and redone together."""
 
 
 @dataclass(kw_only=True, eq=False)
@@ -254,20 +261,23 @@ class Correcting:
         self.make(SetConfidence(frames=self._tab.frames_to_change, joints=self.selected(), confidence=confidence))
 
     def undo(self) -> None:
-        """Undo the project's last edit or mark, and show where it was."""
-        self.refuse_while_dragging()
-        tab = self._tab
-        shown = tab.look().b
-        entry = tab.someone.undo(author=tab.author, shown=shown)
-        self._went_back(entry, shown, "Undone")
+        """Undo the project's last edit or mark, a series of nudges as a whole, and show where it was."""
+        self._step(self._tab.someone.undo, lambda project: project.undoable, "Undone")
 
     def redo(self) -> None:
-        """Redo the edit or mark undone last, and show where it is."""
+        """Redo the edit or mark undone last, a series of nudges as a whole, and show where it is."""
+        self._step(self._tab.someone.redo, lambda project: project.redoable, "Redone")
+
+    def _step(
+        self, step: Callable[..., LogEntry | None], next_of: Callable[[Project], LogEntry | None], verb: str
+    ) -> None:
         self.refuse_while_dragging()
-        tab = self._tab
+        tab, entry, more = self._tab, None, True
         shown = tab.look().b
-        entry = tab.someone.redo(author=tab.author, shown=shown)
-        self._went_back(entry, shown, "Redone")
+        while more:
+            entry = step(author=tab.author, shown=tab.look().b)
+            more = one_series(entry, next_of(tab.session.project))
+        self._went_back(entry, shown, verb)
 
     def _went_back(self, entry: LogEntry | None, shown: Shown | None, verb: str) -> None:
         assert entry is not None, "only what can be undone or redone is asked for"
@@ -325,3 +335,21 @@ class Correcting:
         unfollowed = f". The fit does not follow: {obstacle}" if obstacle else ""
         self._tab.say(f"Saved: {describe(edit, self._tab.first_frame)}{remark}{unfollowed}")
         self._tab.corrected = None if shown is None else shown.run.id
+
+
+def one_series(one: LogEntry | None, other: LogEntry | None) -> bool:
+    """Whether two edits that follow each other are nudges of the same keypoints, one right after the other.
+
+    With keyframes, the log has the places where nudges put keypoints, as it has of drags: a nudge is known by its step.
+    """
+    if one is None or other is None or one.author != other.author:
+        return False
+    if abs((one.time - other.time).total_seconds()) > _SERIES or type(one.action) is not type(other.action):
+        return False
+    a, b = one.action, other.action
+    if isinstance(a, Nudge) and isinstance(b, Nudge):
+        return (a.frames, a.joints) == (b.frames, b.joints)
+    if not isinstance(a, PlaceKey) or not isinstance(b, PlaceKey) or (a.at, a.joints) != (b.at, b.joints):
+        return False
+    steps = np.abs(np.subtract(b.xy, a.xy))
+    return bool(np.allclose(steps, steps[0], atol=1e-3)) and any(np.isclose(steps[0].max(), NUDGES, atol=1e-3))

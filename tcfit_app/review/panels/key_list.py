@@ -1,10 +1,23 @@
 """All keys and gestures, listed in the app's keys window; docs/app.md shows them as a table."""
 
 from itertools import groupby
-from typing import Any
 
-from tcfit_app.review.gestures.actions import ACTIONS, Action, Key
-from tcfit_app.review.panels.elements.html import Board, Html, button, heading, joined, line, row, table, tag
+from fitting_core.errors import InputError
+from tcfit_app.review.gestures.actions import ACTIONS, Key
+from tcfit_app.review.gestures.own_keys import change_keys, keys_of, keys_problem
+from tcfit_app.review.panels.elements.field import Field
+from tcfit_app.review.panels.elements.html import (
+    Board,
+    Html,
+    button,
+    heading,
+    joined,
+    line,
+    paragraph,
+    row,
+    table,
+    tag,
+)
 from tcfit_app.review.tab.tab import Tab
 
 GESTURES = {
@@ -21,7 +34,11 @@ GESTURES = {
         ("Drag a keypoint", "Move it in depth, along its viewing ray; the fit follows"),
         ("Drag the left border", "Make it wider"),
     ),
-    "In 3D": (("Drag", "Turn the view"), ("Wheel, right drag", "Zoom, pan")),
+    "In 3D": (
+        ("Drag", "Turn the view"),
+        ("Drag a ring", "Turn the selected joint, and lock it; the fit follows"),
+        ("Wheel, right drag", "Zoom, pan"),
+    ),
     "In the timeline": (
         ("Click, drag", "Go to a frame; on a mark, to what it marks"),
         ("Drag in the ruler, or Shift+drag", "Select frames; their ends can be dragged"),
@@ -39,15 +56,16 @@ GESTURES = {
 def key_groups() -> dict[str, list[tuple[str, str]]]:
     """Keys and what they do, by group of ACTIONS; actions of one family share a line."""
     groups: dict[str, list[tuple[str, str]]] = {}
-    for (group, family, _), found in groupby((a for a in ACTIONS.values() if a.keys), _line):
-        actions = list(found)
-        keys = joined_keys(*(action.keys for action in actions))
-        groups.setdefault(group, []).append((keys, family or actions[0].title))
+    for (group, family, _), found in groupby(filter(keys_of, ACTIONS), _line):
+        names = list(found)
+        keys = joined_keys(*map(keys_of, names))
+        groups.setdefault(group, []).append((keys, family or ACTIONS[names[0]].title))
     return groups
 
 
-def _line(action: Action) -> tuple[str, str, str]:
+def _line(name: str) -> tuple[str, str, str]:
     """The same for actions that share a line."""
+    action = ACTIONS[name]
     return action.group, action.family, "" if action.family else action.title
 
 
@@ -67,22 +85,71 @@ class KeyWindow:
 
     def __init__(self, tab: Tab) -> None:
         self._tab = tab
-        self._open: tuple[Any, Board] | None = None
+        self._open: _Shown | None = None
+        tab.buttons.on("keys.change", lambda _: self._open and self._open.change())
+        tab.buttons.on("keys.usual", lambda _: self._open and self._open.change(usual=True))
 
     def draw(self) -> None:
-        """Open or close it."""
-        if self._tab.state.keys == (self._open is not None):
-            return
-        if self._open is not None:
-            window, board = self._open
+        """Open or close it, and show the keys as they are."""
+        if not self._tab.state.keys and self._open is not None:
+            self._open.close()
             self._open = None
-            board.show()
-            window.close()
-            return
-        window = self._tab.client.gui.add_modal("Keys")
-        with window:
-            self._open = window, Board(self._tab)
-        self._open[1].show(keys_html())
+        elif self._tab.state.keys:
+            self._open = self._open or _Shown(self._tab)
+            self._open.draw()
+
+
+class _Shown:
+    """The window while it is open: all keys, and a form to change those of a command."""
+
+    def __init__(self, tab: Tab) -> None:
+        self._said = ""
+        """Why the last change was refused."""
+        gui = tab.client.gui
+        self._window = gui.add_modal("Keys")
+        with self._window:
+            with gui.add_folder("Change keys", expand_by_default=False):
+                command = gui.add_dropdown("Command", tuple(_BY_TITLE), hint="Whose keys to change, in all projects")
+                self._command = Field(tab, command, self._choose)
+                self._chosen = command.value
+                self._keys = gui.add_text("Keys", "", hint=_HINT)
+                self._form = Board(tab)
+            self._list = Board(tab)
+        self._choose(self._chosen)
+
+    def _choose(self, title: str) -> None:
+        self._chosen, self._said = title, ""
+        self._keys.value = " ".join(map(str, keys_of(_BY_TITLE[title])))
+
+    def change(self, *, usual: bool = False) -> None:
+        """Take the keys from the form, or the usual ones of its command; what is refused stays there to be mended."""
+        try:
+            change_keys(_BY_TITLE[self._chosen], None if usual else self._keys.value)
+        except InputError as error:
+            self._said = str(error)
+        else:
+            self._choose(self._chosen)
+
+    def draw(self) -> None:
+        """Show the keys as they are."""
+        self._command.show(self._chosen)
+        problem = keys_problem() or self._said
+        change = button("Change", "keys.change", kind="main", enter=True)
+        self._form.show(
+            row(change, button("Usual keys", "keys.usual")), *([paragraph(problem, "warn")] if problem else [])
+        )
+        self._list.show(keys_html())
+
+    def close(self) -> None:
+        """Close the window; its buttons no longer work."""
+        self._form.show()
+        self._list.show()
+        self._window.close()
+
+
+_BY_TITLE = {action.title: name for name, action in ACTIONS.items()}
+assert len(_BY_TITLE) == len(ACTIONS)
+_HINT = "Like D, Shift+D, Ctrl+D, F2 or PageDown; several with a space between them, none to leave it without a key"
 
 
 def keys_html() -> Html:

@@ -85,9 +85,9 @@ class ReviewPanel:
         self._relink = Board(tab)
         self._head = Board(tab)
         self._who_is_who = WhoIsWho(gestures)
-        self._notes = Notes(gestures)
         self._pictures = QueuePictures(tab)
-        self._queue = Board(tab)
+        self._queue, self._flags = Board(tab), Board(tab)
+        self._notes = Notes(gestures)
         tab.buttons.on("review.go", self._go)
         tab.buttons.on("review.mirror", self._mirror)
         for part in ("kind", "limb", "order"):
@@ -150,9 +150,10 @@ class ReviewPanel:
         where = self._applies()
         self._draw_head(where, fine=self._gestures.reviewing.fine, flagged=set(tab.chosen_frames) <= set(self._flagged))
         self._who_is_who.draw()
-        self._notes.draw()
         self._pictures.draw(self._suspects[:_MOST])
         self._queue.show(*self._entries(self._here(), fitted=shown is not None))
+        self._flags.show(*self._flagged_runs())
+        self._notes.draw()
 
     def _flagged_frames(self) -> list[int]:
         marks = self._tab.session.project.marks.all()
@@ -197,7 +198,6 @@ class ReviewPanel:
             paragraph(where, "dim"),
             row(action(self._gestures, "approve", self._approval()), *self._next_clip()),
             *unseen(self._tab),
-            *self._flags(self._flagged),
         )
 
     def _approval(self) -> str:
@@ -217,11 +217,11 @@ class ReviewPanel:
             return f"Both apply to {flag}."
         return f"O marks {reviewing.subject(reviewing.on_show)} as fine, T flags {flag}."
 
-    def _flags(self, frames: list[int]) -> list[Html]:
-        if not frames:
+    def _flagged_runs(self) -> list[Html]:
+        if not self._flagged:
             return []
         first = self._tab.first_frame
-        found = runs(frames)
+        found = runs(self._flagged)
         buttons = [
             button(numbers(run, first), "review.frame", str(run.start), kind="mini", hint=f"Go to {first + run.start}")
             for run in found[:_FLAGS]

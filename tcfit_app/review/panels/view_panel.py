@@ -11,7 +11,8 @@ from fitting_core.keypoints import GROUPS
 from tcfit_app.fitting.fits import SHORT_TITLES, FitChoice, Shown, phase_title
 from tcfit_app.project.storage.run_record import Run
 from tcfit_app.review.browser.page_states import GROUP_COLORS
-from tcfit_app.review.gestures.actions import ACTIONS, Gestures
+from tcfit_app.review.gestures.actions import Gestures
+from tcfit_app.review.gestures.own_keys import key_text
 from tcfit_app.review.gestures.zooming import show_close_up
 from tcfit_app.review.panels.elements.field import Dropdown, Field
 from tcfit_app.review.panels.elements.html import Board, Html, action, button, choice, dot, heading, joined, row, text
@@ -32,7 +33,7 @@ _WIDER = {"−": 1 / 1.25, "+": 1.25}
 """By the button's value: the factor by which the side view becomes wider."""
 _SPACE_FROM = (*SPACE_FROM, "camera")
 _CLOSE_UP = "The view follows it from frame to frame; press again for the whole picture"
-_ARRANGE = f"Arrangement of A and B ({ACTIONS['arrangement'].key_text}: the next)"
+_ONION = "The bones of the fits in the two frames before and the two after, dashed"
 _APART = 1.2
 """Metres: two bodies with outstretched arms do not touch."""
 
@@ -115,10 +116,9 @@ class ViewPanel:
         tab, state = self._tab, self._tab.state
         self._frame.show(state.frame + tab.first_frame)
         now = tab.arrangement if state.mode == "ab" else None
+        hint = f"Arrangement of A and B ({key_text('arrangement')}: the next)"
         modes = (self._action(mode, name, pressed=state.mode == mode) for mode, name in MODES.items())
-        ways = (
-            button(name, "view.arrange", way, pressed=now == way, hint=_ARRANGE) for way, name in ARRANGEMENTS.items()
-        )
+        ways = (button(name, "view.arrange", way, pressed=now == way, hint=hint) for way, name in ARRANGEMENTS.items())
         self._top.show(
             row(choice(*modes)),
             *([row(choice(*ways))] if now else []),
@@ -206,7 +206,7 @@ class ViewPanel:
                         for part, name in CLOSE_UPS.items()
                     )
                 ),
-                label=f"Close-up {ACTIONS['close_up'].key_text}",
+                label=f"Close-up {key_text('close_up')}",
             ),
             row(
                 button("Video", "view.switch", "video", pressed=state.video),
@@ -220,6 +220,7 @@ class ViewPanel:
                     hint="Lines from corrected keypoints to their detected positions",
                 ),
                 self._action("trail", "Trail", pressed=state.trail),
+                self._action("onion", "Onion skin", pressed=state.onion, hint=_ONION),
                 self._silhouette(),
                 self._error_bars(held),
                 wrap=True,

@@ -45,6 +45,8 @@ class BodyLayer:
     """On a poster: as outlines, with the video between them."""
     values: Float[np.ndarray, "V"] | None = None
     """Metres at each vertex, such as the distance to another run, drawn as colours instead of `color`."""
+    opacities: UInt8[np.ndarray, "V"] | None = None
+    """At each vertex, relative to `opacity`, which then applies to solid bodies too: 255 is all of it. None: all."""
     camera: Camera | None = None
     """The camera it was fitted with; None: the poster's."""
 

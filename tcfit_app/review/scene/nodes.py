@@ -37,13 +37,18 @@ class MeshDressing:
         self._client = client
         self._call("setColorTable", _linear_table())
 
-    def paint(self, name: str, indices: UInt8[np.ndarray, "V"] | None) -> None:
-        """Set the vertex colours of the node's mesh, rows of `layers.color_table`; None removes them.
+    def paint(
+        self, name: str, indices: UInt8[np.ndarray, "V"] | None, opacities: UInt8[np.ndarray, "V"] | None
+    ) -> None:
+        """Set the vertex colours of the node's mesh.
 
-        They are multiplied by the mesh's own colour: make it white.
+        Args:
+            name: Of the node.
+            indices: Rows of `layers.color_table`, multiplied by the mesh's own colour, so make it white; None: white.
+            opacities: 255 for the mesh's own opacity, which must be less than 1 for others to count; None: all 255.
         """
-        colors = None if indices is None else base64.b64encode(indices.tobytes()).decode()
-        self._dress(name, colors=colors)
+        texts = [None if a is None else base64.b64encode(a.tobytes()).decode() for a in (indices, opacities)]
+        self._dress(name, colors=texts if any(texts) else None)
 
     def show_front_only(self, name: str, front: bool) -> None:
         """Whether the node's mesh hides its own far side although it is transparent or a wireframe."""
@@ -90,7 +95,7 @@ class BodyNode:
         self._lines: viser.LineSegmentsHandle | None = None
         self._outlined: np.ndarray | None = None
         """The vertices of the outline."""
-        self._vertices = self._faces = self._values = None
+        self._vertices = self._faces = self._values = self._opacities = None
         self._front = False
 
     def draw(
@@ -120,8 +125,9 @@ class BodyNode:
         self._vertices = vertices
         self._node.color = layer.color if layer.values is None else _WHITE
         outlined = layer.outline and lines
-        transparent = layer.opacity < _OPAQUE and not solid and not outlined
-        self._node.opacity = layer.opacity if transparent else None
+        opacity = 1.0 if solid else layer.opacity
+        transparent = (opacity < _OPAQUE or layer.opacities is not None) and not outlined
+        self._node.opacity = min(opacity, _OPAQUE) if transparent else None
         self._node.wireframe = layer.wireframe and not outlined
         self._node.position = self._position
         self._node.visible = True
@@ -146,7 +152,7 @@ class BodyNode:
             cast_shadow=False,
             receive_shadow=False,
         )
-        self._faces, self._values, self._front = layer.faces, None, False
+        self._faces, self._values, self._opacities, self._front = layer.faces, None, None, False
         self._lines = self._outlined = None  # removed with the previous node
 
     def _outline(self, layer: BodyLayer | None, vertices: Float[np.ndarray, "V 3"]) -> None:
@@ -174,9 +180,10 @@ class BodyNode:
 
     def _paint(self, layer: BodyLayer) -> None:
         """Update the vertex colours if they changed."""
-        if layer.values is not self._values:
-            self._values = layer.values
-            self._dressing.paint(self._name, None if layer.values is None else color_index(layer.values))
+        if layer.values is not self._values or layer.opacities is not self._opacities:
+            self._values, self._opacities = layer.values, layer.opacities
+            indices = None if layer.values is None else color_index(layer.values)
+            self._dressing.paint(self._name, indices, layer.opacities)
 
     def _show_front_only(self, front: bool) -> None:
         if front != self._front:

@@ -239,6 +239,8 @@ class SceneView:
             _light(client)
             dressing = MeshDressing(client)
             self._posters, self._space = PosterNodes(client, dressing), SpaceNodes(client, dressing)
+        self.rings = self._space.rings
+        """In 3D."""
         self.cameras = Cameras(client)
         self._last: Snapshot | None = None
 

@@ -15,6 +15,7 @@ from fitting_core.camera import Camera
 from tcfit_app.review.scene.layers import MOST_OTHERS, RGB, BodyLayer, FrameImage, drawable
 from tcfit_app.review.scene.nodes import BodyNode, ImageNode, MeshDressing
 from tcfit_app.review.scene.poster import PLATE
+from tcfit_app.review.scene.rings import Rings, RingsNode
 from tcfit_app.review.scene.room import extent
 
 FRUSTUM_DEPTH = 0.9
@@ -23,6 +24,8 @@ _SLOTS = 2
 _ROOT = "/space"
 _FILMED = f"{_ROOT}/filmed"
 """The node for what is in camera space."""
+_SHIFTED = f"{_FILMED}/shifted"
+"""The node for what is shifted with the last body."""
 _CELL_COLOR: RGB = (62, 66, 74)
 _SECTION_COLOR: RGB = (104, 110, 122)
 _FRUSTUM_COLOR: RGB = (190, 196, 206)
@@ -53,6 +56,9 @@ class Space:
     move. None or empty: not known yet."""
     apart: float = 0.0
     """Distance along x between two bodies drawn side by side, metres; 0 leaves both in place."""
+
+    rings: Rings | None = None
+    """Around a joint of the last body."""
 
     def __post_init__(self) -> None:
         assert len(self.bodies) <= _SLOTS and len(self.others) <= MOST_OTHERS
@@ -90,6 +96,8 @@ class SpaceNodes:
         self._filmed = client.scene.add_frame(_FILMED, show_axes=False)
         self._bodies = [BodyNode(client, f"{_FILMED}/body{i}", dressing) for i in range(_SLOTS + MOST_OTHERS)]
         self._image = ImageNode(client, f"{_FILMED}/image", dressing, PLATE)
+        self._shifted = client.scene.add_frame(_SHIFTED, show_axes=False)
+        self.rings = RingsNode(client, f"{_SHIFTED}/rings")
         self._camera: Camera | None = None
         self._grid: viser.GridHandle | None = None
 
@@ -106,6 +114,8 @@ class SpaceNodes:
                 node.draw(body, body.vertices, (float(x), float(y), float(z)), solid=True)
             else:
                 node.hide()
+        self._shifted.position = (snapshot.offsets or (0.0,))[-1] * snapshot.turn[0]
+        self.rings.draw(snapshot.rings)
         self._draw_camera(snapshot.camera)
         corners = frustum(snapshot.camera)
         size, middle = corners[2] - corners[0], (corners[0] + corners[2]) / 2
@@ -116,6 +126,8 @@ class SpaceNodes:
     def set_visible(self, visible: bool) -> None:
         """Show or hide all of it."""
         self._root.visible = visible
+        if not visible:
+            self.rings.draw(None)
 
     def _draw_camera(self, camera: Camera) -> None:
         if camera == self._camera:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float, Float32
+from jaxtyping import Bool, Float, Float32
 
 from fitting_core.errors import InputError
 from fitting_core.ground.level import Level, level_of
@@ -15,6 +15,7 @@ from tcfit_app.analysis.heat_maps import HeatMap, heat_map
 from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.analysis.posed_fit import PosedFit
 from tcfit_app.analysis.run_metrics import MeasuredRun, Metric, frame_metrics, reference_metrics, run_metrics
+from tcfit_app.analysis.seen import told
 from tcfit_app.analysis.suspicion import ReviewQueue, Suspect, findings, review_queue, still_checked
 from tcfit_app.fitting.edit_follower import LiveWindow
 from tcfit_app.fitting.fits import FitChoice, Shown, own_phases
@@ -173,6 +174,11 @@ class DrawingData:
         """A body's BODY_25 keypoints in camera space, metres, NaN for missing ones; arguments as in `body`."""
         params = shown.params[[frame]] if live is None else live.params[[frame - live.frames.start]]
         return self.meshes(shown).body_points(params)[0]
+
+    def present(self, frame: int) -> Bool[np.ndarray, "137"] | None:
+        """Keypoints that are `told` in a frame; None if the project has none, so that fits do not depend on them."""
+        project = self.session.project
+        return told(project.corrected[[frame]].keypoints())[0] if project.has_detections else None
 
     def keypoints(self, shown: Shown, frame: int, live: LiveWindow | None = None) -> Float[np.ndarray, "137 3"]:
         """A body's keypoints in camera space, metres, NaN for missing ones; arguments as in `body`."""

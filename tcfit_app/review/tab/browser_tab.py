@@ -50,8 +50,8 @@ class BrowserTab:
         self.author = whose.name or f"{BROWSER}{client.client_id}"
         self.size = (0, 0)
         """Canvas size in CSS pixels, as last reported by the page."""
-        self.has_commands = False
-        """The command palette has the actions."""
+        self.commands: dict[str, viser.CommandHandle] = {}
+        """The actions in the command palette, by name; empty until they are there."""
 
     def greet(self, name: str, browser: str, size: tuple[int, int]) -> None:
         """The page's script has started, and gives its name.

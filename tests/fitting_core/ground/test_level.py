@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fitting_core.camera import Up, World
+from fitting_core.camera import World
+from fitting_core.config.choices import Up
 from fitting_core.ground.arrays import grounding_arrays, grounding_from
 from fitting_core.ground.contacts import Contacts
 from fitting_core.ground.gravity import Gravity

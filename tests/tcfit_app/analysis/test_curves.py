@@ -53,6 +53,26 @@ def test_flexion_has_the_error_bars_of_its_angle_and_other_curves_none(tiny_body
     assert curve("right_knee_flexion", replace(fit, error_bars=None)).error_bars is None
 
 
+def test_a_curve_tells_in_which_frames_what_it_measures_is_not_seen(tiny_body: BodyModel):
+    params = still_params(5)
+    keypoints = keypoints_of(tiny_body, params)
+    confidence = np.ones_like(keypoints.confidence)
+    confidence[1, kp.INDEX["right_wrist"]] = confidence[2, kp.INDEX["right_knee"]] = confidence[3] = 0
+    fit = fit_of(tiny_body, params, replace(keypoints, confidence=confidence))
+
+    def unseen(name: str) -> list[int]:
+        found = curve(name, fit).unseen
+        assert found is not None
+        return np.flatnonzero(found).tolist()
+
+    assert unseen("right_elbow_flexion") == unseen("right_wrist") == unseen("right_wrist_height") == [1, 3]
+    assert unseen("right_knee_flexion") == unseen("right_hip_flexion") == [2, 3]
+    assert all(CURVES[name].unseen(fit)[3] for name in CURVES)
+    assert unseen("left_elbow_flexion") == unseen("lumbar_extension") == unseen("depth") == [3]
+    blind = fit_of(tiny_body, params, replace(keypoints, confidence=np.zeros_like(confidence)))
+    assert curve("depth", blind).unseen is None, "fits of a project without keypoints do not depend on them"
+
+
 def test_flexion_is_that_of_the_joint_angles(tiny_body: BodyModel):
     fit = fit_of(tiny_body, random_params(4, size=0.3))
     angles = joint_angles(fit.motion)

@@ -21,6 +21,8 @@ from tests.samples.waving import waving_fit, waving_project
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
+pytestmark = pytest.mark.browser
+
 
 @pytest.fixture(scope="module")
 def upright(free_body: BodyModel) -> Motion:

@@ -18,6 +18,8 @@ from tests.drivers.review_page import QUICK, Reviewing, reviewing, until
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
+pytestmark = pytest.mark.browser
+
 WRIST, HAND = INDEX["right_wrist"], range(NAMES.index("right_thumb1") - 1, NAMES.index("right_thumb1") + 20)
 RULER = 40.0
 """Its middle, in pixels below the timeline's upper border."""

@@ -14,6 +14,8 @@ from tests.samples.people_projects import FRAMES, LATE, open_two, two_people
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
+pytestmark = pytest.mark.browser
+
 WRIST = INDEX["right_wrist"]
 
 

@@ -137,6 +137,13 @@ START = {
     "part_count": 1,
     "size_bytes": 3,
 }
+TURN = {
+    "type": "TransformControlsUpdateMessage",
+    "name": "/a",
+    "wxyz": [1.0, 0.0, 0.0, 0.0],
+    "position": [0.0, 1.0, 2.0],
+    "owner": "b",
+}
 OF_PAGES = [
     camera(),
     camera(position=(0, 1, 2), image_width=0),  # whole numbers come as such
@@ -144,6 +151,9 @@ OF_PAGES = [
     {**UPDATE, "updates": {"value": "text"}},
     {**UPDATE, "updates": {"value": [1, 2]}},
     {"type": "CommandTriggerMessage", "uuid": "a"},
+    {"type": "TransformControlsDragStartMessage", "name": "/a", "owner": "b"},
+    TURN,
+    {"type": "TransformControlsDragEndMessage", "name": "/a", "owner": "b"},
     START,
     {"type": "FileTransferPart", "source_component_uuid": "a", "transfer_uuid": "b", "part_index": 0, "content": b"c"},
 ]
@@ -169,6 +179,8 @@ OF_NOBODY = [
     ),
     *(camera(fov=fov) for fov in (0.0, -1.0, 4.0, math.nan, "1", None)),
     *(camera(position=place) for place in ((0.0, 0.0), (0.0, 0.0, math.nan), (0.0, 0.0, 1e300), "abc", None)),
+    *({**TURN, "wxyz": turn} for turn in ([1.0, 0.0, 0.0], [math.nan, 0.0, 0.0, 0.0], [1e300, 0.0, 0.0, 0.0], None)),
+    {**TURN, "name": "x" * 65},
     camera(image_width=-1),
     camera(image_height=1.5),
     {**START, "size_bytes": -1},

@@ -6,7 +6,8 @@ from typing import Any, get_args
 
 import viser
 
-from fitting_core.camera import Camera, Up
+from fitting_core.camera import Camera
+from fitting_core.config.choices import Up
 from fitting_core.errors import InputError
 from fitting_core.io.cameras.reading import CameraFile
 from tcfit_app.fitting.reports import Notice

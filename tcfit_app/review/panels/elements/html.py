@@ -8,7 +8,8 @@ from collections.abc import Iterable, Sequence
 from functools import cache, lru_cache
 from html import escape
 
-from tcfit_app.review.gestures.actions import ACTIONS, Action, Gestures
+from tcfit_app.review.gestures.actions import ACTIONS, Gestures, Key
+from tcfit_app.review.gestures.own_keys import key_text, keys_of
 from tcfit_app.review.tab.tab import Tab
 
 
@@ -102,8 +103,8 @@ def action(
         hint: Replaces the action's title; the reason why it is disabled is appended.
     """
     known = ACTIONS[name]
-    keys, why = short_keys(known), known.obstacle(gestures)
-    hint = f"{hint or known.title} ({known.key_text})" if keys else hint or known.title
+    keys, why = short_keys(keys_of(name)), known.obstacle(gestures)
+    hint = f"{hint or known.title} ({key_text(name)})" if keys else hint or known.title
     return button(
         label or known.title,
         "action",
@@ -117,9 +118,9 @@ def action(
 
 
 @cache
-def short_keys(known: Action) -> str:
+def short_keys(keys: tuple[Key, ...]) -> str:
     """The first of an action's keys, abbreviated as on keyboards; empty without any."""
-    shown = str(known.keys[0]) if known.keys else ""
+    shown = str(keys[0]) if keys else ""
     for name, sign in _SIGNS.items():
         shown = shown.replace(name, sign)
     return shown

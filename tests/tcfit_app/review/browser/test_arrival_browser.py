@@ -18,6 +18,8 @@ from tests.drivers.page_tab import TABS, Tab, open_tab
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
+pytestmark = pytest.mark.browser
+
 FACES = np.array([[0, 2, 1], [0, 3, 2]])
 SQUARE = np.array([[-0.2, -0.2, 0], [0.2, -0.2, 0], [0.2, 0.2, 0], [-0.2, 0.2, 0]], np.float32)
 BROKEN = FrameImage(data=b"no picture")

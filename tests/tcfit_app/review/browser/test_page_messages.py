@@ -45,7 +45,7 @@ def test_a_range_can_be_none() -> None:
         '{"number": 1, "event": {"type": "select", "joints": [1], "how": "all"}}',
         '{"number": 1, "event": {"type": "select", "joints": [' + "1," * 137 + '1], "how": "add"}}',
         '{"number": 1, "event": {"type": "key", "action": "' + "a" * 65 + '", "repeat": false}}',
-        '{"number": 1, "event": {"type": "press", "command": "action", "value": "' + "a" * 65 + '"}}',
+        '{"number": 1, "event": {"type": "press", "command": "action", "value": "' + "a" * 257 + '"}}',
         '{"number": 1, "event": {"type": "drag", "phase": "move", "joints": [1], "dx": 1e9, "dy": 0, "frame": 0}}',
         '{"number": 1, "event": {"type": "drag", "phase": "move", "joints": [1], "dx": NaN, "dy": 0, "frame": 0}}',
         '{"number": 1, "event": {"type": "drawn", "frame": 1}' + " " * 20_000 + "}",

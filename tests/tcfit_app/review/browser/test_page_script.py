@@ -18,7 +18,7 @@ from tcfit_app.review.browser import channel
 from tcfit_app.review.browser import page_states as states
 from tcfit_app.review.browser.channel import loading, web_files
 from tcfit_app.review.browser.page_events import Drag, Drawn, Gesture, Hello, Key, Resized, Select, Theme
-from tcfit_app.review.gestures.actions import bindings
+from tcfit_app.review.gestures.own_keys import bindings
 from tcfit_app.server.serving import ReviewServer, review_server
 from tests.drivers.page_tab import (
     ELBOW,
@@ -45,6 +45,8 @@ from tests.drivers.page_tab import (
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
+
+pytestmark = pytest.mark.browser
 
 
 @pytest.fixture(scope="module")

@@ -18,6 +18,8 @@ from tests.drivers.page_tab import KEYS, LENGTH, POSTER, RECORD, ROWS, TABS, TIM
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
+pytestmark = pytest.mark.browser
+
 RULER = 36.0
 """Its middle, in pixels below the strip's upper border."""
 LANES = {name: 13 + 15 * (i + 0.5) for i, name in enumerate(("peaks", "notes", "flags", "suspicion", "keys", "edits"))}
@@ -229,7 +231,7 @@ def test_the_timeline_tells_the_values_at_the_pointer(tab: Tab) -> None:
 
 def test_a_lane_says_what_its_marks_are_and_leads_to_them(tab: Tab) -> None:
     found = states.Suspicion(
-        first=100, last=120, frame=110, kind="reprojection", score=4.0, reason="left wrist is 42 px off"
+        first=100, last=120, frame=110, key="110 reprojection left arm", score=4.0, reason="left wrist is 42 px off"
     )
     tab.send("suspicions", states.Suspicions(found=(found,)))
     tab.send("marks", states.Marks(edited=((20, 20),), flagged=((110, 110),)))
@@ -240,7 +242,7 @@ def test_a_lane_says_what_its_marks_are_and_leads_to_them(tab: Tab) -> None:
     assert tooltip(tab) == ["Frame 110  0:03.67", "left wrist is 42 px off", "Click: go there and select it"]
     tab.page.mouse.click(x, y)
     assert tab.await_event(Seek) == Seek(frame=110)
-    assert tab.await_event(LookAt) == LookAt(frame=110, kind="reprojection")
+    assert tab.await_event(LookAt) == LookAt(entry="110 reprojection left arm")
     x, y = lane_place(tab, 20, "edits")
     tab.page.mouse.click(x + 4, y)  # beside it
     tab.settle()

@@ -10,14 +10,15 @@ import pytest
 import viser
 
 from fitting_core.body.model import BodyModel
-from fitting_core.keypoints import INDEX
+from fitting_core.camera import path_of
+from fitting_core.keypoints import GROUPS, INDEX
 from fitting_core.results.error_bars import JOINTS
 from tcfit_app.project.project import Project
 from tcfit_app.review.browser.page_events import Hello, Key, Widen
 from tcfit_app.review.browser.page_states import Bodies, Layout, SidePlate
 from tcfit_app.review.drawing.joints import error_bars_of
 from tcfit_app.review.panels.view_panel import ViewPanel
-from tcfit_app.review.tab.state import SIDE_WIDTHS
+from tcfit_app.review.tab.state import CLOSE_UPS, HELD_BY, SIDE_WIDTHS
 from tests.drivers.lone_page import LonePage, lone_page
 from tests.samples.project_samples import sample_error_bars
 from tests.samples.sessions import QUICK, OneBody, idle, small_clip, until
@@ -127,6 +128,39 @@ def test_keypoints_are_told_in_space_and_how_the_plate_shows_them(tested: LonePa
     assert state.floor is not None
     heights = bodies.floor - found @ bodies.down
     np.testing.assert_allclose(heights, (state.floor - pixels[:, 1]) / state.metre, atol=2e-3)
+
+
+def test_the_page_is_told_where_what_a_close_up_follows_is(tested: LonePage):
+    tab = tested.page.tab
+    assert [body.followed for body in seen(tested, "bodies").bodies] == [None]
+    for part in CLOSE_UPS:
+        tab.set(close_up=part)
+        (body,), shown = seen(tested, "bodies").bodies, tab.look().b
+        assert shown is not None
+        points = tab.data.meshes(shown).keypoints(shown.params)[tab.state.frame]
+        group = points[GROUPS[part]]
+        middle = group[np.isfinite(group).all(1)].mean(0) if np.isfinite(group).any() else points[HELD_BY[part]]
+        np.testing.assert_allclose(body.followed, middle, atol=1e-4)
+
+
+def test_an_onion_skin_has_the_frames_around_as_the_camera_of_the_one_on_show_sees_them(tested: LonePage):
+    tab = tested.page.tab
+    assert seen(tested, "bodies").bodies[0].neighbours == ()
+    tab.seek(1)
+    press(tested, "onion")
+    (body,), shown = seen(tested, "bodies").bodies, tab.look().b
+    assert shown is not None and [near.offset for near in body.neighbours] == [-1, 1, 2]
+    points = tab.data.meshes(shown).body_points(shown.params)
+    for near in body.neighbours:
+        known = np.isfinite(points[1 + near.offset]).all(1)
+        found = [point for point in near.points if point is not None]
+        np.testing.assert_allclose(found, points[1 + near.offset][known], atol=1e-4)
+    assert body.camera == (*shown.camera.focal, *shown.camera.center)
+    turns, places = np.tile(np.eye(3), (len(points), 1, 1)), np.outer(np.arange(len(points)), [1.0, 0.0, 0.0])
+    moving = replace(shown.camera, path=path_of(turns, places))
+    after = tested.page.picture._joints._neighbours(tab.shown, "b", replace(shown, camera=moving))[1]
+    known = np.isfinite(points[2]).all(1)
+    np.testing.assert_allclose([p for p in after.points if p], points[2][known] - [1.0, 0, 0], atol=1e-4)
 
 
 def test_3d_shows_keypoints_too_also_of_hidden_bodies(tested: LonePage):

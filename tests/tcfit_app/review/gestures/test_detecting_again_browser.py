@@ -14,6 +14,8 @@ from tests.drivers.review_page import Reviewing, reviewing, until
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
+pytestmark = pytest.mark.browser
+
 
 def choose(review: Reviewing, *labels: str) -> None:
     """Of the picture's menu and of those that it opens."""

@@ -2,7 +2,9 @@
 
 import shutil
 from collections.abc import Iterator
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
 from fitting_core.keypoints import INDEX, LEFT_HAND
 from tcfit_app.fitting.fits import FitChoice
+from tcfit_app.project import project as project_module
 from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.project.edits.kinds import MarkBad, MoveKey, MoveKeypoint, Nudge, PlaceKey, RemoveKey, SetDepth
 from tcfit_app.project.project import Project
@@ -146,6 +149,47 @@ def test_a_nudged_wrist_takes_its_hand_along(tested: LonePage):
     root = LEFT_HAND.start
     assert set(with_hands((root,), corrected(tested), 2)) == {WRIST, *hand}
     assert with_hands((ELBOW, root + 1), corrected(tested), 2) == (ELBOW, root + 1)
+
+
+@pytest.mark.parametrize("keyframes", [True, False])
+def test_a_series_of_nudges_is_undone_and_redone_as_one(
+    tested: LonePage, keyframes: bool, monkeypatch: pytest.MonkeyPatch
+):
+    tab, now = tested.page.tab, [datetime.now(UTC)]
+    monkeypatch.setattr(project_module, "datetime", SimpleNamespace(now=lambda zone: now[0]))
+    tab.session.edit_follower.after_edits = False
+    tab.seek(2)
+    tab.set(selection=(WRIST,), keyframes=keyframes, hand_along=False)
+
+    def press(action: str, *, after: float = 0.3) -> None:
+        now[0] += timedelta(seconds=after)
+        tested.press("action", action)
+
+    def moved() -> tuple[float, ...]:
+        return tuple((corrected(tested).xy[2, WRIST] - start).round(2).tolist())
+
+    start = corrected(tested).xy[2, WRIST].copy()
+    for action in ("nudge_left", "nudge_left", "nudge10_down"):
+        press(action)
+    press("nudge_right", after=1.5)
+    press("nudge_right")
+    drag(tested, 2, 5.5, WRIST)
+    states = [moved()]
+    for _ in range(3):
+        press("undo")
+        states.append(moved())
+    assert states == [(5.5, 10.0), (0.0, 10.0), (-2.0, 10.0), (0.0, 0.0)]
+    for state in reversed(states[:-1]):
+        press("redo")
+        assert moved() == state
+    tab.set(selection=(ELBOW,))
+    press("nudge_up")
+    tab.set(selection=(WRIST,))
+    press("nudge_up")
+    press("undo")
+    left = tab.session.project.undoable
+    assert moved() == states[0] and left is not None
+    assert isinstance(left.action, PlaceKey | Nudge) and left.action.joints == (ELBOW,), "another keypoint"
 
 
 def in_depth(tested: LonePage, phase: str, metres: float, frame: int, joint: int = WRIST) -> None:

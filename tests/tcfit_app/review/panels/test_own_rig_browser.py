@@ -3,6 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import pytest
+
 from fitting_core.body.model import BodyModel
 from tests.drivers.review_page import reviewing
 from tests.fitting_core.io.motion.rigs.rig_files import glb_bytes, gltf_document
@@ -11,6 +13,8 @@ from tests.tcfit_app.review.panels.test_own_rig import ODD
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
+
+pytestmark = pytest.mark.browser
 
 _OPENED = """(input) => {
   for (let box = input; box; box = box.parentElement)

@@ -353,10 +353,14 @@ def test_the_review_queue(tested: LonePage):
     tested.press("review.go", "2 cost left arm")
     assert (page.tab.state.frame, page.tab.state.selection, page.tab.state.suggested) == (2, (0,), True)
     assert 'class="tcfit-here" data-tcfit="review.go" data-value="2 cost left arm"' in tested.html()
-    page.receive(LookAt(frame=4, kind="cost"))
+    page.receive(LookAt(entry="4 cost left arm"))
     assert (page.tab.state.frame, page.tab.state.selection, page.tab.state.suggested) == (4, (7,), True)
-    page.receive(LookAt(frame=3, kind="cost"))
+    page.receive(LookAt(entry="3 cost left arm"))
     assert page.tab.state.frame == 4, "there is no such entry any more"
+    with_suspects(tested, suspect(4), replace(suspect(4), joints=(4,), about=("right arm",)))
+    page.receive(LookAt(entry="4 cost right arm"))
+    assert page.tab.state.selection == (4,), "of two limbs in one frame, the one that was clicked"
+    with_suspects(tested, suspect(4), replace(suspect(2), reason="nose off", joints=(0,)))
     tested.press("review.go", "2 cost left arm")
     tested.press("action", "flag")
     tested.press("action", "next_suspect")
@@ -366,6 +370,15 @@ def test_the_review_queue(tested: LonePage):
     page.tab.seek(0)
     tested.press("review.frame", "2")
     assert page.tab.state.frame == 2 and "Remove flag" in tested.html()
+
+
+def test_the_queue_comes_before_flags_and_notes(tested: LonePage):
+    with_suspects(tested, suspect(4), suspect(2))
+    tested.page.tab.seek(2)
+    tested.press("action", "flag")
+    shown = tested.html()
+    places = [shown.index(f"<b>{title}</b>") for title in ("Suspicious frames", "Queue", "Flagged", "Notes")]
+    assert places == sorted(places)
 
 
 def test_looks_fine_is_taken_back_and_leaves_flags(tested: LonePage):

@@ -17,6 +17,8 @@ from tests.drivers.review_page import Reviewing, reviewing, until
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
+pytestmark = pytest.mark.browser
+
 ATTACK = "<img src=x onerror='window.attacked=1'>"
 
 

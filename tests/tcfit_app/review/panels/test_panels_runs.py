@@ -18,13 +18,14 @@ import pytest
 import viser
 
 from fitting_core import keypoints as kp
-from fitting_core.body.model import BodyModel
+from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.camera import World
 from fitting_core.errors import InputError
 from fitting_core.io import read_detections
 from fitting_core.motion import OWN_WORLD, Progress
 from tcfit_app.analysis.curves import peaks
 from tcfit_app.analysis.run_metrics import Metric
+from tcfit_app.analysis.seen import FAINT
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.exports.table import EXPORTS, Export
 from tcfit_app.fitting.fits import FitChoice, Shown
@@ -121,20 +122,28 @@ def test_a_run_is_corrected_as_long_as_a_correction_stands(panel_of: Opener):
         tested.until(lambda: shows("fit"))
 
 
-def test_a_body_without_any_keypoint_is_fainter(panel_of: Opener):
+def test_what_keypoints_do_not_show_is_fainter(panel_of: Opener):
     tested = panel_of(RunsPanel)
     tested.fit()
     tab, picture = tested.page.tab, tested.page.picture
+    tab.session.edit(MarkBad(frames=(2, 3), joints=(kp.INDEX["left_wrist"],)), author="me")
     tab.session.edit(MarkBad(frames=(3,), joints=tuple(range(kp.COUNT))), author="me")
     tested.until(lambda: not tab.session.jobs and not tab.session.edit_follower.busy)
 
-    def seen(frame: int) -> tuple[float, str]:
+    joints = [JOINT[name] for name in ("left_elbow", "right_elbow", "left_hip")]
+
+    def seen(frame: int) -> tuple[list[float], str]:
+        """The mean opacity of what the joints move, and the label."""
         tab.seek(frame)
         shown = tab.look()
-        return picture._bodies(shown)["b"].opacity, picture._label(shown, "b")
+        layer, fit = picture._bodies(shown)["b"], shown.with_body("b")
+        assert fit is not None and layer.opacities is not None and layer.opacity == tab.state.opacity
+        weights = tab.data.meshes(fit).body.skinning_weights[:, joints]
+        return (weights.T @ layer.opacities / (255 * weights.sum(0))).tolist(), picture._label(shown, "b")
 
-    (usual, title), (faint, told) = seen(2), seen(3)
-    assert usual == tab.state.opacity and faint < 0.6 * usual
+    (usual, title), (partly, _), (faint, told) = seen(1), seen(2), seen(3)
+    assert partly[0] < usual[0] - 0.2 and partly[1:] == pytest.approx(usual[1:], abs=0.02)
+    assert faint == pytest.approx([FAINT] * 3, abs=0.01)
     assert "no keypoints here" in told and "no keypoint" not in title
 
 

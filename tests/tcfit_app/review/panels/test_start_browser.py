@@ -21,6 +21,8 @@ from tests.samples.spot_clips import FRAMES, empty_project, imported_xy, keypoin
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Locator
 
+pytestmark = pytest.mark.browser
+
 
 @pytest.fixture(scope="module")
 def video(tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -31,6 +31,23 @@ export function projections(map) {
   });
 }
 
+/** @typedef {(point: number[]) => [x: number, y: number] | null} Project onto the screen */
+
+/** The bones of a body, where both ends are known.
+ * @param {readonly (Point | null)[]} points @param {Project} project
+ * @param {(a: number, b: number) => boolean} wanted which of them, by their keypoints */
+export function bonePath(points, project, wanted) {
+  const places = points.map((point) => point && project(point));
+  const lines = new Path2D();
+  for (const [a, b] of known("skeleton").bones) {
+    const [from, to] = [places[a], places[b]];
+    if (!from || !to || !wanted(a, b)) continue;
+    lines.moveTo(...from);
+    lines.lineTo(...to);
+  }
+  return lines;
+}
+
 /** The outline on the screen of an ellipsoid around a point; null where that lies behind the viewer. With the images of
  * its three half axes as columns of M, that is the ellipse of M Mᵀ.
  * @param {(point: number[]) => [number, number] | null} project

@@ -23,6 +23,7 @@ import {
   jointRadius, located, lockedJoints, pinnedJoints, placesOf, position, shown, shownJoints, skeletonReady,
   zoomFactor,
 } from "./skeleton.js";
+import { drawOnion } from "./onion.js";
 import { drawSilhouette } from "./silhouette.js";
 import { drawTrail } from "./trail.js";
 
@@ -103,6 +104,7 @@ function drawOnPoster(context, map, joints) {
   drawSilhouette(context, map);
   if (known("style").ghosts) drawGhosts(context, map);
   drawPeople(context, map);
+  drawOnion(context, map);
   if (known("style").bones) drawBones(context, map);
   drawTrail(context, map);
   for (const joint of [...joints].reverse()) drawJoint(context, map, joint); // the body's last, on top
@@ -168,19 +170,25 @@ function drawBad(context, x, y, radius) {
 function drawPin(context, x, y, half) {
   const square = new Path2D();
   square.rect(x - half, y - half, 2 * half, 2 * half);
-  stroke(context, square, COLORS.edited, 1.6);
+  drawMark(context, square);
 }
 
 /** A square on its corner. @param {Context} context @param {number} x @param {number} y @param {number} half */
 function drawLock(context, x, y, half) {
   const diamond = new Path2D(`M${x - half} ${y}L${x} ${y - half}L${x + half} ${y}L${x} ${y + half}Z`);
-  stroke(context, diamond, COLORS.edited, 1.6);
+  drawMark(context, diamond);
 }
 
-/** A line to either side. @param {Context} context @param {number} x @param {number} y @param {number} half */
+/** An arrowhead to either side. @param {Context} context @param {number} x @param {number} y @param {number} half */
 function drawDepth(context, x, y, half) {
-  const lines = new Path2D(`M${x - half - 5} ${y}h5M${x + half} ${y}h5`);
-  stroke(context, lines, COLORS.edited, 1.6);
+  const [left, right] = [x - half - 1, x + half + 1];
+  drawMark(context, new Path2D(`M${left} ${y - 5}l-6 5l6 5M${right} ${y - 5}l6 5l-6 5`));
+}
+
+/** What was told of a keypoint besides its place. @param {Context} context @param {Path2D} path */
+function drawMark(context, path) {
+  stroke(context, path, "rgba(8, 10, 14, 0.7)", 3.6);
+  stroke(context, path, COLORS.edited, 2);
 }
 
 /** Where edited keypoints were detected, and the way from there. @param {Context} context @param {PosterMap} map */

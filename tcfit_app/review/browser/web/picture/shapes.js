@@ -2,6 +2,8 @@
 
 /** @typedef {CanvasRenderingContext2D} Context */
 
+export const NOT_SURE = 0.5; // opacity of what is not seen, relative to what is
+
 /** @param {Context} context @param {Path2D} path @param {string} color @param {number} width */
 export function stroke(context, path, color, width) {
   context.strokeStyle = color;

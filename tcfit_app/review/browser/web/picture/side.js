@@ -6,10 +6,11 @@
 
 import { known, states } from "../connection.js";
 import { COLORS, FONT } from "../style.js";
-import { ellipse, projections } from "./fits.js";
+import { bonePath, ellipse, projections } from "./fits.js";
+import { drawNeighbours } from "./onion.js";
 import { borderAt, pointer } from "./picking.js";
 import { drawn, toScreen } from "./projection.js";
-import { disc, rim, ring, stamp, stroke } from "./shapes.js";
+import { NOT_SURE, disc, rim, ring, stamp, stroke } from "./shapes.js";
 import { chosen, groupShown, isSide, jointRadius, located, placedOn, position, zoomFactor } from "./skeleton.js";
 
 const LINE = "rgba(200, 208, 220, 0.5)";
@@ -35,13 +36,17 @@ export function drawSide(context, map) {
 /** The fits' keypoints and bones. @param {Context} context @param {PosterMap} map of the side view or of 3D */
 export function drawFits(context, map) {
   const bodies = states.bodies?.bodies ?? [];
+  for (const [i, project] of projections(map).entries())
+    if (bodies[i]) drawNeighbours(context, map, bodies[i], project);
   if (known("style").error_bars) drawErrorBars(context, map, bodies);
   if (known("style").bones && groupShown(0)) drawBones(context, map, bodies);
   // The body that is corrected on top, and on each body the joints in the order of the picture.
   for (const { joint, x, y, body } of placedOn(map).sort((a, b) => a.body - b.body || b.joint - a.joint)) {
     const radius = 0.8 * jointRadius(joint, map);
+    context.globalAlpha = bodies[body].unseen.includes(joint) ? NOT_SURE : 1;
     stamp(context, rim(radius), x, y);
     stamp(context, disc(bodies[body].color, radius), x, y);
+    context.globalAlpha = 1;
     if (chosen.joints.has(joint)) ring(context, x, y, 1.5 * radius + 1.8, COLORS.selected, 2);
   }
   drawInDepth(context, map);
@@ -125,17 +130,18 @@ function drawBones(context, map, bodies) {
   const width = 2 * zoomFactor(map);
   for (const [i, project] of projections(map).entries()) {
     if (!bodies[i]) continue;
-    const { points, color } = bodies[i];
-    const places = points.map((point) => point && project(point));
-    const lines = new Path2D();
-    for (const [a, b] of known("skeleton").bones) {
-      const [from, to] = [places[a], places[b]];
-      if (!from || !to) continue;
-      lines.moveTo(...from);
-      lines.lineTo(...to);
-    }
-    stroke(context, lines, "rgba(8, 10, 14, 0.5)", width + 1.6);
-    stroke(context, lines, color, width);
+    const { points, color, unseen } = bodies[i];
+    /** @param {number} a @param {number} b */
+    const hidden = (a, b) => unseen.includes(a) || unseen.includes(b);
+    const seen = bonePath(points, project, (a, b) => !hidden(a, b));
+    const notSeen = bonePath(points, project, hidden);
+    stroke(context, seen, "rgba(8, 10, 14, 0.5)", width + 1.6);
+    stroke(context, seen, color, width);
+    context.globalAlpha = NOT_SURE;
+    context.setLineDash([2 * width, 2 * width]);
+    stroke(context, notSeen, color, width);
+    context.setLineDash([]);
+    context.globalAlpha = 1;
   }
 }
 

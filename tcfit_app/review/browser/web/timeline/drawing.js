@@ -167,11 +167,13 @@ function frameLines(frame) {
     const worst = heat && worstPart(heat, frame);
     if (worst) lines.push(`${title}  ${valueOf(worst, unit, heat.words)}`);
     const there = curves.filter(({ values }) => (values[frame] ?? null) !== null);
-    const said = there.map(({ label, values, error_bars }) => {
+    const said = there.map(({ label, values, error_bars, unseen }) => {
       const bar = error_bars[frame] ?? null;
       const value = Number(Number(values[frame]).toPrecision(3));
       const off = bar === null ? "" : ` ± ${Number(bar.toPrecision(2))}`;
-      return [label, `${signed && value > 0 ? "+" : ""}${value}`.replace("-", "−") + off, unit].filter(Boolean).join(" ");
+      const number = `${signed && value > 0 ? "+" : ""}${value}`.replace("-", "−") + off;
+      const seen = !unseen.some(([first, last]) => first <= frame && frame <= last);
+      return [label, number, unit, seen ? "" : "(not seen)"].filter(Boolean).join(" ");
     });
     if (said.length) lines.push(`${title}  ${said.join("   ")}`);
   }

@@ -141,8 +141,7 @@ function tellCursor() {
 const ENDS = {
   seek({ mark, moved }) {
     tellCursor();
-    if (mark?.suspicion && mark.frame !== undefined && !moved)
-      emit({ type: "look_at", frame: mark.frame, kind: mark.suspicion });
+    if (mark?.suspicion && !moved) emit({ type: "look_at", entry: mark.suspicion });
   },
   range({ anchor, moved, grabbed }, x, shift) {
     if (!moved && !shift) {

@@ -11,7 +11,7 @@ import { NAMES, fillBox, fillFrames, write } from "./paint.js";
 
 /**
  * Frames that something is to be said of. `frame` is the one that a click goes to, if that is always the same; `key`
- * says that it is a keyframe; `suspicion` of which kind an entry of the review queue is.
+ * says that it is a keyframe; `suspicion` which entry of the review queue it is.
  * @typedef {{ first: number, last: number, frame?: number, color: string, text: string, key?: boolean,
  *   suspicion?: string }} Mark
  */
@@ -44,11 +44,11 @@ const READ = {
   Suspicion: () =>
     [...(states.suspicions?.found ?? [])]
       .sort((one, other) => one.score - other.score) // the worst on top
-      .map(({ score, reason, kind, ...frames }) => ({
+      .map(({ score, reason, key, ...frames }) => ({
         ...frames,
         color: severity(score),
-        text: `${reason}\nClick: go there and select it`,
-        suspicion: kind,
+        text: key ? `${reason}\nClick: go there and select it` : reason,
+        suspicion: key,
       })),
   Flags: () => [
     ...marked(states.marks?.checked, tones.checked, "looks fine"),

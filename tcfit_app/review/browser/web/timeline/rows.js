@@ -1,11 +1,11 @@
 // The rows of curves, each with its own axis of values.
 
-/** @import { Row } from "../wire" */
+/** @import { Curve, Row } from "../wire" */
 /** @import { Band } from "./layout.js" */
 /** @import { Context } from "./paint.js" */
 
 import { states } from "../connection.js";
-import { stroke } from "../picture/shapes.js";
+import { NOT_SURE, stroke } from "../picture/shapes.js";
 import { onGround, tones } from "../theme.js";
 import { GUTTER, bandPath, curvePath, niceStep, plotWidth, valueScale, valueText } from "./axis.js";
 import { drawHeat } from "./heat.js";
@@ -48,8 +48,24 @@ function drawRow(context, row, band) {
       if (error_bars.length) context.fill(bandPath(values, error_bars, y));
       context.globalAlpha = 1;
     }
-    for (const { values, color } of row.curves) stroke(context, curvePath(values, y), onGround(color), 1.4);
+    for (const curve of row.curves) drawCurve(context, curve, y);
   });
+}
+
+/** Dotted and faint where what it measures is not seen.
+ * @param {Context} context @param {Curve} curve @param {(value: number) => number} y */
+function drawCurve(context, { values, color, unseen }, y) {
+  let sure = values;
+  if (unseen.length) {
+    context.setLineDash([2, 3]);
+    context.globalAlpha = NOT_SURE;
+    stroke(context, curvePath(values, y), onGround(color), 1.4);
+    context.setLineDash([]);
+    context.globalAlpha = 1;
+    sure = [...values];
+    for (const [first, last] of unseen) sure.fill(null, first, last + 1);
+  }
+  stroke(context, curvePath(sure, y), onGround(color), 1.4);
 }
 
 /** The numbers on the axis: both ends, zero, and those between for which there is room.

@@ -60,7 +60,8 @@ const shrinks = (name, bitmap) => !name.startsWith("/posters/") || bitmap.width 
 /**
  * What the server wishes for a node's mesh.
  * @typedef {object} Dress
- * @property {string | null} [colors] lines of the colour table by vertex, one byte each, in base64; null for none
+ * @property {[lines: string | null, opacities: string | null] | null} [colors] by vertex, one byte each, in base64:
+ *   lines of the colour table, null for white, and shares of the opacity, null for all of it
  * @property {boolean} [front] whether it hides its own far side although it is transparent, or a wireframe
  * @property {boolean} [nothing] whether it is not drawn, but hides what is behind it
  * @property {boolean} [last] draw it after the bodies
@@ -104,13 +105,16 @@ function paint(mesh, { colors }) {
   const old = mesh.userData.tcfitColors;
   mesh.userData.tcfitColors = null;
   if (!colors) return;
-  const lines = atob(colors);
-  const mixed = old?.length === 3 * lines.length ? old : new Float32Array(3 * lines.length);
-  for (let i = 0; i < lines.length; i++)
-    for (let k = 0; k < 3; k++) mixed[3 * i + k] = table[3 * lines.charCodeAt(i) + k];
+  const [lines, opacities] = colors.map((text) => text && atob(text));
+  const count = (lines ?? opacities ?? "").length;
+  const mixed = old?.length === 4 * count ? old : new Float32Array(4 * count);
+  for (let i = 0; i < count; i++) {
+    for (let k = 0; k < 3; k++) mixed[4 * i + k] = lines ? table[3 * lines.charCodeAt(i) + k] : 1;
+    mixed[4 * i + 3] = opacities ? opacities.charCodeAt(i) / 255 : 1;
+  }
   const { attributes } = mesh.geometry;
   if (attributes.color?.array === mixed) attributes.color.needsUpdate = true;
-  else mesh.geometry.setAttribute("color", new /** @type {any} */ (attributes.position).constructor(mixed, 3));
+  else mesh.geometry.setAttribute("color", new /** @type {any} */ (attributes.position).constructor(mixed, 4));
   mesh.userData.tcfitColors = mixed;
 }
 
@@ -175,6 +179,6 @@ function prepare({ geometry, material, userData }) {
     material.transparent = false; // drawn before what hides its part of an outline
   }
   if (userData.tcfitNothing !== undefined) material.colorWrite = !userData.tcfitNothing;
-  const on = userData.tcfitColors?.length === geometry.attributes.position.array.length;
+  const on = 3 * (userData.tcfitColors?.length ?? 0) === 4 * geometry.attributes.position.array.length;
   if (material.vertexColors !== on) Object.assign(material, { vertexColors: on, needsUpdate: true });
 }
