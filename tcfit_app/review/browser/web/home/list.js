@@ -47,8 +47,6 @@ search.type = "search";
 search.placeholder = "Search (/)";
 search.setAttribute("aria-label", "Search names, folders, reviewers, notes and findings");
 search.value = kept.text;
-const told = element("span", "tcfit-told", header);
-told.setAttribute("role", "status");
 /** @param {string} label @param {string} key @param {string} hint @param {() => void} run @param {string} [kind] */
 function action(label, key, hint, run, kind = "") {
   const button = element("button", kind, header, label);
@@ -70,14 +68,17 @@ const buttons = {
 const main = element("main", "", document.body);
 const nothing = element("p", "nothing", main);
 const footer = element("footer", "", document.body);
+const keysTold = element("span", "keys", footer);
+const told = element("span", "told", footer);
+told.setAttribute("role", "status");
 const KEYS_TOLD = [
   ["↑ ↓", "go"], ["Space", "select"], ["Ctrl+A", "select all"], ["G", "select the people of a clip"],
   ["Esc", "select none"], ["N", "note"],
   ["PageDown PageUp", "next and previous clip, in a clip"],
 ];
 for (const [keys, what] of KEYS_TOLD) {
-  element("kbd", "", footer, keys);
-  footer.append(` ${what}   `);
+  element("kbd", "", keysTold, keys);
+  keysTold.append(` ${what}   `);
 }
 const alert = element("div", "alert tcfit-panel", document.body);
 alert.setAttribute("role", "alert");

@@ -21,9 +21,8 @@ header .tcfit-joined { flex: none; flex-wrap: nowrap; }
 header .tcfit-joined button { padding: 0 10px; }
 header .tcfit-joined b { margin-left: 6px; font-weight: 400; color: var(--tcfit-dim); }
 header .tcfit-joined button[aria-pressed=true] b { color: #fff; }
-header input { flex: 1 1 160px; min-width: 120px; max-width: 320px; height: 28px; padding: 0 10px; border: 1px solid var(--tcfit-edge);
+header input { flex: 1 1 120px; min-width: 100px; max-width: 320px; margin-right: auto; height: 28px; padding: 0 10px; border: 1px solid var(--tcfit-edge);
   border-radius: 4px; background: var(--tcfit-field); color: var(--tcfit-text); font: inherit; }
-header .tcfit-told { flex: 1 1 auto; text-align: right; color: var(--tcfit-dim); white-space: nowrap; }
 :is(input, a, button, tr, dialog):focus-visible { outline: 2px solid #288cdc; outline-offset: 1px; }
 tr:focus-visible { outline-offset: -2px; }
 main { flex: 1 1 0; min-height: 0; overflow: auto; scrollbar-gutter: stable; }
@@ -65,8 +64,10 @@ ${Object.entries(STATE_COLORS).map(([state, color]) => `.badge.${state} { --dot:
 .track { height: 4px; margin-top: 5px; border-radius: 2px; background: var(--tcfit-rule); overflow: hidden; }
 .track > div { height: 100%; background: #288cdc; transition: width 0.3s; }
 .nothing { margin: 12vh auto 0; max-width: 34em; padding: 0 20px; text-align: center; color: var(--tcfit-dim); }
-footer { padding: 7px 18px; border-top: 1px solid var(--tcfit-rule); font-size: 13px; color: var(--tcfit-dim);
-  overflow: hidden; text-overflow: ellipsis; white-space: nowrap; }
+footer { display: flex; gap: 24px; padding: 7px 18px; border-top: 1px solid var(--tcfit-rule); font-size: 13px;
+  color: var(--tcfit-dim); white-space: nowrap; }
+footer .keys { flex: 1; overflow: hidden; text-overflow: ellipsis; }
+footer .told { color: var(--tcfit-text); }
 footer kbd { font: inherit; color: var(--tcfit-key); font-weight: 600; }
 .alert { position: fixed; right: 24px; bottom: 48px; z-index: 3; display: flex; gap: 14px; align-items: flex-start; max-width: 460px;
   padding: 14px 16px; border-radius: 8px; background: var(--tcfit-menu); border: 1px solid var(--tcfit-edge);
