@@ -67,7 +67,7 @@ def run_review(options: ReviewOptions) -> None:
 
 def _of_result(path: Path | None) -> Path | None:
     """In place of a result's folder that of its project, which is made beside it where it is not there yet."""
-    clip = None if path is None else as_result(path.resolve())
+    clip = None if path is None or is_project(path) else as_result(path.resolve())
     if clip is None:
         return path
     if not is_project(clip.project):
