@@ -13,6 +13,9 @@ fit.npz of N frames reads with np.load(allow_pickle=False). Axis-angle in radian
 camera_translation | (N, ...) | the same as `BodyParams` has it: hands as components over their mean |
 | joints | (N, 55, 3) | posed joints |
 | phase1_* | | BodyParams and joints of phase 1, betas (N, 10) |
+| keypoints | (N, 137, 3) | what was fitted, as `keypoints.NAMES` has it: x and y in pixels of undistorted images, and \
+confidence; what a person has said of depths and rotations is not there; files of earlier versions have none |
+| frame_cost, phase1_frame_cost | (N,) | cost of each frame; files of earlier versions have none |
 | observed | (N, 55) | whether a confident keypoint says how the joint is turned |
 | start, stopped | (N,) | where each frame's fit came from and why its solver stopped, as numbers of the next two; not \
 there where it is not known, as of an imported motion |
@@ -56,6 +59,7 @@ from fitting_core.ground.grounding import Grounding
 from fitting_core.io.camera_arrays import camera_arrays, camera_from
 from fitting_core.io.motion.animation_npz import pose_arrays
 from fitting_core.io.summary import summary
+from fitting_core.keypoints import COUNT, Keypoints
 from fitting_core.motion import Motion
 from fitting_core.results.error_bars import ErrorBars, error_bar_arrays, error_bars_from
 from fitting_core.results.fit_result import FitResult
@@ -105,6 +109,14 @@ class StoredFit:
     """Of the last finished phase; None where the file does not tell."""
     grounding: Grounding | None = None
     """Gravity, contacts and floor; None where the file does not tell, as those of earlier versions."""
+    keypoints: Keypoints | None = None
+    """What was fitted; None where the file does not tell, as those of earlier versions."""
+    detector: str = ""
+    """As `Clip.detector`."""
+    frame_cost: Float[np.ndarray, "T"] | None = None
+    """Of the last finished phase; None where the file does not tell."""
+    phase1_frame_cost: Float[np.ndarray, "T"] | None = None
+    """The same of phase 1."""
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -183,6 +195,9 @@ def fit_arrays(fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool = 
     arrays |= {"joints": joints_in_space(body, last), f"{PHASE1}joints": joints_in_space(body, first)}
     arrays |= camera_arrays(fit.camera)
     arrays |= {
+        "keypoints": np.dstack([clip.keypoints.xy, clip.keypoints.confidence]).astype(np.float32),
+        "frame_cost": fit.last.frame_cost,
+        f"{PHASE1}frame_cost": fit.phases[0].frame_cost,
         "observed": fit.observed,
         "first_frame": clip.first_frame,
         "frames": clip.first_frame + np.arange(len(clip)),
@@ -269,7 +284,24 @@ def _stored(arrays: dict[str, np.ndarray]) -> StoredFit:
         complete=bool(arrays["complete"]),
         error_bars=error_bars_from(arrays, frames),
         grounding=grounding_from(arrays, frames),
+        keypoints=_keypoints(arrays, frames),
+        detector=str(arrays.get("detector", "")),
+        frame_cost=_known(arrays, "frame_cost", (frames,)),
+        phase1_frame_cost=_known(arrays, f"{PHASE1}frame_cost", (frames,)),
     )
+
+
+def _keypoints(arrays: dict[str, np.ndarray], frames: int) -> Keypoints | None:
+    found = _known(arrays, "keypoints", (frames, COUNT, 3))
+    if found is None:
+        return None
+    if not np.isfinite(found).all() or found[..., 2].min() < 0 or found[..., 2].max() > 1:
+        raise ValueError("a keypoint is not finite, or its confidence not between 0 and 1")
+    return Keypoints(xy=found[..., :2].astype(float), confidence=found[..., 2].astype(float))
+
+
+def _known(arrays: dict[str, np.ndarray], name: str, shape: tuple[int, ...]) -> np.ndarray | None:
+    return _shaped(arrays, name, shape) if name in arrays else None
 
 
 def _camera(arrays: dict[str, np.ndarray], frames: int) -> Camera:

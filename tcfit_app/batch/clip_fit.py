@@ -297,11 +297,8 @@ def _run_name(work: Work) -> str:
 
 def _added(work: Work, project: Project, clip: Clip, fit: FitResult) -> Figures:
     content = summary(fit, clip, work.body, complete=True, command=work.task.command)
-    body = record_of(work.body)
-    run = project.runs.start(
-        work.task.config, body=body, edits_seen=project.last_edit, given=_given(work.task.fit), name=_run_name(work)
-    )
-    project.runs.finish(run.id, fit, summary=content)
+    body, seen, given = record_of(work.body), project.last_edit, _given(work.task.fit)
+    project.runs.add(fit, body=body, edits_seen=seen, summary=content, given=given, name=_run_name(work))
     return _figures(work, content, fit, clip, list(fit.warnings))
 
 

@@ -2,7 +2,8 @@
 
 import csv
 import io
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal
@@ -78,20 +79,25 @@ def write_summary(folder: Path, rows: Sequence[Row], *, seconds: float) -> None:
     writer.writerows(asdict(row) for row in rows)
     with replacing(folder / SUMMARY_CSV) as draft:
         draft.write_text(text.getvalue(), encoding="utf-8")
-    content = {"seconds": round(seconds, 3), "clips": counts(rows), "rows": [asdict(row) for row in rows]}
+    content = {
+        "seconds": round(seconds, 3),
+        "clips": counts(row.state for row in rows),
+        "rows": [asdict(row) for row in rows],
+    }
     write_json(folder / SUMMARY_JSON, content)
 
 
-def counts(rows: Sequence[Row]) -> dict[State, int]:
-    """Clips in each state."""
-    return {state: sum(row.state == state for row in rows) for state in STATES}
+def counts(states: Iterable[State]) -> dict[State, int]:
+    """Clips in each state, from theirs."""
+    found = Counter(states)
+    return {state: found[state] for state in STATES}
 
 
 def show_summary(rows: Sequence[Row], *, seconds: float, console: Console) -> None:
     """Print how many clips ended how, with times, and which have failed for which reason."""
     table = Table("clips", "", "seconds each", title=f"{len(rows)} clips, {_duration(seconds)}", title_justify="left")
     table.columns[0].justify = table.columns[2].justify = "right"
-    for state, count in counts(rows).items():
+    for state, count in counts(row.state for row in rows).items():
         if count:
             times = sorted(row.seconds for row in rows if row.state == state and row.seconds is not None)
             table.add_row(str(count), STATES[state], f"{times[0]:.1f} to {times[-1]:.1f}" if times else "")

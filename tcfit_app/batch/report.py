@@ -7,24 +7,30 @@ loaded from the folder beside it when they come into sight.
 
 import base64
 import os
+import re
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from statistics import median
 from typing import Any
 
 import msgspec
 
+from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
+from fitting_core.files.regular import regular_file
 from fitting_core.measure.report.markup import Markup, markup, tag
 from fitting_core.measure.report.plots import CSS
 from tcfit_app.batch.manifest import ClipTask
-from tcfit_app.batch.outcome import FAILURES, STATES, Row, counts
+from tcfit_app.batch.outcome import FAILURES, STATES, Row, State, counts
 from tcfit_app.batch.records import Figures, Record, picture_path
 
 REPORT_HTML = "report.html"
 _WITHIN = 1000
 """Pictures of so many clips are within the page: 4 MB."""
+_JPEG = "data:image/jpeg;base64,"
+_ROWS = re.compile(rb'<script type="application/json" id="rows">(.*?)</script>', re.DOTALL)
+_MOST_BYTES = 1 << 28
 _HERE = Path(__file__).parent
 _ORDER = (
     "The worst come first: clips that failed, then those whose result is doubted, then by the largest of reprojection "
@@ -32,7 +38,7 @@ _ORDER = (
     "name sorts by it. The picture is of the frame that the review would show first, and grows under the "
     "pointer."
 )
-_TOGETHER = "All projects in one list, to be reviewed and approved: "
+_TOGETHER = "All clips in one list, to be reviewed and approved: "
 
 
 def write_report(
@@ -48,8 +54,51 @@ def write_report(
     shown = [_shown(folder, tasks[i], rows[i], figures[i], rank < _WITHIN) for rank, i in enumerate(worst)]
     path = folder / REPORT_HTML
     with replacing(path) as draft:
-        draft.write_text(_page(title, tasks, rows, shown), encoding="utf-8")
+        folders = [task.out.absolute().parent for task in tasks]
+        together = tag("p", _TOGETHER, tag("code", _review_of(folders))) if folders else Markup()
+        draft.write_text(_page(title, counts(row.state for row in rows), shown, together), encoding="utf-8")
     return path
+
+
+class _Shown(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """A row of a page that was written, without the commands for this computer's terminal."""
+
+    line: int
+    clip: str
+    state: State
+    subject: str = ""
+    seconds: float | None = None
+    frames: int | None = None
+    px: float | None = None
+    jitter: float | None = None
+    suspicious: int | None = None
+    why: str = ""
+    notes: str = ""
+    href: str = ""
+    picture: str = ""
+
+
+def served_report(path: Path, links: Mapping[str, str]) -> str:
+    """A report that was written as a page of a site. Nothing but the values of its rows is taken from the file, which
+    may be a stranger's: a script in it would be one of the site's. Raises InputError if it is no report.
+
+    Args:
+        path: Of report.html.
+        links: By the ways from its folder to results and projects, where their rows lead; others lead nowhere.
+    """
+    try:
+        found = _ROWS.search(regular_file(path, most=_MOST_BYTES).read_bytes())
+        rows = msgspec.json.decode(found[1] if found else b"", type=list[_Shown])
+    except (OSError, ValueError, RecursionError) as error:
+        raise InputError(f"{path}: cannot be read ({error}); expected the report of tcfit batch.") from error
+    shown = [
+        msgspec.structs.replace(
+            row, href=links.get(row.href, ""), picture=row.picture if row.picture.startswith(_JPEG) else ""
+        )
+        for row in rows
+    ]
+    back = tag("p", tag("a", "All clips in the list", href="/"))
+    return _page(path.parent.stem, counts(row.state for row in rows), shown, back)
 
 
 _Badness = tuple[bool, bool, float]
@@ -92,7 +141,7 @@ def _shown(folder: Path, task: ClipTask, row: Row, figures: Figures | None, with
         "why": row.reason or "; ".join([*figures.doubts, figures.worst] if figures else []),
         "notes": row.notes,
         "href": _link(task.out, folder) if done else "",
-        "command": _command(task) if done else "",
+        "command": shlex.join(["tcfit", "review", str(task.out.absolute())]) if done else "",
         "picture": _picture(folder, task, within) if done else "",
     }
     return {name: value for name, value in content.items() if value not in (None, "")}
@@ -106,26 +155,8 @@ def _link(path: Path, folder: Path) -> str:
         return path.absolute().as_uri()
 
 
-def _command(task: ClipTask) -> str:
-    """What opens a result in the app: a project is there already, or is made of the clip and the result."""
-    out = str(task.out.absolute())
-    if task.form == "project":
-        return shlex.join(["tcfit", "review", out])
-    project = f"{out}.tcfit"
-    new = ["tcfit", "new", *([str(task.fit.video.absolute())] if task.fit.video else []), "--out", project]
-    if task.fit.keypoints:
-        new += ["--keypoints", str(task.fit.keypoints.absolute())]
-    for options in (task.fit.clip, task.fit.camera):
-        for name, value in vars(options).items():
-            if value != getattr(type(options), name):
-                values = value if isinstance(value, tuple) else (value,)
-                new += [f"--{name.replace('_', '-')}", *map(str, values)]
-    steps = (new, ["tcfit", "import", project, out], ["tcfit", "review", project])
-    return " && ".join(map(shlex.join, steps))
-
-
 def _review_of(folders: Sequence[Path]) -> str:
-    """What opens the list of all projects in some folders; of the first where they lie on several drives."""
+    """What opens the list of all clips in some folders; of the first where they lie on several drives."""
     try:
         common = os.path.commonpath(folders)
     except ValueError:
@@ -138,27 +169,25 @@ def _picture(folder: Path, task: ClipTask, within: bool) -> str:
     if not within:
         return _link(path, folder)
     try:
-        return "data:image/jpeg;base64," + base64.b64encode(path.read_bytes()).decode()
+        return _JPEG + base64.b64encode(path.read_bytes()).decode()
     except OSError:
         return ""
 
 
-def _page(title: str, tasks: Sequence[ClipTask], rows: Sequence[Row], shown: Sequence[dict[str, Any]]) -> str:
+def _page(title: str, states: Mapping[State, int], shown: Sequence[object], together: Markup) -> str:
     cards = [
         tag("div", tag("b", count), tag("span", STATES[state]), class_="card")
-        for state, count in counts(rows).items()
+        for state, count in states.items()
         if count
     ]
-    listed = [task.out.absolute().parent for task in tasks if task.form == "project"]
-    together = [tag("p", _TOGETHER, tag("code", _review_of(listed)))] if listed else []
     data = msgspec.json.encode(shown).decode().replace("<", "\\u003c")  # </script> in a name must not end the data.
     body = tag(
         "main",
         tag("h1", title),
-        tag("p", f"{len(rows)} clips", class_="dim"),
+        tag("p", f"{len(shown)} clips", class_="dim"),
         tag("div", *cards, class_="cards"),
         tag("p", _ORDER, class_="dim"),
-        *together,
+        together,
         tag("noscript", tag("p", "The rows are made by a script; summary.csv beside this page has them too.")),
         tag("div", id="clips"),
     )

@@ -10,8 +10,9 @@ import torch
 
 from fitting_core.errors import InputError
 from fitting_core.io.people_file import PEOPLE_NAME, People, read_people_file
-from tcfit_app.cli.export_command import formats_of, numbers_of, source_of, target, write_one
+from tcfit_app.cli.export_command import opened, write_one
 from tcfit_app.exports.exporting import write_export
+from tcfit_app.exports.from_path import formats_of, numbers_of, target
 from tcfit_app.exports.motions import write_everybody
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.exports.table import exports
@@ -57,7 +58,7 @@ def _sources(folder: Path, people: People, options: ExportOptions, stack: ExitSt
             raise InputError(
                 f"{folder / person.folder}: is not there. Put it back, or take {person.name} out of {PEOPLE_NAME}."
             )
-        source = stack.enter_context(source_of(folder / person.folder, options))
+        source = stack.enter_context(opened(folder / person.folder, options))
         if (part := source.between(begin, end)) is not None:
             found.append(replace(part, name=f"{people.name} {person.name}"))
     if not found:

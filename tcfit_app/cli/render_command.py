@@ -19,8 +19,9 @@ from fitting_core.render.overlay import PANEL_COLORS
 from fitting_core.render.sheets import Cell, beside, write_sheet
 from fitting_core.video.encoding import video_writer
 from fitting_core.video.frames import FrameSource
-from tcfit_app.cli.export_command import bar, source_of, wished_frames
+from tcfit_app.cli.export_command import bar, opened
 from tcfit_app.cli.json_lines import Step, StepDone, emit, emit_wrote, told
+from tcfit_app.exports.from_path import source_of, wished_frames
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.options.export import ExportOptions
 from tcfit_app.options.render import RenderOptions
@@ -107,7 +108,7 @@ def _shown(options: RenderOptions) -> Iterator[tuple[ExportSource, list[Shown]]]
     assert options.path is not None
     against = None if options.against == PHASE1 else options.against
     wished = ExportOptions(run=options.run, phase=options.phase, against=against, models=options.models)
-    with source_of(options.path, wished) as source:
+    with opened(options.path, wished) as source:
         own = _motion(source)
         if options.against is None:
             yield source, [Shown(motion=own, color=_PLAIN)]

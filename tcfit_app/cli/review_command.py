@@ -18,7 +18,7 @@ from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
 from fitting_core.io.people_file import holds_people, read_people_file
 from fitting_core.video.frames import image_files
-from tcfit_app.home.found import find
+from tcfit_app.home.found import as_result, find
 from tcfit_app.options.fit import NO_KEYPOINTS, ReferenceOptions, ReviewOptions, ServerOptions, height_of
 from tcfit_app.project.storage.database import NAME, Database, is_project
 from tcfit_app.project.storage.run_record import newest_body
@@ -39,6 +39,7 @@ def run_review(options: ReviewOptions) -> None:
     listen at the address."""
     check_folders(options.server, models=options.models)
     entry_of(options.server)  # told before a project is made
+    options = replace(options, video=_of_result(options.video))
     fit = PRESETS[DEFAULT_PRESET] if options.fit else None
     find = None if options.keypoints == NO_KEYPOINTS else options.clip
     if options.video is not None and is_list(options):
@@ -62,6 +63,19 @@ def run_review(options: ReviewOptions) -> None:
     with opened(options) as project:
         _take(project, options)
         review(project, options.server, models=options.models, fit=fit, find=find)
+
+
+def _of_result(path: Path | None) -> Path | None:
+    """In place of a result's folder that of its project, which is made beside it where it is not there yet."""
+    clip = None if path is None or is_project(path) else as_result(path.resolve())
+    if clip is None:
+        return path
+    if not is_project(clip.project):
+        from tcfit_app.imports.result_project import project_of_result
+
+        project_of_result(clip.path, clip.project)
+        tell(f"Made the project {clip.project} of the result {path}")
+    return clip.project
 
 
 def review(
@@ -95,7 +109,7 @@ def is_list(options: ReviewOptions) -> bool:
         return False
     if is_project(folder) or holds_people(folder) or (folder / "images").is_dir() or (folder / "keypoints").is_dir():
         return False
-    return not image_files(folder) and bool(find(folder.resolve()))
+    return not image_files(folder) and any(one.kind != "report" for one in find(folder.resolve()))
 
 
 def _review_many(options: ReviewOptions) -> None:

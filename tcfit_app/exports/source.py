@@ -124,6 +124,8 @@ class ExportSource:
     """The mapping file of a rig of the user's."""
     markers: MarkerSet = STANDARD
     """What stands for the markers of a laboratory."""
+    notes: tuple[str, ...] = ()
+    """What users should know of it, such as that its fit was stopped."""
 
     @property
     def clip(self) -> Clip:

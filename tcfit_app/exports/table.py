@@ -13,7 +13,7 @@ from fitting_core.io.motion_files import MOTION_FILES
 from fitting_core.io.points.contact_table import write_contacts
 from fitting_core.io.points.joint_table import write_joints_csv
 from fitting_core.measure.angles.angle_files import write_angles_csv, write_mot
-from fitting_core.motion import Progress
+from fitting_core.motion import OWN_WORLD, Progress
 from fitting_core.plugins import FAILURES, Plugin, added
 from tcfit_app.exports.blender.running import missing, write_fbx
 from tcfit_app.exports.elan import write_elan
@@ -329,6 +329,13 @@ EXPORTS: dict[str, Export] = {
 """By the name on the command line, in the order of their buttons."""
 DEFAULTS = ("glb", "npz", "bvh")
 """What `tcfit export` writes when nothing is wished for."""
+AXES_CHOICES = {"": "by format", "camera": "camera", "y-up": "y up", "z-up": "z up", OWN_WORLD: "calibration's"}
+"""The last of them only where the clip's camera has a calibrated world."""
+KEYS_CHOICES = {"": None, "2": 0.002, "5": 0.005}
+"""How near joints must stay, metres, by the value of the app's button."""
+KEYS_HINT = (
+    "GLB only: drop keyframes as long as every joint, fingertip and toe stays this close to its full-rate position"
+)
 
 
 # --- of plugins ---

@@ -11,7 +11,8 @@ from pathlib import Path
 import msgspec
 
 from fitting_core.errors import InputError
-from tcfit_app.home.found import Found, find
+from fitting_core.io.people_file import read_people_file
+from tcfit_app.home.found import PROJECT_SUFFIX, Found, Kind, find
 from tcfit_app.home.messages import Row, Work
 from tcfit_app.project.glance import Glance, Stamp, glance, stamp
 from tcfit_app.project.storage.lock import Holder
@@ -19,6 +20,9 @@ from tcfit_app.project.storage.lock import Holder
 SUMMARY = "summary.json"
 """`result_files.SUMMARY_NAME`, which would take torch's two seconds to import."""
 
+_ORDER: dict[Kind, int] = {"project": 0, "result": 1, "video": 2, "images": 2}
+"""A clip is shown once: as its project, or else its result, or else its video or images. The first two say which are
+theirs."""
 _READERS = 4
 """Threads that wait for the disk."""
 
@@ -31,7 +35,7 @@ class Entry:
     stamp: Stamp
     row: Row
     media: tuple[Path, ...] = ()
-    """As of `Glance`."""
+    """As of `Glance`, or a result's video."""
     first_frame: int = 0
     """As of `Glance`."""
     by: str = ""
@@ -49,6 +53,8 @@ class Catalogue:
     def __init__(self, root: Path, work_on: Callable[[str], Work | None] = lambda key: None) -> None:
         self.root, self._work_on = root.resolve(), work_on
         self._guard = threading.Lock()
+        self.reports: dict[str, Found] = {}
+        """Of batches, by their keys."""
         self._entries: dict[str, Entry] = {}
         self._videos: dict[str, tuple[int, float]] = {}
         """Frames and seconds of those that were looked into."""
@@ -61,18 +67,28 @@ class Catalogue:
         """All of them, by place."""
         return [entry.row for entry in self._entries.values()]
 
+    def ways_from(self, folder: Path) -> dict[str, str]:
+        """By the way from a folder to a clip's project, or to its result, the clip's key."""
+        ways: dict[str, str] = {}
+        for key, entry in self._entries.items():
+            way = Path(os.path.relpath(entry.found.path, folder)).as_posix()
+            ways |= {way: key, way.removesuffix(PROJECT_SUFFIX): key}
+        return ways
+
     def refresh(self) -> tuple[list[Row], list[str]]:
         """Look at the disk; rows that are other ones than before, and keys of those that are gone."""
         with self._guard:
-            before, now, claimed = self._entries, dict[str, Entry](), set[str]()
-            found = find(self.root)
+            before, now, claimed = self._entries, dict[str, Entry](), set[Path]()
+            everything = find(self.root)
+            self.reports = {one.key: one for one in everything if one.kind == "report"}
+            found = [one for one in everything if one.kind != "report"]
             with ThreadPoolExecutor(_READERS) as pool:
                 read = dict(zip(found, pool.map(lambda one: self._entry(one, before.get(one.key)), found), strict=True))
-            for one in sorted(found, key=lambda one: one.kind != "project"):  # which say of what videos they are
-                if one.kind == "video" and os.path.normpath(one.path) in claimed:
+            for one in sorted(found, key=lambda one: _ORDER[one.kind]):
+                if one.footage in claimed or (one.kind == "result" and one.project in claimed):
                     continue
                 entry = now[one.key] = read[one]
-                claimed.update(map(os.path.normpath, entry.media))
+                claimed.update((one.path, *(Path(os.path.normpath(path)) for path in entry.media)))
             self._entries = {one.key: now[one.key] for one in found if one.key in now}
             changed = [e.row for key, e in self._entries.items() if key not in before or before[key].row != e.row]
             return changed, [key for key in before if key not in self._entries]
@@ -102,7 +118,7 @@ class Catalogue:
         # A fit of our own has the project open: that is told already.
         by = "" if work is not None and not work.ended else entry.by
         row = msgspec.structs.replace(entry.row, work=work, busy=by)
-        if found.kind == "video" and (length := self._videos.get(found.key)):
+        if found.is_footage and (length := self._videos.get(found.key)):
             row = msgspec.structs.replace(row, frames=length[0], seconds=length[1])
         return Entry(found=found, stamp=new, row=row, media=entry.media, first_frame=entry.first_frame, by=entry.by)
 
@@ -111,14 +127,14 @@ def _stamp(found: Found) -> Stamp:
     if found.kind == "project":
         return stamp(found.path)
     try:
-        status = os.stat(found.path if found.kind == "video" else found.path / SUMMARY)
+        status = os.stat(found.footage if found.is_footage else found.path / SUMMARY)
     except OSError:
         return ()
     return status.st_mtime_ns, status.st_size
 
 
 def _read(found: Found, new: Stamp) -> Entry:
-    name = found.path.stem if found.kind != "result" else found.path.name
+    name = found.path.stem if found.kind in ("project", "video") else found.path.name
     row = Row(
         key=found.key, name="".join(c if c.isprintable() else "?" for c in name), place=found.place, kind=found.kind
     )
@@ -129,10 +145,19 @@ def _read(found: Found, new: Stamp) -> Entry:
             row, media, first_frame = _of_project(row, seen), seen.media, seen.first_frame
             by = busy(seen.holder)
         elif found.kind == "result":
-            row = _of_result(row, found.path / SUMMARY)
+            row, media = _of_result(row, found.path / SUMMARY)
+        if found.one_of_people:
+            row = _of_people(row, found.path)
     except InputError as error:
         row = msgspec.structs.replace(row, problem=str(error))
     return Entry(found=found, stamp=new, row=row, media=media, first_frame=first_frame, by=by)
+
+
+def _of_people(row: Row, folder: Path) -> Row:
+    """With the names of the clip and the person, as their file has them."""
+    people = read_people_file(folder.parent)
+    name = next((f"{people.name} - {one.name}" for one in people.people if one.folder == folder.name), row.name)
+    return msgspec.structs.replace(row, name=name, group=row.place.rpartition("/")[0])
 
 
 def _of_project(row: Row, seen: Glance) -> Row:
@@ -174,18 +199,20 @@ class _Summary(msgspec.Struct):
     frames: int = 0
     frame_rate: float = 30.0
     reprojection_px: dict[str, dict[str, float | None]] = {}
+    video: str | None = None
 
 
-def _of_result(row: Row, path: Path) -> Row:
+def _of_result(row: Row, path: Path) -> tuple[Row, tuple[Path, ...]]:
     try:
         found = msgspec.json.decode(path.read_bytes(), type=_Summary)
     except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"{path}: cannot be read ({error}).") from error
     phases = found.reprojection_px
-    return msgspec.structs.replace(
+    row = msgspec.structs.replace(
         row,
         state="fitted",
         frames=max(found.frames, 0),
         seconds=max(found.frames, 0) / found.frame_rate if found.frame_rate > 0 else 0.0,
         error=phases[max(phases)].get("median") if phases else None,
     )
+    return row, () if found.video is None else (path.parent / found.video,)

@@ -1,16 +1,12 @@
-"""A fit in the background, in a process of its own: whatever happens to it, the list and the reviews go on, and it can
-be stopped at any moment. What it has stored by then stays; keypoints go on where they were."""
+"""A fit in the background, and the projects that are made for it."""
 
-import logging
-import time
-from collections.abc import Callable
 from dataclasses import replace
-from multiprocessing.connection import Connection
 from pathlib import Path
 
 from fitting_core.body.files.reading import load_body
+from fitting_core.clips.footage import locate
 from fitting_core.clips.options import ClipOptions
-from fitting_core.clips.reading import read_footage
+from fitting_core.clips.reading import read_clip, read_footage
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.errors import InputError
 from fitting_core.fit.events import Iteration, drained, mapped
@@ -19,51 +15,25 @@ from fitting_core.fit.fused.ready import cores
 from fitting_core.io.summary import summary
 from tcfit_app.analysis.suspicion import worst_place
 from tcfit_app.batch.pictures import suspects, write_picture
-from tcfit_app.fitting import child_processes
 from tcfit_app.fitting.bodies import record_of
-from tcfit_app.home.messages import Work
+from tcfit_app.home.found import Found
+from tcfit_app.home.messages import Report, Work
 from tcfit_app.imports.keypoint_jobs import Detect
+from tcfit_app.imports.result_project import project_of_result
 from tcfit_app.options.fit import BodyOptions
 from tcfit_app.options.preparing import body_file, compile_kernels, prepare_solver
 from tcfit_app.project.picture import NAME
 from tcfit_app.project.project import Project
-from tcfit_app.project.storage.database import is_project
-
-Report = Callable[[Work], None]
-_BETWEEN = 0.5
-"""Seconds."""
 
 
-def serve(pipe: Connection, folder: Path, models: Path | None) -> None:
-    """What the process does: it sends `Work` through the pipe, and at its end None, or one that has ended."""
-    child_processes.end_with_parent()
-    try:
-        fit_project(folder, _seldom(pipe.send), models=models)
-        pipe.send(None)
-    except InputError as error:
-        pipe.send(Work(step=str(error), ended=True))
-    except Exception as error:
-        logging.getLogger(__name__).exception("%s could not be fitted", folder)
-        pipe.send(Work(step=f"{type(error).__name__}: {error}. tcfit's terminal has the details.", ended=True))
-
-
-def make_project(folder: Path, video: Path) -> None:
-    """A project of a video without keypoints yet; one that is there stays. Raises InputError as `Project.create`."""
-    if not is_project(folder):
-        Project.create(folder, read_footage(video)).close()
-
-
-def _seldom(report: Report) -> Report:
-    """The same, told of a step that goes on twice a second."""
-    step, told = "", 0.0
-
-    def seldom(work: Work) -> None:
-        nonlocal step, told
-        if work.step != step or time.monotonic() > told + _BETWEEN:
-            step, told = work.step, time.monotonic()
-            report(work)
-
-    return seldom
+def make_project(clip: Found) -> None:
+    """The project of a result, with its fit, or of a video or images, with the keypoints that lie beside these if there
+    are any. Raises InputError as `project_of_result`, `read_clip` and `Project.create`."""
+    if clip.kind == "result":
+        return project_of_result(clip.path, clip.project)
+    given = clip.kind == "images" and locate(clip.path, None)[1] is not None
+    Project.create(clip.project, read_clip(clip.path) if given else read_footage(clip.path)).close()
+    return None
 
 
 def fit_project(folder: Path, report: Report, *, models: Path | None = None, config: FitConfig | None = None) -> None:

@@ -19,15 +19,21 @@ from websockets.exceptions import ConnectionClosed
 
 from fitting_core.errors import InputError
 from tcfit_app.home.catalogue import Catalogue, Entry
+from tcfit_app.home.found import Found
+from tcfit_app.home.jobs import ExportJob, FitJob, Job
 from tcfit_app.home.messages import (
     Approve,
+    AskFormats,
     Cancel,
+    Choice,
+    Export,
     Fit,
     FromPage,
     Look,
     Open,
     Opened,
     Picture,
+    Reports,
     Row,
     Rows,
     Told,
@@ -36,7 +42,7 @@ from tcfit_app.home.messages import (
     decode,
 )
 from tcfit_app.home.pictures import picture_of
-from tcfit_app.home.queue import FitQueue
+from tcfit_app.home.queue import WorkQueue
 from tcfit_app.home.reviews import PATH, Reviews
 from tcfit_app.project.storage.clip_review import ReviewOfClip, reviewed
 from tcfit_app.server.gate import HOME
@@ -44,6 +50,8 @@ from tcfit_app.server.gated_viser import Visitor
 from tcfit_app.server.screen import Dropped
 from tcfit_app.server.serving import ReviewServer
 
+REPORTS = "/report/"
+"""Before the key of a batch's report in its address."""
 SOCKET = "/list"
 """Where the page's websocket is."""
 EVERY = 3.0
@@ -83,13 +91,16 @@ class Home:
     """
 
     def __init__(self, root: Path, *, files: Path | None = None, models: Path | None = None) -> None:
-        self._queue = FitQueue(self._place_of, self._refresh, models)
+        self._models = models
+        self._queue = WorkQueue(self._place_of, self._refresh)
         self.catalogue = Catalogue(root, self._queue.on)
         self.reviews = Reviews(self._folder_of, lambda key: self._refresh([key]), files=files, models=models)
         self._watchers: set[_Watcher] = set()
         self._pool = ThreadPoolExecutor(4, "tcfit list")
         self._drawing = ThreadPoolExecutor(1, "tcfit pictures")
         """One at a time: decoding takes a core."""
+        self._making = threading.Lock()
+        """Held while a project is made."""
         self._wake = threading.Event()
         self._stop = False
 
@@ -97,7 +108,19 @@ class Home:
 
     def page(self, path: str) -> bytes | None:
         """See `Site.page`."""
-        return _PAGE.format(title=escape(self.catalogue.root.name)).encode() if path == HOME else None
+        if path == HOME:
+            return _PAGE.format(title=escape(self.catalogue.root.name)).encode()
+        report = self.catalogue.reports.get(path.removeprefix(REPORTS)) if path.startswith(REPORTS) else None
+        return None if report is None else self._report(report)
+
+    def _report(self, found: Found) -> bytes:
+        from tcfit_app.batch.report import served_report
+
+        links = {way: f"{HOME}#{key}" for way, key in self.catalogue.ways_from(found.path.parent).items()}
+        try:
+            return served_report(found.path, links).encode()
+        except InputError as error:
+            return f"<!doctype html><title>tcfit</title><p>{escape(str(error))}".encode()
 
     def has_review(self, path: str) -> bool:
         """See `Site.has_review`."""
@@ -114,6 +137,7 @@ class Home:
         self._wake.set()
         try:
             watcher.send(Rows(rows=self.catalogue.rows(), whole=True, me=visitor.reviewer))
+            watcher.send(self._reports())
             with suppress(ConnectionClosed):
                 async for message in connection:
                     await self._take(watcher, message)
@@ -153,35 +177,48 @@ class Home:
             if (entry := self.catalogue.get(key)) is not None:
                 data = picture_of(entry, self.catalogue)
                 watcher.send(Picture(key=key, data=base64.b64encode(data).decode()))
-                if entry.found.kind == "video":
+                if entry.found.is_footage:
                     self._refresh([key])
 
     def _open(self, watcher: _Watcher, asked: Open) -> None:
-        entry = self._entry(asked.key)
-        if entry.found.kind == "video":
-            entry = self._made_of(entry)
-        self.reviews.open(entry.found.key)
-        watcher.send(Opened(key=entry.found.key))
+        key = self._as_project(self._entry(asked.key)).found.key
+        self.reviews.open(key)
+        watcher.send(Opened(key=key))
 
-    def _made_of(self, video: Entry) -> Entry:
-        """The project that is made of a video, beside it, without keypoints yet."""
+    def _as_project(self, entry: Entry) -> Entry:
+        """A clip's project, which is made beside it where there is none yet."""
+        if entry.found.kind == "project":
+            return entry
         from tcfit_app.home.fitting import make_project
 
-        folder = video.found.path.with_suffix(".tcfit")
-        make_project(folder, video.found.path)
-        self.look()
+        with self._making:
+            if self.catalogue.get(entry.found.key) is not None:  # else somebody else has just made it
+                make_project(entry.found)
+                self.look()
         entries = (self.catalogue.get(row.key) for row in self.catalogue.rows())
-        return next(entry for entry in entries if entry is not None and entry.found.path == folder)
+        return next(one for one in entries if one is not None and one.found.path == entry.found.project)
 
     def _fit(self, watcher: _Watcher, asked: Fit) -> None:
-        entries = list(map(self._entry, asked.keys))
-        if results := [entry.row.name for entry in entries if entry.found.kind == "result"]:
-            raise InputError(f"{results[0]}: is a result; make a project of its clip, to fit it again.")
+        self._begin(watcher, list(map(self._entry, asked.keys)), FitJob(models=self._models))
+
+    def _begin(self, watcher: _Watcher, entries: Iterable[Entry], job: Job) -> None:
         for entry in entries:
             try:
-                self._queue.add([(self._made_of(entry) if entry.found.kind == "video" else entry).found.key])
-            except InputError as error:  # the others are fitted all the same
+                self._queue.add([self._as_project(entry).found.key], job)
+            except InputError as error:  # the others are done all the same
                 watcher.send(Told(text=str(error)))
+
+    def _ask_formats(self, watcher: _Watcher, asked: AskFormats) -> None:
+        from tcfit_app.home.exporting import offered
+
+        watcher.send(offered())
+
+    def _export(self, watcher: _Watcher, asked: Export) -> None:
+        entries = list(map(self._entry, asked.keys))
+        if without := [entry.row.name for entry in entries if entry.found.is_footage]:
+            raise InputError(f"{without[0]}: has no fit yet that could be exported. Fit it first.")
+        job = ExportJob(formats=asked.formats, axes=asked.axes, keyframes=asked.keyframes, models=self._models)
+        self._begin(watcher, entries, job)
 
     def _cancel(self, watcher: _Watcher, asked: Cancel) -> None:
         self._queue.cancel(asked.keys)
@@ -223,9 +260,9 @@ class Home:
             raise InputError(f"{entry.row.name}: is no project. Open it from the list.")
         return entry.found.path
 
-    def _place_of(self, key: str) -> Path:
+    def _place_of(self, key: str, job: Job) -> Path:
         folder = self._folder_of(key)
-        if not self.reviews.release(key):
+        if job.writes and not self.reviews.release(key):
             raise InputError(f"{self.reviews.viewers(key) or 'Somebody'} has it open: fit it there.")
         return folder
 
@@ -233,7 +270,15 @@ class Home:
 
     def look(self) -> None:
         """Look at the disk, and tell all pages what has changed."""
+        before = self._reports()
         self._tell(*self.catalogue.refresh())
+        if (now := self._reports()) != before:
+            for watcher in list(self._watchers):
+                watcher.send(now)
+
+    def _reports(self) -> Reports:
+        found = self.catalogue.reports.values()
+        return Reports(reports=[Choice(value=REPORTS + one.key, title=one.path.parent.stem) for one in found])
 
     def _refresh(self, keys: Collection[str]) -> None:
         self._tell(self.catalogue.refresh_some(keys), [])
@@ -279,6 +324,8 @@ _RECEIVERS: dict[type, Callable[[Home, _Watcher, Any], None]] = {
     Look: Home._look,
     Open: Home._open,
     Fit: Home._fit,
+    AskFormats: Home._ask_formats,
+    Export: Home._export,
     Cancel: Home._cancel,
     Approve: Home._approve,
     WriteNote: Home._write_note,

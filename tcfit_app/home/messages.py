@@ -1,6 +1,7 @@
 """What the list's page is sent, and what it may send."""
 
-from typing import Annotated
+from collections.abc import Callable
+from typing import Annotated, Literal
 
 import msgspec
 
@@ -21,8 +22,11 @@ class Work(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """In words."""
     share: float | None = None
     """0 to 1."""
-    ended: bool = False
-    """It has failed, and `step` says why."""
+    ended: Literal["", "failed", "done"] = ""
+    """How; `step` then says why, or what was done."""
+
+
+Report = Callable[[Work], None]
 
 
 class Row(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
@@ -31,6 +35,8 @@ class Row(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     key: str
     name: str
     place: str
+    group: str = ""
+    """The place of the folder in which the people of this clip lie."""
     kind: Kind
     state: State = "new"
     frames: int = 0
@@ -91,7 +97,33 @@ class Told(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="tol
     text: str
 
 
-ToPage = Rows | Picture | Opened | Told
+class Choice(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """Something that can be chosen."""
+
+    value: str
+    title: str
+    hint: str = ""
+    missing: bool = False
+    """It cannot be chosen on this computer; `hint` says why."""
+
+
+class Reports(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="reports"):
+    """Those of batches, all there are."""
+
+    reports: list[Choice]
+
+
+class Formats(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="formats"):
+    """What clips can be exported as."""
+
+    groups: dict[str, list[Choice]]
+    axes: list[Choice]
+    keyframes: list[Choice]
+    chosen: list[str]
+    """Of a page that has not chosen yet."""
+
+
+ToPage = Rows | Picture | Opened | Told | Formats | Reports
 
 # --- from the page ---
 
@@ -107,7 +139,7 @@ class Look(_Asked, frozen=True, kw_only=True, tag="look"):
 
 
 class Open(_Asked, frozen=True, kw_only=True, tag="open"):
-    """Make ready to be gone to; of a video a project is made."""
+    """Make ready to be gone to; of a result or a video a project is made."""
 
     key: Key
 
@@ -118,8 +150,21 @@ class Fit(_Asked, frozen=True, kw_only=True, tag="fit"):
     keys: Keys
 
 
+class AskFormats(_Asked, frozen=True, kw_only=True, tag="formats"):
+    """What clips can be exported as."""
+
+
+class Export(_Asked, frozen=True, kw_only=True, tag="export"):
+    """One after the other, each beside its project."""
+
+    keys: Keys
+    formats: Annotated[tuple[Annotated[str, msgspec.Meta(max_length=100)], ...], msgspec.Meta(max_length=100)]
+    axes: Literal["", "camera", "y-up", "z-up"] = ""
+    keyframes: Literal["", "2", "5"] = ""
+
+
 class Cancel(_Asked, frozen=True, kw_only=True, tag="cancel"):
-    """Their fits, or what is told of those that failed."""
+    """Their fits and exports, or what is told of those that have ended."""
 
     keys: Keys
 
@@ -138,7 +183,7 @@ class WriteNote(_Asked, frozen=True, kw_only=True, tag="note"):
     text: Annotated[str, msgspec.Meta(max_length=NOTE_CHARACTERS)]
 
 
-FromPage = Look | Open | Fit | Cancel | Approve | WriteNote
+FromPage = Look | Open | Fit | AskFormats | Export | Cancel | Approve | WriteNote
 _DECODER = msgspec.json.Decoder(FromPage)
 
 

@@ -1,6 +1,6 @@
 """Pictures of the clips in sight, made when they are first asked for: of the person in the middle of the clip.
 
-Those of projects are kept in them, where a fit has drawn its body into it; those of videos in the user's cache.
+Those of projects are kept in them, where a fit has drawn its body into it; those of others in the user's cache.
 """
 
 import hashlib
@@ -17,6 +17,7 @@ from fitting_core.files.npz import read_npz
 from fitting_core.files.regular import regular_file
 from fitting_core.video.frames import FrameSource
 from tcfit_app.home.catalogue import Catalogue, Entry
+from tcfit_app.home.found import RESULT
 from tcfit_app.project.picture import NAME, SIZE, as_jpeg, keep
 
 _MOST_BYTES = 1 << 20
@@ -32,14 +33,12 @@ _LEAST = 40
 def picture_of(entry: Entry, catalogue: Catalogue) -> bytes:
     """A JPEG; empty if there is none. Takes some 0.1 s where it is made. Thread-safe."""
     kind, path = entry.found.kind, entry.found.path
-    if kind == "result":
-        return b""
     kept = path / NAME if kind == "project" else _in_cache(path)
     with suppress(OSError, InputError, ValueError):
-        if kind == "project" or catalogue.has_length(entry.found.key):
+        if not entry.found.is_footage or catalogue.has_length(entry.found.key):
             return regular_file(kept, most=_MOST_BYTES).read_bytes()
     try:
-        made = _of_project(entry) if kind == "project" else _of_video(entry, catalogue)
+        made = _of_footage(entry, catalogue) if entry.found.is_footage else _of_person(entry)
     except (InputError, OSError, ValueError, KeyError, cv2.error):
         return b""  # a clip without a picture is a clip all the same
     with suppress(OSError):  # where nothing can be written it is made again
@@ -47,22 +46,30 @@ def picture_of(entry: Entry, catalogue: Catalogue) -> bytes:
     return made
 
 
-def _in_cache(video: Path) -> Path:
-    status = video.stat()
-    about = f"{video} {status.st_size} {status.st_mtime_ns}"
+def _in_cache(path: Path) -> Path:
+    status = path.stat()
+    about = f"{path} {status.st_size} {status.st_mtime_ns}"
     name = hashlib.sha256(about.encode(errors="surrogateescape")).hexdigest()[:32]
     return platformdirs.user_cache_path("tcfit", appauthor=False, ensure_exists=True) / "pictures" / f"{name}.jpg"
 
 
-def _of_video(entry: Entry, catalogue: Catalogue) -> bytes:
-    with FrameSource(entry.found.path) as source:
+def _of_footage(entry: Entry, catalogue: Catalogue) -> bytes:
+    with FrameSource(entry.found.footage) as source:
         catalogue.knows_length(entry.found.key, source.count, source.count / (source.frame_rate or 30.0))
         return as_jpeg(_cut(source.frame(source.count // 2), None))
 
 
-def _of_project(entry: Entry) -> bytes:
+def _keypoints(entry: Entry) -> tuple[Float[np.ndarray, "T 137 2"], Float[np.ndarray, "T 137"]]:
+    """Pixels, and confidence."""
+    if entry.found.kind == "result":
+        found = np.asarray(read_npz(entry.found.path / RESULT, ("keypoints",))["keypoints"], float)
+        return found[..., :2], found[..., 2]
     arrays = read_npz(entry.found.path / _DETECTIONS, ("xy", "confidence"))
-    xy, confidence = np.asarray(arrays["xy"], float), np.asarray(arrays["confidence"], float)
+    return np.asarray(arrays["xy"], float), np.asarray(arrays["confidence"], float)
+
+
+def _of_person(entry: Entry) -> bytes:
+    xy, confidence = _keypoints(entry)
     frames = len(xy)
     seen = (confidence > _CONFIDENT).sum(1)
     good = np.flatnonzero(seen >= 0.9 * seen.max()) if seen.any() else np.array([frames // 2])

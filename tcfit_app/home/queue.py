@@ -1,110 +1,132 @@
-"""Fits that wait for their turn, one after the other."""
+"""What waits for its turn in the background, one after the other."""
 
 import threading
 from collections.abc import Callable, Collection, Iterable
+from dataclasses import dataclass
 from multiprocessing.connection import wait
 from pathlib import Path
 
 from tcfit_app.fitting import child_processes
+from tcfit_app.home import jobs
+from tcfit_app.home.jobs import Job
 from tcfit_app.home.messages import Work
 
 WAITING = Work(step="Waiting")
 _LOOK = 0.5
-"""Seconds after which it is looked whether a fit is to be cancelled."""
+"""Seconds after which it is looked whether a job is to be cancelled."""
 
 
-class FitQueue:
+@dataclass(frozen=True, kw_only=True)
+class _Entry:
+    """What is done to a clip, and how far it is."""
+
+    job: Job
+    work: Work
+
+
+class WorkQueue:
     """Thread-safe.
 
     Args:
-        place: Tells, when the turn of a key has come, the project's folder. Raises ValueError, with what the user is
-            told, if it cannot be fitted now.
+        place: Tells, when the turn of a key and a job has come, the project's folder. Raises ValueError, with what the
+            user is told, if it cannot be done now.
         changed: Is told of keys about which there is news, from a thread of its own.
-        models: Folder of body models.
     """
 
-    def __init__(
-        self,
-        place: Callable[[str], Path],
-        changed: Callable[[Collection[str]], None],
-        models: Path | None = None,
-    ) -> None:
-        self._place, self._changed, self._models = place, changed, models
+    def __init__(self, place: Callable[[str, Job], Path], changed: Callable[[Collection[str]], None]) -> None:
+        self._place, self._changed = place, changed
         self._guard = threading.Condition()
-        self._work: dict[str, Work] = {}
-        """By key: those that wait, the one that runs, and those that have failed; in their order."""
+        self._entries: dict[str, dict[str, _Entry]] = {}
+        """By key and kind of job: those that wait, the one that runs, and what is told of those that have ended; in
+        their order."""
         self._closed = False
-        self._thread = threading.Thread(target=self._run, name="tcfit fits in the background")
+        self._thread = threading.Thread(target=self._run, name="tcfit works in the background")
         self._thread.start()
 
     def on(self, key: str) -> Work | None:
-        """What is done to a clip."""
-        return self._work.get(key)
+        """What is done to a clip: what goes on, or else comes next, or else has ended last."""
+        works = [entry.work for entry in list(self._entries.get(key, {}).values())]
+        going = [work for work in works if not work.ended]
+        return next((work for work in going if work != WAITING), None) or next(iter(going or works[-1:]), None)
 
     @property
     def busy(self) -> bool:
         """Whether anything waits or runs."""
-        return any(not work.ended for work in list(self._work.values()))
-
-    def add(self, keys: Iterable[str]) -> None:
-        """Fit them, after those that wait."""
         with self._guard:
-            new = [key for key in keys if key not in self._work or self._work[key].ended]
+            return any(not e.work.ended for of_key in self._entries.values() for e in of_key.values())
+
+    def add(self, keys: Iterable[str], job: Job) -> None:
+        """Do it to them, after those that wait."""
+        with self._guard:
+            new = [key for key in keys if self._is_new(key, job)]
             for key in new:
-                self._work.pop(key, None)  # to the end
-                self._work[key] = WAITING
+                others = {kind: e for kind, e in self._entries.get(key, {}).items() if not e.work.ended}
+                if not others:
+                    self._entries.pop(key, None)  # to the end
+                self._entries[key] = others | {job.kind: _Entry(job=job, work=WAITING)}
             self._guard.notify()
         self._changed(new)
 
+    def _is_new(self, key: str, job: Job) -> bool:
+        known = self._entries.get(key, {}).get(job.kind)
+        return known is None or bool(known.work.ended)
+
     def cancel(self, keys: Iterable[str]) -> None:
-        """Fit them not; what is told of those that failed is taken away."""
+        """Do nothing to them; what is told of those that have ended is taken away."""
         with self._guard:
-            gone = [key for key in keys if self._work.pop(key, None) is not None]
+            gone = [key for key in keys if self._entries.pop(key, None) is not None]
         self._changed(gone)
 
     def close(self) -> None:
-        """End the fit that runs, and begin no other."""
+        """End the job that runs, and begin no other."""
         with self._guard:
             self._closed = True
-            self._work.clear()
+            self._entries.clear()
             self._guard.notify()
         self._thread.join()
 
     def _run(self) -> None:
-        while (key := self._next()) is not None:
+        while (turn := self._next()) is not None:
+            key, job = turn
             try:
-                ended = self._fitted(key, self._place(key))
+                ended = self._done(key, job, self._place(key, job))
             except ValueError as error:
-                ended = Work(step=str(error), ended=True)
+                ended = Work(step=str(error), ended="failed")
             with self._guard:
-                if key in self._work:
-                    del self._work[key]
+                if self._is_on(key, job):
+                    del self._entries[key][job.kind]
                     if ended is not None:
-                        self._work[key] = ended
+                        self._entries[key][job.kind] = _Entry(job=job, work=ended)
+                    elif not self._entries[key]:
+                        del self._entries[key]
             self._changed([key])
 
-    def _next(self) -> str | None:
+    def _next(self) -> tuple[str, Job] | None:
         """The one whose turn it is; waits for it. None at the end."""
         with self._guard:
             while not self._closed:
-                for key, work in self._work.items():
-                    if not work.ended:
-                        self._work[key] = Work(step="Starting")
-                        return key
+                for key, of_key in self._entries.items():
+                    for kind, entry in of_key.items():
+                        if not entry.work.ended:
+                            of_key[kind] = _Entry(job=entry.job, work=Work(step="Starting"))
+                            return key, entry.job
                 self._guard.wait()
         return None
 
-    def _fitted(self, key: str, folder: Path) -> Work | None:
-        """Fit it; None if that went well, or was cancelled."""
-        from tcfit_app.home.fitting import serve  # torch's two seconds are not for the list
+    def _is_on(self, key: str, job: Job) -> bool:
+        """Whether it is still to be done."""
+        entry = self._entries.get(key, {}).get(job.kind)
+        return entry is not None and entry.job is job
 
+    def _done(self, key: str, job: Job, folder: Path) -> Work | None:
+        """Do it; what remains to be told, None if nothing does, or it was cancelled."""
         ours, theirs = child_processes.CONTEXT.Pipe()
-        process = child_processes.CONTEXT.Process(target=serve, args=(theirs, folder, self._models), daemon=True)
+        process = child_processes.CONTEXT.Process(target=jobs.serve, args=(theirs, folder, job), daemon=True)
         process.start()
         theirs.close()
         try:
             while True:
-                if key not in self._work:
+                if not self._is_on(key, job):
                     return None
                 if not wait([ours], _LOOK):
                     continue
@@ -112,12 +134,13 @@ class FitQueue:
                 if news is None or news.ended:
                     return news
                 with self._guard:
-                    if key in self._work:
-                        self._work[key] = news
+                    if self._is_on(key, job):
+                        self._entries[key][job.kind] = _Entry(job=job, work=news)
                 self._changed([key])
         except (EOFError, OSError):
             process.join()
-            return Work(step=f"Its process ended (exit code {process.exitcode}). Memory may have run out.", ended=True)
+            step = f"Its process ended (exit code {process.exitcode}). Memory may have run out."
+            return Work(step=step, ended="failed")
         finally:
             process.kill()
             process.join()

@@ -85,12 +85,8 @@ def import_run(
     fit, body, placed = imported_fit(path, project.clip, bodies, choices or ImportChoices(), source=source)
     goes_on()
     name, seen = name or name_of_file(_name(path.resolve())), project.last_edit
-    run = project.runs.start(fit.config, body=record_of(body), edits_seen=seen, kind="imported", name=name)
-    try:
-        return project.runs.finish(run.id, fit, summary={"source": source, "format": fit.pose_prior, "placed": placed})
-    except InputError as error:
-        project.runs.end(run.id, "failed", str(error))
-        raise
+    summary = {"source": source, "format": fit.pose_prior, "placed": placed}
+    return project.runs.add(fit, body=record_of(body), edits_seen=seen, summary=summary, kind="imported", name=name)
 
 
 def imported_fit(

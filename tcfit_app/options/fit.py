@@ -263,7 +263,7 @@ class ReviewOptions:
     """
 
     video: Annotated[Positional[Path | None], arg(metavar="PROJECT|VIDEO", help_behavior_hint="(optional)")] = None
-    """A project's folder, or that of a clip's people; or what `tcfit new` takes."""
+    """A project's folder, or that of a clip's people; a result of `tcfit fit`; or what `tcfit new` takes."""
     keypoints: Annotated[Path | None, shown("PATH", "keypoints/ of the SMPLify-X layout, or found in the video")] = None
     """For a new project. OpenPose JSON (a folder, or one file), COCO-WholeBody JSON, or a .pose file. none: a project
     of the video alone."""

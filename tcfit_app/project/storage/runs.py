@@ -154,6 +154,26 @@ class Runs:
         self._end(run, "finished", "", _summary(fit, summary))
         return self.get(run)
 
+    def add(
+        self,
+        fit: FitResult,
+        *,
+        body: BodyRecord,
+        edits_seen: int,
+        summary: dict[str, Any],
+        kind: RunKind = "fit",
+        given: Given = Given(),  # noqa: B008 - it is frozen
+        name: str = "",
+    ) -> Run:
+        """Store what was fitted elsewhere as a finished run; it is on disk when this returns, or listed as failed.
+        Arguments and errors as of `start` and `finish`."""
+        run = self.start(fit.config, body=body, edits_seen=edits_seen, kind=kind, given=given, name=name)
+        try:
+            return self.finish(run.id, fit, summary=summary)
+        except InputError as error:
+            self.end(run.id, "failed", str(error))
+            raise
+
     def amend(self, run: int, fit: FitResult, *, edits_seen: int) -> Run:
         """Update the result of a finished run of corrections; it is on disk when this returns. Raises InputError if it
         is not a finished run of corrections, or the project cannot be written."""

@@ -11,7 +11,7 @@ from fitting_core.motion import AXES, OWN_WORLD, Progress
 from tcfit_app.exports.exporting import content_of, file_name
 from tcfit_app.exports.motions import write_everybody
 from tcfit_app.exports.source import ExportedFit, ExportSource
-from tcfit_app.exports.table import EXPORTS, Export, Group, exports
+from tcfit_app.exports.table import AXES_CHOICES, EXPORTS, KEYS_CHOICES, KEYS_HINT, Export, Group, exports
 from tcfit_app.fitting.fits import Shown, phase_title
 from tcfit_app.project.frame_words import in_words, numbers
 from tcfit_app.review.gestures.actions import Gestures
@@ -39,15 +39,8 @@ from tcfit_app.review.tab.people import Someone
 from tcfit_app.review.tab.state import TabState
 
 Letter = Literal["A", "B"]
-_AXES = {"": "by format", "camera": "camera", "y-up": "y up", "z-up": "z up", OWN_WORLD: "calibration's"}
-"""The last of them only where the clip's camera has a calibrated world."""
 _FRAMES = {"all": False, "selected": True}
 """Whether only the selected frames are exported, by the button's value."""
-_KEYS = {"": None, "2": 0.002, "5": 0.005}
-"""How near joints must stay, metres, by the button's value."""
-_KEYS_HINT = (
-    "GLB only: drop keyframes as long as every joint, fingertip and toe stays this close to its full-rate position"
-)
 _EVERYBODY_HINT = (
     "All people of the clip in one GLB, in their places: A or B of each, as shown in this tab; y up, metres"
 )
@@ -62,7 +55,7 @@ class _Wishes:
     axes: str = ""
     """A name of AXES, or OWN_WORLD; empty: the format's default."""
     keys: str = ""
-    """Of _KEYS."""
+    """Of KEYS_CHOICES."""
 
 
 class ExportPanel:
@@ -88,8 +81,8 @@ class ExportPanel:
         tab.buttons.on("export.cancel", lambda _: self._stop())
         tab.buttons.on("export.side", lambda side: self._wish(side=side), one_of(get_args(Letter)))
         tab.buttons.on("export.frames", lambda on: self._wish(selected=on), _FRAMES.__getitem__)
-        tab.buttons.on("export.axes", lambda axes: self._wish(axes=axes), one_of(_AXES))
-        tab.buttons.on("export.keys", lambda keys: self._wish(keys=keys), one_of(_KEYS))
+        tab.buttons.on("export.axes", lambda axes: self._wish(axes=axes), one_of(AXES_CHOICES))
+        tab.buttons.on("export.keys", lambda keys: self._wish(keys=keys), one_of(KEYS_CHOICES))
 
     def _wish(self, **changes: object) -> None:
         self._wishes = replace(self._wishes, **changes)  # pyright: ignore[reportArgumentType]
@@ -148,7 +141,7 @@ class ExportPanel:
                 name=f"{name} {someone.name}",
                 chosen=fit,
                 known_clip=someone.session.project.clip,
-                keys_within=_KEYS[self._wishes.keys],
+                keys_within=KEYS_CHOICES[self._wishes.keys],
             )
             if (part := source.between(begin, end)) is None:
                 left_out.append(f"{someone.name} is not present in these frames")
@@ -197,7 +190,7 @@ class ExportPanel:
             known_clip=project.clip,
             project=tab.session.project.folder,
             axes=self._wishes.axes or None,
-            keys_within=_KEYS[self._wishes.keys],
+            keys_within=KEYS_CHOICES[self._wishes.keys],
             rig=self._own_rig.mapping,
         )
 
@@ -250,7 +243,7 @@ class ExportPanel:
         ]
         axes = [
             button(label, "export.axes", value, pressed=wishes.axes == value, hint=_axes_hint(value))
-            for value, label in _AXES.items()
+            for value, label in AXES_CHOICES.items()
             if value != OWN_WORLD or tab.session.project.footage.camera.world is not None
         ]
         keys = [
@@ -259,9 +252,9 @@ class ExportPanel:
                 "export.keys",
                 value,
                 pressed=wishes.keys == value,
-                hint=_KEYS_HINT,
+                hint=KEYS_HINT,
             )
-            for value in _KEYS
+            for value in KEYS_CHOICES
         ]
         return [
             heading("Files", "to this browser's downloads", first=True),

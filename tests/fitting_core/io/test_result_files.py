@@ -100,6 +100,9 @@ def test_round_trip(tmp_path: Path, result: Callable[..., Result], last_phase: i
     assert (stored.gender, stored.body_kind, stored.body_hash) == ("female", "smplx", body.hash)
     assert (stored.last_phase, stored.complete) == (last_phase, last_phase == 3)
     assert (stored.observed == fit.observed).all() and stored.provenance is None
+    assert stored.keypoints is not None and stored.detector == "mediapipe"
+    np.testing.assert_allclose(stored.keypoints.xy, clip.keypoints.xy, rtol=1e-6)
+    np.testing.assert_allclose(stored.keypoints.confidence, clip.keypoints.confidence, rtol=1e-6)
     assert np.allclose(stored.joints, Mesh(body, dtype=torch.float64).joints(fit.last.params).numpy(), atol=1e-9)
 
 

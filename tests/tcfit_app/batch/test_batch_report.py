@@ -13,15 +13,15 @@ import numpy as np
 import pytest
 
 from fitting_core.body.model import BodyModel
-from fitting_core.clips.options import CameraOptions, ClipOptions
 from fitting_core.config.schema import FitConfig
+from fitting_core.errors import InputError
 from tcfit_app.batch import report
 from tcfit_app.batch.fingerprint import Fingerprint
 from tcfit_app.batch.manifest import ClipTask
 from tcfit_app.batch.outcome import row_of
 from tcfit_app.batch.pictures import SIZE, suspects, write_picture
 from tcfit_app.batch.records import Figures, Record, picture_path
-from tcfit_app.batch.report import write_report
+from tcfit_app.batch.report import served_report, write_report
 from tcfit_app.cli.main import main
 from tcfit_app.fitting import child_processes
 from tcfit_app.options.fit import FitOptions
@@ -90,18 +90,24 @@ def test_a_batch_of_failures_alone_has_a_page(tmp_path: Path):
 
 
 def test_the_command_opens_the_result(tmp_path: Path):
-    (row,) = rows_of(page_of(tmp_path, {"a project": done()}, form="project"))
-    assert shlex.split(row["command"]) == ["tcfit", "review", str(tmp_path / "a project")]
-    fit = replace(task(tmp_path, "it's").fit, clip=ClipOptions(first_frame=3, image_size=(640, 480)))
-    fit = replace(fit, camera=CameraOptions(focal_length=800.0))
-    steps = report._command(replace(task(tmp_path, "it's"), fit=fit)).split(" && ")
-    made = str(tmp_path / "it's.tcfit")
-    assert [shlex.split(step)[1:3] for step in steps] == [["new", "--out"], ["import", made], ["review", made]]
-    given = shlex.split(steps[0])
-    assert given[3:] == [
-        made, "--keypoints", str(tmp_path / "keys of it's"), "--first-frame", "3", "--image-size", "640", "480",
-        "--focal-length", "800.0",
-    ]  # fmt: skip
+    (row,) = rows_of(page_of(tmp_path, {"it's a clip": done()}))
+    assert shlex.split(row["command"]) == ["tcfit", "review", str(tmp_path / "it's a clip")]
+
+
+def test_served_by_a_site_its_rows_lead_there_and_its_scripts_stay_out(tmp_path: Path):
+    page = page_of(tmp_path, {"a": done(), "b": failed("<b>no</b>")})
+    text = page.read_text(encoding="utf-8").replace("</body>", "<script>steal()</script></body>")
+    evil = text.replace('"href":"../a"', '"href":"javascript:steal()","picture":"http://example.org/x.jpg"')
+    for written, href in ((text, "/#0123"), (evil, None)):
+        page.write_text(written, encoding="utf-8")
+        served = served_report(page, {"../a": "/#0123"})
+        assert "steal" not in served and "example.org" not in served
+        page.write_text(served, encoding="utf-8")
+        rows = {row["clip"]: row for row in rows_of(page)}
+        assert rows["a"].get("href") == href and "command" not in rows["a"] and rows["b"]["why"] == "<b>no</b>"
+    page.write_text("<p>Another page", encoding="utf-8")
+    with pytest.raises(InputError, match="expected the report"):
+        served_report(page, {})
 
 
 def test_pictures_of_the_worst_are_within_the_page_and_others_beside_it(tmp_path: Path, monkeypatch):

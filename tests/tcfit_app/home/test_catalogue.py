@@ -18,7 +18,9 @@ from tcfit_app.project.project import Project
 from tcfit_app.project.storage.clip_review import reviewed
 from tcfit_app.project.storage.lock import Holder
 from tests.samples.media import write_video
+from tests.samples.people_projects import two_people
 from tests.samples.project_samples import sample_clip
+from tests.tcfit_app.conftest import FinishedRun
 from tests.tcfit_app.home.lists import folder_of_clips
 
 
@@ -90,20 +92,45 @@ def test_videos_are_listed_until_they_have_a_project(tmp_path: Path):
     assert [row.kind for row in rows] == ["project"] and gone == [entry.found.key]
 
 
-def test_results_are_listed(tmp_path: Path):
+def test_a_clip_is_listed_as_its_result_until_it_has_a_project(tmp_path: Path):
     folder = tmp_path / "fits" / "c000"
     folder.mkdir(parents=True)
     (folder / "fit.npz").write_bytes(b"x")
+    (tmp_path / "walk.mp4").write_bytes(b"x")
     summary = {
         "frames": 90,
         "frame_rate": 30.0,
         "reprojection_px": {"phase1": {"median": 9.0}, "phase3": {"median": 2.5}},
+        "video": "../../walk.mp4",
     }
     (folder / "summary.json").write_text(json.dumps(summary))
-    (row,) = Catalogue(tmp_path).refresh()[0]
+    catalogue = Catalogue(tmp_path)
+    (row,) = catalogue.refresh()[0]
     assert (row.kind, row.state, row.frames, row.seconds, row.error) == ("result", "fitted", 90, 3.0, 2.5)
     (folder / "summary.json").write_text("{")
-    assert "cannot be read" in Catalogue(tmp_path).refresh()[0][0].problem
+    result, video = catalogue.refresh()[0]
+    assert "cannot be read" in result.problem and video.kind == "video"
+    (folder / "summary.json").write_text(json.dumps(summary))
+    Project.create(tmp_path / "fits" / "c000.tcfit", sample_clip()).close()
+    assert row.key in catalogue.refresh()[1]
+    assert sorted(row.kind for row in catalogue.rows()) == ["project", "video"], "it has no video"
+
+
+def test_a_result_has_a_picture_of_its_keypoints(tmp_path: Path, finished: FinishedRun):
+    folder = Path(shutil.copytree(finished.folder, tmp_path / "wave"))
+    catalogue = Catalogue(tmp_path)
+    (row,) = catalogue.refresh()[0]
+    entry = catalogue.get(row.key)
+    assert entry is not None and picture_of(entry, catalogue).startswith(b"\xff\xd8")
+    assert sorted(path.name for path in folder.iterdir()) == sorted(path.name for path in finished.folder.iterdir())
+
+
+def test_the_people_of_a_clip_are_named_and_grouped(tmp_path: Path, free_body: BodyModel):
+    two_people(tmp_path / "duet", free_body)
+    rows = Catalogue(tmp_path).refresh()[0]
+    assert [(row.name, row.group) for row in rows] == [("talk - person 1", "duet"), ("talk - person 2", "duet")]
+    (tmp_path / "duet" / "people.json").write_text("{")
+    assert "people.json" in Catalogue(tmp_path).refresh()[0][0].problem
 
 
 def test_a_damaged_project_is_a_row_that_says_so(root: Path):

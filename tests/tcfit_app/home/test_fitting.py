@@ -3,14 +3,18 @@
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
 from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
+from fitting_core.io.keypoints.openpose import write_openpose
 from tcfit_app.home import fitting
+from tcfit_app.home.catalogue import Catalogue
 from tcfit_app.home.fitting import fit_project, make_project
+from tcfit_app.home.found import Found, find
 from tcfit_app.home.messages import Work
 from tcfit_app.imports.keypoint_jobs import FoundKeypoints
 from tcfit_app.project.glance import glance
@@ -51,7 +55,7 @@ def test_a_project_that_somebody_has_open_is_left_alone(tmp_path: Path, tiny_bod
 def test_a_video_gets_a_project_and_its_keypoints(
     tmp_path: Path, tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch
 ):
-    class Found:
+    class Detected:
         def __init__(self, **options: Any) -> None: ...
 
         def run(self, clip: Clip, report: Any) -> FoundKeypoints:
@@ -61,10 +65,10 @@ def test_a_video_gets_a_project_and_its_keypoints(
     def stop(*arguments: object, **options: object) -> None:
         raise InputError("far enough")
 
-    monkeypatch.setattr(fitting, "Detect", Found)
+    monkeypatch.setattr(fitting, "Detect", Detected)
     monkeypatch.setattr(fitting, "fit_events", stop)
     video, folder, told = write_video(tmp_path / "walk.mp4", frames=FRAMES), tmp_path / "walk.tcfit", list[Work]()
-    make_project(folder, video)
+    make_project(Found(key="0" * 12, path=video, place="walk.mp4", kind="video"))
     assert glance(folder).state == "new"
     with pytest.raises(InputError, match="far enough"):
         fit_project(folder, told.append)
@@ -74,9 +78,26 @@ def test_a_video_gets_a_project_and_its_keypoints(
     assert Work(step="Finding keypoints", share=0.4) in told
 
 
-def test_a_project_that_is_there_stays(tmp_path: Path, tiny_body: BodyModel):
-    folder = tmp_path / "walk.tcfit"
-    Project.create(folder, small_clip(tiny_body)).close()
-    make_project(folder, tmp_path / "missing.mp4")
-    with Project.open(folder) as project:
+def test_a_project_that_is_there_is_not_touched(tmp_path: Path, tiny_body: BodyModel):
+    video = write_video(tmp_path / "walk.mp4", frames=FRAMES)
+    Project.create(tmp_path / "walk.tcfit", small_clip(tiny_body)).close()
+    with pytest.raises(InputError, match=r"walk\.tcfit"):
+        make_project(Found(key="0" * 12, path=video, place="walk.mp4", kind="video"))
+    with Project.open(tmp_path / "walk.tcfit") as project:
         assert np.array_equal(project.detections.xy, small_clip(tiny_body).keypoints.xy)
+
+
+def test_images_in_smplify_xs_layout_bring_their_keypoints(tmp_path: Path):
+    keypoints = sample_keypoints(12)
+    write_openpose(tmp_path / "walk" / "keypoints", keypoints, name="walk")
+    names = sorted(path.stem.removesuffix("_keypoints") for path in (tmp_path / "walk" / "keypoints").iterdir())
+    (tmp_path / "walk" / "images").mkdir()
+    for name in names:
+        cv2.imwrite(str(tmp_path / "walk" / "images" / f"{name}.png"), np.zeros((480, 640, 3), np.uint8))
+    (found,) = find(tmp_path)
+    make_project(found)
+    with Project.open(tmp_path / "walk.tcfit") as project:
+        assert project.has_detections and len(project.clip) == 12
+        assert project.media.path is not None and project.media.path.samefile(tmp_path / "walk" / "images")
+    catalogue = Catalogue(tmp_path)
+    assert [(row.name, row.kind) for row in catalogue.refresh()[0]] == [("walk", "project")]

@@ -3,12 +3,15 @@
 import os
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
 from fitting_core.io.result_files import FIT_NAME, SUMMARY_NAME
 from tcfit_app.batch.records import FOLDER_SUFFIX
+from tcfit_app.batch.report import REPORT_HTML
 from tcfit_app.home import catalogue
-from tcfit_app.home.found import BATCH_SUFFIX, RESULT, find
+from tcfit_app.home.found import BATCH_SUFFIX, REPORT, RESULT, are_frames, find
 from tcfit_app.project.storage.database import NAME
 
 
@@ -39,6 +42,43 @@ def test_projects_results_and_videos_at_any_depth(tmp_path: Path):
     assert len({one.key for one in found}) == 3 and find(tmp_path) == found
 
 
+def frames(folder: Path, pattern: str, count: int = 12, size: int = 200) -> None:
+    folder.mkdir(parents=True)
+    for number in range(count):
+        cv2.imwrite(str(folder / pattern.format(number)), np.zeros((size, size, 3), np.uint8))
+
+
+def test_folders_of_frames_and_not_of_thumbnails_or_photos(tmp_path: Path):
+    frames(tmp_path / "a clip", "frame_{:04}.png")
+    frames(tmp_path / "layout" / "images", "{}.jpg")
+    touch(tmp_path / "layout" / "keypoints" / "0_keypoints.json")
+    frames(tmp_path / "thumbnails", "{:04}.jpg", size=120)
+    frames(tmp_path / "photos", "IMG_{:04}.jpg")
+    frames(tmp_path / "few", "{}.png", count=9)
+    found = find(tmp_path)
+    assert [(one.place, one.kind) for one in found] == [("a clip", "images"), ("layout", "images")]
+    assert [one.footage for one in found] == [tmp_path / "a clip", tmp_path / "layout" / "images"]
+    assert [one.project.name for one in found] == ["a clip.tcfit", "layout.tcfit"]
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        ([f"{i}.png" for i in range(10)], True),
+        ([f"walk-{i:05}.jpg" for i in range(100, 160, 2)], True),
+        ([f"{i}.png" for i in [*range(10), 400]], False),
+        ([f"{i}.png" for i in range(10)] + ["10.jpg"], False),
+        ([f"{i}.png" for i in range(10)] + ["mask.png"], False),
+        ([f"Screenshot ({i}).png" for i in range(20)], False),
+        ([f"IMG_20240101_12{i * i:04}.jpg" for i in range(20)], False),
+        ([f"DSCF{i:04}.JPG" for i in range(20)], False),
+        ([], False),
+    ],
+)
+def test_names_of_frames(names: list[str], expected: bool):
+    assert are_frames(names) is expected
+
+
 def test_links_are_not_followed(tmp_path: Path):
     outside = tmp_path / "outside"
     touch(outside / "one.tcfit" / NAME, outside / "walk.mp4")
@@ -62,3 +102,4 @@ def test_what_cannot_be_read_is_left_out(tmp_path: Path):
 
 def test_names_that_are_known_elsewhere_are_the_same():
     assert (RESULT, BATCH_SUFFIX, catalogue.SUMMARY) == (FIT_NAME, FOLDER_SUFFIX, SUMMARY_NAME)
+    assert REPORT == REPORT_HTML

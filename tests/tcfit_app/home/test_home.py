@@ -1,6 +1,7 @@
 """The list behind the gate, without a browser: what it sends, what it takes, and whom it refuses."""
 
 import http.client
+import shutil
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -17,7 +18,7 @@ from websockets.sync.connection import Connection
 
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
-from tcfit_app.cli.review_command import is_list, run_review
+from tcfit_app.cli.review_command import _of_result, is_list, run_review
 from tcfit_app.home.home import SOCKET, Home
 from tcfit_app.home.reviews import PATH
 from tcfit_app.options.fit import ReviewOptions
@@ -27,6 +28,7 @@ from tcfit_app.review.browser.channel import web_files
 from tcfit_app.server.gate import Entry
 from tcfit_app.server.serving import ReviewServer, review_server
 from tests.drivers.raw_tab import admitted
+from tests.tcfit_app.conftest import FinishedRun
 from tests.tcfit_app.home.lists import folder_of_clips
 
 PATIENCE = 60.0
@@ -159,8 +161,9 @@ def test_rows_pictures_approvals_and_notes(lab: Served):
         '{"type": "open", "key": "../../etc"}',
         '{"type": "delete", "key": "000000000000"}',
         '{"type": "note", "key": "000000000000", "text": "%s"}' % ("x" * 501),
+        '{"type": "export", "keys": [], "formats": ["glb"], "axes": "sideways"}',
     ],
-    ids=["no JSON", "no key", "a path", "unknown", "long"],
+    ids=["no JSON", "no key", "a path", "unknown", "long", "no axes"],
 )
 def test_what_no_page_sends_is_dropped_and_the_page_goes_on(message: str, lab: Served):
     with lab.socket() as page:
@@ -192,6 +195,57 @@ def test_a_review_is_open_while_somebody_looks_and_closed_after(lab: Served, mon
     lab.home.reviews.tidy()
     assert lab.home.reviews.project(key) is None
     Project.open(folder).close()
+
+
+def test_a_result_becomes_a_project_and_is_opened(tmp_path: Path, finished: FinishedRun):
+    root = tmp_path / "corpus"
+    folder = Path(shutil.copytree(finished.folder, root / "wave"))
+    with served(root) as lab, lab.socket() as page:
+        key = lab.key("wave")
+        send(page, type="open", key=key)
+        opened = received(page, "opened")["key"]
+        assert [row.kind for row in lab.home.catalogue.rows()] == ["project"] and opened == lab.key("wave.tcfit")
+        assert glance(root / "wave.tcfit").state == "fitted" and lab.home.reviews.project(opened) is not None
+        send(page, type="open", key=key)
+        assert "no longer there" in received(page, "told")["text"]
+    assert _of_result(folder) == root / "wave.tcfit", "which is there already"
+    assert not is_list(ReviewOptions(video=root / "wave.tcfit"))
+
+
+def test_clips_are_exported_in_the_background(lab: Served):
+    root = lab.home.catalogue.root
+    with lab.socket() as page:
+        send(page, type="formats")
+        assert "joints" in [choice["value"] for choice in received(page, "formats")["groups"]["Laboratory"]]
+        new, fitted = lab.key("a new.tcfit"), lab.key("set/d approved.tcfit")
+        send(page, type="export", keys=[new, fitted], formats=["joints"])
+        ends: dict[str, Any] = {}
+        while len(ends) < 2:
+            rows = received(page, "rows", lambda m: m["rows"])["rows"]
+            ends |= {row["key"]: row["work"] for row in rows if row.get("work", {}).get("ended")}
+        assert ends[fitted]["ended"] == "done" and "d approved.exports" in ends[fitted]["step"]
+        assert ends[new]["ended"] == "failed" and "no fit to export" in ends[new]["step"]
+        assert [path.suffix for path in (root / "set" / "d approved.exports").iterdir()] == [".csv"]
+        send(page, type="cancel", keys=[new, fitted])
+        received(page, "rows", lambda m: any(row["key"] == fitted and "work" not in row for row in m["rows"]))
+
+
+def test_a_batchs_report_is_linked_and_leads_back(lab: Served):
+    root = lab.home.catalogue.root
+    folder = root / "clips.batch"
+    folder.mkdir()
+    row = {"line": 2, "clip": "c", "state": "done", "href": "../set/c reviewed"}
+    script = f'<script type="application/json" id="rows">[{msgspec.json.encode(row).decode()}]</script>'
+    (folder / "report.html").write_text(script)
+    lab.home.look()
+    with lab.socket() as page:
+        (report,) = received(page, "reports")["reports"]
+    assert report["title"] == "clips"
+    status, text = lab.get(report["value"])
+    assert status == 200 and f'"/#{lab.key("set/c reviewed.tcfit")}"' in text
+    assert lab.get(report["value"], cookie="")[0] == 403 and lab.get("/report/000000000000")[0] == 404
+    (folder / "report.html").write_text("<p>")
+    assert "cannot be read" in lab.get(report["value"])[1]
 
 
 def test_those_who_signed_in_are_named(tmp_path: Path, free_body: BodyModel):

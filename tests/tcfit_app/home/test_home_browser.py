@@ -72,6 +72,29 @@ def test_by_keys_alone(tab: "Tab", lab: Served):
     until(lambda: glance(folder).state == "fitted")
 
 
+def test_exported_by_two_keys_with_the_formats_of_last_time(tab: "Tab", lab: Served):
+    folder = lab.home.catalogue.root / "set" / "d approved.exports"
+    tab.keyboard.press("End")
+    tab.keyboard.press("e")
+    tab.get_by_role("dialog", name="Export").wait_for()
+    for title in ("Character (GLB)", "SMPL-X (npz)", "Skeleton (BVH)"):
+        tab.get_by_label(title).uncheck()
+    assert tab.get_by_role("button", name="Export").last.is_disabled()
+    tab.get_by_label("Joints (CSV)").check()
+    tab.get_by_role("button", name="Export").last.click()
+    until(lambda: "Exported to d approved.exports" in tab.locator("tr.clip").last.inner_text())
+    assert [path.name for path in folder.iterdir()] == ["walk.joints.csv"]
+    (folder / "walk.joints.csv").unlink()
+    tab.keyboard.press("c")
+    until(lambda: "Exported" not in tab.locator("tr.clip").last.inner_text())
+    tab.keyboard.press("e")
+    tab.get_by_role("dialog", name="Export").wait_for()
+    tab.keyboard.press("Enter")
+    until(lambda: (folder / "walk.joints.csv").exists())
+    until(lambda: "Exported" in tab.locator("tr.clip").last.inner_text())
+    tab.keyboard.press("c")
+
+
 def test_opened_gone_through_and_back(tab: "Tab", lab: Served):
     first, second = lab.key("set/c reviewed.tcfit"), lab.key("set/d approved.tcfit")
     tab.locator(f"tr[data-key='{first}'] a").click()

@@ -7,23 +7,22 @@ from pathlib import Path
 
 import pytest
 
-from tcfit_app.home import fitting
-from tcfit_app.home.queue import WAITING, FitQueue
-from tests.tcfit_app.home.acted import acted
+from tcfit_app.home.jobs import Job
+from tcfit_app.home.messages import Work
+from tcfit_app.home.queue import WAITING, WorkQueue
+from tests.tcfit_app.home.acted import Acted, ActedAfterwards
 
 PATIENCE = 120.0
 
 
 @pytest.fixture
-def queue(monkeypatch: pytest.MonkeyPatch) -> Iterator[FitQueue]:
-    monkeypatch.setattr(fitting, "serve", acted)
-
-    def place(key: str) -> Path:
+def queue() -> Iterator[WorkQueue]:
+    def place(key: str, job: Job) -> Path:
         if key == "open":
             raise ValueError("anna has it open: fit it there.")
         return Path(key)
 
-    made = FitQueue(place, lambda keys: None)
+    made = WorkQueue(place, lambda keys: None)
     try:
         yield made
     finally:
@@ -37,13 +36,13 @@ def until(condition) -> None:
         time.sleep(0.02)
 
 
-def test_one_after_the_other_and_what_failed_says_why(queue: FitQueue):
-    queue.add(["fails", "open", "dies", "good"])
+def test_one_after_the_other_and_what_failed_says_why(queue: WorkQueue):
+    queue.add(["fails", "open", "dies", "good"], Acted())
     assert queue.on("good") == WAITING and queue.busy
     until(lambda: not queue.busy)
     assert queue.on("good") is None
     ends = [queue.on(key) for key in ("fails", "open", "dies")]
-    assert all(end is not None and end.ended for end in ends)
+    assert all(end is not None and end.ended == "failed" for end in ends)
     assert [end.step.partition(" (")[0] for end in ends if end] == [
         "Nobody was found.",
         "anna has it open: fit it there.",
@@ -53,18 +52,28 @@ def test_one_after_the_other_and_what_failed_says_why(queue: FitQueue):
     assert queue.on("fails") is None
 
 
-def test_the_one_that_runs_can_be_cancelled_and_the_next_begins(queue: FitQueue):
-    queue.add(["hangs", "good"])
+def test_the_one_that_runs_can_be_cancelled_and_the_next_begins(queue: WorkQueue):
+    queue.add(["hangs", "good"], Acted())
     until(lambda: (work := queue.on("hangs")) is not None and work.share == 0.5)
     queue.cancel(["hangs"])
     until(lambda: not queue.busy)
     assert queue.on("hangs") is None
 
 
-def test_its_end_stops_what_runs(queue: FitQueue):
-    queue.add(["hangs", "good"])
+def test_its_end_stops_what_runs(queue: WorkQueue):
+    queue.add(["hangs", "good"], Acted())
     until(lambda: (work := queue.on("hangs")) is not None and work.share == 0.5)
     begun = time.monotonic()
     queue.close()
     assert time.monotonic() - begun < 10 and not queue.busy
-    assert not [thread for thread in threading.enumerate() if thread.name == "tcfit fits in the background"]
+    assert not [thread for thread in threading.enumerate() if thread.name == "tcfit works in the background"]
+
+
+def test_a_clip_waits_for_one_job_of_each_kind_in_their_order(queue: WorkQueue):
+    queue.add(["hangs", "says"], Acted())
+    queue.add(["hangs", "says"], ActedAfterwards())
+    queue.add(["says"], Acted())
+    until(lambda: (work := queue.on("hangs")) is not None and work.share == 0.5)
+    queue.cancel(["hangs"])
+    until(lambda: not queue.busy)
+    assert queue.on("hangs") is None and queue.on("says") == Work(step="Said", ended="done")

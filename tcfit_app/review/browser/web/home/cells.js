@@ -3,11 +3,11 @@
 import { element } from "../element.js";
 
 /**
- * @typedef {{ step: string, share?: number, ended?: boolean }} Work
- * @typedef {{ key: string, name: string, place: string, kind: "project" | "result" | "video", state?: State,
- *   frames?: number, seconds?: number, score?: number, left?: number, words?: string, frame?: number, error?: number,
- *   reviewer?: string, spent?: number, altered?: boolean, note?: string, notes?: number, busy?: string, work?: Work,
- *   problem?: string }} Row
+ * @typedef {{ step: string, share?: number, ended?: "failed" | "done" }} Work
+ * @typedef {{ key: string, name: string, place: string, group?: string,
+ *   kind: "project" | "result" | "video" | "images", state?: State, frames?: number, seconds?: number,
+ *   score?: number, left?: number, words?: string, frame?: number, error?: number, reviewer?: string, spent?: number,
+ *   altered?: boolean, note?: string, notes?: number, busy?: string, work?: Work, problem?: string }} Row
  * @typedef {"new" | "fitted" | "in review" | "approved"} State
  * @typedef {{ title: string, name: string, number?: boolean, order?: (row: Row) => string | number | undefined,
  *   fill?: (cell: HTMLElement, row: Row) => void }} Column
@@ -32,8 +32,7 @@ export const stateOf = (row) => row.state ?? "new";
 /** @param {HTMLElement} cell @param {Row} row */
 function name(cell, row) {
   const box = element("div", "", cell);
-  if (row.kind === "result") element("div", "one score", box, row.name);
-  else element("a", "", element("div", "one", box), row.name).href = `/clip/${row.key}`;
+  element("a", "", element("div", "one", box), row.name).href = `/clip/${row.key}`;
   element("div", "one dim", box, row.kind === "project" ? row.place : `${row.kind} · ${row.place}`);
   cell.title = row.place;
 }
@@ -61,7 +60,7 @@ function state(cell, row) {
   }
   const word = stateOf(row);
   element("div", `one badge ${word === "in review" ? "review" : word}`, box, word[0].toUpperCase() + word.slice(1));
-  if (work) element("div", "two wrong dim", box, work.step);
+  if (work) element("div", work.ended === "failed" ? "two wrong dim" : "two dim", box, work.step);
   else if (row.altered) element("div", "one dim", box, "changed since approved");
   else if (row.notes) element("div", "one dim", box, some(row.notes, "note") + " on frames");
   if (work) cell.title = work.step;

@@ -5,6 +5,7 @@ import { ORDER } from "../order.js";
 import { PANEL_SHEET } from "../style.js";
 import { THEME_SHEET } from "../theme.js";
 import { COLUMNS, STATES, stateOf } from "./cells.js";
+import { ExportWindow } from "./export_window.js";
 import { LIST_SHEET } from "./sheet.js";
 import { Table } from "./table.js";
 
@@ -36,6 +37,8 @@ let arrived = false;
 
 const header = element("header", "tcfit-panel", document.body);
 header.append(/** @type {HTMLElement} */ (document.getElementById("title")));
+const reports = element("nav", "", header);
+reports.setAttribute("aria-label", "Reports of batches");
 const filters = element("div", "tcfit-joined", header);
 filters.setAttribute("role", "group");
 filters.setAttribute("aria-label", "Show clips that are");
@@ -44,8 +47,6 @@ search.type = "search";
 search.placeholder = "Search (/)";
 search.setAttribute("aria-label", "Search names, folders, reviewers, notes and findings");
 search.value = kept.text;
-const told = element("span", "tcfit-told", header);
-told.setAttribute("role", "status");
 /** @param {string} label @param {string} key @param {string} hint @param {() => void} run @param {string} [kind] */
 function action(label, key, hint, run, kind = "") {
   const button = element("button", kind, header, label);
@@ -58,19 +59,26 @@ function action(label, key, hint, run, kind = "") {
 const buttons = {
   open: action("Open", "Enter", "Review the clip", () => openCurrent(), "tcfit-main"),
   fit: action("Fit", "F", "Find keypoints where there are none, and fit, one clip after the other", () => fit()),
+  export: action("Export", "E", "Choose formats, and write the fits beside the projects, one clip after the other",
+    () => askExport()),
   approve: action("Approve", "A", "Say that it is done, or take that back", () => approve()),
-  cancel: action("Cancel", "C", "Not fit them; take away what is told of those that failed", () => cancel()),
+  cancel: action("Cancel", "C", "Not fit or export them; take away what is told of those that have ended",
+    () => cancel()),
 };
 const main = element("main", "", document.body);
 const nothing = element("p", "nothing", main);
 const footer = element("footer", "", document.body);
+const keysTold = element("span", "keys", footer);
+const told = element("span", "told", footer);
+told.setAttribute("role", "status");
 const KEYS_TOLD = [
-  ["↑ ↓", "go"], ["Space", "select"], ["Ctrl+A", "select all"], ["N", "note"], ["Esc", "select none"],
+  ["↑ ↓", "go"], ["Space", "select"], ["Ctrl+A", "select all"], ["G", "select the people of a clip"],
+  ["Esc", "select none"], ["N", "note"],
   ["PageDown PageUp", "next and previous clip, in a clip"],
 ];
 for (const [keys, what] of KEYS_TOLD) {
-  element("kbd", "", footer, keys);
-  footer.append(` ${what}   `);
+  element("kbd", "", keysTold, keys);
+  keysTold.append(` ${what}   `);
 }
 const alert = element("div", "alert tcfit-panel", document.body);
 alert.setAttribute("role", "alert");
@@ -173,14 +181,14 @@ function chosen() {
 function drawButtons() {
   const about = chosen();
   const going = [...rows.values()].filter((row) => row.work && !row.work.ended).length;
-  buttons.open.disabled = !about.length || about[0].kind === "result";
-  buttons.fit.disabled = !about.some((row) => row.kind !== "result");
+  buttons.open.disabled = buttons.fit.disabled = !about.length;
+  buttons.export.disabled = !exportable().length;
   buttons.approve.disabled = !about.some((row) => row.kind === "project" && stateOf(row) !== "new");
   buttons.cancel.disabled = !about.some((row) => row.work);
   const off = about.length > 0 && about.every((row) => stateOf(row) === "approved");
   const label = buttons.approve.firstChild;
   if (label) label.textContent = off ? "Not approved after all" : "Approve";
-  const parts = [selected.size ? `${selected.size} selected` : "", going ? `${going} to fit` : ""];
+  const parts = [selected.size ? `${selected.size} selected` : "", going ? `${going} in the queue` : ""];
   told.textContent = parts.filter(Boolean).join(" · ");
 }
 
@@ -197,7 +205,7 @@ function keep() {
 /** @param {string} [key] */
 function openCurrent(key) {
   const row = rows.get(key ?? chosen()[0]?.key ?? "");
-  if (!row || row.kind === "result") return;
+  if (!row) return;
   kept.current = row.key;
   drawNow();
   told.textContent = `Opening ${row.name} …`;
@@ -205,8 +213,22 @@ function openCurrent(key) {
 }
 
 function fit() {
-  send({ type: "fit", keys: chosen().filter((row) => row.kind !== "result").map((row) => row.key) });
+  send({ type: "fit", keys: chosen().map((row) => row.key) });
 }
+
+/** Of the chosen clips those that may have a fit. */
+const exportable = () => chosen().filter((row) => ["project", "result"].includes(row.kind));
+
+function askExport() {
+  if (!exportable().length) return;
+  told.textContent = "Looking which formats there are …";
+  send({ type: "formats" });
+}
+
+const exportWindow = new ExportWindow({
+  begin: (wishes) => send({ type: "export", keys: exportable().map((row) => row.key), ...wishes }),
+  closed: () => table.focus(),
+});
 
 function approve() {
   const about = chosen().filter((row) => row.kind === "project");
@@ -300,6 +322,7 @@ const KEYS = {
     drawNow();
   },
   "/": () => search.focus(),
+  e: () => askExport(),
   f: () => fit(),
   a: (event) => {
     if (!event.ctrlKey && !event.metaKey) return approve();
@@ -307,6 +330,11 @@ const KEYS = {
     drawNow();
   },
   c: () => cancel(),
+  g: () => {
+    const group = rows.get(kept.current ?? "")?.group;
+    for (const row of shown) if (group && row.group === group) selected.add(row.key);
+    drawNow();
+  },
   n: () => {
     const row = rows.get(kept.current ?? "");
     if (row?.kind === "project") askNote(row);
@@ -315,7 +343,7 @@ const KEYS = {
 
 window.addEventListener("keydown", (event) => {
   const target = /** @type {Element} */ (event.target);
-  if (event.isComposing || event.altKey || noteWindow.open) return;
+  if (event.isComposing || event.altKey || document.querySelector("dialog[open]")) return;
   if (target === search) {
     if (event.key === "Escape") search.value = kept.text = "";
     if (["Escape", "Enter", "ArrowDown"].includes(event.key)) {
@@ -353,12 +381,24 @@ function take(message) {
   if (message.type === "rows") takeRows(message);
   else if (message.type === "picture") table.take(message.key, message.data);
   else if (message.type === "told") tell(message.text);
+  else if (message.type === "reports") showReports(message.reports);
+  else if (message.type === "formats" && exportable().length) exportWindow.open(message, exportable());
   else if (message.type === "opened") {
     kept.current = message.key;
     keep();
     location.assign(`/clip/${message.key}`);
   }
-  if (message.type === "told") drawButtons();
+  if (["told", "formats"].includes(message.type)) drawButtons();
+}
+
+/** @param {{ value: string, title: string }[]} found */
+function showReports(found) {
+  reports.replaceChildren(...found.map(({ value, title }) => {
+    const link = element("a", "", null, found.length > 1 ? `Report ${title}` : "Report");
+    link.href = value;
+    link.title = `The report of the batch ${title}`;
+    return link;
+  }));
 }
 
 /** @param {{ rows: Row[], gone?: string[], whole?: boolean }} message */

@@ -13,14 +13,16 @@ header.tcfit-panel { display: flex; flex-wrap: wrap; align-items: center; gap: 8
   border-bottom: 1px solid var(--tcfit-rule); }
 h1 { flex: none; max-width: 30vw; margin: 0 6px 0 0; font-size: 18px; font-weight: 600; color: var(--tcfit-strong);
   overflow: hidden; text-overflow: ellipsis; white-space: nowrap; }
+header nav { display: flex; gap: 12px; max-width: 30vw; overflow: hidden; white-space: nowrap; }
+header nav:empty { display: none; }
+header nav a { color: var(--tcfit-text); }
 header.tcfit-panel button { flex: none; height: 30px; padding: 0 12px; }
 header .tcfit-joined { flex: none; flex-wrap: nowrap; }
 header .tcfit-joined button { padding: 0 10px; }
 header .tcfit-joined b { margin-left: 6px; font-weight: 400; color: var(--tcfit-dim); }
 header .tcfit-joined button[aria-pressed=true] b { color: #fff; }
-header input { flex: 1 1 160px; min-width: 120px; max-width: 320px; height: 28px; padding: 0 10px; border: 1px solid var(--tcfit-edge);
+header input { flex: 1 1 120px; min-width: 100px; max-width: 320px; margin-right: auto; height: 28px; padding: 0 10px; border: 1px solid var(--tcfit-edge);
   border-radius: 4px; background: var(--tcfit-field); color: var(--tcfit-text); font: inherit; }
-header .tcfit-told { flex: 1 1 auto; text-align: right; color: var(--tcfit-dim); white-space: nowrap; }
 :is(input, a, button, tr, dialog):focus-visible { outline: 2px solid #288cdc; outline-offset: 1px; }
 tr:focus-visible { outline-offset: -2px; }
 main { flex: 1 1 0; min-height: 0; overflow: auto; scrollbar-gutter: stable; }
@@ -62,8 +64,10 @@ ${Object.entries(STATE_COLORS).map(([state, color]) => `.badge.${state} { --dot:
 .track { height: 4px; margin-top: 5px; border-radius: 2px; background: var(--tcfit-rule); overflow: hidden; }
 .track > div { height: 100%; background: #288cdc; transition: width 0.3s; }
 .nothing { margin: 12vh auto 0; max-width: 34em; padding: 0 20px; text-align: center; color: var(--tcfit-dim); }
-footer { padding: 7px 18px; border-top: 1px solid var(--tcfit-rule); font-size: 13px; color: var(--tcfit-dim);
-  overflow: hidden; text-overflow: ellipsis; white-space: nowrap; }
+footer { display: flex; gap: 24px; padding: 7px 18px; border-top: 1px solid var(--tcfit-rule); font-size: 13px;
+  color: var(--tcfit-dim); white-space: nowrap; }
+footer .keys { flex: 1; overflow: hidden; text-overflow: ellipsis; }
+footer .told { color: var(--tcfit-text); }
 footer kbd { font: inherit; color: var(--tcfit-key); font-weight: 600; }
 .alert { position: fixed; right: 24px; bottom: 48px; z-index: 3; display: flex; gap: 14px; align-items: flex-start; max-width: 460px;
   padding: 14px 16px; border-radius: 8px; background: var(--tcfit-menu); border: 1px solid var(--tcfit-edge);
@@ -72,8 +76,20 @@ footer kbd { font: inherit; color: var(--tcfit-key); font-weight: 600; }
 dialog { width: min(460px, 90vw); padding: 18px 20px; border: 1px solid var(--tcfit-edge); border-radius: 10px;
   background: var(--tcfit-menu); color: var(--tcfit-text); }
 dialog::backdrop { background: rgba(0, 0, 0, 0.45); }
+dialog.wide { width: min(840px, 92vw); }
+dialog h2 { margin: 0 0 12px; font-size: 16px; font-weight: 600; color: var(--tcfit-strong); }
+dialog .group { display: flex; gap: 12px; padding: 5px 0; }
+dialog .group > .dim { flex: 0 0 90px; margin: 0; line-height: 22px; }
+dialog .choices { flex: 1; display: grid; grid-template-columns: repeat(4, 1fr); gap: 2px 12px; }
+dialog .choices label { display: flex; gap: 7px; align-items: center; min-height: 22px; margin: 0; font-weight: 400; }
+dialog .choices input { margin: 0; }
+dialog .dim { margin: 6px 0 0; font-size: 13px; color: var(--tcfit-dim); }
+dialog select { flex: 1; min-width: 0; height: 28px; border: 1px solid var(--tcfit-edge); border-radius: 4px;
+  background: var(--tcfit-field); color: var(--tcfit-text); font: inherit; }
+@media (max-width: 800px) { dialog .choices { grid-template-columns: repeat(2, 1fr); } }
+dialog :is(input[type=checkbox], select):focus-visible { outline: 2px solid #288cdc; outline-offset: 1px; }
 dialog label { display: block; margin-bottom: 8px; font-weight: 600; }
-dialog input { box-sizing: border-box; width: 100%; height: 32px; padding: 0 10px; border: 1px solid var(--tcfit-edge); border-radius: 4px;
+dialog input:not([type=checkbox]) { box-sizing: border-box; width: 100%; height: 32px; padding: 0 10px; border: 1px solid var(--tcfit-edge); border-radius: 4px;
   background: var(--tcfit-field); color: var(--tcfit-text); font: inherit; }
 dialog .buttons { display: flex; justify-content: flex-end; gap: 8px; margin-top: 14px; padding: 0; }
 dialog .buttons button { flex: none; height: 30px; padding: 0 16px; }

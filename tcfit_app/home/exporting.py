@@ -1,0 +1,77 @@
+"""Exports of a clip of the list, into a folder beside its project."""
+
+from pathlib import Path
+from typing import Any, get_args
+
+import torch
+
+from fitting_core.errors import InputError
+from fitting_core.motion import OWN_WORLD
+from tcfit_app.exports.exporting import write_export
+from tcfit_app.exports.from_path import formats_of, source_of, target
+from tcfit_app.exports.table import AXES_CHOICES, DEFAULTS, KEYS_CHOICES, KEYS_HINT, Group, exports
+from tcfit_app.home.found import exports_beside
+from tcfit_app.home.messages import Choice, Formats, Report, Work
+from tcfit_app.options.export import ExportOptions
+
+
+def offered() -> Formats:
+    """What a page can choose from. Formats for a rig of the user's need its file, and what only some clips have is not
+    offered."""
+    groups: dict[Group, list[Choice]] = {group: [] for group in get_args(Group)}
+    for name, export in exports().items():
+        if not export.own_rig:
+            missing = export.missing()
+            choice = Choice(value=name, title=export.title, hint=missing or export.hint, missing=bool(missing))
+            groups[export.group].append(choice)
+    axes = [Choice(value=value, title=title) for value, title in AXES_CHOICES.items() if value != OWN_WORLD]
+    keyframes = [Choice(value=v, title=f"within {v} mm" if v else "all", hint=KEYS_HINT) for v in KEYS_CHOICES]
+    some = {group: choices for group, choices in groups.items() if choices}
+    return Formats(groups=some, axes=axes, keyframes=keyframes, chosen=list(DEFAULTS))
+
+
+def export_project(
+    folder: Path,
+    report: Report,
+    *,
+    formats: tuple[str, ...],
+    axes: str = "",
+    keyframes: str = "",
+    models: Path | None = None,
+) -> str:
+    """Write the newest fit and keypoints of a project; files of the same names are replaced.
+
+    Args:
+        folder: Of the project.
+        report: Is told how far it is.
+        formats: Of `exports`.
+        axes: Of AXES_CHOICES.
+        keyframes: Of KEYS_CHOICES.
+        models: Folder of body models.
+
+    Returns:
+        What was written where, for the user.
+
+    Raises:
+        InputError: There is nothing to export, or it cannot be written; formats that were whole by then stay.
+    """
+    torch.set_num_threads(1)  # reviewers use this computer too
+    out, names = exports_beside(folder), formats_of(formats)
+    wished: dict[str, Any] = {"axes": axes or None, "keys": float(keyframes) if keyframes else None}
+    options = ExportOptions(path=folder, out=out, overwrite=True, models=models, **wished)
+    told: list[str] = []
+    with source_of(folder, options) as source:
+        paths = {name: target(name, source, options) for name in names}
+        for done, (name, path) in enumerate(paths.items()):
+            export = exports()[name]
+
+            def advance(share: float, step: str = f"Exporting: {export.title}", before: int = done) -> None:
+                report(Work(step=step, share=(before + share) / len(paths)))
+
+            try:
+                out.mkdir(exist_ok=True)
+                note = write_export(export, source, path, advance, zipped=False)
+            except OSError as error:
+                raise InputError(f"{path}: cannot be written ({error.strerror or error}). Free space.") from error
+            told += [f"{path.name}: {note}"] * bool(note)
+    return ". ".join([f"Exported to {out.name}", *told])

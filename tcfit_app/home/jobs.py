@@ -1,0 +1,107 @@
+"""What is done to clips in the background, in a process of its own: whatever happens to it, the list and the reviews go
+on, and it can be stopped at any moment. What it has stored by then stays."""
+
+import logging
+import time
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import ClassVar, Protocol
+
+from fitting_core.errors import InputError
+from tcfit_app.fitting import child_processes
+from tcfit_app.home.messages import Report, Work
+
+_BETWEEN = 0.5
+"""Seconds."""
+
+
+class Job(Protocol):
+    """Is sent to the process."""
+
+    kind: ClassVar[str]
+    """A clip waits for one job of a kind at most."""
+    writes: ClassVar[bool]
+    """Whether it writes into the project, which nobody may have open then."""
+
+    def run(self, folder: Path, report: Report) -> str:
+        """Do it, in the process.
+
+        Args:
+            folder: Of the project.
+            report: Is told how far it is.
+
+        Returns:
+            What remains to be told when it has been done; empty: nothing.
+
+        Raises:
+            InputError: It cannot be done.
+        """
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitJob:
+    """Find keypoints where there are none, and fit."""
+
+    kind: ClassVar[str] = "fit"
+    writes: ClassVar[bool] = True
+    models: Path | None = None
+    """Folder of body models."""
+
+    def run(self, folder: Path, report: Report) -> str:
+        """See `Job.run`."""
+        from tcfit_app.home.fitting import fit_project  # torch's two seconds are not for the list
+
+        fit_project(folder, report, models=self.models)
+        return ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportJob:
+    """Write the last fit for other programs."""
+
+    kind: ClassVar[str] = "export"
+    writes: ClassVar[bool] = False
+    formats: tuple[str, ...]
+    axes: str = ""
+    """Of AXES_CHOICES."""
+    keyframes: str = ""
+    """Of KEYS_CHOICES."""
+    models: Path | None = None
+    """Folder of body models."""
+
+    def run(self, folder: Path, report: Report) -> str:
+        """See `Job.run`."""
+        from tcfit_app.home.exporting import export_project
+
+        return export_project(
+            folder, report, formats=self.formats, axes=self.axes, keyframes=self.keyframes, models=self.models
+        )
+
+
+def serve(pipe: Connection, folder: Path, job: Job) -> None:
+    """What the process does: it sends `Work` through the pipe, and at its end None, or one that has ended."""
+    child_processes.end_with_parent()
+    try:
+        said = job.run(folder, _seldom(pipe.send))
+        pipe.send(Work(step=said, ended="done") if said else None)
+    except InputError as error:
+        pipe.send(Work(step=str(error), ended="failed"))
+    except Exception as error:
+        logging.getLogger(__name__).exception("%s: the %s went wrong", folder, job.kind)
+        step = f"{type(error).__name__}: {error}. tcfit's terminal has the details."
+        pipe.send(Work(step=step, ended="failed"))
+
+
+def _seldom(report: Report) -> Report:
+    """The same, told of a step that goes on twice a second."""
+    step, told = "", 0.0
+
+    def seldom(work: Work) -> None:
+        nonlocal step, told
+        if work.step != step or time.monotonic() > told + _BETWEEN:
+            step, told = work.step, time.monotonic()
+            report(work)
+
+    return seldom
