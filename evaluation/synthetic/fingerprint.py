@@ -8,6 +8,7 @@ _SOURCES = (
     "evaluation/synthetic/**/*.py",
     "fitting_core/*.py",
     "fitting_core/body/**/*.py",
+    "fitting_core/config/choices.py",
     "fitting_core/files/**/*.py",
     "fitting_core/io/truth.py",
     "fitting_core/render/rasterize.py",

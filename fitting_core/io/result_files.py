@@ -62,7 +62,7 @@ from fitting_core.io.summary import summary
 from fitting_core.keypoints import COUNT, Keypoints
 from fitting_core.motion import Motion
 from fitting_core.results.error_bars import ErrorBars, error_bar_arrays, error_bars_from
-from fitting_core.results.fit_result import FitResult
+from fitting_core.results.fit_result import FitResult, stopped_note
 from fitting_core.results.provenance import STARTS, STOPS, Provenance
 
 FIT_NAME, SUMMARY_NAME, OVERLAY_NAME = "fit.npz", "summary.json", "overlay.mp4"
@@ -171,11 +171,6 @@ def video_of(folder: Path) -> Path | None:
         return path if path.exists() else None
     except (OSError, ValueError, KeyError, TypeError, InputError):  # of an earlier version, or not ours
         return None
-
-
-def stopped_note(phase: int) -> str:
-    """About a fit of which this was the last phase that finished, for users."""
-    return f"This fit was stopped, and is only what phase {phase} found. Fit the clip again for a finished result."
 
 
 def is_result(folder: Path) -> bool:

@@ -59,3 +59,8 @@ class FitResult:
     def phase(self, number: int) -> PhaseResult | None:
         """The result of a phase, if it finished."""
         return next((p for p in self.phases if p.phase == number), None)
+
+
+def stopped_note(phase: int) -> str:
+    """About a fit of which this was the last phase that finished, for users."""
+    return f"This fit was stopped, and is only what phase {phase} found. Fit the clip again for a finished result."

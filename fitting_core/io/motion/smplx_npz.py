@@ -29,8 +29,8 @@ from fitting_core.errors import InputError, some_of
 from fitting_core.files.npz import read_npz
 from fitting_core.io.motion.animation_npz import POSE_KEYS
 from fitting_core.io.motion.imported_motion import ImportedMotion, body_params
-from fitting_core.io.result_files import stopped_note
 from fitting_core.motion import AXES
+from fitting_core.results.fit_result import stopped_note
 
 _ADVICE = "Expected an npz of AMASS, of the SMPL-X Blender add-on or of tcfit, with 'poses' and 'trans'"
 _GIVEN = ("root_orient", "pose_body")
