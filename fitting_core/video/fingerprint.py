@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from fitting_core.errors import InputError
+from fitting_core.files.regular import regular_file
 from fitting_core.video.frame_names import natural_key
 
 _BLOCK = 1 << 20
@@ -47,7 +48,7 @@ def visible_files(folder: Path) -> list[Path]:
 
 
 def _add_blocks(digest: "hashlib._Hash", file: Path) -> None:
-    with file.open("rb") as stream:
+    with regular_file(file, most=None).open("rb") as stream:
         size = os.fstat(stream.fileno()).st_size
         digest.update(str(size).encode())
         for start in (0, (size - _BLOCK) // 2, size - _BLOCK):
