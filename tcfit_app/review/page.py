@@ -74,6 +74,7 @@ class Page:
         browser.scene.rings.turned = lambda *turned: self.tab.do(lambda: self.gestures.turning.take(*turned))
         browser.show_first_steps = lambda: browser.channel.ask("hints", first_steps())
         self.tab.channel.send("skeleton", SKELETON)
+        self._send_keys()
 
     def come_from(self, other: "Page") -> None:
         """Replace another person's page in the same tab."""
@@ -240,10 +241,13 @@ class Page:
 
     def _draw_keys(self) -> None:
         self._key_window.draw()
-        self.tab.channel.send("keys", self.tab.once("keys", bindings(), lambda: Keys(bindings=bindings())))
+        self._send_keys()
         for name, command in self.tab.browser.commands.items():
             if command.description != (key_text(name) or None):
                 command.description = key_text(name) or None
+
+    def _send_keys(self) -> None:
+        self.tab.channel.send("keys", self.tab.once("keys", bindings(), lambda: Keys(bindings=bindings())))
 
     def _draw_menus(self) -> None:
         self.tab.channel.send("frame_menus", frame_menus(self.gestures))
