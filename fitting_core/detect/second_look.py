@@ -106,7 +106,7 @@ class _SecondLook:
             return max(hands, key=lambda hand: hand.score, default=None)
         if body is None:
             return None
-        squares = self._finder.candidates(image, body, side, palms=True)
+        squares = self._finder.candidates(image, body, side)
         hands = self._finder.hands_at(image, squares, least=_LEAST_HAND)
         best = max(hands, key=lambda hand: worth_of(hand, side, body), default=None)
         return best if best is not None and worth_of(best, side, body) > 0 else None

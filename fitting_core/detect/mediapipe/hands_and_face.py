@@ -29,9 +29,9 @@ _REACH = 0.06
 its hand."""
 _MARGIN = 0.05
 """Sides of the body's square by which a wrist may be outside the image while its hand is looked for."""
-_PALMS_EVERY = 3
-"""Frames between two searches for the palm of a hand that was not there in the frame before: they take most of the
-time where hands are out of sight."""
+_SEARCH_EVERY = 3
+"""Frames between two searches for a hand that was not there in the frame before, or is not seen well: they take most
+of the time where hands are out of sight, and what they find is followed forwards and backwards."""
 _ROOM = 0.35
 """Least side, in sides of the body's square, in which a palm is searched for."""
 
@@ -66,7 +66,7 @@ class PartsFinder:
             t: The frame's number.
         """
         return SeenParts(
-            hands=self._find_hands(image, body, before or SeenParts(), t),
+            hands=self._find_hands(image, body, before or SeenParts(), search=before is None or t % _SEARCH_EVERY == 0),
             face=self._find_face(image, body, before.face if before else None),
         )
 
@@ -75,7 +75,7 @@ class PartsFinder:
         near = [
             hand.next_square
             for side in _weak(seen.hands)
-            if (hand := after.hands[side]) is not None and hand.score > _FOUND
+            if (hand := after.hands[side]) is not None and hand.score > max(_FOUND, _score(seen.hands[side]))
         ]
         if near:
             own = [hand for hand in seen.hands.values() if hand is not None]
@@ -83,26 +83,25 @@ class PartsFinder:
         if seen.face is None and after.face is not None:
             seen.face = self._face.find(image, [after.face.next_square])
 
-    def _find_hands(self, image: Image, body: Body, before: SeenParts, t: int) -> dict[Side, Hand | None]:
+    def _find_hands(self, image: Image, body: Body, before: SeenParts, *, search: bool) -> dict[Side, Hand | None]:
         tracked = [hand.next_square for hand in before.hands.values() if hand is not None and hand.score > _FOUND]
         pool = self._hands.follow(image, tracked, least=KEPT)
         result = assigned(pool, body)
         squares: list[Square] = []
         for side in _weak(result):
+            lost = _score(before.hands[side]) > _FOUND >= _score(result[side])
             wrist, margin = body.xy[WRISTS[side]], _MARGIN * body.square.side
-            if (wrist > -margin).all() and (wrist < np.array(image.shape[1::-1]) + margin).all():
-                lost = before.hands[side] is not None
-                squares += self.candidates(image, body, side, palms=lost or t % _PALMS_EVERY == 0)
+            inside = (wrist > -margin).all() and (wrist < np.array(image.shape[1::-1]) + margin).all()
+            if inside and (lost or search):
+                squares += self.candidates(image, body, side)
         return assigned([*pool, *self._hands.find(image, squares, least=KEPT)], body) if squares else result
 
-    def candidates(self, image: Image, body: Body, side: Side, *, palms: bool) -> list[Square]:
-        """Squares in which a hand may be, by the body's wrist and, if asked for, by palms around it."""
+    def candidates(self, image: Image, body: Body, side: Side) -> list[Square]:
+        """Squares in which a hand may be, by the body's wrist and by palms around it."""
         wide = square_at_wrist(body, side)
-        squares = [self._hands.nearer(image, wide), replace(wide, side=0.75 * wide.side)]
-        if palms:
-            room = Square(wide.x, wide.y, max(2 * wide.side, _ROOM * body.square.side))
-            squares += [square_of_palm(found) for found in self._palms.find(image, room)[:2]]
-        return squares
+        room = Square(wide.x, wide.y, max(2 * wide.side, _ROOM * body.square.side))
+        palms = [square_of_palm(found) for found in self._palms.find(image, room)[:2]]
+        return [self._hands.nearer(image, wide), replace(wide, side=0.75 * wide.side), *palms]
 
     def hands_at(self, image: Image, squares: Sequence[Square], *, least: float) -> list[Hand]:
         """The different hands that some squares show."""
@@ -123,6 +122,10 @@ class PartsFinder:
         squares = [square_of_found(found) for found in self._faces.find(image, room)[:1]]
         face = self._face.find(image, [*squares, replace(room, side=0.6 * room.side)])
         return None if face is None else self._face.find(image, [face.next_square]) or face
+
+
+def _score(hand: Hand | None) -> float:
+    return 0.0 if hand is None else hand.score
 
 
 def _weak(hands: dict[Side, Hand | None]) -> list[Side]:
