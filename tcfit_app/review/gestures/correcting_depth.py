@@ -58,16 +58,20 @@ class CorrectingDepth:
         now = tab.state.frame
         if shown is None or not shown.has(now):
             raise InputError("The rotation is taken from the fit on show, and there is none here: fit first.")
-        of_body = self._of_body(joints, shown, now)
+        of_body = self._of_body(joints)
         pose = shown.params.body_pose[now].view(-1, 3)
         turns = (pose[JOINT[LOCKABLE[joint]] - JOINT["left_hip"]].tolist() for joint in of_body)
         rounded = tuple((round(x, 5), round(y, 5), round(z, 5)) for x, y, z in turns)
         self._correcting.make(Lock(frames=frames, joints=of_body, turn=rounded))
 
-    def _of_body(self, joints: tuple[int, ...], shown: Shown, frame: int) -> tuple[int, ...]:
-        """The keypoints that a fit took detected ones for in a frame: those of the other side, where it unswapped."""
-        swaps = unswapped(self._tab.session.project.clip.keypoints)[1] if shown.run.config.unswap_sides else {}
-        sides = [name for name, swapped in swaps.items() if frame in swapped]
+    def _of_body(self, joints: tuple[int, ...]) -> tuple[int, ...]:
+        """The body's keypoints that are seen at the selected ones: those of the other side, where fit B took detected
+        ones for these. In 3D keypoints are those of the fit."""
+        tab, shown = self._tab, self._tab.look().b
+        if tab.state.mode == "space" or shown is None or not shown.run.config.unswap_sides:
+            return joints
+        swaps = unswapped(tab.session.project.clip.keypoints)[1]
+        sides = [name for name, swapped in swaps.items() if tab.state.frame in swapped]
         return tuple(other_side(joint, sides) for joint in joints)
 
     def take_from_a(self) -> None:
@@ -79,7 +83,7 @@ class CorrectingDepth:
             raise InputError("Limbs are taken from fit A into another fit B: choose two fits in the panel View.")
         if missing := [frame for frame in frames if not (a.has(frame) and b.has(frame))]:
             raise InputError(f"Fit A or B has no pose in {in_words(tuple(missing), tab.first_frame)}.")
-        joints = _stated_with(self._of_body(tab.state.selection, b, tab.state.frame))
+        joints = _stated_with(self._of_body(tab.state.selection))
         if not joints:
             raise InputError("Arms, legs, hands and the head can be taken from A: select a keypoint of one, or none.")
         theirs, ours = (self._rotations(fit, frames, joints) for fit in (a, b))
@@ -96,7 +100,7 @@ class CorrectingDepth:
 
     def unlock(self) -> None:
         """Unlock the joints of the selected keypoints."""
-        frames, joints = self._tab.frames_to_change, self.lockable()
+        frames, joints = self._tab.frames_to_change, self._of_body(self.lockable())
         if not self._tab.session.project.corrected[np.ix_(frames, joints)].locked.any():
             raise InputError(f"None of the selected joints is locked in {in_words(frames, self._tab.first_frame)}.")
         self._correcting.make(Unlock(frames=frames, joints=joints))

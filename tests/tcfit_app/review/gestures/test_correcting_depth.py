@@ -18,7 +18,8 @@ from tcfit_app.project.project import Project
 from tcfit_app.review.gestures.edit_words import describe
 from tcfit_app.review.panels.keypoints_panel import KeypointsPanel
 from tcfit_app.review.panels.review_panel import ReviewPanel
-from tcfit_app.review.tab.state import FitSettings
+from tcfit_app.review.tab.state import FitSettings, Mode
+from tcfit_app.review.tab.tab import Tab
 from tests.drivers.lone_page import LonePage, lone_page
 from tests.samples.sessions import QUICK, OneBody, small_clip
 
@@ -216,17 +217,22 @@ def test_the_queue_offers_to_mirror_a_limb(tested: LonePage, tiny_body: BodyMode
     np.testing.assert_allclose(np.array(edit.depth)[:, 1], 2 * before[3:6, ROOT] - before[3:6, WRIST], atol=PERSPECTIVE)
 
 
+def swap_arms(tab: Tab, monkeypatch: pytest.MonkeyPatch, *, unswapping: bool) -> None:
+    """Let the detector have swapped the arms in frame 4, and the fit have unswapped them or not."""
+    shown = tab.look().b
+    assert shown is not None
+    run = replace(shown.run, config=replace(shown.run.config, unswap_sides=unswapping))
+    monkeypatch.setattr(tab, "look", lambda: replace(tab.shown, b=replace(shown, run=run)))
+    monkeypatch.setattr("tcfit_app.review.gestures.correcting_depth.unswapped", lambda k: (k, {"arms": np.array([4])}))
+
+
 @pytest.mark.parametrize("unswapping", [False, True])
 def test_a_keypoint_that_the_fit_swaps_back_takes_the_other_arms_depth(
     tested: LonePage, tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch, unswapping: bool
 ):
     tab, before = tested.page.tab, depths(tested, tiny_body)
     tab.session.edit_follower.after_edits = False
-    shown = tab.look().b
-    assert shown is not None
-    run = replace(shown.run, config=replace(shown.run.config, unswap_sides=unswapping))
-    monkeypatch.setattr(tab, "look", lambda: replace(tab.shown, b=replace(shown, run=run)))
-    monkeypatch.setattr("tcfit_app.review.gestures.correcting_depth.unswapped", lambda k: (k, {"arms": np.array([4])}))
+    swap_arms(tab, monkeypatch, unswapping=unswapping)
     tab.set(frame=3, frames=range(3, 5), selection=(WRIST,))
     tested.page.gestures.depth.send("mirror")
     edit = last_edit(tested)
@@ -234,6 +240,21 @@ def test_a_keypoint_that_the_fit_swaps_back_takes_the_other_arms_depth(
     for row, frame, side in ((0, 3, "right"), (1, 4, "left" if unswapping else "right")):
         root, wrist = INDEX[f"{side}_shoulder"], INDEX[f"{side}_wrist"]
         np.testing.assert_allclose(edit.depth[row][1], 2 * before[frame, root] - before[frame, wrist], atol=PERSPECTIVE)
+
+
+@pytest.mark.parametrize(("mode", "side"), [("edit", "left"), ("space", "right")])
+def test_the_joint_is_locked_that_is_seen_at_a_swapped_keypoint(
+    tested: LonePage, monkeypatch: pytest.MonkeyPatch, mode: Mode, side: str
+):
+    tab = tested.page.tab
+    tab.session.edit_follower.after_edits = False
+    swap_arms(tab, monkeypatch, unswapping=True)
+    tab.set(frame=4, selection=(WRIST,), mode=mode)
+    tested.press("action", "lock")
+    edit = last_edit(tested)
+    assert isinstance(edit, Lock) and edit.joints == (INDEX[f"{side}_wrist"],)
+    tested.press("action", "unlock")
+    assert last_edit(tested) == Unlock(frames=(4,), joints=(INDEX[f"{side}_wrist"],))
 
 
 @pytest.mark.parametrize(
