@@ -1,14 +1,17 @@
 """Whose hand is whose, and where hands are looked for."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
 from fitting_core.detect.mediapipe import body as blaze
 from fitting_core.detect.mediapipe.face import Face
 from fitting_core.detect.mediapipe.following import Followed
-from fitting_core.detect.mediapipe.hands import different, square_at_wrist
-from fitting_core.detect.mediapipe.hands_and_face import KEPT, SeenParts, assigned, worth_of
+from fitting_core.detect.mediapipe.hands import Hand, different, square_at_wrist
+from fitting_core.detect.mediapipe.hands_and_face import KEPT, PartsFinder, SeenParts, assigned, worth_of
 from fitting_core.detect.mediapipe.memory import recalled, remembered
+from fitting_core.detect.mediapipe.squares import Square
 from tests.fitting_core.detect.mediapipe.seen import body_at, hand_at
 
 BODY = body_at(320, 240, 400)
@@ -65,6 +68,48 @@ def test_where_to_look_next_is_around_the_hand():
     square = hand.next_square
     assert square.side > 60 and np.hypot(square.x - 300, square.y - 180) < 30
     assert abs(square.angle) < 0.2  # the fingers point up
+
+
+class FakeNetworks:
+    """In place of all networks: finds a left hand where `there` says so, and keeps the frames that were searched."""
+
+    def __init__(self, there: Callable[[int], bool]) -> None:
+        self.there, self.frame, self.searched = there, 0, []
+
+    def follow(self, image: np.ndarray, squares: list, *, least: float) -> list[Hand]:
+        return [hand_at(*LEFT, right=0.1) for _ in squares[:1] if self.there(self.frame)]
+
+    def find(self, image: np.ndarray, squares: list | Square, *, least: float = 0.0) -> list:
+        if not isinstance(squares, list) or not squares:  # palms, and faces
+            return []
+        self.searched.append(self.frame)
+        return self.follow(image, squares, least=least)
+
+    def nearer(self, image: np.ndarray, square: Square) -> Square:
+        return square
+
+
+@pytest.mark.parametrize(
+    ("there", "searched"),
+    [
+        (lambda t: False, [1, 3, 6]),  # at first, and then in every third frame
+        (lambda t: t >= 2, [1, 3, 6]),  # the right hand is still looked for
+        (lambda t: t < 4, [1, 3, 4, 6]),  # at once where it is lost
+    ],
+)
+def test_a_hand_that_is_not_seen_is_searched_for_now_and_then(
+    monkeypatch: pytest.MonkeyPatch, there: Callable[[int], bool], searched: list[int]
+):
+    fake = FakeNetworks(there)
+    for name in ("HandNetwork", "FaceNetwork", "SingleShot"):
+        monkeypatch.setattr(f"fitting_core.detect.mediapipe.hands_and_face.{name}", lambda *args, **options: fake)
+    monkeypatch.setattr(PartsFinder, "_find_face", lambda *args: None)
+    finder, seen, found = PartsFinder(mirrored=False), None, []
+    for fake.frame in range(1, 8):
+        seen = finder.find(np.zeros((480, 640, 3), np.uint8), BODY, seen, fake.frame)
+        found += [fake.frame] * (seen.hands["left"] is not None)
+    assert fake.searched == searched
+    assert found == [t for t in range(1, 8) if there(t) and (t != 2 or there(1))]
 
 
 def test_memory_comes_back_as_it_was():
