@@ -1,6 +1,5 @@
 """A result of `tcfit fit` or `tcfit batch` as a project, as `tcfit batch --projects` makes it at once."""
 
-import shutil
 from pathlib import Path
 
 from fitting_core.io.whole_result import read_whole_result
@@ -9,7 +8,7 @@ from tcfit_app.project.storage.run_record import BodyRecord
 
 
 def project_of_result(result: Path, folder: Path) -> None:
-    """Make a project with a result's keypoints and its fit as the first run, or nothing.
+    """Make a project with a result's keypoints and its fit as the first run, whole or not at all.
 
     Args:
         result: Its folder.
@@ -21,10 +20,9 @@ def project_of_result(result: Path, folder: Path) -> None:
     whole = read_whole_result(result)
     stored, fit = whole.stored, whole.fit
     body = BodyRecord(kind=stored.body_kind, gender=stored.gender, hash=stored.body_hash)
-    with Project.create(folder, whole.clip) as project:
-        try:
-            project.set_height(fit.config.height)
-            project.runs.add(fit, body=body, edits_seen=project.last_edit, summary=whole.summary)
-        except BaseException:
-            shutil.rmtree(folder, ignore_errors=True)
-            raise
+
+    def begin(project: Project) -> None:
+        project.set_height(fit.config.height)
+        project.runs.add(fit, body=body, edits_seen=project.last_edit, summary=whole.summary)
+
+    Project.create(folder, whole.clip, begin=begin).close()

@@ -22,6 +22,7 @@ closed after the last such return.
 
 import threading
 from bisect import bisect_right
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import islice
@@ -127,14 +128,17 @@ class Project:
         return self._database.damage.found
 
     @staticmethod
-    def create(folder: Path, clip: Clip, *, copy_media: bool = False) -> "Project":
+    def create(
+        folder: Path, clip: Clip, *, copy_media: bool = False, begin: Callable[["Project"], None] | None = None
+    ) -> "Project":
         """Create a project and open it. Raises InputError if the folder is not empty or cannot be written, or the
-        source cannot be read.
+        source cannot be read; nothing is left there then.
 
         Args:
             folder: Must not exist, or be empty.
             clip: Its keypoints become the detections, its source the project's media.
             copy_media: Copy the source into the project; otherwise it is linked.
+            begin: Writes into it what it must not be seen without. What this raises is raised.
         """
         folder = folder.resolve()
         with accessing(folder):
@@ -146,6 +150,9 @@ class Project:
                 if clip.source:
                     link = media.copy(clip.source, draft) if copy_media else media.link(clip.source, folder)
                 write_clip(draft, clip, link=link)
+                if begin is not None:
+                    with Project.open(draft) as project:
+                        begin(project)
                 check_free(folder)
                 if folder.exists():
                     folder.rmdir()

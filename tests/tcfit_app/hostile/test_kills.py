@@ -21,10 +21,12 @@ from tcfit_app.batch.manifest import ClipTask, Complaints, read_manifest
 from tcfit_app.batch.records import done_record
 from tcfit_app.cli.main import main, parse
 from tcfit_app.fitting.bodies import Bodies
+from tcfit_app.imports.result_project import project_of_result
 from tcfit_app.imports.results import import_run
 from tcfit_app.project.packed import pack, unpack
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage import database
+from tcfit_app.project.storage.clip_review import reviewed
 from tests.drivers.processes import killed_after, needs_fork, succeeded
 from tests.samples.batch_clips import CHEAP, write_clip, write_list
 from tests.samples.media import write_images
@@ -124,6 +126,17 @@ def _import(world: World, number: int) -> None:
         import_run(project, Bodies(), world.sources / "result" / "fit.npz", name=f"import {number}")
 
 
+def _result(world: World, number: int) -> None:
+    project_of_result(world.sources / "result", world.at("result", number))
+
+
+def _say(world: World, number: int) -> None:
+    """Of the clip, as the list does while nobody has it open."""
+    with reviewed(world.walk) as review:
+        review.set_note(str(number))
+        review.approve(str(number))
+
+
 def _unpack(world: World, number: int) -> None:
     unpack(world.sources / "waving.tcfit.zip", world.at("unpack", number))
 
@@ -140,11 +153,16 @@ def _export(world: World, number: int) -> None:
 
 
 def _migrate(world: World, number: int) -> None:
+    Project.open(_older(world, number)).close()
+
+
+def _older(world: World, number: int) -> Path:
+    """A project of an earlier version, which is whole whenever it shows."""
     folder = world.at("older", number)
     if not folder.exists():
         shutil.copytree(world.sources / "older.tcfit", folder.with_name(f"copy of {folder.name}"), dirs_exist_ok=True)
         folder.with_name(f"copy of {folder.name}").rename(folder)
-    Project.open(folder).close()
+    return folder
 
 
 def _fit(world: World, number: int) -> None:
@@ -166,7 +184,10 @@ def _task(world: World, number: int) -> ClipTask:
     return task
 
 
-DEEDS = {f.__name__[1:]: f for f in (_new, _edit, _run, _import, _unpack, _pack, _export, _migrate, _fit, _batch)}
+DEEDS = {
+    f.__name__[1:]: f
+    for f in (_new, _edit, _run, _import, _result, _say, _unpack, _pack, _export, _migrate, _fit, _batch)
+}
 
 
 def _work(world: World, first: int) -> Callable[[Report], None]:
@@ -194,6 +215,8 @@ def _check(world: World, done: set[tuple[str, int]]) -> None:
                 assert authors[str(number)] == random_edit(number)
             elif kind == "run":
                 assert_same_fit(project.runs.load(runs[f"run {number}"].id), sample_fit(number))
+            elif kind == "say":
+                assert int(project.review.now.note) >= number and int(project.review.now.approved_by) >= number
             elif kind == "import":
                 assert runs[f"import {number}"].state == "finished"
         assert all(project.runs.load(run.id).phases for run in runs.values() if run.stored)
@@ -205,7 +228,7 @@ def _check(world: World, done: set[tuple[str, int]]) -> None:
         _check_written(path)
 
 
-NEW = ("new", "unpack", "migrate", "batch")
+NEW = ("new", "result", "unpack", "migrate", "batch")
 """Those that make something of their own each time."""
 
 
@@ -217,7 +240,7 @@ def _check_made(world: World, folder: Path) -> None:
         with Project.open(folder) as project:
             assert (len(project.clip) == len(sample_clip()) and not project.media.problem) or kind != "new"
             assert not project.damage
-            finished = {"new": 0, "unpack": 2, "older": 2, "batch": 1}[kind]
+            finished = {"new": 0, "result": 1, "unpack": 2, "older": 2, "batch": 1}[kind]
             assert [project.runs.load(run.id).last.phase for run in project.runs.all()] == [3] * finished
     if kind == "batch":
         assert done_record(_task(world, int(number))) is not None
@@ -267,7 +290,7 @@ def _killed_often(world: World, rounds: int, seed: int) -> None:
 
 def _again(world: World, kind: str, number: int) -> None:
     """The next start of what was cut off, which may have been through already."""
-    if kind in ("new", "unpack") and world.at(kind, number).exists():
+    if kind in ("new", "result", "unpack") and world.at(kind, number).exists():
         number += 500
     DEEDS[kind](world, number)
 
@@ -288,6 +311,8 @@ def _on_a_full_disk(world: World, kind: str, number: int, most: int) -> bool:
     """Whether it could be done where no file may have more bytes, or else was refused in words."""
 
     def work(report: Report) -> None:
+        if kind == "migrate":
+            _older(world, number)
         resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
         try:
             DEEDS[kind](world, number)
