@@ -37,10 +37,10 @@ def _divided(link: str) -> tuple[str, str]:
     return host, f"/{path}"
 
 
-def websocket(address: str, cookie: str, *, version: str = viser.__version__) -> ClientConnection:
+def websocket(address: str, cookie: str, *, version: str = viser.__version__, path: str = "") -> ClientConnection:
     """As the page of a version of viser opens it. `address` as "http://127.0.0.1:8080"."""
     return connect(
-        address.replace("http", "ws", 1),
+        address.replace("http", "ws", 1) + path,
         origin=address,  # pyright: ignore[reportArgumentType]
         additional_headers={"Cookie": cookie},
         subprotocols=[f"viser-v{version}"],  # pyright: ignore[reportArgumentType]
@@ -160,8 +160,8 @@ class RawTab:
 
 
 @contextmanager
-def raw_tab(address: str, cookie: str) -> Iterator[RawTab]:
+def raw_tab(address: str, cookie: str, *, path: str = "") -> Iterator[RawTab]:
     """Open one, and close it in the end."""
-    connection = websocket(address, cookie)
+    connection = websocket(address, cookie, path=path)
     with connection:
         yield RawTab(connection)
