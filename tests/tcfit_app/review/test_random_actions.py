@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from fitting_core.keypoints import BODY
+from fitting_core.keypoints import BODY, LOCKABLE
+from tcfit_app.review.browser import page_events
+from tcfit_app.review.gestures import own_keys
 from tcfit_app.review.gestures.actions import ACTIONS, Key
 from tests.drivers.review_page import QUICK, Reviewing, opened, reviewing, until
 
@@ -35,6 +37,34 @@ def _press(user: Reviewing, rng: np.random.Generator) -> None:
     if rng.random() < 0.3:  # out of the field that a note is typed into, or that was clicked
         user.tab.evaluate("() => document.activeElement?.blur()")
     user.tab.keyboard.press(str(rng.choice(KEYS)))
+
+
+COMMANDS = [name for name, action in ACTIONS.items() if not (action.keys or name.startswith(("detect_", "frame_")))]
+"""That have no key: they are chosen by their names. Parts are detected again by networks that not everybody has."""
+
+
+def _command(user: Reviewing, rng: np.random.Generator) -> None:
+    user.page.tab.browser.receive(page_events.Key(action=str(rng.choice(COMMANDS)), repeat=False))
+
+
+def _own_keys(user: Reviewing, rng: np.random.Generator) -> None:
+    """Keys are changed in their file, which may be a wrong one too."""
+    text = str(rng.choice(['bad = "F2"', 'bad = "x F3"', 'undo = "nothing of the kind"', "[", ""]))
+    own_keys.own_keys_file().write_text(text)
+
+
+def _turn(user: Reviewing, rng: np.random.Generator) -> None:
+    """The rings around a joint in 3D, if they are met."""
+    joint = int(rng.choice([*LOCKABLE]))
+    user.page.tab.do(lambda: user.page.tab.set(mode="space", selection=(joint,)))
+    place = user.tab.evaluate("(joint) => tcfit.placeOfFit(joint)", joint)
+    if place is not None:
+        angle, radius = rng.uniform(0, 2 * np.pi), rng.uniform(20, 90)
+        x, y = place[0] + radius * np.cos(angle), place[1] + radius * np.sin(angle)
+        user.tab.mouse.move(x, y)
+        user.tab.mouse.down()
+        user.tab.mouse.move(x + rng.normal(0, 30), y + rng.normal(0, 30), steps=3)
+        user.tab.mouse.up()
 
 
 def _point(user: Reviewing, rng: np.random.Generator) -> tuple[float, float]:
@@ -136,7 +166,10 @@ def _wait(user: Reviewing, rng: np.random.Generator) -> None:
 
 DEEDS: list[tuple[float, Callable[[Reviewing, np.random.Generator], None]]] = [
     (0.5, _press),
-    (0.2, _drag),
+    (0.05, _command),
+    (0.01, _own_keys),
+    (0.03, _turn),
+    (0.15, _drag),
     (0.1, _drag_in_depth),
     (0.05, _menu),
     (0.1, _seek),
@@ -158,7 +191,8 @@ def _let_loose(folder: Path, browser: "Browser", actions: int, warm: int, log: p
     """Bytes by which the server has grown after `warm` actions."""
     rng = np.random.default_rng(1)
     shares = np.array([share for share, _ in DEEDS])
-    with log.at_level(logging.WARNING), reviewing(folder, browser) as first:
+    with pytest.MonkeyPatch.context() as patch, log.at_level(logging.WARNING), reviewing(folder, browser) as first:
+        patch.setattr(own_keys, "own_keys_file", lambda: folder.with_name("keys.toml"))
         first.app.post(lambda: first.session.fit_everything(QUICK, kind="smplx", gender="neutral"))
         until(lambda: first.session.jobs)
         users = [first, opened(first.app, first.server, browser)]
