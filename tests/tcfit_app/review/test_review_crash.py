@@ -13,7 +13,7 @@ import pytest
 from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from tcfit_app.fitting.fits import FitChoice
-from tcfit_app.project.edits.kinds import MarkBad, MoveKeypoint, Nudge, Restore
+from tcfit_app.project.edits.kinds import SWAPPABLE, Lock, MarkBad, MoveKeypoint, Nudge, Restore, ShapeHand, SwapSides
 from tcfit_app.project.project import Project
 from tcfit_app.review.app import ReviewApp
 from tcfit_app.review.session.session import Session
@@ -24,6 +24,7 @@ from tests.samples.sessions import FRAMES, QUICK, OneBody, small_clip
 pytestmark = needs_fork
 Report = Callable[[str], None]
 T = TypeVar("T")
+_SHAPE = ((0.1, -0.2, 0.3),) * 15
 PACE = 0.01
 """Seconds between two things that the user does: drags go before fits, and without a pause no fit would ever end."""
 
@@ -77,6 +78,27 @@ def _step(session: Session, rng: np.random.Generator) -> str:
         session.edit(MarkBad(frames=(frame,), joints=(joint,)), author="script", shown=shown)
     elif chance < 0.25:  # of the whole frame, or at last nobody would be left to be fitted
         session.edit(Restore(frames=(frame,), joints=tuple(range(kp.BODY.stop))), author="script", shown=shown)
+    elif chance < 0.35:
+        session.edit(
+            ShapeHand(frames=(frame,), joints=kp.FINGER_JOINTS["left"], name="fist", shape=_SHAPE),
+            author="script",
+            shown=shown,
+        )
+    elif chance < 0.4:
+        turn = tuple(rng.uniform(-0.5, 0.5, 3).tolist())
+        session.edit(
+            Lock(frames=(frame,), joints=(kp.INDEX["left_elbow"],), turn=(turn,)), author="script", shown=shown
+        )
+    elif chance < 0.45:  # as errors that repeat are mended
+        some = tuple(range(0, FRAMES, 2))
+        session.edit(SwapSides(frames=some, joints=SWAPPABLE["arms"]), author="script", shown=shown)
+    elif chance < 0.5:
+        moment = time.time_ns()
+        session.project.review.set_note(str(moment))
+        return f"note {moment}"
+    elif chance < 0.53:
+        session.project.review.approve(f"script {(moment := time.time_ns())}")
+        return f"approved {moment}"
     else:
         session.edit(Nudge(frames=(frame,), joints=(joint,), by=(1.0, 0.0)), author="script", shown=shown)
     return f"edit {session.project.last_edit}"
@@ -88,9 +110,14 @@ def _check(folder: Path, reported: list[str]) -> int:
         log = [entry.id for entry in project.log]
         assert log == list(range(1, len(log) + 1)), "no gap"
         states = {run.id: run for run in project.runs.all()}
+        said = project.review.now
         for kind, number in (line.split() for line in reported if line != "opened"):
             if kind == "edit":
                 assert int(number) <= len(log)
+            elif kind == "note":
+                assert int(said.note) >= int(number)
+            elif kind == "approved":
+                assert int(said.approved_by.removeprefix("script ")) >= int(number)
             else:
                 run = states[int(number)]
                 if kind == "run":
