@@ -192,11 +192,12 @@ class LiveCorrection:
         self._problem.objective = self._at_depth(objective) if self.correction.in_depth else self._in_image(objective)
 
     def _at_depth(self, objective: FrameObjective) -> FrameObjective:
-        """With the dragged keypoints at their current depth."""
-        term = objective.relative_position
+        """With the dragged keypoints at their current depth, but for those that the fit leaves out."""
+        term, looked_at = objective.relative_position, self._looked_at.tolist()
         target = term.target.clone()
-        columns = [self._looked_at.tolist().index(place) for place in self._places]
-        target[self._frame, columns, 2] = torch.as_tensor(self.target).to(target)
+        for place, depth in zip(self._places, self.target, strict=True):
+            if place in looked_at:
+                target[self._frame, looked_at.index(place), 2] = float(depth)
         return objective.with_relative_position(replace(term, target=target))
 
     def _in_image(self, objective: FrameObjective) -> FrameObjective:

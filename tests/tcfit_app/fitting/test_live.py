@@ -203,6 +203,20 @@ def test_a_drag_in_depth_is_followed_and_ends_as_a_rerun(clip: Clip, body: BodyM
     assert apart(body, released, plain) < 0.5 and apart(body, live.params, plain) < 3
 
 
+def test_a_drag_in_depth_of_a_keypoint_that_the_fit_leaves_out_moves_nothing(
+    clip: Clip, body: BodyModel, params: BodyParams
+):
+    neck = kp.INDEX["neck"]
+    assert CONFIG.neck_weight == 0
+    start = depth(body, params, neck, WRIST)
+    alone = LiveCorrection(correction(clip, body, params, neck, in_depth=True), start[:1] + 0.2)
+    settle(alone)
+    assert abs(depth(body, alone.params, neck) - start[0]).max() < 0.02
+    both = LiveCorrection(correction(clip, body, params, neck, WRIST, in_depth=True), start + 0.15)
+    settle(both)
+    assert depth(body, both.params) - start[1:] == pytest.approx(0.15, abs=0.04)
+
+
 def test_a_drag_in_depth_finds_swapped_sides(clip: Clip, body: BodyModel, params: BodyParams):
     xy = clip.keypoints.xy.copy()
     pairs = [[kp.INDEX[f"{side}_{n}"] for n in ("elbow", "wrist")] for side in ("left", "right")]
