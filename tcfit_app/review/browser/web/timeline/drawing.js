@@ -65,8 +65,10 @@ function drawRuler(context) {
     const number = frameNumber(frame);
     write(context, number, x + 4, RULER_MIDDLE, tones.text);
     const after = x + 10 + context.measureText(number).width;
-    write(context, clockText(frame), after, RULER_MIDDLE, tones.dim);
-    ticks.push({ number, x: x + 4, middle: after - 6, end: after + context.measureText(clockText(frame)).width });
+    const end = after + context.measureText(clockText(frame)).width;
+    const fits = end < strip.clientWidth - 2; // half a time reads like another one
+    if (fits) write(context, clockText(frame), after, RULER_MIDDLE, tones.dim);
+    ticks.push({ number, x: x + 4, middle: after - 6, end: fits ? end : after - 6 });
   }
   fillBox(context, tones.bed, GUTTER + plotWidth(), ruler.top, strip.clientWidth, ruler.bottom - ruler.top);
   write(context, "Frame", NAMES, RULER_MIDDLE, tones.dim);
@@ -136,7 +138,7 @@ function drawPointer(context) {
   const found = pointed.key !== null ? null : markAt(x, y);
   const frame = found ? found.frame : frameAt(x);
   if (pointed.key !== null) {
-    const { top, bottom } = laneBand(LANES.indexOf("Keys"));
+    const { top, bottom } = laneBand(LANES.indexOf("Keyframes"));
     drawKey(context, frameX(pointed.key), top, bottom, tones.selected);
   }
   fillBox(context, tones.hair, frameX(frame) - 0.5, ruler.top, 1, overview().top - ruler.top);
