@@ -159,7 +159,7 @@ class Group(_State, frozen=True, kw_only=True):
     """Size of a point, in CSS pixels."""
 
 
-GROUP_COLORS = {"body": "#4da3ff", "left_hand": "#2fd39a", "right_hand": "#ff9f43", "face": "#c58bff"}
+GROUP_COLORS = {"body": "#4da3ff", "left_hand": "#2fd39a", "right_hand": "#ff7ab8", "face": "#c58bff"}
 GROUP_RADII = {"body": 5.0, "left_hand": 3.0, "right_hand": 3.0, "face": 2.5}
 
 

@@ -262,7 +262,7 @@ class ExportPanel:
             row(choice(sides[1]), label=" ") if titles else Html(),
             row(choice(*frames), label="Frames"),
             row(choice(*axes), label="Axes"),
-            row(choice(*keys), label="Keys"),
+            row(choice(*keys), label="Keyframes"),
         ]
 
     def _groups(self, titles: dict[Letter, str]) -> list[Html]:

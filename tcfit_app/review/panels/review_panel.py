@@ -268,7 +268,7 @@ class ReviewPanel:
         ]
         parts = [heading("Queue", f"{len(self._suspects)} listed"), *self._filters()]
         if rows:
-            parts.append(table(rows, ("", "frame", "problem, worst frame"), numbers=(1,)))
+            parts.append(table(rows, ("", "frames", "problem in the worst frame"), numbers=(1,)))
         else:
             parts.append(paragraph("None of these is left.", "dim"))
         if (more := len(self._suspects) - _MOST) > 0:

@@ -57,6 +57,14 @@ def test_filtered_searched_and_sorted(tab: "Tab"):
     assert tab.locator("th[aria-sort=descending]").inner_text().startswith("Worst place")
 
 
+def test_below_the_column_names_it_says_that_nothing_matches(tab: "Tab"):
+    tab.get_by_placeholder("Search").fill("no such clip")
+    told = tab.get_by_text("No clip matches.")
+    told.wait_for()
+    place, head = told.bounding_box(), tab.locator("thead").bounding_box()
+    assert place and head and place["y"] >= head["y"] + head["height"]
+
+
 def test_by_keys_alone(tab: "Tab", lab: Served):
     folder = lab.home.catalogue.root / "set" / "b fitted.tcfit"
     tab.keyboard.press("ArrowDown")

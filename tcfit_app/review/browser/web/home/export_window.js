@@ -34,7 +34,7 @@ export class ExportWindow {
     });
     const options = groupOf(form, "Options");
     const axes = select(options, "Axes", formats.axes, wishes.axes);
-    const keyframes = select(options, "Keys", formats.keyframes, wishes.keyframes);
+    const keyframes = select(options, "Keyframes", formats.keyframes, wishes.keyframes);
     element("p", "dim", form, "Into NAME.exports beside each project. Files of the same names are replaced.");
     const ends = element("div", "buttons tcfit-panel", form);
     const no = element("button", "", ends, "Cancel");

@@ -66,7 +66,6 @@ const buttons = {
     () => cancel()),
 };
 const main = element("main", "", document.body);
-const nothing = element("p", "nothing", main);
 const footer = element("footer", "", document.body);
 const keysTold = element("span", "keys", footer);
 const told = element("span", "told", footer);
@@ -77,8 +76,9 @@ const KEYS_TOLD = [
   ["PageDown PageUp", "next and previous clip, in a clip"],
 ];
 for (const [keys, what] of KEYS_TOLD) {
-  element("kbd", "", keysTold, keys);
-  keysTold.append(` ${what}   `);
+  const hint = element("span", "", keysTold);
+  element("kbd", "", hint, keys);
+  hint.append(` ${what}`);
 }
 const alert = element("div", "alert tcfit-panel", document.body);
 alert.setAttribute("role", "alert");
@@ -103,6 +103,7 @@ const table = new Table(main, {
   },
   look: (keys) => send({ type: "look", keys: keys.slice(0, 100) }),
 });
+const nothing = element("p", "nothing", main);
 
 // --- what is shown ---
 
@@ -140,7 +141,7 @@ function drawNow() {
   drawButtons();
   table.show({ rows: shown, selected, current: kept.current, sort: kept });
   nothing.hidden = shown.length > 0 || !arrived;
-  nothing.textContent = rows.size ? "No clip is like that." : "There is no clip in this folder any more.";
+  nothing.textContent = rows.size ? "No clip matches." : "There is no clip in this folder any more.";
   keep();
 }
 

@@ -58,17 +58,20 @@ function drawRuler(context) {
   const offset = known("timeline").first_frame;
   const start = Math.ceil((axis.first + offset) / step) * step - offset;
   const bottom = pointed.collapsed ? ruler.bottom : overview().top;
+  const right = GUTTER + plotWidth();
   ticks = [];
   for (let frame = Math.max(start, 0); frame < axis.last; frame += step) {
     const x = frameX(frame);
     fillBox(context, tones.line, Math.round(x), ruler.top, 1, bottom - ruler.top);
     const number = frameNumber(frame);
+    const middle = x + 4 + context.measureText(number).width;
+    const end = middle + 6 + context.measureText(clockText(frame)).width;
+    if (middle > right) continue; // half a number reads like another one
     write(context, number, x + 4, RULER_MIDDLE, tones.text);
-    const after = x + 10 + context.measureText(number).width;
-    write(context, clockText(frame), after, RULER_MIDDLE, tones.dim);
-    ticks.push({ number, x: x + 4, middle: after - 6, end: after + context.measureText(clockText(frame)).width });
+    if (end <= right) write(context, clockText(frame), middle + 6, RULER_MIDDLE, tones.dim);
+    ticks.push({ number, x: x + 4, middle, end: end <= right ? end : middle });
   }
-  fillBox(context, tones.bed, GUTTER + plotWidth(), ruler.top, strip.clientWidth, ruler.bottom - ruler.top);
+  fillBox(context, tones.bed, right, ruler.top, strip.clientWidth, ruler.bottom - ruler.top);
   write(context, "Frame", NAMES, RULER_MIDDLE, tones.dim);
 }
 
@@ -136,7 +139,7 @@ function drawPointer(context) {
   const found = pointed.key !== null ? null : markAt(x, y);
   const frame = found ? found.frame : frameAt(x);
   if (pointed.key !== null) {
-    const { top, bottom } = laneBand(LANES.indexOf("Keys"));
+    const { top, bottom } = laneBand(LANES.indexOf("Keyframes"));
     drawKey(context, frameX(pointed.key), top, bottom, tones.selected);
   }
   fillBox(context, tones.hair, frameX(frame) - 0.5, ruler.top, 1, overview().top - ruler.top);

@@ -33,7 +33,7 @@ const READ = {
     ...marked(states.marks?.edited, tones.edited, "corrected"),
     ...marked(states.marks?.bad, tones.bad, "marked bad"),
   ],
-  Keys: () =>
+  Keyframes: () =>
     (states.keyframes?.frames ?? []).map((frame) => ({
       first: frame,
       last: frame,
@@ -41,7 +41,7 @@ const READ = {
       text: `keyframe of ${known("keyframes").subject}\nDrag it to another frame`,
       key: true,
     })),
-  Suspicion: () =>
+  Suspicious: () =>
     [...(states.suspicions?.found ?? [])]
       .sort((one, other) => one.score - other.score) // the worst on top
       .map(({ score, reason, key, ...frames }) => ({

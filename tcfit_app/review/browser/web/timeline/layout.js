@@ -17,7 +17,7 @@ const HEIGHT = "tcfit-timeline-height"; // in the session's storage
 
 /** @typedef {{ top: number, bottom: number }} Band in CSS pixels of the strip */
 
-export const LANES = /** @type {const} */ (["Edits", "Keys", "Suspicion", "Flags", "Notes", "A–B peaks"]);
+export const LANES = /** @type {const} */ (["Edits", "Keyframes", "Suspicious", "Flags", "Notes", "A–B peaks"]);
 
 export const ruler = { top: HEAD, bottom: HEAD + RULER };
 export const fitBand = { top: ruler.bottom, bottom: ruler.bottom + FIT };
