@@ -69,7 +69,7 @@ class Status:
         """The progress of the keypoint job, or where to start one."""
         going = self._tab.session.source.going
         if going is None or going.state != "running":
-            return Chip(text="No keypoints yet: detect them in the panel Start", kind="warning")
+            return Chip(text="No keypoints yet: find them in the panel Start", kind="warning")
         progress = None if going.share is None else round(going.share, 2)
         return Chip(text=f"{going.title}: {going.text}", kind="busy", progress=progress)
 
