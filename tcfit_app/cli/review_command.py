@@ -225,7 +225,7 @@ def _begun(session: "Session", fit: FitConfig, find: ClipOptions | None) -> str:
     """Begin a first fit; why it cannot be one, in the rest of a sentence."""
     if session.project.read_only:
         return "is open read-only"
-    if session.fits.runs:
+    if session.fits.showable():  # one that was cancelled early has nothing to show
         return "has fits already"
     if fit.height is None:
         fit = replace(fit, height=session.project.height)

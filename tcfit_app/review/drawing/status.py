@@ -37,7 +37,8 @@ class Status:
         if not session.project.has_detections:
             chips.append(self._keypoint_chip())
         elif not session.jobs and not session.fits.showable():
-            chips.append(Chip(text="No fit yet: press Shift+R, or Fit everything in the panel Fit"))
+            how = "" if session.project.read_only else ": press Shift+R, or Fit everything in the panel Fit"
+            chips.append(Chip(text=f"No fit yet{how}"))
         media = session.project.media.problem or tab.data.video.problem_of(tab.state.frame)
         for text in (damage_in_short(session.project.damage), media, problem):
             if text:

@@ -13,7 +13,7 @@ from tcfit_app.project.project import Project
 from tcfit_app.review.app import ReviewApp
 from tcfit_app.review.session.session import Session
 from tests.samples.media import write_video
-from tests.samples.project_samples import BODY
+from tests.samples.project_samples import BODY, sample_fit
 from tests.tcfit_app.conftest import FRAMES
 
 
@@ -108,6 +108,12 @@ def test_a_fit_that_is_asked_for_and_cannot_begin_is_told(
     assert told(folder, "--read-only").endswith("wave.tcfit is open read-only.")
     with Project.open(folder) as project:
         project.runs.start(PRESETS["tcfit"], body=BODY, edits_seen=0)
+    started = []
+    monkeypatch.setattr(Session, "fit_everything", lambda self, config, **body: started.append(config))
+    assert told(folder) == "" and started == [PRESETS["tcfit"]], "the first fit was cancelled: it begins again"
+    with Project.open(folder) as project:
+        run = project.runs.start(PRESETS["tcfit"], body=BODY, edits_seen=0)
+        project.runs.finish(run.id, sample_fit(0, frames=len(project.clip)))
     assert told(folder).endswith("wave.tcfit has fits already.")
 
 
