@@ -18,7 +18,7 @@ import viser
 import websockets.asyncio.server
 from websockets.asyncio.server import ServerConnection
 from websockets.datastructures import Headers
-from websockets.exceptions import InvalidMessage
+from websockets.exceptions import ConnectionClosed, InvalidMessage
 from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
 
@@ -79,8 +79,9 @@ _log.setLevel(logging.INFO)
 
 
 def _is_no_noise(record: logging.LogRecord) -> bool:
-    """Drops the tracebacks about connections that sent no proper request, for they quote it. They are closed."""
-    return not (record.exc_info and isinstance(record.exc_info[1], InvalidMessage))
+    """Drops the tracebacks about connections that sent no proper request, for they quote it, and about browsers that
+    left before they were answered, as in a reload. They are closed."""
+    return not (record.exc_info and isinstance(record.exc_info[1], InvalidMessage | ConnectionClosed))
 
 
 _log.addFilter(_is_no_noise)

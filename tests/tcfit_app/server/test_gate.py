@@ -19,7 +19,7 @@ from urllib.request import HTTPCookieProcessor, ProxyHandler, build_opener
 import pytest
 import viser
 from websockets.datastructures import Headers
-from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.exceptions import ConnectionClosed, ConnectionClosedError, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from fitting_core.errors import InputError
@@ -410,6 +410,12 @@ def test_neither_token_nor_cookie_gets_into_logs(
     text = "".join(map(logging.Formatter().format, ours)) + "".join(capfd.readouterr())
     for secret in (link.partition("=")[2], cookie.partition("=")[2]):
         assert secret not in text
+
+
+@pytest.mark.parametrize(("error", "told"), [(ConnectionClosedError(None, None), False), (RuntimeError(), True)])
+def test_a_browser_that_leaves_before_it_is_answered_is_no_news(error: Exception, told: bool):
+    record = logging.makeLogRecord({"msg": "opening handshake failed", "exc_info": (type(error), error, None)})
+    assert bool(gated_viser._log.filter(record)) == told
 
 
 def test_the_end_closes_everything_at_once(monkeypatch: pytest.MonkeyPatch):
