@@ -6,7 +6,10 @@ ARGS ?=
 
 VENV := .venv
 RUN := $(VENV)/bin/python
+PIP := $(RUN) -m pip install --quiet --disable-pip-version-check
 INSTALLED := $(VENV)/.installed
+# What only tests and checks need comes with the first of these: half a gigabyte less before the demo opens.
+INSTALLED_DEV := $(VENV)/.installed-dev
 INSTALLED_DOCS := $(VENV)/.installed-docs
 NETWORKS := $(VENV)/.networks
 # Node comes with the developers' packages; type check and lint of the pages' scripts are all that it is for.
@@ -32,16 +35,16 @@ install: $(INSTALLED) $(NETWORKS) ## Set up .venv, fetch the networks that detec
 demo: $(INSTALLED) $(NETWORKS) ## Open the demo clip in the browser, with its fit coming in
 	@$(VENV)/bin/tcfit demo $(ARGS)
 
-test: $(INSTALLED) $(NETWORKS) ## Run the tests that are quick, e.g. ARGS="tests/fitting_core/body -k hands"
+test: $(INSTALLED_DEV) $(NETWORKS) ## Run the tests that are quick, e.g. ARGS="tests/fitting_core/body -k hands"
 	@$(PYTEST) $(ARGS)
 
-test-browser: $(INSTALLED) $(NETWORKS) ## Run the tests of the app's details in a browser
+test-browser: $(INSTALLED_DEV) $(NETWORKS) ## Run the tests of the app's details in a browser
 	@$(PYTEST) -m "browser and not slow" $(ARGS)
 
-test-slow: $(INSTALLED) $(NETWORKS) ## Run the slow tests
+test-slow: $(INSTALLED_DEV) $(NETWORKS) ## Run the slow tests
 	@$(ONE_THREAD) $(RUN) -m pytest -m slow $(ARGS)
 
-check: $(INSTALLED) $(WEB_TOOLS_INSTALLED) ## Lint, formatting and types
+check: $(INSTALLED_DEV) $(WEB_TOOLS_INSTALLED) ## Lint, formatting and types
 	@$(RUN) -m ruff check .
 	@$(RUN) -m ruff format --check .
 	@$(RUN) -m pyright --pythonpath $(RUN)
@@ -62,8 +65,8 @@ $(INSTALLED): pyproject.toml setup.py constraints.txt
 			"or name yours: make PYTHON=python3.12 $(MAKECMDGOALS)" >&2; exit 1; }
 	@"$(PYTHON)" -m venv $(VENV) || { \
 		echo 'No virtual environment could be made. On Debian and Ubuntu: apt-get install python3-venv' >&2; exit 1; }
-	@echo 'Installing tcfit and what it needs into $(VENV) (some minutes, once) ...'
-	@$(RUN) -m pip install --quiet --disable-pip-version-check -e '.[dev]' -c constraints.txt
+	@echo 'Installing tcfit and what it needs into $(VENV): some minutes, once, and nothing is shown until it is done ...'
+	@$(PIP) -e . -c constraints.txt
 	@$(RUN) -m fitting_core.fit.fused
 	@touch $@
 
@@ -74,10 +77,15 @@ $(NETWORKS): fitting_core/detect/mediapipe/networks.py | $(INSTALLED)
 		echo 'Going on without them. Later, tcfit models add mediapipe fetches them.'
 	@touch $@
 
-$(INSTALLED_DOCS): $(INSTALLED)
-	@$(RUN) -m pip install --quiet --disable-pip-version-check -e '.[docs]' -c constraints.txt
+$(INSTALLED_DEV): $(INSTALLED)
+	@echo 'Installing what tests and checks need (some minutes, once) ...'
+	@$(PIP) -e '.[dev]' -c constraints.txt
 	@touch $@
 
-$(WEB_TOOLS_INSTALLED): web_tools/package.json web_tools/package-lock.json | $(INSTALLED)
+$(INSTALLED_DOCS): $(INSTALLED)
+	@$(PIP) -e '.[docs]' -c constraints.txt
+	@touch $@
+
+$(WEB_TOOLS_INSTALLED): web_tools/package.json web_tools/package-lock.json | $(INSTALLED_DEV)
 	@$(NPM) ci --prefix web_tools --silent --no-audit --no-fund
 	@touch $@

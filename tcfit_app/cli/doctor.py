@@ -169,8 +169,9 @@ def check_detector() -> Iterator[Check]:
     if damaged:
         yield Check(status="warning", found=f"damaged: {', '.join(damaged)}, in {networks.folder()}", advice=get)
     elif gone:
-        found = f"{', '.join(gone)} not in {networks.folder()}: keypoints must come from elsewhere"
-        yield Check(status="warning", found=found, advice=f"{get}, if tcfit is to detect keypoints itself")
+        which = "the networks are" if len(gone) == len(networks.NEEDED) else f"{', '.join(gone)} of its networks are"
+        found = f"{which} not on this computer: tcfit cannot find keypoints in a video"
+        yield Check(status="warning", found=found, advice=f"{get} (90 MB, once); not needed with --keypoints")
     elif len(here) < len(networks.NETWORKS):
         found = f"its networks are in {networks.folder()}, but not the more exact one for bodies, which is optional"
         yield Check(status="ok", found=found, advice=get)

@@ -14,6 +14,7 @@ from fitting_core.body.files.reading import load_body
 from fitting_core.body.model import BodyModel
 from fitting_core.clips.options import ClipOptions
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
+from fitting_core.detect.detectors import DETECTORS
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
 from fitting_core.io.people_file import holds_people, read_people_file
@@ -224,16 +225,18 @@ def _begun(session: "Session", fit: FitConfig, find: ClipOptions | None) -> str:
     """Begin a first fit; why it cannot be one, in the rest of a sentence."""
     if session.project.read_only:
         return "is open read-only"
-    if session.fits.runs:
+    if session.fits.showable():  # one that was cancelled early has nothing to show
         return "has fits already"
     if fit.height is None:
         fit = replace(fit, height=session.project.height)
     if session.project.has_detections:
         session.fit_everything(fit, kind="smplx", gender="neutral")
-    elif find is not None:
-        session.find_and_fit(find.detector, fit, person=find.person)
-    else:
+    elif find is None:
         return "has no keypoints. Have them found first, in the panel Start"
+    elif (known := DETECTORS.get(find.detector)) is not None and not known.is_here():
+        return "has no keypoints, and what finds them is not on this computer yet. Fetch it in the panel Start"
+    else:
+        session.find_and_fit(find.detector, fit, person=find.person)
     return ""
 
 

@@ -8,7 +8,7 @@ _STEPS = (
     ("Fit everything, if there is no fit yet.", "fit"),
     ("Go to the next suspicious frame.", "next_suspect"),
     ("Drag a wrong keypoint: the fit follows, and the correction is saved. Undo reverts it.", "undo"),
-    ("Drag in the timeline's ruler to select frames, and re-run phase 3 on them.", "rerun"),
+    ("Drag in the timeline's ruler to select frames, and fit them again.", "rerun"),
     ("Compare: A | B shows the fit before beside the new one, and the panel Compare has the figures.", "ab"),
     ("Your own video: keypoints are detected automatically. In the terminal: tcfit review VIDEO --fit", ""),
     ("All keys. These first steps are there too.", "help"),

@@ -37,7 +37,8 @@ class Status:
         if not session.project.has_detections:
             chips.append(self._keypoint_chip())
         elif not session.jobs and not session.fits.showable():
-            chips.append(Chip(text="No fit yet: press Shift+R, or Fit everything in the panel Fit"))
+            how = "" if session.project.read_only else ": press Shift+R, or Fit everything in the panel Fit"
+            chips.append(Chip(text=f"No fit yet{how}"))
         media = session.project.media.problem or tab.data.video.problem_of(tab.state.frame)
         for text in (damage_in_short(session.project.damage), media, problem):
             if text:
@@ -69,7 +70,7 @@ class Status:
         """The progress of the keypoint job, or where to start one."""
         going = self._tab.session.source.going
         if going is None or going.state != "running":
-            return Chip(text="No keypoints yet: detect them in the panel Start", kind="warning")
+            return Chip(text="No keypoints yet: find them in the panel Start", kind="warning")
         progress = None if going.share is None else round(going.share, 2)
         return Chip(text=f"{going.title}: {going.text}", kind="busy", progress=progress)
 

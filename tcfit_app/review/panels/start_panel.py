@@ -182,7 +182,7 @@ def _introduction(tab: Tab) -> list[Html]:
         text = "You can watch the video meanwhile; keypoints appear as they are found."
     else:
         text = "tcfit finds the person's body, hands and face in the video, and fits the body model to them."
-    return [heading("No keypoints yet", first=True), paragraph(text)]
+    return [heading("Keypoints" if session.source.busy else "No keypoints yet", first=True), paragraph(text)]
 
 
 def _finished(gestures: Gestures) -> list[Html]:

@@ -228,3 +228,11 @@ def test_kernels_that_the_first_fit_compiles_are_no_reason_to_warn(
     monkeypatch.setattr(ready, "problem", lambda: problem)
     check = list(check_torch())[1]
     assert check.status == status and found in check.found
+
+
+def test_missing_networks_are_named_by_what_they_are_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("TCFIT_DETECTORS", str(tmp_path))
+    [check] = report.check_detector()
+    assert check.status == "warning"
+    assert check.found == "the networks are not on this computer: tcfit cannot find keypoints in a video"
+    assert check.advice.startswith("tcfit models add mediapipe")

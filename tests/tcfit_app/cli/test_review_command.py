@@ -7,12 +7,13 @@ from typing import Any
 import pytest
 
 from fitting_core.config.schema import PRESETS, FitConfig
+from fitting_core.detect.detectors import DETECTORS
 from tcfit_app.cli.main import main, parse
 from tcfit_app.project.project import Project
 from tcfit_app.review.app import ReviewApp
 from tcfit_app.review.session.session import Session
 from tests.samples.media import write_video
-from tests.samples.project_samples import BODY
+from tests.samples.project_samples import BODY, sample_fit
 from tests.tcfit_app.conftest import FRAMES
 
 
@@ -98,11 +99,21 @@ def test_a_fit_that_is_asked_for_and_cannot_begin_is_told(
     assert no_keypoints in told(write_video(tmp_path / "a.mp4"), "--keypoints", "none", "--out", alone)
     found = []
     monkeypatch.setattr(Session, "find_and_fit", lambda self, detector, config, person: found.append(detector))
+    known = DETECTORS["mediapipe"]
+    monkeypatch.setitem(DETECTORS, "mediapipe", replace(known, is_here=lambda: False))
+    assert told(alone).endswith("is not on this computer yet. Fetch it in the panel Start.") and not found
+    monkeypatch.setitem(DETECTORS, "mediapipe", replace(known, is_here=lambda: True))
     assert told(alone) == "" and found == ["mediapipe"], "they are found without being asked twice"
     reviewed(*clip_arguments, "--out", folder)
     assert told(folder, "--read-only").endswith("wave.tcfit is open read-only.")
     with Project.open(folder) as project:
         project.runs.start(PRESETS["tcfit"], body=BODY, edits_seen=0)
+    started = []
+    monkeypatch.setattr(Session, "fit_everything", lambda self, config, **body: started.append(config))
+    assert told(folder) == "" and started == [PRESETS["tcfit"]], "the first fit was cancelled: it begins again"
+    with Project.open(folder) as project:
+        run = project.runs.start(PRESETS["tcfit"], body=BODY, edits_seen=0)
+        project.runs.finish(run.id, sample_fit(0, frames=len(project.clip)))
     assert told(folder).endswith("wave.tcfit has fits already.")
 
 
