@@ -7,7 +7,7 @@ from typing import Literal
 
 from fitting_core.errors import InputError
 from tcfit_app.analysis.findings import FINDINGS, WHOLE
-from tcfit_app.analysis.suspicion import ORDERS, Suspect
+from tcfit_app.analysis.suspicion import ORDERS, ReviewQueue, Suspect
 from tcfit_app.project.edits.edit_log import MarkState
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.browser.page_states import Leaving
@@ -19,15 +19,25 @@ class Reviewing:
 
     def __init__(self, tab: Tab) -> None:
         self._tab = tab
+        self._queue: ReviewQueue | None = None
         self._last: Suspect | None = None
         self._place = -1
         """Position of that entry in the queue: when it has left, the next entry has this position."""
 
     @property
+    def queue(self) -> ReviewQueue | None:
+        """The newest queue that there is, of which a newer one may be being computed; None while the first one is, and
+        if there is no fit or it has none."""
+        shown, data = self._tab.shown.b, self._tab.data
+        found = None if shown is None else data.queue(shown)
+        if found is not None or shown is None or data.problem("suspects", shown):
+            self._queue = found
+        return self._queue
+
+    @property
     def everything(self) -> tuple[Suspect, ...] | None:
-        """Suspicious frames, worst first; None while they are being computed, or without a fit."""
-        shown = self._tab.shown.b
-        return None if shown is None else self._tab.data.suspects(shown)
+        """Suspicious frames, worst first; None as above."""
+        return None if self.queue is None else self.queue.left
 
     @property
     def suspects(self) -> tuple[Suspect, ...] | None:
@@ -49,7 +59,7 @@ class Reviewing:
         self._tab.set(queue=replace(view, kind=there[(there.index(view.kind) + 1) % len(there)]))
 
     def go(self, step: int) -> None:
-        """Go to the next (1) or previous (-1) queue entry. Raises InputError while the queue is being computed."""
+        """Go to the next (1) or previous (-1) queue entry. Raises InputError while the first queue is computed."""
         suspects = self.suspects
         if suspects is None:
             raise InputError("Suspicious frames are still being looked for. Try again in a moment.")

@@ -73,7 +73,6 @@ class ReviewPanel:
         self._gestures = gestures
         self._tab = tab = gestures.tab
         self._found: ReviewQueue | None = None
-        """The last result; None until there is one."""
         self._looking = False
         """A newer queue is being computed."""
         self._problem = ""
@@ -160,15 +159,10 @@ class ReviewPanel:
         return [frame for frame, mark in marks.items() if mark.state == "flag"]
 
     def _look(self, shown: Shown | None) -> None:
-        """Take up a new queue once it is ready; keep the last one meanwhile."""
-        if shown is None:
-            self._found, self._looking, self._problem = None, False, ""
-            return
-        found = self._tab.data.queue(shown)
-        self._problem = self._tab.data.problem("suspects", shown) if found is None else ""
-        self._looking = found is None and not self._problem
-        if not self._looking:
-            self._found = found
+        data = self._tab.data
+        self._found = self._gestures.reviewing.queue
+        self._problem = "" if shown is None or self._found is not None else data.problem("suspects", shown)
+        self._looking = shown is not None and not self._problem and data.queue(shown) is None
 
     def _here(self) -> int | None:
         """The position in the queue of the entry on show."""

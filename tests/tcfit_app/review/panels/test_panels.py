@@ -487,6 +487,21 @@ def test_a_queue_of_300_entries_is_brought_to_its_end_by_18_keys(panel_server: v
         assert left(None).left == (entries[0],)
 
 
+def test_the_last_queue_is_gone_through_while_a_newer_one_is_computed(tested: LonePage):
+    page = tested.page
+    page.tab.data.problem = lambda what, shown: ""  # pyright: ignore[reportAttributeAccessIssue]
+    page.tab.data.queue = lambda shown: None  # pyright: ignore[reportAttributeAccessIssue]
+    with pytest.raises(InputError, match="still being looked for"):
+        tested.press("action", "next_suspect")
+    with_suspects(tested, suspect(2), suspect(4))
+    assert "Looking again" not in tested.html()
+    page.tab.data.queue = lambda shown: None  # pyright: ignore[reportAttributeAccessIssue]
+    assert "2 listed" in tested.html() and "Looking again" in tested.html()
+    for frame in (2, 4):
+        tested.press("action", "next_suspect")
+        assert page.tab.state.frame == frame
+
+
 def test_the_queue_is_filtered_and_ordered(tested: LonePage):
     page, first = tested.page, suspect(4)
     leg = replace(suspect(2), kind="jump", score=1.5, about=("left leg",), unsure=0.2, reason="left knee jumps")
