@@ -178,15 +178,17 @@ def watch_connections(
 
 
 _CURTAIN = b"""<style>
-html::before { content: ""; position: fixed; inset: 0; z-index: 900; pointer-events: none; background: #fff;
-  animation: tcfit-lift 0s 6s forwards; }
+html::before { content: "Loading ..."; position: fixed; inset: 0; z-index: 900; pointer-events: none; display: grid;
+  place-items: center; font: 16px system-ui, sans-serif; background: #fff; color: transparent;
+  animation: tcfit-say 0s 1s forwards, tcfit-lift 0s 30s forwards; }
 html.tcfit-drawn::before { left: calc(100% - 342px); }
 html.tcfit-ready::before { display: none; }
+@keyframes tcfit-say { to { color: #868e96; } }
 @keyframes tcfit-lift { to { visibility: hidden; } }
 @media (prefers-color-scheme: dark) { html::before { background: #1a1b1e; } }
 </style>"""
 """Over viser's own panel, and its theme, until the app's picture and panels are there (the page's `curtain.js`); at the
-latest after 6 seconds: what keeps them away is seen then."""
+latest after 30 seconds: what keeps them away is seen then."""
 
 
 def curtained(headers: Headers, body: bytes) -> bytes:
