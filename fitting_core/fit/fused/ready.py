@@ -91,7 +91,7 @@ def prepare(say: Callable[[str], None]) -> None:
     _Use.told = True
     from fitting_core.fit.compiled.jit import kept_in
 
-    say(f"Compiling the solver's kernels, which happens once and takes about {SECONDS} seconds ...")
+    say(f"Compiling the solver's kernels, which happens once and takes {SECONDS} seconds or more ...")
     try:
         _compile(say)
     except Exception as error:  # any error of numba or LLVM: torch still works
