@@ -1,6 +1,9 @@
 """What a review reads ahead is what it would have read later, and what cannot be read fails there and not here."""
 
 import gc
+import platform
+import subprocess
+import sys
 from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
@@ -75,3 +78,30 @@ def test_a_damaged_body_file_is_left_to_who_needs_it(project: Path, tmp_path: Pa
 def test_garbage_is_collected_again_after_loading():
     load_app()
     assert gc.isenabled()
+
+
+HEAPS = """
+import ctypes, threading
+from tcfit_app.review.opening import load_app
+load_app()
+libc = ctypes.CDLL(None)
+libc.fdopen.restype, libc.fdopen.argtypes = ctypes.c_void_p, [ctypes.c_int, ctypes.c_char_p]
+libc.malloc_info.argtypes, libc.fflush.argtypes = [ctypes.c_int, ctypes.c_void_p], [ctypes.c_void_p]
+together = threading.Barrier(9)
+def work():
+    libc.malloc(5000)
+    together.wait()
+for _ in range(8):
+    threading.Thread(target=work).start()
+together.wait()
+told = libc.fdopen(1, b"w")
+libc.malloc_info(0, told)
+libc.fflush(told)
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="needs glibc's malloc")
+def test_threads_share_heaps():
+    """What a heap of its own keeps for each thread grows with every clip that is opened."""
+    made = subprocess.run([sys.executable, "-c", HEAPS], capture_output=True, text=True, check=True)
+    assert 1 <= made.stdout.count("<heap nr=") <= 2, made.stdout
