@@ -190,10 +190,6 @@ def _still_answers(lab: Served, socket: Connection) -> None:
     assert received(socket, "formats")["groups"]
 
 
-def test_some_random_actions(free_body: BodyModel, tmp_path: Path, caplog: pytest.LogCaptureFixture):
-    _let_loose(tmp_path / "lab", free_body, 60, caplog)
-
-
 @pytest.mark.slow
 def test_1000_random_actions(free_body: BodyModel, tmp_path: Path, caplog: pytest.LogCaptureFixture):
     _let_loose(tmp_path / "lab", free_body, 1000, caplog)
