@@ -37,7 +37,8 @@ class Reviewing:
     @property
     def everything(self) -> tuple[Suspect, ...] | None:
         """Suspicious frames, worst first; None as above."""
-        return None if self.queue is None else self.queue.left
+        queue = self.queue
+        return None if queue is None else queue.left
 
     @property
     def suspects(self) -> tuple[Suspect, ...] | None:
