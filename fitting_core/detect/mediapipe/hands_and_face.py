@@ -89,7 +89,7 @@ class PartsFinder:
         result = assigned(pool, body)
         squares: list[Square] = []
         for side in _weak(result):
-            lost = _score(before.hands[side]) > _FOUND >= _score(result[side])
+            lost = side not in _weak(before.hands) or _score(before.hands[side]) > _FOUND >= _score(result[side])
             wrist, margin = body.xy[WRISTS[side]], _MARGIN * body.square.side
             inside = (wrist > -margin).all() and (wrist < np.array(image.shape[1::-1]) + margin).all()
             if inside and (lost or search):
