@@ -9,6 +9,7 @@ from jaxtyping import Float
 from fitting_core.body.model import JOINT
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.errors import InputError
+from fitting_core.fit.evidence.sides import other_side, unswapped
 from fitting_core.keypoints import COUNT, GROUPS
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.fitting.live import Target
@@ -104,13 +105,14 @@ class Correcting:
 
     def _begin_in_depth(self, event: DragDepthEvent) -> None:
         tab = self._tab
-        frame, joints, on_show = event.frame, (event.joint,), tab.look()
+        frame, on_show = event.frame, tab.look()
         seen = on_show.b if any("b" in place for place in on_show.places) else on_show.a
         if seen is None or not seen.has(frame):
             return
+        joints = across_sides(tab, seen, frame, (event.joint,))
         self.refuse_bad((frame,), joints)
         body, params = tab.session.bodies.of(seen.run.body), seen.params[[frame]]
-        depth = keypoints_in_space(body, params)[0][0, list(joints), 2]
+        depth = keypoints_in_space(body, params)[0][0, [event.joint], 2]
         start = depth - joints_in_space(body, params)[0, JOINT["pelvis"], 2]
         self._dragging = _Dragging(
             frame=frame, joints=joints, start=start, target=start, in_depth=True, shown=on_show.b
@@ -353,3 +355,15 @@ def one_series(one: LogEntry | None, other: LogEntry | None) -> bool:
         return False
     steps = np.abs(np.subtract(b.xy, a.xy))
     return bool(np.allclose(steps, steps[0], atol=1e-3)) and any(np.isclose(steps[0].max(), NUDGES, atol=1e-3))
+
+
+def across_sides(tab: Tab, shown: Shown, frame: int, joints: tuple[int, ...]) -> tuple[int, ...]:
+    """The fit's keypoints for detected ones or the other way round: the other side's where it unswapped sides."""
+    [pairs] = swapped_sides(tab.session.project, shown, (frame,))
+    return tuple(other_side(joint, pairs) for joint in joints)
+
+
+def swapped_sides(project: Project, shown: Shown, frames: tuple[int, ...]) -> list[list[str]]:
+    """For each frame the pairs of limbs whose sides this fit unswapped: names of `sides.PAIRED`."""
+    swaps = unswapped(project.clip.keypoints)[1] if shown.run.config.unswap_sides else {}
+    return [[name for name, swapped in swaps.items() if frame in swapped] for frame in frames]

@@ -8,14 +8,13 @@ from fitting_core.body.model import JOINT, POSE_JOINTS
 from fitting_core.body.params import full_pose
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.errors import InputError
-from fitting_core.fit.evidence.sides import other_side, unswapped
 from fitting_core.keypoints import BODY, FACE, FINGER_JOINTS, INDEX, LOCKABLE
 from tcfit_app.analysis.body_regions import LIMB_OF, REGION_OF
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.project.edits.kinds import ClearDepth, Lock, Pin, TakeRotations, Unlock
 from tcfit_app.project.edits.packed_points import packed
 from tcfit_app.project.frame_words import in_words
-from tcfit_app.review.gestures.correcting import Correcting
+from tcfit_app.review.gestures.correcting import Correcting, across_sides, swapped_sides
 from tcfit_app.review.gestures.depths import SeenBody, Way, limbs_of
 from tcfit_app.review.gestures.keyframing import depth_edit
 from tcfit_app.review.tab.tab import Tab
@@ -38,10 +37,10 @@ class CorrectingDepth:
 
     def send(self, way: Way) -> None:
         """Put the limbs of the selected keypoints on one side of their shoulders or hips in depth."""
-        self.send_limbs(way, self._tab.frames_to_change, self._correcting.selected())
+        self.send_limbs(way, self._tab.frames_to_change, self._as_detected(self._correcting.selected()))
 
     def send_limbs(self, way: Way, frames: tuple[int, ...], joints: tuple[int, ...]) -> None:
-        """Put the limbs of some keypoints in some frames on one side of their roots, starting from the fit on show."""
+        """Put the limbs of detected keypoints in some frames on one side of their roots, from the fit on show."""
         limbs = limbs_of(joints)
         seen = self._seen_body(frames)
         depths = np.concatenate([seen.sent(limb, way) for limb in limbs], 1)
@@ -65,14 +64,16 @@ class CorrectingDepth:
         self._correcting.make(Lock(frames=frames, joints=of_body, turn=rounded))
 
     def _of_body(self, joints: tuple[int, ...]) -> tuple[int, ...]:
-        """The body's keypoints that are seen at the selected ones: those of the other side, where fit B took detected
-        ones for these. In 3D keypoints are those of the fit."""
-        tab, shown = self._tab, self._tab.look().b
-        if tab.state.mode == "space" or shown is None or not shown.run.config.unswap_sides:
-            return joints
-        swaps = unswapped(tab.session.project.clip.keypoints)[1]
-        sides = [name for name, swapped in swaps.items() if tab.state.frame in swapped]
-        return tuple(other_side(joint, sides) for joint in joints)
+        """The body's keypoints that are seen at the selected ones. In 3D keypoints are those of the fit."""
+        return joints if self._tab.state.mode == "space" else self._across(joints)
+
+    def _as_detected(self, joints: tuple[int, ...]) -> tuple[int, ...]:
+        """The detected keypoints for the selected ones, which edits are about."""
+        return self._across(joints) if self._tab.state.mode == "space" else joints
+
+    def _across(self, joints: tuple[int, ...]) -> tuple[int, ...]:
+        shown = self._tab.look().b
+        return joints if shown is None else across_sides(self._tab, shown, self._tab.state.frame, joints)
 
     def take_from_a(self) -> None:
         """Lock limbs in the chosen frames to their rotations in fit A: the arms, legs, hands and head of the selected
@@ -119,19 +120,18 @@ class CorrectingDepth:
             raise InputError("Depth is taken from the fit on show, and there is none here: fit first.")
         keypoints, params = project.clip.keypoints, shown.params[list(frames)]
         body = tab.session.bodies.of(shown.run.body)
-        swaps = unswapped(keypoints)[1] if shown.run.config.unswap_sides else {}
         return SeenBody(
             points=keypoints_in_space(body, params)[0],
             pelvis=joints_in_space(body, params)[:, JOINT["pelvis"], 2],
             keypoints=keypoints[np.array(frames)],
             camera=shown.camera,
-            swapped=[[name for name, swapped in swaps.items() if frame in swapped] for frame in frames],
+            swapped=swapped_sides(project, shown, frames),
         )
 
     def interpolate_depth(self) -> None:
         """Interpolate the depths of the selected limbs between frames where they are set: the ends of the selected
         frames, or the nearest ones before and after the frame on show. Their image positions stay."""
-        joints = tuple(joint for limb in limbs_of(self._correcting.selected()) for joint in limb[1:])
+        joints = self._limb_ends()
         told = self._tab.session.project.corrected[:, list(joints)].told_depth
         known = np.flatnonzero(np.isfinite(told).all(1))
         frames, apart = self._tab.frames_to_change, int(self._tab.state.frames is None)
@@ -148,14 +148,16 @@ class CorrectingDepth:
 
     def clear_depth(self) -> None:
         """Clear the depths set for the selected limbs."""
-        frames, joints = (
-            self._tab.frames_to_change,
-            [joint for limb in limbs_of(self._correcting.selected()) for joint in limb[1:]],
-        )
+        frames, joints = self._tab.frames_to_change, self._limb_ends()
         if not np.isfinite(self._tab.session.project.corrected.depth[np.ix_(frames, joints)]).any():
             where = in_words(frames, self._tab.first_frame)
             raise InputError(f"No depth is set for the selected limbs in {where}.")
-        self._correcting.make(ClearDepth(frames=frames, joints=tuple(joints)))
+        self._correcting.make(ClearDepth(frames=frames, joints=joints))
+
+    def _limb_ends(self) -> tuple[int, ...]:
+        """Elbows and wrists, knees and ankles of the selected limbs."""
+        limbs = limbs_of(self._as_detected(self._correcting.selected()))
+        return tuple(joint for limb in limbs for joint in limb[1:])
 
     def pin(self) -> None:
         """Pin the selected keypoints to their current position in the fit, in all selected frames."""
@@ -173,13 +175,14 @@ class CorrectingDepth:
                 f"{len(beyond)} of the selected keypoints are not body keypoints, and only those have a depth."
             )
         seen = self._seen_body(frames)
-        points = seen.points[frames.index(now), list(joints)]
+        points = seen.points[frames.index(now), list(self._of_body(joints))]
         if not np.isfinite(points).all():
             raise InputError("The body model of this fit lacks some of the selected keypoints: select others.")
         xy = points[:, :2] / points[:, 2:] * seen.camera.focal + seen.camera.center
         depths = np.round(points[:, 2] - seen.pelvis[:, None], 4)
         places = tuple((round(float(u), 3), round(float(v), 3)) for u, v in xy)
-        self._correcting.make(Pin(frames=frames, joints=joints, xy=places, depth=tuple(map(tuple, depths.tolist()))))
+        detected = self._as_detected(joints)
+        self._correcting.make(Pin(frames=frames, joints=detected, xy=places, depth=tuple(map(tuple, depths.tolist()))))
 
 
 def _stated_with(joints: tuple[int, ...]) -> tuple[int, ...]:

@@ -9,12 +9,11 @@ from fitting_core.body.handshapes import HANDSHAPES, finger_angles, in_hand
 from fitting_core.body.model import POSE_JOINTS
 from fitting_core.body.params import full_pose
 from fitting_core.errors import InputError
-from fitting_core.fit.evidence.sides import other_side, unswapped
 from fitting_core.keypoints import FINGER_JOINTS, INDEX, LEFT_HAND, RIGHT_HAND, Side
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.project.edits.kinds import Shape, ShapeHand
 from tcfit_app.project.frame_words import in_words
-from tcfit_app.review.gestures.correcting import Correcting
+from tcfit_app.review.gestures.correcting import Correcting, across_sides
 from tcfit_app.review.shared.own_handshapes import keep_handshape, own_handshapes
 from tcfit_app.review.tab.tab import Tab
 
@@ -121,10 +120,11 @@ class ShapingHands:
 
     def _of_body(self) -> Side:
         """The body's hand that the selected keypoints are of in the fit on show, which swaps sides back."""
-        side, project = self.side(), self._tab.session.project
-        swaps = unswapped(project.clip.keypoints)[1] if self._shown().run.config.unswap_sides else {}
-        swapped = [name for name, frames in swaps.items() if self._tab.state.frame in frames]
-        return OTHER[side] if other_side(INDEX[f"{side}_wrist"], swapped) != INDEX[f"{side}_wrist"] else side
+        side = self.side()
+        if self._tab.state.mode == "space":
+            return side
+        wrist = (INDEX[f"{side}_wrist"],)
+        return side if across_sides(self._tab, self._shown(), self._tab.state.frame, wrist) == wrist else OTHER[side]
 
     def _on_show(self, side: Side) -> HandPose:
         frame = self._tab.state.frame

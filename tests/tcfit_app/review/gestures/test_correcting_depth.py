@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from fitting_core.keypoints import INDEX
 from tcfit_app.analysis.suspicion import ReviewQueue, Suspect
 from tcfit_app.project.edits.kinds import ClearDepth, Lock, MarkBad, Pin, SetDepth, Unlock
 from tcfit_app.project.project import Project
+from tcfit_app.review.browser.page_events import DragDepth
 from tcfit_app.review.gestures.edit_words import describe
 from tcfit_app.review.panels.keypoints_panel import KeypointsPanel
 from tcfit_app.review.panels.review_panel import ReviewPanel
@@ -223,7 +225,7 @@ def swap_arms(tab: Tab, monkeypatch: pytest.MonkeyPatch, *, unswapping: bool) ->
     assert shown is not None
     run = replace(shown.run, config=replace(shown.run.config, unswap_sides=unswapping))
     monkeypatch.setattr(tab, "look", lambda: replace(tab.shown, b=replace(shown, run=run)))
-    monkeypatch.setattr("tcfit_app.review.gestures.correcting_depth.unswapped", lambda k: (k, {"arms": np.array([4])}))
+    monkeypatch.setattr("tcfit_app.review.gestures.correcting.unswapped", lambda k: (k, {"arms": np.array([4])}))
 
 
 @pytest.mark.parametrize("unswapping", [False, True])
@@ -255,6 +257,36 @@ def test_the_joint_is_locked_that_is_seen_at_a_swapped_keypoint(
     assert isinstance(edit, Lock) and edit.joints == (INDEX[f"{side}_wrist"],)
     tested.press("action", "unlock")
     assert last_edit(tested) == Unlock(frames=(4,), joints=(INDEX[f"{side}_wrist"],))
+
+
+@pytest.mark.parametrize(("mode", "side"), [("edit", "right"), ("space", "left")])
+def test_in_3d_the_depth_of_a_swapped_arm_is_that_of_the_arm_on_show(
+    tested: LonePage, monkeypatch: pytest.MonkeyPatch, mode: Mode, side: str
+):
+    tab = tested.page.tab
+    tab.session.edit_follower.after_edits = False
+    swap_arms(tab, monkeypatch, unswapping=True)
+    tab.set(frame=4, selection=(WRIST,), mode=mode)
+    tested.page.gestures.depth.send("mirror")
+    edit, of_side = last_edit(tested), tuple(INDEX[f"{side}_{name}"] for name in ("elbow", "wrist"))
+    assert isinstance(edit, SetDepth) and edit.joints == of_side
+    tested.page.gestures.depth.clear_depth()
+    assert last_edit(tested) == ClearDepth(frames=(4,), joints=of_side)
+
+
+def test_the_limb_that_is_dragged_in_depth_is_the_one_on_show(
+    tested: LonePage, tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch
+):
+    tab, before = tested.page.tab, depths(tested, tiny_body)
+    tab.session.edit_follower.after_edits = False
+    swap_arms(tab, monkeypatch, unswapping=True)
+    tab.set(frame=4)
+    moves: tuple[tuple[Literal["start", "move", "end"], float], ...] = ("start", 0.0), ("move", 0.1), ("end", 0.1)
+    for phase, metres in moves:
+        tested.page.receive(DragDepth(phase, WRIST, metres, 4))
+    edit = last_edit(tested)
+    assert isinstance(edit, SetDepth) and edit.joints == (INDEX["left_wrist"],)
+    assert edit.depth[0][0] == pytest.approx(before[4, WRIST] + 0.1, abs=PERSPECTIVE)
 
 
 @pytest.mark.parametrize(
