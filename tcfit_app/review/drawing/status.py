@@ -72,7 +72,8 @@ class Status:
         if going is None or going.state != "running":
             return Chip(text="No keypoints yet: find them in the panel Start", kind="warning")
         progress = None if going.share is None else round(going.share, 2)
-        return Chip(text=f"{going.title}: {going.text}", kind="busy", progress=progress)
+        left = "" if going.remaining is None else f", {duration(going.remaining)} left"
+        return Chip(text=f"{going.title}: {going.text}{left}", kind="busy", progress=progress)
 
 
 def damage_in_short(damage: Sequence[str]) -> str:

@@ -6,6 +6,7 @@ import viser
 
 from fitting_core.errors import InputError
 from tcfit_app.imports.keypoint_jobs import Download, FetchNetworks, ImportFiles, ImportUpload
+from tcfit_app.review.drawing.status import duration
 from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.panels.elements.camera_input import CameraInput
 from tcfit_app.review.panels.elements.field import Dropdown, take_uploads
@@ -231,7 +232,8 @@ def _said(going: Going, people: int) -> list[Html]:
         return [title, paragraph("Cancelled. Keypoints found so far are kept; starting again continues from there.")]
     if going.state == "finished":
         return [title, paragraph("Done.", "good")]
-    doing = "Stopping …" if going.stopping else f"{going.text} …"
+    left = "" if going.remaining is None else f", about {duration(going.remaining)} left"
+    doing = "Stopping …" if going.stopping else f"{going.text}{left} …"
     several = f"{people} people found. To choose someone other than the one in colour, click on them in the picture."
     return [
         title,

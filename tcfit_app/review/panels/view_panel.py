@@ -63,7 +63,7 @@ class ViewPanel:
         self._turn = Field(tab, self._turn_slider, lambda value: tab.set(side_from=float(value)))
         self._keypoints = Board(tab)
         minimum = gui.add_slider(
-            "Min. conf.", 0.0, 1.0, 0.05, 0.0, hint="Keypoints below this confidence are hidden, unless selected"
+            "Hide below", 0.0, 1.0, 0.05, 0.0, hint="Keypoints of a lower confidence are hidden, unless selected"
         )
         self._minimum = Field(tab, minimum, lambda value: tab.set(minimum=value))
         Board(tab).show(row(self._action("help", "All keys and gestures")))

@@ -24,6 +24,8 @@ IN_USE = 5.0
 """Seconds after its last request until a value counts as unwanted; tabs request several times a second."""
 _PATIENCE = 10.0
 """How long `close` waits for work to notice that it was cancelled, seconds."""
+_EARLY = 3.0
+"""Seconds of work before which no remaining time is estimated."""
 Value = TypeVar("Value")
 Step = Callable[[str, float | None], None]
 """Receives the current step and the progress (0 to 1; None: unknown). Raises to end the work."""
@@ -50,6 +52,8 @@ class Task(Generic[Value]):
         """What it produced, until `then` has returned; see `result`."""
         self._error: Exception | None = None
         self._cancelled = threading.Event()
+        self._known_from: tuple[float, float] | None = None
+        """When its share of the work was first known, and what it was: some may have been done before."""
 
     def cancel(self) -> None:
         """Stop at the work's next step."""
@@ -59,6 +63,15 @@ class Task(Generic[Value]):
     def stopping(self) -> bool:
         """Whether it was cancelled but has not ended yet."""
         return self._cancelled.is_set() and self.state == "running"
+
+    @property
+    def remaining(self) -> float | None:
+        """Seconds it will probably still take; None: that cannot be said yet."""
+        if self.share is None or self._known_from is None:
+            return None
+        since, share = self._known_from
+        elapsed, done = time.monotonic() - since, self.share - share
+        return elapsed * (1 - self.share) / done if elapsed > _EARLY and done > 0 else None
 
     def result(self) -> Value:
         """What a finished task produced, until `then` has returned; raises the error of a failed one."""
@@ -72,6 +85,8 @@ class Task(Generic[Value]):
         if self._cancelled.is_set():
             raise _Cancelled
         self.text, self.share = text, share
+        if share is not None and self._known_from is None:
+            self._known_from = time.monotonic(), share
 
     def run(self, work: Work[Value]) -> None:
         """Do the work, on the task's own thread."""

@@ -186,7 +186,7 @@ def test_view_inputs(tested: LonePage):
     page = tested.page
     tested.enter("Frame", FIRST + 4)
     assert page.tab.state.frame == 4
-    tested.enter("Min. conf.", 0.35)
+    tested.enter("Hide below", 0.35)
     assert page.tab.state.minimum == 0.35
 
 
