@@ -318,6 +318,7 @@ def documentation(review: Reviewing) -> Iterator[str]:
     review.press("i", lambda: review.session.project.corrected.edited[58:65].any())
     settle(review)
     until(lambda: errors_of_b(review)[60] < 6, "the curve of the corrected fit")
+    settle(review)  # the queue of that fit
     yield "corrected"
     review.press("Control+z", lambda: not review.session.project.corrected.edited.any())
     settle(review)
