@@ -119,10 +119,10 @@ class ReviewApp:
     def _open(self, client: viser.ClientHandle) -> None:
         number = client.client_id
         whose = visitor(self._server, number)
-        browser = BrowserTab(client, PageFiles(here=whose.here, root=self._files), whose)
+        browser = BrowserTab(client, partial(self._take, number), PageFiles(here=whose.here, root=self._files), whose)
         browser.go_to = lambda someone: self._go_to(number, someone)
         browser.has_come = lambda: self._go_back(number)
-        self.pages[number] = Page(browser, self._first, partial(self._take, number))
+        self.pages[number] = Page(browser, self._first)
         self._pages[number] = {self._first.number: self.pages[number]}
 
     def _go_to(self, client: int, someone: Someone) -> None:
@@ -132,7 +132,7 @@ class ReviewApp:
             return
         page.leave()
         if someone.number not in known:
-            known[someone.number] = Page(page.tab.browser, someone, partial(self._take, client))
+            known[someone.number] = Page(page.tab.browser, someone)
         self.pages[client] = known[someone.number]
         self.pages[client].come_from(page)
         self._remember(page.tab.browser.name, someone)

@@ -32,7 +32,7 @@ from tcfit_app.review.panels.key_list import KeyWindow
 from tcfit_app.review.panels.person_choice import PersonChoice
 from tcfit_app.review.tab.browser_tab import BrowserTab
 from tcfit_app.review.tab.people import Someone
-from tcfit_app.review.tab.tab import Do, Tab
+from tcfit_app.review.tab.tab import Tab
 from tcfit_app.server.serving import set_theme
 from tcfit_app.server.uploads import too_large
 
@@ -51,8 +51,8 @@ class Page:
     """Builds the parts of a tab that shows one person, gives them the page's events, and draws them. Arguments as in
     `Tab`."""
 
-    def __init__(self, browser: BrowserTab, someone: Someone, do: Do) -> None:
-        self.tab = Tab(browser, someone, do)
+    def __init__(self, browser: BrowserTab, someone: Someone) -> None:
+        self.tab = Tab(browser, someone)
         self.gestures = Gestures(self.tab)
         self.tab.buttons.on("action", self._run, ACTIONS.__getitem__)
         self.picture = Picture(self.tab, self.gestures.turning.rings)
@@ -70,7 +70,7 @@ class Page:
     def _begin(self) -> None:
         """Show this page in the browser tab."""
         browser = self.tab.browser
-        browser.receive = lambda event: self.tab.do(lambda: self.receive(event))
+        browser.take = lambda event: self.tab.guarded(lambda: self.receive(event))()
         browser.scene.rings.turned = lambda *turned: self.tab.do(lambda: self.gestures.turning.take(*turned))
         browser.show_first_steps = lambda: browser.channel.ask("hints", first_steps())
         self.tab.channel.send("skeleton", SKELETON)

@@ -206,7 +206,7 @@ def lone_page(
         for stored in session.fits.showable():
             with suppress(InputError):
                 session.fits.fit(stored)  # which the drawing thread would not wait for
-        page = Page(BrowserTab(cast(viser.ClientHandle, client), PageFiles(here=True)), alone(data), run)
+        page = Page(BrowserTab(cast(viser.ClientHandle, client), run, PageFiles(here=True)), alone(data))
         yield LonePage(page, sent)
     finally:
         server.gui._websock_interface.queue_message = queue

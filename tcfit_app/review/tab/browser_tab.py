@@ -13,6 +13,8 @@ from tcfit_app.server.gate import HOME
 from tcfit_app.server.gated_viser import Visitor
 from tcfit_app.server.page_files import PageFiles
 
+Do = Callable[[Callable[[], None]], None]
+"""Runs a command on the drawing thread, soon."""
 BROWSER = "browser "
 """The start of authors' names in edits; earlier versions used "tab "."""
 
@@ -22,21 +24,22 @@ class BrowserTab:
 
     Args:
         client: viser's client.
+        do: how callbacks reach the drawing thread.
         files: which files on this computer the page may read.
         whose: its user, as the gate knows them.
     """
 
-    def __init__(self, client: viser.ClientHandle, files: PageFiles, whose: Visitor | None = None) -> None:
-        self.client, self.files = client, files
-        self.receive: Callable[[PageEvent], None] = lambda event: None
-        """Handles the page's events for the person on show."""
+    def __init__(self, client: viser.ClientHandle, do: Do, files: PageFiles, whose: Visitor | None = None) -> None:
+        self.client, self.do, self.files = client, do, files
+        self.take: Callable[[PageEvent], None] = lambda event: None
+        """Takes the page's events for the person on show, on the drawing thread."""
         self.go_to: Callable[[Someone], None] = lambda someone: None
         """Shows another person."""
         self.has_come: Callable[[], None] = lambda: None
         """Called once the page has said hello, and so which tab it is."""
         self.show_first_steps: Callable[[], None] = lambda: None
         """Shows the first steps in the page."""
-        self.channel = Channel(client, lambda event: self.receive(event), timeline=True)
+        self.channel = Channel(client, self.receive, timeline=True)
         self.scene = SceneView(client)
         self.toasts = Toasts(client)
         self.name: str | None = None
@@ -52,6 +55,10 @@ class BrowserTab:
         """Canvas size in CSS pixels, as last reported by the page."""
         self.commands: dict[str, viser.CommandHandle] = {}
         """The actions in the command palette, by name; empty until they are there."""
+
+    def receive(self, event: PageEvent) -> None:
+        """Let an event of the page be taken, soon: the first one may come before there is anybody to take it."""
+        self.do(lambda: self.take(event))
 
     def greet(self, name: str, browser: str, size: tuple[int, int]) -> None:
         """The page's script has started, and gives its name.

@@ -21,8 +21,6 @@ from tcfit_app.review.tab.playback import Playback
 from tcfit_app.review.tab.state import SIDE_WIDTHS, FitSettings, TabState, seen_alike
 from tcfit_app.review.tab.toasts import SHORT
 
-Do = Callable[[Callable[[], None]], None]
-"""Runs a command on the drawing thread, soon."""
 REMEMBERED = 256
 """Number of tabs whose states are kept after they were closed."""
 _log = logging.getLogger(__name__)
@@ -34,10 +32,9 @@ class Tab:
     Args:
         browser: what the tab has whichever person it shows.
         someone: the person it shows.
-        do: how callbacks reach the drawing thread.
     """
 
-    def __init__(self, browser: BrowserTab, someone: Someone, do: Do) -> None:
+    def __init__(self, browser: BrowserTab, someone: Someone) -> None:
         self.browser, self.someone, self.data, self.session = browser, someone, someone.data, someone.session
         self.client, self.files, self.channel, self.scene = (
             browser.client,
@@ -57,7 +54,7 @@ class Tab:
         """The run that this tab has corrected, until its corrections are on show."""
         self.playback = Playback(self.session.project.footage.frame_rate)
         self.buttons = Buttons()
-        self._do, self._remembered = do, someone.remembered
+        self._remembered = someone.remembered
         self._shown: OnShow | None = None
         self._made: dict[str, tuple[Hashable, Any]] = {}
         """By name: the result of `once`, and its key."""
@@ -71,7 +68,7 @@ class Tab:
 
     def do(self, command: Callable[[], None]) -> None:
         """Run a command on the drawing thread; for callbacks. Errors are shown in the tab."""
-        self._do(self.guarded(command))
+        self.browser.do(self.guarded(command))
 
     def begin(
         self, title: str, work: Work[Value], then: Callable[[Value], None], *, writes: bool = False

@@ -92,7 +92,7 @@ def test_another_rig_takes_the_place_of_the_first(tested: LonePage):
 def test_a_rig_that_another_tab_has_uploaded_is_the_one_that_is_mapped(tested: LonePage):
     upload(tested, "hero.glb", glb_bytes(gltf_document()))
     tab = tested.page.tab
-    other = Page(BrowserTab(tab.client, PageFiles(here=True)), tab.someone, lambda command: command())
+    other = Page(BrowserTab(tab.client, lambda command: command(), PageFiles(here=True)), tab.someone)
     (panel,) = (panel for panel in other.panels if isinstance(panel, ExportPanel))
     panel._own_rig._begin(viser.UploadedFile(name="villain.bvh", content=bvh_text(ODD).encode()))
     other.close()
