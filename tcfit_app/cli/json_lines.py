@@ -9,7 +9,6 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, redirect_stdout
 from contextvars import ContextVar
-from importlib import metadata
 from pathlib import Path
 from typing import TextIO, get_args
 
@@ -199,6 +198,8 @@ def discard(stream: TextIO) -> None:
 
 def version() -> str:
     """Of tcfit; empty where it runs without being installed."""
+    from importlib import metadata
+
     try:
         return metadata.version("tcfit")
     except metadata.PackageNotFoundError:
