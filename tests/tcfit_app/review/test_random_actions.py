@@ -137,7 +137,8 @@ def _wheel(user: Reviewing, rng: np.random.Generator) -> None:
 
 
 def _resize(user: Reviewing, rng: np.random.Generator) -> None:
-    user.tab.set_viewport_size({"width": int(rng.integers(800, 1500)), "height": int(rng.integers(600, 1000))})
+    """Smaller than usual windows: without a graphics card, a large one is drawn in seconds."""
+    user.tab.set_viewport_size({"width": int(rng.integers(700, 1100)), "height": int(rng.integers(480, 720))})
 
 
 def _reload(user: Reviewing, rng: np.random.Generator) -> None:
