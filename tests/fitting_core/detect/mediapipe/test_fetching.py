@@ -260,6 +260,7 @@ def test_a_process_that_is_ended(source: Path, place: Path, tmp_path: Path, sign
     one = process(source, place, tmp_path / "temporary", "hangs")
     assert one.stdout is not None and "mediapipe" in one.stdout.readline()
     while not (source / "beat").exists():
+        assert one.poll() is None
         time.sleep(0.02)
     one.send_signal(getattr(signal, sign))
     one.communicate(timeout=20)
