@@ -7,7 +7,7 @@ once, kept in `faults`, and never stops tcfit: it goes on without that plugin.
 import logging
 import re
 from collections.abc import Container
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
 from importlib import metadata
 from typing import Generic, Literal, TypeVar, get_args
@@ -97,6 +97,8 @@ def added(
                 continue
             expected = " or ".join(wanted.__name__ for wanted in (kind, *others))
             plugin.reports(f"it is of the type {type(plugin.thing).__name__}; expected {expected}")
+        elif wrong := _no_text(plugin.thing):
+            plugin.reports(wrong)
         elif plugin.name in taken:
             plugin.reports(f"tcfit itself has {plugin.name!r}; another name is needed")
         elif plugin.name in found:
@@ -104,6 +106,13 @@ def added(
         else:
             found[plugin.name] = plugin
     return found
+
+
+def _no_text(thing: object) -> str:
+    """What of a thing should be a text and is not; empty if all is."""
+    texts = [part.name for part in fields(thing) if part.type in (str, "str")] if is_dataclass(thing) else []
+    wrong = ((name, value) for name in texts if not isinstance(value := getattr(thing, name), str))
+    return next((f"its {name} is of the type {type(value).__name__}; expected a text" for name, value in wrong), "")
 
 
 @cache

@@ -172,4 +172,7 @@ def _fitted(index: int, task: ClipTask, folder: Path, pipe: Connection) -> Recor
             phase = event.phase if isinstance(event, Iteration) else 0
             pipe.send(TaskUnderway(index=index, phase=phase, share=event.share))
 
-    return fit_clip(task, folder, report)
+    try:
+        return fit_clip(task, folder, report)
+    except KeyboardInterrupt:  # raised by a plugin: the process is deaf to those of a terminal
+        return failure(fingerprint_of(task), "A plugin interrupted the fit (KeyboardInterrupt).")

@@ -40,6 +40,7 @@ def ended(run: Callable[[], int | None]) -> int:
     """Run a command, which may return an exit code, and return its exit code."""
     try:
         code = _told(run)
+        _reopened()
         sys.stdout.flush()
         sys.stderr.flush()
         return code
@@ -74,6 +75,18 @@ def _told(run: Callable[[], int | None]) -> int:
         return _say("a name is not UTF-8, and cannot be used here. Rename the file or folder.", INPUT_ERROR)
     except OSError as error:
         return _say(_of_system(error))
+    except ValueError:
+        if not _reopened():
+            raise
+        return _say("a plugin has closed the standard output. What was not written yet, is not. Uninstall it.")
+
+
+def _reopened() -> bool:
+    """Whether a standard stream was closed or taken away, as plugins may; it is there again."""
+    gone = [name for name in ("stdout", "stderr") if (stream := getattr(sys, name)) is None or stream.closed]
+    for name in gone:
+        setattr(sys, name, open(1 if name == "stdout" else 2, "w", closefd=False))  # noqa: SIM115
+    return bool(gone)
 
 
 def _of_system(error: OSError) -> str:
@@ -94,6 +107,7 @@ def _first_line(error: BaseException) -> str:
 
 
 def _say(text: str, code: int = FAILED) -> int:
+    _reopened()
     emit(Failure(text=text))
     print(f"tcfit: {text}", file=sys.stderr, flush=True)
     return code

@@ -70,9 +70,10 @@ def write_one(name: str, path: Path, write: Callable[[Progress], str | None]) ->
         write: Writes it, and returns what a person should know of it.
     """
     emit(Step(step=name, title=exports()[name].title))
-    new = not path.parent.exists()
+    folder = path.parent.absolute()
+    new = not folder.exists()
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(parents=True, exist_ok=True)
         with bar(exports()[name].title, told(name)) as progress:
             note = write(progress)
     except OSError as error:
@@ -82,7 +83,7 @@ def write_one(name: str, path: Path, write: Callable[[Progress], str | None]) ->
     finally:
         if new:
             with suppress(OSError):  # it holds what was written
-                path.parent.rmdir()
+                folder.rmdir()
     print(f"Wrote {path}" + (f": {note}" if note else ""), flush=True)
     if note:
         emit(Note(text=f"{path.name}: {note}"))

@@ -31,6 +31,7 @@ def write_export(export: Export, source: ExportSource, path: Path, progress: Pro
             that would be lost.
         OSError: It cannot be written.
     """
+    path = path.absolute()  # a plugin may go to another folder
     progress(0.0)
     if not export.many:
         with replacing(path) as draft:

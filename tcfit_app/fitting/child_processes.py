@@ -25,7 +25,8 @@ def deaf_to_interrupts() -> Iterator[None]:
 
 
 def end_with_parent() -> None:
-    """Call this in a worker process: it then ends whenever and however its parent does."""
+    """Call this in a worker process: it then ends whenever and however its parent does, and not by Ctrl-C."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     assert parent is not None
 

@@ -88,7 +88,7 @@ def serve(pipe: Connection, folder: Path, job: Job) -> None:
         pipe.send(Work(step=said, ended="done") if said else None)
     except InputError as error:
         pipe.send(Work(step=str(error), ended="failed"))
-    except Exception as error:
+    except (Exception, KeyboardInterrupt) as error:  # a plugin may raise the latter: this process is deaf to Ctrl-C
         logging.getLogger(__name__).exception("%s: the %s went wrong", folder, job.kind)
         step = f"{type(error).__name__}: {error}. tcfit's terminal has the details."
         pipe.send(Work(step=step, ended="failed"))

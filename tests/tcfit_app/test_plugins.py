@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from io import StringIO
 from pathlib import Path
 
 import pytest
@@ -167,6 +168,7 @@ EXPORT = API + "E = Export(title='T', group='Motion', suffix='.t', hint='', writ
         (EXPORT.format("print"), "My Own = odd:E", "its name is not of small letters"),
         (EXPORT.format("print").replace("Motion", "Music"), "mine = odd:E", "its group is 'Music'; expected one of"),
         (EXPORT.format("print").replace("'.t'", "'../t'"), "mine = odd:E", "its suffix is '../t'"),
+        (EXPORT.format("print").replace("'T'", "7"), "mine = odd:E", "its title is of the type int; expected a text"),
     ],
 )
 def test_an_export_that_cannot_be_used_is_left_out(
@@ -192,6 +194,21 @@ def test_an_export_that_fails_while_it_writes(
     said = capsys.readouterr().err
     assert "T cannot be written" in said and name in said and "odd 0.1" in said
     assert not list(tmp_path.glob("*.t"))
+
+
+def test_an_export_that_closes_the_output_and_goes_elsewhere(
+    odd, tmp_path: Path, free_body: BodyModel, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+):
+    doing = (
+        "def write(source, path, progress):\n    path.write_text('x')\n    os.chdir(os.sep)\n    sys.stdout.close()\n"
+    )
+    odd("import os, sys\n" + doing + EXPORT.format("write"), exports="mine = odd:E")
+    write_result(tmp_path / "fit", waving_fit(2.0), sample_clip(), free_body)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.stdout", StringIO())
+    assert main(["export", "fit", "--formats", "mine", "--out", "new"]) == 1
+    assert "a plugin has closed the standard output" in capsys.readouterr().err
+    assert [path.suffix for path in (tmp_path / "new").iterdir()] == [".t"]
 
 
 def test_what_ends_an_export_passes_through_a_plugin(odd, tmp_path: Path):

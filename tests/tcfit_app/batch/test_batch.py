@@ -199,6 +199,18 @@ def test_an_unforeseen_error_is_a_failure_with_its_place(tmp_path: Path, free_bo
     assert "in failing" in json.loads(note.read_text())["trace"]
 
 
+def test_a_plugin_that_interrupts_fails_its_clip(tmp_path: Path, free_body: BodyModel, monkeypatch, capfd):
+    write_batch(tmp_path, free_body, clips=1)
+
+    def interrupting(*args: object, **kwargs: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("tcfit_app.batch.clip_fit.write_result", interrupting)
+    assert batch(tmp_path) == 1
+    assert "A plugin interrupted the fit" in rows(tmp_path)["fits/c000"]["reason"]
+    assert "Traceback" not in capfd.readouterr().err
+
+
 def test_the_options_of_ray():
     assert parse(["batch", "c.csv"]).ray is None
     assert parse(["batch", "c.csv", "--ray"]).ray == () and parse(["batch", "c.csv", "--ray", "local"]).ray == (

@@ -11,7 +11,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -162,8 +162,9 @@ def _become(arguments: list[str], folder: Path) -> None:
         sys.excepthook(*sys.exc_info())
         status = 1
     finally:
-        sys.stdout.flush()
-        sys.stderr.flush()
+        for stream in (sys.stdout, sys.stderr):
+            with suppress(ValueError, AttributeError):  # a plugin has closed it, or put something else in its place
+                stream.flush()
         os._exit(status)
 
 
