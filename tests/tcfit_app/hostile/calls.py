@@ -158,8 +158,8 @@ def _become(arguments: list[str], folder: Path) -> None:
         from tcfit_app.cli.main import main
 
         status = _uploaded(*arguments[1:]) if arguments[:1] == [UPLOAD] else main(arguments)
-    except BaseException:
-        sys.excepthook(*sys.exc_info())
+    except BaseException as error:
+        sys.excepthook(type(error), error, error.__traceback__)
         status = 1
     finally:
         for stream in (sys.stdout, sys.stderr):
