@@ -1,5 +1,6 @@
 """Pickles of strangers: only what a table admits is made, nothing of them is run, and they cannot fill the memory."""
 
+import gc
 import io
 import pickle
 from abc import abstractmethod
@@ -14,6 +15,7 @@ _MOST_OBJECTS = 2**23
 """Containers, texts and numbered objects of a file: of a byte each they take a hundred in memory, 1 GB in all."""
 _MOST_CODES = 2**23
 """Other codes: each takes a millionth of a second, and a packed file of 0.3 MB could hold 300 million."""
+_TOO_MANY = "the pickle holds more than {} {}, expected those of a clip or a body"
 _LINE = 2**16
 
 
@@ -114,6 +116,17 @@ class RestrictedUnpickler(pickle._Unpickler):
         self.stream = stream
         self.stack: list[Any]
 
+    def load(self) -> Any:
+        """Read the next pickle. Looking for garbage meanwhile would take as long again: each object may still be
+        wanted."""
+        looking = gc.isenabled()
+        gc.disable()
+        try:
+            return super().load()
+        finally:
+            if looking:
+                gc.enable()
+
     @abstractmethod
     def find_class(self, module: str, name: str) -> Any:
         """What stands for what the pickle names; or raises InputError, which says what that is."""
@@ -125,16 +138,6 @@ class RestrictedUnpickler(pickle._Unpickler):
     def built(self, stand_in: Kept) -> object:
         """What becomes of a stand-in that has its state."""
         return stand_in
-
-    def _count_object(self) -> None:
-        self.stream.objects += 1
-        if self.stream.objects > _MOST_OBJECTS:
-            raise InputError(f"the pickle holds more than {_MOST_OBJECTS} objects, expected those of a clip or a body")
-
-    def _count_code(self) -> None:
-        self.stream.codes += 1
-        if self.stream.codes > _MOST_CODES:
-            raise InputError(f"the pickle holds more than {_MOST_CODES} codes, expected those of a clip or a body")
 
     def _build(self) -> None:
         state, instance = self.stack.pop(), self.stack[-1]
@@ -203,18 +206,28 @@ def _counted(objects: Iterable[bytes]) -> None:
     """Let all of a pickle's codes count, these as objects."""
     makers = {code[0] for code in objects}
 
-    def counting(
-        count: Callable[[RestrictedUnpickler], None], handler: Callable[[RestrictedUnpickler], None]
-    ) -> Callable[[RestrictedUnpickler], None]:
+    def as_object(handler: Callable[[RestrictedUnpickler], None]) -> Callable[[RestrictedUnpickler], None]:
         def load(self: RestrictedUnpickler) -> None:
-            count(self)
+            stream = self.stream
+            stream.objects += 1
+            if stream.objects > _MOST_OBJECTS:
+                raise InputError(_TOO_MANY.format(_MOST_OBJECTS, "objects"))
+            handler(self)
+
+        return load
+
+    def as_code(handler: Callable[[RestrictedUnpickler], None]) -> Callable[[RestrictedUnpickler], None]:
+        def load(self: RestrictedUnpickler) -> None:
+            stream = self.stream
+            stream.codes += 1
+            if stream.codes > _MOST_CODES:
+                raise InputError(_TOO_MANY.format(_MOST_CODES, "codes"))
             handler(self)
 
         return load
 
     for code, handler in RestrictedUnpickler.dispatch.items():
-        count = RestrictedUnpickler._count_object if code in makers else RestrictedUnpickler._count_code
-        RestrictedUnpickler.dispatch[code] = counting(count, handler)
+        RestrictedUnpickler.dispatch[code] = (as_object if code in makers else as_code)(handler)
 
 
 _counted((
