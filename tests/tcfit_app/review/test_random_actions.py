@@ -202,6 +202,7 @@ def _let_loose(folder: Path, browser: "Browser", actions: int, warm: int, log: p
             if i == warm:
                 before = _memory()
             user = users[int(rng.integers(2))]
+            user.tab.wait_for_function("() => window.tcfit?.place")  # it loads itself anew after a lost connection
             DEEDS[int(rng.choice(len(DEEDS), p=shares / shares.sum()))][1](user, rng)
         first.app.post(first.session.cancel)
         until(lambda: not first.session.jobs and not first.session.edit_follower.busy, "the worker")
