@@ -175,10 +175,12 @@ def _batch(world: World, number: int) -> None:
 
 
 def _task(world: World, number: int) -> ClipTask:
-    lists = world.folder / "batch"
-    lists.mkdir(exist_ok=True)
+    lists = world.folder / "batch" / str(number)
     clip = {"keypoints": str(world.sources / "keypoints"), "out": str(world.at("batch", number))}
-    manifest = write_list(lists, [clip])
+    manifest = lists / "clips.csv"
+    if not manifest.exists():
+        lists.mkdir(parents=True)
+        write_list(lists, [clip])
     options = parse(["batch", str(manifest), *CHEAP, *(["--projects"] if number % 2 else [])])
     (task,) = read_manifest(options, Complaints(manifest))
     return task
@@ -313,6 +315,8 @@ def _on_a_full_disk(world: World, kind: str, number: int, most: int) -> bool:
     def work(report: Report) -> None:
         if kind == "migrate":
             _older(world, number)
+        elif kind == "batch":
+            _task(world, number)  # its list is the user's
         resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
         try:
             DEEDS[kind](world, number)
