@@ -11,11 +11,9 @@ from fitting_core.errors import InputError
 
 Load = Callable[[], bytes]
 """Gives bytes that were left in a file."""
-_MOST_OBJECTS = 2**23
-"""Containers, texts and numbered objects of a file: of a byte each they take a hundred in memory, 1 GB in all."""
-_MOST_CODES = 2**23
-"""Other codes: each takes a millionth of a second, and a packed file of 0.3 MB could hold 300 million."""
-_TOO_MANY = "the pickle holds more than {} {}, expected those of a clip or a body"
+_MOST = {"objects": 2**23, "codes": 2**23}
+"""Of a file. Containers, texts and numbered objects of a byte each take a hundred in memory, 1 GB in all; other codes
+take a millionth of a second each, and a packed file of 0.3 MB could hold 300 million."""
 _LINE = 2**16
 
 
@@ -33,7 +31,7 @@ class Stream:
         self._file, self._size, self._most, self._line = file, size, most, line
         self.left = most
         """Bytes that may still be read into memory."""
-        self.objects = self.codes = 0
+        self.counts = dict.fromkeys(_MOST, 0)
         """What the pickles in it have had so far: objects, and other codes."""
 
     def read(self, count: int) -> bytes:
@@ -206,28 +204,18 @@ def _counted(objects: Iterable[bytes]) -> None:
     """Let all of a pickle's codes count, these as objects."""
     makers = {code[0] for code in objects}
 
-    def as_object(handler: Callable[[RestrictedUnpickler], None]) -> Callable[[RestrictedUnpickler], None]:
+    def counting(kind: str, handler: Callable[[RestrictedUnpickler], None]) -> Callable[[RestrictedUnpickler], None]:
         def load(self: RestrictedUnpickler) -> None:
-            stream = self.stream
-            stream.objects += 1
-            if stream.objects > _MOST_OBJECTS:
-                raise InputError(_TOO_MANY.format(_MOST_OBJECTS, "objects"))
-            handler(self)
-
-        return load
-
-    def as_code(handler: Callable[[RestrictedUnpickler], None]) -> Callable[[RestrictedUnpickler], None]:
-        def load(self: RestrictedUnpickler) -> None:
-            stream = self.stream
-            stream.codes += 1
-            if stream.codes > _MOST_CODES:
-                raise InputError(_TOO_MANY.format(_MOST_CODES, "codes"))
+            counts = self.stream.counts
+            counts[kind] += 1
+            if counts[kind] > _MOST[kind]:
+                raise InputError(f"the pickle holds more than {_MOST[kind]} {kind}, expected those of a clip or a body")
             handler(self)
 
         return load
 
     for code, handler in RestrictedUnpickler.dispatch.items():
-        RestrictedUnpickler.dispatch[code] = (as_object if code in makers else as_code)(handler)
+        RestrictedUnpickler.dispatch[code] = counting("objects" if code in makers else "codes", handler)
 
 
 _counted((

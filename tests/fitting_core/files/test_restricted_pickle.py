@@ -38,7 +38,7 @@ def test_plain_content_is_what_it_was(protocol: int):
 )
 def test_objects_are_counted(monkeypatch: pytest.MonkeyPatch, code: bytes):
     """Whatever takes more memory than it has bytes."""
-    monkeypatch.setattr(restricted_pickle, "_MOST_OBJECTS", 100)
+    monkeypatch.setitem(restricted_pickle._MOST, "objects", 100)
     assert unpickled(b"\x80\x04" + code * 100 + b"N.") is None
     with pytest.raises(InputError, match="holds more than 100 objects"):
         unpickled(b"\x80\x04" + code * 101 + b"N.")
@@ -47,7 +47,7 @@ def test_objects_are_counted(monkeypatch: pytest.MonkeyPatch, code: bytes):
 @pytest.mark.parametrize("code", [b"N0", b"K\x000", b"0N", b"\x89N00"])
 def test_codes_that_make_nothing_are_counted(monkeypatch: pytest.MonkeyPatch, code: bytes):
     """They take no memory, and the time of hundreds of millions from a small packed file."""
-    monkeypatch.setattr(restricted_pickle, "_MOST_CODES", 100)
+    monkeypatch.setitem(restricted_pickle._MOST, "codes", 100)
     assert unpickled(b"\x80\x04N" + code * 20 + b".") is None
     with pytest.raises(InputError, match="holds more than 100 codes"):
         unpickled(b"\x80\x04N" + code * 100 + b".")
