@@ -11,9 +11,11 @@ from fitting_core.errors import InputError
 
 Load = Callable[[], bytes]
 """Gives bytes that were left in a file."""
-_MOST = {"objects": 2**23, "codes": 2**23}
-"""Of a file. Containers, texts and numbered objects of a byte each take a hundred in memory, 1 GB in all; other codes
-take a millionth of a second each, and a packed file of 0.3 MB could hold 300 million."""
+_MOST = 2**23
+"""Of a file's objects, and of its other codes. Containers, texts and numbered objects of a byte each take a hundred in
+memory, 1 GB in all; other codes take a millionth of a second each, and a packed 0.3 MB could hold 300 million."""
+_BYTES = 128
+"""Of what may be read, for each object and for each other code. Results have arrays beside them."""
 _LINE = 2**16
 
 
@@ -31,8 +33,10 @@ class Stream:
         self._file, self._size, self._most, self._line = file, size, most, line
         self.left = most
         """Bytes that may still be read into memory."""
-        self.counts = dict.fromkeys(_MOST, 0)
-        """What the pickles in it have had so far: objects, and other codes."""
+        self.counted_most = min(most // _BYTES, _MOST)
+        """Objects, and other codes, that the pickles in it may have."""
+        self.counts = {"objects": 0, "codes": 0}
+        """Those that they have had so far."""
 
     def read(self, count: int) -> bytes:
         """So many bytes, or those that are left. Raises InputError if they are more than are read of a file."""
@@ -206,10 +210,12 @@ def _counted(objects: Iterable[bytes]) -> None:
 
     def counting(kind: str, handler: Callable[[RestrictedUnpickler], None]) -> Callable[[RestrictedUnpickler], None]:
         def load(self: RestrictedUnpickler) -> None:
-            counts = self.stream.counts
-            counts[kind] += 1
-            if counts[kind] > _MOST[kind]:
-                raise InputError(f"the pickle holds more than {_MOST[kind]} {kind}, expected those of a clip or a body")
+            stream = self.stream
+            stream.counts[kind] += 1
+            if stream.counts[kind] > stream.counted_most:
+                raise InputError(
+                    f"the pickle holds more than {stream.counted_most} {kind}, expected those of a clip or a body"
+                )
             handler(self)
 
         return load

@@ -34,23 +34,29 @@ def test_plain_content_is_what_it_was(protocol: int):
 
 
 @pytest.mark.parametrize(
-    "code", [b"]", b"}", b"\x8f", b")\x85", b"(", b"\x8c\x02ab", b"N\x94", b"Nq\x01", b"\x8a\x09" + b"9" * 9]
+    "code", [b"]", b"}", b"\x8f", b"\x85", b"(", b"\x8c\x02ab", b"\x94", b"q\x01", b"\x8a\x09" + b"9" * 9]
 )
 def test_objects_are_counted(monkeypatch: pytest.MonkeyPatch, code: bytes):
     """Whatever takes more memory than it has bytes."""
-    monkeypatch.setitem(restricted_pickle._MOST, "objects", 100)
-    assert unpickled(b"\x80\x04" + code * 100 + b"N.") is None
+    monkeypatch.setattr(restricted_pickle, "_MOST", 100)
+    assert unpickled(b"\x80\x04N" + code * 100 + b"N.") is None
     with pytest.raises(InputError, match="holds more than 100 objects"):
-        unpickled(b"\x80\x04" + code * 101 + b"N.")
+        unpickled(b"\x80\x04N" + code * 101 + b"N.")
 
 
 @pytest.mark.parametrize("code", [b"N0", b"K\x000", b"0N", b"\x89N00"])
 def test_codes_that_make_nothing_are_counted(monkeypatch: pytest.MonkeyPatch, code: bytes):
     """They take no memory, and the time of hundreds of millions from a small packed file."""
-    monkeypatch.setitem(restricted_pickle._MOST, "codes", 100)
+    monkeypatch.setattr(restricted_pickle, "_MOST", 100)
     assert unpickled(b"\x80\x04N" + code * 20 + b".") is None
     with pytest.raises(InputError, match="holds more than 100 codes"):
         unpickled(b"\x80\x04N" + code * 100 + b".")
+
+
+def test_a_small_packed_file_has_fewer_objects():
+    stream = Stream(io.BytesIO(b"\x80\x04N" + b"]" * 9 + b"."), None, most=128 * 8)
+    with pytest.raises(InputError, match="holds more than 8 objects"):
+        Plain(stream).load()
 
 
 def test_no_more_is_read_than_may_be():
