@@ -121,7 +121,7 @@ def correct(hand: Hand, review: Review) -> None:
     (page,) = review.app.pages.values()
     tab, project = page.tab, review.project
     hand.press("n", "next place")
-    hand.tab.wait_for_timeout(400)
+    hand.tab.wait_for_timeout(1500)  # as somebody would look at it
     if not tab.state.selection:
         x, y = project.corrected.xy[tab.state.frame, INDEX["left_wrist"]].tolist()
         x, y = hand.tab.evaluate("([x, y]) => tcfit.place(x, y, 0)", [x, y])
@@ -129,7 +129,7 @@ def correct(hand: Hand, review: Review) -> None:
         until(lambda: tab.state.selection, "a selection")
     before = project.last_edit
     hand.press("Control+Shift+ArrowRight", "correction")
-    until(lambda: project.last_edit != before, "a correction")
+    until(lambda: project.last_edit != before, f"a correction of {tab.state.selection} in frame {tab.state.frame}")
     session = review.app.session
     until(lambda: not session.jobs and not session.edit_follower.busy, "the fit that follows")
 

@@ -93,8 +93,8 @@ class BodyNode:
         self._client, self._name, self._dressing, self._position = client, name, dressing, position
         self._node: viser.MeshHandle | None = None
         self._lines: viser.LineSegmentsHandle | None = None
-        self._outlined: np.ndarray | None = None
-        """The vertices of the outline."""
+        self._outlined: tuple[np.ndarray | None, np.ndarray | None] = (None, None)
+        """The vertices and opacities of the outline."""
         self._vertices = self._faces = self._values = self._opacities = None
         self._front = False
 
@@ -153,7 +153,7 @@ class BodyNode:
             receive_shadow=False,
         )
         self._faces, self._values, self._opacities, self._front = layer.faces, None, None, False
-        self._lines = self._outlined = None  # removed with the previous node
+        self._lines = None  # removed with the previous node
 
     def _outline(self, layer: BodyLayer | None, vertices: Float[np.ndarray, "V 3"]) -> None:
         """Draw an outline instead of the body, which then only hides the lines behind it; None: no outline."""
@@ -162,8 +162,9 @@ class BodyNode:
                 self._lines.visible = False
                 self._dressing.show_nothing(self._name, False)
             return
-        if self._lines is None or vertices is not self._outlined:
-            points = outline(vertices, layer.faces) - np.array([0.0, 0.0, _ABOVE], np.float32)
+        before, self._outlined = self._outlined, (vertices, layer.opacities)
+        if self._lines is None or any(new is not old for new, old in zip(self._outlined, before, strict=True)):
+            points = outline(vertices, layer.faces, layer.opacities) - np.array([0.0, 0.0, _ABOVE], np.float32)
             if self._lines is None:
                 self._lines = self._client.scene.add_line_segments(
                     f"{self._name}/outline", points, layer.color, thickness=_LINE, thickness_units="screen"
@@ -172,7 +173,6 @@ class BodyNode:
                 self._dressing.draw_last(f"{self._name}/outline")
             else:
                 self._lines.points = points
-            self._outlined = vertices
         self._lines.colors = np.array(layer.color, np.uint8)
         if not self._lines.visible:
             self._lines.visible = True

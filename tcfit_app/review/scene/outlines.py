@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from jaxtyping import Float, Float32, Int
+from jaxtyping import Float, Float32, Int, UInt8
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,12 +45,20 @@ def _edges(key: _ByIdentity) -> Edges:
     return Edges(ends=ends, sides=np.stack([first, last], 1) // 3)
 
 
-def outline(vertices: Float[np.ndarray, "V 3"], faces: Int[np.ndarray, "F 3"]) -> Float32[np.ndarray, "n 2 3"]:
+def outline(
+    vertices: Float[np.ndarray, "V 3"],
+    faces: Int[np.ndarray, "F 3"],
+    opacities: UInt8[np.ndarray, "V"] | None = None,
+) -> Float32[np.ndarray, "n 2 3"]:
     """Edges between a front-facing and a back-facing face, of a body viewed along z; hidden ones too, and those at the
-    rim of a hole."""
+    rim of a hole. Lines cannot be transparent, so where vertices are, every second edge is left out."""
     a, b, c = (vertices[faces[:, i], :2] for i in range(3))
     seen = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) > (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
     edges = edges_of(faces)
     one, other = seen[edges.sides[:, 0]], seen[edges.sides[:, 1]]
     rim = edges.sides[:, 0] == edges.sides[:, 1]
-    return np.asarray(vertices[edges.ends[(one != other) | rim]], np.float32)
+    ends = edges.ends[(one != other) | rim]
+    if opacities is not None:
+        unsure = np.flatnonzero((opacities[ends] < 255).any(1))
+        ends = np.delete(ends, unsure[1::2], axis=0)
+    return np.asarray(vertices[ends], np.float32)

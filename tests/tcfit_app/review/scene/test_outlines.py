@@ -23,3 +23,14 @@ def test_an_edge_has_the_faces_of_both_its_sides_and_a_rim_the_one_that_it_has()
     assert edges_of(faces) is edges
     flat = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]])
     assert len(outline(flat, faces)) == 4
+
+
+def test_where_a_body_is_not_sure_its_outline_is_broken():
+    ball = trimesh.creation.icosphere(subdivisions=4, radius=0.3)
+    vertices = np.add(ball.vertices, [0.0, 0.0, 2.0])
+    whole = outline(vertices, ball.faces, np.full(len(vertices), 255, np.uint8))
+    assert np.array_equal(whole, outline(vertices, ball.faces))
+    broken = outline(vertices, ball.faces, np.where(vertices[:, 0] < 0, 100, 255).astype(np.uint8))
+    for left, share in ((False, 1.0), (True, 0.5)):
+        before, after = (((lines[..., 0].mean(1) < -0.02) == left).sum() for lines in (whole, broken))
+        assert before > 20 and abs(after / before - share) < 0.1
