@@ -14,6 +14,7 @@ from fitting_core.measure.hands.phases import HOLD, MOVEMENT, REST, hand_phases
 from tcfit_app.analysis.body_regions import REGIONS
 from tcfit_app.analysis.curves import weighted_mean
 from tcfit_app.analysis.posed_fit import PosedFit
+from tcfit_app.analysis.seen import told
 
 _TOP = 99.0
 """Percentile of the values at the top of the colour scale: a single outlier would leave the rest dark."""
@@ -78,9 +79,12 @@ _HANDS = {side: tuple(range(kp.COUNT)[kp.GROUPS[f"{side}_hand"]]) for side in SI
 
 def _phases(fit: PosedFit) -> Float[np.ndarray, "T 137"]:
     levels = np.full((len(fit), kp.COUNT), np.nan)
+    seen = told(fit.clip.keypoints)
     for side in SIDES:
+        hand = kp.GROUPS[f"{side}_hand"]
         for span in hand_phases(fit.joints, side, fit.clip.frame_rate):
-            levels[span.frames.start : span.frames.stop, kp.GROUPS[f"{side}_hand"]] = _LEVELS.index(span.label)
+            levels[span.frames.start : span.frames.stop, hand] = _LEVELS.index(span.label)
+        levels[~seen[:, kp.INDEX[f"{side}_wrist"]], hand] = np.nan
     return levels
 
 

@@ -9,7 +9,7 @@ from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.ground.contacts import Contacts
 from tcfit_app.analysis.body_regions import REGIONS
-from tcfit_app.analysis.heat_maps import HEAT_MAPS, PARTS, heat_map
+from tcfit_app.analysis.heat_maps import HEAT_MAPS, heat_map
 from tests.samples.posed import displaced, fit_of, still_params, with_keypoints
 from tests.samples.project_samples import sample_grounding
 
@@ -38,17 +38,25 @@ def test_confidence_counts_what_is_missing_in_a_frame_but_not_what_is_never_ther
     assert found.top == 1.0
 
 
-@pytest.mark.parametrize("name", [name for name, kind in HEAT_MAPS.items() if not kind.words])
+@pytest.mark.parametrize("name", [name for name in HEAT_MAPS if name != "contacts"])
 def test_a_clip_without_keypoints_has_none(tiny_body: BodyModel, name: str):
     fit = fit_of(tiny_body, still_params(2))
     found = heat_map(name, with_keypoints(fit, confidence=np.zeros(fit.clip.keypoints.confidence.shape)))
-    assert found.values.shape == (2, len(PARTS)) and np.isnan(found.values).all() and found.top > 0
+    assert found.values.shape == (2, len(HEAT_MAPS[name].parts)) and np.isnan(found.values).all() and found.top > 0
 
 
 def test_hands_that_stay_have_no_movement(tiny_body: BodyModel):
     found = heat_map("hand_phases", fit_of(tiny_body, still_params(3)))
     assert found.parts == ("left", "right") and found.values.shape == (3, 2)
     assert "movement" not in {HEAT_MAPS["hand_phases"].words[int(level)] for level in found.values.flat}
+
+
+def test_a_hand_has_no_phase_where_its_wrist_is_not_seen(tiny_body: BodyModel):
+    fit = fit_of(tiny_body, still_params(3))
+    confidence = np.ones(fit.clip.keypoints.confidence.shape)
+    confidence[1, kp.INDEX["left_wrist"]] = 0.0
+    found = heat_map("hand_phases", with_keypoints(fit, confidence=confidence))
+    assert np.isnan(found.values).tolist() == [[False, False], [True, False], [False, False]]
 
 
 def test_feet_stand_seem_to_stand_or_are_in_the_air_where_they_are_seen(tiny_body: BodyModel):
