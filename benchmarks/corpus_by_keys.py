@@ -122,11 +122,11 @@ def correct(hand: Hand, review: Review) -> None:
     tab, project = page.tab, review.project
     hand.press("n", "next place")
     hand.tab.wait_for_timeout(1500)  # as somebody would look at it
-    if not tab.state.selection:
+    if not project.corrected[tab.state.frame].present[list(tab.state.selection)].any():  # a face that is not detected
         x, y = project.corrected.xy[tab.state.frame, INDEX["left_wrist"]].tolist()
         x, y = hand.tab.evaluate("([x, y]) => tcfit.place(x, y, 0)", [x, y])
         hand.click(x, y, "keypoint")
-        until(lambda: tab.state.selection, "a selection")
+        until(lambda: len(tab.state.selection) == 1, "a selection")
     before = project.last_edit
     hand.press("Control+Shift+ArrowRight", "correction")
     until(lambda: project.last_edit != before, f"a correction of {tab.state.selection} in frame {tab.state.frame}")
