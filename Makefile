@@ -43,8 +43,8 @@ test: $(INSTALLED_DEV) $(NETWORKS) ## Run the tests that are quick, e.g. ARGS="t
 test-browser: $(INSTALLED_DEV) $(NETWORKS) ## Run the tests of the app's details in a browser
 	@$(PYTEST) -m "browser and not slow" $(ARGS)
 
-test-slow: $(INSTALLED_DEV) $(NETWORKS) ## Run the slow tests
-	@$(ONE_THREAD) $(RUN) -m pytest -m slow $(ARGS)
+test-slow: $(INSTALLED_DEV) $(NETWORKS) ## Run the slow tests, however long one of them takes
+	@$(ONE_THREAD) $(RUN) -m pytest -m slow -o faulthandler_timeout=0 $(ARGS)
 
 check: $(INSTALLED_DEV) $(WEB_TOOLS_INSTALLED) ## Lint, formatting and types
 	@$(RUN) -m ruff check .
