@@ -137,12 +137,17 @@ def _cost(term: str, value: float) -> Metric:
 
 
 def _percentile(group: slice, percent: float) -> Callable[[MeasuredRun], float | None]:
-    def value(run: MeasuredRun) -> float | None:
-        errors = run.fit.errors[:, group]
-        errors = errors[np.isfinite(errors)]
-        return float(np.percentile(errors, percent)) if len(errors) else None
+    return lambda run: _percentile_of(run.fit.errors[:, group], percent)
 
-    return value
+
+def _percentile_of(errors: Float[np.ndarray, "T K"], percent: float) -> float | None:
+    errors = errors[np.isfinite(errors)]
+    return float(np.percentile(errors, percent)) if len(errors) else None
+
+
+def median_error(fit: PosedFit) -> float | None:
+    """Median of the reprojection errors, pixels, as in summary.json; None without keypoints."""
+    return _percentile_of(fit.errors, 50)
 
 
 def _jitter(points: Callable[[PosedFit], Float[np.ndarray, "T 55 3"]]) -> Callable[[MeasuredRun], float | None]:

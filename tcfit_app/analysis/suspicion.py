@@ -122,12 +122,13 @@ def review_queue(
     return ReviewQueue(left=tuple(sorted(entries, key=ORDERS["suspicion"])), looked_at=sum(reviewed))
 
 
-def worst_place(run: int, left: Sequence[Suspect]) -> Worst:
-    """What a project keeps of a run's queue, the worst first."""
+def worst_place(run: int, left: Sequence[Suspect], *, error: float | None = None) -> Worst:
+    """What a project keeps of a run's queue, the worst first; `error` as of `Worst`."""
     if not left:
-        return Worst(run=run, left=0)
+        return Worst(run=run, left=0, error=error)
     first = left[0]
-    return Worst(run=run, left=len(left), score=round(first.score, 2), frame=first.frame, words=first.reason)
+    score = round(first.score, 2)
+    return Worst(run=run, left=len(left), score=score, frame=first.frame, words=first.reason, error=error)
 
 
 def still_checked(

@@ -80,6 +80,8 @@ def glance(folder: Path) -> Glance:
         newest = f"WHERE deleted IS NULL AND state = 'finished' {own} ORDER BY id DESC LIMIT 1"
         fit, error = _fit(rows(f"SELECT id, summary FROM runs {newest}"))
         review = read_clip_review(rows, damage) if version >= WITH_REVIEW else ClipReview()
+        if review.worst is not None and review.worst.run == fit and review.worst.error is not None:
+            error = review.worst.error
         link = clip.read("media", or_none(json_of(MediaLink)), None, ignored)
         notes = rows("""SELECT count(*) FROM edits WHERE action LIKE '{"kind":"note%'""")[0][0]
     places = () if link is None else ((folder / link.relative,) * bool(link.relative) + (Path(link.absolute),))

@@ -172,7 +172,7 @@ class ReviewApp:
                 self._faults.attempt("undo half an exchange", group.take_up, now)
             for number, page in list(self.pages.items()):
                 self._faults.attempt(f"draw tab {number}", partial(page.draw, now), now)
-            self._faults.attempt("keep the time spent", partial(self._keeping.keep, self.pages.values()), now)
+            self._faults.attempt("keep the time spent", partial(self._keeping.keep, self.people), now)
 
     def stop(self) -> None:
         """End `run`, from any thread."""
@@ -182,7 +182,7 @@ class ReviewApp:
     def close(self) -> None:
         """End all work. Finished work is on disk."""
         with suppress(InputError):  # where nothing can be written the tabs were told
-            self._keeping.keep(self.pages.values(), last=True)
+            self._keeping.keep(self.people, last=True)
         for client in list(self._pages):
             self._close(client)
         for someone in self.people:

@@ -3,11 +3,12 @@
 import time
 from collections.abc import Iterable
 
-from tcfit_app.analysis.suspicion import worst_place
+from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.clip_review import Worst
-from tcfit_app.project.storage.run_record import newest
 from tcfit_app.review.page import Page
+from tcfit_app.review.shared.drawing_data import DrawingData
+from tcfit_app.review.tab.people import Someone
 
 PAUSE = 60.0
 """Seconds: between two actions that are farther apart nobody has worked."""
@@ -15,6 +16,8 @@ EVERY = 20.0
 """Seconds between two times that something is written."""
 _LEAST = 1.0
 """Seconds of work that are worth writing down."""
+_PATIENCE = 5.0
+"""Seconds for which the end waits for the worst place of a run of which none is kept."""
 
 
 class Keeping:
@@ -36,7 +39,7 @@ class Keeping:
         if passed < PAUSE and not whose[0].read_only:
             self._worked[whose] = self._worked.get(whose, 0.0) + passed
 
-    def keep(self, pages: Iterable[Page], *, last: bool = False) -> None:
+    def keep(self, people: Iterable[Someone], *, last: bool = False) -> None:
         """Write it down if it is time to, or for the last time. Raises InputError if a project cannot be written."""
         if time.monotonic() < self._next and not last:
             return
@@ -45,16 +48,26 @@ class Keeping:
             if seconds >= _LEAST:
                 del self._worked[project, reviewer]
                 project.review.add_time(reviewer, seconds)
-        for page in pages:
-            self._keep_worst(page)
+        for someone in people:
+            self._keep_worst(someone.data, _PATIENCE if last else 0.0)
 
-    def _keep_worst(self, page: Page) -> None:
-        shown, project = page.tab.shown.b, page.tab.session.project
-        if shown is None or project.read_only or newest(project.runs.all()).id != shown.run.id:
+    def _keep_worst(self, data: DrawingData, patience: float) -> None:
+        session, project = data.session, data.session.project
+        run = session.fits.meant(FitChoice())
+        if project.read_only or run is None or run.state != "finished" or run.kind == "imported":
             return
-        if shown.run.state != "finished" or (queue := page.tab.data.queue(shown)) is None:
-            return
-        worst = worst_place(shown.run.id, queue.left)
-        if self._worst.get(project) != worst:
+        kept = project.review.now.worst
+        if kept is not None and kept.run == run.id and kept.error is not None:
+            patience = 0.0
+        end = time.monotonic() + patience
+        while (worst := _worst(data)) is None and time.monotonic() < end:
+            time.sleep(0.05)
+        if worst is not None and self._worst.get(project) != worst:
             project.review.set_worst(worst)
             self._worst[project] = worst
+
+
+def _worst(data: DrawingData) -> Worst | None:
+    """That of the newest run; None while it is computed."""
+    shown = data.session.stored.show(FitChoice())
+    return None if shown is None else data.worst(shown)

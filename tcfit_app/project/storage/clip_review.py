@@ -29,7 +29,7 @@ Rows = Callable[..., list[sqlite3.Row]]
 
 
 class Worst(msgspec.Struct, frozen=True, kw_only=True):
-    """The worst entry of a run's review queue."""
+    """The worst entry of a run's review queue, and how far the whole run is off."""
 
     run: int
     left: int
@@ -39,6 +39,8 @@ class Worst(msgspec.Struct, frozen=True, kw_only=True):
     frame: int = 0
     """Counted from the clip's first as 0."""
     words: str = ""
+    error: float | None = None
+    """Median of the run's reprojection errors, pixels; None: not measured here."""
 
 
 _SOUND = "CASE WHEN typeof(seconds) = 'real' AND seconds BETWEEN 0 AND 1e9 THEN seconds ELSE 0 END"

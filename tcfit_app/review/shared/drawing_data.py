@@ -14,11 +14,19 @@ from tcfit_app.analysis.curves import Curve, between_runs, curve
 from tcfit_app.analysis.heat_maps import HeatMap, heat_map
 from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.analysis.posed_fit import PosedFit
-from tcfit_app.analysis.run_metrics import MeasuredRun, Metric, frame_metrics, reference_metrics, run_metrics
+from tcfit_app.analysis.run_metrics import (
+    MeasuredRun,
+    Metric,
+    frame_metrics,
+    median_error,
+    reference_metrics,
+    run_metrics,
+)
 from tcfit_app.analysis.seen import told
-from tcfit_app.analysis.suspicion import ReviewQueue, Suspect, findings, review_queue, still_checked
+from tcfit_app.analysis.suspicion import ReviewQueue, Suspect, findings, review_queue, still_checked, worst_place
 from tcfit_app.fitting.edit_follower import LiveWindow
 from tcfit_app.fitting.fits import FitChoice, Shown, own_phases
+from tcfit_app.project.storage.clip_review import Worst
 from tcfit_app.project.storage.run_record import Run
 from tcfit_app.review.scene.room import Room, room_around
 from tcfit_app.review.session.session import Session
@@ -254,6 +262,14 @@ class DrawingData:
             return review_queue(posed, found, checked=checked, limbs=dict(zip(limbs, of_limbs, strict=True)))
 
         return self._made(self._suspects_key(shown), shown, queue)
+
+    def worst(self, shown: Shown) -> Worst | None:
+        """The worst place of a run's queue, and its reprojection error; None while they are computed."""
+        found = self.queue(shown)
+        if found is None:
+            return None
+        key = "worst", self._suspects_key(shown)
+        return self._made(key, shown, lambda posed: worst_place(shown.run.id, found.left, error=median_error(posed)))
 
     def _refitted(self, run: Run) -> list[tuple[int, range]]:
         """When which frames were refitted, as `Run.moment`; for corrections, according to the edits."""

@@ -8,6 +8,7 @@ import viser
 
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
+from tcfit_app.project.glance import glance
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.clip_review import Worst
 from tcfit_app.review import keeping
@@ -81,16 +82,17 @@ def test_the_worst_place_of_the_newest_run_is_kept(
     folder: Path, panel_server: viser.ViserServer, free_body: BodyModel, monkeypatch: pytest.MonkeyPatch
 ):
     with Project.open(folder) as project, lone_page(panel_server, project, bodies=OneBody(free_body)) as lone:
-        while lone.page.tab.shown.b is None or lone.page.tab.data.queue(lone.page.tab.shown.b) is None:
-            lone.page.draw(0.0)
-        Keeping().keep([lone.page], last=True)
+        Keeping().keep([lone.page.tab.someone], last=True)
+        lone.until(lambda: lone.page.gestures.reviewing.suspects is not None)
         found = lone.page.gestures.reviewing.suspects
         assert found is not None
         worst = project.review.now.worst
-        assert worst == Worst(
+        assert worst is not None and worst == Worst(
             run=2,
             left=len(found),
             score=round(found[0].score, 2) if found else 0.0,
             frame=found[0].frame if found else 0,
             words=found[0].reason if found else "",
+            error=worst.error,
         )
+        assert worst.error is not None and 0 <= worst.error == glance(folder).error
