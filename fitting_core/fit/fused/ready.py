@@ -33,6 +33,7 @@ class _Use:
     allowed = True
     compiled = False
     told = False
+    preparing = False
     threads = 0
 
 
@@ -68,7 +69,7 @@ def problem() -> str:
 def say_if_slow() -> None:
     """Warn once per process if fits are several times slower than necessary, unless kernels were turned off."""
     why = problem()
-    if not why or not _Use.allowed or _Use.told:
+    if not why or not _Use.allowed or _Use.told or (why == NOT_YET and _Use.preparing):
         return
     _Use.told = True
     if why == NOT_YET:
@@ -86,9 +87,9 @@ def _compiled() -> bool:
 
 def prepare(say: Callable[[str], None]) -> None:
     """Compile the kernels unless they already are; `say` is told that this takes a while."""
+    _Use.preparing = True
     if _missing() or _compiled():
         return
-    _Use.told = True
     from fitting_core.fit.compiled.jit import kept_in
 
     say(f"Compiling the solver's kernels, which happens once and takes {SECONDS} seconds or more ...")
@@ -99,6 +100,7 @@ def prepare(say: Callable[[str], None]) -> None:
         say(f"They cannot be compiled ({type(error).__name__}: {error}); fits take several times as long without.")
         return
     _Use.compiled = True
+    say("Compiled: fits take a fraction of the time from now on.")
     try:
         (kept_in() / _MARK).touch()
     except OSError:

@@ -57,10 +57,23 @@ def without_kernels() -> Iterator[None]:
 def test_a_fit_without_kernels_warns_once(monkeypatch: pytest.MonkeyPatch, why: str, mend: str):
     monkeypatch.setattr(ready, "problem", lambda: why)
     monkeypatch.setattr(ready._Use, "told", False)
+    monkeypatch.setattr(ready._Use, "preparing", False)
     with pytest.warns(UserWarning, match=f"several times as long as they could.*{mend}") as told:
         ready.say_if_slow()
         ready.say_if_slow()
     assert len(told) == 1
+
+
+def test_a_fit_whose_kernels_are_being_compiled_does_not_warn(
+    monkeypatch: pytest.MonkeyPatch, recwarn: pytest.WarningsRecorder
+):
+    monkeypatch.setattr(ready, "problem", lambda: ready.NOT_YET)
+    monkeypatch.setattr(ready._Use, "told", False)
+    monkeypatch.setattr(ready._Use, "preparing", False)
+    monkeypatch.setattr(ready, "_compiled", lambda: True)
+    ready.prepare(str)
+    ready.say_if_slow()
+    assert not recwarn.list
 
 
 def test_a_fit_whose_kernels_are_turned_off_or_ready_does_not_warn(
