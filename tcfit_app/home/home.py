@@ -202,11 +202,14 @@ class Home:
         self._begin(watcher, list(map(self._entry, asked.keys)), FitJob(models=self._models))
 
     def _begin(self, watcher: _Watcher, entries: Iterable[Entry], job: Job) -> None:
+        refused: list[str] = []
         for entry in entries:
             try:
                 self._queue.add([self._as_project(entry).found.key], job)
             except InputError as error:  # the others are done all the same
-                watcher.send(Told(text=str(error)))
+                refused.append(str(error))
+        if refused:
+            watcher.send(Told(text="\n".join(refused)))
 
     def _ask_formats(self, watcher: _Watcher, asked: AskFormats) -> None:
         from tcfit_app.home.exporting import offered

@@ -183,6 +183,16 @@ def test_a_project_that_somebody_else_has_open_is_not_changed(lab: Served):
     assert glance(folder).review.note != "overwritten"
 
 
+def test_all_videos_that_cannot_be_read_are_named(tmp_path: Path):
+    names = [f"{name}.mp4" for name in ("cut", "empty", "text")]
+    for name in names:
+        (tmp_path / name).write_text("no video")
+    with served(tmp_path) as lab, lab.socket() as socket:
+        send(socket, type="fit", keys=[lab.key(name) for name in names])
+        told = received(socket, "told")["text"].splitlines()
+        assert [next(name for name in names if name in line) for line in told] == names
+
+
 def test_a_review_is_open_while_somebody_looks_and_closed_after(lab: Served, monkeypatch: pytest.MonkeyPatch):
     key, folder = lab.key("set/c reviewed.tcfit"), lab.home.catalogue.root / "set" / "c reviewed.tcfit"
     with lab.socket() as page:

@@ -90,7 +90,7 @@ function reviewer(cell, row) {
   const box = element("div", "", cell);
   if (row.busy) element("div", "one busy", box, `● ${row.busy}`).title = `Open now: ${row.busy}`;
   if (row.reviewer && row.busy !== row.reviewer) element("div", "one", box, row.reviewer);
-  if (row.spent && row.spent >= 1) element("div", "one dim", box, spell(row.spent));
+  if (row.spent && row.spent >= 1) element("div", "one dim", box, `${spell(row.spent)} of work`);
 }
 
 /** @param {HTMLElement} cell @param {Row} row */

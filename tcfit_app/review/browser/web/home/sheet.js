@@ -73,6 +73,8 @@ footer kbd { font: inherit; color: var(--tcfit-key); font-weight: 600; }
 .alert { position: fixed; right: 24px; bottom: 48px; z-index: 3; display: flex; gap: 14px; align-items: flex-start; max-width: 460px;
   padding: 14px 16px; border-radius: 8px; background: var(--tcfit-menu); border: 1px solid var(--tcfit-edge);
   border-left: 3px solid var(--tcfit-bad); box-shadow: 0 8px 28px rgba(0, 0, 0, 0.4); overflow-wrap: anywhere; }
+.alert div { max-height: 40vh; overflow: auto; white-space: pre-line; }
+.alert.tcfit-panel button { flex: none; }
 .alert[hidden] { display: none; }
 dialog { width: min(460px, 90vw); padding: 18px 20px; border: 1px solid var(--tcfit-edge); border-radius: 10px;
   background: var(--tcfit-menu); color: var(--tcfit-text); }
