@@ -10,7 +10,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 from tyro.conf import OmitArgPrefixes
@@ -318,7 +318,8 @@ def documentation(review: Reviewing) -> Iterator[str]:
     review.press("i", lambda: review.session.project.corrected.edited[58:65].any())
     settle(review)
     until(lambda: errors_of_b(review)[60] < 6, "the curve of the corrected fit")
-    settle(review)  # the queue of that fit
+    until(lambda: review.page.tab.data.suspects(cast(Shown, review.page.tab.shown.b)), "that fit's queue")
+    settle(review)
     yield "corrected"
     review.press("Control+z", lambda: not review.session.project.corrected.edited.any())
     settle(review)

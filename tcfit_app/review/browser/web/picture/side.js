@@ -25,7 +25,11 @@ const ASIDE = 0.35; // sine of the angle between two lines of sight below which 
 export function drawSide(context, map) {
   const { side } = states;
   if (!side) return;
+  const { left, top, right, bottom } = plateSeen(map);
   context.save();
+  context.beginPath();
+  context.rect(left, top, right - left, bottom - top);
+  context.clip();
   drawRuler(context, map, side);
   drawSights(context, map, side);
   drawFits(context, map);
