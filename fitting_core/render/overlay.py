@@ -17,8 +17,9 @@ from fitting_core.video.encoding import VideoWriter, video_writer
 
 MAX_HEIGHT = 720
 LABELS = ("SMPLify-X", "temporal")
-PANEL_COLORS = ((0.93, 0.45, 0.20), (0.22, 0.52, 0.90), (0.30, 0.65, 0.35), (0.62, 0.40, 0.75))
-"""Linear RGB of the first, second, ... panel's body; they start again after the last."""
+PANEL_COLORS = ((0.22, 0.52, 0.90), (0.93, 0.45, 0.20), (0.30, 0.65, 0.35), (0.62, 0.40, 0.75))
+"""Linear RGB of the first, second, ... panel's body, blue and orange as A and B in the app; they start again after the
+last."""
 GROUP_COLORS = {
     "body": (250, 215, 60),
     "left_hand": (60, 230, 120),

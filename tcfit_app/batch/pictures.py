@@ -1,5 +1,6 @@
 """A small picture of each clip for the batch's report: the fit over its most suspicious frame."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -16,7 +17,7 @@ from fitting_core.video.frames import FrameSource
 from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.analysis.posed_fit import PosedFit
 from tcfit_app.analysis.suspicion import Suspect, review_queue
-from tcfit_app.evaluation.worst_frames import camera_around, in_software, placed_body
+from tcfit_app.evaluation.worst_frames import PlacedBody, camera_around, in_software, placed_body
 from tcfit_app.project.picture import GROUND, SIZE, as_jpeg, keep
 
 _SHARPNESS = 2
@@ -46,7 +47,7 @@ def write_picture(path: Path, fit: FitResult, clip: Clip, body: BodyModel, *, fr
     placed = placed_body(body, fit.last.params, frame, _COLOR)
     drawn = placed.vertices[:, 2].min() > _NEAREST
     size = (_SHARPNESS * SIZE[0], _SHARPNESS * SIZE[1])
-    camera = camera_around(placed, fit.camera, size=size) if drawn else fit.camera
+    camera = camera_around(_in_the_image(placed, fit.camera), fit.camera, size=size) if drawn else fit.camera
     image = _ground(clip, fit.camera, camera, frame)
     if drawn:
         over = in_software(placed, camera, image)
@@ -55,6 +56,13 @@ def write_picture(path: Path, fit: FitResult, clip: Clip, body: BodyModel, *, fr
         xy = (clip.keypoints.xy[frame] - fit.camera.center) * factor + camera.center
         draw_keypoints(image, xy, clip.keypoints.confidence[frame])
     keep(path, as_jpeg(image))
+
+
+def _in_the_image(body: PlacedBody, camera: Camera) -> PlacedBody:
+    """Without what the image cuts off, such as a signer's legs; all of it if nothing is left."""
+    pixels = body.vertices[:, :2] / body.vertices[:, 2:] * camera.focal + camera.center
+    inside = ((pixels >= 0) & (pixels < camera.size)).all(1)
+    return replace(body, vertices=body.vertices[inside]) if inside.any() else body
 
 
 def _ground(clip: Clip, own: Camera, cut: Camera, frame: int) -> UInt8[np.ndarray, "H W 3"]:

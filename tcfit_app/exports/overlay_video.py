@@ -14,15 +14,13 @@ from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.motion import Progress
-from fitting_core.render.overlay import PANEL_COLORS, Panel, write_overlay
+from fitting_core.render.overlay import Panel, write_overlay
 from fitting_core.results.fit_result import FitResult
 from fitting_core.video.frames import FrameSource
 from tcfit_app.exports.source import ExportedFit, ExportSource
 
 _CHUNK = 16
 """Frames of which whole meshes are computed together."""
-_SIDE_BY_SIDE = PANEL_COLORS[1], PANEL_COLORS[0]
-"""A is blue and B orange, as on the screen."""
 _PLAIN = 235
 """Grey behind the bodies where there is no video."""
 
@@ -62,9 +60,9 @@ def _write_fits(path: Path, clip: Clip, fits: Sequence[ExportedFit], progress: P
         kinds = " and ".join(body.kind for body in bodies)
         raise InputError(f"The fits have bodies of different meshes ({kinds}): choose runs of one body model.")
     panels = []
-    for fit, color in zip(fits, _SIDE_BY_SIDE, strict=False):
+    for fit in fits:
         vertices = _seen_by(clip.camera, fit.shown.camera, _vertices(fit.body, fit.shown.params))
-        panels.append(Panel(label=fit.shown.title, vertices=vertices, color=color))
+        panels.append(Panel(label=fit.shown.title, vertices=vertices))
     _write(path, clip, panels, bodies[0], clip.camera, lambda frames: progress(frames / len(clip)))
 
 

@@ -59,6 +59,8 @@ KIND_WORDS = {
 """Kinds of findings, as users read them; those of plugins have their own."""
 _FEW = 5
 """So many entries need no filters."""
+_CLIPS = {"next_clip": "Next clip", "previous_clip": "Previous clip", "list": "All clips"}
+"""What their buttons say."""
 _FLAGS = 24
 """Runs of flagged frames listed."""
 
@@ -191,7 +193,8 @@ class ReviewPanel:
             ),
             paragraph(where, "dim"),
             *self._alike(),
-            row(action(self._gestures, "approve", self._approval()), *self._next_clip()),
+            row(action(self._gestures, "approve", self._approval()), *self._clips("next_clip")),
+            *([row(*others)] if (others := self._clips("previous_clip", "list")) else []),
             *unseen(self._tab),
         )
 
@@ -210,8 +213,9 @@ class ReviewPanel:
         by = self._gestures.reviewing.approved
         return f"Approved by {by}" if by else "Approve the clip"
 
-    def _next_clip(self) -> list[Html]:
-        return [action(self._gestures, "next_clip", "Next clip")] * self._tab.browser.in_list
+    def _clips(self, *names: str) -> list[Html]:
+        """Buttons that lead to other clips, if the clip was opened from a list."""
+        return [action(self._gestures, name, _CLIPS[name]) for name in names if self._tab.browser.in_list]
 
     def _applies(self) -> str:
         """Which frames "Looks fine" and "Flag" apply to."""

@@ -61,7 +61,7 @@ function state(cell, row) {
   const word = stateOf(row);
   element("div", `one badge ${word === "in review" ? "review" : word}`, box, word[0].toUpperCase() + word.slice(1));
   if (work) element("div", work.ended === "failed" ? "two wrong dim" : "two dim", box, work.step);
-  else if (row.altered) element("div", "one dim", box, "changed since approved");
+  else if (row.altered) element("div", "one dim", box, "approved before");
   else if (row.notes) element("div", "one dim", box, some(row.notes, "note") + " on frames");
   if (work) cell.title = work.step;
 }
