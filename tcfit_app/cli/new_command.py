@@ -12,6 +12,7 @@ from fitting_core.lens import straightened_keypoints
 from fitting_core.measure.references.reference import Reference
 from fitting_core.video.fingerprint import fingerprint
 from tcfit_app.cli.detection_shown import DetectionShown
+from tcfit_app.home.found import PROJECT_SUFFIX
 from tcfit_app.options.clip_input import clip_of, clip_options, described, everybody_of, notes_of, refusal
 from tcfit_app.options.fit import NewOptions, ReferenceOptions, ReviewOptions, height_of
 from tcfit_app.project.new_people import create_people
@@ -21,7 +22,6 @@ from tcfit_app.project.storage.clip import creation_time, read_clip, same_detect
 from tcfit_app.project.storage.database import NAME, Database, is_project
 from tcfit_app.project.storage.names import name_of_file
 
-SUFFIX = ".tcfit"
 _FOCAL_OPTIONS = {"--focal-length", "--fov", "--focal-length-35mm", "--camera"}
 _CENTER_OPTIONS = {"--center", "--camera"}
 
@@ -93,7 +93,7 @@ def _unpacked(path: Path, options: NewOptions | ReviewOptions, *, reopen: bool) 
         raise InputError(f"{path}: is already a project. {refusal(given)}")
     if isinstance(options, NewOptions) and options.height is not None:
         raise InputError(f"{path}: is already a project. Give --height when it is opened: tcfit review --height CM.")
-    folder = options.out or Path(path.name.removesuffix(".zip").removesuffix(SUFFIX) + SUFFIX)
+    folder = options.out or Path(path.name.removesuffix(".zip").removesuffix(PROJECT_SUFFIX) + PROJECT_SUFFIX)
     if reopen and is_project(folder):
         check_same_packed(folder, path)
         said = f"Opening the project {folder}, which was unpacked before; {path} was not read again."
@@ -122,7 +122,7 @@ def reference_given(options: ReferenceOptions, clip: Clip) -> Reference | None:
 def _folder_named(name: str) -> Path:
     """Where a clip's project is made if nobody says where: in the working folder, by the clip's name."""
     # A name becomes a folder here only: not one part of it may lead elsewhere.
-    return Path(name_of_file(name).replace("/", "_").replace("\\", "_") + SUFFIX)
+    return Path(name_of_file(name).replace("/", "_").replace("\\", "_") + PROJECT_SUFFIX)
 
 
 def check_same_clip(folder: Path, clip: Clip, given: Sequence[str]) -> None:

@@ -19,7 +19,7 @@ from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
 from fitting_core.io.people_file import holds_people, read_people_file
 from fitting_core.video.frames import image_files
-from tcfit_app.home.found import as_result, find
+from tcfit_app.home.found import PROJECT_SUFFIX, as_result, find
 from tcfit_app.options.fit import NO_KEYPOINTS, ReferenceOptions, ReviewOptions, ServerOptions, height_of
 from tcfit_app.project.storage.database import NAME, Database, is_project
 from tcfit_app.project.storage.run_record import newest_body
@@ -40,6 +40,10 @@ def run_review(options: ReviewOptions) -> None:
     listen at the address."""
     check_folders(options.server, models=options.models)
     entry_of(options.server)  # told before a project is made
+    if options.video is None and options.keypoints is None:
+        raise InputError("Nothing to review was given; expected a video, keypoints, a project or a folder of clips.")
+    if options.video is not None and options.video.suffix == PROJECT_SUFFIX and not options.video.exists():
+        raise InputError(f"{options.video} does not exist; expected a project's folder.")
     options = replace(options, video=_of_result(options.video))
     fit = PRESETS[DEFAULT_PRESET] if options.fit else None
     find = None if options.keypoints == NO_KEYPOINTS else options.clip
@@ -218,7 +222,8 @@ def _review(
         tell("Ending the review ...")
     finally:
         app.close()
-    tell(f"The review has ended. Everything is saved in {project.folder if people is None else people.folder}")
+    folder = project.folder if people is None else people.folder
+    tell("The review has ended." + ("" if project.read_only else f" Everything is saved in {folder}"))
 
 
 def _begun(session: "Session", fit: FitConfig, find: ClipOptions | None) -> str:

@@ -131,7 +131,7 @@ def described(clip: Clip) -> list[str]:
 def _keypoints(clip: Clip) -> list[str]:
     seen = (clip.keypoints.confidence > 0).any(1)
     if not seen.any():
-        return ["No keypoints yet: tcfit review finds or imports them, in the panel Start"]
+        return ["No keypoints yet: the review finds or imports them"]
     name = clip.found_by.rpartition(" (version ")[0]
     return [f"Keypoints: found by {name} in {seen.sum()} of {len(clip)} frames"] if name else []
 

@@ -63,8 +63,8 @@ def test_each_fit_is_drawn_in_its_panel(tmp_path: Path) -> None:
         # The balls' middles project to x = 160 -+ 60.
         assert np.abs(left[i, 120, 100] - empty).max() > 40 and np.abs(left[i, 120, 220] - empty).max() < 12
         assert np.abs(right[i, 120, 220] - empty).max() > 40 and np.abs(right[i, 120, 100] - empty).max() < 12
-    # Warm left, cold right, so that a viewer can tell them apart.
-    assert left[0, 120, 100, 0] > left[0, 120, 100, 2] and right[0, 120, 220, 0] < right[0, 120, 220, 2]
+    # Blue left, orange right, as A and B in the app.
+    assert left[0, 120, 100, 0] < left[0, 120, 100, 2] and right[0, 120, 220, 0] > right[0, 120, 220, 2]
     # A caption in each corner.
     assert left[0, :30, :90].max() > 180 and right[0, :30, :90].max() > 180
     assert [file.name for file in tmp_path.iterdir()] == [path.name]

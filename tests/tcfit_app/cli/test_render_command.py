@@ -161,7 +161,7 @@ def test_two_fits_beside_each_other(result: Path, project_folder: Path, tmp_path
     two = drawn(result, tmp_path / "b.png", *small, "--against", "phase1")
     assert two.shape[1] == 2 * one.shape[1]
     left, right = two[:, :100].astype(int), two[:, 100:].astype(int)
-    assert (left[..., 0] - left[..., 2]).max() > 60 and (right[..., 2] - right[..., 0]).max() > 60
+    assert (left[..., 2] - left[..., 0]).max() > 60 and (right[..., 0] - right[..., 2]).max() > 60
     runs = drawn(project_folder, tmp_path / "c.png", *small, "--run", "far", "--against", "near")
     assert runs.shape == two.shape
 

@@ -8,6 +8,7 @@ import pytest
 
 from fitting_core.config.schema import PRESETS, FitConfig
 from fitting_core.detect.detectors import DETECTORS
+from tcfit_app.cli.ending import INPUT_ERROR
 from tcfit_app.cli.main import main, parse
 from tcfit_app.project.project import Project
 from tcfit_app.review.app import ReviewApp
@@ -51,6 +52,12 @@ def test_a_clip_becomes_a_project_which_is_opened_again(
     assert len(served) == 3 and [s.project.folder for s in served] == [folder] * 3
     with Project.open(folder) as project:
         assert list(project.marks.all()) == [2]
+
+
+def test_what_can_be_reviewed_is_said(tmp_path: Path, capsys: pytest.CaptureFixture):
+    for given, said in (([], "expected a video, keypoints, a project"), ([tmp_path / "no.tcfit"], "no.tcfit does not")):
+        assert reviewed(*given) == INPUT_ERROR
+        assert said in capsys.readouterr().err
 
 
 def test_a_second_process_is_told_and_opens_it_read_only(
