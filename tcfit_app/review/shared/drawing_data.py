@@ -310,7 +310,10 @@ class DrawingData:
 
 
 def _stage(shown: Shown) -> Hashable:
-    """Identifies a run; while it is running, also its progress."""
+    """Identifies a run; while it is running, also its progress, and how far away the person is thought to be."""
     if shown.result is not None:
         return shown.version
-    return shown.run.id, shown.phase, "all" if shown.there is None else int(shown.there.sum()).bit_length()
+    there = np.ones(len(shown.params), bool) if shown.there is None else shown.there
+    depths = shown.params.camera_translation[there, 2].numpy()
+    far = round(4 * np.log2(max(float(np.median(depths)), 0.1))) if len(depths) else 0  # in steps of a fifth
+    return shown.run.id, shown.phase, "all" if shown.there is None else int(there.sum()).bit_length(), far

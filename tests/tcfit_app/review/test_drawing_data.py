@@ -91,6 +91,14 @@ def test_what_is_there_is_not_made_again(data: DrawingData, monkeypatch: pytest.
     assert [name for name, draw in draws.items() if draw() is None] == []
 
 
+def test_the_room_of_a_running_fit_follows_the_body_in_depth(data: DrawingData):
+    shown = replace(newest(data.session), result=None)
+    params = shown.params
+    nearer = replace(shown, params=replace(params, camera_translation=params.camera_translation * 0.5))
+    until(data.session, lambda: data.room(shown, shown) and data.room(nearer, nearer))
+    assert data.room(shown, shown) != data.room(nearer, nearer)
+
+
 def test_nothing_waits_for_the_first_body(data: DrawingData):
     shown = newest(data.session)
     data.warming = True
