@@ -124,6 +124,8 @@ class Corrections:
     ) -> None:
         """Put windows of a fit into a run's corrections, which may have changed since the fit was started."""
         base = self.of(run)
+        if base.kind != "corrections" and (emptied := self._emptied(base)) is not None:
+            self._collected[run], base = emptied.id, emptied
         fit = self._fits.fit(base)
         whole = fit.last.params
         for window in windows:
@@ -165,6 +167,15 @@ class Corrections:
             else:
                 self._project.runs.amend(base.id, found, edits_seen=now_seen)
             self._fits.publish(collected.id, found)
+
+    def _emptied(self, base: Run) -> Run | None:
+        """The last run of corrections of a run of which every one was undone: it is what that run is."""
+        for one in reversed(self._fits.runs):
+            if one.kind == "corrections" and one.state == "finished" and one.parent == base.id:
+                changes = self._changes_of(one.id)
+                if changes.taken_back and not changes.made:
+                    return one
+        return None
 
     def _begun(self, base: Run, fit: FitResult, seen: int) -> Run:
         name, taken = f"{base.name} corrected", {run.name for run in self._fits.runs}
