@@ -98,7 +98,7 @@ def starting_state(stages: Stages, depth: Float[Tensor, "T"], yaw_degrees: float
     total = share.sum(1, keepdim=True)
     share = torch.where(total > 0, share / total.clamp_min(1e-9), share)
     pixels = (stages.xy[:, where] * share[..., None]).sum(1)
-    anchor = share @ rest
+    anchor = (share[..., None] * rest).sum(1)  # a product of matrices rounds differently for one frame than for several
     focal, center = depth.new_tensor(stages.camera.focal), depth.new_tensor(stages.camera.center)
     across = (pixels - center) / focal * depth[:, None] - anchor[:, :2]
     across = torch.where(total > 0, across, 0.0)
