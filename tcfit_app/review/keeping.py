@@ -3,6 +3,7 @@
 import time
 from collections.abc import Iterable
 
+from fitting_core.errors import InputError
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.clip_review import Worst
@@ -60,14 +61,19 @@ class Keeping:
         if kept is not None and kept.run == run.id and kept.error is not None:
             patience = 0.0
         end = time.monotonic() + patience
-        while (worst := _worst(data)) is None and time.monotonic() < end:
-            time.sleep(0.05)
+        try:
+            while (worst := _worst(data)) is None and time.monotonic() < end:
+                time.sleep(0.05)
+        except InputError:  # which the panels tell
+            return
         if worst is not None and self._worst.get(project) != worst:
             project.review.set_worst(worst)
             self._worst[project] = worst
 
 
 def _worst(data: DrawingData) -> Worst | None:
-    """That of the newest run; None while it is computed."""
+    """That of the newest run; None while it is computed. Raises InputError if its fit or its body cannot be read."""
     shown = data.session.stored.show(FitChoice())
+    if shown is not None and (problem := data.problem("suspects", shown)):
+        raise InputError(problem)
     return None if shown is None else data.worst(shown)

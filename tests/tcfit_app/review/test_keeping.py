@@ -1,6 +1,7 @@
 """What a project keeps of the work on it: approval, the time spent, the worst place."""
 
 import shutil
+import time
 from pathlib import Path
 
 import pytest
@@ -96,3 +97,14 @@ def test_the_worst_place_of_the_newest_run_is_kept(
             error=worst.error,
         )
         assert worst.error is not None and 0 <= worst.error == glance(folder).error
+
+
+def test_a_fit_that_cannot_be_read_has_no_worst_place(
+    folder: Path, panel_server: viser.ViserServer, free_body: BodyModel
+):
+    for file in (folder / "runs").glob("*"):
+        file.write_bytes(b"damaged")
+    with Project.open(folder) as project, lone_page(panel_server, project, bodies=OneBody(free_body)) as lone:
+        begun = time.monotonic()
+        Keeping().keep([lone.page.tab.someone], last=True)
+        assert project.review.now.worst is None and time.monotonic() - begun < 4
