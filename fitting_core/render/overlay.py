@@ -39,8 +39,6 @@ class Panel:
     label: str
     vertices: Iterable[Float[np.ndarray, "V 3"] | None]
     """For each frame, camera space in metres, made as they are asked for; None where this frame has no fit."""
-    color: tuple[float, float, float] | None = None
-    """Linear RGB, 0 to 1; by default one of PANEL_COLORS."""
 
 
 def write_overlay(
@@ -148,7 +146,7 @@ def _write_row(
 ) -> None:
     row = []
     for i, (panel, body) in enumerate(zip(panels, bodies, strict=True)):
-        color = panel.color or PANEL_COLORS[i % len(PANEL_COLORS)]
+        color = PANEL_COLORS[i % len(PANEL_COLORS)]
         image = background.copy()
         if body is not None:
             image = renderer.render(body, faces, color=color, background=background, opacity=opacity)
