@@ -371,7 +371,7 @@ def test_a_second_drag_keeps_what_the_first_one_did(session: Session):
 
 
 def test_a_drag_goes_on_from_what_was_kept_since_it_began(session: Session, monkeypatch: pytest.MonkeyPatch):
-    """The second begins while the first still converges, as where neighbours are corrected one after the other."""
+    """The second begins before the first is released, as where two people correct neighbours."""
     started: list[torch.Tensor] = []
     rerun = live.rerun_events
 
@@ -387,9 +387,10 @@ def test_a_drag_goes_on_from_what_was_kept_since_it_began(session: Session, monk
         drags.append((session.edit_follower.begin_drag(before, frame, (WRIST,), xy), edit))
     for begun, edit in drags:
         session.release(begun, edit, author="me", shown=before)
+        # The worker takes steps of both in turn, so that of two releases either may come first.
+        until(session, lambda: not torch.equal(pose(session, slice(0, 2)), before.params.body_pose[:2]))
     idle(session)
     after = pose(session, slice(0, 2))
-    assert not torch.equal(after, before.params.body_pose[:2])
     assert torch.equal(started[1][:2], after), "the second window is held by what the first drag led to"
     assert session.edits_since(newest(session).run) == 0
 
