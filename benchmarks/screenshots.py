@@ -342,11 +342,18 @@ def first_look(review: Reviewing) -> Iterator[str]:
 
 
 def starting(review: Reviewing) -> Iterator[str]:
-    """A project without keypoints: what it offers, a model that is to be downloaded, and one that fails."""
+    """A project without keypoints: what it offers, with its groups open, and an import that fails."""
     settle(review)
-    review.tab.get_by_text("Import from this path").wait_for()
     yield "start"
-    choose_model(review, "Your own ONNX file")
+    for group in ("How it was filmed", "Import keypoints"):
+        review.tab.get_by_text(group, exact=True).click()
+    settle(review)
+    yield "groups"
+    review.tab.get_by_text("How keypoints are found", exact=True).click()
+    settle(review)
+    review.tab.locator("xpath=//*[normalize-space(text())='Detector']/following::input[1]").click()
+    review.tab.get_by_role("option", name="Your own ONNX file").click()
+    settle(review)
     yield "own-model"
     review.app.post(lambda: review.session.source.begin(ImportFiles(path=Path("no/such/folder"))))
     until(lambda: not review.session.source.busy, "the failure")
@@ -355,13 +362,6 @@ def starting(review: Reviewing) -> Iterator[str]:
     for title in ("View", "Keypoints", "Fit"):
         open_panel(review, title)
         yield title.lower()
-
-
-def choose_model(review: Reviewing, title: str) -> None:
-    """Choose a whole-body model by its title."""
-    review.tab.locator("xpath=//*[normalize-space(text())='Model']/following::input[1]").click()
-    review.tab.get_by_role("option", name=title).click()
-    settle(review)
 
 
 # --- projects ---
