@@ -321,7 +321,7 @@ class Fits:
             except InputError as error:
                 self._unwritten[job.run_id] = result
                 raise InputError(
-                    f"{error} The fit is not lost: keep tcfit running, and it is saved as soon as possible."
+                    f"The fit is done, and is saved as soon as possible: keep tcfit running. {error}"
                 ) from error
             self.publish(job.run_id, result)
         elif isinstance(result, PhaseFinished):
@@ -331,9 +331,9 @@ class Fits:
             self._put_frames(job, result)
 
     @property
-    def unwritten(self) -> bool:
-        """Whether there are finished fits that could not be written."""
-        return bool(self._unwritten)
+    def unwritten(self) -> tuple[int, ...]:
+        """Runs whose finished fits could not be written yet."""
+        return tuple(self._unwritten)
 
     def write_late(self) -> list[Run]:
         """Retry writing them; returns the runs finished by that."""

@@ -209,7 +209,7 @@ export interface MenuItem {
   action: string;
   more: MenuItem[];
   keys: string;
-  disabled: boolean;
+  obstacle: string;
 }
 
 export interface FrameMenus {
@@ -238,6 +238,7 @@ export interface Suspicion {
 
 export interface Suspicions {
   found: Suspicion[];
+  looking: boolean;
 }
 
 export interface Origins {

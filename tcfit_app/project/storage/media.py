@@ -15,6 +15,8 @@ from tcfit_app.project.storage.accessing import accessing
 from tcfit_app.project.storage.names import portable
 
 FOLDER = "media"
+RELINK = "Relink the video in the panel Review."
+"""What to do where it is not found."""
 
 
 class MediaLink(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -92,9 +94,7 @@ def find(link: MediaLink | None, project: Path) -> Media:
     if link is None:
         return Media(path=None, problem="The project was created without a video.")
     if link == UNREADABLE:
-        return Media(
-            path=None, problem="The video's path is damaged in the project. Relink the video in the panel Review."
-        )
+        return Media(path=None, problem=f"The video's path is damaged in the project. {RELINK}")
     places = [project / link.relative] if link.relative else []
     found = [path for path in (*places, Path(link.absolute)) if not _absence(path)]
     same = [path for path in found if _fingerprint_or_none(path) == link.fingerprint]
@@ -103,9 +103,7 @@ def find(link: MediaLink | None, project: Path) -> Media:
     if found:
         problem = f"{found[0]} differs from what the project was created with, or cannot be read."
         return Media(path=found[0], problem=problem)
-    return Media(
-        path=None, problem=f"{link.absolute} {_absence(Path(link.absolute))}. Relink the video in the panel Review."
-    )
+    return Media(path=None, problem=f"{link.absolute} {_absence(Path(link.absolute))}. {RELINK}")
 
 
 def _absence(path: Path) -> str:

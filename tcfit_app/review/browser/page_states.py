@@ -387,7 +387,8 @@ class MenuItem(_State, frozen=True, kw_only=True):
     """Instead of an action: the submenu's items."""
     keys: str = ""
     """Keys that do the same, for users."""
-    disabled: bool = False
+    obstacle: str = ""
+    """Why it cannot be done now; empty if it can."""
 
 
 class FrameMenus(_State, frozen=True, kw_only=True):
@@ -430,6 +431,8 @@ class Suspicions(_State, frozen=True, kw_only=True):
     """The review queue of the fit being corrected, in order of frames."""
 
     found: tuple[Suspicion, ...] = ()
+    looking: bool = False
+    """A newer one is being computed."""
 
 
 class Origins(_State, frozen=True, kw_only=True):

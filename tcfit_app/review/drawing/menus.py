@@ -87,9 +87,9 @@ def item(gestures: Gestures, name: str, label: str = "", *, but: Collection[Need
     """
     if name in _BY_PART:
         parts = tuple(MenuItem(label=part_name(part).capitalize(), action=f"{name}_{part}") for part in PARTS)
-        off = ACTIONS[f"{name}_person"].obstacle(gestures, but=but) != ""
-        return MenuItem(label=label or _BY_PART[name], more=parts, disabled=off)
+        why = ACTIONS[f"{name}_person"].obstacle(gestures, but=but)
+        return MenuItem(label=label or _BY_PART[name], more=parts, obstacle=why)
     action = ACTIONS[name]
     keys = next(map(str, keys_of(name)), "")
-    off = action.obstacle(gestures, but=but) != ""
-    return MenuItem(label=label or action.title, action=name, keys=keys, disabled=off)
+    why = action.obstacle(gestures, but=but)
+    return MenuItem(label=label or action.title, action=name, keys=keys, obstacle=why)

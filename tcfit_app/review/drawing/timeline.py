@@ -100,14 +100,15 @@ class Timeline:
         found = () if shown is None else tab.data.suspects(shown)
         if found is not None:
             self._suspects = found
-        key = self._suspects, tab.someone.uncertain
-        tab.channel.send("suspicions", tab.once("suspicions", key, self._suspicions))
+        looking = shown is not None and found is None and not tab.data.problem("suspects", shown)
+        key = self._suspects, tab.someone.uncertain, looking
+        tab.channel.send("suspicions", tab.once("suspicions", key, lambda: self._suspicions(looking=looking)))
 
-    def _suspicions(self) -> states.Suspicions:
+    def _suspicions(self, *, looking: bool) -> states.Suspicions:
         tab = self._tab
         mixed = (_mixed_up(span, tab.first_frame, tab.length) for span in tab.someone.uncertain)
         found = [*suspicions(self._suspects).found, *(one for one in mixed if one)]
-        return states.Suspicions(found=tuple(sorted(found, key=lambda one: (one.first, one.frame))))
+        return states.Suspicions(found=tuple(sorted(found, key=lambda one: (one.first, one.frame))), looking=looking)
 
     def _draw_provenance(self) -> None:
         tab = self._tab

@@ -200,6 +200,12 @@ def hand(g: Gestures) -> None:
     g.shaping.side()
 
 
+def some_key(g: Gestures) -> None:
+    """Requires a keyframe in the frame on show."""
+    if not g.tab.session.project.corrected.key[g.tab.state.frame].any():
+        raise InputError("No keypoint has a keyframe in this frame.")
+
+
 def key(g: Gestures) -> None:
     """Requires a keyframe of the selected keypoints."""
     keys_in(g.tab.session.project.corrected, g.correcting.selected(), g.tab.state.frame)
@@ -210,9 +216,21 @@ def fit(g: Gestures) -> None:
     g.fitting.base()
 
 
+def bodies(g: Gestures) -> None:
+    """Requires a fit, also one that is still running."""
+    if not g.tab.session.fits.runs:
+        raise InputError("There is no fit yet: fit everything first.")
+
+
 def settings(g: Gestures) -> None:
     """Requires valid fit settings."""
     g.fitting.refuse_wrong_settings()
+
+
+def video(g: Gestures) -> None:
+    """Requires the video."""
+    if g.tab.session.project.media.path is None:
+        raise InputError("The video is missing: relink it in the panel Review.")
 
 
 def picture(g: Gestures) -> None:
@@ -250,6 +268,10 @@ def _looking(g: Gestures) -> None:
 def _suspects(g: Gestures) -> None:
     if g.reviewing.everything == () or not g.tab.session.fits.showable():
         raise InputError("There are no suspicious frames: either there is no fit yet, or all were reviewed.")
+
+
+def _finished(g: Gestures) -> None:
+    g.reviewing.refuse_unfinished()
 
 
 def _alike(g: Gestures) -> None:
@@ -298,23 +320,29 @@ _PLAYING: tuple[_Row, ...] = (
 )
 _VIEW: tuple[_Row, ...] = (
     *(
-        (mode, f"Mode: {name}", f"Digit{number}", lambda g, mode=mode: g.tab.set(mode=mode), ())
+        (
+            mode,
+            f"Mode: {name}",
+            f"Digit{number}",
+            lambda g, mode=mode: g.tab.set(mode=mode),
+            () if mode == "edit" else (bodies,),
+        )
         for number, (mode, name) in enumerate(MODES.items(), 1)
     ),
-    ("blink", "Blink: A in B's place", "b", _toggle("blinked"), ()),
-    ("arrangement", "A | B: side by side, stacked or wipe", "w", _rearrange, ()),
-    ("bodies", "Bodies on or off", "m", _toggle("bodies"), ()),
+    ("blink", "Blink: A in B's place", "b", _toggle("blinked"), (bodies,)),
+    ("arrangement", "A | B: side by side, stacked or wipe", "w", _rearrange, (bodies,)),
+    ("bodies", "Bodies on or off", "m", _toggle("bodies"), (bodies,)),
     ("bones", "Keypoints on or off", "k", _toggle("keypoints"), ()),
     ("next_person", "Next person of the clip", "q", _go_to_next_person, (others,)),
-    ("peek", "Video only, while held", "p", lambda g: None, ()),
+    ("peek", "Video only, while held", "p", lambda g: None, (video,)),
     ("fainter", "Less opacity", ",", lambda g: _change_opacity(g.tab, -0.1), ()),
     ("denser", "More opacity", ".", lambda g: _change_opacity(g.tab, 0.1), ()),
-    ("wireframe", "Wireframe on or off", "g", _toggle("wireframe"), ()),
-    ("outline", "Outline on or off", "u", _toggle("outline"), (picture,)),
+    ("wireframe", "Wireframe on or off", "g", _toggle("wireframe"), (bodies,)),
+    ("outline", "Outline on or off", "u", _toggle("outline"), (bodies, picture)),
     ("silhouette", "Silhouette on or off", "Shift+u", _toggle("silhouette"), (silhouettes, picture)),
-    ("difference", "Colour by distance between A and B", "d", _toggle("difference"), ()),
-    ("side", "Side view on or off", "v", _toggle("side"), ()),
-    ("turn_side", "Side view from the next side", "Shift+v", _turn_side, ()),
+    ("difference", "Colour by distance between A and B", "d", _toggle("difference"), (bodies,)),
+    ("side", "Side view on or off", "v", _toggle("side"), (bodies,)),
+    ("turn_side", "Side view from the next side", "Shift+v", _turn_side, (bodies,)),
     ("fit_view", "Whole picture", "f", lambda g: show_whole(g.tab), ()),
     ("zoom", "Zoom to the selected keypoints", "z", lambda g: zoom_to_selection(g.tab), (joints,)),
     (
@@ -325,7 +353,7 @@ _VIEW: tuple[_Row, ...] = (
         (picture,),
     ),
     ("trail", "Trail of the selected keypoints on or off", "j", _toggle("trail"), ()),
-    ("onion", "Onion skin on or off", "Shift+j", _toggle("onion"), ()),
+    ("onion", "Onion skin on or off", "Shift+j", _toggle("onion"), (bodies,)),
     ("save_picture", "Save the picture", "", lambda g: g.tab.save_picture(), ()),
     ("first_steps", "Show the first steps", "", lambda g: g.tab.show_first_steps(), ()),
     ("help", "Show all keys", "h", _toggle("keys"), ()),
@@ -345,15 +373,15 @@ _KEYPOINTS: tuple[_Row, ...] = (
     ("reset", "Reset to the detection", "Backspace Delete", lambda g: g.correcting.reset(), _OF_JOINTS),
     ("copy", "Copy from the previous frame", "c", lambda g: g.correcting.copy_previous(), _OF_JOINTS),
     ("interpolate", "Interpolate", "i", lambda g: g.correcting.interpolate(), _OF_JOINTS),
-    ("keyframes", "Keyframes on or off", "a", _toggle("keyframes"), ()),
+    ("keyframes", "Keyframes on or off", "a", _toggle("keyframes"), (writable,)),
     (
         "delete_key",
         "Delete the keyframe",
         "Shift+Backspace Shift+Delete",
         lambda g: g.correcting.delete_key(),
-        (writable, keypoints, joints, key),
+        (writable, keypoints, some_key, joints, key),
     ),
-    ("hand_along", "Hand follows its wrist, on or off", "", _toggle("hand_along"), ()),
+    ("hand_along", "Hand follows its wrist, on or off", "", _toggle("hand_along"), (writable,)),
     ("swap_body", "Swap left and right of the body", "s", lambda g: g.correcting.swap_sides("body"), _EDIT),
     ("swap_hands", "Swap the hands", "Shift+s", lambda g: g.correcting.swap_sides("hands"), _EDIT),
     ("mirror_depth", "Mirror in depth", "Shift+m", lambda g: g.depth.send("mirror"), (*_EDIT, limbs, fit)),
@@ -433,7 +461,7 @@ _FIT: tuple[_Row, ...] = (
     ("cancel", "Cancel all fitting", "", lambda g: g.tab.session.cancel(), ()),
 )
 _CLIPS: tuple[_Row, ...] = (
-    ("approve", "Approve the clip, or take it back", "Shift+o", lambda g: g.reviewing.approve(), (writable,)),
+    ("approve", "Approve the clip, or take it back", "Shift+o", lambda g: g.reviewing.approve(), (writable, _finished)),
     ("next_clip", "Next clip of the list", "PageDown", lambda g: g.reviewing.leave("next"), (_listed,)),
     ("previous_clip", "Previous clip of the list", "PageUp", lambda g: g.reviewing.leave("previous"), (_listed,)),
     ("list", "All clips", "Shift+Home", lambda g: g.reviewing.leave("list"), (_listed,)),

@@ -123,10 +123,14 @@ class Reviewing:
             return
         if tab.session.jobs or tab.session.edit_follower.busy:
             raise InputError("The clip is being fitted: wait for that, look at it, and approve it then.")
-        if not any(run.state == "finished" and run.kind != "imported" for run in project.runs.all()):
-            raise InputError("There is no finished fit that could be approved.")
+        self.refuse_unfinished()
         project.review.approve(tab.browser.reviewer)
         tab.say(f"Approved by {tab.browser.reviewer}. Shift+O takes it back")
+
+    def refuse_unfinished(self) -> None:
+        """Raise InputError if no fit of the clip is finished."""
+        if not any(run.state == "finished" and run.kind != "imported" for run in self._tab.session.fits.runs):
+            raise InputError("There is no finished fit that could be approved.")
 
     def leave(self, to: Literal["list", "next", "previous"]) -> None:
         """Have the page go to the list of clips, or to another one of them. Raises InputError if there is none."""

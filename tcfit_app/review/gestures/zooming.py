@@ -4,7 +4,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from fitting_core.errors import InputError
-from fitting_core.keypoints import GROUPS
+from fitting_core.keypoints import GROUPS, INDEX
+from tcfit_app.review.scene.side_view import Direction
 from tcfit_app.review.tab.on_show import SLOTS
 from tcfit_app.review.tab.state import CLOSE_UPS, HELD_BY, Part
 from tcfit_app.review.tab.tab import Tab
@@ -69,9 +70,19 @@ def show_close_up(tab: Tab, part: Part | None) -> None:
     size = usual_size(xy, there)
     if part not in followed_parts(tab):
         raise InputError(f"The {CLOSE_UPS[part].lower()} was not detected in any frame: there is nothing to follow.")
-    tab.set(close_up=part)
+    tab.set(close_up=part, side_from=_near_side(tab, part))
     least = _LEAST * float(np.hypot(*tab.session.project.footage.camera.size))
     tab.scene.zoom_about_middle(max(_ROOM * size, least) if size else 2 * least)
+
+
+def _near_side(tab: Tab, part: Part) -> Direction:
+    """Where the side view of a close-up is seen from: a hand from its own side of the body, which would hide it."""
+    now, corrected, ends = tab.state.side_from, tab.session.project.corrected, [HELD_BY[part], INDEX["neck"]]
+    seen = (corrected.confidence[:, ends] > 0).all(1)
+    if part == "face" or now not in ("left", "right") or not seen.any():
+        return now
+    wrist, neck = corrected.xy[seen][:, ends, 0].T
+    return "left" if np.median(wrist - neck) < 0 else "right"
 
 
 def followed_parts(tab: Tab) -> list[Part]:

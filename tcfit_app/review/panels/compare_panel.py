@@ -23,7 +23,7 @@ from tcfit_app.project.frame_words import in_words
 from tcfit_app.project.storage.names import name_of_file
 from tcfit_app.project.storage.run_record import Run
 from tcfit_app.review.gestures.actions import Gestures
-from tcfit_app.review.panels.elements.field import frame_number, take_uploads
+from tcfit_app.review.panels.elements.field import for_writers, frame_number, upload_button
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
@@ -48,6 +48,7 @@ SETTLING = 1.0
 """Seconds that keypoints and fits must be unchanged before figures are computed, which takes all meshes."""
 _MEASURING = "Measuring …"
 _NO_FIT = "This panel compares two fits. There is none yet: see the panel Fit."
+_BETTER = "better in green"
 _SAME = "A and B are the same fit: choose another in the panel View or Runs."
 _COSTS = "Mean per frame; comparable only between runs with the same weights and keypoints."
 
@@ -100,9 +101,7 @@ class ComparePanel:
             self._figures.show(paragraph(self._reason(a, b), "dim"))
             return
         rows = compare(one, other)
-        self._figures.show(
-            heading("Whole clip", "better in green"), _table(r for r in rows if not r.name.startswith(COST))
-        )
+        self._figures.show(heading("Whole clip", _BETTER), _table(r for r in rows if not r.name.startswith(COST)))
         self._costs.show(paragraph(_COSTS, "dim"), _table(r for r in rows if r.name.startswith(COST)))
 
     def _draw_against(self, a: Shown, b: Shown) -> None:
@@ -111,7 +110,7 @@ class ComparePanel:
         if reference is None or a.result is None or b.result is None:
             self._against.show()
             return
-        head = heading("Against the reference", reference.name)
+        head = heading("Against the reference", f"{reference.name}; {_BETTER}")
         one, other = data.reference_metrics(a), data.reference_metrics(b)
         if one is None or other is None:
             problem = data.problem("reference", a) or data.problem("reference", b)
@@ -131,12 +130,11 @@ class ComparePanel:
         if not frames:
             return []
         buttons = (
-            button(first + frame, "compare.frame", str(frame), hint=f"Joint distance {values[frame]:.0f} mm")
+            button(joined(text(first + frame), words(f": {values[frame]:.0f} mm", "dim")), "compare.frame", str(frame))
             for frame in frames
         )
-        said = ", ".join(f"{values[frame]:.0f}" for frame in frames)
-        mean = f"Joint distance there: {said} mm; clip mean {np.nanmean(values):.1f} mm."
-        return [heading("Frames that differ most"), row(*buttons), paragraph(mean, "dim")]
+        mean = f"Distance of joints; {np.nanmean(values):.1f} mm in the clip's mean."
+        return [heading("Frames that differ most"), row(*buttons, wrap=True), paragraph(mean, "dim")]
 
 
 def _shown_as_b(tab: Tab) -> Run:
@@ -241,9 +239,10 @@ class ReferenceField:
             self._path = gui.add_text("File", "", hint=_HINT)
             self._camera = gui.add_text("Camera", "", hint=_CAMERA_HINT)
             self._first = gui.add_text("Begins at frame", "", hint=_FIRST_HINT)
+            for_writers(tab, self._path, self._camera, self._first)
             self._buttons = Board(tab)
-            self._upload = gui.add_upload_button("Upload a reference", hint="The same, from this computer")
-        take_uploads(tab, self._upload, self._uploaded)
+            hint = "The same, from this browser's computer"
+            self._upload = upload_button(tab, "Upload a reference", self._uploaded, hint=hint)
         tab.buttons.on("compare.reference", lambda _: self._from_path())
         tab.buttons.on("compare.forget", lambda _: self._forget())
 

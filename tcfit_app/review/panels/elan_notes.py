@@ -1,13 +1,11 @@
 """Notes from ELAN: an .eaf file from the browser, whose annotations become notes on their frames."""
 
-from typing import Any
-
 import viser
 
 from fitting_core.errors import InputError
 from tcfit_app.imports.elan import ElanNotes
 from tcfit_app.project.edits.edit_log import WriteNotes
-from tcfit_app.review.panels.elements.field import take_uploads
+from tcfit_app.review.panels.elements.field import for_writers, upload_button
 from tcfit_app.review.panels.elements.html import Board, paragraph
 from tcfit_app.review.session.tasks import Task
 from tcfit_app.review.tab.tab import Tab
@@ -28,9 +26,9 @@ class ElanImport:
             Board(tab).show(paragraph(_SAID, "dim"))
             hint = "Tier names separated by commas; empty: all except those written by tcfit"
             self._tiers = gui.add_text("Tiers", "", hint=hint)
+            for_writers(tab, self._tiers)
             hint = "An .eaf file from this browser's computer, about this project's video"
-            self._upload: Any = gui.add_upload_button("Upload an .eaf file …", color="gray", hint=hint)
-        take_uploads(tab, self._upload, self._begin)
+            self._upload = upload_button(tab, "Upload an .eaf file", self._begin, hint=hint)
 
     def _begin(self, file: viser.UploadedFile) -> None:
         tab, session = self._tab, self._tab.session

@@ -14,7 +14,7 @@ from tcfit_app.exports.source import ExportedFit, ExportSource
 from tcfit_app.exports.table import AXES_CHOICES, EXPORTS, KEYS_CHOICES, KEYS_HINT, Export, Group, exports
 from tcfit_app.fitting.fits import Shown, phase_title
 from tcfit_app.project.frame_words import in_words, numbers
-from tcfit_app.review.gestures.actions import Gestures
+from tcfit_app.review.gestures.actions import Gestures, refusal, video
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
@@ -65,7 +65,8 @@ class ExportPanel:
     icon: ClassVar[viser.IconName] = viser.Icon.DOWNLOAD
 
     def __init__(self, gestures: Gestures) -> None:
-        self._tab = tab = gestures.tab
+        self._gestures, self._tab = gestures, gestures.tab
+        tab = gestures.tab
         self._wishes = _Wishes()
         self.running: Task[tuple[bytes, str | None]] | None = None
         """The export started last; its title is the file's name."""
@@ -266,7 +267,7 @@ class ExportPanel:
         ]
 
     def _groups(self, titles: dict[Letter, str]) -> list[Html]:
-        there = self._wishes.side in titles
+        there, no_video = self._wishes.side in titles, refusal(video, self._gestures)
         rows = []
         for group in get_args(Group):
             buttons = [
@@ -279,7 +280,7 @@ class ExportPanel:
                 )
                 for name, export in exports().items()
                 if export.group == group and not export.own_rig
-                for missing in [export.missing()]
+                for missing in [export.missing() or (no_video if group == "Video" else "")]
             ]
             if group == "Motion" and self._tab.someone.others:
                 buttons.insert(1, button("Everybody (GLB)", "export.everybody", hint=_EVERYBODY_HINT))

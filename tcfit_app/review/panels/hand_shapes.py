@@ -7,7 +7,7 @@ from fitting_core.errors import InputError
 from fitting_core.keypoints import Side
 from tcfit_app.review.gestures.actions import ACTIONS, Gestures, refusal
 from tcfit_app.review.gestures.shaping import HAND_POINTS, MOST_BLEND
-from tcfit_app.review.panels.elements.field import Field
+from tcfit_app.review.panels.elements.field import Field, for_writers
 from tcfit_app.review.panels.elements.html import Board, action, button, choice, heading, paragraph, row
 from tcfit_app.review.shared.own_handshapes import keep_handshape, own_handshapes
 from tcfit_app.review.tab.buttons import one_of
@@ -27,6 +27,7 @@ class HandShapes:
         slider = gui.add_slider("Blend", 0, MOST_BLEND, 1, self._shaping.blend, hint=_BLEND)
         self._blend = Field(self._tab, slider, partial(setattr, self._shaping, "blend"))
         self._name = gui.add_text("Own shape", "", hint=_NAME)
+        for_writers(self._tab, slider, self._name)
         self._own = Board(self._tab)
         on = self._tab.buttons.on
         on("shapes.hand", self._select, one_of(HAND_POINTS))

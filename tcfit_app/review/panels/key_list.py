@@ -161,5 +161,5 @@ def keys_html() -> Html:
 
 
 def _block(title: str, rows: tuple[tuple[str, str], ...]) -> Html:
-    lines = [line(tag("kbd", keys), what, whole=(0,)) for keys, what in rows]
+    lines = [line(tag("kbd", keys), what) for keys, what in rows]
     return tag("section", joined(heading(title, first=True), table(lines)))

@@ -21,7 +21,7 @@ from tcfit_app.review.browser.page_states import GROUP_COLORS
 from tcfit_app.review.gestures.actions import Gestures, refusal
 from tcfit_app.review.gestures.detecting_again import missing_parts
 from tcfit_app.review.gestures.edit_words import depth_words, describe, part_name, whose
-from tcfit_app.review.panels.elements.field import Dropdown
+from tcfit_app.review.panels.elements.field import Dropdown, for_writers
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
@@ -73,6 +73,7 @@ class KeypointsPanel:
         by = gui.add_vector2("Move by", (1.0, 0.0), step=0.5, hint="Pixels to the right and down")
         self._by = by
         self._confidence = gui.add_slider("Confidence", 0.0, 1.0, 0.05, 1.0)
+        for_writers(tab, self._by, self._confidence)
         self._exactly = Board(tab)
         self._groups, self._again = Board(tab), Board(tab)
         self._done = Board(tab)

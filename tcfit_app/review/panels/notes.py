@@ -5,6 +5,7 @@ from tcfit_app.project.frame_words import in_words, numbers
 from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.gestures.noting import FIELD
 from tcfit_app.review.panels.elan_notes import ElanImport
+from tcfit_app.review.panels.elements.field import for_writers
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
@@ -31,6 +32,7 @@ class Notes:
         self._head = Board(self._tab)
         hint = f"About the selected frames, or the one on show. {NOTE_CHARACTERS:,} characters at most"
         self._field = self._tab.client.gui.add_text(FIELD, "", hint=hint)
+        for_writers(self._tab, self._field)
         self._board = Board(self._tab)
         self._elan = ElanImport(self._tab)
         on = self._tab.buttons.on

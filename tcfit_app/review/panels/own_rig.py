@@ -12,7 +12,7 @@ from tcfit_app.exports.table import exports
 from tcfit_app.fitting.reports import Notice
 from tcfit_app.project.storage.rig import KeptRig
 from tcfit_app.review.gestures.actions import refusal
-from tcfit_app.review.panels.elements.field import Dropdown, Field, take_uploads
+from tcfit_app.review.panels.elements.field import Dropdown, Field, upload_button
 from tcfit_app.review.panels.elements.html import Board, Html, button, paragraph, row
 from tcfit_app.review.tab.tab import Tab
 
@@ -44,8 +44,7 @@ class OwnRig:
         with self._folder:
             self._about = Board(tab)
             hint = "From this browser's computer: the rig as GLB, glTF, VRM or BVH. It is stored in the project."
-            self._upload: Any = gui.add_upload_button("Upload a rig …", color="gray", hint=hint)
-        take_uploads(tab, self._upload, self._begin)
+            self._upload = upload_button(tab, "Upload a rig", self._begin, hint=hint)
         tab.buttons.on("rig.download", lambda _: self._download())
 
     @property

@@ -15,8 +15,10 @@ from tcfit_app.analysis.suspicion import ReviewQueue, Suspect
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.fitting.reports import Notice
 from tcfit_app.project.frame_words import in_words, numbers
+from tcfit_app.project.storage.media import RELINK
 from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.gestures.reviewing import kinds_of
+from tcfit_app.review.panels.elements.field import for_writers
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
@@ -82,6 +84,7 @@ class ReviewPanel:
         self._damage = Board(tab)
         self._media = Board(tab)
         path = tab.client.gui.add_text("New location", "", visible=False, hint="Video file, or folder of images")
+        for_writers(tab, path)
         self._path = path
         self._relink = Board(tab)
         self._head = Board(tab)
@@ -320,7 +323,8 @@ class ReviewPanel:
             self._media.show()
             self._relink.show()
             return
-        self._media.show(heading("Video", first=True), paragraph(problem, "warn"))
+        told = problem.replace(RELINK, "Type its new location.")
+        self._media.show(heading("Video", first=True), paragraph(told, "warn"))
         off = tab.session.project.read_only
         self._relink.show(row(button("Use the video at this location", "review.relink", disabled=off, enter=True)))
 

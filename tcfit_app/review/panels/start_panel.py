@@ -9,7 +9,7 @@ from tcfit_app.imports.keypoint_jobs import Download, FetchNetworks, ImportFiles
 from tcfit_app.review.drawing.status import duration
 from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.panels.elements.camera_input import CameraInput
-from tcfit_app.review.panels.elements.field import Dropdown, take_uploads
+from tcfit_app.review.panels.elements.field import Dropdown, upload_button
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
@@ -61,8 +61,7 @@ class StartPanel:
         self._path = gui.add_text("Path", "", hint=hint)
         self._import = Board(tab)
         hint = "From this computer: one JSON or .pose file, or a ZIP archive of a folder of JSON files"
-        upload = gui.add_upload_button("Upload a file or ZIP", hint=hint, icon=viser.Icon.UPLOAD, color="dark")
-        take_uploads(tab, upload, self._import_upload)
+        upload_button(tab, "Upload a file or ZIP", self._import_upload, hint=hint)
 
     def _import_upload(self, file: viser.UploadedFile) -> None:
         self._tab.session.source.begin(ImportUpload(name=file.name, content=file.content))

@@ -11,14 +11,14 @@ from fitting_core.keypoints import GROUPS
 from tcfit_app.fitting.fits import SHORT_TITLES, FitChoice, Shown, phase_title
 from tcfit_app.project.storage.run_record import Run
 from tcfit_app.review.browser.page_states import GROUP_COLORS
-from tcfit_app.review.gestures.actions import Gestures
+from tcfit_app.review.gestures.actions import ACTIONS, Gestures
 from tcfit_app.review.gestures.own_keys import key_text
 from tcfit_app.review.gestures.zooming import show_close_up
 from tcfit_app.review.panels.elements.field import Dropdown, Field
 from tcfit_app.review.panels.elements.html import Board, Html, action, button, choice, dot, heading, joined, row, text
 from tcfit_app.review.scene.layers import RUN_COLORS, css
 from tcfit_app.review.scene.poses import SPACE_FROM
-from tcfit_app.review.scene.side_view import angle_of
+from tcfit_app.review.scene.side_view import angle_of, direction_text
 from tcfit_app.review.scene.windows import ARRANGEMENTS
 from tcfit_app.review.tab.buttons import one_of
 from tcfit_app.review.tab.on_show import SLOTS
@@ -45,7 +45,7 @@ class ViewPanel:
     icon: ClassVar[viser.IconName] = viser.Icon.EYE
 
     def __init__(self, gestures: Gestures) -> None:
-        self._tab, self._action = gestures.tab, partial(action, gestures)
+        self._gestures, self._tab, self._action = gestures, gestures.tab, partial(action, gestures)
         tab, gui = gestures.tab, gestures.tab.client.gui
         self._top = Board(tab)
         last = max(1, tab.length - 1) + tab.first_frame
@@ -152,10 +152,11 @@ class ViewPanel:
         if self._tab.someone.others:
             hint = "The newest fits of the clip's other people, dimmed"
             rows.append(row(button("Other people", "view.switch", "others", pressed=state.others, hint=hint)))
+        fitted = ACTIONS["bodies"].obstacle(self._gestures) == ""
         difference = self._action("difference", "A-B difference", pressed=state.difference)
         if state.mode != "space":
             hint = "Cut bodies off at the picture's edge"
-            clip = button("Clip to the picture", "view.clip", pressed=self._tab.clipped, hint=hint)
+            clip = button("Clip to the picture", "view.clip", pressed=self._tab.clipped, disabled=not fitted, hint=hint)
             rows += [row(clip, difference), row(self._action("peek", "Video only, while held"))]
         else:
             rows.append(row(difference))
@@ -172,9 +173,26 @@ class ViewPanel:
         if not flat:
             self._side.show()
             return
-        seen = (button(name.title(), "view.side", name, pressed=state.side_from == name) for name in SIDES_SEEN)
+        why = ACTIONS["side"].obstacle(self._gestures)
+        seen = (
+            button(
+                name.title(),
+                "view.side",
+                name,
+                pressed=state.side_from == name,
+                disabled=bool(why),
+                hint=why or direction_text(name).capitalize(),
+            )
+            for name in SIDES_SEEN
+        )
         wider = (
-            button(sign, "view.widen", sign, hint=f"{what} side view; its left border can be dragged")
+            button(
+                sign,
+                "view.widen",
+                sign,
+                disabled=bool(why),
+                hint=why or f"{what} side view; its left border can be dragged",
+            )
             for sign, what in zip(_WIDER, ("A narrower", "A wider"), strict=True)
         )
         known = held is None or self._tab.data.level(held) is not None
@@ -248,6 +266,7 @@ NEWEST = "Newest"
 _LONGEST, _END = 28, 11
 """Characters of a run's name that are shown, and those of its end among them: longer ones do not fit the field."""
 _HINTS = {"a": "Left of A | B, and what blinking shows", "b": "Right of A | B; corrections are made to it"}
+_SWAP = "What was A becomes B: corrections are then made to it"
 _LEGEND = joined(dot(css(RUN_COLORS[0])), text("A"), Html("&emsp;"), dot(css(RUN_COLORS[1])), text("B"))
 _PHASES: tuple[int | None, ...] = (*SHORT_TITLES, None)
 """Choices for a run's phase; None: its last."""
@@ -259,7 +278,7 @@ class RunsShown:
     """Which runs and phases are A and B: a part of the panel."""
 
     def __init__(self, gestures: Gestures) -> None:
-        self._tab, self._action = gestures.tab, partial(action, gestures)
+        self._gestures, self._tab, self._action = gestures, gestures.tab, partial(action, gestures)
         tab = gestures.tab
         self._numbers: dict[str, int | None] = {}
         """Runs by their names in the dropdowns."""
@@ -294,11 +313,12 @@ class RunsShown:
         runs = [run for run in fits.runs if run in showable or run.id in chosen]
         shown = {side: fits.meant(self._choice(side)) for side in SLOTS}
         there = {side: self._phases_of(shown[side]) for side in SLOTS}
+        why = ACTIONS["blink"].obstacle(self._gestures)
         self._head.show(
             heading("Fits on show", _LEGEND),
             row(
                 self._action("blink", "Blink A in B's place", pressed=state.blinked),
-                button("Swap A and B", "runs.swap", hint="What was A becomes B: corrections are then made to it"),
+                button("Swap A and B", "runs.swap", disabled=bool(why), hint=why or _SWAP),
             ),
         )
         names = run_names(runs)
@@ -328,6 +348,7 @@ class RunsShown:
                 f"{side} {phase or ''}",
                 pressed=now.phase == phase,
                 disabled=phase is not None and phase not in there,
+                hint="The last phase that is there" if phase is None else "",
             )
             for phase in _PHASES
         ]

@@ -49,7 +49,7 @@ def direction_text(direction: Direction) -> str:
     if angle is None:
         return "from above"
     named = next((name for name, known in _ANGLES.items() if known == angle), None)
-    return f"turned by {angle:.0f}°" if named is None else f"from the {named}"
+    return f"turned by {angle:.0f}°" if named is None else f"from the picture's {named}"
 
 
 def usual_width(pictures: float) -> float:

@@ -456,7 +456,8 @@ class Session:
         elif job.run is not None:
             self.tell(Notice(title=f"{job.title}: done", text="", kind="done"))
         if report.how == "failed":
-            self.tell(Notice(title=f"{job.title} failed", text=report.reason, kind="error"))
+            how = "not saved yet" if job.run in self.fits.unwritten else "failed"
+            self.tell(Notice(title=f"{job.title}: {how}", text=report.reason, kind="error"))
         if job.follows is not None:
             self.edit_follower.ended(job.follows, cancelled=report.how == "cancelled")
 

@@ -214,7 +214,7 @@ def test_the_panel_takes_a_file_of_the_browser(panel_server: viser.ViserServer, 
     path = annotated(tmp_path / "x.eaf", ("gloss", [(0, 2, "HOUSE")]), ("eyes", [(1, 1, "blink")]))
     with lone_page(panel_server, project, waiting.append) as tested:
         tested.field("Tiers").value = " gloss, "
-        upload = tested.field("Upload an .eaf file …")
+        upload = tested.field("Upload an .eaf file")
         upload._impl.value = viser.UploadedFile(name="x.eaf", content=path.read_bytes())
         tested.call_back(upload, MagicMock())
         for command in waiting:

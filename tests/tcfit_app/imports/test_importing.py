@@ -273,7 +273,7 @@ def test_what_cannot_be_imported_is_told(tested: LonePage, tmp_path: Path):
 
 
 def _upload(tested: LonePage, name: str, content: bytes) -> None:
-    handle = tested.field("Upload a file …")
+    handle = tested.field("Upload a file")
     handle._impl.value = viser.UploadedFile(name=name, content=content)
     tested.call_back(handle, MagicMock())
     tested.settle()

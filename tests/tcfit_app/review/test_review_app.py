@@ -266,8 +266,8 @@ def test_the_side_view_follows_the_frame_and_is_widened(review: Reviewing):
     before = wrist_in_space(review)
     review.press("ArrowRight", lambda: wrist_in_space(review) != before)
     review.press("Shift+v", lambda: side()["floor"] is None)
-    review.press("Shift+v", lambda: labels_of(review, "side") == ["from the left"])
-    review.press("Shift+v", lambda: labels_of(review, "side") == ["from the right"])
+    review.press("Shift+v", lambda: labels_of(review, "side") == ["from the picture's left"])
+    review.press("Shift+v", lambda: labels_of(review, "side") == ["from the picture's right"])
     review.rest()
     left, top, right, bottom = review.tab.evaluate(SIDE_PLATE)
     width = review.page.tab.side_width
@@ -418,8 +418,9 @@ def test_states_without_a_fit_a_video_or_the_lock(demo_project: Path, browser: "
         texts = until(lambda: chips(found), "the status line")
         assert any("No fit yet" in text for text in texts) and any("Read-only" in text for text in texts)
         assert any("created without a video" in text for text in texts)
-        found.press("d", lambda: found.page.tab.state.difference)
-        assert found.tab.locator(".tcfit-legend").is_hidden(), "there is nothing between two fits yet"
+        found.tab.keyboard.press("d")
+        found.tab.get_by_text("There is no fit yet").first.wait_for()
+        assert not found.page.tab.state.difference, "there is nothing between two fits yet"
         found.tab.keyboard.press("Shift+R")
         found.tab.get_by_text("open read-only").first.wait_for()
         assert not found.session.jobs and not found.complaints

@@ -4,10 +4,10 @@ import { emit } from "./connection.js";
 import { element } from "./elements.js";
 
 /**
- * A line of a menu: what it says, the keys that do the same, and what it does: one of the app's actions, or `run`.
- * One that has `checked` switches something, and leaves the menu open. One that has `more` opens the menu of these in
- * its place.
- * @typedef {{ label: string, keys?: string, disabled?: boolean, checked?: boolean, action?: string,
+ * A line of a menu: what it says, the keys that do the same, and what it does: one of the app's actions, or `run`;
+ * `obstacle` says why that cannot be done now. One that has `checked` switches something, and leaves the menu open. One
+ * that has `more` opens the menu of these in its place.
+ * @typedef {{ label: string, keys?: string, obstacle?: string, checked?: boolean, action?: string,
  *   more?: MenuItem[], run?: () => void }} MenuItem
  */
 
@@ -84,14 +84,15 @@ export function onRightClick(over, show) {
 
 /** @param {MenuItem} item */
 function lineOf(item) {
-  const { label, keys = "", disabled = false, checked, more } = item;
+  const { label, keys = "", obstacle, checked, more } = item;
   const line = element("button", "");
   line.type = "button";
   line.tabIndex = -1;
   line.setAttribute("role", checked === undefined ? "menuitem" : "menuitemcheckbox");
   if (checked !== undefined) line.setAttribute("aria-checked", String(checked));
   // Not `disabled`: one that cannot be done now is read to those who do not see it all the same.
-  if (disabled) line.setAttribute("aria-disabled", "true");
+  if (obstacle) line.setAttribute("aria-disabled", "true");
+  line.title = obstacle ?? "";
   element("span", "", line, label);
   if (keys) element("kbd", "", line, keys);
   if (more?.length) {
@@ -110,8 +111,8 @@ function separator() {
 }
 
 /** @param {HTMLElement} line @param {MenuItem} item */
-function choose(line, { label, disabled, checked, action, more, run }) {
-  if (disabled) return;
+function choose(line, { label, obstacle, checked, action, more, run }) {
+  if (obstacle) return;
   if (more?.length && open) {
     const { left, top } = open.menu.getBoundingClientRect();
     openMenu(label, more, left, top);

@@ -39,7 +39,8 @@ export const KIND_COLORS = {
   warning: COLORS.flagged,
   error: COLORS.bad,
 };
-export const FONT = 'Inter, system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif';
+/** As viser's own. */
+export const FONT = '-apple-system, BlinkMacSystemFont, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif';
 
 export const STYLE_SHEET = `
 .tcfit, .tcfit * { box-sizing: border-box; }
@@ -50,10 +51,10 @@ export const STYLE_SHEET = `
 .tcfit-lost ~ .tcfit-strip { pointer-events: none; }
 .tcfit-lost ~ .tcfit-strip::after { content: ""; position: absolute; inset: 0; background: rgba(12, 14, 18, 0.5); }
 .tcfit > canvas { position: absolute; inset: 0; width: 100%; height: 100%; }
-.tcfit-chips { position: absolute; bottom: 12px; left: 12px; right: 12px; display: flex; flex-wrap: wrap-reverse;
-  gap: 8px; }
+.tcfit-chips { position: absolute; bottom: 8px; left: 8px; right: 8px; display: flex; flex-direction: column;
+  align-items: flex-start; gap: 4px; }
 .tcfit:has(.tcfit-legend:not([hidden])) .tcfit-chips { bottom: 42px; }
-.tcfit-chip { display: flex; align-items: center; gap: 8px; max-width: 100%; padding: 4px 12px; border-radius: 14px;
+.tcfit-chip { display: flex; align-items: center; gap: 8px; max-width: 100%; padding: 2px 10px; border-radius: 12px;
   background: rgba(16, 19, 24, 0.86); border: 1px solid rgba(255, 255, 255, 0.09); font-size: 13px;
   font-variant-numeric: tabular-nums; box-shadow: 0 2px 8px rgba(0, 0, 0, 0.3); overflow: hidden; position: relative; }
 .tcfit-chip span { overflow: hidden; text-overflow: ellipsis; white-space: nowrap; }
@@ -134,12 +135,12 @@ export const STYLE_SHEET = `
   white-space: nowrap; cursor: pointer; }
 .tcfit-menu button > span { flex: 1 1 auto; }
 .tcfit-menu button:focus { outline: none; background: #1f5482; color: #fff; }
-.tcfit-menu button[aria-disabled] { color: var(--tcfit-dim); cursor: default; }
-.tcfit-menu button[aria-disabled]:focus { background: var(--tcfit-pointed); }
+.tcfit-menu button[aria-disabled] { opacity: 0.45; cursor: default; }
+.tcfit-menu button[aria-disabled]:focus { background: var(--tcfit-pointed); color: var(--tcfit-text); }
 .tcfit-menu button[aria-checked]::before { content: ""; flex: none; width: 14px; margin-right: -16px; }
 .tcfit-menu button[aria-checked=true]::before { content: "✓"; }
 .tcfit-menu kbd { flex: none; font: 13px/1 ${FONT}; color: var(--tcfit-key); }
-.tcfit-menu button:focus kbd { color: #d3e6f7; }
+.tcfit-menu button:focus:not([aria-disabled]) kbd { color: #d3e6f7; }
 .tcfit-menu .tcfit-separator { flex: none; height: 1px; margin: 4px 6px; background: var(--tcfit-edge); }
 .tcfit-strip .tcfit-tooltip { z-index: 1; pointer-events: none; }
 .tcfit-hints { position: absolute; right: 12px; bottom: 12px; width: min(340px, 60%); max-height: calc(100% - 24px);
@@ -196,7 +197,9 @@ export const PANEL_SHEET = `
 .tcfit-panel button.tcfit-close { width: 100%; margin-top: 10px; }
 .tcfit-keys { columns: 2; column-gap: 28px; }
 .tcfit-keys section { break-inside: avoid; padding-bottom: 12px; }
-.tcfit-keys td:first-child { width: 118px; }
+.tcfit-keys table { table-layout: fixed; }
+.tcfit-keys td:first-child { width: 136px; }
+.tcfit-keys kbd { white-space: normal; }
 .tcfit-joined { display: flex; flex-wrap: wrap; flex: 1 1 auto; min-width: 0; }
 .tcfit-joined button { border-radius: 0; margin-left: -1px; padding: 0 5px; }
 .tcfit-joined kbd { margin-left: 4px; }

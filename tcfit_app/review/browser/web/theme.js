@@ -55,6 +55,6 @@ export const THEME_SHEET = `
  * @param {string} color "#5aa0ff", or in another form, which stays */
 export function onGround(color) {
   if (isDark() || !/^#[0-9a-f]{6}$/i.test(color)) return color;
-  const parts = [1, 3, 5].map((at) => Math.round(0.62 * parseInt(color.slice(at, at + 2), 16)));
+  const parts = [1, 3, 5].map((at) => Math.round(0.78 * parseInt(color.slice(at, at + 2), 16)));
   return `rgb(${parts.join(", ")})`;
 }

@@ -13,7 +13,7 @@ from fitting_core.io.cameras.reading import CameraFile
 from tcfit_app.fitting.reports import Notice
 from tcfit_app.imports.results import kept_as
 from tcfit_app.project.storage.names import name_of_file
-from tcfit_app.review.panels.elements.field import Number, take_uploads
+from tcfit_app.review.panels.elements.field import Number, for_writers, upload_button
 from tcfit_app.review.panels.elements.html import Board, button, paragraph, row
 from tcfit_app.review.session.tasks import Step, Task
 from tcfit_app.review.tab.tab import Tab
@@ -45,10 +45,10 @@ class CameraInput:
         self._unit = gui.add_text(_UNIT.label, "", hint=hint)
         hint = "The axis that points up in the file's world"
         self._up: Any = gui.add_dropdown("Up", (_AS_FILE, *get_args(Up)), hint=hint)
+        for_writers(tab, self._path, self._name, self._unit, self._up)
         self._buttons = Board(tab)
         hint = f"From this browser's computer: {_FORMS}"
-        self._upload: Any = gui.add_upload_button("Upload a camera file", color="gray", hint=hint)
-        take_uploads(tab, self._upload, self._take_upload)
+        self._upload = upload_button(tab, "Upload a camera file", self._take_upload, hint=hint)
         tab.buttons.on(command, lambda _: self._take_path())
 
     def _file(self, path: Path) -> CameraFile:

@@ -60,8 +60,17 @@ class Field(Generic[Value]):
             self._handle.value = value
 
 
-def take_uploads(tab: Tab, handle: viser.GuiUploadButtonHandle, take: Callable[[viser.UploadedFile], None]) -> None:
-    """Handle each uploaded file on the drawing thread; viser keeps none of them."""
+def for_writers(tab: Tab, *handles: viser.GuiInputHandle[Any]) -> None:
+    """Disable inputs of what a read-only project cannot take."""
+    for handle in handles:
+        handle.disabled = tab.session.project.read_only
+
+
+def upload_button(
+    tab: Tab, label: str, take: Callable[[viser.UploadedFile], None], *, hint: str
+) -> viser.GuiUploadButtonHandle:
+    """A button that uploads a file; `take` receives each on the drawing thread, and viser keeps none of them."""
+    handle = tab.client.gui.add_upload_button(label, hint=hint, icon=viser.Icon.UPLOAD, color="dark")
 
     async def uploaded(event: viser.GuiEvent[viser.GuiUploadButtonHandle]) -> None:
         file = event.target.value  # now: another upload may take its place
@@ -69,6 +78,7 @@ def take_uploads(tab: Tab, handle: viser.GuiUploadButtonHandle, take: Callable[[
         tab.do(lambda: take(file))
 
     handle.on_upload(uploaded)
+    return handle
 
 
 class Dropdown(Field[str]):

@@ -1,5 +1,6 @@
 """The Fit panel: settings, what to fit with them, and progress."""
 
+from collections.abc import Collection
 from dataclasses import replace
 from typing import ClassVar
 
@@ -14,7 +15,7 @@ from tcfit_app.project.frame_words import numbers
 from tcfit_app.project.storage.run_record import Given
 from tcfit_app.review.drawing.status import duration
 from tcfit_app.review.gestures.actions import Gestures
-from tcfit_app.review.panels.elements.field import Number, NumberField
+from tcfit_app.review.panels.elements.field import Number, NumberField, for_writers
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
@@ -47,6 +48,7 @@ class FitPanel:
         self._again = Board(tab)
         hint = f"Frames refitted before and after each edited or flagged one. {MARGIN.range.capitalize()}."
         reach = gui.add_text(MARGIN.label, MARGIN.shown(tab.state.settings.reach), hint=hint)
+        for_writers(tab, reach)
         self._reach = NumberField(tab, reach, self._take_reach)
         self._progress = FitProgress(tab)  # below all buttons, so that they do not move when a fit begins
         with gui.add_folder("Start, person", expand_by_default=False):
@@ -173,7 +175,7 @@ class FitProgress:
         jobs = list(session.jobs.values())
         running = next((job for job in jobs if job.started), None)
         self._buttons.show(*(_cancelling(running or jobs[0], len(jobs)) if jobs else []))
-        self._said.show(*(self._running(running, jobs) if jobs else _ended(session.ended)))
+        self._said.show(*(self._running(running, jobs) if jobs else _ended(session.ended, session.fits.unwritten)))
         fitted = running if running is not None and running.run is not None else session.ended
         losses = fitted.losses if fitted else []
         if len(losses) < 2:
@@ -266,12 +268,13 @@ def _progress(job: RunningJob) -> list[Html]:
     ]
 
 
-def _ended(job: RunningJob | None) -> list[Html]:
+def _ended(job: RunningJob | None, unwritten: Collection[int]) -> list[Html]:
     """How the last job ended, until the next one begins."""
     if job is None:
         return []
     took = f" after {duration(job.progress.elapsed)}" if job.progress else ""
     if job.outcome == "failed":
-        return [paragraph(words(f"{job.title} failed{took}", "strong")), paragraph(job.reason, "bad")]
+        how = "not saved yet" if job.run in unwritten else "failed"
+        return [paragraph(words(f"{job.title}: {how}{took}", "strong")), paragraph(job.reason, "bad")]
     word, kind = ("cancelled", "dim") if job.outcome == "cancelled" else ("done", "good")
     return [paragraph(f"{job.title}: {word}{took}", kind)]

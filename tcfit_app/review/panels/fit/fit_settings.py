@@ -18,7 +18,7 @@ from fitting_core.files.toml_text import parsed_toml
 from fitting_core.priors.files.registry import list_priors
 from tcfit_app.review.gestures.fitting import camera_of
 from tcfit_app.review.panels.elements.camera_input import CameraInput
-from tcfit_app.review.panels.elements.field import Dropdown, Field, Number, NumberField
+from tcfit_app.review.panels.elements.field import Dropdown, Field, Number, NumberField, for_writers
 from tcfit_app.review.panels.elements.html import Board, button, joined, paragraph, row, tag, text
 from tcfit_app.review.panels.elements.html import words as marked
 from tcfit_app.review.panels.fit.focal_picture import LENSES, Perspective, focal_of_lens, focal_picture, metre_in_pixels
@@ -180,6 +180,7 @@ class FitInputs:
     def add_source(self) -> None:
         """All settings as editable text."""
         self._source = self._gui.add_text("TOML", "", multiline=True)
+        for_writers(self._tab, self._source)
         self._source_of: Hashable = None
         Board(self._tab).show(row(button("Use these settings", "fit.source")))
         self._tab.buttons.on("fit.source", lambda _: self._take_source())
@@ -212,6 +213,7 @@ class FitInputs:
             kind: type[Field[Any]] = Dropdown
         else:
             kind = NumberField
+        for_writers(self._tab, handle)
         self._fields[name] = kind(self._tab, handle, lambda value: self.attempt(name, lambda: take(value)))
         self._reads[name] = read
 
@@ -312,7 +314,11 @@ class FitInputs:
         listed = ", ".join(map(words, names)) or "nothing"
         said = listed if len(listed) <= _LISTED else f"{len(names)} settings"
         more = f" ({len(problems) - 1} more)" if len(problems) > 1 else ""
-        told = marked(problems[0] + more, "bad") if problems else joined(text("Changed: "), marked(said, "strong"))
+        told = (
+            marked(problems[0] + more, "bad")
+            if problems
+            else joined(text("Changed from the preset: "), marked(said, "strong"))
+        )
         hint = "Resets all settings to the preset"
         back = button("Back to the preset", "fit.preset", disabled=not names and not problems, hint=hint)
         self._changed.show(tag("p", told, class_="tcfit-two-lines", title="\n".join(problems) or listed), row(back))

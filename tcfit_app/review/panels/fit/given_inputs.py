@@ -9,14 +9,17 @@ from msgspec import structs
 from fitting_core.config.settings import changed
 from fitting_core.errors import InputError
 from tcfit_app.project.storage.run_record import Source
-from tcfit_app.review.panels.elements.field import Dropdown, Field, Number, frame_number
+from tcfit_app.review.panels.elements.field import Dropdown, Field, Number, for_writers, frame_number
+from tcfit_app.review.panels.elements.html import Board, paragraph
 from tcfit_app.review.tab.state import FitSettings
 from tcfit_app.review.tab.tab import Tab
 
 Attempt = Callable[[str, Callable[[], None]], None]
 """Applies the value of a setting; remembers why it is invalid."""
 FILE = "a file …"
-HELD = Number(label="Held near", low=0.001, high=10.0, of="metres")
+HELD = Number(label="Held near (m)", low=0.001, high=10.0)
+_NAMES = ("start", "person", "first_frame", "held", "shape")
+"""Of what can be wrong here."""
 _PERSON, _FIRST = "Person in it", "Its first frame"
 
 
@@ -69,8 +72,10 @@ class GivenInputs:
         self._first_field = self._number(self._first, _FIRST, "first_frame")
         hint = f"How close the fit stays to its start; empty: it only starts there. {HELD.range.capitalize()}."
         handle = gui.add_text(HELD.label, _shown_held(tab.state.settings), hint=hint)
+        for_writers(tab, self._person, self._first, handle)
         self._held = Field(tab, handle, lambda typed: attempt("held", lambda: self._take_held(typed)))
         self._shape = _SourceInput(tab, attempt, SHAPE)
+        self._problems = Board(tab)
 
     def _number(self, handle: Any, label: str, name: str) -> Field[str]:
         def take(typed: str) -> None:
@@ -97,6 +102,7 @@ class GivenInputs:
             number = None if source is None else getattr(source, name)
             field.show("" if number is None else str(number), wrong=name in wrong)
         self._held.show(_shown_held(now), wrong="held" in wrong)
+        self._problems.show(*(paragraph(wrong[name], "bad") for name in _NAMES if name in wrong))
 
 
 def _shown_held(now: FitSettings) -> str:
@@ -112,6 +118,7 @@ class _SourceInput:
         handle = gui.add_dropdown(part.label, (part.none, FILE), hint=part.hint)
         self._choice = Dropdown(tab, handle, lambda chosen: attempt(part.name, lambda: self._choose(chosen)))
         self._path: Any = gui.add_text(part.path, "", hint=part.path_hint, visible=False)
+        for_writers(tab, handle, self._path)
         self._path_field = Field(tab, self._path, lambda typed: attempt(part.name, lambda: self._take_path(typed)))
 
     def _choose(self, chosen: str) -> None:

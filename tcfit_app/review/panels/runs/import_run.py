@@ -9,7 +9,7 @@ from fitting_core.body.files.forms import KINDS
 from fitting_core.errors import InputError
 from tcfit_app.imports.results import ImportChoices
 from tcfit_app.project.storage.run_record import Run
-from tcfit_app.review.panels.elements.field import frame_number, take_uploads
+from tcfit_app.review.panels.elements.field import for_writers, frame_number, upload_button
 from tcfit_app.review.panels.elements.html import Board, button, paragraph, row
 from tcfit_app.review.session.tasks import Task, Work
 from tcfit_app.review.tab.tab import Tab
@@ -43,13 +43,10 @@ class ImportRun:
             self._first = gui.add_text("First frame", "", hint=hint)
             hint = "Another body keeps the joint angles but drops the shape"
             self._body: Any = gui.add_dropdown("Posed on", (_OWN, *KINDS), hint=hint)
+            for_writers(tab, self._path, self._first, self._body)
             self._buttons = Board(tab)
-            self._upload: Any = gui.add_upload_button(
-                "Upload a file …",
-                color="gray",
-                hint="An npz, a zip of SMPLify-X's results, or a learned system's file, from this browser's computer",
-            )
-        take_uploads(tab, self._upload, self._import_upload)
+            hint = "An npz, a zip of SMPLify-X's results, or a learned system's file, from this browser's computer"
+            self._upload = upload_button(tab, "Upload a file", self._import_upload, hint=hint)
         tab.buttons.on("import.path", lambda _: self._import_path())
 
     def _choices(self) -> ImportChoices:

@@ -82,14 +82,16 @@ def run_line(listed: Listed, *, first_frame: int, here: bool) -> Html:
     begun = ["started from another result"] if run.kind == "fit" and run.given.start else []
     said = [_kind(run, first_frame), *begun, *_since(listed.edits), *_settings(run)]
     taken = seconds_of(run)
-    time = when(run.started) + ("" if taken is None else f", {duration(taken)}")
+    time = [text(when(run.started))]
+    if taken is not None:
+        time += [text(", "), tag("span", duration(taken), class_="tcfit-whole")]
     return line(
         joined(
             opener(words(run.name, "strong"), "runs.choose", str(run.id)),
             badges,
             tag("div", " · ".join(said), class_="tcfit-dim"),
         ),
-        joined(words(_state(listed), LOOKS[run.state]), tag("div", time, class_="tcfit-dim")),
+        joined(words(_state(listed), LOOKS[run.state]), tag("div", joined(*time), class_="tcfit-dim")),
         numbers=(1,),
         kind="here" if here else "",
         command="runs.choose",

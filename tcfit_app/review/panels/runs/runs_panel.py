@@ -11,7 +11,7 @@ from fitting_core.errors import InputError
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.storage.run_record import Run
 from tcfit_app.review.gestures.actions import Gestures
-from tcfit_app.review.panels.elements.field import Dropdown, Field
+from tcfit_app.review.panels.elements.field import Dropdown, Field, for_writers
 from tcfit_app.review.panels.elements.html import Board, button, heading, paragraph, row, table, tag
 from tcfit_app.review.panels.fit.fit_settings import nearest_preset
 from tcfit_app.review.panels.runs.import_run import ImportRun
@@ -46,6 +46,7 @@ class RunsPanel:
         self._head = Board(tab)
         self._choice = Dropdown(tab, gui.add_dropdown("Run", (_NONE,)), self._choose)
         self._name = gui.add_text("Name", "", hint="Type another name, then Enter or Rename")
+        for_writers(tab, self._name)
         self._naming = Field(tab, self._name, lambda _: setattr(self, "_chosen", self._drawn))
         self._buttons, self._details = Board(tab), Board(tab)
         self._settings = gui.add_folder("All its settings", expand_by_default=False)

@@ -83,7 +83,7 @@ def plates(tested: LonePage) -> list[str]:
 
 
 def test_it_is_there_at_first_and_shows_the_bodies_of_the_pictures(tested: LonePage):
-    assert plates(tested) == ["from the right"]
+    assert plates(tested) == ["from the picture's right"]
     assert colors(tested) == ["#ff963c"]
     tested.page.tab.set(blinked=True)
     assert colors(tested) == ["#5aa0ff"]
@@ -175,15 +175,15 @@ def test_keys_switch_and_turn_it(tested: LonePage):
     press(tested, "side")
     assert not tested.page.tab.state.side and plates(tested) == []
     press(tested, "turn_side")
-    assert plates(tested) == ["from the right"], "what was off is switched on as it was"
+    assert plates(tested) == ["from the picture's right"], "what was off is switched on as it was"
     labels = []
     for _ in range(3):
         press(tested, "turn_side")
         labels += plates(tested)
-    assert labels == ["from above", "from the left", "from the right"]
+    assert labels == ["from above", "from the picture's left", "from the picture's right"]
     tested.page.tab.set(side_from=30.0)
     press(tested, "turn_side")
-    assert plates(tested) == ["from the left"]
+    assert plates(tested) == ["from the picture's left"]
 
 
 def test_the_panel_turns_and_widens_it(tested: LonePage):

@@ -33,7 +33,7 @@ def tested(panel_server: viser.ViserServer, tmp_path: Path, tiny_body: BodyModel
 
 
 def upload(tested: LonePage, name: str, content: bytes) -> None:
-    button = tested.field("Upload a rig …")
+    button = tested.field("Upload a rig")
     button._impl.value = viser.UploadedFile(name=name, content=content)
     tested.call_back(button, MagicMock())
     tested.settle()
@@ -107,7 +107,7 @@ def test_while_a_rig_is_read_the_one_before_is_not_mapped(tested: LonePage, monk
     upload(tested, "hero.glb", glb_bytes(gltf_document()))
     goes_on = threading.Event()
     monkeypatch.setattr(own_rig, "keep_rig", lambda *given: (goes_on.wait(20), keep_rig(*given))[1])
-    button = tested.field("Upload a rig …")
+    button = tested.field("Upload a rig")
     button._impl.value = viser.UploadedFile(name="villain.bvh", content=bvh_text(ODD).encode())
     tested.call_back(button, MagicMock())
     tested.enter("left thigh", "RightUpLeg")

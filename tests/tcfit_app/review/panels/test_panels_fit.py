@@ -124,7 +124,7 @@ def test_a_fit_starts_from_a_run_and_has_its_shape(tested: LonePage):
     tab, session, first = tested.page.tab, tested.page.tab.session, tested.fit()
     tested.draw()
     tested.enter("Start from", first.option)
-    tested.enter("Held near", "0.05")
+    tested.enter("Held near (m)", "0.05")
     tested.enter("Same person as", first.option)
     said = f"The next fit starts from {first.name}, held within about 5 cm of it and uses the shape of {first.name}."
     assert said in tested.html()
@@ -137,7 +137,7 @@ def test_a_fit_starts_from_a_run_and_has_its_shape(tested: LonePage):
     assert torch.equal(fit.last.params.betas, before.last.params.betas)
     assert f"shape as given from {first.name}" in fit.warnings
     tested.enter("Start from", "nothing: only the clip")
-    tested.enter("Held near", "")
+    tested.enter("Held near (m)", "")
     assert tab.state.settings.config.start_deviation is None
     tab.set(b=FitChoice(run=first.id))
     tested.click(f"Re-run shape as {first.name}")

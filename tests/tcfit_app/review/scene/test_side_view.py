@@ -174,10 +174,10 @@ def test_plates_are_narrow_beside_wide_pictures():
 def test_directions_have_names():
     named = [direction_text(direction) for direction in ("left", "right", "top", 90.0, -90.0, 30.0)]
     assert named == [
-        "from the left",
-        "from the right",
+        "from the picture's left",
+        "from the picture's right",
         "from above",
-        "from the right",
-        "from the left",
+        "from the picture's right",
+        "from the picture's left",
         "turned by 30°",
     ]

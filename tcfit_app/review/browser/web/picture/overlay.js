@@ -289,25 +289,27 @@ function showPointerShape() {
 function drawFitNames(context) {
   context.font = `600 13px ${FONT}`;
   context.textBaseline = "middle";
-  const { width } = canvasSize();
+  const across = canvasSize().width;
   const layout = states.layout;
   if (layout?.mode === "space")
-    layout.posters.forEach((poster, i) => drawFitName(context, poster, width, 28 * i, width));
-  for (const { seen, ox, width: across, poster } of layout?.mode === "poster" ? drawn.maps : []) {
-    const right = Math.min(seen.right, Math.max(ox + across, seen.left + NAME_ROOM));
-    drawFitName(context, poster, right, seen.top, right - seen.left);
+    layout.posters.forEach((poster, i) => drawFitName(context, poster, across, 28 * i, across));
+  for (const { seen, ox, width, poster } of layout?.mode === "poster" ? drawn.maps : []) {
+    const end = ox + width;
+    const right = Math.min(seen.right, Math.max(end, seen.left + NAME_ROOM));
+    drawFitName(context, poster, right, seen.top, right - seen.left, { end, free: seen.right - end });
   }
 }
 
-/** A colour and a name, with its upper right corner near (right, top), at most as wide as `across`.
+/** A colour and a name, with its upper right corner near (right, top), at most as wide as `across`; or right of the
+ * picture's end, where it covers nothing, if there is room for it.
  * @param {Context} context @param {PosterMap["poster"]} poster @param {number} right @param {number} top
- * @param {number} across */
-function drawFitName(context, { label, color, kind }, right, top, across) {
+ * @param {number} across @param {{ end: number, free: number }} [beside] */
+function drawFitName(context, { label, color, kind }, right, top, across, beside = { end: 0, free: 0 }) {
   const dot = kind === "side" || kind === "video" ? 0 : 14;
   const text = shortenedName(context, label, across - 32 - 2 * dot);
   if (!text) return;
   const width = context.measureText(text).width + 18 + dot;
-  const [x, y] = [right - width - 8, top + 8];
+  const [x, y] = [beside.free < width + 16 ? right - width - 8 : beside.end + 8, top + 8];
   context.fillStyle = "rgba(16, 19, 24, 0.82)";
   context.beginPath();
   context.roundRect(x, y, width, 24, 6);

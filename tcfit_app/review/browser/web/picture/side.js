@@ -94,7 +94,7 @@ function drawRuler(context, map, side) {
     lines.lineTo(x, y + 5);
   }
   stroke(context, lines, LINE, 1);
-  if (step > 36) write(context, `${tick} m`, last - step / 2, y + 10, "center");
+  if (step > 36) write(context, `${tick} m`, last - step / 2, y + (y + 18 < bottom ? 10 : -10), "center");
 }
 
 /** Small text, also to be read on a body. @param {Context} context @param {string} text @param {number} x

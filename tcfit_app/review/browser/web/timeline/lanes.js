@@ -77,6 +77,9 @@ export function drawLanes(context) {
     const { top, bottom } = laneBand(index);
     fillBox(context, tones.bed, GUTTER, top + 1, plotWidth(), bottom - top - 2);
   });
+  const { top, bottom } = laneBand(LANES.indexOf("Suspicious"));
+  if (states.suspicions?.looking && !states.suspicions.found.length)
+    write(context, "Looking for suspicious frames …", GUTTER + 12, (top + bottom) / 2, tones.dim);
 }
 
 /** @param {Context} context */

@@ -3,7 +3,7 @@
 /** @import { MenuItem } from "../menu.js" */
 
 import { emitLast, states } from "../connection.js";
-import { stripCanvas } from "../elements.js";
+import { stripCanvas, stripTooltip } from "../elements.js";
 import { onRightClick, openMenu, openMenuAt } from "../menu.js";
 import { GUTTER, clipLength, frameAt, frameNumber, showFrames, shownCount } from "./axis.js";
 import { clearRange, more } from "./head.js";
@@ -24,7 +24,7 @@ function items(ofSelected) {
   const groups = (ofSelected ? menus?.selected : menus?.elsewhere) ?? [];
   const range = chosenRange();
   /** @type {(MenuItem | null)[]} */
-  const own = [{ label: "Show the whole clip", disabled: shownCount() >= clipLength(), run: showWhole }];
+  const own = [{ label: "Show the whole clip", obstacle: zoomed() ? "" : "It is shown already.", run: showWhole }];
   if (range) {
     const name = `${frameNumber(range.first)}–${frameNumber(range.last)}`;
     own.unshift({ label: `Zoom to frames ${name}`, run: () => zoomTo(range.first, range.last) });
@@ -33,6 +33,7 @@ function items(ofSelected) {
   return [...groups.flatMap((group) => [...group, null]), ...own];
 }
 
+const zoomed = () => shownCount() < clipLength();
 const showWhole = () => showFrames(0, clipLength());
 
 /** @param {number} first @param {number} last */
@@ -49,6 +50,7 @@ function rightClick(event) {
   const ofSelected = selected(frame);
   // What the menu says is done to what is on show: to the frame under the pointer, or to the frames around it.
   if (!ofSelected || !selected(cursorFrame() ?? -1)) emitLast({ type: "seek", frame });
+  stripTooltip.hidden = true; // until the pointer moves here again
   openMenu("Frames", items(ofSelected), event.clientX, event.clientY);
 }
 

@@ -3,6 +3,8 @@
 
 /** @import { Matrix4, Mesh, Viewer } from "./internals" */
 
+import { FONT } from "../style.js";
+
 /** Of viser, whose insides these are. */
 export const KNOWN_VERSION = "1.1.x";
 
@@ -20,6 +22,10 @@ export const WINDOW_SURROUNDINGS = ".mantine-Modal-inner, .mantine-Modal-overlay
  * title would have a word a line. */
 export const VISER_SHEET = `
 body:has(.tcfit-lost) .mantine-Modal-root { display: none; }
+body:has(.tcfit-lost) .mantine-ScrollArea-root { opacity: 0.45; pointer-events: none; }
+.mantine-ScrollArea-content { padding-right: 4px; }
+.mantine-Notification-description { overflow-wrap: anywhere; }
+.mantine-Paper-root[data-with-border]:has(> [aria-hidden=true]) { border-color: transparent; background: none; }
 .mantine-Modal-content:has(.tcfit-keys) { flex: 0 1 860px !important; max-height: 94vh !important; }
 .mantine-Modal-header:has(+ .mantine-Modal-body .tcfit-keys) { padding-bottom: 0 !important; min-height: 0 !important; }
 .mantine-Slider-markLabel { display: none; }
@@ -30,7 +36,7 @@ button[aria-label="Commands"]::after { content: "Commands"; margin-left: 5px; fo
 ${FIELD_LABEL} { width: 84px !important; padding-right: 4px; }
 ${FIELD_LABEL} > p { font-size: 13px !important; letter-spacing: 0 !important; }
 :is(${TEXT_INPUT}, ${NUMBER_INPUT}, ${DROPDOWN_INPUT}) { font-size: 13px !important; }
-${FIELD_LABEL} label { color: var(--tcfit-dim); }
+${FIELD_LABEL} label { font-family: ${FONT}; color: var(--tcfit-dim); }
 `;
 
 /** viser's own references and functions; for this folder alone. */
