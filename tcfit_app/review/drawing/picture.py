@@ -19,6 +19,7 @@ from tcfit_app.review.drawing.joints import JointsPart
 from tcfit_app.review.drawing.others import OthersPart
 from tcfit_app.review.drawing.side import SidePart
 from tcfit_app.review.drawing.silhouette import SilhouettePart
+from tcfit_app.review.drawing.status import lasting
 from tcfit_app.review.scene.layers import DISTANCE_LIMIT, RGB, RUN_COLORS, BodyLayer, FrameImage, color_table, css
 from tcfit_app.review.scene.poses import Window
 from tcfit_app.review.scene.poster import PICTURE_NODES, PLATE, SIDE_NODE, Poster, Posters, body_nodes
@@ -34,8 +35,8 @@ from tcfit_app.review.tab.tab import Tab
 _AHEAD = 24
 """Frames decoded ahead of playback."""
 _LEGEND_COLORS = 9
-_LEGEND_HEIGHT = 34.0
-"""CSS pixels below the posters kept free for the colour bar."""
+_BELOW = 34.0
+"""CSS pixels below the posters kept free for the colour bar, and for messages that last."""
 _PLAIN_COLOR = "#8a94a3"
 """Colour of the names that are not those of fits."""
 _COLORS: dict[Slot, RGB] = dict(zip(SLOTS, RUN_COLORS, strict=True))
@@ -223,7 +224,8 @@ class Picture:
         self._tab.channel.send("space", state)
 
     def _show(self, snapshot: Posters | Space) -> None:
-        covered = _LEGEND_HEIGHT if self._compared and isinstance(snapshot, Posters) else 0.0
+        below = isinstance(snapshot, Posters) and (self._compared or lasting(self._tab))
+        covered = _BELOW if below else 0.0
         scene = self._tab.scene
         scene.cameras.follow(self._size if self._size[0] else None, covered)
         for problem in scene.show(snapshot):

@@ -7,6 +7,7 @@ from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.review.browser.page_states import Chip, Chips, Notice
 from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.gestures.edit_words import part_name
+from tcfit_app.review.tab.tab import Tab
 
 
 class Status:
@@ -24,29 +25,21 @@ class Status:
     def chips(self, now: float, problem: str) -> list[Chip]:
         """The current messages; `problem` as in `draw`."""
         tab, session = self._tab, self._tab.session
-        chips = []
-        if session.project.read_only:
-            chips.append(Chip(text="Read-only: nothing can be changed", kind="warning"))
         running = [job for job in session.jobs.values() if job.started]
-        chips += [progress_chip(job) for job in running]
+        chips = [progress_chip(job) for job in running]
         if session.edit_follower.busy and not self._correcting.dragging:
             chips.append(Chip(text="Fit is following the edit", kind="busy"))
         chips += self._again_chips()
         if waiting := len(session.jobs) - len(running):
             chips.append(Chip(text=f"{waiting} waiting", kind="busy"))
-        if not session.project.has_detections:
-            chips.append(self._keypoint_chip())
-        elif not session.jobs and not session.fits.showable():
-            how = "" if session.project.read_only else ": press Shift+R, or Fit everything in the panel Fit"
-            chips.append(Chip(text=f"No fit yet{how}"))
-        media = session.project.media.problem or tab.data.video.problem_of(tab.state.frame)
-        for text in (damage_in_short(session.project.damage), media, problem):
-            if text:
-                chips.append(Chip(text=text, kind="warning"))
+        if going := self._finding():
+            chips.append(going)
+        frame_problem = "" if session.project.media.problem else tab.data.video.problem_of(tab.state.frame)
+        chips += [Chip(text=text, kind="warning") for text in (frame_problem, problem) if text]
         text, until = tab.message
         if text and now < until:
             chips.append(Chip(text=text, kind="good"))
-        return chips
+        return [*chips, *lasting(tab)]
 
     def _again_chips(self) -> list[Chip]:
         """What is being detected again, or what the rectangle to be drawn is for."""
@@ -66,14 +59,30 @@ class Status:
         text = "This project has no keypoints yet, and its video is missing. Import keypoints in the panel Start."
         return Notice(title="Nothing to show yet", text=text)
 
-    def _keypoint_chip(self) -> Chip:
-        """The progress of the keypoint job, or where to start one."""
+    def _finding(self) -> Chip | None:
+        """The progress of the keypoint job, if one runs."""
         going = self._tab.session.source.going
-        if going is None or going.state != "running":
-            return Chip(text="No keypoints yet: find them in the panel Start", kind="warning")
+        if self._tab.session.project.has_detections or going is None or going.state != "running":
+            return None
         progress = None if going.share is None else round(going.share, 2)
         left = "" if going.remaining is None else f", {duration(going.remaining)} left"
         return Chip(text=f"{going.title}: {going.text}{left}", kind="busy", progress=progress)
+
+
+def lasting(tab: Tab) -> list[Chip]:
+    """The messages that stay until something is done about them; pictures leave room for these."""
+    session, chips = tab.session, []
+    project = session.project
+    if project.read_only:
+        chips.append(Chip(text="Read-only: nothing can be changed", kind="warning"))
+    if not project.has_detections:
+        if not session.source.busy:
+            chips.append(Chip(text="No keypoints yet: find them in the panel Start", kind="warning"))
+    elif not session.jobs and not session.fits.showable():
+        how = "" if project.read_only else ": press Shift+R, or Fit everything in the panel Fit"
+        chips.append(Chip(text=f"No fit yet{how}"))
+    damaged = damage_in_short(project.damage)
+    return [*chips, *(Chip(text=text, kind="warning") for text in (damaged, project.media.problem) if text)]
 
 
 def damage_in_short(damage: Sequence[str]) -> str:

@@ -70,7 +70,7 @@ def upload_button(
     tab: Tab, label: str, take: Callable[[viser.UploadedFile], None], *, hint: str
 ) -> viser.GuiUploadButtonHandle:
     """A button that uploads a file; `take` receives each on the drawing thread, and viser keeps none of them."""
-    handle = tab.client.gui.add_upload_button(label, hint=hint, icon=viser.Icon.UPLOAD, color="dark")
+    handle = tab.client.gui.add_upload_button(label, hint=hint, icon=viser.Icon.UPLOAD)
 
     async def uploaded(event: viser.GuiEvent[viser.GuiUploadButtonHandle]) -> None:
         file = event.target.value  # now: another upload may take its place

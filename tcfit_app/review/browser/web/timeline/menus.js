@@ -2,12 +2,12 @@
 
 /** @import { MenuItem } from "../menu.js" */
 
-import { emitLast, states } from "../connection.js";
-import { stripCanvas, stripTooltip } from "../elements.js";
+import { emitLast, invalidate, states } from "../connection.js";
+import { strip, stripCanvas } from "../elements.js";
 import { onRightClick, openMenu, openMenuAt } from "../menu.js";
 import { GUTTER, clipLength, frameAt, frameNumber, showFrames, shownCount } from "./axis.js";
 import { clearRange, more } from "./head.js";
-import { chosenRange, cursorFrame } from "./pointed.js";
+import { chosenRange, cursorFrame, pointed } from "./pointed.js";
 
 const AROUND = 0.1; // of the selected frames that are zoomed to, on either side
 
@@ -50,7 +50,8 @@ function rightClick(event) {
   const ofSelected = selected(frame);
   // What the menu says is done to what is on show: to the frame under the pointer, or to the frames around it.
   if (!ofSelected || !selected(cursorFrame() ?? -1)) emitLast({ type: "seek", frame });
-  stripTooltip.hidden = true; // until the pointer moves here again
+  pointed.clicked = { x, y: event.clientY - strip.getBoundingClientRect().top }; // the menu says more
+  invalidate("cursor");
   openMenu("Frames", items(ofSelected), event.clientX, event.clientY);
 }
 

@@ -24,8 +24,12 @@ export const VISER_SHEET = `
 body:has(.tcfit-lost) .mantine-Modal-root { display: none; }
 body:has(.tcfit-lost) .mantine-ScrollArea-root { opacity: 0.45; pointer-events: none; }
 .mantine-ScrollArea-content { padding-right: 4px; }
+.mantine-Button-root:has(.icon-tabler-upload) { border: 1px solid var(--tcfit-edge) !important; font: 13px/1 ${FONT} !important;
+  background: var(--tcfit-button) !important; color: var(--tcfit-text) !important; }
+.mantine-Button-root:has(.icon-tabler-upload):hover:not(:disabled) { background: var(--tcfit-raised) !important; }
+.mantine-Button-root:has(.icon-tabler-upload):disabled { opacity: 0.42; }
 .mantine-Notification-description { overflow-wrap: anywhere; }
-.mantine-Paper-root[data-with-border]:has(> [aria-hidden=true]) { border-color: transparent; background: none; }
+.mantine-Paper-root[data-with-border]:has(> :nth-child(2)[aria-hidden=true]) { border-color: transparent; background: none; }
 .mantine-Modal-content:has(.tcfit-keys) { flex: 0 1 860px !important; max-height: 94vh !important; }
 .mantine-Modal-header:has(+ .mantine-Modal-body .tcfit-keys) { padding-bottom: 0 !important; min-height: 0 !important; }
 .mantine-Slider-markLabel { display: none; }
