@@ -97,7 +97,7 @@ def void(result: object) -> None:
 
 
 def modes(review: Reviewing) -> Iterator[str]:
-    """Edit, A | B and 3D; colours by distance; the window of keys."""
+    """Edit, A | B and 3D; colours by distance; the window of keys; a lost connection."""
     yield "edit"
     x, y = review.place(KEYPOINT)
     review.tab.mouse.move(x, y)
@@ -129,6 +129,10 @@ def modes(review: Reviewing) -> Iterator[str]:
     yield "keys"
     review.tab.keyboard.press("Escape")
     until(lambda: not review.tab.locator("[role=dialog]").count(), "the end of the window of keys")
+    review.tab.evaluate("() => tcfit.receive('lost', true)")
+    settle(review)
+    yield "lost"
+    review.tab.evaluate("() => tcfit.receive('lost', null)")
 
 
 def compared(review: Reviewing) -> Iterator[str]:
