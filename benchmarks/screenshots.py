@@ -248,7 +248,7 @@ def given(review: Reviewing) -> Iterator[str]:
     review.tab.get_by_text("Start, person").scroll_into_view_if_needed()
     settle(review)
     yield "start"
-    wrong = (("start", "Path of the result is empty; expected where the file or folder is."),)
+    wrong = (("start", "Path of the result is empty; expected the path of a file or folder."),)
     show(review, settings=replace(tab.state.settings, given=Given(start=Source()), problems=wrong))
     yield "start-file"
     show(review, settings=replace(tab.state.settings, given=Given(), problems=()))
@@ -260,7 +260,9 @@ def given(review: Reviewing) -> Iterator[str]:
     yield "camera"
     open_panel(review, "Runs")
     review.app.post(lambda: review.page.gestures.fitting.refine(shown))
-    until(lambda: len(review.session.fits.runs) > 1 and not review.session.jobs, "the refined fit")
+    until(lambda: len(review.session.fits.runs) > 1, "the refined fit's beginning")
+    while review.session.jobs:  # a minute or more on a busy computer
+        review.tab.wait_for_timeout(REST_MS)
     settle(review)
     yield "refined"
 

@@ -16,7 +16,7 @@ from tcfit_app.project.storage.columns import Columns, Count, Damage, json_of, l
 from tcfit_app.project.storage.database import NAME, WITH_KINDS, WITH_REVIEW, glimpse
 from tcfit_app.project.storage.lock import NAME as LOCK
 from tcfit_app.project.storage.lock import Holder, holder
-from tcfit_app.project.storage.media import MediaLink
+from tcfit_app.project.storage.media import MediaLink, located
 from tcfit_app.project.storage.names import name_of_file
 
 _DETECTIONS = "detections.npz"
@@ -84,7 +84,7 @@ def glance(folder: Path) -> Glance:
             error = review.worst.error
         link = clip.read("media", or_none(json_of(MediaLink)), None, ignored)
         notes = rows("""SELECT count(*) FROM edits WHERE action LIKE '{"kind":"note%'""")[0][0]
-    places = () if link is None else ((folder / link.relative,) * bool(link.relative) + (Path(link.absolute),))
+    places = () if link is None else ((located(link, folder),) * bool(link.relative) + (Path(link.absolute),))
     return Glance(
         name=clip.read("name", line, name_of_file(folder.stem), ignored),
         frames=_frames(folder),

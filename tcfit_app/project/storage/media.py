@@ -89,13 +89,18 @@ def is_own(link: MediaLink) -> bool:
     return link.relative.startswith(f"{FOLDER}/")
 
 
+def located(link: MediaLink, project: Path) -> Path:
+    """Where a link points to from a project's folder."""
+    return Path(os.path.normpath(project.resolve() / link.relative))
+
+
 def find(link: MediaLink | None, project: Path) -> Media:
     """Find the target of a link, first relative to the project, then at its absolute path."""
     if link is None:
         return Media(path=None, problem="The project was created without a video.")
     if link == UNREADABLE:
         return Media(path=None, problem=f"The video's path is damaged in the project. {RELINK}")
-    places = [project / link.relative] if link.relative else []
+    places = [located(link, project)] if link.relative else []
     found = [path for path in (*places, Path(link.absolute)) if not _absence(path)]
     same = [path for path in found if _fingerprint_or_none(path) == link.fingerprint]
     if same:

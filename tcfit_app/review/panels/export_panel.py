@@ -259,8 +259,8 @@ class ExportPanel:
         ]
         return [
             heading("Files", "to this browser's downloads", first=True),
-            row(choice(sides[0]), label="Run") if titles else paragraph(words("No fit yet: see the panel Fit.", "dim")),
-            row(choice(sides[1]), label=" ") if titles else Html(),
+            row(sides[0], label="Run") if titles else paragraph(words("No fit yet: see the panel Fit.", "dim")),
+            row(sides[1], label=" ") if titles else Html(),
             row(choice(*frames), label="Frames"),
             row(choice(*axes), label="Axes"),
             row(choice(*keys), label="Keyframes"),

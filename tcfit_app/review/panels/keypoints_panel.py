@@ -46,6 +46,8 @@ from tcfit_app.review.tab.buttons import one_of
 from tcfit_app.review.tab.tab import Tab
 
 _NOTHING = "Select by name"
+_SELECT = "Click one in the picture, or draw a rectangle with Shift held."
+_NONE_YET = "There are none yet: find or import them in the panel Start."
 _KEYFRAMES = f"Between two frames at most {LONGEST_GAP} apart in which a keypoint was moved, it is interpolated"
 _SWAPPED = ("arms", "legs")
 """Swaps that have no key."""
@@ -127,9 +129,8 @@ class KeypointsPanel:
         self._draw_missing(looks=looks)
         self._draw_buttons(where := self._where())
         self._shapes.draw(where)
-        self._groups.show(
-            heading("Whole groups", where), self._group_table(), *_detected_by(session.project.footage.detector)
-        )
+        by = session.project.footage.detector if session.project.has_detections else ""
+        self._groups.show(heading("Whole groups", where), self._group_table(), *_detected_by(by))
         self._draw_again(where, looks=looks)
         self._draw_history()
 
@@ -169,6 +170,11 @@ class KeypointsPanel:
         pressed = self._gestures.again.framing == part
         return self._action(f"frame_{part}", part_name(part).capitalize(), pressed=pressed)
 
+    def _refuse(self) -> None:
+        """Raise InputError if there is nothing to correct, or nothing can be."""
+        self._tab.refuse_read_only()
+        self._tab.session.refuse_without_keypoints()
+
     def _where(self) -> str:
         tab = self._tab
         if tab.state.playing and tab.state.frames is None:  # otherwise it would change with each frame
@@ -187,16 +193,17 @@ class KeypointsPanel:
 
     def _draw_buttons(self, where: str) -> None:
         tab, state, act = self._tab, self._tab.state, self._action
-        off = tab.session.project.read_only
+        off = bool(refusal(self._refuse))
         none = off or not state.selection
         self._buttons.show(
             heading("Correct", words(f"{where}, not on show", "warn") if tab.hits_unseen else where),
             row(act("bad", "Restore" if self._bad() else "Mark bad"), act("reset", "Reset")),
             row(act("copy", "Copy previous"), act("interpolate")),
             row(
-                act("swap_body", "Swap body"),
+                act("swap_body", "Body"),
                 *(button(name.title(), "keypoints.swap", name, disabled=off) for name in _SWAPPED),
                 act("swap_hands", "Hands"),
+                label="Swap sides",
             ),
             heading("Keyframes", "in the frame on show"),
             row(
@@ -219,12 +226,13 @@ class KeypointsPanel:
         )
 
     def _group_table(self) -> Html:
-        off = self._tab.session.project.read_only
+        off = bool(refusal(self._refuse))
+        there = self._tab.session.project.has_detections
         rows = [
             line(
                 joined(dot(GROUP_COLORS[name]), text(name.replace("_", " "))),
                 joined(
-                    button("Select", "keypoints.group", name, kind="mini"),
+                    button("Select", "keypoints.group", name, kind="mini", disabled=not there),
                     text(" "),
                     button("Mark bad", "keypoints.bad", name, kind="mini", disabled=off),
                     text(" "),
@@ -238,7 +246,7 @@ class KeypointsPanel:
 
     def _draw_history(self) -> None:
         tab, project = self._tab, self._tab.session.project
-        follow = tab.session.edit_follower.after_edits
+        follow, off = tab.session.edit_follower.after_edits, project.read_only
         hint = "After an edit, its frame and the frames around it are refitted"
         key = project.keypoints_version, project.marks_version, tab.author
         undo, redo, *done = tab.once("history", key, self._history_rows)
@@ -246,7 +254,7 @@ class KeypointsPanel:
             heading("Corrections"),
             row(self._action("undo", undo, kind="left")),
             row(self._action("redo", redo, kind="left")),
-            row(button("Fit follows edits", "keypoints.follow", pressed=follow, hint=hint)),
+            row(button("Fit follows edits", "keypoints.follow", pressed=follow, disabled=off, hint=hint)),
             *done,
         )
 
@@ -335,7 +343,7 @@ def selection_table(tab: Tab) -> list[Html]:
     if not chosen:
         return [
             heading(title, first=True),
-            paragraph("Click one in the picture, or draw a rectangle with Shift held.", "dim"),
+            paragraph(_SELECT if tab.session.project.has_detections else _NONE_YET, "dim"),
         ]
     head = ("keypoint", "state", "conf.", "x, y in pixels")
     rows = [_line(tab, joint) for joint in chosen[:_MOST]]
@@ -354,7 +362,7 @@ def _line(tab: Tab, joint: int) -> Html:
     depth = joined(_depth(corrected, frame, joint), _lock(corrected, frame, joint))
     if state == "missing":
         return line(name, shown, "–", joined(tag("span", "–"), depth), numbers=(2, 3), whole=(1,))
-    confidence = f"{corrected.confidence[frame, joint]:.2f}"
+    confidence = "–" if state == "bad" else f"{corrected.confidence[frame, joint]:.2f}"
     return line(name, shown, confidence, joined(_place(tab, joint), depth), numbers=(2, 3), whole=(1,))
 
 

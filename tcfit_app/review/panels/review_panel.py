@@ -253,10 +253,10 @@ class ReviewPanel:
             done = f"All {self._found.looked_at} reviewed" if self._found.looked_at else "Nothing suspicious"
             return [paragraph(f"{done}. Looking again …" if self._looking else f"{done}.", "dim")]
         first = self._tab.first_frame
-        off = self._tab.session.project.read_only
+        off, filmed = self._tab.session.project.read_only, self._tab.session.project.media.path is not None
         rows = [
             line(
-                self._pictures.of(suspect),
+                self._pictures.of(suspect) if filmed else "",
                 opener(numbers(suspect.frames, first), "review.go", suspect.key),
                 self._said(suspect, off=off),
                 numbers=(1,),
@@ -326,7 +326,7 @@ class ReviewPanel:
         told = problem.replace(RELINK, "Type its new location.")
         self._media.show(heading("Video", first=True), paragraph(told, "warn"))
         off = tab.session.project.read_only
-        self._relink.show(row(button("Use the video at this location", "review.relink", disabled=off, enter=True)))
+        self._relink.show(row(button("Relink the video", "review.relink", disabled=off, enter=True)))
 
 
 def _chips(command: str, counts: Mapping[str, int], chosen: str) -> list[Html]:

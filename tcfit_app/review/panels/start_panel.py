@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from fitting_core.detect.known_models import KnownModel
 
 _FILE = "Your own ONNX file"
-_IMPORT = row(button("Import from this path", "start.import", kind="main", enter=True))
+_IMPORT = row(button("Import from this path", "start.import", enter=True))
 
 
 class StartPanel:

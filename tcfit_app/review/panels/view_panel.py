@@ -54,8 +54,9 @@ class ViewPanel:
         self._speed = Board(tab)
         self._runs = RunsShown(gestures)
         self._layers = Board(tab)
-        opacity = gui.add_slider("Opacity", *OPACITIES, 0.05, tab.state.opacity, hint="Of bodies; keys , and .")
-        self._opacity = Field(tab, opacity, lambda value: tab.set(opacity=value))
+        slider = gui.add_slider("Opacity", *OPACITIES, 0.05, tab.state.opacity, hint="Of bodies; keys , and .")
+        self._opacity_slider = slider
+        self._opacity = Field(tab, slider, lambda value: tab.set(opacity=value))
         self._side = Board(tab)
         self._turn_slider = gui.add_slider(
             "Turn", -180, 180, 5, 90, hint="Degrees about the vertical: 0 is the camera's own view"
@@ -110,6 +111,7 @@ class ViewPanel:
         self._draw_side(tab.shown.held)
         if (angle := angle_of(state.side_from)) is not None:
             self._turn.show(angle)
+        self._turn_slider.disabled = angle is None
         self._draw_keypoints(tab.shown.held)
 
     def _draw_playing(self) -> None:
@@ -153,7 +155,8 @@ class ViewPanel:
             hint = "The newest fits of the clip's other people, dimmed"
             rows.append(row(button("Other people", "view.switch", "others", pressed=state.others, hint=hint)))
         fitted = ACTIONS["bodies"].obstacle(self._gestures) == ""
-        difference = self._action("difference", "A-B difference", pressed=state.difference)
+        self._opacity_slider.disabled = not fitted
+        difference = self._action("difference", "A–B distance", pressed=state.difference)
         if state.mode != "space":
             hint = "Cut bodies off at the picture's edge"
             clip = button("Clip to the picture", "view.clip", pressed=self._tab.clipped, disabled=not fitted, hint=hint)
@@ -169,11 +172,11 @@ class ViewPanel:
     def _draw_side(self, held: Shown | None) -> None:
         state = self._tab.state
         flat = state.mode != "space"
-        self._turn_slider.visible = flat and state.side
+        why = ACTIONS["side"].obstacle(self._gestures)
+        self._turn_slider.visible = flat and state.side and not why
         if not flat:
             self._side.show()
             return
-        why = ACTIONS["side"].obstacle(self._gestures)
         seen = (
             button(
                 name.title(),
@@ -212,22 +215,31 @@ class ViewPanel:
             )
             for name in GROUPS
         )
+        flat, unseen = ACTIONS["close_up"].obstacle(self._gestures), ACTIONS["peek"].obstacle(self._gestures)
+        whole = "Whole body" if state.mode == "space" else "Whole picture"
         colors = (button(name, "view.color", name, pressed=state.color_by == name) for name in _COLORS_BY)
         self._keypoints.show(
             heading("Picture and keypoints"),
-            row(self._action("fit_view", "Whole picture"), self._action("zoom", "Zoom to selected")),
+            row(self._action("fit_view", whole), self._action("zoom", "Zoom to selected")),
             row(self._action("save_picture", "Save picture")),
             row(
                 choice(
                     *(
-                        button(name, "view.close_up", part, pressed=state.close_up == part, hint=_CLOSE_UP)
+                        button(
+                            name,
+                            "view.close_up",
+                            part,
+                            pressed=state.close_up == part,
+                            disabled=bool(flat),
+                            hint=flat or _CLOSE_UP,
+                        )
                         for part, name in CLOSE_UPS.items()
                     )
                 ),
                 label=f"Close-up {key_text('close_up')}",
             ),
             row(
-                button("Video", "view.switch", "video", pressed=state.video),
+                button("Video", "view.switch", "video", pressed=state.video, disabled=bool(unseen), hint=unseen),
                 self._action("bones", "Keypoints", pressed=state.keypoints),
                 button("Bones", "view.switch", "bones", pressed=state.bones),
                 button(
@@ -337,6 +349,7 @@ class RunsShown:
         names = {number: name for name, number in self._numbers.items()}
         options = [NEWEST, *(names[run.id] for run in reversed(runs))]
         self._runs[side].offer(options, names[now.run])
+        self._runs[side].enable(bool(runs))
         phased = shown is None or shown.kind != "imported"  # a result of another program has no phases
         self._phases[side].show(*([row(choice(*self._phase_buttons(side, now, shown, there)))] if phased else []))
 
@@ -347,7 +360,7 @@ class RunsShown:
                 "runs.phase",
                 f"{side} {phase or ''}",
                 pressed=now.phase == phase,
-                disabled=phase is not None and phase not in there,
+                disabled=run is None or (phase is not None and phase not in there),
                 hint="The last phase that is there" if phase is None else "",
             )
             for phase in _PHASES

@@ -106,7 +106,7 @@ class Cameras:
         if self._scene is None:
             return
         fitted = self._fitted(self._scene)
-        overview = self._scene == "space" and self.pose.close_to(fitted)
+        overview = self._scene == "space" and (not self.moved or self.pose.close_to(fitted))
         self._go(overview_pose(self._bounds, self._window, self._filmed_from) if overview else fitted, moved=overview)
 
     def zoom_to(self, rectangle: Rectangle) -> None:

@@ -20,8 +20,8 @@ def folder_of_clips(root: Path, body: BodyModel) -> Path:
         folder = Path(shutil.copytree(first, root / "set" / f"{name}.tcfit"))
         with reviewed(folder) as review:
             if name != "b fitted":
-                score = 3.5 if name == "c reviewed" else 1.2
-                review.set_worst(Worst(run=2, left=2, score=score, frame=3, words="left wrist is 42 px off"))
+                left, score = (2, 3.5) if name == "c reviewed" else (0, 0.0)
+                review.set_worst(Worst(run=2, left=left, score=score, frame=3, words="left wrist is 42 px off"))
                 review.add_time("anna", 125.0)
             if name == "d approved":
                 review.approve("bert")

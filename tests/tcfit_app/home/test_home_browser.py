@@ -50,6 +50,9 @@ def test_filtered_searched_and_sorted(tab: "Tab"):
     tab.keyboard.press("/")
     tab.keyboard.type("bert")
     until(lambda: len(names(tab)) == 1)
+    for finding, told in (("nothing suspicious", "good hands"), ("42 px", "Frame 10: left wrist")):
+        tab.get_by_placeholder("Search").fill(finding)
+        until(lambda told=told: len(names(tab)) == 1 and told in tab.locator("tr.clip").first.inner_text())
     tab.keyboard.press("Escape")
     until(lambda: len(names(tab)) == 4)
     tab.get_by_role("button", name="Worst place").click()

@@ -26,12 +26,13 @@ export function openMenu(name, items, x, y) {
   menu.setAttribute("role", "menu");
   menu.setAttribute("aria-label", name);
   for (const item of items) menu.append(item ? lineOf(item) : separator());
+  if (items.some((item) => item?.obstacle)) sayWhy(menu);
   open = { menu, opener: document.activeElement };
   menu.addEventListener("keydown", keyDown);
   menu.addEventListener("contextmenu", (event) => event.preventDefault());
   menu.style.left = `${fitting(x, menu.offsetWidth, window.innerWidth)}px`;
   menu.style.top = `${fitting(y, menu.offsetHeight, window.innerHeight)}px`;
-  const first = lines(menu)[0];
+  const first = lines(menu).find((line) => !line.ariaDisabled) ?? lines(menu)[0];
   if (!first) return;
   first.tabIndex = 0; // a menu that scrolls must have something that Tab reaches
   first.focus({ preventScroll: true });
@@ -102,6 +103,15 @@ function lineOf(item) {
   line.addEventListener("click", () => choose(line, item));
   line.addEventListener("pointermove", () => line.focus({ preventScroll: true }));
   return line;
+}
+
+/** Below the lines: why the one that has the focus cannot be done. @param {HTMLElement} menu */
+function sayWhy(menu) {
+  const why = element("p", "", menu);
+  why.setAttribute("aria-hidden", "true"); // it is the lines' description
+  menu.addEventListener("focusin", ({ target }) => {
+    why.textContent = target instanceof HTMLElement ? target.title : "";
+  });
 }
 
 function separator() {

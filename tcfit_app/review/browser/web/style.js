@@ -141,6 +141,8 @@ export const STYLE_SHEET = `
 .tcfit-menu button[aria-checked=true]::before { content: "✓"; }
 .tcfit-menu kbd { flex: none; font: 13px/1 ${FONT}; color: var(--tcfit-key); }
 .tcfit-menu button:focus:not([aria-disabled]) kbd { color: #d3e6f7; }
+.tcfit-menu p { width: 0; min-width: 100%; min-height: 2.8em; margin: 4px 0 0; padding: 4px 10px 0; color: var(--tcfit-flagged);
+  border-top: 1px solid var(--tcfit-edge); }
 .tcfit-menu .tcfit-separator { flex: none; height: 1px; margin: 4px 6px; background: var(--tcfit-edge); }
 .tcfit-strip .tcfit-tooltip { z-index: 1; pointer-events: none; }
 .tcfit-hints { position: absolute; right: 12px; bottom: 12px; width: min(340px, 60%); max-height: calc(100% - 24px);
@@ -194,12 +196,12 @@ export const PANEL_SHEET = `
 .tcfit-panel kbd { flex: none; margin-left: 6px; font: 13px/1 ${FONT}; color: var(--tcfit-key); }
 .tcfit-panel button[aria-pressed=true] kbd, .tcfit-panel button.tcfit-main kbd { color: #ffffff; }
 .tcfit-panel i { display: inline-block; width: 8px; height: 8px; margin-right: 5px; border-radius: 50%; }
-.tcfit-panel button.tcfit-close { width: 100%; margin-top: 10px; }
-.tcfit-keys { columns: 2; column-gap: 28px; }
+.tcfit-panel button.tcfit-close { position: sticky; bottom: 0; width: 100%; margin-top: 10px; }
+.tcfit-keys { columns: 330px; column-gap: 28px; margin-top: 10px; }
 .tcfit-keys section { break-inside: avoid; padding-bottom: 12px; }
 .tcfit-keys table { table-layout: fixed; }
 .tcfit-keys td:first-child { width: 136px; }
-.tcfit-keys kbd { white-space: normal; }
+.tcfit-keys .tcfit-table kbd { white-space: normal; }
 .tcfit-joined { display: flex; flex-wrap: wrap; flex: 1 1 auto; min-width: 0; }
 .tcfit-joined button { border-radius: 0; margin-left: -1px; padding: 0 5px; }
 .tcfit-joined kbd { margin-left: 4px; }

@@ -94,6 +94,10 @@ class Dropdown(Field[str]):
             self._dropdown.options = tuple(options)
         self.show(value, wrong=wrong)
 
+    def enable(self, on: bool) -> None:
+        """Whether something can be chosen."""
+        self._dropdown.disabled = not on
+
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE)
 

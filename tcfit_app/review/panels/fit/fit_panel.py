@@ -84,7 +84,7 @@ class FitPanel:
             heading("Refit B", "" if fit is not None else "there is no fit yet"),
             row(action(self._gestures, "rerun", self._frames_label(fit))),
             row(action(self._gestures, "rerun_shape", self._shape_label(state.settings))),
-            row(action(self._gestures, "rerun_edited", self._edited_label())),
+            row(action(self._gestures, "rerun_edited", self._edited_label(fit))),
         )
 
     def _told(self, now: FitSettings) -> str:
@@ -110,7 +110,9 @@ class FitPanel:
             return "Re-run frames (Shift-drag selects)"
         return f"Re-run frames {numbers(frames, self._tab.first_frame)}"
 
-    def _edited_label(self) -> str:
+    def _edited_label(self, fit: Shown | None) -> str:
+        if fit is None:
+            return "Re-run around edits"
         try:
             windows = self._gestures.fitting.edited_windows()
         except InputError:

@@ -339,8 +339,8 @@ class FitInputs:
     def _focal_text(self, now: FitSettings) -> str:
         camera = self._camera
         if now.focal is None:
-            return f"px, from the clip: {camera.source}"
-        return f"px, set here; the clip's own is {camera.focal[0]:.2f} ({camera.source})"
+            return "The clip's own, in pixels."
+        return f"Set here, in pixels; the clip's own is {camera.focal[0]:.2f}."
 
     def _draw_source(self, now: FitSettings) -> None:
         key = (now.preset, now.config)

@@ -129,7 +129,7 @@ class _SourceInput:
             self.set(None)
         elif chosen == FILE:
             self.set(Source())
-            raise InputError(f"{self._part.path} is empty; expected where the file or folder is.")
+            raise InputError(f"{self._part.path} is empty; expected the path of a file or folder.")
 
     def _take_path(self, typed: str) -> None:
         path = self._tab.files.path(typed)

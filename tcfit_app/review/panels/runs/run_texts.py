@@ -50,6 +50,8 @@ class Listed:
     edits: int
     """Edits since."""
     job: RunningJob | None
+    unwritten: bool = False
+    """Its finished fit could not be written yet."""
 
 
 def seconds_of(run: Run) -> float | None:
@@ -101,6 +103,8 @@ def run_line(listed: Listed, *, first_frame: int, here: bool) -> Html:
 
 def _state(listed: Listed) -> str:
     run, job = listed.run, listed.job
+    if listed.unwritten:
+        return "not saved yet"
     if run.state != "running" or job is None:
         return run.state
     if not job.started:

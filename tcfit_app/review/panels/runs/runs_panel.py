@@ -44,7 +44,8 @@ class RunsPanel:
         gui = tab.client.gui
         self._table = Board(tab)
         self._head = Board(tab)
-        self._choice = Dropdown(tab, gui.add_dropdown("Run", (_NONE,)), self._choose)
+        self._chooser = gui.add_dropdown("Run", (_NONE,))
+        self._choice = Dropdown(tab, self._chooser, self._choose)
         self._name = gui.add_text("Name", "", hint="Type another name, then Enter or Rename")
         for_writers(tab, self._name)
         self._naming = Field(tab, self._name, lambda _: setattr(self, "_chosen", self._drawn))
@@ -54,7 +55,6 @@ class RunsPanel:
             self._toml = Board(tab)
         self._import = ImportRun(tab, lambda run: setattr(self, "_chosen", run.id))
         self._deleted = DeletedRuns(tab)
-        self._head.show(heading("This run"))
         self._listen()
 
     def _listen(self) -> None:
@@ -136,6 +136,9 @@ class RunsPanel:
         shown = tuple(fit.run.id if fit else None for fit in (tab.shown.a, tab.shown.b))
         runs = session.fits.runs
         self._draw_choice(runs)
+        for handle in (self._chooser, self._name):
+            handle.visible = bool(runs)
+        self._head.show(*([heading("This run")] if runs else []))
         jobs = {job.run: job for job in session.jobs.values()}
         listed = [
             Listed(
@@ -143,6 +146,7 @@ class RunsPanel:
                 shown_as=tuple(name for name, there in zip("AB", shown, strict=True) if there == run.id),
                 edits=session.edits_since(run),
                 job=jobs.get(run.id),
+                unwritten=run.id in session.fits.unwritten,
             )
             for run in reversed(runs)
         ]
@@ -190,6 +194,10 @@ class RunsPanel:
         cancel = [row(button("Cancel", "runs.cancel", number, kind="danger"))] if chosen.job is not None else []
         self._buttons.show(
             row(
+                button("Rename", "runs.rename", number, disabled=off, hint=_RENAME, enter=True),
+                button("Delete", "runs.delete", number, disabled=off, hint="It can be restored", kind="danger"),
+            ),
+            row(
                 *(
                     show(f"Show as {side.upper()}", value=f"{side} {number}", pressed=side.upper() in chosen.shown_as)
                     for side in SLOTS
@@ -205,14 +213,10 @@ class RunsPanel:
                 )
             ),
             row(button("Refine", "runs.refine", number, disabled=off or not chosen.run.stored, hint=_REFINE)),
-            row(
-                button("Rename", "runs.rename", number, disabled=off, hint=_RENAME, enter=True),
-                button("Delete", "runs.delete", number, disabled=off, hint="It can be restored", kind="danger"),
-            ),
             *(
                 []
                 if chosen.run.kind == "imported"
-                else [row(button("Use its settings for the next fit", "runs.settings", number))]
+                else [row(button("Use its settings for the next fit", "runs.settings", number, disabled=off))]
             ),
             *cancel,
         )

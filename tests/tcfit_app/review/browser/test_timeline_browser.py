@@ -408,11 +408,7 @@ def test_a_menu_takes_the_keys_and_a_press_elsewhere_closes_it(tab: Tab) -> None
 MENUS = states.FrameMenus(
     selected=(
         (states.MenuItem(label="Re-run frames 90–150", action="rerun", keys="R"),),
-        (
-            states.MenuItem(
-                label="Mark bad, frames 90–150", action="bad", keys="X", obstacle="It is read-only."
-            ),
-        ),
+        (states.MenuItem(label="Mark bad, frames 90–150", action="bad", keys="X", obstacle="It is read-only."),),
     ),
     elsewhere=((states.MenuItem(label="Select frames from here on", action="range_start", keys="["),),),
 )

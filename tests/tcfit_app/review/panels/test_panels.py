@@ -199,9 +199,10 @@ def test_view_buttons(tested: LonePage):
     tested.press("view.group", "face")
     assert page.tab.state.groups == set(GROUPS) - {"face"}
     tested.press("view.color", "confidence")
-    tested.press("view.switch", "video")
+    tested.press("view.switch", "bones")
     tested.press("view.speed", "0.25")
-    assert (page.tab.state.color_by, page.tab.state.video, page.tab.state.speed) == ("confidence", False, 0.25)
+    assert (page.tab.state.color_by, page.tab.state.bones, page.tab.state.speed) == ("confidence", False, 0.25)
+    assert tested.button("Video").disabled, "there is none"
     assert 'data-value="0.25" aria-pressed="true"' in tested.html()
 
 

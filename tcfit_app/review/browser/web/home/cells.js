@@ -66,6 +66,12 @@ function state(cell, row) {
   if (work) cell.title = work.step;
 }
 
+/** What was found in a clip's fit, also to be searched. @param {Row} row */
+export function findingOf(row) {
+  if (row.problem || row.score === undefined) return row.problem ?? "";
+  return row.left ? `Frame ${row.frame}: ${row.words}` : "Nothing suspicious";
+}
+
 /** @param {HTMLElement} cell @param {Row} row */
 function worst(cell, row) {
   const box = element("div", "", cell);
@@ -75,13 +81,13 @@ function worst(cell, row) {
   } else if (row.score === undefined) {
     if (row.kind === "project" && stateOf(row) !== "new") element("div", "dim", box, "not looked for yet");
   } else if (!row.left) {
-    element("div", "score good", box, "Nothing suspicious");
+    element("div", "score good", box, findingOf(row));
   } else {
     const first = element("div", "one", box);
     element("span", `score ${row.score >= WORST ? "worst" : "doubtful"}`, first, row.score.toFixed(1));
     element("span", "dim", first, ` · ${some(row.left, "place")}`);
-    element("div", "two dim", box, `Frame ${row.frame}: ${row.words}`);
-    cell.title = `Frame ${row.frame}: ${row.words}`;
+    element("div", "two dim", box, findingOf(row));
+    cell.title = findingOf(row);
   }
 }
 

@@ -4,7 +4,7 @@ import { element } from "../element.js";
 import { ORDER } from "../order.js";
 import { PANEL_SHEET } from "../style.js";
 import { THEME_SHEET } from "../theme.js";
-import { COLUMNS, STATES, stateOf } from "./cells.js";
+import { COLUMNS, STATES, findingOf, stateOf } from "./cells.js";
 import { ExportWindow } from "./export_window.js";
 import { LIST_SHEET } from "./sheet.js";
 import { Table } from "./table.js";
@@ -109,7 +109,7 @@ const nothing = element("p", "nothing", main);
 
 /** @param {Row} row */
 const searched = (row) =>
-  [row.name, row.place, row.reviewer, row.note, row.words, row.busy, row.problem].join("\n").toLowerCase();
+  [row.name, row.place, row.reviewer, row.note, row.busy, findingOf(row)].join("\n").toLowerCase();
 
 /** @param {Row} a @param {Row} b */
 function compared(a, b) {

@@ -293,15 +293,16 @@ function drawFitNames(context) {
   const layout = states.layout;
   if (layout?.mode === "space")
     layout.posters.forEach((poster, i) => drawFitName(context, poster, across, 28 * i, across));
-  for (const { seen, ox, width, poster } of layout?.mode === "poster" ? drawn.maps : []) {
+  for (const { seen, ox, oy, width, poster } of layout?.mode === "poster" ? drawn.maps : []) {
     const end = ox + width;
     const right = Math.min(seen.right, Math.max(end, seen.left + NAME_ROOM));
-    drawFitName(context, poster, right, seen.top, right - seen.left, { end, free: seen.right - end });
+    const beside = { end, free: width < NAME_ROOM ? seen.right - end : 0 };
+    drawFitName(context, poster, right, Math.max(seen.top, oy), right - seen.left, beside);
   }
 }
 
-/** A colour and a name, with its upper right corner near (right, top), at most as wide as `across`; or right of the
- * picture's end, where it covers nothing, if there is room for it.
+/** A colour and a name, with its upper right corner near (right, top), at most as wide as `across`; or right of a small
+ * picture's end, as it would cover much of it, if there is room.
  * @param {Context} context @param {PosterMap["poster"]} poster @param {number} right @param {number} top
  * @param {number} across @param {{ end: number, free: number }} [beside] */
 function drawFitName(context, { label, color, kind }, right, top, across, beside = { end: 0, free: 0 }) {

@@ -42,8 +42,12 @@ function drawBack() {
 function drawFront() {
   if (!states.timeline || strip.hidden) return;
   const context = cleared(stripFront);
+  const [cursor, range] = [cursorLabel(context), chosenRange()];
+  if (cursor) hideTicks(context, cursor.left - 4, cursor.left + cursor.width + 4);
+  const ends = range ? [edgeX(range.first), edgeX(range.last + 1) - GRIP] : [];
+  for (const x of ends) hideTicks(context, x - 2, x + GRIP + 2);
   drawRange(context);
-  drawCursor(context);
+  if (cursor) drawCursor(context, cursor);
   drawPointer(context);
 }
 
@@ -100,17 +104,20 @@ function drawRange(context) {
   });
 }
 
-/** @param {Context} context */
-function drawCursor(context) {
+/** The frame's number in the ruler; null where the frame is not on show. @param {Context} context */
+function cursorLabel(context) {
   const frame = cursorFrame();
-  if (frame === null || frame + 1 <= axis.first || frame >= axis.last) return;
+  if (frame === null || frame + 1 <= axis.first || frame >= axis.last) return null;
   const [x, number] = [frameX(frame), frameNumber(frame)];
-  const bottom = pointed.collapsed ? ruler.bottom : overview().top;
-  fillBox(context, tones.cursor, x - 0.75, ruler.top, 1.5, bottom - ruler.top);
   context.font = CURSOR_FONT;
   const width = context.measureText(number).width + 12;
-  const left = Math.min(Math.max(x - width / 2, 2), strip.clientWidth - width - 2);
-  hideTicks(context, left - 4, left + width + 4);
+  return { x, number, width, left: Math.min(Math.max(x - width / 2, 2), strip.clientWidth - width - 2) };
+}
+
+/** @param {Context} context @param {NonNullable<ReturnType<typeof cursorLabel>>} label */
+function drawCursor(context, { x, number, width, left }) {
+  const bottom = pointed.collapsed ? ruler.bottom : overview().top;
+  fillBox(context, tones.cursor, x - 0.75, ruler.top, 1.5, bottom - ruler.top);
   context.beginPath();
   context.roundRect(left, ruler.top + 1.5, width, ruler.bottom - ruler.top - 3, 4);
   context.fillStyle = tones.cursor;
@@ -122,7 +129,8 @@ function drawCursor(context) {
   context.fillText(number, left + width / 2, RULER_MIDDLE);
 }
 
-/** No number below the cursor's is half seen. @param {Context} context @param {number} left @param {number} right */
+/** No number below the cursor's, or below an end of the selected frames, is half seen.
+ * @param {Context} context @param {number} left @param {number} right */
 function hideTicks(context, left, right) {
   for (const { number, x, middle, end } of ticks) {
     if (end < left || x > right) continue;

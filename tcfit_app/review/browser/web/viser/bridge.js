@@ -22,15 +22,15 @@ export const WINDOW_SURROUNDINGS = ".mantine-Modal-inner, .mantine-Modal-overlay
  * title would have a word a line. */
 export const VISER_SHEET = `
 body:has(.tcfit-lost) .mantine-Modal-root { display: none; }
-body:has(.tcfit-lost) .mantine-ScrollArea-root { opacity: 0.45; pointer-events: none; }
+body:has(.tcfit-lost) :has(> * > * > button[aria-label=Commands]), body:has(.tcfit-lost) .mantine-ScrollArea-root { opacity: 0.45; pointer-events: none; }
 .mantine-ScrollArea-content { padding-right: 4px; }
-.mantine-Button-root:has(.icon-tabler-upload) { border: 1px solid var(--tcfit-edge) !important; font: 13px/1 ${FONT} !important;
+.mantine-Button-root:has(.icon-tabler-upload) { border: 1px solid var(--tcfit-edge) !important; border-radius: 4px; font: 13px/1 ${FONT} !important;
   background: var(--tcfit-button) !important; color: var(--tcfit-text) !important; }
 .mantine-Button-root:has(.icon-tabler-upload):hover:not(:disabled) { background: var(--tcfit-raised) !important; }
 .mantine-Button-root:has(.icon-tabler-upload):disabled { opacity: 0.42; }
 .mantine-Notification-description { overflow-wrap: anywhere; }
 .mantine-Paper-root[data-with-border]:has(> :nth-child(2)[aria-hidden=true]) { border-color: transparent; background: none; }
-.mantine-Modal-content:has(.tcfit-keys) { flex: 0 1 860px !important; max-height: 94vh !important; }
+.mantine-Modal-content:has(.tcfit-keys) { flex: 0 1 1160px !important; max-height: 94vh !important; }
 .mantine-Modal-header:has(+ .mantine-Modal-body .tcfit-keys) { padding-bottom: 0 !important; min-height: 0 !important; }
 .mantine-Slider-markLabel { display: none; }
 .uplot-container .uplot { width: 100%; }
@@ -39,7 +39,7 @@ button[aria-label="Commands"] { width: auto !important; padding: 0 5px; color: v
 button[aria-label="Commands"]::after { content: "Commands"; margin-left: 5px; font-size: 13px; }
 ${FIELD_LABEL} { width: 84px !important; padding-right: 4px; }
 ${FIELD_LABEL} > p { font-size: 13px !important; letter-spacing: 0 !important; }
-:is(${TEXT_INPUT}, ${NUMBER_INPUT}, ${DROPDOWN_INPUT}) { font-size: 13px !important; }
+:is(${TEXT_INPUT}, ${NUMBER_INPUT}, ${DROPDOWN_INPUT}) { font-size: 13px !important; letter-spacing: 0 !important; }
 ${FIELD_LABEL} label { font-family: ${FONT}; color: var(--tcfit-dim); }
 `;
 
