@@ -199,11 +199,11 @@ class KeypointsPanel:
             heading("Correct", words(f"{where}, not on show", "warn") if tab.hits_unseen else where),
             row(act("bad", "Restore" if self._bad() else "Mark bad"), act("reset", "Reset")),
             row(act("copy", "Copy previous"), act("interpolate")),
+            paragraph("Swap left and right:", "dim"),
             row(
                 act("swap_body", "Body"),
                 *(button(name.title(), "keypoints.swap", name, disabled=off) for name in _SWAPPED),
                 act("swap_hands", "Hands"),
-                label="Swap sides",
             ),
             heading("Keyframes", "in the frame on show"),
             row(
