@@ -429,6 +429,8 @@ def test_a_right_click_says_what_can_be_done_with_the_selected_frames(tab: Tab) 
     assert menu_texts(tab) == [*offered, "Clear frame selection"]
     bad = tab.page.get_by_role("menuitem", name="Mark bad")
     assert bad.get_attribute("aria-disabled") == "true"
+    bad.hover(force=True)
+    tab.page.locator(".tcfit-menu p", has_text="It is read-only.").wait_for()
     bad.click(force=True)
     tab.page.get_by_role("menuitem", name="Re-run").click()
     assert tab.await_event(Key) == Key(action="rerun", repeat=False)

@@ -88,6 +88,9 @@ def test_a_close_up_follows_its_part_until_the_whole_picture_is_asked_for(tested
     for part in parts:
         tested.page.receive(Key(action="close_up", repeat=False))
         assert tab.state.close_up == part
+        if part != "face":
+            beside = corrected.xy[:, HELD_BY[part], 0] - corrected.xy[:, INDEX["neck"], 0]
+            assert tab.state.side_from == ("left" if np.median(beside) < 0 else "right"), "the body would hide the hand"
         focus = heard(tested)["focus"]
         assert isinstance(focus, Focus) and tab.scene.cameras.pose.distance < whole.distance
         if part not in detected:

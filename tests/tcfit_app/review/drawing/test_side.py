@@ -15,7 +15,8 @@ from fitting_core.keypoints import GROUPS, INDEX
 from fitting_core.results.error_bars import JOINTS
 from tcfit_app.project.project import Project
 from tcfit_app.review.browser.page_events import Hello, Key, Widen
-from tcfit_app.review.browser.page_states import Bodies, Layout, SidePlate
+from tcfit_app.review.browser.page_states import Bodies, Chip, Layout, SidePlate
+from tcfit_app.review.drawing import picture
 from tcfit_app.review.drawing.joints import error_bars_of
 from tcfit_app.review.panels.view_panel import ViewPanel
 from tcfit_app.review.tab.state import CLOSE_UPS, HELD_BY, SIDE_WIDTHS
@@ -169,6 +170,12 @@ def test_3d_shows_keypoints_too_also_of_hidden_bodies(tested: LonePage):
     state = seen(tested, "space")
     assert state.offsets == (-0.5, 0.5)
     np.testing.assert_allclose(state.turn[1], seen(tested, "bodies").down, atol=1e-4)
+
+
+def test_pictures_leave_room_for_messages_that_last(tested: LonePage, monkeypatch: pytest.MonkeyPatch):
+    for messages, covered in ([], 0), ([Chip(text="Read-only")], 34):
+        monkeypatch.setattr(picture, "lasting", lambda tab, messages=messages: messages)
+        assert told(tested, "layout").posters[0].window[3] == pytest.approx(1 - covered / 700)
 
 
 def test_keys_switch_and_turn_it(tested: LonePage):

@@ -21,6 +21,8 @@ from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.edits.kinds import CopyFrom, MarkBad, Restore, SetConfidence, SwapSides
 from tcfit_app.project.project import Project
 from tcfit_app.review.browser.page_events import Drag, LookAt
+from tcfit_app.review.drawing.status import lasting
+from tcfit_app.review.gestures.actions import ACTIONS
 from tcfit_app.review.gestures.zooming import surroundings, zoom_to_selection
 from tcfit_app.review.page import SKELETON
 from tcfit_app.review.panels import PANELS
@@ -586,10 +588,26 @@ def test_read_only_buttons_are_off(panel_server: viser.ViserServer, tmp_path: Pa
     with Project.open(tmp_path / "walk.tcfit", read_only=True) as project, lone_page(panel_server, project) as tested:
         tested.page.tab.set(selection=(4,))
         shown = tested.html()
+        editable = {name: not tested.field(name).disabled for name in ("w_T", "Held near (m)", "Note", "Name", "Frame")}
+        assert editable == dict.fromkeys(editable, False) | {"Frame": True}
+        assert lasting(tested.page.tab)[0].text == "Read-only: nothing can be changed"
     assert re.search(
         'data-value="swap_body" title="Swap left and right of the body .S.. [^"]*read-only[^"]*" disabled', shown
     )
     assert shown.count(" disabled") > 12
+
+
+def test_what_needs_a_fit_or_the_video_is_off_without(panel_server: viser.ViserServer, tmp_path: Path):
+    sample_project(tmp_path / "walk.tcfit").close()
+    with Project.open(tmp_path / "walk.tcfit") as project, lone_page(panel_server, project) as tested:
+        gestures = tested.page.gestures
+        for name in ("ab", "space", "blink", "bodies", "wireframe", "outline", "difference", "side", "onion"):
+            assert "There is no fit yet" in ACTIONS[name].obstacle(gestures), name
+        assert "no finished fit" in ACTIONS["approve"].obstacle(gestures)
+        assert "The video is missing" in ACTIONS["peek"].obstacle(gestures)
+        for title in ("Swap A and B", "Overlay", "Video", "Clip to the picture"):
+            assert tested.button(title).disabled, title
+        assert tested.field("A shows").disabled and not tested.field("Run").visible
 
 
 def test_an_entry_outside_the_selected_frames_ends_their_selection(tested: LonePage):
