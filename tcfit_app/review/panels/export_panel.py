@@ -275,8 +275,9 @@ class ExportPanel:
                     export.title,
                     "export.begin",
                     name,
-                    disabled=bool(missing) or (export.needs != "keypoints" and not there),
-                    hint=missing or export.hint,
+                    disabled=export.needs != "keypoints" and not there,
+                    obstacle=missing,
+                    hint=export.hint,
                 )
                 for name, export in exports().items()
                 if export.group == group and not export.own_rig

@@ -54,11 +54,7 @@ class HandShapes:
             heading("Hand shape", where),
             row(choice(*hands)),
             row(*(act(f"shape_{name}", name[0].upper() + name[1:], kind="mini") for name in HANDSHAPES), wrap=True),
-            *(
-                [row(*(button(n, "shapes.own", n, disabled=bool(why), hint=why, kind="mini") for n in own), wrap=True)]
-                if own
-                else []
-            ),
+            *([row(*(button(n, "shapes.own", n, obstacle=why, kind="mini") for n in own), wrap=True)] if own else []),
             row(act("shape_other", "Other hand"), act("copy_shape", "Copy")),
             *([] if copied is None else [row(act("shape_copied", f"Copied: {copied.name}"))]),
             row(act("shape_last", "Last one again", disabled=shaping.last is None), act("free_hand", "Take off")),
@@ -67,7 +63,7 @@ class HandShapes:
         unable = refusal(shaping.side) or ACTIONS["copy_shape"].obstacle(self._gestures)
         self._own.show(
             row(
-                button("Save shape", "shapes.save", disabled=bool(unable or problem), hint=unable),
+                button("Save shape", "shapes.save", obstacle=unable or problem),
                 button("Delete shape", "shapes.delete", disabled=not own),
             ),
             *([paragraph(problem, "warn")] if problem else []),

@@ -154,12 +154,12 @@ class ViewPanel:
         if self._tab.someone.others:
             hint = "The newest fits of the clip's other people, dimmed"
             rows.append(row(button("Other people", "view.switch", "others", pressed=state.others, hint=hint)))
-        fitted = ACTIONS["bodies"].obstacle(self._gestures) == ""
-        self._opacity_slider.disabled = not fitted
+        why = ACTIONS["bodies"].obstacle(self._gestures)
+        self._opacity_slider.disabled = bool(why)
         difference = self._action("difference", "A–B distance", pressed=state.difference)
         if state.mode != "space":
             hint = "Cut bodies off at the picture's edge"
-            clip = button("Clip to the picture", "view.clip", pressed=self._tab.clipped, disabled=not fitted, hint=hint)
+            clip = button("Clip to the picture", "view.clip", pressed=self._tab.clipped, obstacle=why, hint=hint)
             rows += [row(clip, difference), row(self._action("peek", "Video only, while held"))]
         else:
             rows.append(row(difference))
@@ -183,8 +183,8 @@ class ViewPanel:
                 "view.side",
                 name,
                 pressed=state.side_from == name,
-                disabled=bool(why),
-                hint=why or direction_text(name).capitalize(),
+                obstacle=why,
+                hint=direction_text(name).capitalize(),
             )
             for name in SIDES_SEEN
         )
@@ -193,8 +193,8 @@ class ViewPanel:
                 sign,
                 "view.widen",
                 sign,
-                disabled=bool(why),
-                hint=why or f"{what} side view; its left border can be dragged",
+                obstacle=why,
+                hint=f"{what} side view; its left border can be dragged",
             )
             for sign, what in zip(_WIDER, ("A narrower", "A wider"), strict=True)
         )
@@ -230,8 +230,8 @@ class ViewPanel:
                             "view.close_up",
                             part,
                             pressed=state.close_up == part,
-                            disabled=bool(flat),
-                            hint=flat or _CLOSE_UP,
+                            obstacle=flat,
+                            hint=_CLOSE_UP,
                         )
                         for part, name in CLOSE_UPS.items()
                     )
@@ -239,7 +239,7 @@ class ViewPanel:
                 label=f"Close-up {key_text('close_up')}",
             ),
             row(
-                button("Video", "view.switch", "video", pressed=state.video, disabled=bool(unseen), hint=unseen),
+                button("Video", "view.switch", "video", pressed=state.video, obstacle=unseen),
                 self._action("bones", "Keypoints", pressed=state.keypoints),
                 button("Bones", "view.switch", "bones", pressed=state.bones),
                 button(
@@ -330,7 +330,7 @@ class RunsShown:
             heading("Fits on show", _LEGEND),
             row(
                 self._action("blink", "Blink A in B's place", pressed=state.blinked),
-                button("Swap A and B", "runs.swap", disabled=bool(why), hint=why or _SWAP),
+                button("Swap A and B", "runs.swap", obstacle=why, hint=_SWAP),
             ),
         )
         names = run_names(runs)

@@ -50,6 +50,7 @@ def button(
     *,
     pressed: bool | None = None,
     disabled: bool = False,
+    obstacle: str = "",
     keys: str = "",
     hint: str = "",
     kind: str = "",
@@ -63,6 +64,7 @@ def button(
         value: passed to that command.
         pressed: whether a toggle is on.
         disabled: cannot be pressed now.
+        obstacle: why it cannot be pressed now, if it cannot; its tooltip says so.
         keys: that do the same.
         hint: its tooltip.
         kind: its style: "main", "danger", "left", "mini"; "held": acts while it is held down; "close": in a window,
@@ -70,13 +72,14 @@ def button(
         enter: Enter in the text field above presses it.
     """
     shown = joined(tag("span", label), tag("kbd", keys) if keys else Html())
+    title = ". ".join(filter(None, (hint, obstacle)))
     return Html(
         f'<button type="button" data-tcfit="{escape(command)}" data-value="{escape(value)}"'
         + (f' class="tcfit-{escape(kind)}"' if kind else "")
         + (f' aria-pressed="{str(pressed).lower()}"' if pressed is not None else "")
-        + (f' title="{escape(hint)}"' if hint else "")
+        + (f' title="{escape(title)}"' if title else "")
         + (" data-enter" if enter else "")
-        + (" disabled" if disabled else "")
+        + (" disabled" if disabled or obstacle else "")
         + f">{shown}</button>"
     )
 
@@ -110,9 +113,10 @@ def action(
         "action",
         name,
         pressed=pressed,
-        disabled=disabled or why != "",
+        disabled=disabled,
+        obstacle=why,
         keys=keys,
-        hint=f"{hint}. {why}" if why else hint,
+        hint=hint,
         kind="held" if known.held else kind,
     )
 

@@ -140,7 +140,7 @@ TERMS = 5
 """Curves besides the total: of the terms with the highest cost."""
 POINTS = 240
 """Points per curve; longer ones are thinned."""
-_COLORS = ("#868e96", "#228be6", "#e8590c", "#2f9e44", "#be4bdb", "#b08900")
+_COLORS = ("#868e96", "#228be6", "#e8590c", "#2f9e44", "#be4bdb", "#0c8599")
 """Distinguishable on light and on dark backgrounds."""
 _LEAST = 0.1
 """The lowest cost drawn: the axis is logarithmic."""

@@ -34,6 +34,7 @@ body:has(.tcfit-lost) :has(> * > * > button[aria-label=Commands]), body:has(.tcf
 .mantine-Modal-header:has(+ .mantine-Modal-body .tcfit-keys) { padding-bottom: 0 !important; min-height: 0 !important; }
 .mantine-Slider-markLabel { display: none; }
 .uplot-container .uplot { width: 100%; }
+.uplot-container .u-legend .u-series:first-child { display: none; }
 button[aria-label="Commands"] { width: auto !important; padding: 0 5px; color: var(--tcfit-text) !important; }
 [role=tab][aria-selected=true], [role=tab][aria-selected=true] * { color: var(--tcfit-detected) !important; }
 button[aria-label="Commands"]::after { content: "Commands"; margin-left: 5px; font-size: 13px; }
