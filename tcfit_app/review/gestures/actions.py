@@ -373,7 +373,7 @@ _KEYPOINTS: tuple[_Row, ...] = (
     ("reset", "Reset to the detection", "Backspace Delete", lambda g: g.correcting.reset(), _OF_JOINTS),
     ("copy", "Copy from the previous frame", "c", lambda g: g.correcting.copy_previous(), _OF_JOINTS),
     ("interpolate", "Interpolate", "i", lambda g: g.correcting.interpolate(), _OF_JOINTS),
-    ("keyframes", "Keyframes on or off", "a", _toggle("keyframes"), (writable,)),
+    ("keyframes", "Keyframes on or off", "a", _toggle("keyframes"), (writable, keypoints)),
     (
         "delete_key",
         "Delete the keyframe",
@@ -381,7 +381,7 @@ _KEYPOINTS: tuple[_Row, ...] = (
         lambda g: g.correcting.delete_key(),
         (writable, keypoints, some_key, joints, key),
     ),
-    ("hand_along", "Hand follows its wrist, on or off", "", _toggle("hand_along"), (writable,)),
+    ("hand_along", "Hand follows its wrist, on or off", "", _toggle("hand_along"), (writable, keypoints)),
     ("swap_body", "Swap left and right of the body", "s", lambda g: g.correcting.swap_sides("body"), _EDIT),
     ("swap_hands", "Swap the hands", "Shift+s", lambda g: g.correcting.swap_sides("hands"), _EDIT),
     ("mirror_depth", "Mirror in depth", "Shift+m", lambda g: g.depth.send("mirror"), (*_EDIT, limbs, fit)),

@@ -11,6 +11,7 @@ import { element } from "./elements.js";
  *   more?: MenuItem[], run?: () => void }} MenuItem
  */
 
+const GREY = "Point at a grey line to see why.";
 const EDGE = 4; // least distance from the window's edges, in CSS pixels
 
 /** @type {{ menu: HTMLElement, opener: Element | null } | null} */
@@ -107,10 +108,10 @@ function lineOf(item) {
 
 /** Below the lines: why the one that has the focus cannot be done. @param {HTMLElement} menu */
 function sayWhy(menu) {
-  const why = element("p", "", menu);
+  const why = element("p", "", menu, GREY);
   why.setAttribute("aria-hidden", "true"); // it is the lines' description
   menu.addEventListener("focusin", ({ target }) => {
-    why.textContent = target instanceof HTMLElement ? target.title : "";
+    why.textContent = (target instanceof HTMLElement && target.title) || GREY;
   });
 }
 

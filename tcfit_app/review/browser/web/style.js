@@ -141,7 +141,7 @@ export const STYLE_SHEET = `
 .tcfit-menu button[aria-checked=true]::before { content: "✓"; }
 .tcfit-menu kbd { flex: none; font: 13px/1 ${FONT}; color: var(--tcfit-key); }
 .tcfit-menu button:focus:not([aria-disabled]) kbd { color: #d3e6f7; }
-.tcfit-menu p { width: 0; min-width: 100%; min-height: 2.8em; margin: 4px 0 0; padding: 4px 10px 0; color: var(--tcfit-flagged);
+.tcfit-menu p { width: 0; min-width: 100%; min-height: 2.8em; margin: 4px 0 0; padding: 4px 10px 0; color: var(--tcfit-dim);
   border-top: 1px solid var(--tcfit-edge); }
 .tcfit-menu .tcfit-separator { flex: none; height: 1px; margin: 4px 6px; background: var(--tcfit-edge); }
 .tcfit-strip .tcfit-tooltip { z-index: 1; pointer-events: none; }

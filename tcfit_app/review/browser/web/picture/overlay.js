@@ -293,11 +293,13 @@ function drawFitNames(context) {
   const layout = states.layout;
   if (layout?.mode === "space")
     layout.posters.forEach((poster, i) => drawFitName(context, poster, across, 28 * i, across));
-  for (const { seen, ox, oy, width, poster } of layout?.mode === "poster" ? drawn.maps : []) {
+  for (const map of layout?.mode === "poster" ? drawn.maps : []) {
+    const { seen, ox, oy, width, poster } = map;
     const end = ox + width;
     const right = Math.min(seen.right, Math.max(end, seen.left + NAME_ROOM));
     const beside = { end, free: width < NAME_ROOM ? seen.right - end : 0 };
-    drawFitName(context, poster, right, Math.max(seen.top, oy), right - seen.left, beside);
+    const top = isSide(map) ? seen.top : Math.max(seen.top, oy); // above a low plate, whose head it would hide
+    drawFitName(context, poster, right, top, right - seen.left, beside);
   }
 }
 

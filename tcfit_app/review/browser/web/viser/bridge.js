@@ -28,7 +28,7 @@ body:has(.tcfit-lost) :has(> * > * > button[aria-label=Commands]), body:has(.tcf
   background: var(--tcfit-button) !important; color: var(--tcfit-text) !important; }
 .mantine-Button-root:has(.icon-tabler-upload):hover:not(:disabled) { background: var(--tcfit-raised) !important; }
 .mantine-Button-root:has(.icon-tabler-upload):disabled { opacity: 0.42; }
-.mantine-Notification-description { overflow-wrap: anywhere; }
+.mantine-Notification-description { overflow-wrap: anywhere; color: var(--tcfit-text) !important; }
 .mantine-Paper-root[data-with-border]:has(> :nth-child(2)[aria-hidden=true]) { border-color: transparent; background: none; }
 .mantine-Modal-content:has(.tcfit-keys) { flex: 0 1 1160px !important; max-height: 94vh !important; }
 .mantine-Modal-header:has(+ .mantine-Modal-body .tcfit-keys) { padding-bottom: 0 !important; min-height: 0 !important; }
@@ -40,7 +40,9 @@ button[aria-label="Commands"] { width: auto !important; padding: 0 5px; color: v
 button[aria-label="Commands"]::after { content: "Commands"; margin-left: 5px; font-size: 13px; }
 ${FIELD_LABEL} { width: 84px !important; padding-right: 4px; }
 ${FIELD_LABEL} > p { font-size: 13px !important; letter-spacing: 0 !important; }
+:is(${TEXT_INPUT}, ${NUMBER_INPUT}, ${DROPDOWN_INPUT}):disabled { opacity: 0.45 !important; }
 :is(${TEXT_INPUT}, ${NUMBER_INPUT}, ${DROPDOWN_INPUT}) { font-size: 13px !important; letter-spacing: 0 !important; }
+:is(${TEXT_INPUT}, ${NUMBER_INPUT}, ${DROPDOWN_INPUT}):disabled { opacity: 0.45 !important; }
 ${FIELD_LABEL} label { font-family: ${FONT}; color: var(--tcfit-dim); }
 `;
 
