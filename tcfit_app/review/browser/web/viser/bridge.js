@@ -40,7 +40,6 @@ button[aria-label="Commands"] { width: auto !important; padding: 0 5px; color: v
 button[aria-label="Commands"]::after { content: "Commands"; margin-left: 5px; font-size: 13px; }
 ${FIELD_LABEL} { width: 84px !important; padding-right: 4px; }
 ${FIELD_LABEL} > p { font-size: 13px !important; letter-spacing: 0 !important; }
-:is(${TEXT_INPUT}, ${NUMBER_INPUT}, ${DROPDOWN_INPUT}):disabled { opacity: 0.45 !important; }
 :is(${TEXT_INPUT}, ${NUMBER_INPUT}, ${DROPDOWN_INPUT}) { font-size: 13px !important; letter-spacing: 0 !important; }
 :is(${TEXT_INPUT}, ${NUMBER_INPUT}, ${DROPDOWN_INPUT}):disabled { opacity: 0.45 !important; }
 ${FIELD_LABEL} label { font-family: ${FONT}; color: var(--tcfit-dim); }
