@@ -25,7 +25,7 @@ WEB_TOOLS := web_tools/node_modules
 WEB_TOOLS_INSTALLED := $(WEB_TOOLS)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-browser test-slow check docs clean
+.PHONY: help install demo test test-thorough test-slow check docs clean
 .DELETE_ON_ERROR:
 
 help: ## This list
@@ -40,8 +40,8 @@ demo: $(INSTALLED) $(NETWORKS) ## Open the demo clip in the browser, with its fi
 test: $(INSTALLED_DEV) $(NETWORKS) ## Run the tests that are quick, e.g. ARGS="tests/fitting_core/body -k hands"
 	@$(PYTEST) $(ARGS)
 
-test-browser: $(INSTALLED_DEV) $(NETWORKS) ## Run the tests of the app's details in a browser
-	@$(PYTEST) -m "browser and not slow" $(ARGS)
+test-thorough: $(INSTALLED_DEV) $(NETWORKS) ## Run the other tests, but for the slow ones: details, attacks, crashes
+	@$(PYTEST) -m "thorough and not slow" $(ARGS)
 
 test-slow: $(INSTALLED_DEV) $(NETWORKS) ## Run the slow tests, however long one of them takes
 	@$(ONE_THREAD) $(RUN) -m pytest -m slow -o faulthandler_timeout=0 $(ARGS)

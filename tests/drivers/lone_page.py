@@ -34,6 +34,9 @@ from tests.samples.sessions import PATIENCE, QUICK, OneBody, small_clip
 
 _BUTTON = re.compile(r'<button type="button" data-tcfit="([^"]*)" data-value="([^"]*)"([^>]*)><span>(.*?)</span>')
 
+_BETWEEN_DRAWINGS = 0.05
+"""Seconds: who waits leaves the processor to what is waited for."""
+
 
 def sample_project(folder: Path, *names: str, frames: int = FRAMES) -> Project:
     """A project of so many frames with a finished run for each name."""
@@ -136,11 +139,13 @@ class LonePage:
 
     def until(self, there: Callable[[], object]) -> None:
         """Take the worker's news, and draw, until something is there."""
-        end = time.monotonic() + PATIENCE
+        end, drawn = time.monotonic() + PATIENCE, 0.0
         while not there():
             assert time.monotonic() < end, "waited too long"
             self.page.tab.session.take_news()
-            self.draw()
+            if time.monotonic() > drawn + _BETWEEN_DRAWINGS:
+                self.draw()
+                drawn = time.monotonic()
             time.sleep(0.005)
 
     def settle(self) -> None:

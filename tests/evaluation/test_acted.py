@@ -18,6 +18,8 @@ from fitting_core.config.toml import as_plain
 from fitting_core.results.fit_result import FitResult
 from tests.tcfit_app.cli.test_evaluate_command import fit_result, records_in
 
+pytestmark = pytest.mark.thorough
+
 WRONG = {
     "level": (["--level", "worst"], "no worst"),
     "preset": (["--presets", "best"], "no best"),

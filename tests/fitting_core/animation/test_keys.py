@@ -153,6 +153,7 @@ def times(player: Player, node: str, path: str) -> np.ndarray:
     return player.array(document.animations[0].samplers[channel.sampler].input)[:, 0]
 
 
+@pytest.mark.thorough
 def test_joints_finger_tips_and_toes_stay_within_the_bound(written: tuple[Player, Player, Keys], upright: Motion):
     every, fewer, keys = written
     assert 0.05 * keys.all < keys.count < 0.8 * keys.all
@@ -181,6 +182,7 @@ def test_the_file_says_how_many_keys_are_left(written: tuple[Player, Player, Key
     assert every.document.asset.extras["keys"] == "every frame"
 
 
+@pytest.mark.thorough
 def test_the_stated_deviation_is_that_of_the_fewer_keys(written: tuple[Player, Player, Keys], upright: Motion):
     _, fewer, _ = written
     shown = [fewer.vertices(t / upright.frame_rate) for t in range(FRAMES)]

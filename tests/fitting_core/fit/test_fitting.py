@@ -493,6 +493,7 @@ def test_seconds_are_of_the_phase(free_body: BodyModel, short_clip: Clip):
     assert sum(p.seconds for p in result.phases) <= time.perf_counter() - start
 
 
+@pytest.mark.thorough
 @pytest.mark.usefixtures("in_torch")  # where every step of a solver is told
 def test_costs_by_term_are_told_now_and_then_and_change_no_bit(tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch):
     """Every time, never, and by the clock, with both solvers; the terms of a step add up to its cost."""

@@ -13,6 +13,8 @@ from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.phase_figures import patched
 from tests.samples.carried import CARRIED, RATE, Carried, carried_clip, gesturing, pixel_errors
 
+pytestmark = pytest.mark.thorough
+
 FRAMES = 50
 ANKLES = [7, 8]
 

@@ -19,6 +19,8 @@ from fitting_core.fit.variables.state import Free
 from tests.samples.posed_clips import clip_of, motion, shipped_body
 from tests.samples.scenes import finished
 
+pytestmark = pytest.mark.thorough
+
 FRAMES = 9
 LOCKED = range(2, 6)
 ELBOW, NECK = kp.INDEX["left_elbow"], kp.INDEX["neck"]

@@ -134,6 +134,7 @@ def test_joints_of_a_laboratory_give_the_errors_of_the_truth(
     assert by_itself["joint_error_mean"] == pytest.approx(true["joint_error_mean"], abs=1.0)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("form", ["trc", "c3d"])
 @pytest.mark.parametrize("what", ["joints", "markers"])
 def test_the_offset_is_found_with_noise_and_gaps(fit: PosedMotion, tmp_path: Path, form: str, what: str):
@@ -216,6 +217,7 @@ def test_values_between_frames():
     assert np.isfinite(found[:, 2]).all(-1).tolist() == [moment == 4.0 for moment in moments]
 
 
+@pytest.mark.thorough
 def test_the_standard_error_holds_where_the_reference_is_a_part_of_the_clip(fit: PosedMotion, tmp_path: Path):
     """By four parts of what lies in both: of what lies beside it, few frames would tell anything."""
     names, places = places_of(fit.body, np.arange(0, SECONDS, 1 / OWN_RATE), "joints")

@@ -146,6 +146,7 @@ def test_nobody_at_all(frames: list[list[np.ndarray]]):
         found(frames)
 
 
+@pytest.mark.thorough
 def test_crowds_take_a_bounded_time(figure: Figure):
     """A hundred people in each frame, and ten thousand in one; the hundred largest of these are followed."""
     rng = np.random.default_rng(0)

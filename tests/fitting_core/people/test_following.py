@@ -4,6 +4,7 @@ from itertools import product
 from unittest.mock import patch
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -29,6 +30,7 @@ def test_nothing_is_cheaper(rows: int, columns: int, seed: int):
     assert total(prices, place) == min(total(prices, one) for one in everything)
 
 
+@pytest.mark.thorough
 def test_false_detections_all_over_the_frames_are_not_all_followed():
     """Their number squared would be the time."""
     rng = np.random.default_rng(0)

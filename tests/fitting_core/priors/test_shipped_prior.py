@@ -82,6 +82,7 @@ def held_out(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Pat
     return folder
 
 
+@pytest.mark.thorough
 def test_poses_of_people_it_never_saw_come_back(prior: LatentPrior, free_body: BodyModel, held_out: Path):
     clips = load(held_out)
     assert {clip.subject for clip in clips} == {"cmu05", "cmu13", "cmu14"}

@@ -26,6 +26,7 @@ from tests.drivers.processes import needs_fork
 from tests.samples.batch_clips import CHEAP, broken_places, events, write_batch
 
 pytestmark = [
+    pytest.mark.thorough,
     needs_fork,
     pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="this system does not list processes in /proc"),
 ]
@@ -174,7 +175,7 @@ def test_200_clips_killed_twice_on_the_way(tmp_path: Path, free_body: BodyModel)
 
 
 def test_ctrl_c_stops_at_once_and_says_how_to_go_on(tmp_path: Path, free_body: BodyModel):
-    manifest = write_batch(tmp_path, free_body, clips=8)
+    manifest = write_batch(tmp_path, free_body, clips=16)
     with running(forked, manifest) as group:
         until(lambda: len(fitted(tmp_path)) >= 2)
         begin = time.monotonic()
@@ -186,7 +187,7 @@ def test_ctrl_c_stops_at_once_and_says_how_to_go_on(tmp_path: Path, free_body: B
     assert "The same command goes on with the " in output and "not reached" in output and "Traceback" not in output
     with running(forked, manifest) as group:
         assert os.waitstatus_to_exitcode(_end_of(group)) == 0
-    check_results(tmp_path, 8, 0)
+    check_results(tmp_path, 16, 0)
 
 
 def test_a_clip_whose_process_dies_is_tried_again_and_then_fails(tmp_path: Path, free_body: BodyModel, monkeypatch):

@@ -20,7 +20,7 @@ from tcfit_app.project.project import Project
 from tests.drivers.processes import needs_fork
 from tests.samples.batch_clips import CHEAP, events, write_clip, write_list
 
-pytestmark = needs_fork
+pytestmark = [needs_fork, pytest.mark.thorough]
 ANNA = ("a0", "a1", "a2")
 
 

@@ -362,6 +362,7 @@ def test_a_folder_that_cannot_be_written_is_told_at_once(
     assert f"{tmp_path} is read-only" in told and "Phase" not in told
 
 
+@pytest.mark.thorough
 def test_interrupt_signal_ends_a_process(clip_arguments: list[str], tmp_path: Path):
     code = f"{INTERRUPTIBLE}import sys\nfrom tcfit_app.cli.main import main; sys.exit(main())"
     # What follows the line "Phase 2" takes seconds: five stages in each of five windows.

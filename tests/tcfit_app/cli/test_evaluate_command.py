@@ -102,6 +102,7 @@ def records_in(folder: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
+@pytest.mark.thorough
 def test_a_result_against_its_truth(finished: FinishedRun, truth: Path, tmp_path: Path, capsys: pytest.CaptureFixture):
     out = tmp_path / "report"
     arguments = ["evaluate", str(finished.folder), "--reference", str(truth), "--out", str(out)]
@@ -218,6 +219,7 @@ def test_a_reference_of_a_part_is_told_to_be_one(tmp_path: Path, free_body: Body
     assert "has no reference: give --reference too" in capsys.readouterr().err
 
 
+@pytest.mark.thorough
 def test_a_laboratory_whose_clock_is_another(tmp_path: Path, free_body: BodyModel, capsys: pytest.CaptureFixture):
     """A fit that is the truth, beside markers at 120 per second that begin 0.37 s before the video."""
     seconds = np.arange(0, laboratory.SECONDS, 1 / laboratory.RATE)

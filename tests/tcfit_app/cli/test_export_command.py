@@ -382,6 +382,7 @@ def test_names_of_clips_are_as_long_as_file_systems_take(tmp_path: Path):
                 assert (tmp_path / name).exists()
 
 
+@pytest.mark.thorough
 def test_ctrl_c_leaves_nothing_half_written(project: Path, tmp_path: Path):
     code = f"{INTERRUPTIBLE}import sys; from tcfit_app.cli.main import main; sys.exit(main(sys.argv[1:]))"
     command = [sys.executable, "-c", code, "export", str(project), "--out", str(tmp_path)]

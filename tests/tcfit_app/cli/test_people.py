@@ -267,6 +267,7 @@ def test_a_cancelled_fit_leaves_the_last_one_until_somebody_has_a_result(
     assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
 
 
+@pytest.mark.thorough
 def test_a_killed_fit_leaves_a_folder_of_several_people(
     clip: list[str], tmp_path: Path, free_body: BodyModel, monkeypatch: pytest.MonkeyPatch
 ):
@@ -315,6 +316,7 @@ def test_what_was_fitted_before_a_cancel_is_listed(
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["people.json", "person-1"]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("written", [0, 1, 2, 3, 4, 5])
 def test_after_a_full_disk_every_result_says_whether_it_is_finished(
     clip: list[str],

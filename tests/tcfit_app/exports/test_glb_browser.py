@@ -21,7 +21,7 @@ from tests.samples.waving import waving_fit, waving_project
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
-pytestmark = pytest.mark.browser
+pytestmark = pytest.mark.thorough
 
 
 @pytest.fixture(scope="module")

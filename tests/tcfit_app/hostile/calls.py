@@ -10,6 +10,7 @@ import select
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -19,6 +20,10 @@ _GOES_ON = "http://127.0.0.1:"
 """What is printed by an app that is open until it is stopped."""
 LIMIT = 20.0
 """Seconds after which a call hangs."""
+_GLANCE, _OPEN_FOR = 0.1, 1.0
+"""Seconds between two looks at a call, and for which an app is left open."""
+_STREAMS = ("out", "err")
+"""Files of what a call prints."""
 MOST_MEMORY = 1.0
 """GB that a call may take beyond what has been loaded."""
 UPLOAD = "upload"
@@ -76,7 +81,7 @@ class Calls:
         self._process.stdin.write(json.dumps([list(arguments), limit]).encode() + b"\n")
         self._process.stdin.flush()
         status, hung, seconds, memory = json.loads(self._process.stdout.readline())
-        out, err = (self._folder / name for name in ("out", "err"))
+        out, err = (self._folder / name for name in _STREAMS)
         return Ended(
             arguments=tuple(arguments),
             status=status,
@@ -126,13 +131,22 @@ def _forked(arguments: list[str], limit: float, folder: Path) -> tuple[int, bool
     if child == 0:
         _become(arguments, folder)
     handle = os.pidfd_open(child)
-    if not select.select([handle], [], [], limit)[0]:
-        hung = True
-        os.killpg(child, signal.SIGKILL)
+    last = time.monotonic() + limit
+    while not select.select([handle], [], [], _GLANCE)[0]:
+        if _goes_on(folder):
+            last = min(last, time.monotonic() + _OPEN_FOR)
+        if time.monotonic() > last:
+            hung = True
+            os.killpg(child, signal.SIGKILL)
+            break
     os.close(handle)
     _, status, used = os.wait4(child, 0)
     memory = max(used.ru_maxrss - _resident(), 0) / 2**20
     return os.waitstatus_to_exitcode(status), hung, used.ru_utime + used.ru_stime, memory
+
+
+def _goes_on(folder: Path) -> bool:
+    return any(_GOES_ON.encode() in (folder / name).read_bytes() for name in _STREAMS)
 
 
 def _resident() -> int:
@@ -144,7 +158,7 @@ def _resident() -> int:
 def _become(arguments: list[str], folder: Path) -> None:
     """Be `tcfit` from here on."""
     os.setpgid(0, 0)
-    for descriptor, name in ((1, "out"), (2, "err")):
+    for descriptor, name in enumerate(_STREAMS, start=1):
         target = os.open(folder / name, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
         os.dup2(target, descriptor)
     nothing = os.open(os.devnull, os.O_RDONLY)

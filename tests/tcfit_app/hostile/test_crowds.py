@@ -19,6 +19,8 @@ from tcfit_app.server.serving import ReviewServer, review_server
 from tests.drivers.processes import ended, needs_fork, start
 from tests.drivers.raw_tab import PATIENCE, admitted, websocket
 
+pytestmark = pytest.mark.thorough
+
 DESCRIPTORS, IDLE = 170, 287
 """How many files more than before a server may open, and how many connections come."""
 SOON = 5.0

@@ -8,6 +8,8 @@ from tcfit_app.cli.main import COMMANDS
 from tests.tcfit_app.hostile.command_lines import PathOption, path_options
 from tests.tcfit_app.hostile.world import World
 
+pytestmark = pytest.mark.thorough
+
 OPTIONS = [option for command in COMMANDS for option in path_options(command)]
 
 

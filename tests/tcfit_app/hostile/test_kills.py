@@ -34,7 +34,7 @@ from tests.samples.project_samples import BODY, CONFIG, assert_same_fit, random_
 from tests.samples.waving import waving_fit, waving_project
 from tests.tcfit_app.conftest import FRAMES
 
-pytestmark = needs_fork
+pytestmark = [needs_fork, pytest.mark.thorough]
 resource = pytest.importorskip("resource", reason="this system has no limits on files")
 Report = Callable[[str], None]
 EXPORTED = {"npz": "walk.smplx.npz", "bvh": "walk-bvh", "fit": "walk.fit.npz", "openpose": "walk-keypoints"}

@@ -14,6 +14,8 @@ from tests.tcfit_app.hostile.made_plugins import plugins
 from tests.tcfit_app.hostile.test_hostile_paths import OPTIONS
 from tests.tcfit_app.hostile.world import POSITIONAL, World
 
+pytestmark = pytest.mark.thorough
+
 MANY, SECONDS = 200, 10.0
 FILES = {"pickles": pickles, "cameras": cameras, "bombs": bombs}
 _OPEN, _SLOW = ("review", "demo"), ("evaluate", "batch", "fit")

@@ -11,6 +11,8 @@ import pytest
 from tcfit_app.cli.ending import CANCELLED, FAILED, INPUT_ERROR, PIPE_CLOSED, ended
 from tcfit_app.cli.main import COMMANDS, main
 
+pytestmark = pytest.mark.thorough
+
 TCFIT = f'"{sys.executable}" -m tcfit_app'
 QUICK = {"settings": "settings", "a mistake": "fit"}
 """What ends by itself at once: one that prints much, and one that only complains."""

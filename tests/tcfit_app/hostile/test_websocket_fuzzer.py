@@ -26,6 +26,8 @@ from tcfit_app.server.viser_bridge import let_tabs_leave
 from tests.drivers.raw_tab import admitted, raw_tab
 from tests.tcfit_app.hostile.forged_messages import FORGED, KINDS
 
+pytestmark = pytest.mark.thorough
+
 CLIENTS = 3
 ROOM = 50 << 20
 """Bytes by which the server may have grown."""

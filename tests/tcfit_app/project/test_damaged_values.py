@@ -28,6 +28,8 @@ from tests.samples.project_samples import CONFIG, random_edit
 from tests.samples.sessions import OneBody
 from tests.samples.waving import waving_fit, waving_project
 
+pytestmark = pytest.mark.thorough
+
 NONSENSE: dict[str, Any] = {
     "nothing": None,
     "bytes": b"\x00\xff\xfe nonsense",

@@ -102,6 +102,7 @@ def _kill_often(folder: Path, rounds: int, seed: int) -> None:
     assert done >= {"edit", "run"}, "no process lived long enough to do anything"
 
 
+@pytest.mark.thorough
 def test_what_was_saved_survives_a_kill(tmp_path: Path):
     _kill_often(tmp_path / "walk.tcfit", rounds=10, seed=1)
 

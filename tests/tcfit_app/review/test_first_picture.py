@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
     Scheme = Literal["light", "dark"]
 
+pytestmark = pytest.mark.thorough
+
 CORNERS = """
   window.corners = new Set();
   const look = () => {

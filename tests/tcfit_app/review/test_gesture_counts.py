@@ -18,7 +18,7 @@ from tests.drivers.review_page import QUICK, Reviewing, reviewing, until
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
-pytestmark = pytest.mark.browser
+pytestmark = pytest.mark.thorough
 
 WRIST, HAND = INDEX["right_wrist"], range(NAMES.index("right_thumb1") - 1, NAMES.index("right_thumb1") + 20)
 RULER = 40.0

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 import viser
 
 from fitting_core.clip import Clip
@@ -17,6 +18,8 @@ from tcfit_app.review.browser.page_events import Drag, Hello
 from tests.drivers.lone_page import LonePage, lone_page
 from tests.samples.project_samples import BODY, CONFIG, sample_clip, sample_fit
 from tests.samples.sessions import OneBody
+
+pytestmark = pytest.mark.thorough
 
 WRIST, FRAME = INDEX["right_wrist"], 60
 SHORT, LONG = 200, 8000

@@ -381,6 +381,7 @@ def is_either(found: list[np.ndarray], ends: list[list[np.ndarray]]) -> bool:
     return any(all(map(np.array_equal, found, end)) for end in ends)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("count", [1, 1000], ids=["one write", "all later writes"])
 @pytest.mark.parametrize("what", ["exchange", "undo", "redo"])
 def test_no_half_exchange_stays_whichever_write_fails_or_is_the_last_before_a_kill(
@@ -579,6 +580,7 @@ def test_everybody_is_exported_in_one_glb(folder: Path, panel_server: viser.Vise
         assert note.endswith("person 2 is not present in these frames") and len(player.document.skins) == 1
 
 
+@pytest.mark.thorough
 def test_everybody_is_exported_as_the_tab_shows_them(folder: Path, panel_server: viser.ViserServer, tmp_path: Path):
     with Project.open(folder / "person-2") as other:
         moved = other.runs.load(1)

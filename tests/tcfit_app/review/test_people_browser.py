@@ -14,7 +14,7 @@ from tests.samples.people_projects import FRAMES, LATE, open_two, two_people
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
-pytestmark = pytest.mark.browser
+pytestmark = pytest.mark.thorough
 
 WRIST = INDEX["right_wrist"]
 

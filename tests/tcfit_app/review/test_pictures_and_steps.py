@@ -14,6 +14,8 @@ from tests.drivers.review_page import Reviewing, reviewing, until
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
+pytestmark = pytest.mark.thorough
+
 
 @pytest.fixture(scope="module")
 def review(demo_project: Path, browser: "Browser", tmp_path_factory: pytest.TempPathFactory) -> Iterator[Reviewing]:
@@ -64,5 +66,5 @@ def test_the_first_steps_stay_until_they_have_been_read(review: Reviewing, brows
     tab.keyboard.press("h")
     tab.get_by_role("button", name="First steps").click()
     steps.wait_for()
-    assert not tab.locator(".tcfit-keys").is_visible()
+    tab.locator(".tcfit-keys").wait_for(state="hidden")
     context.close()

@@ -20,6 +20,8 @@ from tests.drivers.review_page import QUICK, Reviewing, opened, reviewing, until
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
+pytestmark = pytest.mark.thorough
+
 _ROOM = 100 * 2**20
 """Bytes by which the server may grow."""
 _MODIFIERS = {"shift": "Shift+", "ctrl": "Control+"}

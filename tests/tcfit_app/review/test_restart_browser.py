@@ -22,6 +22,8 @@ from tests.drivers.review_page import PATIENCE, until
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
+pytestmark = pytest.mark.thorough
+
 
 @contextmanager
 def served(folder: Path, port: int) -> Iterator[tuple[ReviewApp, ReviewServer]]:

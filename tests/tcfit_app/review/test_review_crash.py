@@ -21,7 +21,7 @@ from tcfit_app.server.serving import review_server
 from tests.drivers.processes import killed_after, needs_fork
 from tests.samples.sessions import FRAMES, QUICK, OneBody, small_clip
 
-pytestmark = needs_fork
+pytestmark = [needs_fork, pytest.mark.thorough]
 Report = Callable[[str], None]
 T = TypeVar("T")
 _SHAPE = ((0.1, -0.2, 0.3),) * 15

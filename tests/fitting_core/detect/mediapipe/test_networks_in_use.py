@@ -85,6 +85,7 @@ def test_the_silhouette_covers_the_person(found: Detected, source: FrameSource):
     assert 0.05 < mask.mean() < 0.3 and image.shape[:2] == (720, 540)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("after", [1, 2])
 def test_a_detection_that_was_ended_comes_out_as_if_it_had_not(source: FrameSource, tmp_path: Path, after: int):
     whole = run(source, tmp_path / "whole", length=8)
@@ -155,6 +156,7 @@ def test_somebody_far_away_is_found(source: FrameSource, tmp_path: Path):
     assert (np.abs(found.people[0][0, INDEX["neck"], :2] - [838, 330]) < 25).all()
 
 
+@pytest.mark.thorough
 def test_two_people_beside_each_other_are_two(source: FrameSource, tmp_path: Path):
     """The person twice in one picture, once mirrored as in a mirror: both are found, and stay who they are."""
     (tmp_path / "two").mkdir()

@@ -95,6 +95,7 @@ def test_swaps_of_people_who_turn_are_found(free_body: BodyModel, pair: str, ste
     np.testing.assert_array_equal(corrected.xy, detected(truth).xy)
 
 
+@pytest.mark.thorough
 def test_motion_capture_keeps_its_sides(free_body: BodyModel, shared_data: Path):
     """Walks and turns, at their own rate and a third of it."""
     for i, clip in enumerate(load(shared_data / "mocap")[::4]):

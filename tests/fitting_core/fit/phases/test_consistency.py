@@ -102,6 +102,7 @@ def test_a_window_poses_no_frame_that_it_is_not_coupled_to(tiny_body: BodyModel,
     assert max(posed) == CONFIG.temporal.window_size + REACH  # the frames before it, which its residuals look at
 
 
+@pytest.mark.thorough
 def test_a_long_clip_is_fitted_in_parts_that_overlap(tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch):
     """To nearly the cost of the whole; what a part leaves to no other one is final."""
     frames, config = 16, replace(CONFIG, settings=SolverSettings(iterations=60, sequence_tolerance=1e-9))

@@ -118,6 +118,7 @@ def test_the_configured_stages_run_in_order(tiny_body: BodyModel, stages: tuple[
     assert list(dict.fromkeys(labels)) == [f"stage {s} of 5" for s in stages]
 
 
+@pytest.mark.thorough
 def test_a_shape_from_several_clips_is_nearer_than_from_any_of_them(tiny_body: BodyModel):
     """One clip shows no legs, one no arms, one hands too; before different cameras, with noise."""
     truth = random_params(12, 2, size=0.15)

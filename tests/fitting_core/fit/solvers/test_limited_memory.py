@@ -20,6 +20,8 @@ from fitting_core.fit.terms.temporal import Evenness, JointPositions
 from fitting_core.fit.variables.state import State
 from tests.samples.posed_clips import clip_of, motion, shipped_body
 
+pytestmark = pytest.mark.thorough
+
 FRAMES = 5
 WITHOUT_COLLISION = FitConfig(weights=Weights(collision=(0.0,) * 5), pose_prior="axis_angle")
 """For speed; tests/fitting_core/fit/terms/test_collision.py has both solvers on the collision term."""

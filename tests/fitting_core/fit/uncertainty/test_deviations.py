@@ -24,6 +24,8 @@ from fitting_core.results.error_bars import ANGLES, DIRECTIONS, JOINTS
 from tests.fitting_core.fit.solvers.test_banded import dense
 from tests.samples.posed_clips import CAMERA, clip_of, motion, shipped_body
 
+pytestmark = pytest.mark.thorough
+
 PRESET = PRESETS["tcfit"]
 FRAMES, SAMPLES, SMALL = 4, 3000, 1e-3
 ACROSS = DIRECTIONS.index("across")

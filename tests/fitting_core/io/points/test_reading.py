@@ -61,6 +61,7 @@ def test_a_c3d_file_whose_first_frame_is_number_0(tmp_path: Path):
     np.testing.assert_allclose(read_c3d(tmp_path / "walk.c3d").places, PLACES, atol=1e-6)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("said", [True, False])
 def test_a_c3d_file_of_more_frames_than_its_header_can_count(tmp_path: Path, said: bool):
     """Where no parameter says more, as in files of ezc3d, the header's 65535 are taken."""

@@ -18,7 +18,7 @@ from tests.drivers.page_tab import TABS, Tab, open_tab
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
-pytestmark = pytest.mark.browser
+pytestmark = pytest.mark.thorough
 
 FACES = np.array([[0, 2, 1], [0, 3, 2]])
 SQUARE = np.array([[-0.2, -0.2, 0], [0.2, -0.2, 0], [0.2, 0.2, 0], [-0.2, 0.2, 0]], np.float32)

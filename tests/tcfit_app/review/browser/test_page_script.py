@@ -46,7 +46,7 @@ from tests.drivers.page_tab import (
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
-pytestmark = pytest.mark.browser
+pytestmark = pytest.mark.thorough
 
 
 @pytest.fixture(scope="module")

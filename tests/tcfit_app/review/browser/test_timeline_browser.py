@@ -18,7 +18,7 @@ from tests.drivers.page_tab import KEYS, LENGTH, POSTER, RECORD, ROWS, TABS, TIM
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
-pytestmark = pytest.mark.browser
+pytestmark = pytest.mark.thorough
 
 RULER = 36.0
 """Its middle, in pixels below the strip's upper border."""

@@ -13,7 +13,7 @@ from tcfit_app.server.serving import review_server
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
-pytestmark = pytest.mark.browser
+pytestmark = pytest.mark.thorough
 
 MAIN = "/tcfit/main.js"
 LESS = b"delete __viserMutable.syncCanvasSize; __viserMutable.messageQueue = null;\n"

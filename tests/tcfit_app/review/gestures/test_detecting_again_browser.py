@@ -14,7 +14,7 @@ from tests.drivers.review_page import Reviewing, reviewing, until
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
-pytestmark = pytest.mark.browser
+pytestmark = pytest.mark.thorough
 
 
 def choose(review: Reviewing, *labels: str) -> None:

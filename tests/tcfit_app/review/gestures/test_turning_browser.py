@@ -18,7 +18,7 @@ from tests.samples.sessions import small_clip
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
-pytestmark = pytest.mark.browser
+pytestmark = pytest.mark.thorough
 ELBOW = INDEX["left_elbow"]
 FRAME = 3
 

@@ -14,7 +14,7 @@ from tests.drivers.review_page import Reviewing, reviewing, until
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Locator
 
-pytestmark = pytest.mark.browser
+pytestmark = pytest.mark.thorough
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from tests.tcfit_app.review.panels.test_own_rig import ODD
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
-pytestmark = pytest.mark.browser
+pytestmark = pytest.mark.thorough
 
 _OPENED = """(input) => {
   for (let box = input; box; box = box.parentElement)

@@ -84,6 +84,7 @@ def test_with_a_folder_for_them_what_lies_elsewhere_is_refused(page: LonePage, n
     assert untouched(page) and not page.page.tab.session.source.busy
 
 
+@pytest.mark.thorough
 def test_what_is_no_such_file_is_told_as_the_users_mistake(page: LonePage, named: str, tmp_path: Path):
     """Every kind of path that commands are tried with, and one that no command line can have."""
     for kind, path in {**hostile_paths(tmp_path / "hostile"), "NUL": "a\0b"}.items():

@@ -17,7 +17,7 @@ from tests.drivers.review_page import Reviewing, reviewing, until
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
-pytestmark = pytest.mark.browser
+pytestmark = pytest.mark.thorough
 
 ATTACK = "<img src=x onerror='window.attacked=1'>"
 

@@ -21,7 +21,7 @@ from tests.samples.spot_clips import FRAMES, empty_project, imported_xy, keypoin
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Locator
 
-pytestmark = pytest.mark.browser
+pytestmark = pytest.mark.thorough
 
 
 @pytest.fixture(scope="module")

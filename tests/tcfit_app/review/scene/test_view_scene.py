@@ -28,7 +28,7 @@ from tests.drivers.screens import (
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
-pytestmark = pytest.mark.browser
+pytestmark = pytest.mark.thorough
 
 WINDOW = (800, 700)
 CAMERA = Camera(focal=(620.0, 600.0), center=(150.0, 260.0), size=(640, 480))
