@@ -15,7 +15,7 @@ import { chosen, groupShown, isSide, jointRadius, located, placedOn, position, z
 
 const LINE = "rgba(200, 208, 220, 0.5)";
 const TEXT = "#b4bdc9";
-const TICKS = [0.5, 0.1]; // metres apart: the first that suits the plate
+const TICKS = [0.5, 0.1, 0.02]; // metres apart: the first that suits the plate
 const FAR = 200; // metres from the camera: the end of a line of sight, beyond any plate
 const BODY = 25; // keypoints; those of hands and face come after them
 const FEW = 4; // selected keypoints of which every line of sight is drawn
