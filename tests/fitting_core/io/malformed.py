@@ -82,13 +82,12 @@ HOSTILE: dict[str, tuple[bytes, str]] = {
         b"\x80\x04\x8c\x0bcollections\x8c\x0bOrderedDict\x93)R}\x8c\x05items\x8c\x05numpy\x8c\x07ndarray\x93sb.",
         "has no|holds a dict of nothing|is no result",
     ),
+    "more objects than the memory holds": (
+        b"\x80\x04}\x8c\x01a](" + b"]" * (2**23) + b"es.",
+        "holds more than 8388608 objects, expected those of a clip",
+    ),
 }
 """Pickles that would keep an unpickler for ever or end the process, and what is said of them."""
-MANY_OBJECTS = (
-    b"\x80\x04}\x8c\x01a](" + b"]" * (2**23) + b"es.",
-    "holds more than 8388608 objects, expected those of a clip",
-)
-"""More than the memory holds. One reader is enough: they count in one place, and this takes seconds."""
 
 
 def doubling(key: str) -> bytes:

@@ -17,7 +17,7 @@ import numpy as np
 import torch
 
 from fitting_core.io import read_motion
-from tests.fitting_core.io.malformed import FAR_MEMO, HOSTILE, MANY_OBJECTS, Bomb, Case, content, doubling, zipped
+from tests.fitting_core.io.malformed import FAR_MEMO, HOSTILE, Bomb, Case, content, doubling, zipped
 from tests.fitting_core.io.motion.learned_files import (
     TRAM_CAMERA,
     gvhmr,
@@ -182,7 +182,6 @@ LEARNED |= {
     "nested tuples": case("a.pkl", _LOOP, "holds a tuple of nothing known, no result of GVHMR, WHAM"),
     "nested dictionaries": case("a.pkl", _DICT_LOOP, "holds a dict of a, no result of GVHMR"),
     **{name: case("a.pkl", *hostile) for name, hostile in HOSTILE.items()},
-    "more objects than the memory holds": case("a.pkl", *MANY_OBJECTS),
     "a key of many tuples, packed": case(
         "a.pkl", zlib_packed(HOSTILE["a key of many tuples"][0]), "an entry under a tuple"
     ),

@@ -17,6 +17,8 @@ from tests.fitting_core.io.malformed_references import REFERENCES
 from tests.fitting_core.io.malformed_results import RESULTS
 
 CASES = {**KEYPOINTS, **RESULTS, **LEARNED, **PER_IMAGE, **MODELS, **REFERENCES, **CAMERAS, **LABORATORY}
+LONG = "more objects than the memory holds"
+"""Takes seconds to be read, whatever it is given as."""
 
 
 def files_in(folder: Path) -> dict[str, bytes | None]:
@@ -41,7 +43,9 @@ def test_there_are_as_many_cases_as_were_asked_for():
     assert len(LEARNED) >= 60 and len(CAMERAS) >= 30
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.thorough] * name.endswith(LONG)) for name in CASES]
+)
 def test_a_clear_error_and_nothing_written(name: str, broken: Path):
     case: Case = CASES[name]
     path = case.make(broken)

@@ -20,7 +20,7 @@ _GOES_ON = "http://127.0.0.1:"
 """What is printed by an app that is open until it is stopped."""
 LIMIT = 20.0
 """Seconds after which a call hangs."""
-_GLANCE, _OPEN_FOR = 0.1, 1.0
+_GLANCE, _OPEN_FOR = 0.1, 5.0
 """Seconds between two looks at a call, and for which an app is left open."""
 _STREAMS = ("out", "err")
 """Files of what a call prints."""

@@ -93,9 +93,9 @@ def test_no_panel_stumbles_over_a_strange_value(panel_page: LonePage, caplog: py
     for command in commands:
         for value in NO_VALUES:
             page.tab.guarded(lambda command=command, value=value: page.receive(Press(command, value)))()
-        page.tab.set(playing=True)
-        page.tab.advance(1e9)
-        panel_page.draw()
+            page.tab.set(playing=True)
+            page.tab.advance(1e9)
+            panel_page.draw()
     assert not [record.getMessage() for record in caplog.records if record.exc_info]
     assert not [notice for notice in panel_page.notices if "went wrong" in notice.title]
 
