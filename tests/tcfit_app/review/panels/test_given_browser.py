@@ -66,7 +66,7 @@ def test_why_a_run_cannot_be_refined_is_told(opened: Reviewing):
     """Its body is not here; nothing is begun."""
     panel(opened, "Runs")
     opened.tab.get_by_role("button", name="Refine").click()
-    opened.tab.get_by_text("of this run is missing").wait_for()
+    opened.tab.get_by_text("of this run is missing").first.wait_for()  # a notice, or a short message
     assert len(opened.session.fits.runs) == 2 and not opened.session.jobs
 
 
