@@ -1,5 +1,6 @@
 """What is known about a clip's frames before its keypoints: from the video, from options, or guessed."""
 
+import os
 import shlex
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +14,8 @@ from fitting_core.video.frames import FrameSource
 
 DEFAULT_FRAME_RATE = 30.0
 _MAX_FRAME_RATE = 2000.0
+_FRAME_MEMORY = 80_000
+"""Bytes that a frame takes while it is fitted, at least."""
 _SQUARE = 0.01
 """Allowed difference of a pixel's width and height, for rounded numbers in files."""
 
@@ -88,6 +91,19 @@ class Footage:
             says = "the video" if self.frame_rate else "the keypoint file"
             return option, (f"The frame rate is {option:g} as given; {says} says {known:g}.",)
         return option, ()
+
+
+def check_memory(path: Path, frames: int) -> None:
+    """Raise InputError if a clip has more frames than this computer can fit at once."""
+    if not hasattr(os, "sysconf"):  # Windows
+        return
+    needed, there = frames * _FRAME_MEMORY, os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    if needed > there:
+        raise InputError(
+            f"{path} has {frames:,} frames to fit, which takes {needed / 1e9:.0f} GB of memory; this computer has "
+            f"{there / 1e9:.0f}. Fit it in parts (tcfit batch --part-minutes 10), or choose fewer frames "
+            "(`first_frame`, `last_frame`)."
+        )
 
 
 def locate(video: Path | None, keypoints: Path | None) -> tuple[Path | None, Path | None]:

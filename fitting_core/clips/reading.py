@@ -10,7 +10,7 @@ from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.clips.camera import CameraGiven
 from fitting_core.clips.camera_rule import estimated, scale_by, told_by_files
-from fitting_core.clips.footage import Footage, guessed_size, locate
+from fitting_core.clips.footage import Footage, check_memory, guessed_size, locate
 from fitting_core.clips.options import CameraOptions, ClipOptions
 from fitting_core.detect.detecting import Detected
 from fitting_core.detect.found import Tell, find_keypoints, found_by, found_detections, silhouettes_of
@@ -142,6 +142,7 @@ def _empty_shot(video: Path, images: Path, clip: ClipOptions, given: CameraGiven
     part = chosen(footage.timeline, clip.first_frame, clip.last_frame)
     rate, rate_notes = footage.known_rate(clip.frame_rate, None)
     frames = ClipFrames(timeline=footage.timeline, part=part, frame_rate=rate)
+    check_memory(images, len(frames.numbers))
     nobody = (np.zeros((0, COUNT, 3)),) * len(frames.numbers)
     return Shot(
         detections=Detections(frames=nobody, stems=tuple(map(str, frames.numbers)), source=images),

@@ -17,7 +17,7 @@ from fitting_core.config.settings import Range, nearest, settings
 from fitting_core.files.regular import at_home
 from tcfit_app.options.fit import SHORTCUTS, BodyOptions, StartOptions
 
-Group = Literal["files", "subject", "clip", "camera", "body", "start", "preset", "setting"]
+Group = Literal["files", "batch", "clip", "camera", "body", "start", "preset", "setting"]
 """Which part of a clip's options a column belongs to."""
 FILES = ("video", "keypoints", "out", "shape")
 FOCAL = ("focal_length", "fov", "focal_length_35mm", "camera")
@@ -30,6 +30,8 @@ _CHOICES = {
     "keypoint_scale": ("auto", "pixels", "0..1", "-1..1"),
     "preset": tuple(PRESETS),
 }
+LEAST_PART = Range(0.1)
+"""Minutes of a part of a clip."""
 _NUMBERS = {
     "person": Range(0),
     "first_frame": Range(0),
@@ -42,6 +44,7 @@ _NUMBERS = {
     "fov": Range(0, 180, open=True),
     "focal_length_35mm": Range(open=True),
     "camera_unit": Range(open=True),
+    "part_minutes": LEAST_PART,
 }
 _NAME_OR_PATH = ("body_model", "pose_prior", "detector")
 _SEPARATORS = re.compile(r"\s*[x×,;\s]\s*")
@@ -89,7 +92,8 @@ def columns() -> dict[str, Column]:
     for group, kind in _OPTIONS.items():
         hints = get_type_hints(kind)
         named += [Column(name=name, group=group, type=_plain(hint)) for name, hint in hints.items()]
-    named += [Column(name="subject", group="subject"), Column(name="preset", group="preset")]
+    named += [Column(name="subject", group="batch"), Column(name="part_minutes", group="batch", type=float)]
+    named += [Column(name="preset", group="preset")]
     named += [Column(name=option, group="setting", setting=name) for option, name in SHORTCUTS.items()]
     return {column.name: column for column in named}
 

@@ -12,6 +12,7 @@ from fitting_core.config.settings import changed
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
 from tcfit_app.batch.columns import FOCAL, OF_CAMERA_FILE, Column, find, suggestion
+from tcfit_app.batch.parts import parts_of
 from tcfit_app.options.batch import BatchOptions
 from tcfit_app.options.fit import FitOptions, MethodOptions, StartOptions, camera_for, fit_config
 
@@ -89,7 +90,7 @@ def read_manifest(options: BatchOptions, complaints: Complaints, *, command: str
     tasks = [
         task
         for line, cells in lines
-        if (task := _task(line, cells, found, options, command, complaints, configurations))
+        for task in _tasks(line, cells, found, options, command, complaints, configurations)
     ]
     _refuse_shared_folders(tasks, complaints)
     _check_shapes(tasks, complaints)
@@ -142,7 +143,7 @@ def _columns(header: list[str], complaints: Complaints) -> list[Column | None]:
     return found
 
 
-def _task(
+def _tasks(
     line: int,
     cells: list[str],
     columns: list[Column | None],
@@ -150,12 +151,12 @@ def _task(
     command: str,
     complaints: Complaints,
     configurations: "_Configurations",
-) -> ClipTask | None:
-    """A clip, or None and complaints."""
+) -> list[ClipTask]:
+    """A clip, or its parts; none, and complaints."""
     before = len(complaints.found)
     if len(cells) != len(columns):
         complaints.add(line, f"has {len(cells)} cells; expected {len(columns)}, as many as there are columns.")
-        return None
+        return []
     given = _values(line, cells, columns, options.manifest.absolute().parent, complaints)
     files = {column.name: value for column, value in given.items() if column.group == "files"}
     if "out" not in files and any(column and column.name == "out" for column in columns):
@@ -165,11 +166,26 @@ def _task(
     config = _config(line, given, options, complaints, configurations)
     fit = _fit_options(line, files, given, options, complaints) if "out" in files else None
     if config is None or fit is None or len(complaints.found) > before:
-        return None
+        return []
     name = next(cell for cell, column in zip(cells, columns, strict=True) if column and column.name == "out")
-    subject = next((value for column, value in given.items() if column.group == "subject"), "")
+    own = {column.name: value for column, value in given.items() if column.group == "batch"}
+    subject, minutes = own.get("subject", ""), own.get("part_minutes", options.part_minutes)
     form: Form = "project" if options.projects else "files"
-    return ClipTask(line=line, name=name, fit=fit, config=config, form=form, subject=subject, command=command)
+    whole = ClipTask(line=line, name=name, fit=fit, config=config, form=form, subject=subject, command=command)
+    try:
+        return [whole] if minutes is None else _parts(whole, minutes)
+    except InputError as error:
+        complaints.add(line, str(error), "part_minutes")
+        return []
+
+
+def _parts(task: ClipTask, minutes: float) -> list[ClipTask]:
+    """A clip in parts, under one shape where it is not known and is to be found."""
+    fits = parts_of(task.fit, minutes)
+    if len(fits) == 1:
+        return [task]
+    subject = task.subject or (task.name if task.fit.shape is None and task.config.last_phase > 1 else "")
+    return [replace(task, name=f"{task.name}/{fit.out.name}", fit=fit, subject=subject) for fit in fits]
 
 
 def _values(

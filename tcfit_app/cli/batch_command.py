@@ -13,6 +13,7 @@ from fitting_core.errors import InputError
 from fitting_core.fit.fused.ready import cores
 from fitting_core.io.known_shape import read_known_shape
 from tcfit_app.batch.clip_fit import tidy
+from tcfit_app.batch.columns import LEAST_PART
 from tcfit_app.batch.fingerprint import SHAPE_NAME, detector_of, detector_version, missing_input
 from tcfit_app.batch.local import Crew, LocalProcesses, News, TaskEnded
 from tcfit_app.batch.manifest import ClipTask, Complaints, read_manifest
@@ -42,6 +43,8 @@ def run_batch(options: BatchOptions, *, command: str = "") -> int:
     """
     if options.jobs is not None and options.jobs < 1:
         raise InputError(f"--jobs is {options.jobs}; expected 1 or more, up to the number of cores.")
+    if options.part_minutes is not None and options.part_minutes not in LEAST_PART:
+        raise InputError(f"--part-minutes is {options.part_minutes:g}; expected {LEAST_PART}.")
     begin = time.monotonic()
     complaints = Complaints(options.manifest)
     tasks = read_manifest(options, complaints, command=command)

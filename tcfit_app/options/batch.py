@@ -30,6 +30,9 @@ class BatchOptions:
     ray: Annotated[tuple[str] | tuple[()] | None, shown("[ADDRESS]", "this computer's processes")] = None
     """Fit on a running Ray cluster whose nodes see the same files: its address, or nothing for the one that Ray finds;
     "local" starts one here. Needs tcfit[ray]."""
+    part_minutes: Annotated[float | None, shown("MINUTES", "the whole clip")] = None
+    """Fit each clip that is longer in parts of so many minutes at most, under one shape: a folder for each in its
+    `out`, named by the time at which it begins."""
     retry: bool = False
     """Fit clips again that failed before."""
     report: bool = False

@@ -1,5 +1,6 @@
 """Clips of a video alone: keypoints are found, once, and go the way of those from files."""
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -112,6 +113,18 @@ def test_options_are_checked_before_minutes_pass(video, walker: FakeDetector, tm
         with pytest.raises(InputError):
             read_clip(path, **as_options(options))
     assert not walker.asked
+
+
+def test_more_frames_than_the_memory_holds(video, walker: FakeDetector, monkeypatch: pytest.MonkeyPatch):
+    """Said before hours of detection, with what to do."""
+    pages = {"SC_PAGE_SIZE": 1000, "SC_PHYS_PAGES": 6 * 80}
+    monkeypatch.setattr(os, "sysconf", pages.__getitem__)
+    assert len(read_clip(video(6))) == 6
+    walker.asked.clear()
+    with pytest.raises(InputError, match=r"walk.avi has 7 frames to fit.*--part-minutes"):
+        read_clip(video(7))
+    assert not walker.asked
+    assert len(read_clip(video(7), clip=ClipOptions(last_frame=5))) == 6
 
 
 def test_one_frame(video, walker: FakeDetector):

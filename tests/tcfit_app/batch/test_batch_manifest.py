@@ -14,6 +14,7 @@ from tcfit_app.batch.manifest import ClipTask, Complaints, read_manifest
 from tcfit_app.cli.main import parse
 from tcfit_app.options.batch import BatchOptions
 from tcfit_app.options.fit import SHORTCUTS, BodyOptions, StartOptions
+from tests.samples.media import write_video
 
 
 def tasks_of(folder: Path, text: str, *options: str) -> tuple[ClipTask, ...]:
@@ -70,7 +71,8 @@ def test_every_column_has_its_effect(tmp_path: Path):
 
 def test_every_option_of_a_clip_is_a_column():
     options = {f.name for kind in (ClipOptions, CameraOptions, BodyOptions, StartOptions) for f in fields(kind)}
-    assert options | set(SHORTCUTS) | {"video", "keypoints", "out", "shape", "subject", "preset"} == set(columns())
+    own = {"video", "keypoints", "out", "shape", "subject", "preset", "part_minutes"}
+    assert options | set(SHORTCUTS) | own == set(columns())
     assert all(find(name) for name in settings())
 
 
@@ -169,3 +171,41 @@ def test_what_is_no_list_is_refused(tmp_path: Path, content: bytes):
         read_manifest(BatchOptions(manifest=tmp_path), Complaints(tmp_path))
     with pytest.raises(InputError, match="cannot be read"):
         read_manifest(BatchOptions(manifest=tmp_path / "none.csv"), Complaints(tmp_path))
+
+
+@pytest.fixture
+def filmed(tmp_path: Path) -> Path:
+    """A folder with a video of 14 frames, which a list takes for 14 seconds."""
+    write_video(tmp_path / "day.avi", frames=14)
+    return tmp_path
+
+
+def test_a_long_clip_has_parts(filmed: Path):
+    """All frames are in one part each, and no part is longer than was said, nor much shorter."""
+    parts = tasks_of(filmed, "video,out,frame_rate,part_minutes\nday.avi,fits/day,1,0.1\n")
+    spans = [(task.fit.clip.first_frame, task.fit.clip.last_frame) for task in parts]
+    assert spans == [(0, 4), (5, 8), (9, 13)]
+    assert [task.name for task in parts] == [f"fits/day/00-00-{begin:02}" for begin in (0, 5, 9)]
+    assert [task.out for task in parts] == [filmed / task.name for task in parts]
+    assert {task.subject for task in parts} == {"fits/day"} and {task.line for task in parts} == {2}
+
+
+def test_parts_of_a_part(filmed: Path):
+    text = "video,out,frame_rate,first_frame,last_frame,subject\nday.avi,o,1,2,11,anna\n"
+    parts = tasks_of(filmed, text, "--part-minutes", "0.1")
+    assert [(task.fit.clip.first_frame, task.fit.clip.last_frame) for task in parts] == [(2, 6), (7, 11)]
+    assert {task.subject for task in parts} == {"anna"}
+
+
+@pytest.mark.parametrize("more", [("--set", "last_phase=1"), ("--part-minutes", "1")])
+def test_parts_without_a_common_shape(filmed: Path, more: tuple[str, ...]):
+    """Phase 1 has none, and a clip in one piece needs none."""
+    tasks = tasks_of(filmed, "video,out,frame_rate\nday.avi,o,1\n", "--part-minutes", "0.1", *more)
+    assert {task.subject for task in tasks} == {""} and len(tasks) == (1 if more[0] == "--part-minutes" else 3)
+
+
+def test_parts_need_a_video_and_some_length(filmed: Path):
+    told = complaints_of(filmed, "video,keypoints,out,part_minutes\n,k,a,5\nday.avi,,b,0\nnone.mp4,,c,5\n")
+    assert "line 2, column part_minutes: needs the video" in told
+    assert "line 3, column part_minutes: is 0; expected a number, 0.1 or more" in told
+    assert "line 4, column part_minutes" in told and "none.mp4" in told
