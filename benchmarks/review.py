@@ -21,8 +21,12 @@ import numpy as np
 from tyro.conf import OmitArgPrefixes
 
 from benchmarks.report import Common, Row, progress, repeated, report, start
+from fitting_core.clips.reading import read_footage
+from fitting_core.detect.detecting import Detection
+from fitting_core.detect.detectors import DEFAULT, find_detector
 from fitting_core.errors import InputError
 from fitting_core.keypoints import INDEX
+from fitting_core.video.frames import FrameSource
 from tcfit_app.project.project import Project
 from tests.drivers.browser import chromium
 
@@ -101,6 +105,8 @@ class Review:
     window: tuple[int, int] = (1440, 900)
     plays: float = 20.0
     """Seconds of playback from the clip's beginning."""
+    videos: tuple[Path, ...] = ()
+    """Plain videos; for each: from the button that finds keypoints and fits to the first body."""
     side: bool = True
     """With the side view beside the picture, as it is at first."""
     common: OmitArgPrefixes[Common] = field(default_factory=Common)
@@ -239,6 +245,26 @@ def opening(browser: "Browser", project: Path, window: tuple[int, int]) -> float
     return took
 
 
+def from_a_video(browser: "Browser", video: Path, folder: Path, window: tuple[int, int]) -> float:
+    """Milliseconds from the button that finds keypoints and fits to the first body."""
+    clip = read_footage(video)
+    with FrameSource(video) as source:
+        Detection(source=source, frames=range(len(clip)), detector=find_detector(DEFAULT)).store().discard()
+    Project.create(folder, clip).close()
+    page = new_page(browser, window)
+    with served(folder) as (link, _):
+        page.goto(link)
+        button = page.get_by_text("Find keypoints and fit")
+        button.wait_for(timeout=60_000)
+        page.wait_for_timeout(5000)
+        page.evaluate("() => { window.__mesh.length = 0; window.__at = performance.now(); }")
+        button.click()
+        page.wait_for_function("() => window.__mesh.length > 0", timeout=60_000)
+        took = page.evaluate("() => window.__mesh[0] - window.__at")
+    page.close()
+    return took
+
+
 def new_page(browser: "Browser", window: tuple[int, int]) -> "Page":
     """An empty tab of some size that notes what is drawn."""
     page = browser.new_page(viewport={"width": window[0], "height": window[1]})
@@ -254,6 +280,9 @@ def run(options: Review) -> None:
         opened = [opening(browser, project, options.window) for _ in range(options.openings)]
         rows.append(summary("from the command to the first frame and its body", opened, "5000"))
         progress("opened")
+        for number, video in enumerate(options.videos):
+            found = from_a_video(browser, video, Path(folder) / f"{number}.tcfit", options.window)
+            rows.append(summary(f"{video.parent.name}, keypoints and fit: button to first body", [found], "2000"))
         page = new_page(browser, options.window)
         with served(project) as (link, _):
             first_frame(page, link)

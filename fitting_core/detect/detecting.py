@@ -13,6 +13,8 @@ from fitting_core.silhouettes import silhouette_size
 from fitting_core.video.fingerprint import fingerprint
 from fitting_core.video.frames import FrameSource
 
+_FIRST = 4
+"""Frames of the first part; each after it is twice as long, up to the detector's length."""
 _SHORTEST = 5
 """Frames in which a person must be found: false detections last for fewer."""
 
@@ -148,8 +150,13 @@ class Detection:
         )
 
     def _parts(self) -> list[range]:
-        length = self.detector.part_length(self.source.size)
-        return [self.frames[start : start + length] for start in range(0, len(self.frames), length)]
+        """The first ones are short, so that there is something to see soon."""
+        longest, parts, start = self.detector.part_length(self.source.size), [], 0
+        length = min(_FIRST, longest)
+        while start < len(self.frames):
+            parts.append(self.frames[start : start + length])
+            start, length = start + length, min(2 * length, longest)
+        return parts
 
 
 def _of_those(values: np.ndarray, kept: Bool[np.ndarray, "P"]) -> np.ndarray:

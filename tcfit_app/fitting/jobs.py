@@ -1,18 +1,24 @@
 """The worker's jobs, as generators of the fitter's events; some produce a run."""
 
 import time
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from dataclasses import dataclass, replace
 from typing import Protocol
 
+import numpy as np
+import torch
+
 from fitting_core.body.model import BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.body.points.positions import body_keypoints_in_space
+from fitting_core.camera import Camera, project
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
-from fitting_core.fit.events import FitEvent, FramesFitted, Iteration, PhaseFinished
+from fitting_core.fit.events import FitEvent, FramesFitted, Iteration, PhaseFinished, drained
 from fitting_core.fit.fitting import fit_events, shape_events
 from fitting_core.fit.refitting import refit_events
-from fitting_core.keypoints import Keypoints
+from fitting_core.keypoints import BODY, COUNT, Keypoints
 from fitting_core.results.fit_result import FitResult
 from fitting_core.results.given_start import GivenStart
 from fitting_core.results.known_shape import KnownShape
@@ -42,6 +48,8 @@ class Job(Protocol):
 
 Fresh = tuple[range, Keypoints] | Clip | None
 """Keypoints of some frames, from the clip's first; at the end the whole clip; None: nothing new."""
+_AWAY = 4.0
+"""Metres, of somebody who can be seen from head to foot."""
 _NAP = 0.1
 """Seconds between polls for keypoints being detected."""
 
@@ -82,10 +90,17 @@ class FitEverything:
             self.clip = fresh
         return (yield from fit_events(self.clip, self.body, self.config, start=self.begun_with, shape=self.shape))
 
-    def _first_look(self, frames: range, keypoints: Keypoints) -> Iterator[FitEvent]:
-        """Preview: each frame by itself, in a tenth of the time of phase 1."""
+    def warm_up(self) -> None:
+        """Load what fits need, which takes a second: a body is fitted that stands in front of the camera."""
+        drained(self._first_look(range(1), _standing(self.body, self.clip.camera)))
+
+    def _first_look(self, frames: range, keypoints: Keypoints) -> Generator[FitEvent, None, None]:
+        """Preview: each frame by itself, in a twentieth of the time of phase 1."""
         label = f"preview of {in_words(frames, self.clip.first_frame)}"
-        quick = replace(self.config, last_phase=1, relay_rounds=0, limb_flips=False, yaws="side_view")
+        settings = replace(self.config.settings, final_tolerance=self.config.settings.stage_tolerance)
+        quick = replace(
+            self.config, last_phase=1, relay_rounds=0, limb_flips=False, yaws="side_view", settings=settings
+        )
         part = replace(self.clip, keypoints=keypoints, camera=self.clip.camera[frames.start : frames.stop])
         try:
             for event in fit_events(part, self.body, quick):
@@ -95,6 +110,16 @@ class FitEverything:
                     yield replace(event, label=label, share=0.0)
         except InputError:
             return  # too few keypoints: the whole fit uses the frames around
+
+
+def _standing(body: BodyModel, camera: Camera) -> Keypoints:
+    """Those of a body that stands in front of the camera."""
+    points = body_keypoints_in_space(body, BodyParams.neutral(1)) * (1, -1, -1) + (0, 0, _AWAY)
+    known = np.isfinite(points).all(-1)
+    xy, confidence = np.zeros((1, COUNT, 2)), np.zeros((1, COUNT))
+    xy[:, BODY][known] = project(camera, torch.as_tensor(points[known])).numpy()
+    confidence[:, BODY] = known
+    return Keypoints(xy=xy, confidence=confidence)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -177,6 +177,11 @@ class Session:
         """A preset, with the height of the project's person."""
         return replace(PRESETS[name], height=self.project.height)
 
+    def warm_up(self) -> None:
+        """Load what a fit needs, if none can have begun. For any thread; raises InputError as `find_and_fit` does."""
+        if not self.project.has_detections:
+            FitEverything(clip=self.project.footage, body=self.bodies.find(), config=self.preset()).warm_up()
+
     def find_and_fit(self, detector: str, config: FitConfig | None = None, *, person: int | None = None) -> None:
         """Start detecting keypoints in the video, and fit them as they are found. Raises InputError as `fit_everything`
         and `KeypointSource.begin` do; nothing has been started then.

@@ -83,10 +83,11 @@ class DrawingData:
         return self._video
 
     def warm_up(self) -> None:
-        """Read what the first picture of a fitted project needs, before it is requested."""
+        """Read what the first picture of a fitted project needs, before it is requested, or what the first fit does."""
         self.warming = True
         self.video.get(0)
         self.tasks.get("warm", self._first_body)
+        self.tasks.get("warm fit", self.session.warm_up)
 
     def _first_body(self) -> None:
         try:

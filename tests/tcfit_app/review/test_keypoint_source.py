@@ -22,7 +22,8 @@ from fitting_core.detect.known_models import KNOWN_MODELS
 from fitting_core.detect.mediapipe import networks
 from fitting_core.errors import InputError
 from fitting_core.io.cameras.reading import CameraFile
-from fitting_core.keypoints import COUNT, INDEX, Keypoints
+from fitting_core.keypoints import BODY, COUNT, INDEX, Keypoints
+from tcfit_app.fitting import jobs
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.imports.keypoint_jobs import FoundKeypoints, ImportFiles, ImportUpload, ProgressReport
 from tcfit_app.project import project as project_module
@@ -244,7 +245,7 @@ def test_what_was_found_when_it_was_cancelled_is_not_looked_for_again(
     with session_of(folder, None) as first:
         first.source.detect(DEFAULT)
         until(first, lambda: first.source.people and len(first.source.people.done) == 2)
-        assert [part[0] for part in first.source.people.done] == [0, 8] and first.source.people.count == 2
+        assert [part[0] for part in first.source.people.done] == [0, 4] and first.source.people.count == 2
         first.source.cancel()
         gate.set()
         ended(first)
@@ -253,7 +254,7 @@ def test_what_was_found_when_it_was_cancelled_is_not_looked_for_again(
     with session_of(folder, None) as second:
         second.source.detect(DEFAULT)
         ended(second)
-        assert second.project.has_detections and min(detector.asked) == 16
+        assert second.project.has_detections and min(detector.asked) == 12
 
 
 def test_a_model_of_the_users_own(session: Session, model: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
@@ -421,3 +422,27 @@ def test_a_project_with_keypoints_has_no_such_panel(panel_server: viser.ViserSer
         project.take_detections(Keypoints(xy=np.ones((FRAMES, COUNT, 2)), confidence=np.ones((FRAMES, COUNT))))
         with lone_page(panel_server, project) as made:
             assert not [panel for panel in made.page.panels if isinstance(panel, StartPanel)]
+
+
+def test_the_first_fit_finds_everything_loaded(
+    folder: Path, detector: FakeDetector, tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch
+):
+    """Before a project has keypoints a body is fitted that nobody sees; one that has some waits for its user."""
+    fitted = []
+
+    def noting(clip: Clip, *args: Any, **more: Any) -> Any:
+        fitted.append(clip)
+        return plain(clip, *args, **more)
+
+    plain = jobs.fit_events
+    monkeypatch.setattr(jobs, "fit_events", noting)
+    with session_of(folder, tiny_body) as session:
+        session.warm_up()
+        (alone,) = fitted
+        assert len(alone) == 1 and (alone.keypoints.confidence[0, BODY] > 0).sum() > 15
+        assert (alone.keypoints.xy[alone.keypoints.confidence > 0] < alone.camera.size).all()
+        assert not session.fits.runs and not session.project.has_detections
+        session.source.detect(DEFAULT)
+        ended(session)
+        session.warm_up()
+        assert len(fitted) == 1

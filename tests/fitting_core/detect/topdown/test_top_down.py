@@ -19,6 +19,8 @@ from tests.fitting_core.detect.onnx_files import brightest_model, spots
 
 SIZE = (320, 240)
 FRAMES = 70
+LENGTHS = (4, 8, 16, PART, FRAMES - PART - 28)
+"""Frames of the parts."""
 """Two whole parts, and some."""
 
 
@@ -107,7 +109,7 @@ def test_what_is_found_does_not_depend_on_the_batch(video: Path, model: Path, ba
 
 
 @pytest.mark.parametrize("with_boxes", [False, True])
-@pytest.mark.parametrize("after", [1, 20, 36, 40, 70, 75])
+@pytest.mark.parametrize("after", [1, 6, 20, 36, 40, 70, 75])
 def test_it_goes_on_where_it_stopped(video: Path, model: Path, with_boxes: bool, after: int):
     def made() -> Detection:
         return detection(video, model, boxes=SpotBoxes(model) if with_boxes else None, batch=1)
@@ -121,7 +123,8 @@ def test_it_goes_on_where_it_stopped(video: Path, model: Path, with_boxes: bool,
         next(events)
     events.close()
     kept = sum(map(len, stopped.stored_parts(store)))
-    assert kept == sum(after > part * (PART + 2) - 1 for part in (1, 2)) * PART
+    ends = np.cumsum([length + 2 for length in LENGTHS]) - 1  # of their events: a part's frames, itself, how far it is
+    assert kept == sum(length for length, end in zip(LENGTHS, ends, strict=True) if after > end)
     *_, found = made().events(store)
     assert isinstance(found, Detected)
     assert all(np.array_equal(a, b) for a, b in zip(found.people, whole.people, strict=True))
