@@ -82,7 +82,8 @@ class BodyModel:
     shape_directions: Float[np.ndarray, "V 3 10"]
     expression_directions: Float[np.ndarray, "V 3 10"]
     pose_directions: Float[np.ndarray, "V 3 486"]
-    """Pose correctives: per joint but the root, the 9 entries of its rotation matrix minus the identity, row-major."""
+    """Pose correctives: per joint but the root, the 9 entries of its rotation matrix minus the identity, row-major.
+    float32 or float64, as in the file: they are most of its numbers."""
     joint_regressor: Float[np.ndarray, "55 V"]
     skinning_weights: Float[np.ndarray, "V 55"]
     parents: Int[np.ndarray, "55"]

@@ -57,9 +57,11 @@ class RawFile:
             raise self.error(f"'{key}' holds {bad} values that are not finite (NaN or infinity), expected none")
         return value
 
-    def floats(self, key: str, shape: tuple[int | None, ...]) -> np.ndarray:
-        """The array of a key as float64, checked as `array` does."""
-        return np.ascontiguousarray(self.array(key, shape), dtype=np.float64)
+    def floats(self, key: str, shape: tuple[int | None, ...], *, least: int = 64) -> np.ndarray:
+        """The array of a key as float64, checked as `array` does; with `least` 32 as float32 where it is stored so."""
+        value = self.array(key, shape)
+        kind = value.dtype if value.dtype in (np.float32, np.float64) and least == 32 else np.float64
+        return np.ascontiguousarray(value, dtype=kind)
 
     def indices(self, key: str, shape: tuple[int | None, ...], *, limit: int, first: int = 0) -> np.ndarray:
         """The array of a key as int64. Raises InputError as `array` does, or if its values are not whole numbers from

@@ -97,7 +97,9 @@ def _read(path: Path) -> BodyModel:
         template=template,
         shape_directions=shape,
         expression_directions=expression,
-        pose_directions=forms.pose_directions_in_55(form, raw.floats("posedirs", (len(template), 3, columns))),
+        pose_directions=forms.pose_directions_in_55(
+            form, raw.floats("posedirs", (len(template), 3, columns), least=32)
+        ),
         joint_regressor=_regressor(raw, (joints, len(template)))[list(form.regressor_rows)],
         skinning_weights=forms.weights_in_55(form, _weights(raw, (len(template), joints))),
         parents=np.array(forms.PARENTS, dtype=np.int64),
