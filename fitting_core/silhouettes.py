@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from jaxtyping import Bool, UInt8
+from jaxtyping import Bool, Int, UInt8
 
 SILHOUETTE_SIDE = 256
 """Pixels of the longer side of a mask."""
@@ -46,7 +46,7 @@ class Silhouettes:
     def __len__(self) -> int:
         return len(self.known)
 
-    def __getitem__(self, frames: slice) -> "Silhouettes":
+    def __getitem__(self, frames: slice | Int[np.ndarray, "n"]) -> "Silhouettes":
         return Silhouettes(packed=self.packed[frames], size=self.size, known=self.known[frames])
 
     def mask(self, frame: int) -> Bool[np.ndarray, "h w"] | None:

@@ -197,13 +197,19 @@ class Stages:
 
         Decisions about the whole clip stay: swapped sides, the keypoints used, what is free to move.
         """
-        inside = slice(frames.start, frames.stop)
+        return self._of(slice(frames.start, frames.stop))
+
+    def picked(self, frames: Int[np.ndarray, "n"]) -> "Stages":
+        """The same for some frames, for what takes each by itself."""
+        return self._of(frames)
+
+    def _of(self, frames: slice | Int[np.ndarray, "n"]) -> "Stages":
         return replace(
             self,
-            observations=self.observations[inside],
-            camera=self.camera[inside],
-            start=None if self.start is None else self.start[inside],
-            silhouettes=None if self.silhouettes is None else self.silhouettes[inside],
+            observations=self.observations[frames],
+            camera=self.camera[frames if isinstance(frames, slice) else frames.tolist()],
+            start=None if self.start is None else self.start[frames],
+            silhouettes=None if self.silhouettes is None else self.silhouettes[frames],
         )
 
     def __len__(self) -> int:

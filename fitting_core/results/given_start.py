@@ -3,7 +3,8 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+import torch
+from jaxtyping import Bool, Float, Int
 
 from fitting_core.body.params import BodyParams
 
@@ -41,7 +42,7 @@ class StartRecord:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GivenStart:
-    """T frames of a motion; `start[frames]` is the same for some consecutive ones."""
+    """T frames of a motion; `start[frames]` is the same for some of them."""
 
     params: BodyParams
     """Of the fitted body, in camera space; hands are axis-angle over the mean, 45 numbers each."""
@@ -57,9 +58,10 @@ class GivenStart:
     def __len__(self) -> int:
         return len(self.there)
 
-    def __getitem__(self, frames: slice) -> "GivenStart":
+    def __getitem__(self, frames: slice | Int[np.ndarray, "n"]) -> "GivenStart":
+        own = frames if isinstance(frames, slice) else torch.as_tensor(frames)
         return replace(
-            self, params=self.params[frames], there=self.there[frames], points=self.points[frames], off=self.off[frames]
+            self, params=self.params[own], there=self.there[frames], points=self.points[frames], off=self.off[frames]
         )
 
     @property

@@ -226,7 +226,7 @@ def write_shape(work: Work) -> Figures:
         raise InputError(
             f"{work.task.subject}: the files of all its clips are gone, so its shape cannot be found again."
         )
-    clips = [(_clip_of(member, work.report), read_run(member.out / FIRST_NAME, member.config)) for member in members]
+    clips = ((_clip_of(member, work.report), read_run(member.out / FIRST_NAME, member.config)) for member in members)
     found = subject_shape(clips, work.body, work.task.config)
     content = FoundShape(
         subject=work.task.subject,

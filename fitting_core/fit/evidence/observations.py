@@ -189,7 +189,7 @@ class Observations:
     def __len__(self) -> int:
         return len(self.keypoints)
 
-    def __getitem__(self, frames: slice) -> Self:
+    def __getitem__(self, frames: slice | Int[np.ndarray, "n"]) -> Self:
         return replace(self, **{name: value[frames] for name, value in self._by_frame().items()})
 
     def _by_frame(self) -> dict[str, Any]:

@@ -91,6 +91,16 @@ class Sight:
         good = stages.observations.usable & found.to(stages.observations.usable.device)
         return Sight(stages=stages, state=state, usable=good.nonzero()[:, 0] if bool(good.any()) else stages.all_frames)
 
+    @property
+    def confidence(self) -> Float[np.ndarray, "n 25"]:
+        """Of the body in the usable frames."""
+        return self.stages.keypoints.confidence[self.usable.cpu().numpy()][:, kp.BODY]
+
+    def picked(self, frames: Int[np.ndarray, "n"]) -> "Sight":
+        """These frames alone, all of which are usable."""
+        stages = self.stages.picked(frames)
+        return Sight(stages=stages, state=self.state[torch.as_tensor(frames)], usable=stages.all_frames)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SampledShape:
@@ -115,8 +125,8 @@ def fit_shape(sights: Sequence[Sight], solver: Solver, sample: ShapeSample) -> G
         solver: minimises.
         sample: how many frames, of all clips together, and in which stages.
     """
-    seen = [sight.stages.keypoints.confidence[sight.usable.cpu().numpy()][:, kp.BODY] for sight in sights]
-    chosen = torch.as_tensor(sample_frames(np.concatenate(seen), sample), device=sights[0].usable.device)
+    seen = np.concatenate([sight.confidence for sight in sights])
+    chosen = torch.as_tensor(sample_frames(seen, sample), device=sights[0].usable.device)
     whose = torch.cat([torch.full_like(sight.usable, i) for i, sight in enumerate(sights)])[chosen]
     which = torch.cat([sight.usable for sight in sights])[chosen]
     frames = [which[whose == i] for i in range(len(sights))]

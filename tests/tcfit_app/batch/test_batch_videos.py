@@ -118,3 +118,19 @@ def test_nobody_in_a_video_is_that_clips_failure(folder: Path, monkeypatch: pyte
     monkeypatch.setitem(DETECTORS, "mediapipe", known(nobody))
     assert batch(folder) == 1 and fitted(folder) == ["fits/c"]
     assert "fake found nobody in any of the 3 frames of" in capsys.readouterr().out
+
+
+def test_a_long_video_in_parts(folder: Path, capsys: pytest.CaptureFixture[str]):
+    """Each part is a clip of its own; started again, the list is done; and all have one shape."""
+    part = {"frame_rate": "0.2", "part_minutes": "0.1", "last_phase": "2"}
+    write_list(folder, [{"video": "a.avi", "out": "fits/a"} | part])
+    assert batch(folder) == 0
+    parts = sorted((folder / "fits/a").iterdir())
+    assert [part.name for part in parts] == ["00-00-00", "00-00-05", "00-00-10"]
+    fits = [read_fit(part) for part in parts]
+    assert [(fit.first_frame, len(fit.params)) for fit in fits] == [(0, 1), (1, 1), (2, 1)]
+    assert all((fit.params.betas == fits[0].params.betas).all() for fit in fits)
+    before = fitted(folder)
+    capsys.readouterr()
+    assert batch(folder) == 0 and fitted(folder) == before
+    assert "3 of 3 were done" in capsys.readouterr().out
