@@ -21,7 +21,7 @@ _SETTINGS, _MEMORY = "settings.json", "memory_"
 _VERSION = 2
 """Raised whenever the meaning of the files changes."""
 _MOST_KEPT = 100
-"""Detections; beyond that the least recently used are deleted. One of 10,000 frames takes some 20 MB."""
+"""Videos of which detections are kept; beyond that the least recently used are deleted. 10,000 frames take 20 MB."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,10 +53,12 @@ class StoredDetection:
     def __init__(self, settings: DetectionSettings, kept_in: Path | None = None) -> None:
         self._settings = json.dumps(asdict(settings), indent=1)
         self._kept_in = kept_in or users_folder()
-        self.folder = self._kept_in / hashlib.sha256(self._settings.encode()).hexdigest()[:32]
+        self.folder = (
+            self._kept_in / f"{settings.video[:16]}-{hashlib.sha256(self._settings.encode()).hexdigest()[:16]}"
+        )
 
     def begin(self) -> None:
-        """Make the folder, or continue in an existing one; the oldest detections are deleted to make room. Raises
+        """Make the folder, or continue in an existing one; those of the oldest videos are deleted to make room. Raises
         InputError if it cannot be written."""
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
@@ -64,8 +66,11 @@ class StoredDetection:
                 draft.write_text(self._settings, encoding="utf-8")
         except OSError as error:
             raise self._unwritable(error) from error
-        for old in sorted(self._kept_in.glob(f"*/{_SETTINGS}"), key=_used)[:-_MOST_KEPT]:
-            shutil.rmtree(old.parent, ignore_errors=True)
+        videos: dict[str, list[Path]] = {}
+        for settings in sorted(self._kept_in.glob(f"*/{_SETTINGS}"), key=_used, reverse=True):
+            videos.setdefault(settings.parent.name.partition("-")[0], []).append(settings.parent)
+        for old in [folder for folders in list(videos.values())[_MOST_KEPT:] for folder in folders]:
+            shutil.rmtree(old, ignore_errors=True)
 
     def _unwritable(self, error: OSError) -> InputError:
         reason = error.strerror or error

@@ -140,8 +140,8 @@ def test_nobody_at_all(video: Path):
 def test_old_detections_make_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(stored, "_MOST_KEPT", 3)
     stores = [
-        StoredDetection(DetectionSettings(video="v", first_frame=n, last_frame=9, detector="d"), tmp_path)
-        for n in range(5)
+        StoredDetection(DetectionSettings(video=video, first_frame=0, last_frame=9, detector="d"), tmp_path)
+        for video in "abcde"
     ]
     for age, store in enumerate(stores[:4]):
         store.begin()
@@ -151,6 +151,20 @@ def test_old_detections_make_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     stores[1].begin()  # used again
     stores[4].begin()
     assert [store.folder.exists() for store in stores] == [False, True, False, True, True]
+
+
+def test_the_parts_of_a_long_video_stay_or_go_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(stored, "_MOST_KEPT", 1)
+    parts = [DetectionSettings(video="day", first_frame=n, last_frame=n, detector="d") for n in range(5)]
+    stores = [StoredDetection(part, tmp_path) for part in parts]
+    for store in stores:
+        store.begin()
+    assert all(store.folder.exists() for store in stores)
+    for store in stores:
+        os.utime(store.folder / "settings.json", (1000, 1000))
+    other = StoredDetection(DetectionSettings(video="night", first_frame=0, last_frame=9, detector="d"), tmp_path)
+    other.begin()
+    assert other.folder.exists() and not any(store.folder.exists() for store in stores)
 
 
 def test_a_place_that_cannot_be_written(video: Path, keypoint_store: Path):
