@@ -39,14 +39,14 @@ def two_people(frame: int) -> np.ndarray:
 
 
 class Gated(FakeDetector):
-    """Finds two people, and waits before frame 16 until it is let go on."""
+    """Finds two people, and waits before frame 12 until it is let go on."""
 
     def __init__(self) -> None:
         self.gate = threading.Event()
         super().__init__(self._gated, length=8)
 
     def _gated(self, frame: int) -> np.ndarray:
-        assert frame < 16 or self.gate.wait(60)
+        assert frame < 12 or self.gate.wait(60)
         return two_people(frame)
 
 
@@ -169,7 +169,7 @@ def test_keypoints_are_seen_while_they_are_found_in_all_tabs(review: Reviewing, 
     second = opened(review.app, review.server, browser)
     review.tab.get_by_text("Find keypoints only").click()
     for tab in (review, second):
-        until(lambda tab=tab: found_until(tab) == 16, "the frames that were found")
+        until(lambda tab=tab: found_until(tab) == 12, "the frames that were found")
         until(lambda tab=tab: meant(tab) == 0 and others(tab) == 1, "the people of the frame")
         until(lambda tab=tab: "Detecting keypoints" in chips(tab), "the status line")
     assert review.tab.get_by_text("Find keypoints only").is_hidden()
