@@ -11,7 +11,7 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.events import drained
 from fitting_core.fit.fitting import clip_stages
-from fitting_core.fit.phases.shared_shape import Sight, fit_shape, sample_frames
+from fitting_core.fit.phases.shared_shape import Sight, fit_shape
 from fitting_core.fit.solvers import make_solver
 from fitting_core.results.fit_result import FitResult
 
@@ -27,8 +27,6 @@ class SubjectShape:
 
 _MOST_SAMPLED = 240
 """Frames over all clips that a shape is estimated from; their normal matrices take 30 MB."""
-
-
 _CANDIDATES = 4
 """Times the frames that are sampled of a clip on average: so many of each are kept in memory until all clips are
 known."""
@@ -48,10 +46,9 @@ def subject_shape(clips: Iterable[tuple[Clip, FitResult]], body: BodyModel, conf
     sights: list[Sight] = []
     numbers: list[np.ndarray] = []
     for clip, fit in clips:
-        sight = Sight.after_first_phase(clip_stages(clip, body, config, start=fit.start), fit)
-        candidates = sample_frames(sight.confidence, replace(own, size=_CANDIDATES * own.size))
-        frames = sight.usable.cpu().numpy()[candidates]
-        sights.append(sight.picked(frames))
+        stages = clip_stages(clip, body, config, start=fit.start)
+        sight, frames = Sight.candidates(stages, fit, replace(own, size=_CANDIDATES * own.size))
+        sights.append(sight)
         numbers.append(clip.first_frame + frames)
     sample = replace(own, size=min(_MOST_SAMPLED, own.size * len(sights)))
     found = drained(fit_shape(sights, make_solver(config.solver, config.settings), sample))

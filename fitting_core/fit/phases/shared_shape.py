@@ -17,7 +17,7 @@ from fitting_core.fit.solvers import Solver
 from fitting_core.fit.solvers.problem import Sample, SharedShape
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.variables.state import State
-from fitting_core.results.fit_result import FitResult
+from fitting_core.results.fit_result import FitResult, PhaseResult
 
 
 def _random(confidence: np.ndarray, sample: ShapeSample, count: int) -> np.ndarray:
@@ -79,27 +79,36 @@ class Sight:
     def after_first_phase(stages: Stages, fit: FitResult) -> "Sight":
         """A clip with a fit. Frames are sampled from those fitted in phase 1, or from all. Raises InputError if the fit
         has no phase 1."""
-        first = fit.phase(1)
-        if first is None:
-            raise InputError("There is no phase 1 to find a shape from: run everything.")
-        state, found = stages.parametrisation.from_params(first.params), torch.as_tensor(first.frame_cost).isfinite()
-        return Sight.of(stages, state, found)
+        first = _first(fit)
+        found = torch.as_tensor(first.frame_cost).isfinite()
+        return Sight.of(stages, stages.parametrisation.from_params(first.params), found)
+
+    @staticmethod
+    def candidates(stages: Stages, fit: FitResult, sample: ShapeSample) -> "tuple[Sight, Int[np.ndarray, 'n']]":
+        """The same of a sample of its frames alone, all of them usable; and which frames these are."""
+        first = _first(fit)
+        usable = _usable(stages, torch.as_tensor(first.frame_cost).isfinite()).cpu().numpy()
+        frames = usable[sample_frames(stages.keypoints.confidence[usable][:, kp.BODY], sample)]
+        picked = stages.picked(frames)
+        state = picked.parametrisation.from_params(first.params[torch.as_tensor(frames)])
+        return Sight(stages=picked, state=state, usable=picked.all_frames), frames
 
     @staticmethod
     def of(stages: Stages, state: State, found: Bool[Tensor, "T"]) -> "Sight":
         """As `after_first_phase`, from its state and the fitted frames."""
-        good = stages.observations.usable & found.to(stages.observations.usable.device)
-        return Sight(stages=stages, state=state, usable=good.nonzero()[:, 0] if bool(good.any()) else stages.all_frames)
+        return Sight(stages=stages, state=state, usable=_usable(stages, found))
 
-    @property
-    def confidence(self) -> Float[np.ndarray, "n 25"]:
-        """Of the body in the usable frames."""
-        return self.stages.keypoints.confidence[self.usable.cpu().numpy()][:, kp.BODY]
 
-    def picked(self, frames: Int[np.ndarray, "n"]) -> "Sight":
-        """These frames alone, all of which are usable."""
-        stages = self.stages.picked(frames)
-        return Sight(stages=stages, state=self.state[torch.as_tensor(frames)], usable=stages.all_frames)
+def _first(fit: FitResult) -> PhaseResult:
+    first = fit.phase(1)
+    if first is None:
+        raise InputError("There is no phase 1 to find a shape from: run everything.")
+    return first
+
+
+def _usable(stages: Stages, found: Bool[Tensor, "T"]) -> Int[Tensor, "n"]:
+    good = stages.observations.usable & found.to(stages.observations.usable.device)
+    return good.nonzero()[:, 0] if bool(good.any()) else stages.all_frames
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -125,8 +134,8 @@ def fit_shape(sights: Sequence[Sight], solver: Solver, sample: ShapeSample) -> G
         solver: minimises.
         sample: how many frames, of all clips together, and in which stages.
     """
-    seen = np.concatenate([sight.confidence for sight in sights])
-    chosen = torch.as_tensor(sample_frames(seen, sample), device=sights[0].usable.device)
+    seen = [sight.stages.keypoints.confidence[sight.usable.cpu().numpy()][:, kp.BODY] for sight in sights]
+    chosen = torch.as_tensor(sample_frames(np.concatenate(seen), sample), device=sights[0].usable.device)
     whose = torch.cat([torch.full_like(sight.usable, i) for i, sight in enumerate(sights)])[chosen]
     which = torch.cat([sight.usable for sight in sights])[chosen]
     frames = [which[whose == i] for i in range(len(sights))]
