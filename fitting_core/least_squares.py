@@ -127,7 +127,9 @@ class Descent(Generic[PointT]):
         """One damped step of every active group."""
         groups = self.active
         rows = self.problem.rows(groups)
-        step = self.problem.solve((self.cost[groups], *(a[groups] for a in self.system)), self.damping[groups])
+        everyone = len(groups) == len(self.cost)  # a copy of all of it can take 100 MB
+        system = self.system if everyone else [a[groups] for a in self.system]
+        step = self.problem.solve((self.cost[groups], *system), self.damping[groups])
         trial = self.state[rows].moved(step.move)
         cost = self.problem.cost(trial, groups)
         self.evaluations += len(groups)

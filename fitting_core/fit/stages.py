@@ -273,6 +273,7 @@ class Stages:
     def setting(self) -> Setting:
         """What the terms are made from."""
         positioned = self.observations.relative_position_deviation.isfinite().any(2)
+        fitted = self.fitted  # a function that held these stages would keep them until the next look for cycles
         return Setting(
             config=self.config,
             body=self.body,
@@ -284,7 +285,7 @@ class Stages:
             hands_shown=self.has(kp.HANDS),
             turned=self.fitted.turned_by(self.observations.seen | positioned),
             temporal_weight=self.temporal_weight,
-            colliding=lambda: self.fitted.colliding,
+            colliding=lambda: fitted.colliding,
         )
 
     def has(self, group: slice) -> bool:

@@ -131,9 +131,13 @@ class Observations:
             relative_position=position,
             relative_position_deviation=deviation,
             told=told,
-            held_position=xy.new_zeros(*confidence.shape, 3),
-            held_position_deviation=torch.full_like(confidence, torch.inf),
-            turn=torch.full_like(position, torch.nan) if turn is None else as_tensor(turn, dtype=dtype, device=device),
+            held_position=xy.new_zeros(()).expand_as(position),
+            held_position_deviation=xy.new_tensor(torch.inf).expand_as(confidence),
+            turn=(
+                xy.new_tensor(torch.nan).expand_as(position)
+                if turn is None
+                else as_tensor(turn, dtype=dtype, device=device)
+            ),
             shown=(confidence > 0).any(0) | torch.as_tensor(stated.any(0)).to(device),
         )
 

@@ -81,6 +81,8 @@ def unswapped(keypoints: Keypoints) -> tuple[Keypoints, dict[str, Int[np.ndarray
             _exchange(arrays, frames, left, right)
             _exchange(arrays, frames[_go_along(keypoints[frames])], *others)
             swaps[name] = frames
+    if not swaps:
+        return keypoints, swaps
     depth = None if keypoints.depth is None else depth
     return replace(keypoints, xy=xy, confidence=confidence, by_hand=placed, depth=depth), swaps
 

@@ -267,24 +267,27 @@ def constants_of(terms: list[Term], view: SolverView, free: Free, index: Tensor)
     )
     assert view.contour_bin is not None or not points.has_contour, "contour landmarks need each frame's yaw table"
     variant = 0 if view.contour_bin is None else view.contour_bin
-    made = k.Constants(
+    return k.Constants(
         clip=clip.view(np.recarray)[0],
         **_network(p.prior)._asdict(),
-        **laid._asdict(),
+        **laid._replace(points=_with(laid.points, given))._asdict(),
         keypoints=_records(k.KEYPOINT, tuple(data.weight.shape), **_in(k.KEYPOINT, given)),
         frames=_records(k.FRAME, (len(data.xy),), variant=variant, **_in(k.FRAME, given)),
     )
-    return with_data(made, data)
 
 
 def with_data(constants: k.Constants, data: Data) -> k.Constants:
     """With other keypoints."""
     given = k.KERNELS[Data].constants(data)
-    points, keypoints = constants.points.copy(), constants.keypoints.copy()
-    for records in (points, keypoints):
-        for name, values in _in(records.dtype, given).items():
-            records[name] = values
-    return constants._replace(points=points, keypoints=keypoints)
+    return constants._replace(points=_with(constants.points, given), keypoints=_with(constants.keypoints, given))
+
+
+def _with(records: np.ndarray, given: Mapping[str, Any]) -> np.ndarray:
+    """A copy with other values of some fields."""
+    made = records.copy()
+    for name, values in _in(records.dtype, given).items():
+        made[name] = values
+    return made
 
 
 def _in(record: np.dtype, given: Mapping[str, Any]) -> dict[str, Any]:

@@ -50,7 +50,7 @@ class FrameFits:
     def __len__(self) -> int:
         return len(self.cost)
 
-    def __getitem__(self, frames: slice) -> "FrameFits":
+    def __getitem__(self, frames: slice | Int[Tensor, "n"]) -> "FrameFits":
         return replace(
             self,
             state=self.state[frames],

@@ -4,7 +4,7 @@ from collections.abc import Generator, Iterator
 from dataclasses import replace
 
 import torch
-from jaxtyping import Bool
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from fitting_core.body.params import BodyParams
@@ -17,6 +17,7 @@ from fitting_core.fit.phases.limb_flips import LimbFlips
 from fitting_core.fit.phases.progress import Step, mirrored_label, reported, stage_label
 from fitting_core.fit.solvers import Solver, make_solver
 from fitting_core.fit.solvers.problem import IndependentFrames
+from fitting_core.fit.solvers.solution import Solution, joined
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.variables.state import State
 from fitting_core.results.provenance import TURNED, Start
@@ -26,6 +27,8 @@ YAWS = {"four": (0.0, 90.0, 180.0, 270.0), "side_view": (0.0,)}
 _AT_ONCE = 16
 """Frames fitted before the next ones start, so that bodies can be shown early. It costs nothing: signing, 149 frames,
 5.8 s of CPU time with 16, 32, 64 or all at once, the first bodies after 0.4, 0.6, 0.7 and 0.7 s."""
+_MOST_HELD = 1024
+"""Frames whose last stage's objective is held at once, 45 kB each. Making it takes 4 ms, and 65 us a frame."""
 _FIRST_SHARE = 0.6
 """Progress of the phase when every frame or keyframe has its first fit."""
 _LOWER = 1e-4
@@ -87,6 +90,32 @@ def _notes(usable: Tensor, cost: Tensor, first_frame: int) -> Iterator[str]:
         yield f"frames that could not be fitted, filled from their neighbours: {spans(failed)}"
 
 
+class _LastStage:
+    """E_o of the last stage; that of a long clip is made for some frames whenever they are wanted.
+
+    Args:
+        stages: of the whole clip.
+        state: all frames; it determines the face contour's tables, which then stay.
+    """
+
+    def __init__(self, stages: Stages, state: State) -> None:
+        self._stages, self._state, self._free = stages, state, stages.free(N_STAGES, betas=True)
+        self._whole = stages.objective(N_STAGES, state, self._free) if len(stages) <= _MOST_HELD else None
+
+    def of(self, frames: Int[Tensor, "n"]) -> Iterator[tuple[Tensor, FrameObjective, Tensor]]:
+        """These frames in parts, with an objective of each and their numbers in that."""
+        if self._whole is not None:
+            yield frames, self._whole, frames
+            return
+        for part in frames.split(_MOST_HELD):
+            stages = self._stages.picked(part.cpu().numpy())
+            yield part, stages.objective(N_STAGES, self._state[part], self._free), stages.all_frames
+
+    def cost(self, state: State, frames: Int[Tensor, "n"]) -> Float[Tensor, "n"]:
+        """Of these frames; `state` is that of the whole clip."""
+        return torch.cat([objective.cost(state[part], own) for part, objective, own in self.of(frames)])
+
+
 class _Frames:
     """Minimises over a set of frames of a clip, keeping the results of the whole clip."""
 
@@ -108,6 +137,22 @@ class _Frames:
         minimisation = self.solver.minimise(problem, start.state[self.frames], final=final)
         solution = yield from reported(minimisation, label, share, self.solver.iterations)
         return start.solved(self.frames, solution)
+
+    def _restart(
+        self, last: _LastStage, start: FrameFits, label: str, share: tuple[float, float], *, final: bool = False
+    ) -> Generator[Step, None, FrameFits]:
+        """These frames minimised in the last stage; the others unchanged, with an infinite cost."""
+        found, done = list[Solution](), 0.0
+        for part, objective, own in last.of(self.frames):
+            begin, done = done, done + len(part) / len(self.frames)
+            steps = reported(
+                self.solver.minimise(IndependentFrames(objective, own), start.state[part], final=final),
+                label,
+                (share[0] + (share[1] - share[0]) * begin, share[0] + (share[1] - share[0]) * done),
+                self.solver.iterations,
+            )
+            found.append((yield from steps))
+        return start.solved(self.frames, joined(found))
 
     def only(self, frames: Tensor, solver: Solver | None = None) -> "_Frames":
         """The same for other frames, or with another solver."""
@@ -224,35 +269,33 @@ class _Frames:
             keys: the key frames; unless these are all, they settle first, and the others start interpolated.
         """
         stages = self.stages
-        free = stages.free(N_STAGES, betas=True)
-        objective = stages.objective(N_STAGES, fits.state, free)
+        objective = _LastStage(stages, fits.state)
         cost = torch.full_like(fits.cost, torch.inf)
-        cost[keys.frames] = objective.cost(fits.state[keys.frames], keys.frames)
+        cost[keys.frames] = objective.cost(fits.state, keys.frames)
         fits = yield from keys.seats(objective, replace(fits, cost=cost), camera)
         if stages.config.limb_flips:
             fits = yield from keys.flip_limbs(objective, fits)
         if len(keys.frames) < len(self.frames):
             fits = yield from keys.rounds(objective, fits)
             fits = fits.between(self.frames)
-            objective = stages.objective(N_STAGES, fits.state, free)
+            objective = _LastStage(stages, fits.state)
             others = self.frames[~torch.isin(self.frames, keys.frames)]
-            trial = yield from self.only(others)._minimise(objective, fits, "frames between key frames", (0.6, 0.6))
+            trial = yield from self.only(others)._restart(objective, fits, "frames between key frames", (0.6, 0.6))
             fits, _ = fits.lower(trial)
         fits = yield from self.rounds(objective, fits)
-        last = stages.objective(N_STAGES, fits.state, free)
-        return (yield from self._minimise(last, fits, "last steps", (0.9, 1.0), final=True))
+        return (yield from self._restart(_LastStage(stages, fits.state), fits, "last steps", (0.9, 1.0), final=True))
 
-    def seats(self, objective: FrameObjective, fits: FrameFits, camera: State) -> Generator[Step, None, FrameFits]:
+    def seats(self, objective: _LastStage, fits: FrameFits, camera: State) -> Generator[Step, None, FrameFits]:
         """Frames with foreshortened thighs restart from a sitting pose."""
         _, searched = self.divided()
         seated = searched[thighs_foreshortened(self.stages)[searched]]
         if not len(seated):
             return fits
         start = fits.restarted(seated, self.stages.parametrisation.with_seat(camera[seated]), Start.SEAT)
-        trial = yield from self.only(seated)._minimise(objective, start, "trying a sitting pose", (0.6, 0.6))
+        trial = yield from self.only(seated)._restart(objective, start, "trying a sitting pose", (0.6, 0.6))
         return fits.lower(trial, _LOWER)[0]
 
-    def rounds(self, objective: FrameObjective, fits: FrameFits) -> Generator[Step, None, FrameFits]:
+    def rounds(self, objective: _LastStage, fits: FrameFits) -> Generator[Step, None, FrameFits]:
         """Frames restart from their neighbours, alternating forwards and backwards."""
         rounds, fresh = self.stages.config.relay_rounds, fits.cost.isfinite()
         for k in range(rounds):
@@ -266,7 +309,7 @@ class _Frames:
                 if not len(target):
                     continue
                 begun = fits.restarted(target, fits.state[source], start)
-                trial = yield from self.only(target)._minimise(
+                trial = yield from self.only(target)._restart(
                     objective, begun, f"starting from neighbouring frames, round {k + 1}", share
                 )
                 fits, better = fits.lower(trial, _LOWER)
@@ -274,7 +317,7 @@ class _Frames:
             fresh = changed
         return fits
 
-    def flip_limbs(self, objective: FrameObjective, fits: FrameFits) -> Generator[Step, None, FrameFits]:
+    def flip_limbs(self, objective: _LastStage, fits: FrameFits) -> Generator[Step, None, FrameFits]:
         """Frames restart with their limbs mirrored in depth, one at a time, and keep the lowest cost."""
         stages, settings = self.stages, self.stages.config.settings
         flips, share = LimbFlips(stages), (0.6, 0.6)
@@ -289,15 +332,16 @@ class _Frames:
             tried = []
             for flip, mirrored in flips.every(fits.state[frames]):
                 start, label = fits.restarted(frames, mirrored, flip), mirrored_label(flip)
-                tried.append((yield from self.only(frames, quick)._minimise(objective, start, label, share)))
+                trial = yield from self.only(frames, quick)._restart(objective, start, label, share)
+                tried.append(trial[frames])
             before = fits.cost
-            kept = torch.stack([trial.cost[frames] for trial in tried]).topk(_FLIPS_KEPT, 0, largest=False)
+            kept = torch.stack([trial.cost for trial in tried]).topk(_FLIPS_KEPT, 0, largest=False)
             for costs, which in zip(kept.values, kept.indices, strict=True):
                 hopeful = costs < _HOPEFUL * before[frames]
                 if not bool(hopeful.any()):
                     break
-                start = _chosen(tried, frames[hopeful], which[hopeful], fits)
-                trial = yield from self.only(frames[hopeful])._minimise(
+                start = _chosen(tried, frames, torch.where(hopeful, which, -1), fits)
+                trial = yield from self.only(frames[hopeful])._restart(
                     objective, start, "trying mirrored arms and legs", share
                 )
                 fits, _ = fits.lower(trial, _LOWER)
@@ -306,10 +350,10 @@ class _Frames:
 
 
 def _chosen(tried: list[FrameFits], frames: Tensor, which: Tensor, fits: FrameFits) -> FrameFits:
-    """The fits with some frames replaced, each by one of the trials."""
+    """The fits with some of the frames that were tried replaced, each by one of the trials; -1: not."""
     for k, trial in enumerate(tried):
-        mine = frames[which == k]
-        fits = fits.restarted(mine, trial.state[mine], trial.start[mine])
+        mine = which == k
+        fits = fits.restarted(frames[mine], trial.state[mine], trial.start[mine])
     return fits
 
 

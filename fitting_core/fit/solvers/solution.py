@@ -1,8 +1,9 @@
 """What every solver reports and returns."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import torch
 from jaxtyping import Float
 from torch import Tensor
 
@@ -32,3 +33,13 @@ class Solution:
     """Why each group ended."""
     evaluations: int
     """Cost evaluations, summed over groups."""
+
+
+def joined(parts: Sequence[Solution]) -> Solution:
+    """One solution of the groups of all, in order."""
+    return Solution(
+        state=State.cat([part.state for part in parts]),
+        cost=torch.cat([part.cost for part in parts]),
+        reason=tuple(reason for part in parts for reason in part.reason),
+        evaluations=sum(part.evaluations for part in parts),
+    )
