@@ -1,5 +1,6 @@
 """What each stage weighs and frees, against the method's table written out here once more."""
 
+import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -161,6 +162,15 @@ def test_usable_frames_show_four_body_keypoints(tiny_body: BodyModel, detections
     part.confidence[0, 3], part.xy[0, 3] = 0.19, detections.xy[0, 3]  # not quite seen
     part.confidence[1, 4:25] = 0
     assert stages_of(tiny_body, part, FitConfig()).observations.usable.tolist() == [False, True]
+
+
+def test_stages_are_freed_with_their_last_user(tiny_body: BodyModel, detections: Keypoints):
+    """Without a look for cycles, which may not come for minutes: a long fit makes thousands of them."""
+    stages = stages_of(tiny_body, detections, FitConfig())
+    objective = stages.objective(5, stages.parametrisation.neutral(2), Free())
+    known = weakref.ref(stages)
+    del stages
+    assert known() is None and len(objective.terms)
 
 
 def test_a_part_of_a_clip_looks_at_what_the_whole_clip_decides(tiny_body: BodyModel, detections: Keypoints):

@@ -16,13 +16,14 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.config.schema import FitConfig, SolverSettings, Weights
 from fitting_core.fit.fused import ready
+from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.phases import independent
 from fitting_core.fit.phases.frame_fits import FrameFits, filled
 from fitting_core.fit.phases.independent import _Frames, _key_frames, _with_fresh_neighbour, fit_frames
 from fitting_core.fit.phases.initialize import guess_depth, turned
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.stages import N_STAGES, Stages
-from fitting_core.fit.variables.state import State
+from fitting_core.fit.variables.state import Free, State
 from fitting_core.keypoints import Keypoints
 from fitting_core.results.provenance import Start, Stopped
 from fitting_core.video.frame_names import spans
@@ -128,6 +129,29 @@ def test_frames_are_fitted_some_after_the_others_with_the_same_result(
         assert torch.equal(found[at_once].start, found[100].start)
         shares = [step.share for step in told[at_once] if step.fitted is not None]
         assert shares == sorted(set(shares))
+
+
+def test_a_long_clip_is_restarted_a_few_frames_at_a_time_with_the_same_result(
+    free_body: BodyModel, clip: Keypoints, monkeypatch: pytest.MonkeyPatch
+):
+    config = replace(QUICK, relay_rounds=2, limb_flips=True, key_frames_every=2)
+    found, lengths, objective = {}, list[int](), Stages.objective
+
+    def told(stages: Stages, stage: int, state: State, free: Free) -> FrameObjective:
+        lengths.append(len(stages))
+        return objective(stages, stage, state, free)
+
+    monkeypatch.setattr(independent, "_AT_ONCE", 2)
+    for most in (2, 100):
+        monkeypatch.setattr(independent, "_MOST_HELD", most)
+        stages = stages_of(free_body, clip, config)
+        monkeypatch.setattr(Stages, "objective", told)
+        found[most] = finished(fit_frames(stages, solver_of(stages)))
+        assert max(lengths) == (3 if most == 2 else 5), "two key frames are a part of three frames"
+        lengths.clear()
+    torch.testing.assert_close(found[2].state.vector, found[100].state.vector, rtol=0, atol=1e-7)
+    torch.testing.assert_close(found[2].cost, found[100].cost, rtol=1e-9, atol=0)
+    assert torch.equal(found[2].start, found[100].start) and torch.equal(found[2].stopped, found[100].stopped)
 
 
 def test_the_camera_step_has_its_own_tolerance(free_body: BodyModel, clip: Keypoints):
