@@ -117,7 +117,7 @@ def test_options_are_checked_before_minutes_pass(video, walker: FakeDetector, tm
 
 def test_more_frames_than_the_memory_holds(video, walker: FakeDetector, monkeypatch: pytest.MonkeyPatch):
     """Said before hours of detection, with what to do."""
-    pages = {"SC_PAGE_SIZE": 1000, "SC_PHYS_PAGES": 6 * 50}
+    pages = {"SC_PAGE_SIZE": 1000, "SC_PHYS_PAGES": 6 * 35}
     monkeypatch.setattr(os, "sysconf", pages.__getitem__)
     assert len(read_clip(video(6))) == 6
     walker.asked.clear()
