@@ -161,5 +161,5 @@ def _samples(used: Sequence[tuple[Sight, Tensor]], sampled: State, stage: int) -
     free = replace(frees[0], hands=any(f.hands for f in frees), face=any(f.face for f in frees))
     first = 0
     for sight, own in used:
-        rows = sampled[first : (first := first + len(own))]
-        yield Sample(sight.stages.objective(stage, sight.state.put(own, rows), free), own)
+        stages, rows = sight.stages.picked(own.cpu().numpy()), sampled[first : (first := first + len(own))]
+        yield Sample(stages.objective(stage, rows, free), stages.all_frames)
