@@ -6,8 +6,6 @@ These are E_o. Terms that couple frames, or count once for the clip, are kept he
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass
-from functools import cached_property
-from typing import TYPE_CHECKING
 
 import torch
 from jaxtyping import Float, Int
@@ -21,9 +19,6 @@ from fitting_core.fit.terms.term import Derivative, Rows, Term
 from fitting_core.fit.variables.estimate import Estimate, SolverView
 from fitting_core.fit.variables.point_jacobian import PointJacobian
 from fitting_core.fit.variables.state import Free, State
-
-if TYPE_CHECKING:
-    from fitting_core.fit.fused.frames import FusedFrames
 
 _EVALUATED = 512
 """Frames whose costs by term are evaluated together: 35 kB per frame."""
@@ -68,11 +63,8 @@ class FrameObjective:
         self.index = free.index(p.columns).to(p.device)
         self.jacobian = PointJacobian(view.points, view.pose_columns, free, p.hand_basis)
         self._pose_index = free.index(view.pose_columns).to(p.device)
-
-    @cached_property
-    def fused(self) -> "FusedFrames | None":
-        """Kernels that evaluate the terms they know, with 30 kB of constants a frame; None if there are none."""
-        return fused_frames(self.terms, self.view, self.free, self.index)
+        self.fused = fused_frames(self.terms, view, free, self.index)
+        """Kernels that evaluate the terms they know; None if there are none."""
 
     @property
     def data(self) -> Data:

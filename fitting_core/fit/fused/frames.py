@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from copy import copy
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -50,12 +51,16 @@ class FusedFrames:
     """
 
     def __init__(self, terms: list[Term], view: SolverView, free: Free, index: Tensor, *, threads: int) -> None:
-        mine, others = known.divided(terms)
-        self.others = others
-        """Terms without kernels."""
+        mine, self.others = known.divided(terms)
+        """Those without kernels."""
         self.threads = threads
-        self._constants = known.constants_of(mine, view, free, index)
+        self._made_from = mine, view, free, index
         self._scratch: list[Scratch] = []
+
+    @cached_property
+    def _constants(self) -> k.Constants:
+        """Made when they are first wanted: they take 30 kB a frame, and not every objective is minimised."""
+        return known.constants_of(*self._made_from)
 
     def with_data(self, data: Data) -> "FusedFrames":
         """With other keypoints: a drag changes them at every move."""
