@@ -96,9 +96,13 @@ class FrameObjective:
         parts = [costs_of(self.terms, Estimate(self.view, state[i], frames[i])) for i in index.split(_EVALUATED)]
         return {name: torch.cat([part[name] for part in parts]) for name in parts[0]}
 
-    def coupled_costs(self, state: State) -> dict[str, float]:
-        """Terms over time, each summed over a clip whose frames are all in `state`; 0 if it is too short."""
-        return {term.name: self._coupled_cost(term, state) for term in self.coupling}
+    def coupled_costs(self, state: State, first: int | None = None) -> dict[str, float]:
+        """Terms over time, each summed over a clip whose frames are all in `state`, or over those residuals that begin
+        in its first frames; 0 if it is too short."""
+        return {
+            term.name: self._coupled_cost(term, state if first is None else state[: first + 2 * term.reach])
+            for term in self.coupling
+        }
 
     def _coupled_cost(self, term: Term, state: State) -> float:
         frames, total = torch.arange(len(state), device=state.vector.device), 0.0

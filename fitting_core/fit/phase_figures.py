@@ -14,6 +14,7 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.grounded import grounding_of_params, holding_feet
 from fitting_core.fit.stages import N_STAGES, Stages
+from fitting_core.fit.terms.table import REACH
 from fitting_core.fit.uncertainty.calibration import error_bars
 from fitting_core.fit.variables.state import State
 from fitting_core.ground.grounding import Grounding
@@ -22,6 +23,8 @@ from fitting_core.results.fit_result import PhaseResult
 from fitting_core.results.given_start import GivenStart
 from fitting_core.results.provenance import Provenance
 
+_TOGETHER = 1024
+"""Frames of which an objective is made at a time, 30 kB each."""
 _AROUND = 20
 """Frames on either side of the changed ones whose error bars are recomputed."""
 
@@ -131,18 +134,29 @@ def phase_result(
     sample: tuple[State, Tensor] | None = None,
 ) -> PhaseResult:
     """Figures of a state of all frames; the objective is the mean over these, or over a sample of them."""
-    objective = stages.objective(N_STAGES, state, stages.free(N_STAGES, betas=phase < 3))
-    every = objective.costs(state, stages.all_frames)
-    counted = every if sample is None else objective.costs(*sample)
+    free = stages.free(N_STAGES, betas=phase < 3)
+    costs, coupled = dict[str, Tensor](), dict[str, float]()
+    for start in range(0, len(state), _TOGETHER):
+        count = min(_TOGETHER, len(state) - start)
+        near = range(start, min(start + count + 2 * REACH, len(state)))
+        part, found = stages.within(near), state[near.start : near.stop]
+        objective = part.objective(N_STAGES, found, free)
+        for name, cost in objective.costs(found[:count], part.all_frames[:count]).items():
+            costs.setdefault(name, cost.new_zeros(len(state)))[start : start + count] = cost
+        for name, total in (objective.coupled_costs(found, count) if phase == 3 else {}).items():
+            coupled[name] = coupled.get(name, 0.0) + total
+    counted = costs
+    if sample is not None:
+        part = stages.picked(sample[1].cpu().numpy())
+        counted = part.objective(N_STAGES, state[sample[1]], free).costs(sample[0], part.all_frames)
     terms = {name: float(cost.mean()) for name, cost in counted.items()}
-    if phase == 3:
-        terms |= {name: cost / len(state) for name, cost in objective.coupled_costs(state).items()}
+    terms |= {name: cost / len(state) for name, cost in coupled.items()}
     terms["total"] = sum(terms.values())
     return PhaseResult(
         phase=phase,
         params=stages.parametrisation.to_params(state),
         objective=terms,
-        frame_cost=torch.stack(list(every.values())).sum(0).double().cpu().numpy(),
+        frame_cost=torch.stack(list(costs.values())).sum(0).double().cpu().numpy(),
         seconds=seconds,
         notes=notes,
     )
