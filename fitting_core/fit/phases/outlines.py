@@ -10,7 +10,7 @@ normal of the outline (point-to-line ICP; Y. Chen, G. Medioni, Image and Vision 
 Geman-McClure function.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -143,13 +143,13 @@ def outlined_shape(used: Sequence[tuple[Stages, torch.Tensor]], sampled: State) 
     sights = _sights(used, sampled)
     columns = used[0][0].parametrisation.columns
     clothes, outlines = CLOTHES, {}
-    height = _HeldHeight.of(used[0][0], sampled)
+    height, free = _HeldHeight.of(used[0][0], sampled), Free(body=False, hands=False, face=False)
     for _ in range(ROUNDS):
         outlines = {row: found for row, sight in sights.items() if (found := _outline(sight, sampled, row))}
         if len(outlines) < FEWEST:
             return None
         for _ in range(STEPS):
-            problem = SharedShape(*_samples(used, sampled))
+            problem = SharedShape(*samples_of(used, sampled, N_STAGES, free))
             _, gradient, matrix, held, holding = (
                 a[0].double().cpu().numpy() for a in problem.normal(sampled, torch.zeros(1, dtype=torch.long))
             )
@@ -194,13 +194,12 @@ def _betas(sampled: State, columns: slice) -> Float[np.ndarray, "10"]:
     return sampled.vector[0, columns].double().cpu().numpy()
 
 
-def _samples(used: Sequence[tuple[Stages, torch.Tensor]], sampled: State) -> list[Sample]:
-    free, first, samples = Free(body=False, hands=False, face=False), 0, []
+def samples_of(used: Sequence[tuple[Stages, torch.Tensor]], sampled: State, stage: int, free: Free) -> Iterator[Sample]:
+    """A stage's objectives of some frames of each clip alone; `sampled` is the state of these, clip by clip."""
+    first = 0
     for stages, own in used:
-        rows = sampled[first : (first := first + len(own))]
-        whole = stages.parametrisation.neutral(len(stages)).put(own, rows)
-        samples.append(Sample(stages.objective(N_STAGES, whole, free), own))
-    return samples
+        part, rows = stages.picked(own.cpu().numpy()), sampled[first : (first := first + len(own))]
+        yield Sample(part.objective(stage, rows, free), part.all_frames)
 
 
 def _rows(outline: _Outline, sampled: State, row: int, clothes: float) -> tuple[np.ndarray, np.ndarray]:

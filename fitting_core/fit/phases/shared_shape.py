@@ -1,6 +1,6 @@
 """Phase 2: one shape, from a sample of frames of a clip, or of several clips of one person."""
 
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,12 +11,12 @@ from torch import Tensor
 from fitting_core import keypoints as kp
 from fitting_core.config.schema import ShapeSample
 from fitting_core.errors import InputError
-from fitting_core.fit.phases.outlines import outlined_shape
+from fitting_core.fit.phases.outlines import outlined_shape, samples_of
 from fitting_core.fit.phases.progress import Step, reported, stage_label
 from fitting_core.fit.solvers import Solver
-from fitting_core.fit.solvers.problem import Sample, SharedShape
+from fitting_core.fit.solvers.problem import SharedShape
 from fitting_core.fit.stages import Stages
-from fitting_core.fit.variables.state import State
+from fitting_core.fit.variables.state import Free, State
 from fitting_core.results.fit_result import FitResult, PhaseResult
 
 
@@ -139,27 +139,23 @@ def fit_shape(sights: Sequence[Sight], solver: Solver, sample: ShapeSample) -> G
     whose = torch.cat([torch.full_like(sight.usable, i) for i, sight in enumerate(sights)])[chosen]
     which = torch.cat([sight.usable for sight in sights])[chosen]
     frames = [which[whose == i] for i in range(len(sights))]
-    used = [(sight, own) for sight, own in zip(sights, frames, strict=True) if len(own)]
-    betas = used[0][0].stages.parametrisation.columns.betas
-    sampled = State.cat([sight.state[own] for sight, own in used])
+    used = [(sight.stages, own) for sight, own in zip(sights, frames, strict=True) if len(own)]
+    betas = used[0][0].parametrisation.columns.betas
+    sampled = State.cat([sight.state[own] for sight, own in zip(sights, frames, strict=True)])
     sampled = sampled.with_columns(betas, sampled.vector[:, betas].mean(0).expand(len(sampled), -1))
     for i, stage in enumerate(sample.stages):
-        problem = SharedShape(*_samples(used, sampled, stage))
+        problem = SharedShape(*samples_of(used, sampled, stage, _free((stages for stages, _ in used), stage)))
         minimisation = solver.minimise(problem, sampled, final=i == len(sample.stages) - 1)
         share = (i / len(sample.stages), (i + 1) / len(sample.stages))
         solution = yield from reported(minimisation, stage_label(stage), share, solver.iterations)
         sampled = solution.state
-    outlined = outlined_shape([(sight.stages, own) for sight, own in used], sampled)
+    outlined = outlined_shape(used, sampled)
     if outlined is not None:
         return SampledShape(state=outlined.state, frames=tuple(frames), notes=(outlined.note(),))
     return SampledShape(state=sampled, frames=tuple(frames))
 
 
-def _samples(used: Sequence[tuple[Sight, Tensor]], sampled: State, stage: int) -> Iterator[Sample]:
-    """A stage's objectives from the sampled frames' state; groups visible in any of the clips are free in all."""
-    frees = [sight.stages.free(stage, betas=True) for sight, _ in used]
-    free = replace(frees[0], hands=any(f.hands for f in frees), face=any(f.face for f in frees))
-    first = 0
-    for sight, own in used:
-        stages, rows = sight.stages.picked(own.cpu().numpy()), sampled[first : (first := first + len(own))]
-        yield Sample(stages.objective(stage, rows, free), stages.all_frames)
+def _free(clips: Iterable[Stages], stage: int) -> Free:
+    """What moves in a stage: groups visible in any of the clips are free in all."""
+    frees = [stages.free(stage, betas=True) for stages in clips]
+    return replace(frees[0], hands=any(f.hands for f in frees), face=any(f.face for f in frees))
