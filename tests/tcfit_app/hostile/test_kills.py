@@ -177,10 +177,8 @@ def _batch(world: World, number: int) -> None:
 def _task(world: World, number: int) -> ClipTask:
     lists = world.folder / "batch" / str(number)
     clip = {"keypoints": str(world.sources / "keypoints"), "out": str(world.at("batch", number))}
-    manifest = lists / "clips.csv"
-    if not manifest.exists():
-        lists.mkdir(parents=True)
-        write_list(lists, [clip])
+    lists.mkdir(parents=True, exist_ok=True)
+    manifest = write_list(lists, [clip])
     options = parse(["batch", str(manifest), *CHEAP, *(["--projects"] if number % 2 else [])])
     (task,) = read_manifest(options, Complaints(manifest))
     return task
