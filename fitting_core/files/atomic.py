@@ -102,10 +102,9 @@ def scratch_folder() -> Iterator[Path]:
 
     Of a process that dies it stays until the next one asks for such a folder.
     """
-    for lock in Path(tempfile.gettempdir()).glob(f"{_SCRATCH}*/{_LOCK}"):
-        _delete_if_left(lock.parent)
-    folder = Path(tempfile.mkdtemp(prefix=_SCRATCH))
-    lock = _locked_folder(folder)
+    for left in Path(tempfile.gettempdir()).glob(f"{_SCRATCH}*"):
+        _delete_if_left(left)
+    folder, lock = _new_scratch()
     try:
         work = folder / "work"
         work.mkdir()
@@ -156,14 +155,20 @@ def _taken(folder: Path) -> int | None:
         return None
 
 
-def _locked_folder(folder: Path) -> int | None:
-    """The lock of a new folder; None where the file system knows no locks."""
-    try:
-        return locked(folder / _LOCK)
-    except OSError as error:
-        if error.errno != errno.ENOLCK:
-            raise
-        return None
+def _new_scratch() -> tuple[Path, int | None]:
+    """A temporary folder and its lock, or None where the file system knows no locks."""
+    while True:
+        folder = Path(tempfile.mkdtemp(prefix=_SCRATCH))
+        try:
+            lock = locked(folder / _LOCK)
+        except FileNotFoundError:
+            continue  # somebody else took it for a dead process's, and has deleted it
+        except OSError as error:
+            if error.errno != errno.ENOLCK:
+                raise
+            return folder, None
+        if lock is not None:
+            return folder, lock
 
 
 def _delete_if_left(folder: Path) -> None:

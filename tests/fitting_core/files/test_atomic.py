@@ -222,6 +222,39 @@ def test_without_locks_files_are_written_all_the_same(tmp_path: Path, monkeypatc
     assert path.read_text() == "new" and list(tmp_path.iterdir()) == [path] and not folder.parent.exists()
 
 
+def test_a_temporary_folder_of_a_process_that_died_before_it_locked_it_is_gone_after_the_next(temporary: Path):
+    (temporary / "tcfit-scratch-abc").mkdir()
+    with scratch_folder():
+        pass
+    assert not list(temporary.iterdir())
+
+
+def test_a_temporary_folder_that_another_process_sweeps_at_once_is_made_anew(
+    temporary: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """That process locks it before its own does: it has deleted it already, or is about to."""
+    made, held = tempfile.mkdtemp, list[int]()
+
+    def swept(prefix: str) -> str:
+        folder = Path(made(prefix=prefix))
+        if not held:
+            (folder / "tcfit-draft.lock").touch()
+            held.append(os.open(folder / "tcfit-draft.lock", os.O_RDWR))
+            assert locking.try_lock(held[0])
+        elif len(held) == 1:
+            folder.rmdir()
+            held.append(-1)
+        return str(folder)
+
+    monkeypatch.setattr(tempfile, "mkdtemp", swept)
+    with scratch_folder() as folder:
+        (folder / "a").touch()
+    os.close(held[0])
+    with scratch_folder():
+        pass
+    assert not list(temporary.iterdir())
+
+
 def test_a_users_own_temporary_folder_stays(temporary: Path):
     mine = temporary / "tcfit-of-mine"
     mine.mkdir()
