@@ -5,7 +5,9 @@ They are kept in the user's cache, so that nothing is found twice in the same fr
 
 import hashlib
 import json
+import os
 import shutil
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -20,8 +22,9 @@ from fitting_core.files.npz import read_npz, write_npz
 _SETTINGS, _MEMORY = "settings.json", "memory_"
 _VERSION = 2
 """Raised whenever the meaning of the files changes."""
-_MOST_KEPT = 100
-"""Videos of which detections are kept; beyond that the least recently used are deleted. 10,000 frames take 20 MB."""
+_MOST_KEPT = 2 << 30
+"""Bytes of detections that are kept, about a million frames of one person; beyond that the least recently used are
+deleted."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,19 +61,19 @@ class StoredDetection:
         )
 
     def begin(self) -> None:
-        """Make the folder, or continue in an existing one; those of the oldest videos are deleted to make room. Raises
-        InputError if it cannot be written."""
+        """Make the folder, or continue in an existing one; those that were used longest ago are deleted to make room.
+        Raises InputError if it cannot be written."""
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             with replacing(self.folder / _SETTINGS) as draft:
                 draft.write_text(self._settings, encoding="utf-8")
         except OSError as error:
             raise self._unwritable(error) from error
-        videos: dict[str, list[Path]] = {}
+        room = _MOST_KEPT
         for settings in sorted(self._kept_in.glob(f"*/{_SETTINGS}"), key=_used, reverse=True):
-            videos.setdefault(settings.parent.name.partition("-")[0], []).append(settings.parent)
-        for old in [folder for folders in list(videos.values())[_MOST_KEPT:] for folder in folders]:
-            shutil.rmtree(old, ignore_errors=True)
+            room -= _size(settings.parent)
+            if room < 0 and settings.parent != self.folder:
+                shutil.rmtree(settings.parent, ignore_errors=True)
 
     def _unwritable(self, error: OSError) -> InputError:
         reason = error.strerror or error
@@ -113,6 +116,13 @@ def _used(settings: Path) -> float:
         return settings.stat().st_mtime
     except OSError:
         return 0.0
+
+
+def _size(folder: Path) -> int:
+    """Bytes of the files in a folder, which another process may just be deleting."""
+    with suppress(OSError), os.scandir(folder) as files:
+        return sum(file.stat().st_size for file in files)
+    return 0
 
 
 def _part(arrays: dict[str, np.ndarray]) -> Part:

@@ -138,7 +138,7 @@ def test_nobody_at_all(video: Path):
 
 
 def test_old_detections_make_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(stored, "_MOST_KEPT", 3)
+    monkeypatch.setattr(stored, "_MOST_KEPT", 3500)
     stores = [
         StoredDetection(DetectionSettings(video=video, first_frame=0, last_frame=9, detector="d"), tmp_path)
         for video in "abcde"
@@ -147,24 +147,33 @@ def test_old_detections_make_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         store.begin()
         settings = next(store.folder.iterdir())
         assert settings.name == "settings.json"
+        (store.folder / "part-000000.npz").write_bytes(b"0" * 900)
         os.utime(settings, (1000 + age, 1000 + age))
+    assert all(store.folder.exists() for store in stores[:4])
     stores[1].begin()  # used again
+    (stores[3].folder / "part-000001.npz").write_bytes(b"0" * 900)
     stores[4].begin()
     assert [store.folder.exists() for store in stores] == [False, True, False, True, True]
 
 
-def test_the_parts_of_a_long_video_stay_or_go_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(stored, "_MOST_KEPT", 1)
-    parts = [DetectionSettings(video="day", first_frame=n, last_frame=n, detector="d") for n in range(5)]
-    stores = [StoredDetection(part, tmp_path) for part in parts]
+def test_many_short_videos_stay(tmp_path: Path):
+    """The first of a list are needed again once a subject's shape is found."""
+    settings = [DetectionSettings(video=str(n), first_frame=0, last_frame=9, detector="d") for n in range(300)]
+    stores = [StoredDetection(one, tmp_path) for one in settings]
     for store in stores:
         store.begin()
     assert all(store.folder.exists() for store in stores)
-    for store in stores:
-        os.utime(store.folder / "settings.json", (1000, 1000))
-    other = StoredDetection(DetectionSettings(video="night", first_frame=0, last_frame=9, detector="d"), tmp_path)
-    other.begin()
-    assert other.folder.exists() and not any(store.folder.exists() for store in stores)
+
+
+def test_a_detection_that_takes_all_the_room_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(stored, "_MOST_KEPT", 500)
+    settings = [DetectionSettings(video=name, first_frame=0, last_frame=9, detector="d") for name in ("day", "night")]
+    day, night = (StoredDetection(one, tmp_path) for one in settings)
+    for store in (night, day):
+        store.begin()
+        (store.folder / "part-000000.npz").write_bytes(b"0" * 900)
+    day.begin()
+    assert (day.folder / "part-000000.npz").exists() and not night.folder.exists()
 
 
 def test_a_place_that_cannot_be_written(video: Path, keypoint_store: Path):
