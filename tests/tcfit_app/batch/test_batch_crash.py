@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from tqdm import tqdm
 
 from fitting_core.body.model import BodyModel
 from fitting_core.io.result_files import read_fit
@@ -22,7 +23,7 @@ from tcfit_app.cli import batch_command
 from tcfit_app.cli.ending import CANCELLED
 from tcfit_app.cli.main import main
 from tcfit_app.fitting import child_processes
-from tests.drivers.processes import needs_fork
+from tests.drivers.processes import needs_fork, succeeded
 from tests.samples.batch_clips import CHEAP, broken_places, events, write_batch
 
 pytestmark = [
@@ -167,6 +168,12 @@ def test_clips_of_subjects_that_are_killed_twice_go_on(tmp_path: Path, free_body
     shapes = {f"fits/c{i:03}": read_fit(tmp_path / f"fits/c{i:03}").params.betas[0].tolist() for i in (2, 4, 6, 3, 5)}
     even, odd = (list(shapes.values())[part] for part in (slice(0, 3), slice(3, 5)))
     assert even[0] == even[1] == even[2] != odd[0] == odd[1]
+
+
+def test_forks_do_not_share_the_lock_of_progress_bars():
+    """One that is killed while it has it would stop all later ones."""
+    shared = tqdm.get_lock()
+    assert succeeded(lambda report: report(f"shared: {tqdm.get_lock() is shared}")) == ["shared: False"]
 
 
 @pytest.mark.slow
