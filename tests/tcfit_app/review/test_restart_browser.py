@@ -1,4 +1,4 @@
-"""tcfit is started again at the same port, with a page of the one before still open."""
+"""A tab that shows one tcfit after another: started again at the same port, or beside it at another one."""
 
 import re
 import shutil
@@ -64,6 +64,18 @@ def test_a_page_goes_on_with_the_next_tcfit(demo_project: Path, browser: "Browse
         until(lambda: not card.is_visible(), "the end of the loss")
         for one in (tab, other):
             until(lambda one=one: _lists_an_edit_of_its_own(one), "the edit")
+    context.close()
+
+
+def test_a_tab_opens_a_second_tcfit_on_another_port(demo_project: Path, browser: "Browser", tmp_path: Path):
+    folders = [Path(shutil.copytree(demo_project, tmp_path / name)) for name in ("one.tcfit", "other.tcfit")]
+    context = browser.new_context(viewport={"width": 1200, "height": 700})
+    tab = context.new_page()
+    with served(folders[0], 0) as one, served(folders[1], 0) as other:
+        for app, server in (one, other, one):
+            tab.goto(server.gate.link)
+            until(lambda app=app: any(p.tab.ready for p in app.pages.values()), "the page")
+            tab.wait_for_selector("html.tcfit-ready", state="attached")
     context.close()
 
 

@@ -1,10 +1,10 @@
-// Run by the server in each page that connects: it loads the modules, and keeps what comes for them meanwhile.
-/** @param {string} version of the modules @param {string[]} paths where they are @param {string} viser its version
- * @param {string[]} names of what is called */
+// The server runs this in each page that connects. It loads the modules and queues the calls that come meanwhile.
+/** @param {string} version of the modules @param {string[]} paths of the modules @param {string} viser its version
+ * @param {string[]} names of the calls */
 (version, paths, viser, names) => {
   if (window.tcfit?.version === version) return;
   if (window.tcfit) {
-    for (const name of names) window.tcfit[name] = () => {}; // nothing more is for this page
+    for (const name of names) window.tcfit[name] = () => {}; // this page is about to go
     return location.reload();
   }
   /** @type {[name: string, values: any[]][]} */
@@ -24,10 +24,11 @@
     console.error(text);
   };
   window.tcfit = { version, viser, calls, complain, ...later };
-  // All at once, and not each when the one before asks for it: in between the page has other things to do.
+  // All at once: if each waited for the module that imports it, the page would do other things in between.
   for (const href of paths)
     document.head.append(Object.assign(document.createElement("link"), { rel: "modulepreload", href }));
-  import(/** @type {any} */ ("/tcfit/main.js")).catch((error) => {
+  // Chromium resolves a relative import in evaluated code against the first document of the tab, maybe of another port.
+  import(new URL("/tcfit/main.js", location.href).href).catch((error) => {
     complain(`tcfit's script could not be loaded: ${error.message}. Reload this page.`);
   });
 }
