@@ -6,14 +6,21 @@ once, kept in `faults`, and never stops tcfit: it goes on without that plugin.
 
 import logging
 import re
-from collections.abc import Container
-from dataclasses import dataclass, fields, is_dataclass
+from collections.abc import Container, Iterator
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
 from importlib import metadata
 from typing import Generic, Literal, TypeVar, get_args
 
-Group = Literal["tcfit.readers", "tcfit.exports", "tcfit.findings", "tcfit.metrics"]
+Group = Literal["tcfit.readers", "tcfit.exports"]
 GROUPS: tuple[Group, ...] = get_args(Group)
+_REMOVED = {
+    "tcfit.findings": "tcfit no longer has findings from plugins; compute them in an export (tcfit.exports), which "
+    "gets the clip and the fit",
+    "tcfit.metrics": "tcfit no longer has metrics from plugins; compute them in an export (tcfit.exports), or from "
+    "fit.npz in Python",
+}
+"""Groups of earlier versions, and what replaces them."""
 
 FAILURES = (Exception, SystemExit)
 """What a stranger's code raises and only that is to end by; a plugin is no program, so `sys.exit` is a fault too."""
@@ -26,7 +33,7 @@ Thing = TypeVar("Thing")
 class Plugin(Generic[Thing]):
     """Something that a package adds."""
 
-    group: Group
+    group: str
     name: str
     """In its table: what a user types or reads."""
     package: str
@@ -50,7 +57,7 @@ class Plugin(Generic[Thing]):
 class Fault:
     """What is wrong with a plugin."""
 
-    group: Group
+    group: str
     name: str
     package: str
     reason: str
@@ -78,9 +85,7 @@ def faults() -> tuple[Fault, ...]:
     return tuple(_faults)
 
 
-def added(
-    group: Group, kind: type[Thing], *others: type, taken: Container[str] = (), report_others: bool = True
-) -> dict[str, Plugin[Thing]]:
+def added(group: Group, kind: type[Thing], *others: type, taken: Container[str] = ()) -> dict[str, Plugin[Thing]]:
     """The plugins of a group that are of one kind, by name; what cannot be used is reported and left out.
 
     Args:
@@ -88,12 +93,11 @@ def added(
         kind: What they are to be.
         others: Other kinds in the group, which another table takes.
         taken: Names of tcfit's own, which nobody may have.
-        report_others: Whether a thing of no kind that is named here is a fault.
     """
     found: dict[str, Plugin] = {}
     for plugin in loaded(group):
         if not isinstance(plugin.thing, kind):
-            if isinstance(plugin.thing, others) or not report_others:
+            if isinstance(plugin.thing, others):
                 continue
             expected = " or ".join(wanted.__name__ for wanted in (kind, *others))
             plugin.reports(f"it is of the type {type(plugin.thing).__name__}; expected {expected}")
@@ -118,11 +122,11 @@ def _no_text(thing: object) -> str:
 @cache
 def loaded(group: Group) -> tuple[Plugin[object], ...]:
     """All that a group has and that can be imported, by name and package, so that the order is the same everywhere."""
-    points = metadata.entry_points(group=group)
+    for removed, reason in _REMOVED.items():
+        for _, plugin in _entry_points(removed):
+            plugin.reports(reason)
     found = []
-    for point in sorted(points, key=lambda point: (point.name, point.dist.name if point.dist else "")):
-        package = f"{point.dist.name} {point.dist.version}" if point.dist else "of unknown name"
-        plugin = Plugin(group=group, name=point.name, package=package, thing=None)
+    for point, plugin in _entry_points(group):
         if not _NAME.fullmatch(point.name):
             plugin.reports("its name is not of small letters, digits, hyphens and underscores")
             continue
@@ -131,8 +135,16 @@ def loaded(group: Group) -> tuple[Plugin[object], ...]:
         except FAILURES as error:  # whatever a stranger's module does when it is imported
             plugin.reports(f"{point.value} cannot be imported ({_in_words(error)})")
             continue
-        found.append(Plugin(group=group, name=point.name, package=package, thing=thing))
+        found.append(replace(plugin, thing=thing))
     return tuple(found)
+
+
+def _entry_points(group: str) -> Iterator[tuple[metadata.EntryPoint, Plugin[object]]]:
+    """Those of a group by name and package, each with a plugin that is not imported yet."""
+    points = metadata.entry_points(group=group)
+    for point in sorted(points, key=lambda point: (point.name, point.dist.name if point.dist else "")):
+        package = f"{point.dist.name} {point.dist.version}" if point.dist else "of unknown name"
+        yield point, Plugin(group=group, name=point.name, package=package, thing=None)
 
 
 def forget() -> None:

@@ -13,13 +13,7 @@ if TYPE_CHECKING:  # the table of the names, which `lazy_names` reads
     from fitting_core.io.added_readers import KeypointReader as KeypointReader
     from fitting_core.io.added_readers import MotionReader as MotionReader
     from fitting_core.io.motion.imported_motion import ImportedMotion as ImportedMotion
-    from fitting_core.measure.comparison import FigureKind as FigureKind
-    from fitting_core.measure.pairing import Pair as Pair
     from fitting_core.motion import Motion as Motion
-    from tcfit_app.analysis.findings import Finding as Finding
-    from tcfit_app.analysis.posed_fit import PosedFit as PosedFit
-    from tcfit_app.analysis.run_metrics import MeasuredRun as MeasuredRun
-    from tcfit_app.analysis.run_metrics import MetricKind as MetricKind
     from tcfit_app.exports.source import ExportSource as ExportSource
     from tcfit_app.exports.table import Export as Export
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Literal, TypeVar
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -15,7 +15,6 @@ from fitting_core.measure.limbs import LIMB_FIGURES, Limbs, limb_figures, pa_mpj
 from fitting_core.measure.mesh.errors import MeshErrors, PosedBody, mesh_errors
 from fitting_core.measure.pairing import BODY_JOINTS, Pair, PosedMotion
 from fitting_core.measure.references.reference import Reference
-from fitting_core.plugins import FAILURES, Plugin, added
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,37 +88,6 @@ FIGURES: dict[str, FigureKind] = {
 """Those that are not statistics of a curve. Motion is measured in still space, where a moving camera moves nothing."""
 
 
-def figures() -> dict[str, FigureKind]:
-    """FIGURES, and behind them those that plugins add. One of these that fails has no value, and is reported."""
-    # The app has a kind of metrics of its own, and reports what is neither.
-    plugins = added("tcfit.metrics", FigureKind, taken=figure_names(), report_others=False)
-    own = {name: replace(plugin.thing, value=number_of(plugin, plugin.thing.value)) for name, plugin in plugins.items()}
-    return FIGURES | own
-
-
-def figure_names() -> set[str]:
-    """Names of tcfit's own figures: those of FIGURES and those of the curves."""
-    return {*FIGURES, *(f"{name}_{statistic}" for name, kind in CURVES.items() for statistic in kind.statistics)}
-
-
-Measured = TypeVar("Measured")
-
-
-def number_of(plugin: Plugin, value: Callable[[Measured], float | None]) -> Callable[[Measured], float | None]:
-    """What a plugin measures, as a finite number; None, with a report, where it fails or gives anything else."""
-
-    def measured(of: Measured) -> float | None:
-        try:
-            found = value(of)
-            number = None if found is None else float(found)
-        except FAILURES as error:
-            plugin.reports(error)
-            return None
-        return number if number is None or np.isfinite(number) else None
-
-    return measured
-
-
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
     """Everything measured of a fit."""
@@ -128,7 +96,7 @@ class Comparison:
     curves: dict[str, list[float | None]]
     """By name in CURVES, a number for each frame; None where there is none."""
     figures: dict[str, float | None]
-    """By name: of CURVES with the statistic behind it (`vertex_to_surface_mean`), of FIGURES, and of plugins."""
+    """By name: of CURVES with the statistic behind it (`vertex_to_surface_mean`), and of FIGURES."""
     compared_frames: int | None = None
     """In how many frames the reference's form was known; None without a reference."""
 
@@ -141,7 +109,7 @@ def figure_titles() -> dict[str, tuple[str, str, str]]:
         for name, kind in CURVES.items()
         for statistic in kind.statistics
     }
-    return means | {name: (kind.title, kind.unit, kind.better) for name, kind in figures().items()}
+    return means | {name: (kind.title, kind.unit, kind.better) for name, kind in FIGURES.items()}
 
 
 def statistic_of(values: Float[np.ndarray, "n"], statistic: str) -> float | None:
@@ -182,7 +150,7 @@ def compare(
     return Comparison(
         first_frame=estimate.first_frame,
         curves={name: [_plain(v) for v in values] for name, values in curves.items()},
-        figures=statistics | {name: kind.value(pair) for name, kind in figures().items()},
+        figures=statistics | {name: kind.value(pair) for name, kind in FIGURES.items()},
         compared_frames=None if reference is None else int(np.isfinite(curves.get("pa_mpjpe", np.empty(0))).sum()),
     )
 

@@ -4,9 +4,8 @@ A value is judged relative to the same clip. Its score is the distance above the
 robust standard deviations, or if larger a distance that no reviewer would mind. From a score of 1 it is reported.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from jaxtyping import Float
@@ -19,7 +18,6 @@ from fitting_core.fit.evidence.sides import PAIRED, unswapped
 from fitting_core.frame_runs import runs_where
 from fitting_core.image_border import seen_confidence
 from fitting_core.keypoints import SEEN
-from fitting_core.plugins import FAILURES, Plugin, added
 from tcfit_app.analysis.body_regions import KEYPOINT_OF_JOINT, LIMB_OF, REGION_OF, REGIONS, spoken, spoken_bone
 from tcfit_app.analysis.posed_fit import GROUPS, PosedFit
 
@@ -340,35 +338,3 @@ FINDINGS: dict[str, Callable[[PosedFit], Iterator[Finding]]] = {
     "confidence": _low_confidence,
 }
 """By kind. Of findings with equal scores the earlier kind is reported."""
-
-
-# --- of plugins ---
-
-
-def added_findings() -> dict[str, Callable[[PosedFit], Iterator[Finding]]]:
-    """Those added by plugins, by kind. One that fails is reported and yields nothing more."""
-    plugins = added("tcfit.findings", Callable, taken=FINDINGS)  # pyright: ignore[reportArgumentType]
-    return {kind: partial(_reported, plugin) for kind, plugin in plugins.items()}
-
-
-def _reported(plugin: Plugin[Callable[[PosedFit], Iterable[Finding]]], fit: PosedFit) -> Iterator[Finding]:
-    try:
-        for finding in plugin.thing(fit):
-            if wrong := _wrong(finding, len(fit)):
-                plugin.reports(wrong)
-                return
-            yield finding
-    except FAILURES as error:
-        plugin.reports(error)
-
-
-def _wrong(finding: object, frames: int) -> str:
-    if not isinstance(finding, Finding):
-        return f"it found {type(finding).__name__}; expected Finding"
-    if not (isinstance(finding.frame, int) and 0 <= finding.frame < frames):
-        return f"it reported frame {finding.frame!r}; expected an int from 0 to {frames - 1}"
-    if not (isinstance(finding.score, float) and np.isfinite(finding.score)):
-        return f"its score is {finding.score!r}; expected a float of at least 1"
-    if not all(isinstance(joint, int) and 0 <= joint < kp.COUNT for joint in finding.joints):
-        return f"its joints are {finding.joints!r}; expected ints from 0 to {kp.COUNT - 1}"
-    return ""

@@ -1,7 +1,7 @@
 """Figures of a run, by itself and against the project's reference, and comparisons of two runs."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -10,11 +10,9 @@ from jaxtyping import Float
 from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.measure import comparison
-from fitting_core.measure.comparison import FigureKind, number_of
 from fitting_core.measure.pairing import PosedMotion
 from fitting_core.measure.references.reference import Reference
 from fitting_core.metrics import jitter, torso_lean
-from fitting_core.plugins import added
 from fitting_core.results.fit_result import PhaseResult
 from tcfit_app.analysis.posed_fit import GROUPS, PosedFit
 
@@ -74,26 +72,17 @@ COST = "cost_"
 
 
 def run_metrics(run: MeasuredRun) -> tuple[Metric, ...]:
-    """All figures of a run: METRICS, those of plugins, and the mean cost by term of the phase of its parameters.
+    """All figures of a run: METRICS, and the mean cost by term of the phase of its parameters.
 
     The mean volume needs whole meshes: a second per thousand frames.
     """
-    figures = [_metric(name, kind, run) for name, kind in (METRICS | added_metrics()).items()]
+    figures = [_metric(name, kind, run) for name, kind in METRICS.items()]
     return (*figures, *(_cost(term, value) for term, value in run.phase.objective.items()))
 
 
 def frame_metrics(run: MeasuredRun) -> tuple[Metric, ...]:
     """The figures of a run over part of the clip, without those defined only for whole runs."""
-    kinds = METRICS | added_metrics()
-    return tuple(_metric(name, kind, run) for name, kind in kinds.items() if name not in _OF_RUNS)
-
-
-def added_metrics() -> dict[str, MetricKind]:
-    """Those added by plugins. One that fails has no value, and is reported."""
-    return {
-        name: replace(plugin.thing, value=number_of(plugin, plugin.thing.value))
-        for name, plugin in added("tcfit.metrics", MetricKind, FigureKind, taken=METRICS).items()
-    }
+    return tuple(_metric(name, kind, run) for name, kind in METRICS.items() if name not in _OF_RUNS)
 
 
 def _metric(name: str, kind: MetricKind, run: MeasuredRun) -> Metric:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitting_core.results.error_bars import JOINTS, ErrorBars
-from tcfit_app.analysis.findings import FINDINGS, LIMB_OF_BONE, WHOLE, Finding, added_findings
+from tcfit_app.analysis.findings import FINDINGS, LIMB_OF_BONE, WHOLE, Finding
 from tcfit_app.analysis.posed_fit import PosedFit
 from tcfit_app.project.storage.clip_review import Worst
 from tcfit_app.project.storage.marks import Mark
@@ -32,7 +32,7 @@ class Suspect:
     score: float
     """Highest score in the worst frame; comparable between kinds, from 1."""
     kind: str
-    """One of FINDINGS, or a plugin's."""
+    """One of FINDINGS."""
     reason: str
     """A few words about the worst frame: "left wrist is 42 px off"."""
     joints: tuple[int, ...]
@@ -87,7 +87,7 @@ class _Topic:
 
 def findings(fit: PosedFit) -> tuple[Found, ...]:
     """All findings in a whole clip."""
-    return tuple((kind, one) for kind, found_in in (FINDINGS | added_findings()).items() for one in found_in(fit))
+    return tuple((kind, one) for kind, found_in in FINDINGS.items() for one in found_in(fit))
 
 
 def review_queue(

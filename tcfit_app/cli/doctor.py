@@ -199,16 +199,11 @@ def check_plugins() -> Iterator[Check]:
     """What other packages add, and what of it cannot be used."""
     from fitting_core import plugins
     from fitting_core.io.added_readers import keypoint_readers, motion_readers
-    from fitting_core.measure.comparison import figures
-    from tcfit_app.analysis.findings import added_findings
-    from tcfit_app.analysis.run_metrics import added_metrics
     from tcfit_app.exports.table import exports
 
     tables = {
         "tcfit.readers": {**keypoint_readers(), **motion_readers()},
         "tcfit.exports": exports(),
-        "tcfit.findings": added_findings(),
-        "tcfit.metrics": {**figures(), **added_metrics()},
     }
     for group, table in tables.items():
         for plugin in plugins.loaded(group):

@@ -13,7 +13,7 @@ from rich.table import Table
 
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
-from fitting_core.measure.comparison import figure_names, figure_titles
+from fitting_core.measure.comparison import figure_titles
 from fitting_core.measure.limbs import LIMB_FIGURES
 from fitting_core.measure.records import Evaluation, Record, methods, motions, of, overall
 from fitting_core.measure.report.markup import Markup, number
@@ -77,7 +77,7 @@ def as_csv(records: Sequence[Record]) -> str:
 
 
 def print_table(records: Sequence[Record]) -> None:
-    """The main figures and those of plugins, a column for each method, by motion, over all its frames."""
+    """The main figures, a column for each method, by motion, over all its frames."""
     titles, console = figure_titles(), Console()
     for motion in motions(records):
         some = of(records, motion=motion)
@@ -86,7 +86,7 @@ def print_table(records: Sequence[Record]) -> None:
         table.add_column("", no_wrap=True)
         for name in names:
             table.add_column(name.replace(", ", "\n"), justify="right", no_wrap=True)
-        for figure in (*_PRINTED, *(name for name in titles if name not in figure_names())):
+        for figure in _PRINTED:
             values = [overall(of(some, method=name), figure) for name in names]
             if any(value is not None for value in values):
                 title, unit, _ = titles[figure]

@@ -17,21 +17,15 @@ from fitting_core.errors import InputError
 from fitting_core.io import read_detections
 from fitting_core.io.result_files import write_result
 from fitting_core.keypoints import INDEX
-from fitting_core.measure.comparison import compare, figures
-from fitting_core.measure.pairing import PosedMotion
 from tcfit_app import plugin_api
-from tcfit_app.analysis.run_metrics import MeasuredRun, run_metrics
-from tcfit_app.analysis.suspicion import review_queue
 from tcfit_app.cli import doctor
 from tcfit_app.cli.main import main
 from tcfit_app.exports.table import exports
 from tcfit_app.review.panels.export_panel import ExportPanel
 from tcfit_app.review.panels.review_panel import ReviewPanel
 from tests.drivers.lone_page import tiny_page
-from tests.samples.posed import fit_of, still_params
 from tests.samples.project_samples import sample_clip
 from tests.samples.waving import waving_fit
-from tests.tcfit_app.analysis.test_run_metrics import phase_of
 
 PAGE = Path(__file__).parents[2] / "docs" / "plugins.md"
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
@@ -122,28 +116,9 @@ def test_the_panel_export_has_it_and_hands_it_out(
         assert name.endswith(".pelvis.csv") and content.startswith(b"frame,x,y,z\n")
 
 
-def test_its_finding_is_in_the_queue(lab: None, tiny_body: BodyModel):
-    params = still_params(6)
-    params.camera_translation[3, 2] = 0.4 * params.camera_translation[0, 2]
-    found = [entry for entry in review_queue(fit_of(tiny_body, params)).left if "near-camera" in (entry.kind,)]
-    also = [text for entry in review_queue(fit_of(tiny_body, params)).left for text in (entry.reason, *entry.also)]
-    assert (found and found[0].frame == 3) or any(text.startswith("pelvis only") for text in also)
-
-
-def test_its_metrics_are_measured(lab: None, tiny_body: BodyModel):
-    fit = fit_of(tiny_body, still_params(4))
-    metrics = {m.name: m for m in run_metrics(MeasuredRun(fit=fit, phase=phase_of(fit.params), seconds=1.0))}
-    assert metrics["pelvis-depth"].value == pytest.approx(float(fit.joints[:, 0, 2].mean()))
-    assert "pelvis-way" not in metrics
-    estimate = PosedMotion(body=tiny_body, params=fit.params, camera=fit.clip.camera, frame_rate=25.0)
-    found = compare(estimate, None, meshes=False).figures
-    assert found["pelvis-way"] == pytest.approx(0.0, abs=1e-9) and "pelvis-depth" not in found
-
-
 def test_the_doctor_lists_it(lab: None):
     said = {check.found for check in doctor.check_plugins()}
-    assert {"tcfit.readers: points-csv, of tcfit-lab 1.0", "tcfit.metrics: pelvis-depth, of tcfit-lab 1.0"} <= said
-    assert len(said) == 5
+    assert said == {"tcfit.readers: points-csv, of tcfit-lab 1.0", "tcfit.exports: pelvis, of tcfit-lab 1.0"}
 
 
 def test_without_plugins_the_doctor_says_so(on_path: pytest.MonkeyPatch):
@@ -225,40 +200,17 @@ def test_what_ends_an_export_passes_through_a_plugin(odd, tmp_path: Path):
     assert not plugins.faults()
 
 
-FINDING = API + "def f(fit):\n    yield Finding({})\n"
-SOUND = "frame=1, score=9.0, reason='r', joints=()"
-
-
-@pytest.mark.parametrize(
-    ("code", "reason"),
-    [
-        (FINDING.format(SOUND) + "    1 / 0\n", "ZeroDivisionError"),
-        (FINDING.format(SOUND) + "    raise SystemExit(7)\n", "SystemExit: 7"),
-        (FINDING.format(SOUND) + "    yield 3\n", "it found int; expected Finding"),
-        (FINDING.format(SOUND) + f"    yield Finding({SOUND.replace('1,', '99,')})\n", "it reported frame 99"),
-        (
-            FINDING.format(SOUND) + f"    yield Finding({SOUND.replace('9.0', '1e999')})\n",
-            "its score is inf",
-        ),
-        (FINDING.format(SOUND) + f"    yield Finding({SOUND.replace('()', '(137,)')})\n", "its joints are"),
-    ],
-)
-def test_a_finding_that_fails_finds_no_more(odd, code: str, reason: str, tiny_body: BodyModel):
-    odd(code, findings="mine = odd:f")
-    fit = fit_of(tiny_body, still_params(4))
-    assert [entry.frame for entry in review_queue(fit).left if entry.kind == "mine"] == [1]
-    review_queue(fit)
-    (fault,) = plugins.faults()
-    assert reason in fault.text
-
-
-def test_metrics_that_fail_have_no_value(odd, tiny_body: BodyModel):
-    code = API + "F = FigureKind(title='', unit='', value=lambda pair: exit(7))\n"
-    odd(code + "M = MetricKind(title='', unit='', value=lambda run: 'many')\n", metrics="a = odd:F\nb = odd:M")
-    fit = fit_of(tiny_body, still_params(4))
-    found = {m.name: m.value for m in run_metrics(MeasuredRun(fit=fit, phase=phase_of(fit.params), seconds=1.0))}
-    assert found["b"] is None and figures()["a"].value(None) is None  # pyright: ignore[reportArgumentType]
-    assert [fault.name for fault in plugins.faults()] == ["b", "a"]
+@pytest.mark.parametrize("group", ["findings", "metrics"])
+def test_a_plugin_of_a_removed_group_is_named_with_what_replaces_it(odd, group: str, tmp_path: Path):
+    odd("raise AssertionError('imported')", **{group: "mine = odd:f"})
+    (check,) = doctor.check_plugins()
+    assert check.status == "warning" and f"tcfit.{group}: mine: tcfit no longer has {group}" in check.found
+    assert "compute them in an export" in check.found
+    plugins.forget()
+    (tmp_path / "a.txt").write_text("?")
+    with pytest.raises(InputError):
+        read_detections(tmp_path / "a.txt")
+    assert [fault.name for fault in plugins.faults()] == ["mine"], "named by any command that asks for plugins"
 
 
 def test_a_reader_that_fails_leaves_the_formats_of_tcfit(odd, tmp_path: Path):

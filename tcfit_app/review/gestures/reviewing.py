@@ -55,8 +55,7 @@ class Reviewing:
     def filter_next_kind(self) -> None:
         """List only the next kind that there is in the queue; after the last one, all kinds."""
         view, counts = self._tab.state.queue, kinds_of(self.everything or ())
-        known = dict.fromkeys(("", *FINDINGS, *counts, view.kind))
-        there = [kind for kind in known if kind in ("", view.kind) or counts[kind]]
+        there = [kind for kind in ("", *FINDINGS) if kind in ("", view.kind) or counts[kind]]
         self._tab.set(queue=replace(view, kind=there[(there.index(view.kind) + 1) % len(there)]))
 
     def go(self, step: int) -> None:
@@ -217,9 +216,9 @@ class Reviewing:
 
 
 def kinds_of(suspects: Sequence[Suspect]) -> Counter[str]:
-    """How many entries there are of each kind, in the order of FINDINGS; those of plugins last."""
+    """How many entries there are of each kind, in the order of FINDINGS."""
     counted = Counter(suspect.kind for suspect in suspects)
-    return Counter({kind: counted[kind] for kind in dict.fromkeys((*FINDINGS, *counted)) if counted[kind]})
+    return Counter({kind: counted[kind] for kind in FINDINGS if counted[kind]})
 
 
 def _within(suspect: Suspect, other: Suspect) -> bool:

@@ -58,7 +58,7 @@ KIND_WORDS = {
     "cost": "Unlikely pose",
     "confidence": "Lost",
 }
-"""Kinds of findings, as users read them; those of plugins have their own."""
+"""Kinds of findings, as users read them."""
 _FEW = 5
 """So many entries need no filters."""
 _CLIPS = {"next_clip": "Next clip", "previous_clip": "Previous clip", "list": "All clips"}

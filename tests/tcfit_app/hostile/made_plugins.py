@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-from tests.tcfit_app.conftest import QUICK
 from tests.tcfit_app.hostile.made_files import Rng, one
 
 _ACTS = (
@@ -25,7 +24,7 @@ _ACTS = (
 _CODE = """
 from pathlib import Path
 import numpy as np
-from tcfit_app.plugin_api import Detections, Export, FigureKind, Finding, KeypointReader, MetricKind
+from tcfit_app.plugin_api import Detections, Export, KeypointReader
 
 def act():
     {act}
@@ -51,36 +50,24 @@ def write(source, path, progress):
     done("write", None)
     progress(done("progress", 1.0))
 
-def finding(fit):
-    done("finding", None)
-    yield done("found", Finding(frame=0, score=1.0, reason=done("reason", "odd"), joints=()))
-
-def value(pair):
-    return done("value", 1.0)
-
 done("import", None)
 READER = done("reader", KeypointReader(title=title("reader title"), recognises=recognises, read=read))
 EXPORT = done("export", Export(title="Odd", group="Figures", suffix=done("suffix", ".odd.csv"), hint="", write=write))
-FIGURE = done("figure", FigureKind(title=done("unit", "Odd"), unit="m", value=value, better=""))
 """
-_POINTS = {"readers": "READER", "exports": "EXPORT", "findings": "finding", "metrics": "FIGURE"}
+_POINTS = {"readers": "READER", "exports": "EXPORT"}
 _LINES = {
     "readers": ["new", "walk.mp4", "--keypoints", "points.odd", "--out", "new.tcfit"],
     "exports": ["export", "walk.tcfit", "--formats", "odd", "--out", "new"],
-    "metrics": ["evaluate", "result", "--reference", "result/fit.npz", "--out", "new"],
-    "findings": ["batch", "clips.csv", "--jobs", "1", "--no-overlay", *QUICK],
 }
 _PLACES = {
     "readers": ("import", "reader", "reader title", "recognises", "read"),
     "exports": ("import", "export", "suffix", "write", "progress"),
-    "metrics": ("import", "figure", "unit", "value"),
-    "findings": ("import", "finding", "found", "reason"),
 }
 
 
 def plugins(rng: Rng, packages: Path) -> list[str]:
     """Installs one; the command line that uses it."""
-    group = one(rng, ("readers", "exports") if rng.random() < 0.9 else ("metrics", "findings"))  # which take 10 s
+    group = one(rng, ("readers", "exports"))
     place, act = one(rng, _PLACES[group]), one(rng, _ACTS)
     about = packages / "odd-0.1.dist-info"
     about.mkdir(exist_ok=True)
