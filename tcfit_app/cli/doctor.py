@@ -22,6 +22,7 @@ from fitting_core.render.off_screen import BACKENDS
 
 PYTHON = (3, 11)
 _NO_MODULE = re.compile(r"No module named '(\w+)")
+_TESTED = "install the versions that tcfit is tested with: pip install . -c constraints.txt, in its checkout"
 _PYPROJECT = Path(__file__).resolve().parents[2] / "pyproject.toml"
 
 
@@ -56,11 +57,12 @@ def doctor() -> int:
 
 
 def _lines(check: Callable[[], Iterator[Check]]) -> Iterator[Check]:
-    """What a check says, or that a package it needs cannot be imported."""
+    """A check's lines. What it raises is a failed line: a package is missing, or its interface has changed."""
     try:
         yield from check()
-    except ImportError as error:
-        yield Check(status="failed", found=f"cannot be checked: {error}", advice="pip install --force-reinstall tcfit")
+    except Exception as error:  # any: a changed interface raises TypeError or AttributeError, for instance
+        found = f"cannot be checked: {error}" if isinstance(error, ImportError) else f"{type(error).__name__}: {error}"
+        yield Check(status="failed", found=found, advice=_TESTED)
 
 
 def check_python() -> Iterator[Check]:
@@ -149,34 +151,74 @@ def check_rendering() -> Iterator[Check]:
 
 
 def check_video() -> Iterator[Check]:
-    """The encoder of overlay videos."""
+    """Whether the demo clip can be decoded, and the encoder of overlay videos."""
+    from fitting_core.clips.demo import demo_clip
     from fitting_core.video.encoding import can_encode
+    from fitting_core.video.frames import FrameSource
 
+    with FrameSource(demo_clip().video) as frames:
+        frames.frame(frames.count - 1)
+        yield Check(status="ok", found=f"PyAV decodes the demo clip, {frames.count} frames")
     if can_encode():
         yield Check(status="ok", found="PyAV writes H.264 videos")
     else:
         yield Check(status="warning", found="PyAV was built without H.264", advice="pip install --force-reinstall av")
 
 
+def check_networks() -> Iterator[Check]:
+    """Whether the networks that come with tcfit can be read."""
+    from fitting_core.lifting.perspective import read_perspective
+    from fitting_core.lifting.weights import read_lifter
+    from fitting_core.priors.files.registry import read_prior
+    from fitting_core.shipped import LIFTER, PERSPECTIVE, POSE_PRIOR
+
+    for read, path in ((read_lifter, LIFTER), (read_perspective, PERSPECTIVE), (read_prior, POSE_PRIOR)):
+        read(path)
+        yield Check(status="ok", found=path.name)
+
+
 def check_detector() -> Iterator[Check]:
-    """The embedded detector's networks."""
+    """Whether the networks that find keypoints are on this computer, and can be opened."""
     from fitting_core.detect.mediapipe import networks
 
     get = "tcfit models add mediapipe"
     here = [name for name in networks.NETWORKS if networks.is_installed(name)]
-    damaged = [name for name in here if not networks.is_sound(name)]
     gone = networks.missing()
-    if damaged:
-        yield Check(status="warning", found=f"damaged: {', '.join(damaged)}, in {networks.folder()}", advice=get)
-    elif gone:
+    broken = False
+    for name in here:
+        if why := _refusal(lambda name=name: networks.Network(name)):
+            broken = True
+            yield Check(status="warning", found=why, advice=get)
+    if gone:
         which = "the networks are" if len(gone) == len(networks.NEEDED) else f"{', '.join(gone)} of its networks are"
         found = f"{which} not on this computer: tcfit cannot find keypoints in a video"
         yield Check(status="warning", found=found, advice=f"{get} (90 MB, once); not needed with --keypoints")
-    elif len(here) < len(networks.NETWORKS):
-        found = f"its networks are in {networks.folder()}, but not the more exact one for bodies, which is optional"
-        yield Check(status="ok", found=found, advice=get)
-    else:
-        yield Check(status="ok", found=f"its networks are in {networks.folder()}")
+    elif not broken:
+        lacks = "" if len(here) == len(networks.NETWORKS) else ", but not the more exact one for bodies, optional"
+        found = f"MediaPipe's networks are in {networks.folder()}{lacks}"
+        yield Check(status="ok", found=found, advice=get if lacks else "")
+    yield from _downloaded_models()
+
+
+def _downloaded_models() -> Iterator[Check]:
+    from fitting_core.detect.known_models import KNOWN_MODELS, is_here, model_path
+    from fitting_core.detect.topdown.families import load_box_model, load_pose_model
+
+    for name in filter(is_here, KNOWN_MODELS):
+        load = load_pose_model if KNOWN_MODELS[name].finds == "points" else load_box_model
+        if why := _refusal(lambda load=load, name=name: load(model_path(name))):
+            yield Check(status="warning", found=why, advice=f"tcfit detect --download {name}")
+        else:
+            yield Check(status="ok", found=f"{name}: {model_path(name)}")
+
+
+def _refusal(load: Callable[[], object]) -> str:
+    """Why a network cannot be opened; empty if it can."""
+    try:
+        load()
+    except Exception as error:  # any: onnxruntime's exceptions have no other common base
+        return str(error)
+    return ""
 
 
 def check_folders() -> Iterator[Check]:
@@ -221,7 +263,8 @@ CHECKS: dict[str, Callable[[], Iterator[Check]]] = {
     "Computing": check_torch,
     "Off-screen rendering (overlay video)": check_rendering,
     "Video": check_video,
-    "Embedded detector": check_detector,
+    "Networks of the fit": check_networks,
+    "Detectors": check_detector,
     "Folders": check_folders,
     "Plugins": check_plugins,
 }

@@ -5,9 +5,13 @@ import sys
 from importlib import metadata
 from pathlib import Path
 
+import av
 import pytest
 
+from fitting_core import shipped
 from fitting_core.body.files import registry
+from fitting_core.detect.known_models import model_path
+from fitting_core.detect.mediapipe import networks
 from fitting_core.fit.fused import ready
 from fitting_core.render import renderer
 from fitting_core.video import encoding
@@ -136,13 +140,46 @@ def test_osmesa_counts_where_egl_is_missing(monkeypatch: pytest.MonkeyPatch):
 @pytest.mark.parametrize(("codec", "status"), [("libx264", "ok"), ("none", "warning")])
 def test_video(monkeypatch: pytest.MonkeyPatch, codec: str, status: str):
     monkeypatch.setattr(encoding, "CODEC", codec)
-    assert [check.status for check in check_video()] == [status]
+    assert [check.status for check in check_video()] == ["ok", status]
 
 
 def test_a_package_that_cannot_be_imported_fails_its_check(places: Path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "fitting_core.video.encoding", None)
     assert doctor() == 1
     assert "cannot be checked" in capsys.readouterr().out
+
+
+def test_a_package_whose_interface_has_changed_fails_its_check(places: Path, monkeypatch, capsys):
+    """PyAV 19 refused an argument that earlier versions took, and no video could be read."""
+
+    def opened(file: str, mode: str) -> None:
+        raise AssertionError("called with other arguments")
+
+    monkeypatch.setattr(av, "open", opened)
+    assert doctor() == 1
+    out = capsys.readouterr().out
+    assert "failed  TypeError" in out and "-c constraints.txt" in out and "tcfit fit cannot run yet" in out
+
+
+def test_a_network_that_comes_with_tcfit_and_is_damaged_fails(places: Path, monkeypatch, capsys):
+    (places / "lifter.npz").write_bytes(b"x")
+    monkeypatch.setattr(shipped, "LIFTER", places / "lifter.npz")
+    assert doctor() == 1
+    assert "lifter.npz" in capsys.readouterr().out
+
+
+def test_networks_that_cannot_be_opened_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """The checksum of MediaPipe's is right; the downloaded one is no model."""
+    monkeypatch.setenv("TCFIT_DETECTORS", str(tmp_path))
+    place = networks.folder()
+    place.mkdir()
+    networks.onnx_path("face_landmark", place).write_bytes(b"not ONNX")
+    networks.write_list(place)
+    model_path("dwpose-l").write_bytes(b"neither")
+    opened, missing, downloaded = report.check_detector()
+    assert {check.status for check in (opened, missing, downloaded)} == {"warning"}
+    assert opened.advice == "tcfit models add mediapipe" and "cannot find keypoints" in missing.found
+    assert "dwpose-l" in downloaded.found
 
 
 def _versions(monkeypatch: pytest.MonkeyPatch, requirements: list[str], installed: dict[str, str]) -> None:
