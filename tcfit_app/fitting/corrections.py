@@ -148,25 +148,32 @@ class Corrections:
         if self._project.runs.get(base.id).deleted:
             raise InputError(f"{base.name} was deleted, so its refitted corrections were not stored.")
         now_seen = self.edits_seen(base, windows, seen)
-        new = base.kind != "corrections"
-        with self._fits.unseen():
-            collected = self._begun(base, found, now_seen) if new else base
-            changes = self._changes_of(collected.id)
+        before = Frames.of(fit, windows, base.edits_seen)
+
+        def change(changes: Changes) -> None:
             if self._project.redoable is None:
                 changes.forget(changes.taken_back)
-            changes.add(
-                Frames.of(fit, windows, base.edits_seen),
-                # The run it is based on may already include later edits.
-                seen=max([seen, *(change.about.seen for change in changes.made[-1:])]),
-                edits=edits,
-                frames=len(clip),
-            )
-            if new:
-                self._project.runs.finish(collected.id, found)
-                self._collected[run] = collected.id
-            else:
+            # The run it is based on may already include later edits.
+            latest = max([seen, *(change.about.seen for change in changes.made[-1:])])
+            changes.add(before, seen=latest, edits=edits, frames=len(clip))
+
+        with self._fits.unseen():
+            if base.kind == "corrections":
+                change(self._changes_of(base.id))
                 self._project.runs.amend(base.id, found, edits_seen=now_seen)
-            self._fits.publish(collected.id, found)
+            else:
+                base = self._project.runs.add(
+                    found,
+                    body=base.body,
+                    edits_seen=now_seen,
+                    kind="corrections",
+                    parent=base.id,
+                    given=base.given,
+                    name=self._name(base),
+                    change=change,
+                )
+                self._collected[run] = base.id
+            self._fits.publish(base.id, found)
 
     def _emptied(self, base: Run) -> Run | None:
         """The last run of corrections of a run of which every one was undone: it is what that run is."""
@@ -177,18 +184,10 @@ class Corrections:
                     return one
         return None
 
-    def _begun(self, base: Run, fit: FitResult, seen: int) -> Run:
+    def _name(self, base: Run) -> str:
         name, taken = f"{base.name} corrected", {run.name for run in self._fits.runs}
         names = (name if number == 1 else f"{name} {number}" for number in count(1))
-        return self._project.runs.start(
-            fit.config,
-            body=base.body,
-            edits_seen=seen,
-            kind="corrections",
-            parent=base.id,
-            given=base.given,
-            name=next(name for name in names if name not in taken),
-        )
+        return next(name for name in names if name not in taken)
 
     def _changes_of(self, run: int) -> Changes:
         if run not in self._changes:

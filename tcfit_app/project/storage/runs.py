@@ -1,11 +1,13 @@
 """The fits of a project: a row each in its database, and the results in runs/<id>.npz. Only this module knows both.
 
-A row is created before its file, so every file has a row. While a run is going on, its file may hold the phases
-finished so far; if its process dies, the run becomes "interrupted" the next time the project is opened, and keeps them.
+A row is created before its file or together with it, so every file has a row. Only a run with a job is "running": its
+file may hold the phases finished so far; if its process dies, the run becomes "interrupted" the next time the project
+is opened, and keeps them.
 """
 
+import os
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from itertools import count
@@ -19,7 +21,7 @@ import msgspec
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.config.toml import as_plain
 from fitting_core.errors import InputError
-from fitting_core.files.atomic import sweep, sync
+from fitting_core.files.atomic import drafting, sweep, sync
 from fitting_core.results.fit_result import FitResult
 from tcfit_app.project.storage.accessing import accessing
 from tcfit_app.project.storage.changes import Changes, file_name
@@ -106,30 +108,59 @@ class Runs:
             frames: The frames to refit; None for all.
             name: By default from its number.
         """
+        with self._writing() as connection:
+            number = self._insert(
+                connection,
+                config,
+                state="running",
+                body=body,
+                edits_seen=edits_seen,
+                kind=kind,
+                parent=parent,
+                given=given,
+                frames=frames,
+                name=name,
+            )
+        return self.get(number)
+
+    def _insert(
+        self,
+        connection: sqlite3.Connection,
+        config: FitConfig,
+        *,
+        state: RunState,
+        body: BodyRecord,
+        edits_seen: int,
+        kind: RunKind,
+        parent: int | None,
+        given: Given,
+        name: str,
+        frames: range | None = None,
+    ) -> int:
         if parent is not None:
             self.get(parent)
-        with self._writing() as connection:
-            cursor = connection.execute(
-                "INSERT INTO runs (name, kind, state, config, body, parent, given, first_frame, last_frame,"
-                f" edits_seen, started, moment) VALUES (?, ?, 'running', ?, ?, ?, ?, ?, ?, ?, ?, {_NEXT})",
-                (
-                    checked_name(name) if name else "",
-                    kind,
-                    msgspec.json.encode(as_plain(config)).decode(),
-                    msgspec.json.encode(body).decode(),
-                    parent,
-                    msgspec.json.encode(given).decode() if given != Given() else None,
-                    frames.start if frames else None,
-                    frames.stop - 1 if frames else None,
-                    edits_seen,
-                    _now().isoformat(),
-                ),
-            )
-            number = cursor.lastrowid
-            assert number is not None
-            if not name:
-                connection.execute("UPDATE runs SET name = ? WHERE id = ?", (f"Run {number}", number))
-        return self.get(number)
+        cursor = connection.execute(
+            "INSERT INTO runs (name, kind, state, config, body, parent, given, first_frame, last_frame,"
+            f" edits_seen, started, moment) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, {_NEXT})",
+            (
+                checked_name(name) if name else "",
+                kind,
+                state,
+                msgspec.json.encode(as_plain(config)).decode(),
+                msgspec.json.encode(body).decode(),
+                parent,
+                msgspec.json.encode(given).decode() if given != Given() else None,
+                frames.start if frames else None,
+                frames.stop - 1 if frames else None,
+                edits_seen,
+                _now().isoformat(),
+            ),
+        )
+        number = cursor.lastrowid
+        assert number is not None
+        if not name:
+            connection.execute("UPDATE runs SET name = ? WHERE id = ?", (f"Run {number}", number))
+        return number
 
     def store(self, run: int, fit: FitResult) -> None:
         """Store a run's finished phases. Raises InputError if it is not running, or the project cannot be written."""
@@ -160,19 +191,54 @@ class Runs:
         *,
         body: BodyRecord,
         edits_seen: int,
-        summary: dict[str, Any],
-        kind: RunKind = "fit",
+        kind: RunKind,
+        parent: int | None = None,
         given: Given = Given(),  # noqa: B008 - it is frozen
+        summary: dict[str, Any] | None = None,
         name: str = "",
+        change: Callable[[Changes], object] = lambda changes: None,
     ) -> Run:
-        """Store what was fitted elsewhere as a finished run; it is on disk when this returns, or listed as failed.
-        Arguments and errors as of `start` and `finish`."""
-        run = self.start(fit.config, body=body, edits_seen=edits_seen, kind=kind, given=given, name=name)
-        try:
-            return self.finish(run.id, fit, summary=summary)
-        except InputError as error:
-            self.end(run.id, "failed", str(error))
-            raise
+        """Store a finished run, which is on disk when this returns. Raises InputError as `start` and `finish`; there is
+        no run then.
+
+        Args:
+            fit: Its result.
+            body: As in `start`, like the other arguments.
+            edits_seen: See `start`.
+            kind: See `start`.
+            parent: See `start`.
+            given: See `start`.
+            summary: See `finish`.
+            name: See `start`.
+            change: Stores the run's first change, if it has one.
+        """
+        number = None
+        with accessing(self._folder), drafting(self._folder / "added.npz") as draft:
+            write_run(draft, fit)
+            try:
+                with self._writing() as connection:
+                    number = self._insert(
+                        connection,
+                        fit.config,
+                        state="finished",
+                        body=body,
+                        edits_seen=edits_seen,
+                        kind=kind,
+                        parent=parent,
+                        given=given,
+                        name=name,
+                    )
+                    connection.execute(
+                        "UPDATE runs SET summary = ?, ended = started WHERE id = ?", (_summary(fit, summary), number)
+                    )
+                    change(self.changes(number))
+                    os.replace(draft, self._path(number))
+                    sync(self._folder)
+            except BaseException:
+                if number is not None:  # the next run will have it
+                    self._remove_files(number)
+                raise
+        return self.get(number)
 
     def amend(self, run: int, fit: FitResult, *, edits_seen: int) -> Run:
         """Update the result of a finished run of corrections; it is on disk when this returns. Raises InputError if it
@@ -233,9 +299,7 @@ class Runs:
         with self._writing() as connection, accessing(self._folder):
             # Files first: a row without a file only means that there is nothing to show.
             for run in gone:
-                self._path(run).unlink(missing_ok=True)
-                if (changes := self._path(run).with_suffix("")).is_dir():
-                    rmtree(changes)
+                self._remove_files(run)
             sync(self._folder)
             connection.executemany("DELETE FROM runs WHERE id = ?", [(run,) for run in gone])
         return gone
@@ -262,6 +326,11 @@ class Runs:
     def changes(self, run: int) -> Changes:
         """The changes that corrections made to a run."""
         return Changes(self._path(run).with_suffix(""))
+
+    def _remove_files(self, run: int) -> None:
+        self._path(run).unlink(missing_ok=True)
+        if (changes := self._path(run).with_suffix("")).is_dir():
+            rmtree(changes)
 
     def _expect(self, run: int, state: RunState) -> None:
         found = self.get(run)

@@ -1,0 +1,87 @@
+"""The disk is full for a while, at any write of what the user does."""
+
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from fitting_core import keypoints as kp
+from fitting_core.body.model import BodyModel
+from fitting_core.errors import InputError
+from tcfit_app.fitting import edit_follower
+from tcfit_app.project.edits.kinds import Nudge
+from tcfit_app.project.project import Project
+from tcfit_app.review.session.session import Session
+from tests.flows.disk import disk
+from tests.samples.sessions import QUICK, idle, newest, session_of, small_clip
+
+WRIST = kp.INDEX["right_wrist"]
+WRITES = range(12)
+"""How many writes succeed before the disk is full."""
+
+
+@pytest.fixture(scope="module")
+def fitted(tiny_body: BodyModel, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A project with one whole fit; not to be changed."""
+    folder = tmp_path_factory.mktemp("fitted") / "walk.tcfit"
+    Project.create(folder, small_clip(tiny_body)).close()
+    with session_of(folder, tiny_body) as session:
+        session.fit_everything(QUICK, kind="smplx", gender="neutral")
+        idle(session)
+    return folder
+
+
+@pytest.fixture
+def session(fitted: Path, tmp_path: Path, tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch) -> Iterator[Session]:
+    monkeypatch.setattr(edit_follower, "SETTLING", 0.0)
+    monkeypatch.setattr("tcfit_app.review.session.session.RETRY", 0.0)
+    with session_of(Path(shutil.copytree(fitted, tmp_path / "walk.tcfit")), tiny_body) as made:
+        yield made
+
+
+def edited(session: Session) -> None:
+    session.edit(Nudge(frames=(4,), joints=(WRIST,), by=(25.0, 0.0)), author="me", shown=newest(session))
+
+
+def undone(session: Session) -> None:
+    edited(session)
+    idle(session)
+    session.undo(author="me", shown=newest(session))
+
+
+def rerun(session: Session) -> None:
+    session.rerun_frames(newest(session), QUICK, (range(2, 4),))
+
+
+def fitted_again(session: Session) -> None:
+    session.fit_everything(QUICK, kind="smplx", gender="neutral")
+
+
+def imported(session: Session) -> None:
+    run = newest(session).run
+    session.project.runs.add(session.fits.fit(run), body=run.body, edits_seen=0, kind="imported")
+
+
+def assert_only_jobs_run(session: Session) -> None:
+    """No run is running, as there is no job; each can be deleted."""
+    idle(session)
+    session.take_news()
+    runs = session.project.runs
+    assert [run.name for run in runs.all() if run.state == "running"] == []
+    for run in runs.all():
+        session.delete(run.id)
+
+
+@pytest.mark.parametrize("room", WRITES)
+@pytest.mark.parametrize("act", [edited, undone, rerun, fitted_again, imported])
+def test_full_disk_leaves_no_run_without_a_job(session: Session, act: Callable[[Session], None], room: int):
+    with disk() as full:
+        full.room = room
+        try:
+            act(session)
+            idle(session)
+        except InputError as error:
+            assert "full" in str(error) or "No space" in str(error)
+        full.room = None
+        assert_only_jobs_run(session)
