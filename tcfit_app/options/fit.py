@@ -1,6 +1,6 @@
 """The options of `tcfit fit`, and how they become a FitConfig. Imports nothing heavy."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -49,22 +49,33 @@ NO_KEYPOINTS = Path("none")
 DETECTOR_NAMES = f"{', '.join(DETECTORS)}, or an ONNX model of the RTMPose family; `tcfit detect --list` says more."
 
 SHORTCUTS = {
+    "temporal_weight": "temporal.weight",
+    "window_size": "temporal.window_size",
+    "shape_sample": "shape_sample.size",
+    "height": "height",
+    "device": "device",
+}
+"""Options for the settings that are changed most, by the name of the option."""
+REMOVED = {
     "solver": "solver",
     "pose_prior": "pose_prior",
     "temporal": "temporal.mode",
-    "temporal_weight": "temporal.weight",
     "temporal_space": "temporal.space",
-    "window_size": "temporal.window_size",
-    "shape_sample": "shape_sample.size",
     "shape_strategy": "shape_sample.strategy",
     "seed": "shape_sample.seed",
-    "height": "height",
     "silhouettes": "silhouettes",
     "start_deviation": "start_deviation",
-    "device": "device",
     "precision": "precision",
 }
-"""Options for the settings that are changed most, by the name of the option."""
+"""Options that earlier versions had for single settings; lists of clips may still have these columns."""
+
+
+def refuse_removed(arguments: Sequence[str]) -> None:
+    """Raise InputError if a command line has an option of REMOVED; the message names its replacement."""
+    for argument in arguments:
+        option, _, text = argument.partition("=")
+        if option.startswith("--") and (setting := REMOVED.get(option[2:].replace("-", "_"))):
+            raise InputError(f"{option} is not an option any more. Use --set {setting}={text or 'VALUE'}.")
 
 
 def _shortcut(option: str, text: str = "") -> Any:
@@ -152,29 +163,13 @@ class MethodOptions:
     """smplifyx: phase 1 as SMPLify-X; paper: as the paper has it; tcfit: what measures best."""
     config: Annotated[Path | None, shown("FILE.toml", "none")] = None
     """Settings in TOML; `tcfit settings` prints such a file with all of them."""
-    solver: Annotated[str | None, _shortcut("solver", "Levenberg-Marquardt, or L-BFGS as the paper has it.")] = None
-    pose_prior: Annotated[
-        str | None, _shortcut("pose_prior", "Likely poses: plain, learned from motion capture, or VPoser's files.")
-    ] = None
-    temporal: Annotated[str | None, _shortcut("temporal")] = None
     temporal_weight: Annotated[str | None, _shortcut("temporal_weight")] = None
-    temporal_space: Annotated[str | None, _shortcut("temporal_space")] = None
     window_size: Annotated[str | None, _shortcut("window_size", "Frames of a sliding window.")] = None
     shape_sample: Annotated[str | None, _shortcut("shape_sample", "Frames that find the shared shape.")] = None
-    shape_strategy: Annotated[str | None, _shortcut("shape_strategy")] = None
-    seed: Annotated[str | None, _shortcut("seed", "Of the random sample of frames.")] = None
-    start_deviation: Annotated[
-        str | None, _shortcut("start_deviation", "How near the fit is held to the result of --start, in metres.")
-    ] = None
     height: Annotated[
         str | None, _shortcut("height", "The person's height in centimetres; the distance follows it.")
     ] = None
-    silhouettes: Annotated[
-        str | None,
-        _shortcut("silhouettes", "Find the shape with what the person covers of the image, where that is known."),
-    ] = None
     device: Annotated[str | None, _shortcut("device", "Where torch computes: cpu, cuda, cuda:1, mps.")] = None
-    precision: Annotated[str | None, _shortcut("precision", "Number type of the computation.")] = None
     set: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="KEY=VALUE", help_behavior_hint="(repeatable)")] = ()
     """Any setting that `tcfit settings` lists, by its dotted name: --set weights.body_pose=404,404,57.4,4.78,4.78"""
 

@@ -12,8 +12,10 @@ from fitting_core.files.regular import legible
 
 _LONGEST_NAME, _LONGEST = 255, 4095
 """Bytes of a file's name and of a path, as Linux has them."""
-_NAMES_OR_PATHS = ("body_model", "pose_prior", "detector")
+_NAMES_OR_PATHS = ("body_model", "detector")
 """Options that take the name of something known, or a path."""
+_PRIOR = "pose_prior="
+"""A value of --set that may name a file."""
 
 
 def check_paths(options: Any) -> None:
@@ -33,6 +35,9 @@ def check_paths(options: Any) -> None:
 def _paths_in(options: Any) -> Iterator[Path]:
     if isinstance(options, Path):
         yield options
+    elif isinstance(options, str):
+        if options.startswith(_PRIOR):
+            yield Path(options.removeprefix(_PRIOR))
     elif isinstance(options, tuple):
         for value in options:
             yield from _paths_in(value)

@@ -17,7 +17,7 @@ from fitting_core.keypoints import BODY, COUNT, Keypoints
 
 CAMERA = Camera(focal=(800.0, 800.0), center=(320.0, 240.0), size=(640, 480))
 CHEAP = (
-    "--no-overlay --preset paper --pose-prior relaxed --image-size 640 480 --focal-length 800 --set last_phase=1"
+    "--no-overlay --preset paper --set pose_prior=relaxed --image-size 640 480 --focal-length 800 --set last_phase=1"
     " --set settings.iterations=2 --set weights.collision=0,0,0,0,0"
 ).split()
 """Options that fit such a clip in a fraction of a second."""

@@ -81,9 +81,13 @@ def test_what_is_done_is_left_until_its_files_or_settings_change(tmp_path: Path,
     assert (tmp_path / "fits/c000/fit.npz").stat().st_mtime_ns == before
     shutil.rmtree(tmp_path / "keypoints/c000")  # of a clip that is done the input is not needed any more
     assert batch(tmp_path) == 0 and fits(tmp_path) == 5
-    assert batch(tmp_path, "--seed", "7") == INPUT_ERROR  # but now it is
+    assert batch(tmp_path, "--set", "shape_sample.seed=7") == INPUT_ERROR  # but now it is
     write_clip(tmp_path / "keypoints/c000", free_body)
-    assert batch(tmp_path, "--seed", "7") == 0 and states(tmp_path) == ["done"] * 3 and fits(tmp_path) == 8
+    assert (
+        batch(tmp_path, "--set", "shape_sample.seed=7") == 0
+        and states(tmp_path) == ["done"] * 3
+        and fits(tmp_path) == 8
+    )
 
 
 def test_a_failure_is_kept_and_tried_again_only_when_asked_or_mended(tmp_path: Path, free_body: BodyModel, capsys):
@@ -109,7 +113,7 @@ def test_other_files_among_the_results_stay(tmp_path: Path, free_body: BodyModel
     assert "line 2, column out" in (error := capsys.readouterr().err) and "thesis.tex" in error
     assert batch(tmp_path, "--overwrite") == 0
     (out / "overlay.mp4").write_text("of the fit that is to be replaced")
-    assert batch(tmp_path, "--seed", "3") == 0 and fits(tmp_path) == 2
+    assert batch(tmp_path, "--set", "shape_sample.seed=3") == 0 and fits(tmp_path) == 2
     assert {f.name for f in out.iterdir()} == {"fit.npz", "summary.json", "batch.json", "thesis.tex"}
 
 
@@ -177,7 +181,7 @@ def test_projects_get_another_run_and_lose_nothing(tmp_path: Path, free_body: Bo
         assert run.state == "finished" and project.runs.load(run.id).last.phase == 1 and run.summary["frames"] == 3
         project.append(MarkBad(frames=(0,), joints=(4,)))
     assert batch(tmp_path, "--projects") == 0 and states(tmp_path) == ["done before"]
-    assert batch(tmp_path, "--projects", "--seed", "9") == 0 and states(tmp_path) == ["done"]
+    assert batch(tmp_path, "--projects", "--set", "shape_sample.seed=9") == 0 and states(tmp_path) == ["done"]
     with Project.open(tmp_path / "fits/c000") as project:
         assert [(run.state, run.edits_seen) for run in project.runs.all()] == [("finished", 0), ("finished", 1)]
         assert len(project.log) == 1

@@ -108,7 +108,7 @@ def test_what_is_done_does_not_need_its_detector(
     forget()
     assert batch(folder) == 0 and len(fitted(folder)) == 3
     capsys.readouterr()
-    assert batch(folder, "--seed", "7") == INPUT_ERROR
+    assert batch(folder, "--set", "shape_sample.seed=7") == INPUT_ERROR
     said = capsys.readouterr().err
     assert said.count("tcfit models add mediapipe") == 1 and "line 2, column detector: " in said
 

@@ -20,7 +20,7 @@ from fitting_core.results.provenance import Start
 from tcfit_app.cli import fit_command
 from tcfit_app.cli.main import main, parse
 from tcfit_app.options import preparing
-from tcfit_app.options.fit import BodyOptions, fit_config
+from tcfit_app.options.fit import REMOVED, BodyOptions, fit_config
 from tests.drivers.processes import INTERRUPTIBLE
 from tests.tcfit_app.conftest import FRAMES, FinishedRun
 
@@ -30,9 +30,8 @@ EVERY_OPTION = """
     --keypoint-scale 0..1 --image-size 640 480 --focal-length 900 --fov 60 --focal-length-35mm 35 --center 320 240
     --camera c.npz --camera-name left --camera-unit 0.001 --camera-up z
     --body-model smplh --models m --gender male --start wham_output.pkl --start-person 2 --start-first-frame 5
-    --preset paper --config c.toml --solver lbfgs --pose-prior vposer --temporal global --temporal-weight 300
-    --temporal-space camera --window-size 9 --shape-sample 10 --shape-strategy confident --seed 3 --device cuda
-    --precision float32 --height 182.5 --silhouettes false --start-deviation 0.1 --set hip_weight=1
+    --preset paper --config c.toml --temporal-weight 300 --window-size 9 --shape-sample 10 --device cuda --height 182.5
+    --set hip_weight=1
 """.split()
 
 
@@ -78,16 +77,22 @@ def _config(*arguments: str) -> Any:
 def test_a_device_that_lacks_the_precision_is_refused(given: list[str]):
     with pytest.raises(InputError, match="device mps cannot compute in float64"):
         _config(*given)
-    assert _config(*given, "--precision", "float32").device == "mps"
+    assert _config(*given, "--set", "precision=float32").device == "mps"
 
 
 def test_settings_by_their_own_options():
-    found = _config(*EVERY_OPTION[EVERY_OPTION.index("--solver") :])
-    temporal, sample = found.temporal, found.shape_sample
-    assert (found.solver, found.pose_prior, found.hip_weight) == ("lbfgs", "vposer", 1.0)
-    assert (found.device, found.precision) == ("cuda", "float32")
-    assert (temporal.mode, temporal.weight, temporal.space, temporal.window_size) == ("global", 300.0, "camera", 9)
-    assert (sample.size, sample.strategy, sample.seed) == (10, "confident", 3)
+    found = _config(*EVERY_OPTION[EVERY_OPTION.index("--temporal-weight") :])
+    assert (found.temporal.weight, found.temporal.window_size, found.shape_sample.size) == (300.0, 9, 10)
+    assert (found.device, found.height, found.hip_weight) == ("cuda", 182.5, 1.0)
+
+
+@pytest.mark.parametrize("command", ["fit", "batch", "demo", "settings"])
+@pytest.mark.parametrize("option", REMOVED)
+def test_a_removed_option_names_its_replacement(command: str, option: str, capsys: pytest.CaptureFixture[str]):
+    name = "--" + option.replace("_", "-")
+    assert main([command, name, "3"]) == 2 and main([command, f"{name}=3"]) == 2
+    first, second = capsys.readouterr().err.splitlines()
+    assert f"Use --set {REMOVED[option]}=VALUE." in first and f"Use --set {REMOVED[option]}=3." in second
 
 
 def test_preset_then_file_then_command_line(tmp_path: Path):
@@ -106,11 +111,11 @@ REFUSED = {
     "setting without its group": (["--set", "window_size=3"], "did you mean temporal.window_size?"),
     "no value": (["--set", "hip_weight"], "--set hip_weight: expected hip_weight=VALUE, a number"),
     "count": (["--set", "weights.shape=1,2"], "weights.shape is 1,2; expected 5 numbers, one for each stage"),
-    "choice": (["--solver", "adam"], "--solver: solver is adam; expected one of lm, lbfgs"),
+    "choice": (["--set", "solver=adam"], "--set: solver is adam; expected one of lm, lbfgs"),
     "number": (["--temporal-weight", "much"], "--temporal-weight: temporal.weight is much; expected a number"),
     "range": (["--window-size", "1"], "--window-size: temporal.window_size is 1; expected 2 or more"),
-    "negative": (["--seed", "-3"], "--seed: shape_sample.seed is -3; expected 0 or more"),
-    "twice": (["--seed", "1", "--set", "shape_sample.seed=2"], "given twice, by --seed and --set"),
+    "negative": (["--set", "shape_sample.seed=-3"], "--set: shape_sample.seed is -3; expected 0 or more"),
+    "twice": (["--height", "170", "--set", "height=180"], "given twice, by --height and --set"),
     "preset": (["--preset", "papr"], "--preset: there is no preset 'papr'; expected one of smplifyx, paper, tcfit"),
     "no file": (["--config", "none.toml"], "none.toml: cannot be read"),
     "device": (["--device", "gpu"], "device is 'gpu'; expected cpu"),
@@ -217,7 +222,7 @@ def test_a_fit_begins_with_another_result(
 ):
     """And says which; the options that say more of it need it."""
     start = ["--start", str(finished.folder / "fit.npz"), "--set", "last_phase=1"]
-    assert main([*fit_arguments, *start, "--start-deviation", "0.1"]) == 0
+    assert main([*fit_arguments, *start, "--set", "start_deviation=0.1"]) == 0
     told = "Phase 1 begins with fit.npz, read as tcfit SMPL-X npz, in"
     assert told in capsys.readouterr().err
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
@@ -419,7 +424,7 @@ def test_models_are_listed_and_added(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert "no path given" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("option", ["--body-model", "--pose-prior", "--detector"])
+@pytest.mark.parametrize("option", ["--body-model ", "--detector ", "--set pose_prior="])
 def test_a_path_that_is_too_long_where_a_name_may_be(option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    assert main(["fit", "clip.mp4", "--out", str(tmp_path / "out"), option, "a" * 5000]) == 2
+    assert main(["fit", "clip.mp4", "--out", str(tmp_path / "out"), *f"{option}{'a' * 5000}".split()]) == 2
     assert "is too long; expected names of at most 255 bytes" in capsys.readouterr().err

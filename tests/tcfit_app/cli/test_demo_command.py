@@ -71,7 +71,7 @@ def test_wrong_options_are_found_first(monkeypatch: pytest.MonkeyPatch, tmp_path
         raise AssertionError("the clip was read")
 
     monkeypatch.setattr(demo_command, "read_clip", never)
-    assert main(["demo", "--out", str(tmp_path / "out"), "--solver", "adam"]) == 2
+    assert main(["demo", "--out", str(tmp_path / "out"), "--set", "solver=adam"]) == 2
     (tmp_path / "mine").write_text("x")
     assert main(["demo", "--out", str(tmp_path)]) == 2
     assert "expected one of lm" in capsys.readouterr().err
