@@ -12,6 +12,8 @@ from tcfit_app.fitting.reports import JobProgress
 
 _EARLY = 0.02
 """Progress below which no remaining time is estimated."""
+MOST_LOSSES = 1000
+"""Costs kept of a job, several times what a plot shows; beyond that, every second one is dropped."""
 
 
 class JobClock:
@@ -79,7 +81,8 @@ class RunningJob:
     phase: int | None = None
     progress: JobProgress | None = None
     losses: list[tuple[float, dict[str, float]]] = field(default_factory=list)
-    """Working seconds, and mean cost per frame by term including "total"; about twice a second."""
+    """Working seconds, and mean cost per frame by term including "total"; at first about twice a
+    second."""
     windows: list[range] = field(default_factory=list)
     """Frames already fitted in the running phase."""
     outcome: Literal["", "finished", "cancelled", "failed"] = ""
@@ -92,3 +95,5 @@ class RunningJob:
         self.progress = progress
         if progress.terms and (not self.losses or progress.terms is not self.losses[-1][1]):
             self.losses.append((progress.elapsed, progress.terms))
+            if len(self.losses) > MOST_LOSSES:
+                del self.losses[1:-1:2]

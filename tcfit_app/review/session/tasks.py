@@ -116,7 +116,8 @@ class _Made:
     """A value, or why there is none."""
 
     def __init__(self, compute: Callable[[], Any]) -> None:
-        self.compute, self.asked = compute, time.monotonic()
+        self._compute: Callable[[], Any] | None = compute
+        self.asked = time.monotonic()
         self.done = self.skipped = False
         self.value: Any = None
         self.problem = ""
@@ -126,8 +127,10 @@ class _Made:
         return time.monotonic() - self.asked < IN_USE
 
     def make(self) -> None:
+        compute, self._compute = self._compute, None  # it refers to a whole fit
+        assert compute is not None, "each value is computed once"
         try:
-            self.value = self.compute()
+            self.value = compute()
         except Exception as error:
             _log.log(logging.INFO if isinstance(error, InputError) else logging.ERROR, "A value failed", exc_info=error)
             self.problem = reason_of(error)

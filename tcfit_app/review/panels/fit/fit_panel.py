@@ -183,7 +183,7 @@ class FitProgress:
         if len(losses) < 2:
             self._plot.visible = False
         else:
-            self._tab.once("losses", (losses[0], len(losses)), lambda: self._draw_plot(losses))
+            self._tab.once("losses", (losses[0], losses[-1]), lambda: self._draw_plot(losses))
 
     def _running(self, job: RunningJob | None, jobs: list[RunningJob]) -> list[Html]:
         waiting = [paragraph(f"waiting: {self._name(other)}", "dim") for other in jobs if other is not job]
