@@ -29,8 +29,10 @@ _AT_ONCE = 16
 5.8 s of CPU time with 16, 32, 64 or all at once, the first bodies after 0.4, 0.6, 0.7 and 0.7 s."""
 _MOST_HELD = 1024
 """Frames whose last stage's objective is held at once, 45 kB each. Making it takes 4 ms, and 65 us a frame."""
-_FIRST_SHARE = 0.6
-"""Progress of the phase when every frame or keyframe has its first fit."""
+_FIRST, _SEATED, _FLIPPED, _KEYS_SETTLED, _ALL_FITTED, _SETTLED = 0.2, 0.22, 0.55, 0.63, 0.7, 0.9
+"""Progress of the phase after the first fits, the sitting pose, the mirrored limbs, the relay among key frames, the
+frames between these, and the relay among all frames. Processor time of the demo clip, preset tcfit.
+"""
 _LOWER = 1e-4
 """A relayed start must lower a frame's cost by this fraction to be accepted."""
 _FLIP_ROUNDS = 2
@@ -148,7 +150,7 @@ class _Frames:
             steps = reported(
                 self.solver.minimise(IndependentFrames(objective, own), start.state[part], final=final),
                 label,
-                (share[0] + (share[1] - share[0]) * begin, share[0] + (share[1] - share[0]) * done),
+                _part(share, begin, done),
                 self.solver.iterations,
             )
             found.append((yield from steps))
@@ -170,7 +172,7 @@ class _Frames:
             Fits of these frames, and the states after the camera step.
         """
         stages, shown = self.stages, 0
-        whole = _FIRST_SHARE if _restarts(stages) else 1.0
+        whole = _FIRST if _restarts(stages) else 1.0
         fits = camera = FrameFits.at(starting_state(stages, depth, 0.0), Start.TURNED_0)
         parts = self.frames.split(_AT_ONCE if stages.device.type == "cpu" else len(self.frames))
         for k, frames in enumerate(parts):
@@ -276,14 +278,16 @@ class _Frames:
         if stages.config.limb_flips:
             fits = yield from keys.flip_limbs(objective, fits)
         if len(keys.frames) < len(self.frames):
-            fits = yield from keys.rounds(objective, fits)
+            fits = yield from keys.rounds(objective, fits, (_FLIPPED, _KEYS_SETTLED))
             fits = fits.between(self.frames)
             objective = _LastStage(stages, fits.state)
             others = self.frames[~torch.isin(self.frames, keys.frames)]
-            trial = yield from self.only(others)._restart(objective, fits, "frames between key frames", (0.6, 0.6))
+            share = _KEYS_SETTLED, _ALL_FITTED
+            trial = yield from self.only(others)._restart(objective, fits, "frames between key frames", share)
             fits, _ = fits.lower(trial)
-        fits = yield from self.rounds(objective, fits)
-        return (yield from self._restart(_LastStage(stages, fits.state), fits, "last steps", (0.9, 1.0), final=True))
+        fits = yield from self.rounds(objective, fits, (_ALL_FITTED, _SETTLED))
+        share = _SETTLED, 1.0
+        return (yield from self._restart(_LastStage(stages, fits.state), fits, "last steps", share, final=True))
 
     def seats(self, objective: _LastStage, fits: FrameFits, camera: State) -> Generator[Step, None, FrameFits]:
         """Frames with foreshortened thighs restart from a sitting pose."""
@@ -292,25 +296,26 @@ class _Frames:
         if not len(seated):
             return fits
         start = fits.restarted(seated, self.stages.parametrisation.with_seat(camera[seated]), Start.SEAT)
-        trial = yield from self.only(seated)._restart(objective, start, "trying a sitting pose", (0.6, 0.6))
+        trial = yield from self.only(seated)._restart(objective, start, "trying a sitting pose", (_FIRST, _SEATED))
         return fits.lower(trial, _LOWER)[0]
 
-    def rounds(self, objective: _LastStage, fits: FrameFits) -> Generator[Step, None, FrameFits]:
-        """Frames restart from their neighbours, alternating forwards and backwards."""
+    def rounds(
+        self, objective: _LastStage, fits: FrameFits, share: tuple[float, float]
+    ) -> Generator[Step, None, FrameFits]:
+        """Frames restart from their neighbours, alternating forwards and backwards. A round takes half as long as the
+        one before."""
         rounds, fresh = self.stages.config.relay_rounds, fits.cost.isfinite()
         for k in range(rounds):
             changed = torch.zeros_like(fresh)
             for offset, start in ((1, Start.FRAME_AFTER), (-1, Start.FRAME_BEFORE)):
-                share = (
-                    0.6 + 0.3 * (k + 0.5 * (offset < 0)) / rounds,
-                    0.6 + 0.3 * (k + 0.5 + 0.5 * (offset < 0)) / rounds,
-                )
+                begin, end = (1 - 0.5 ** (k + half) for half in ((0.0, 0.5) if offset > 0 else (0.5, 1.0)))
+                part = _part(share, begin, end)
                 target, source = _with_fresh_neighbour(self.frames, fresh | changed, offset)
                 if not len(target):
                     continue
                 begun = fits.restarted(target, fits.state[source], start)
                 trial = yield from self.only(target)._restart(
-                    objective, begun, f"starting from neighbouring frames, round {k + 1}", share
+                    objective, begun, f"starting from neighbouring frames, round {k + 1}", part
                 )
                 fits, better = fits.lower(trial, _LOWER)
                 changed |= better
@@ -320,19 +325,21 @@ class _Frames:
     def flip_limbs(self, objective: _LastStage, fits: FrameFits) -> Generator[Step, None, FrameFits]:
         """Frames restart with their limbs mirrored in depth, one at a time, and keep the lowest cost."""
         stages, settings = self.stages, self.stages.config.settings
-        flips, share = LimbFlips(stages), (0.6, 0.6)
+        flips = LimbFlips(stages)
         quick = make_solver(stages.config.solver, replace(settings, iterations=_FLIP_ITERATIONS, rounds=1))
         given, searched = self.divided()
         stride = max(1, stages.config.limb_flips_every // stages.config.key_frames_every)
         frames = torch.cat([given[:: stages.config.limb_flips_every], searched[::stride]]).sort().values
         frames = frames[fits.cost[frames].isfinite()]
-        for _ in range(_FLIP_ROUNDS):
+        for k in range(_FLIP_ROUNDS):
             if not len(frames):
                 break
-            tried = []
-            for flip, mirrored in flips.every(fits.state[frames]):
+            share = _part((_SEATED, _FLIPPED), 1 - 0.2**k, 1 - 0.2 ** (k + 1))  # the second round has a fifth of them
+            every, tried = list(flips.every(fits.state[frames])), list[FrameFits]()
+            for flip, mirrored in every:
+                part = _part(share, len(tried) / (len(every) + 1), (len(tried) + 1) / (len(every) + 1))
                 start, label = fits.restarted(frames, mirrored, flip), mirrored_label(flip)
-                trial = yield from self.only(frames, quick)._restart(objective, start, label, share)
+                trial = yield from self.only(frames, quick)._restart(objective, start, label, part)
                 tried.append(trial[frames])
             before = fits.cost
             kept = torch.stack([trial.cost for trial in tried]).topk(_FLIPS_KEPT, 0, largest=False)
@@ -342,11 +349,16 @@ class _Frames:
                     break
                 start = _chosen(tried, frames, torch.where(hopeful, which, -1), fits)
                 trial = yield from self.only(frames[hopeful])._restart(
-                    objective, start, "trying mirrored arms and legs", share
+                    objective, start, "trying mirrored arms and legs", _part(share, 0.93, 1.0)
                 )
                 fits, _ = fits.lower(trial, _LOWER)
             frames = frames[(fits.cost < before)[frames]]
         return fits
+
+
+def _part(share: tuple[float, float], begin: float, end: float) -> tuple[float, float]:
+    """From `begin` to `end` of the way between two values of progress."""
+    return share[0] + (share[1] - share[0]) * begin, share[0] + (share[1] - share[0]) * end
 
 
 def _chosen(tried: list[FrameFits], frames: Tensor, which: Tensor, fits: FrameFits) -> FrameFits:
