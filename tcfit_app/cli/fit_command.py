@@ -25,6 +25,7 @@ from tcfit_app.cli.detection_shown import DetectionShown
 from tcfit_app.cli.json_lines import Note, Progress, Step, StepDone, emit, emit_figures, emit_wrote, told
 from tcfit_app.exports.overlay_video import write_comparison
 from tcfit_app.fitting.bodies import Bodies
+from tcfit_app.fitting.fit_progress import FitProgress, time_left
 from tcfit_app.imports.given import read_shape, start_of
 from tcfit_app.options.clip_input import clip_of, described, notes_of
 from tcfit_app.options.fit import FitOptions, fit_config
@@ -117,7 +118,7 @@ def _fit_and_write(
     finished: PhaseFinished | None = None
     summary: dict[str, Any] = {}
     try:
-        with closing(ProgressBars()) as progress:
+        with closing(ProgressShown(range(1, last_phase + 1))) as progress:
             for event in events:
                 progress.show(event)
                 if isinstance(event, PhaseFinished):
@@ -179,68 +180,67 @@ def tell(lines: Iterable[str]) -> None:
         print(line, file=sys.stderr, flush=True)
 
 
-def _emit_event(event: FitEvent) -> None:
-    step = f"phase {getattr(event, 'phase', 0)}"
-    if isinstance(event, PhaseStarted):
-        emit(Step(step=step, title=event.title))
-    elif isinstance(event, Iteration):
-        emit(Progress(step=step, share=event.share, text=event.label, cost=event.cost))
-    elif isinstance(event, PhaseFinished):
-        emit(StepDone(step=step, seconds=event.result.seconds, cost=event.result.objective["total"]))
-
-
-_FORMAT = "{desc} {percentage:3.0f} % |{bar}| {elapsed} < {remaining}{postfix}"
+_FORMAT = "{desc} {percentage:3.0f} % |{bar}| {elapsed}{postfix}"
 _STEPS = 1000
 
 
-class ProgressBars:
-    """Shows every event that it is given: by bars if the stream (None: the standard error) is a terminal."""
+class ProgressShown:
+    """Shows a fit's progress: as one bar if the stream (None: standard error) is a terminal, and as JSON events.
 
-    def __init__(self, stream: TextIO | None = None) -> None:
+    Args:
+        phases: What the fit runs, in order.
+        stream: Where to.
+    """
+
+    def __init__(self, phases: Sequence[int], stream: TextIO | None = None) -> None:
         self.stream = stream or sys.stderr
         self.bar: tqdm | None = None
-        """That of the phase that runs, on a terminal."""
-        self._start = 0.0
+        self._progress, self._start = FitProgress(phases), time.perf_counter()
 
     def close(self) -> None:
-        """The bar of a phase that was cut short ends as it is."""
+        """Leave the bar as it is."""
         if self.bar is not None:
             self.bar.close()
 
     def show(self, event: FitEvent) -> None:
-        """Show an event; those that say nothing new are passed over."""
-        _emit_event(event)
+        """Show an event."""
+        self._progress.take(event, time.perf_counter() - self._start)
+        step = f"phase {self._progress.phase}"
         if isinstance(event, PhaseStarted):
-            self._begin(f"Phase {event.phase}: {event.title}")
+            emit(Step(step=step, title=event.title))
+            self._begin()
         elif isinstance(event, Iteration):
-            self._move(event)
+            emit(
+                Progress(
+                    step=step,
+                    share=event.share,
+                    text=self._progress.phrase,
+                    cost=event.cost,
+                    fraction=self._progress.fraction,
+                    remaining=self._progress.remaining,
+                )
+            )
+            self._move()
         elif isinstance(event, PhaseFinished):
-            self._end(event)
+            seconds, cost = event.result.seconds, event.result.objective["total"]
+            emit(StepDone(step=step, seconds=seconds, cost=cost))
+            self._move()
+            if self.bar is None:
+                print(f"  {seconds:.1f} s, cost {cost:.4g}", file=self.stream, flush=True)
 
-    def _begin(self, title: str) -> None:
-        self._start = time.perf_counter()
+    def _begin(self) -> None:
         if not self.stream.isatty():
-            print(title, file=self.stream, flush=True)
-            return
-        self.bar = tqdm(
-            total=_STEPS, desc=f"{title:32}", bar_format=_FORMAT, file=self.stream, dynamic_ncols=True, smoothing=0
-        )
+            print(f"Phase {self._progress.phase}: {self._progress.phrase}", file=self.stream, flush=True)
+        elif self.bar is None:
+            self.bar = tqdm(total=_STEPS, bar_format=_FORMAT, file=self.stream, dynamic_ncols=True, smoothing=0)
 
-    def _move(self, event: Iteration) -> None:
+    def _move(self) -> None:
         if self.bar is None:
             return
-        # Some parts of a phase run twice: the share may fall back, the bar does not.
-        self.bar.n = max(self.bar.n, min(_STEPS, round(_STEPS * event.share)))
-        self.bar.set_postfix_str(f"{event.label}, cost {event.cost:.4g}", refresh=False)
+        left = time_left(self._progress.remaining)
+        self.bar.set_description_str(f"{self._progress.phrase.capitalize():10}", refresh=False)
+        self.bar.set_postfix_str(left, refresh=False)
+        self.bar.n = round(_STEPS * self._progress.fraction)
         self.bar.update(0)
-
-    def _end(self, event: PhaseFinished) -> None:
-        total = event.result.objective["total"]
-        if self.bar is None:
-            seconds = time.perf_counter() - self._start
-            print(f"  finished in {seconds:.1f} s, cost {total:.4g}", file=self.stream, flush=True)
-            return
-        self.bar.n = _STEPS
-        self.bar.set_postfix_str(f"cost {total:.4g}", refresh=True)
-        self.bar.close()
-        self.bar = None
+        if self.bar.n == _STEPS:
+            self.bar.refresh()

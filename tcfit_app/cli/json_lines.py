@@ -56,6 +56,10 @@ class Progress(Event, frozen=True, kw_only=True, tag="progress"):
     """Of `batch`: which of the clips."""
     cost: float | None = None
     """Of a fit: mean cost of the frames that are being fitted."""
+    fraction: float | None = None
+    """Of a fit: of all its phases, 0 to 1; it never falls."""
+    remaining: float | None = None
+    """Of a fit: seconds left; null until the estimate is stable."""
 
 
 class StepDone(Event, frozen=True, kw_only=True, tag="step_done"):

@@ -150,7 +150,7 @@ def parse(arguments: Sequence[str]) -> Any:
             options,
             args=arguments,
             prog="tcfit",
-            description="Fit SMPL-X bodies to monocular video, consistently over time.",
+            description="Fit SMPL-X bodies to monocular video, consistently over time (version: tcfit --version).",
             config=(OmitArgPrefixes, OmitSubcommandPrefixes),
         )
 
@@ -183,6 +183,9 @@ def _tells_events(given: list[str]) -> bool:
 
 
 def _run(given: list[str]) -> int | None:
+    if given == ["--version"]:
+        print(f"tcfit {version() or 'of unknown version: it is not installed'}")
+        return None
     os.getcwd()  # fails where that folder is gone, in which torch's libraries end the process
     options = parse(given)
     check_paths(options)

@@ -1,6 +1,7 @@
 """The command line: what it accepts and refuses, exit codes, and what a fit, cancelled or not, leaves behind."""
 
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -56,6 +57,11 @@ print([m for m in ("torch", "cv2", "scipy", "pyrender", "viser") if m in sys.mod
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert "usage: tcfit" in done.stdout and done.stdout.splitlines()[-1] == "[]"
+
+
+def test_the_version_is_printed(capsys: pytest.CaptureFixture[str]):
+    assert main(["--version"]) == 0
+    assert re.fullmatch(r"tcfit \d+\.\d+\.\d+\S*\n", capsys.readouterr().out)
 
 
 def test_every_option_is_read():

@@ -73,6 +73,9 @@ def test_a_fit(fit_arguments: list[str], tmp_path: Path, capsys: pytest.CaptureF
     for phase in ("phase 1", "phase 3"):
         shares = [line["share"] for line in of(found, "progress") if line["step"] == phase]
         assert shares == sorted(shares) and len(shares) > 2
+    fractions = [line["fraction"] for line in of(found, "progress")]
+    assert fractions == sorted(fractions) and fractions[-1] > 0.6
+    assert {line["text"] for line in of(found, "progress")} <= {"first pass", "one shape", "final fit"}
     assert [line["kind"] for line in of(found, "wrote")] == ["fit.npz", "summary.json"]
     assert all(Path(line["path"]).is_file() for line in of(found, "wrote"))
     assert of(found, "figures")[0]["figures"]["reprojection_px_median"] > 0

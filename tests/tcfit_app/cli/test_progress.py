@@ -12,7 +12,8 @@ from fitting_core.camera import Camera
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.events import FitEvent, Iteration, PhaseFinished, PhaseStarted
 from fitting_core.results.fit_result import FitResult, PhaseResult
-from tcfit_app.cli.fit_command import ProgressBars
+from tcfit_app.cli import fit_command
+from tcfit_app.cli.fit_command import ProgressShown
 
 
 class _Terminal(io.StringIO):
@@ -33,43 +34,42 @@ def _events() -> Iterator[FitEvent]:
     yield PhaseFinished(phase=1, result=result, so_far=fit)
 
 
-def test_lines_where_there_is_no_terminal():
+def test_lines_without_a_terminal():
     stream = io.StringIO()
-    with closing(ProgressBars(stream)) as progress:
+    with closing(ProgressShown((1, 2, 3), stream)) as progress:
         for event in _events():
             progress.show(event)
-    first, second = stream.getvalue().splitlines()
-    assert first == "Phase 1: every frame on its own"
-    assert second.startswith("  finished in ") and second.endswith(" s, cost 42.5")
+    assert stream.getvalue().splitlines() == ["Phase 1: first pass", "  1.0 s, cost 42.5"]
 
 
-def test_bar_on_a_terminal_never_goes_back(monkeypatch: pytest.MonkeyPatch):
+def test_bar_is_one_of_the_whole_fit_and_never_goes_back():
     stream = _Terminal()
-    shares = []
-    with closing(ProgressBars(stream)) as progress:
+    fractions = []
+    with closing(ProgressShown((1, 2, 3), stream)) as progress:
         for event in _events():
             progress.show(event)
-            if progress.bar is not None:
-                shares.append(progress.bar.n / progress.bar.total)
-    assert shares == [0, 0.25, 0.5, 0.5, 0.75]
-    last = stream.getvalue().split("\r")[-1]
-    assert "Phase 1: every frame on its own" in last and "100 %" in last and "cost 42.5" in last
+            assert progress.bar is not None
+            fractions.append(progress.bar.n / progress.bar.total)
+        assert "First pass" in str(progress.bar) and " 60 %" in str(progress.bar)
+    assert fractions == [0, 0.15, 0.3, 0.3, 0.45, 0.6]
 
 
-def test_bar_shows_label_cost_and_times():
-    stream = _Terminal()
-    events = _events()
-    with closing(ProgressBars(stream)) as progress:
-        for event in (next(events), next(events)):
-            progress.show(event)
-        assert progress.bar is not None
-        shown = str(progress.bar)
-    assert "25 %" in shown and "00:00 < " in shown and "stage 2, cost 1235" in shown
+def test_bar_shows_a_time_once_it_is_stable(monkeypatch: pytest.MonkeyPatch):
+    stream, now = _Terminal(), [0.0]
+    monkeypatch.setattr(fit_command.time, "perf_counter", lambda: now[0])
+    with closing(ProgressShown((1,), stream)) as progress:
+        progress.show(next(_events()))
+        for second in range(41):
+            now[0] = float(second)
+            progress.show(Iteration(phase=1, label="", share=second / 100, cost=1.0))
+            if second == 2:
+                assert "left" not in str(progress.bar)
+        assert "First pass" in str(progress.bar) and "about 1 min left" in str(progress.bar)
 
 
 def test_bar_is_closed_when_a_phase_is_cut_short():
     stream = _Terminal()
-    with pytest.raises(KeyboardInterrupt), closing(ProgressBars(stream)) as progress:
+    with pytest.raises(KeyboardInterrupt), closing(ProgressShown((1, 2, 3), stream)) as progress:
         progress.show(next(_events()))
         raise KeyboardInterrupt
     assert stream.getvalue().endswith("\n")
