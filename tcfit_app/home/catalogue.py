@@ -1,5 +1,6 @@
 """The rows of the list: read once, and again when something has changed. A thousand take some megabytes."""
 
+import logging
 import os
 import platform
 import threading
@@ -11,6 +12,7 @@ from pathlib import Path
 import msgspec
 
 from fitting_core.errors import InputError
+from fitting_core.files.regular import legible, regular_file
 from fitting_core.io.people_file import read_people_file
 from tcfit_app.home.found import PROJECT_SUFFIX, Found, Kind, find
 from tcfit_app.home.messages import Row, Work
@@ -25,6 +27,8 @@ _ORDER: dict[Kind, int] = {"project": 0, "result": 1, "video": 2, "images": 2}
 theirs."""
 _READERS = 4
 """Threads that wait for the disk."""
+_SUMMARY_BYTES = 64 << 20
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,7 +140,10 @@ def _stamp(found: Found) -> Stamp:
 def _read(found: Found, new: Stamp) -> Entry:
     name = found.path.stem if found.kind in ("project", "video") else found.path.name
     row = Row(
-        key=found.key, name="".join(c if c.isprintable() else "?" for c in name), place=found.place, kind=found.kind
+        key=found.key,
+        name="".join(c if c.isprintable() else "?" for c in name),
+        place=legible(found.place),
+        kind=found.kind,
     )
     media, first_frame, by = tuple[Path, ...](), 0, ""
     try:
@@ -150,6 +157,10 @@ def _read(found: Found, new: Stamp) -> Entry:
             row = _of_people(row, found.path)
     except InputError as error:
         row = msgspec.structs.replace(row, problem=str(error))
+    except Exception as error:  # one clip must not keep the others off the list
+        _log.exception("%s could not be read", found.path)
+        problem = f"{type(error).__name__}: {error}. tcfit's terminal has the details."
+        row = msgspec.structs.replace(row, problem=problem)
     return Entry(found=found, stamp=new, row=row, media=media, first_frame=first_frame, by=by)
 
 
@@ -204,7 +215,9 @@ class _Summary(msgspec.Struct):
 
 def _of_result(row: Row, path: Path) -> tuple[Row, tuple[Path, ...]]:
     try:
-        found = msgspec.json.decode(path.read_bytes(), type=_Summary)
+        found = msgspec.json.decode(regular_file(path, most=_SUMMARY_BYTES).read_bytes(), type=_Summary)
+    except InputError:  # is a ValueError
+        raise
     except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"{path}: cannot be read ({error}).") from error
     phases = found.reprojection_px

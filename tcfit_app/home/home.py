@@ -18,6 +18,7 @@ from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import ConnectionClosed
 
 from fitting_core.errors import InputError
+from fitting_core.files.regular import legible
 from tcfit_app.home.catalogue import Catalogue, Entry
 from tcfit_app.home.found import Found
 from tcfit_app.home.jobs import ExportJob, FitJob, Job
@@ -40,6 +41,7 @@ from tcfit_app.home.messages import (
     ToPage,
     WriteNote,
     decode,
+    encode,
 )
 from tcfit_app.home.pictures import picture_of
 from tcfit_app.home.queue import WorkQueue
@@ -72,7 +74,7 @@ class _Watcher:
 
     def send(self, message: ToPage) -> None:
         """From any thread; a page that is gone misses nothing."""
-        text = msgspec.json.encode(message).decode()
+        text = encode(message)
 
         async def send() -> None:
             with suppress(ConnectionClosed):
@@ -109,7 +111,7 @@ class Home:
     def page(self, path: str) -> bytes | None:
         """See `Site.page`."""
         if path == HOME:
-            return _PAGE.format(title=escape(self.catalogue.root.name)).encode()
+            return _PAGE.format(title=escape(legible(self.catalogue.root.name))).encode()
         report = self.catalogue.reports.get(path.removeprefix(REPORTS)) if path.startswith(REPORTS) else None
         return None if report is None else self._report(report)
 
@@ -120,7 +122,7 @@ class Home:
         try:
             return served_report(found.path, links).encode()
         except InputError as error:
-            return f"<!doctype html><title>tcfit</title><p>{escape(str(error))}".encode()
+            return f"<!doctype html><title>tcfit</title><p>{escape(legible(str(error)))}".encode()
 
     def has_review(self, path: str) -> bool:
         """See `Site.has_review`."""

@@ -1,5 +1,6 @@
 """What the list's page is sent, and what it may send."""
 
+import json
 from collections.abc import Callable
 from typing import Annotated, Literal
 
@@ -124,6 +125,15 @@ class Formats(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="
 
 
 ToPage = Rows | Picture | Opened | Told | Formats | Reports
+
+
+def encode(message: ToPage) -> str:
+    """The JSON text of a message. Paths in it may not be valid UTF-8."""
+    try:
+        return msgspec.json.encode(message).decode()
+    except UnicodeEncodeError:
+        return json.dumps(msgspec.to_builtins(message))  # has escapes for the bytes that are not
+
 
 # --- from the page ---
 

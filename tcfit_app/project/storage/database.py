@@ -5,11 +5,13 @@ import re
 import sqlite3
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from itertools import chain, repeat
 from pathlib import Path
 from typing import Any, Literal
 
 from fitting_core.errors import InputError
+from fitting_core.files.regular import regular_file
 from tcfit_app.project.storage.columns import Damage
 
 NAME = "project.sqlite"
@@ -127,6 +129,8 @@ _REASONS = {
     "SQLITE_CORRUPT": _DAMAGED,
     "SQLITE_ERROR": _DAMAGED,
     "SQLITE_NOTADB": _DAMAGED,
+    "SQLITE_TOOBIG": _DAMAGED,
+    "SQLITE_INTERRUPT": _DAMAGED,
     "SQLITE_FULL": _UNWRITABLE,
     "SQLITE_IOERR": _UNWRITABLE,
     "SQLITE_READONLY": _UNWRITABLE,
@@ -172,12 +176,12 @@ class Database:
             self._connection = _connect(path, "ro" if read_only else "rw")
         try:
             with _explained(path):
-                self._check()
+                version = _check(path, self._connection)
                 if not read_only:
                     _make_durable(self._connection)
-                elif self._version < len(MIGRATIONS):
+                elif version < len(MIGRATIONS):
                     self._read_a_copy()
-                _upgrade(self._connection, self._version)
+                _upgrade(self._connection, version)
         except BaseException:
             self._connection.close()
             raise
@@ -195,26 +199,12 @@ class Database:
             finally:
                 connection.close()
 
-    @property
-    def _version(self) -> int:
-        return self._pragma("user_version")
-
-    def _check(self) -> None:
-        _check_origin(self.path, self._connection)
-        found = (row[0] for row in self._connection.execute("PRAGMA quick_check(1000000)"))
-        # damaged values are reported individually when read
-        if problem := next((text for text in found if text != "ok" and not _OF_A_VALUE.match(text)), ""):
-            raise InputError(f"{self.path}: {_DAMAGED.format(problem)}.")
-
     def _read_a_copy(self) -> None:
         """Continue with an upgradable copy in memory."""
         copy = _prepared(sqlite3.connect(":memory:", isolation_level=None, check_same_thread=False))
         self._connection.backup(copy)
         self._connection.close()
         self._connection = copy
-
-    def _pragma(self, name: str) -> Any:
-        return self._connection.execute(f"PRAGMA {name}").fetchone()[0]
 
     @contextmanager
     def transaction(self) -> Iterator[sqlite3.Connection]:
@@ -238,23 +228,49 @@ class Database:
 
 @contextmanager
 def glimpse(path: Path) -> Iterator[tuple[sqlite3.Connection, int]]:
-    """A connection for a few values of a project that is not opened, and its version: its tables are as they were then.
+    """A connection for a few values of a project that is not opened, and the version of its tables.
 
-    Nothing is checked, and nothing is left beside the file. It takes half a millisecond, and `Database` some.
-
-    Raises:
-        InputError: It cannot be read, is none of tcfit's, or comes from a newer tcfit.
+    Leaves nothing beside the file, and takes half a millisecond. Raises InputError as `Database`.
     """
     with _explained(path):
         connection = _connect(path, "ro", alone=True)
+        connection.set_progress_handler(chain(repeat(0, _MOST_STEPS // _STEPS), repeat(1)).__next__, _STEPS)
         try:
-            yield connection, _check_origin(path, connection)
+            yield connection, _check(path, connection)
         finally:
             connection.close()
 
 
-def _check_origin(path: Path, connection: sqlite3.Connection) -> int:
-    """The version. Raises InputError for a database that this tcfit does not know."""
+_STEPS, _MOST_STEPS = 10_000, 20_000_000
+"""Steps of SQLite's machine between two calls of the progress handler, and in all; 100,000 edits take 10^6."""
+_LONGEST = 2**28
+"""Bytes of a value. The longest are the paths of moving cameras, 300 bytes a frame."""
+_TABLE = re.compile(r"CREATE TABLE (?!.*\b(CHECK|GENERATED|AS)\b)", re.IGNORECASE | re.DOTALL)
+_TRIGGER = re.compile(
+    r"CREATE TRIGGER edits_no_(\w+) BEFORE (?i:\1) ON edits\s+BEGIN SELECT RAISE\(ABORT, '[^']*'\); END"
+)
+"""The log's own triggers; earlier versions had another text in them."""
+
+
+def _check(path: Path, connection: sqlite3.Connection) -> int:
+    """The version of the tables. Raises InputError for a database that is damaged, hostile or not known to tcfit."""
+    version = _version(path, connection)
+    for kind, name, source in connection.execute("SELECT type, name, sql FROM sqlite_master").fetchall():
+        # Views, triggers, generated columns and CHECKs may compute for ever, or take any amount of memory.
+        own = (
+            source is None or _TABLE.match(str(source).replace("CHECK (id = 1)", "")) or _TRIGGER.fullmatch(str(source))
+        )
+        if not own:
+            what = f"contains a {kind} {name!r} that tcfit did not create"
+            raise InputError(f"{path}: {_DAMAGED.format(what)}.")
+    found = (row[0] for row in connection.execute("PRAGMA quick_check(1000000)"))
+    # damaged values are reported when they are read
+    if problem := next((text for text in found if text != "ok" and not _OF_A_VALUE.match(text)), ""):
+        raise InputError(f"{path}: {_DAMAGED.format(problem)}.")
+    return version
+
+
+def _version(path: Path, connection: sqlite3.Connection) -> int:
     application, version = (
         connection.execute(f"PRAGMA {name}").fetchone()[0] for name in ("application_id", "user_version")
     )
@@ -269,7 +285,10 @@ def _check_origin(path: Path, connection: sqlite3.Connection) -> int:
 
 
 def _connect(path: Path, mode: Literal["ro", "rw", "rwc"], *, alone: bool = False) -> sqlite3.Connection:
-    """`alone`: nobody writes at this moment, if nothing lies beside the file."""
+    """`alone`: no other process is writing, if nothing lies beside the file."""
+    for file in (path.with_name(path.name + ending) for ending in ("", "-wal", "-shm", "-journal")):
+        with suppress(OSError):  # SQLite reports these
+            regular_file(file, most=None)
     options = f"mode={mode}"
     alone = alone or not os.access(path.parent, os.W_OK)
     if mode == "ro" and alone and not path.with_name(f"{path.name}-wal").exists():
@@ -286,14 +305,23 @@ def _connect(path: Path, mode: Literal["ro", "rw", "rwc"], *, alone: bool = Fals
 
 
 def copied(path: Path) -> sqlite3.Connection:
-    """A private copy of a project's database, to be closed."""
-    return _prepared(sqlite3.connect(path))
+    """A private copy of a project's database, to be closed. Raises InputError as `Database`."""
+    with _explained(path):
+        connection = _prepared(sqlite3.connect(path))
+        try:
+            _check(path, connection)
+        except BaseException:
+            connection.close()
+            raise
+    return connection
 
 
 def _prepared(connection: sqlite3.Connection) -> sqlite3.Connection:
     connection.row_factory = sqlite3.Row
     connection.text_factory = _text
-    connection.execute("PRAGMA trusted_schema = OFF")  # the project may be untrusted
+    # the project may be untrusted
+    connection.execute("PRAGMA trusted_schema = OFF")
+    connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _LONGEST)
     return connection
 
 

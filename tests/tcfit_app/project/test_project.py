@@ -140,7 +140,7 @@ def test_several_threads_may_edit(folder: Path):
 
 def test_commits_wait_for_the_disk(folder: Path):
     with Project.open(folder) as project:
-        assert [project._database._pragma(name) for name in ("journal_mode", "synchronous")] == ["wal", 2]
+        assert [project._database.rows(f"PRAGMA {n}")[0][0] for n in ("journal_mode", "synchronous")] == ["wal", 2]
 
 
 def test_the_log_is_only_added_to(folder: Path):
