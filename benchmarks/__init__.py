@@ -1,13 +1,22 @@
-"""The commands behind every figure that the project states: `python -m benchmarks.NAME --help`.
+"""The commands behind the project's figures: `python -m benchmarks.NAME --help`.
 
-Each compares two or more things in one run, prints a table in Markdown, and writes what it measured with `--json`.
-Run them from the repository's root. They need the development data (see clips.py), which is not part of the project.
+Each compares two or more things in one run and prints a table in Markdown. `--json` writes the figures, and `--results`
+writes the table with its command, date and commit into a file of `evaluation/RESULTS`. Run them from the repository's
+root. They need the development data (see clips.py), which is not part of the project.
 
-    accuracy     how right fits are, on everything that can judge them: for each change to the method
-    real_clips   quality of the presets on real footage, phase 1 against the last one
-    solvers      lm against lbfgs: objective, seconds and evaluations from the same start on the same cost
-    speed        how fast fits are, by phase and length, with their memory; ways to fit against each other
-    profile      where the time of a fit goes
-    recover_poses  whether a fit of noise-free keypoints returns hard poses
-    live         what a move of a live correction costs, against a plain re-run
+    accuracy        errors on everything that can judge a fit: run it before and after each change to the method
+    real_clips      the presets on real footage, phase 1 against the last phase
+    standing        upright people: trunk and knees
+    ground          gravity, contacts and floor on the motion suite
+    error_bars      error bars beside true errors, and the table that widens them
+    keypoint_noise  noise of each keypoint by detector
+    detector        the embedded detector: confidence, hands, speed
+    crossing_people  tracking of people who cross, leave and return
+    motion_sheets   pictures of the motion suite: camera, truth and fits from the side
+    speed           time and memory of whole fits, by phase and length
+    profile         time of a fit by part
+    video_stages    time of each stage from a plain video to its fit
+    live            time of one move of a live correction
+    review          time of the app in a browser: opening, seeking, dragging
+    screenshots, screencast  pictures and the film of the documentation
 """

@@ -3,9 +3,12 @@
 import json
 import math
 import platform
+import shlex
+import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from datetime import date
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -38,6 +41,8 @@ class Common:
     """CPU threads of torch. Fits of one clip hardly gain from a second one."""
     json: Path | None = None
     """Write options, machine and all figures to this file."""
+    results: Path | None = None
+    """Write the tables to this Markdown file, with command, date and commit: one of evaluation/RESULTS."""
 
     def load_body(self) -> BodyModel:
         """The body model that these options name."""
@@ -84,19 +89,30 @@ def markdown(rows: Sequence[Row]) -> str:
 def report(
     options: Any, tables: Mapping[str, Sequence[Row]], *, shown: Mapping[str, Sequence[Row]] | None = None
 ) -> None:
-    """Prints the tables under their titles, and writes them as JSON if `options.common.json` asks for it.
+    """Print the tables under their titles, and write them to `options.common.json` and `options.common.results`.
 
     Args:
         options: Of the benchmark.
         tables: Rows by title.
         shown: What is printed in their place.
     """
-    for title, rows in (shown or tables).items():
-        print(f"\n### {title}\n\n{markdown(rows)}", flush=True)
+    printed = "".join(f"\n### {title}\n\n{markdown(rows)}\n" for title, rows in (shown or tables).items())
+    print(printed, end="", flush=True)
+    if options.common.results is not None:
+        _write_whole(options.common.results, f"{_origin()}\n{printed}".rstrip())
     if options.common.json is not None:
         content = {"options": asdict(options), "machine": machine(), "tables": {t: list(r) for t, r in tables.items()}}
         _write_whole(options.common.json, json.dumps(content, indent=1, default=str))
         print(f"\nwritten to {options.common.json}")
+
+
+def _origin() -> str:
+    """Command, date and commit, as the first lines of a file of results."""
+    name = Path(sys.argv[0]).stem
+    described = ["git", "describe", "--always", "--dirty"]
+    commit = subprocess.run(described, capture_output=True, text=True, check=False).stdout.strip()
+    command = shlex.join(["python", "-m", f"benchmarks.{name}", *sys.argv[1:]])
+    return f"    {command}\n\nMeasured {date.today()}, commit {commit or 'unknown'}."
 
 
 def progress(text: str) -> None:

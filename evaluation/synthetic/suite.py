@@ -169,7 +169,7 @@ LEVELS = {
 }
 """By name, from easy to hard.
 
-Normal is set against OpenPose on the balancing clips (`python -m benchmarks.suite_detections`)."""
+Normal is set against OpenPose on the balancing clips."""
 
 MOTIONS: dict[str, Callable[[Build, float, np.random.Generator], tuple[Script, list[Hazard]]]] = {
     "simple": waving,

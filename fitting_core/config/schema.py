@@ -140,7 +140,7 @@ PRESETS: dict[str, FitConfig] = {
         unswap_sides=True,
         yaws="four",
         # Key frames, a direct start and looser tolerances take a third of the time (gebaerden 32.9 -> 12.2 CPU s), at a
-        # lower cost (2462 -> 2377), and are no worse on the suite (docs/developing/accuracy.md).
+        # lower cost (2462 -> 2377), and are no worse on the suite (evaluation/RESULTS/speed.md).
         key_frames_every=4,
         widened_start=False,
         settings=SolverSettings(camera_tolerance=1e-3, sequence_tolerance=1e-4),

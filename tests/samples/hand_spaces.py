@@ -1,4 +1,4 @@
-"""How near the hands of a space come to given hands, for tests and for `python -m benchmarks.hand_reach`."""
+"""How near the hands of a space come to given hands."""
 
 import numpy as np
 import torch

@@ -238,7 +238,7 @@ class _Frames:
             free = self.stages.free(stage, betas=True, resting=True, translation=not self.stages.config.camera_frozen)
             if stage == N_STAGES and free.hands and self.stages.config.curled_hands:
                 # From open hands, curled fingers get stuck halfway, bent towards the camera: shape error 10.4 -> 6.9 mm
-                # on the fits of benchmarks.handshapes.
+                # on the fits of the named handshapes.
                 fits = replace(fits, state=self.stages.parametrisation.with_half_fists(fits.state))
             objective = self.stages.objective(stage, fits.state, free)
             share = ((stage + 1) / (N_STAGES + 2), (stage + 2) / (N_STAGES + 2))

@@ -23,7 +23,7 @@ REST, MOVEMENT, HOLD = ("rest", "movement", "hold")
 
 @dataclass(frozen=True, kw_only=True)
 class PhaseRule:
-    """What counts as movement, and what as rest. `benchmarks/hand_phases.py` measures what the values give."""
+    """What counts as movement, and what as rest. `evaluation/RESULTS/hands.md` has what the values give."""
 
     fast: float = 0.25
     """Metres per second: a movement reaches it somewhere."""

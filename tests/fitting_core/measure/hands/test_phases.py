@@ -83,7 +83,7 @@ def test_slow_drift_is_a_hold_and_one_frame_too():
 
 
 def test_the_signing_motion_does_what_its_script_says():
-    """Without a fit: benchmarks/hand_phases.py measures the fits."""
+    """Without a fit: `evaluation/RESULTS/hands.md` has the figures of fits."""
     sequence = replace(SEQUENCES["signing_1"], frames=100)
     body = subject_body(sequence.subject)
     script, _ = signing(Build.of(body, sequence.subject.betas), sequence.seconds, np.random.default_rng([300, 1]))
