@@ -180,8 +180,8 @@ def depth(review: Reviewing) -> Iterator[str]:
 
 
 def timeline(review: Reviewing) -> Iterator[str]:
-    """Heat maps, thumbnails and a difference; menus; notes and flags in their lanes."""
-    show(review, plots=("reprojection", "jitter_difference", "error_by_part", "video"))
+    """A difference and hand phases; menus; notes and flags in their lanes."""
+    show(review, plots=("reprojection", "jitter_difference", "hand_phases"))
     yield "rows"
     session, author = review.session, review.page.tab.author
     review.app.post(lambda: session.mark(range(40, 52), "flag", author=author))

@@ -140,12 +140,10 @@ export interface Curve {
   unseen: [number, number][];
 }
 
-export interface Heat {
+export interface Levels {
   parts: string[];
-  values: ((number | null)[])[];
-  top: number;
-  worse: "high" | "low";
   words: string[];
+  spans: [number, number][][][];
 }
 
 export interface Row {
@@ -154,9 +152,7 @@ export interface Row {
   unit: string;
   curves: Curve[];
   signed: boolean;
-  heat: Heat | null;
-  video: boolean;
-  height: number;
+  levels: Levels | null;
   empty: string;
 }
 
@@ -182,11 +178,6 @@ export interface Timeline {
   frame_rate: number;
   first_frame: number;
   choices: Choice[];
-}
-
-export interface Thumbnails {
-  frames: number[];
-  images: string[];
 }
 
 export interface WrittenNote {
@@ -501,7 +492,6 @@ export interface States {
   focus: Focus;
   timeline: Timeline;
   rows: Rows;
-  thumbnails: Thumbnails;
   marks: Marks;
   keyframes: Keyframes;
   frame_menus: FrameMenus;

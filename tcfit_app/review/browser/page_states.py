@@ -277,19 +277,15 @@ class Curve(_State, frozen=True, kw_only=True):
     """Frames in which keypoints do not show what it measures."""
 
 
-class Heat(_State, frozen=True, kw_only=True):
-    """Values by part of the body, drawn as colours."""
+class Levels(_State, frozen=True, kw_only=True):
+    """What parts of the body do in each frame."""
 
     parts: tuple[str, ...]
     """From top to bottom."""
-    values: tuple[tuple[float | None, ...], ...]
-    """For each part, one value per frame."""
-    top: float
-    """The top of the colour scale, which starts at 0."""
-    worse: Literal["high", "low"]
-    """Which values are bright."""
-    words: tuple[str, ...] = ()
-    """What the values 0, 1 and so on mean, if they are categories."""
+    words: tuple[str, ...]
+    """The meaning of each level, from the weakest to the strongest."""
+    spans: tuple[tuple[tuple[Span, ...], ...], ...]
+    """For each part and each level, the frames that have it."""
 
 
 class Row(_State, frozen=True, kw_only=True):
@@ -302,12 +298,8 @@ class Row(_State, frozen=True, kw_only=True):
     curves: tuple[Curve, ...] = ()
     signed: bool = False
     """Values have both signs, like differences."""
-    heat: Heat | None = None
+    levels: Levels | None = None
     """Replaces curves."""
-    video: bool = False
-    """Thumbnails replace curves."""
-    height: float = 1.0
-    """Height relative to a row of curves."""
     empty: str = "Curves appear here once there is a fit."
     """Text shown while there are no curves."""
 
@@ -347,14 +339,6 @@ class Timeline(_State, frozen=True, kw_only=True):
     first_frame: int = 0
     """The number shown for frame 0."""
     choices: tuple[Choice, ...] = ()
-
-
-class Thumbnails(_State, frozen=True, kw_only=True):
-    """Thumbnails of some video frames, for a row of the timeline."""
-
-    frames: tuple[int, ...]
-    images: tuple[str, ...]
-    """JPEGs in base64."""
 
 
 class WrittenNote(_State, frozen=True, kw_only=True):
@@ -619,7 +603,6 @@ STATES: dict[str, type[_State]] = {
     "focus": Focus,
     "timeline": Timeline,
     "rows": Rows,
-    "thumbnails": Thumbnails,
     "marks": Marks,
     "keyframes": Keyframes,
     "frame_menus": FrameMenus,

@@ -8,7 +8,7 @@ import numpy as np
 
 from fitting_core.errors import InputError
 from tcfit_app.analysis.curves import BETWEEN, CURVES, Curve
-from tcfit_app.analysis.heat_maps import HEAT_MAPS, HeatMap
+from tcfit_app.analysis.levels import LEVELS, LevelSpans
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.review.browser import page_states as states
 from tcfit_app.review.browser.page_states import curve_values
@@ -16,18 +16,13 @@ from tcfit_app.review.scene.layers import RUN_COLORS, css
 from tcfit_app.review.tab.on_show import SLOTS, Slot
 from tcfit_app.review.tab.tab import Tab
 
-Value = TypeVar("Value", Curve, HeatMap)
+Value = TypeVar("Value", Curve, LevelSpans)
 
-VIDEO = "video"
-"""Name of the thumbnail row."""
 MOST_ROWS = 6
 """More would make each too low to read."""
-_HEIGHTS = {"heat": 2.0, "video": 1.5}
-"""Relative heights of rows without curves: a heat map has a line for each part of the body."""
 _COMPARED = "#c9a3ff"
 """Colour of comparisons of A and B."""
 _NO_FIT = "Curves appear here once there is a fit."
-_READING = "Reading the video …"
 _MEASURING = "Measuring …"
 _NOTHING = "There is nothing to measure in this clip."
 _SAME = "A and B are the same fit."
@@ -41,9 +36,9 @@ class Plot:
     title: str
     unit: str
     curve: str
-    """One of CURVES or HEAT_MAPS, or BETWEEN; empty for the video."""
-    how: Literal["each", "heat", "video", "difference", "between"] = "each"
-    """A line per fit; colours, for B; thumbnails; B minus A; the distance between them."""
+    """One of CURVES or LEVELS, or BETWEEN."""
+    how: Literal["each", "levels", "difference", "between"] = "each"
+    """A line per fit; levels, of B; B minus A; the distance between them."""
 
     @property
     def group(self) -> str:
@@ -53,8 +48,7 @@ class Plot:
 
 PLOTS: dict[str, Plot] = {
     **{name: Plot(title=kind.title, unit=kind.unit, curve=name) for name, kind in CURVES.items()},
-    **{name: Plot(title=kind.title, unit=kind.unit, curve=name, how="heat") for name, kind in HEAT_MAPS.items()},
-    VIDEO: Plot(title="Video", unit="", curve="", how="video"),
+    **{name: Plot(title=kind.title, unit="", curve=name, how="levels") for name, kind in LEVELS.items()},
     BETWEEN: Plot(title="A to B distance", unit="mm", curve=BETWEEN, how="between"),
     # As in the panel Compare: above zero where B has more.
     **{
@@ -87,7 +81,7 @@ class _Found:
 
     name: str
     curves: tuple[tuple[Slot, Curve], ...] = ()
-    heat: HeatMap | None = None
+    levels: LevelSpans | None = None
     empty: str = ""
     """Why there are none; empty: they are being computed, or there is no fit yet."""
 
@@ -139,14 +133,11 @@ class Rows:
                 curves.append((side, curve))
         return _Found(name=name, curves=tuple(curves))
 
-    def _heat(self, name: str) -> _Found:
+    def _levels(self, name: str) -> _Found:
         shown = self._tab.shown.held
         if shown is None:
             return _Found(name=name)
-        return _Found(name=name, heat=self._latest(name, "b", _origin(shown), self._tab.data.heat_map(name, shown)))
-
-    def _video(self, name: str) -> _Found:
-        return _Found(name=name, empty=self._tab.data.video.problem_of(0) or _READING)
+        return _Found(name=name, levels=self._latest(name, "b", _origin(shown), self._tab.data.levels(name, shown)))
 
     def _difference(self, name: str) -> _Found:
         if problem := self._nothing_to_compare():
@@ -181,16 +172,14 @@ class Rows:
 
     def _row(self, found: _Found) -> states.Row:
         plot = PLOTS[found.name]
-        measured = bool(found.curves) or found.heat is not None
+        measured = bool(found.curves) or found.levels is not None
         return states.Row(
             name=found.name,
             title=plot.title,
             unit=plot.unit,
             signed=plot.how == "difference",
             curves=tuple(self._lines(plot, found)) if found.curves else (),
-            heat=None if found.heat is None else heat(found.heat),
-            video=plot.how == "video",
-            height=_HEIGHTS.get(plot.how, 1.0),
+            levels=None if found.levels is None else _levels(plot, found.levels),
             empty=found.empty or (_NOTHING if measured else _MEASURING if self._sides else _NO_FIT),
         )
 
@@ -209,8 +198,7 @@ class Rows:
 
 _WAYS: dict[str, Callable[[Rows, str], _Found]] = {
     "each": Rows._each,
-    "heat": Rows._heat,
-    "video": Rows._video,
+    "levels": Rows._levels,
     "difference": Rows._difference,
     "between": Rows._between,
 }
@@ -220,11 +208,9 @@ def _unseen(curve: Curve) -> tuple[states.Span, ...]:
     return () if curve.unseen is None else states.spans(np.flatnonzero(curve.unseen))
 
 
-def heat(found: HeatMap) -> states.Heat:
-    """A heat map for the page, to three digits: 20,000 frames are a megabyte."""
-    values = tuple(curve_values(column, digits=3) for column in found.values.T)
-    kind = HEAT_MAPS[found.name]
-    return states.Heat(parts=found.parts, values=values, top=found.top, worse=kind.worse, words=kind.words)
+def _levels(plot: Plot, spans: LevelSpans) -> states.Levels:
+    kind = LEVELS[plot.curve]
+    return states.Levels(parts=kind.parts, words=kind.words, spans=spans)
 
 
 def _origin(shown: Shown) -> Hashable:

@@ -15,7 +15,6 @@ from tcfit_app.project.edits.edit_log import Note
 from tcfit_app.review.browser import page_states as states
 from tcfit_app.review.browser.page_states import FitSpan, spans
 from tcfit_app.review.drawing.rows import CHOICES, Rows, with_plot
-from tcfit_app.review.drawing.thumbnails import Thumbnails
 from tcfit_app.review.tab.tab import Tab
 
 _MIXED_UP = 3.0
@@ -29,7 +28,7 @@ class Timeline:
 
     def __init__(self, tab: Tab) -> None:
         self._tab = tab
-        self._rows, self._thumbnails = Rows(tab), Thumbnails(tab)
+        self._rows = Rows(tab)
         self._suspects: tuple[Suspect, ...] = ()
         """Of the last queue."""
 
@@ -44,7 +43,6 @@ class Timeline:
         self._tab.channel.send("range", chosen)
         self._draw_strip()
         self._rows.draw()
-        self._thumbnails.draw()
         self._draw_marks()
         self._draw_keyframes()
         self._draw_suspicions()

@@ -10,7 +10,7 @@ from fitting_core import keypoints as kp
 from tcfit_app.analysis.suspicion import Suspect
 from tcfit_app.review.panels.elements.html import Board, Html, tag
 from tcfit_app.review.shared.shared_video import SharedVideo
-from tcfit_app.review.shared.video_frames import Crop, Wanted
+from tcfit_app.review.shared.video_frames import Crop
 from tcfit_app.review.tab.tab import Tab
 
 _SHAPE = 4 / 3
@@ -28,7 +28,7 @@ class QueuePictures:
     def __init__(self, tab: Tab) -> None:
         self._tab, self._board = tab, Board(tab)
         self._crops: dict[tuple[int, tuple[int, ...]], Crop] = {}
-        self._found: dict[Wanted, bytes] = {}
+        self._found: dict[tuple[int, Crop], bytes] = {}
         self._video: SharedVideo | None = None
         """The entries they show."""
 
@@ -50,7 +50,7 @@ class QueuePictures:
         rules = tab.once("pictures of the queue", key, lambda: self._rules(wanted))
         self._board.show(*([tag("style", rules)] if rules else []))
 
-    def _rules(self, wanted: Mapping[str, Wanted]) -> Html:
+    def _rules(self, wanted: Mapping[str, tuple[int, Crop]]) -> Html:
         known = {name: self._found[one] for name, one in wanted.items() if one in self._found}
         return Html("\n".join(f".{name}{{{_image(made)}}}" for name, made in known.items()))
 

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Float32
 from fitting_core.errors import InputError
 from fitting_core.ground.level import Level, level_of
 from tcfit_app.analysis.curves import Curve, between_runs, curve
-from tcfit_app.analysis.heat_maps import HeatMap, heat_map
+from tcfit_app.analysis.levels import LevelSpans, level_spans
 from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.analysis.posed_fit import PosedFit
 from tcfit_app.analysis.run_metrics import (
@@ -143,9 +143,9 @@ class DrawingData:
         """A curve of the timeline; None while it is computed."""
         return self._made(("curve", name, self.key(shown)), shown, lambda posed: curve(name, posed))
 
-    def heat_map(self, name: str, shown: Shown) -> HeatMap | None:
-        """A heat map of the timeline; None while it is computed."""
-        return self._made(("heat map", name, self.key(shown)), shown, lambda posed: heat_map(name, posed))
+    def levels(self, name: str, shown: Shown) -> LevelSpans | None:
+        """One of LEVELS for the timeline; None while it is computed."""
+        return self._made(("levels", name, self.key(shown)), shown, lambda posed: level_spans(name, posed))
 
     def between(self, a: Shown, b: Shown) -> Curve | None:
         """The distance between two runs along the clip; None while it is computed."""

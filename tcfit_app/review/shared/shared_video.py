@@ -5,7 +5,7 @@ from pathlib import Path
 
 from fitting_core.camera import Lens
 from fitting_core.clip import Clip
-from tcfit_app.review.shared.video_frames import FrameSize, VideoFrames, Wanted
+from tcfit_app.review.shared.video_frames import Crop, FrameSize, VideoFrames
 
 _Filmed = tuple[Path | None, tuple[int, int], Lens | None]
 """What must match for frames to be shared: the source, and the camera's size and lens."""
@@ -39,9 +39,11 @@ class SharedVideo:
         assert 0 <= frame < self.count
         return self._frames.nearest(frame + self._first, shown)
 
-    def thumbnails(self, wanted: Iterable[Wanted], *, reader: Hashable = None) -> dict[Wanted, bytes]:
-        """Those thumbnails that are ready; the others are made when nothing else is requested."""
-        moved: list[Wanted] = [(frame + self._first, shown) for frame, shown in wanted]
+    def thumbnails(
+        self, wanted: Iterable[tuple[int, Crop]], *, reader: Hashable = None
+    ) -> dict[tuple[int, Crop], bytes]:
+        """Those crops of frames that are ready; the others are made when nothing else is requested."""
+        moved = [(frame + self._first, crop) for frame, crop in wanted]
         found = self._frames.thumbnails(moved, reader=reader)
         return {(frame - self._first, shown): made for (frame, shown), made in found.items()}
 

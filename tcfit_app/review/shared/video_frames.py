@@ -34,14 +34,13 @@ from fitting_core.video.frames import FrameSource
 from tcfit_app.analysis.byte_cache import ByteCache
 from tcfit_app.review.scene.layers import FrameImage
 
-FrameSize = Literal["thumbnail", "playing", "full"]
-"""For the timeline; small, for fast playback; or every pixel of the video."""
-SIZES: tuple[FrameSize, ...] = get_args(FrameSize)
+FrameSize = Literal["playing", "full"]
+"""Small, for fast playback; or every pixel of the video."""
 PLAYING = (960, 540)
 """Maximum size of a playing frame; transposed for portrait video."""
 THUMBNAIL = (144, 96)
-"""Maximum size of a thumbnail, likewise."""
-_QUALITY = {"thumbnail": 70, "playing": 80, "full": 85}
+"""Maximum size of a crop, likewise."""
+_QUALITY = {"crop": 70, "playing": 80, "full": 85}
 _GREY = 96
 _log = logging.getLogger(__name__)
 _LIMIT = 256 * 2**20
@@ -87,10 +86,10 @@ class VideoFrames:
         self._first, self._arrived = first_frame, arrived
         self._awaited: set[Wanted] = set()
         self._cache: ByteCache[bytes] = ByteCache(limit, len)
-        self._grey = {shown: placeholder(size, shown) for shown in SIZES}
+        self._grey = {shown: placeholder(size, shown) for shown in get_args(FrameSize)}
         one = shown_size(size, "playing") == size
         self._kept: dict[FrameSize, FrameSize] = {"playing": "full" if one else "playing", "full": "full"}
-        self._thumbnails: dict[Hashable, deque[Wanted]] = {}
+        self._thumbnails: dict[Hashable, deque[tuple[int, Crop]]] = {}
         self._problem = "" if source else "There is no video: the project was made without one, or it was not found."
         self._problems: dict[int, str] = {}
         self._asked: deque[Wanted] = deque(maxlen=_WAITING)
@@ -119,11 +118,13 @@ class VideoFrames:
         """The frame in this size, or in the other one if that is ready; a missing one is decoded next."""
         return self.get(frame, shown) or self._cached((frame, "playing" if shown == "full" else "full"))
 
-    def thumbnails(self, wanted: Iterable[Wanted], *, reader: Hashable = None) -> dict[Wanted, bytes]:
-        """Those thumbnails that are ready; the others are made when nothing else is requested.
+    def thumbnails(
+        self, wanted: Iterable[tuple[int, Crop]], *, reader: Hashable = None
+    ) -> dict[tuple[int, Crop], bytes]:
+        """Those crops of frames that are ready; the others are made when nothing else is requested.
 
         Args:
-            wanted: Frames, each whole as a "thumbnail", or a crop.
+            wanted: Frame and crop of each.
             reader: Who requests them; replaces the reader's previous request.
         """
         asked = list(wanted)
@@ -260,7 +261,7 @@ def _forward(frames: list[int]) -> list[int]:
     return [frame for start in range(0, len(frames), _BLOCK) for frame in reversed(frames[start : start + _BLOCK])]
 
 
-def shown_size(size: tuple[int, int], shown: FrameSize) -> tuple[int, int]:
+def shown_size(size: tuple[int, int], shown: FrameSize | Literal["crop"]) -> tuple[int, int]:
     """Width and height in pixels of a JPEG for a video of `size`: the same shape, never larger."""
     if shown == "full":
         return size
@@ -273,14 +274,15 @@ def shown_size(size: tuple[int, int], shown: FrameSize) -> tuple[int, int]:
 
 def encoded(image: UInt8[np.ndarray, "H W 3"], shown: FrameSize | Crop) -> bytes:
     """A frame (RGB) or a crop of it, as JPEG."""
+    kind = shown if isinstance(shown, str) else "crop"
     if not isinstance(shown, str):
         left, top, right, bottom = shown
-        image, shown = image[top:bottom, left:right], "thumbnail"
-    size = shown_size((image.shape[1], image.shape[0]), shown)
+        image = image[top:bottom, left:right]
+    size = shown_size((image.shape[1], image.shape[0]), kind)
     if size != (image.shape[1], image.shape[0]):
         # Linear, not by area: 2 against 20 ms when 1080p shrinks by a non-integer factor.
         image = cv2.resize(image, size, interpolation=cv2.INTER_LINEAR)
-    return FrameImage.encode(image, quality=_QUALITY[shown]).data
+    return FrameImage.encode(image, quality=_QUALITY[kind]).data
 
 
 def placeholder(size: tuple[int, int], shown: FrameSize) -> bytes:

@@ -130,21 +130,19 @@ def test_the_timeline_plots_what_is_chosen_in_it(review: Reviewing):
     tab = review.page.tab
     usual = tab.state.plots
     review.tab.get_by_role("button", name="Curves ▾").click()
-    for title in ("Jitter, B − A (mm/frame²)", "Error by part, B (px)", "Video"):
+    for title in ("Jitter, B − A (mm/frame²)", "Hand phases, B"):
         review.tab.get_by_role("menuitemcheckbox", name=title).click()
     review.tab.keyboard.press("Escape")
-    until(lambda: tab.state.plots == (*usual, "jitter_difference", "error_by_part", "video"), "the rows")
+    until(lambda: tab.state.plots == (*usual, "jitter_difference", "hand_phases"), "the rows")
 
     def filled() -> list[dict[str, Any]] | None:
         found = review.tab.evaluate("() => tcfit.state('rows').rows")
-        return found if len(found) == len(usual) + 3 and all(r["curves"] or r["heat"] for r in found[:-1]) else None
+        return found if len(found) == len(usual) + 2 and all(r["curves"] or r["levels"] for r in found) else None
 
-    difference, heat, video = until(filled, "the rows with what is in them")[-3:]
+    difference, hands = until(filled, "the rows with what is in them")[-2:]
     assert difference["signed"] and len(difference["curves"][0]["values"]) == tab.length
-    assert len(heat["heat"]["values"]) == len(heat["heat"]["parts"]) and video["video"]
-    frames = until(lambda: review.tab.evaluate("() => tcfit.state('thumbnails')?.frames"), "thumbnails")
-    assert 0 <= frames[0] < frames[-1] < tab.length
-    for title in ("Jitter, B − A", "Error by part, B", "Video"):
+    assert len(hands["levels"]["spans"]) == len(hands["levels"]["parts"]) == 2
+    for title in ("Jitter, B − A", "Hand phases, B"):
         review.tab.get_by_role("button", name=f"Close {title}", exact=True).click()
     until(lambda: tab.state.plots == usual, "the rows before")
 

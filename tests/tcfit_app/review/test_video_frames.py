@@ -158,7 +158,8 @@ def test_thumbnails_wait_for_everybody_else(opened: Callable[..., VideoFrames], 
 
     monkeypatch.setattr(FrameSource, "frame", recorded)
     frames = opened(fill=False)
-    wanted = [(1, "thumbnail"), (20, "thumbnail")]
+    whole = (0, 0, *SIZE)
+    wanted = [(1, whole), (20, whole)]
     part = (20, (30, 10, 90, 60))
     assert frames.thumbnails(wanted) == frames.thumbnails([part], reader="another") == {}
     until(lambda: len(frames._thumbnails[None]) == 1)  # it has begun with the first
@@ -168,7 +169,7 @@ def test_thumbnails_wait_for_everybody_else(opened: Callable[..., VideoFrames], 
     until(lambda: frames.thumbnails(wanted).keys() == {*wanted} and not frames._thumbnails)
     assert order == [1, 15, 7, 8, 20]  # the second picture of frame 20 needs no second reading
     found = frames.thumbnails([*wanted, part])
-    assert {frame: shown(jpeg) for (frame, size), jpeg in found.items() if size == "thumbnail"} == {1: 1, 20: 20}
+    assert {frame: shown(jpeg) for (frame, size), jpeg in found.items() if size == whole} == {1: 1, 20: 20}
     assert decoded(found[wanted[1]]).shape[1::-1] == (144, 77) and max(map(len, found.values())) < 4000
     assert decoded(found[part]).shape[1::-1] == (60, 50)
 

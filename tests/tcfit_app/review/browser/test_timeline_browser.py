@@ -1,6 +1,5 @@
 """The timeline in viser's page, in a real browser: its rows, lanes, ruler and overview, its height and its menus."""
 
-from base64 import b64encode
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -11,7 +10,6 @@ from msgspec import structs
 from tcfit_app.review.browser import page_states as states
 from tcfit_app.review.browser.channel import web_files
 from tcfit_app.review.browser.page_events import Hello, Key, LookAt, MoveKey, Plot, Range, Resized, Seek
-from tcfit_app.review.scene.layers import FrameImage
 from tcfit_app.server.serving import ReviewServer, review_server
 from tests.drivers.page_tab import KEYS, LENGTH, POSTER, RECORD, ROWS, TABS, TIMELINE, Tab, open_tab, strip_place
 
@@ -49,7 +47,7 @@ def tab(opened: Tab) -> Iterator[Tab]:
 
 
 def start(tab: Tab) -> None:
-    for name in ("timeline", "marks", "thumbnails", "keyframes", "suspicions", "fit", "provenance", "range"):
+    for name in ("timeline", "marks", "keyframes", "suspicions", "fit", "provenance", "range"):
         tab.send(name, None)
     tab.send("skeleton", states.Skeleton())
     tab.send("style", states.Style(bones=False))
@@ -281,46 +279,25 @@ def test_the_axis_starts_at_zero_and_names_its_top(tab: Tab) -> None:
     assert {"0", "40", "−5", "+15", "Nothing here."} <= set(after_ruler)
 
 
-def test_a_heat_map_shows_each_part_and_the_worst_of_frames_that_share_a_pixel(tab: Tab) -> None:
-    hand = [1.0] * LENGTH
-    hand[100] = 40.0
-    heat = states.Heat(parts=("head", "left hand"), values=((1.0,) * LENGTH, tuple(hand)), top=40.0, worse="high")
-    tab.send("rows", states.Rows(rows=(states.Row(name="heat", title="Error by part", unit="px", heat=heat),)))
+def test_levels_are_drawn_ever_stronger_and_named_in_the_tooltip(tab: Tab) -> None:
+    spans = ((((0, 99),), ((100, 199),), ((200, LENGTH - 1),)), ((), (), ((0, 9),)))
+    levels = states.Levels(parts=("left hand", "right hand"), words=("rest", "hold", "movement"), spans=spans)
+    tab.send("rows", states.Rows(rows=(states.Row(name="hands", title="Hand phases", levels=levels),)))
     tab.settle()
-    look = """(y) => {
-      const strip = document.querySelector('.tcfit-strip > canvas');
-      const pixels = strip.getContext('2d').getImageData(0, y, strip.width, 1).data;
-      return [...Array(strip.width).keys()].filter((x) => pixels[4 * x] > 220 && pixels[4 * x + 1] > 180);
-    }"""
+    left = tab.page.locator(".tcfit-strip").bounding_box()["x"]  # pyright: ignore[reportOptionalSubscript]
     bottom = height(tab) - 13 - 6 * 15
-    bright = tab.page.evaluate(look, round(bottom - 12))
-    left = tab.page.locator(".tcfit-strip").bounding_box()["x"]  # pyright: ignore[reportOptionalSubscript]
-    assert bright and strip_place(tab, 99)[0] < left + bright[0] <= left + bright[-1] < strip_place(tab, 101)[0]
-    assert not [x for x in tab.page.evaluate(look, 62) if x > 178], "the head has no error"
-    tab.page.mouse.move(*strip_place(tab, 100, bottom - 12))
-    tab.settle()
-    assert tooltip(tab) == ["Frame 100  0:03.33", "Error by part  left hand 40 px"]
-    tab.page.mouse.move(*strip_place(tab, 100, RULER))
-    tab.settle()
-    assert tooltip(tab)[1] == "Error by part  left hand 40 px"
 
+    def brightness(frame: int, y: float) -> int:
+        x = round(strip_place(tab, frame)[0] - left)
+        pixel = "document.querySelector('.tcfit-strip > canvas').getContext('2d').getImageData(x, y, 1, 1).data[1]"
+        return tab.page.evaluate(f"([x, y]) => {pixel}", [x, round(y)])
 
-def test_thumbnails_lie_at_their_frames(tab: Tab) -> None:
-    red = FrameImage.encode(np.tile(np.array([[[255, 0, 0]]], np.uint8), (90, 160, 1)), quality=90).data
-    images = (b64encode(red).decode(),) * 2
-    tab.send("rows", states.Rows(rows=(states.Row(name="video", title="Video", video=True, height=1.5),)))
-    tab.send("thumbnails", states.Thumbnails(frames=(60, 240), images=images))
-    look = """(y) => {
-      const strip = document.querySelector('.tcfit-strip > canvas');
-      const pixels = strip.getContext('2d').getImageData(0, y, strip.width, 1).data;
-      return [...Array(strip.width).keys()].filter((x) => pixels[4 * x] > 200 && pixels[4 * x + 1] < 60);
-    }"""
-    tab.page.wait_for_function(f"() => ({look})(70).length > 0")
-    red_at = np.array(tab.page.evaluate(look, 70))
-    left = tab.page.locator(".tcfit-strip").bounding_box()["x"]  # pyright: ignore[reportOptionalSubscript]
-    first, second = np.split(red_at, np.flatnonzero(np.diff(red_at) > 1) + 1)
-    for frame, there in ((60, first), (240, second)):
-        assert left + there.mean() == pytest.approx(strip_place(tab, frame)[0], abs=2)
+    upper = [brightness(frame, 70) for frame in (50, 150, 250)]
+    steps = np.diff([brightness(50, bottom - 12), *upper])  # nothing is known of the right hand in frame 50
+    assert abs(steps).min() > 15 and abs(np.sign(steps).sum()) == 3, "of the same sign, in either theme"
+    tab.page.mouse.move(*strip_place(tab, 150, bottom - 12))
+    tab.settle()
+    assert tooltip(tab) == ["Frame 150  0:05.00", "Hand phases  left hand hold"]
 
 
 def test_only_the_cursor_is_drawn_while_the_clip_plays(tab: Tab) -> None:

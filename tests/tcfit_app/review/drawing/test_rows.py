@@ -12,7 +12,7 @@ import viser
 
 from fitting_core.errors import InputError
 from tcfit_app.analysis.curves import BETWEEN, CURVES, Curve
-from tcfit_app.analysis.heat_maps import HEAT_MAPS, HeatMap
+from tcfit_app.analysis.levels import LEVELS, LevelSpans
 from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.review.browser.page_events import Plot
 from tcfit_app.review.drawing.rows import CHOICES, MOST_ROWS, PLOTS, with_plot
@@ -66,7 +66,7 @@ def test_curves_are_sent_with_their_error_bars(tested: LonePage):
 
 def test_a_new_page_shows_what_can_be_plotted():
     assert set(TabState().plots) <= set(PLOTS) and {choice.name for choice in CHOICES} == set(PLOTS)
-    assert len({choice.title for choice in CHOICES}) == len(CHOICES) == 2 * len(CURVES) + len(HEAT_MAPS) + 2
+    assert len({choice.title for choice in CHOICES}) == len(CHOICES) == 2 * len(CURVES) + len(LEVELS) + 1
 
 
 def test_each_fit_has_its_line(tested: LonePage):
@@ -95,21 +95,20 @@ def test_a_difference_is_b_minus_a(tested: LonePage):
     assert list(distance["curves"][0]["values"]) == [0, 1, 2, 3, 4, 5]
 
 
-def test_a_heat_map_is_that_of_b(tested: LonePage):
+def test_levels_are_those_of_b(tested: LonePage):
     tab, asked = tested.page.tab, []
-    found = HeatMap(name="confidence_by_part", parts=("head", "torso"), values=np.array([[1, 0.5], [np.nan, 0]]), top=1)
+    spans = ((((0, 1),), (), ((2, 5),)), ((), (), ()))
 
-    def heat_map(name: str, shown: Shown) -> HeatMap:
+    def levels(name: str, shown: Shown) -> LevelSpans:
         asked.append((name, shown.run.id))
-        return found
+        return spans
 
-    tab.data.heat_map = heat_map  # pyright: ignore[reportAttributeAccessIssue]
-    tab.set(plots=("confidence_by_part",))
+    tab.data.levels = levels  # pyright: ignore[reportAttributeAccessIssue]
+    tab.set(plots=("hand_phases",))
     (state,) = sent(tested)
-    heat = state["rows"][0]["heat"]
-    assert asked == [("confidence_by_part", 2)] and heat["worse"] == "low" and not state["rows"][0]["curves"]
-    assert state["rows"][0]["height"] > 1
-    assert [list(values) for values in heat["values"]] == [[1, None], [0.5, 0]]
+    found = state["rows"][0]["levels"]
+    assert asked == [("hand_phases", 2)] and not state["rows"][0]["curves"]
+    assert found["spans"] == spans and len(found["parts"]) == 2 and len(found["words"]) == 3
     assert not sent(tested)
 
 
@@ -120,14 +119,6 @@ def test_a_row_says_why_there_is_no_curve(tested: LonePage):
     for curve, said in ((None, "Measuring"), (nothing, "nothing to measure")):
         tab.data.curve = lambda name, shown, curve=curve: curve  # pyright: ignore[reportAttributeAccessIssue]
         assert said in sent(tested)[-1]["rows"][0]["empty"]
-
-
-def test_the_row_of_the_video_says_why_it_is_empty(tested: LonePage):
-    tab = tested.page.tab
-    tab.set(plots=("video",))
-    (state,) = sent(tested)
-    row = state["rows"][0]
-    assert row["video"] and row["empty"] == tab.data.video.problem_of(0) != ""
 
 
 def test_a_curve_stays_until_a_newer_one_of_the_same_fit_is_there(tested: LonePage):
@@ -159,7 +150,7 @@ def test_rows_come_and_go(tested: LonePage):
     page.receive(Plot(name="volume", shown=True))
     page.receive(Plot(name="volume", shown=True))
     page.receive(Plot(name="reprojection", shown=False))
-    page.receive(Plot(name="no such thing", shown=True))
+    page.receive(Plot(name="error_by_part", shown=True))  # a row of earlier versions, which a browser may remember
     assert tab.state.plots == ("jitter", "volume")
     full = tuple(PLOTS)[:MOST_ROWS]
     with pytest.raises(InputError, match="at most"):

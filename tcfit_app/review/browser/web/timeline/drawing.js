@@ -10,9 +10,9 @@ import { tones } from "../theme.js";
 import {
   GUTTER, axis, clockText, edgeX, frameAt, frameNumber, frameX, niceStep, plotWidth, shownCount,
 } from "./axis.js";
-import { partAt, worstPart } from "./heat.js";
 import { drawKey, drawLaneNames, drawLanes, drawMarks, markAt, marksOf } from "./lanes.js";
-import { LANES, fitBand, laneBand, overview, rowBand, ruler, within } from "./layout.js";
+import { LANES, fitBand, laneBand, overview, ruler } from "./layout.js";
+import { levelWords } from "./levels.js";
 import { drawOverview, markOverview } from "./overview.js";
 import { NAMES, clipToPlot, fillBox, fillFrames, write } from "./paint.js";
 import { chosenRange, cursorFrame, pointed } from "./pointed.js";
@@ -152,31 +152,19 @@ function drawPointer(context) {
   }
   fillBox(context, tones.hair, frameX(frame) - 0.5, ruler.top, 1, overview().top - ruler.top);
   if (pointed.clicked) return;
-  const about = found ? [frameTitle(frame), found.mark.text] : pointed.collapsed ? [] : heatLines(frame, y);
-  stripTooltip.textContent = (about.length ? about : frameLines(frame)).join("\n");
+  stripTooltip.textContent = (found ? [frameTitle(frame), found.mark.text] : frameLines(frame)).join("\n");
   placeTooltip(stripTooltip, frameX(frame), 0, true);
 }
 
 /** @param {number} frame */
 const frameTitle = (frame) => `Frame ${frameNumber(frame)}  ${clockText(frame)}`;
 
-/** @param {{ part: string, value: number }} found @param {string} unit @param {readonly string[]} words */
-const valueOf = ({ part, value }, unit, words) => `${part} ${words[value] ?? value}${unit && ` ${unit}`}`;
-
-/** What the heat map under the pointer has in a frame. @param {number} frame @param {number} y */
-function heatLines(frame, y) {
-  return (states.rows?.rows ?? []).flatMap(({ title, unit, heat }, index) => {
-    const found = heat && within(rowBand(index), y) ? partAt(heat, rowBand(index), y, frame) : null;
-    return found ? [frameTitle(frame), `${title}  ${valueOf(found, unit, heat?.words ?? [])}`] : [];
-  });
-}
-
 /** @param {number} frame */
 function frameLines(frame) {
   const lines = [frameTitle(frame)];
-  for (const { title, unit, curves, signed, heat } of states.rows?.rows ?? []) {
-    const worst = heat && worstPart(heat, frame);
-    if (worst) lines.push(`${title}  ${valueOf(worst, unit, heat.words)}`);
+  for (const { title, unit, curves, signed, levels } of states.rows?.rows ?? []) {
+    const words = levels ? levelWords(levels, frame) : [];
+    if (words.length) lines.push(`${title}  ${words.join("   ")}`);
     const there = curves.filter(({ values }) => (values[frame] ?? null) !== null);
     const said = there.map(({ label, values, error_bars, unseen }) => {
       const bar = error_bars[frame] ?? null;

@@ -22,10 +22,8 @@ export const LANES = /** @type {const} */ (["Edits", "Keyframes", "Suspicious", 
 export const ruler = { top: HEAD, bottom: HEAD + RULER };
 export const fitBand = { top: ruler.bottom, bottom: ruler.bottom + FIT };
 
-const FIRST_ROWS = [1, 1]; // what a new tab shows: the strip is as high before its rows have come
-const shares = () => (states.rows ? states.rows.rows.map(({ height }) => height) : FIRST_ROWS);
-/** @param {number[]} some */
-const sum = (some) => some.reduce((total, each) => total + each, 0);
+const FIRST_ROWS = 2; // of a new tab: the strip is as high before its rows have come
+const rowCount = () => Math.max(states.rows ? states.rows.rows.length : FIRST_ROWS, 1);
 const belowRows = () => GAP + LANES.length * LANE + OVERVIEW;
 
 /** @returns {Band} */
@@ -41,10 +39,9 @@ export function laneBand(index) {
 /** They share the room. @param {number} index @returns {Band} */
 export function rowBand(index) {
   const room = strip.clientHeight - fitBand.bottom - belowRows();
-  const each = shares();
-  const height = room / Math.max(sum(each), 1);
-  const [before, after] = [sum(each.slice(0, index)), sum(each.slice(0, index + 1))];
-  return { top: Math.round(fitBand.bottom + before * height), bottom: Math.round(fitBand.bottom + after * height) };
+  const height = room / rowCount();
+  const [top, bottom] = [index, index + 1].map((rows) => Math.round(fitBand.bottom + rows * height));
+  return { top, bottom };
 }
 
 /** @param {Band} band @param {number} y */
@@ -56,7 +53,7 @@ let wanted = Number(sessionStorage.getItem(HEIGHT)) || 0; // 0: as suits the win
 
 const usual = () => Math.min(Math.max(USUAL.share * window.innerHeight, USUAL.least), USUAL.most);
 /** With which every row can still be read. */
-const least = () => fitBand.bottom + belowRows() + Math.max(sum(shares()), 1) * LEAST_ROW;
+const least = () => fitBand.bottom + belowRows() + rowCount() * LEAST_ROW;
 
 /** The least and the greatest height that it can have now. */
 export function heightLimits() {

@@ -8,9 +8,8 @@ import { states } from "../connection.js";
 import { NOT_SURE, stroke } from "../picture/shapes.js";
 import { onGround, tones } from "../theme.js";
 import { GUTTER, bandPath, curvePath, niceStep, plotWidth, valueScale, valueText } from "./axis.js";
-import { drawHeat } from "./heat.js";
 import { fitBand, rowBand } from "./layout.js";
-import { drawThumbnails } from "./thumbnails.js";
+import { drawLevels } from "./levels.js";
 import { clipToPlot, fillBox, write } from "./paint.js";
 
 const [ABOVE, BELOW] = [8, 7]; // within a band, for the numbers at both ends of the axis
@@ -26,8 +25,7 @@ export function drawRows(context) {
 /** @param {Context} context @param {Row} row @param {Band} band */
 function drawRow(context, row, band) {
   fillBox(context, tones.line, 0, band.bottom - 1, GUTTER + plotWidth(), 1);
-  if (row.video) return drawThumbnails(context, row.empty, band);
-  if (row.heat) return drawHeat(context, row.heat, band);
+  if (row.levels) return drawLevels(context, row.levels, band);
   const scale = valueScale(row.curves, row.signed);
   if (!scale) return write(context, row.empty, GUTTER + 12, (band.top + band.bottom) / 2, tones.dim);
   const { low, high, step } = scale;
