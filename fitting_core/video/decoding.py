@@ -4,7 +4,7 @@ import itertools
 import struct
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import av
 import cv2
@@ -63,6 +63,8 @@ _ONLY = {
     "protocol_whitelist": "file",
 }
 """FFmpeg takes nearly any bytes for something, raw pictures among them; and lists, of which some name other files."""
+# PyAV refused a file whose title is not UTF-8 until version 19, which dropped this argument.
+_ANY_TITLE: dict[str, Any] = {"metadata_errors": "replace"} if int(av.__version__.split(".")[0]) < 19 else {}
 
 
 def opened(path: Path) -> tuple[InputContainer, VideoStream]:
@@ -70,7 +72,7 @@ def opened(path: Path) -> tuple[InputContainer, VideoStream]:
     regular_file(path, most=None)
     try:
         # "file:", for FFmpeg takes what stands before a colon for a protocol.
-        container = av.open(f"file:{path}", metadata_errors="replace", container_options=_ONLY)
+        container = av.open(f"file:{path}", "r", container_options=_ONLY, **_ANY_TITLE)
     except FFmpegError as error:
         raise InputError(
             f"{path} is not a video that can be opened (found {path.stat().st_size} bytes). If it plays elsewhere, "
