@@ -8,8 +8,7 @@ from fitting_core.camera import Camera, FocalFrom, PathScale, focal_from_35mm
 from fitting_core.keypoints import Keypoints
 from fitting_core.lens import straightened_keypoints
 from fitting_core.video.decoding import told_35mm
-from fitting_core.video.exif import focal_35mm
-from fitting_core.video.frames import IMAGE_SUFFIXES, image_files
+from fitting_core.video.images import IMAGE_SUFFIXES, focal_35mm, image_files
 
 _LENSES_MM = (5.0, 2000.0)
 """Plausible 35 mm equivalents in a file; others are mistakes."""

@@ -40,7 +40,7 @@ class Footage:
         if path is None:
             return cls()
         with FrameSource(path) as frames:
-            notes = []
+            notes = frames.notes()
             if frames.count < frames.declared_count:
                 notes.append(
                     f"{path.name} is truncated: its header states {frames.declared_count} frames, but only "

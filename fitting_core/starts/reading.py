@@ -37,7 +37,7 @@ from fitting_core.metrics import heights_in_image
 from fitting_core.motion import rest_joints
 from fitting_core.results.given_start import GivenStart, StartRecord
 from fitting_core.starts.posing import posed_on
-from fitting_core.video.frames import image_files
+from fitting_core.video.images import image_files
 
 if TYPE_CHECKING:
     from fitting_core.io.motion.smplifyx import Decode

@@ -13,10 +13,9 @@ from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
 from fitting_core.lens import Straightener
 from fitting_core.video.decoding import VideoFile
-from fitting_core.video.frame_names import natural_key
+from fitting_core.video.images import IMAGE_SUFFIXES, Images, spread
 
 _GREY = 96
-IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
 
 
 class FrameSource:
@@ -47,7 +46,7 @@ class FrameSource:
         images = path.is_dir() or path.suffix.lower() in IMAGE_SUFFIXES
         self.path = path
         self._lock = threading.Lock()
-        self._decoder = _Images(path) if images else VideoFile(path)
+        self._decoder = Images(path) if images else VideoFile(path)
         self.count = self._decoder.count
         """Number of frames that can be decoded."""
         self.declared_count = self._decoder.declared_count
@@ -73,8 +72,8 @@ class FrameSource:
         return self.count
 
     def frame(self, index: int) -> UInt8[np.ndarray, "H W 3"]:
-        """Decode one frame as RGB. Raises InputError if there is no such frame, it is broken, or its size differs from
-        the first one's."""
+        """Decode one frame as RGB, scaled to the first one's size. Raises InputError if there is no such frame, or it
+        is broken."""
         self._check_index(index)
         with self._lock:
             image = self._decoder.read(index)
@@ -84,12 +83,24 @@ class FrameSource:
                 f"{where} cannot be decoded ({self.count} frames in all). The file is damaged: re-encode it."
             )
         if image.shape[1::-1] != self.size:
-            raise InputError(
-                f"{where} is {image.shape[1]} x {image.shape[0]} pixels, but {self._decoder.label(0)} is "
-                f"{self.size[0]} x {self.size[1]}; expected frames of one size. Rescale or remove it."
-            )
+            image = _fitted(image, self.size)
         rgb = cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
         return rgb if self._straighten is None else self._straighten(rgb)
+
+    def notes(self) -> list[str]:
+        """What a user should know about the pictures, in sentences: sizes that differ, and what images hold. Found in
+        some, spread over the clip, of which a video's are key frames."""
+        with self._lock:
+            looked_at = spread(self.count)
+            others = sorted(self._decoder.sizes(looked_at) - {self.size})
+            notes = self._decoder.notes(looked_at)
+        if others:
+            found, (width, height) = ", ".join(f"{w} x {h}" for w, h in others), self.size
+            notes.append(
+                f"The picture size of {self.path.name} changes: some are {found}. They are scaled to {width} x "
+                f"{height}, the size of the first, and so must be the keypoints of another detector."
+            )
+        return notes
 
     def frame_or_grey(self, index: int) -> UInt8[np.ndarray, "H W 3"]:
         """One frame as RGB, or plain grey where it is broken, so that playback and detection can continue. Raises
@@ -125,41 +136,15 @@ class FrameSource:
         self.close()
 
 
-def image_files(folder: Path | None) -> tuple[Path, ...]:
-    """A folder's images in natural order; none for a video or what is not there."""
-    if folder is None or not folder.is_dir():
-        return ()
-    visible = (file for file in folder.iterdir() if not file.name.startswith("."))
-    images = (file for file in visible if file.suffix.lower() in IMAGE_SUFFIXES)
-    return tuple(sorted(images, key=lambda file: natural_key(file.name)))
-
-
-class _Images:
-    """Image files, read when asked for."""
-
-    frame_rate: float | None = None
-    declared_frame_rate: float | None = None
-    uneven: bool = False
-    pixel_aspect: float = 1.0
-
-    def __init__(self, path: Path) -> None:
-        self._files = image_files(path) if path.is_dir() else (path,)
-        if not self._files:
-            others = sorted(file.name for file in path.iterdir() if not file.name.startswith("."))
-            found = f"{len(others)} other files, such as {others[0]}" if others else "an empty folder"
-            raise InputError(f"No images in {path}: found {found}; expected files in {', '.join(IMAGE_SUFFIXES)}.")
-        self.count = self.declared_count = len(self._files)
-        self.stems: tuple[str, ...] | None = tuple(file.stem for file in self._files)
-        if self.read(0) is None:
-            raise InputError(f"{self._files[0]} is not an image that can be decoded; remove or replace it.")
-
-    def read(self, index: int) -> np.ndarray | None:
-        # Not cv2.imread, which cannot open paths with special characters on Windows.
-        content = np.fromfile(regular_file(self._files[index]), dtype=np.uint8)
-        return cv2.imdecode(content, cv2.IMREAD_COLOR) if len(content) else None
-
-    def label(self, index: int) -> str:
-        return f"Image {self._files[index].name}"
-
-    def close(self) -> None:
-        pass
+def _fitted(image: UInt8[np.ndarray, "h w 3"], size: tuple[int, int]) -> UInt8[np.ndarray, "H W 3"]:
+    """A picture scaled to fit into a frame, in its middle; grey beside it if it has another shape."""
+    height, width = image.shape[:2]
+    scale = min(size[0] / width, size[1] / height)
+    scaled = (max(1, round(scale * width)), max(1, round(scale * height)))
+    image = cv2.resize(image, scaled, interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR)
+    if scaled == size:
+        return image
+    fitted = np.full((size[1], size[0], 3), _GREY, np.uint8)
+    left, top = (size[0] - scaled[0]) // 2, (size[1] - scaled[1]) // 2
+    fitted[top : top + scaled[1], left : left + scaled[0]] = image
+    return fitted

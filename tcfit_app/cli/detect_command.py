@@ -43,6 +43,8 @@ def _detect(options: DetectOptions) -> None:
     name = options.video.resolve().stem
     folder = options.out or Path(f"{name}_keypoints")
     with FrameSource(options.video) as source:
+        for note in source.notes():
+            print(f"Note: {note}", file=sys.stderr)
         frames = _frames(source, options.first_frame, options.last_frame)
         _check_folder(folder, name, frames)
         running = Running(boxes=options.boxes, provider=options.provider, batch=options.batch, threads=options.threads)

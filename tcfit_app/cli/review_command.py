@@ -18,7 +18,7 @@ from fitting_core.detect.detectors import DETECTORS
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
 from fitting_core.io.people_file import holds_people, read_people_file
-from fitting_core.video.frames import image_files
+from fitting_core.video.images import image_files
 from tcfit_app.home.found import PROJECT_SUFFIX, as_result, find
 from tcfit_app.options.fit import NO_KEYPOINTS, ReferenceOptions, ReviewOptions, ServerOptions, height_of
 from tcfit_app.project.storage.database import NAME, Database, is_project

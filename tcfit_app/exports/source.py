@@ -18,7 +18,7 @@ from fitting_core.motion import Motion
 from fitting_core.priors.latent import LatentPrior
 from fitting_core.priors.pose import make_prior
 from fitting_core.results.fit_result import FitResult, PhaseResult
-from fitting_core.video.frames import image_files
+from fitting_core.video.images import image_files
 from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.analysis.posed_fit import PosedFit
 from tcfit_app.fitting.fits import Shown

@@ -13,7 +13,8 @@ from typing import Literal
 
 from fitting_core.errors import InputError
 from fitting_core.io.people_file import PEOPLE_NAME
-from fitting_core.video.frames import IMAGE_SUFFIXES, FrameSource
+from fitting_core.video.frames import FrameSource
+from fitting_core.video.images import IMAGE_SUFFIXES
 from tcfit_app.project.storage.database import NAME as PROJECT
 
 VIDEOS = frozenset(".3gp .avi .m2ts .m4v .mkv .mov .mp4 .mpeg .mpg .mts .webm .wmv".split())

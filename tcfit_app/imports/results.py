@@ -26,7 +26,7 @@ from fitting_core.priors.latent import LatentPrior
 from fitting_core.results.fit_result import FitResult, PhaseResult
 from fitting_core.starts.posing import posed_on
 from fitting_core.video.frame_names import spans
-from fitting_core.video.frames import image_files
+from fitting_core.video.images import image_files
 from tcfit_app.fitting.bodies import Bodies, record_of
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.names import name_of_file

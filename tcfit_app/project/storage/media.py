@@ -10,7 +10,8 @@ import msgspec
 
 from fitting_core.errors import InputError
 from fitting_core.video.fingerprint import fingerprint, visible_files
-from fitting_core.video.frames import FrameSource, image_files
+from fitting_core.video.frames import FrameSource
+from fitting_core.video.images import image_files
 from tcfit_app.project.storage.accessing import accessing
 from tcfit_app.project.storage.names import portable
 

@@ -16,7 +16,7 @@ from av.video.stream import VideoStream
 
 from fitting_core.errors import InputError
 from fitting_core.video import decoding as video_file
-from fitting_core.video.decoding import ends_early
+from fitting_core.video.decoding import ends_early, told_35mm
 from fitting_core.video.frames import FrameSource
 
 STEP = 8
@@ -468,12 +468,43 @@ def test_a_folder_of_other_files(tmp_path):
         FrameSource(tmp_path)
 
 
-def test_images_of_different_sizes(write_images):
-    folder = write_images(["a1.png", "a2.png"], {"a2.png": (32, 48)})
-    with FrameSource(folder) as frames, pytest.raises(InputError) as error:
-        list(frames)
-    assert "Image a2.png" in str(error.value)
-    assert "is 32 x 48 pixels, but Image a1.png is 64 x 48; expected frames of one size" in str(error.value)
+def test_images_of_different_sizes_are_scaled_to_the_first(write_images):
+    folder = write_images(["a1.png", "a2.png", "a3.png"], {"a2.png": (32, 24), "a3.png": (32, 48)})
+    with FrameSource(folder) as frames:
+        assert [frame.shape for frame in frames] == [(48, 64, 3)] * 3
+        assert shown(frames.frame(1)) == 1 and red_corner(frames.frame(1)) == ("upper", "left")
+        narrow = frames.frame(2)
+        assert np.ptp(narrow[:, :16]) == 0 and np.ptp(narrow[:, 48:]) == 0, "grey beside a picture of another shape"
+        assert round(float(narrow[-8:, 36:44].mean()) / STEP) == 2
+        [note] = frames.notes()
+    assert "changes: some are 32 x 24, 32 x 48. They are scaled to 64 x 48" in note
+
+
+@pytest.mark.parametrize(("suffix", "codec"), [("ts", "libx264"), ("m2v", "mpeg2video")])
+def test_a_video_whose_picture_size_changes_is_scaled_to_the_first(tmp_path, suffix, codec):
+    """As browsers record calls. The file is recordings of two sizes behind each other."""
+    video = tmp_path / f"call.{suffix}"
+    for size in ((64, 48), (128, 96)):
+        encode(tmp_path / f"part.{suffix}", 20, codec, size=size, g="5")
+        with video.open("ab") as whole:
+            whole.write((tmp_path / f"part.{suffix}").read_bytes())
+    with FrameSource(video) as frames:
+        assert frames.size == (64, 48) and frames.count > 25
+        pictures = [frames.frame_or_grey(index) for index in range(frames.count)]
+        read = [picture for picture in pictures if np.ptp(picture) > 100]
+        assert len(read) >= frames.count - 1, "FFmpeg may lose the last frame before the change"
+        assert all(red_corner(picture) == ("upper", "left") for picture in read)
+        [note] = frames.notes()
+    assert f"The picture size of {video.name} changes: some are 128 x 96" in note
+
+
+def test_a_title_that_is_not_utf8(write_video):
+    file = write_video(5, "walk.mkv", "mp4v")
+    content = file.read_bytes()
+    assert content.count(b"Lavf") >= 2, "of the program that wrote it"
+    file.write_bytes(content.replace(b"Lavf", b"La\xff\xfe"))
+    with FrameSource(file) as frames:
+        assert frames.count == 5 and told_35mm(file) is None
 
 
 def test_a_broken_image_among_good_ones(write_images):
