@@ -190,7 +190,8 @@ class VideoFile:
         self._path = path
         self._early = ends_early(path)
         self._times = packet_times(path, early=self._early)
-        self._broken: set[int] = set()
+        self._broken: dict[int, tuple[int, int]] = {}
+        """Frames that could not be decoded, and size and time of the file then."""
         self._sizes: set[tuple[int, int]] = set()
         # One for all frames: a new one for each takes 2 ms more at 1088 x 1920.
         self._reformatter = VideoReformatter()
@@ -218,8 +219,10 @@ class VideoFile:
         self.frame_rate = (len(times) - 1) / float(times[-1] - times[0]) if self.uneven else self.declared_frame_rate
 
     def read(self, index: int) -> np.ndarray | None:
-        """Frame as BGR; None if it cannot be decoded."""
-        if index in self._broken:
+        """Frame as BGR; None if it cannot be decoded. Raises InputError or OSError if the file cannot be read now."""
+        now = self._path.stat()
+        stamp = now.st_size, now.st_mtime_ns
+        if self._broken.get(index) == stamp:
             return None
         if index < self._last or index - self._last > _SKIP:
             self._seek(index)
@@ -227,7 +230,7 @@ class VideoFile:
             # Seeking can fail where decoding from the start does not.
             self._reopen()
             if not self._reach(index):
-                self._broken.add(index)
+                self._broken[index] = stamp
                 return None
         return self._image()
 
@@ -306,8 +309,9 @@ class VideoFile:
         self._reopen()
 
     def _reopen(self) -> None:
+        container, stream = opened(self._path)
         self._container.close()
-        self._container, self._stream = opened(self._path)
+        self._container, self._stream = container, stream
         self._from_here()
 
     def _from_here(self) -> None:

@@ -75,9 +75,12 @@ class FrameSource:
         """Decode one frame as RGB, scaled to the first one's size. Raises InputError if there is no such frame, or it
         is broken."""
         self._check_index(index)
-        with self._lock:
-            image = self._decoder.read(index)
         where = f"{self._decoder.label(index)} of {self.path}"
+        try:
+            with self._lock:
+                image = self._decoder.read(index)
+        except OSError as error:
+            raise InputError(f"{where} cannot be read now ({error.strerror or error}).") from error
         if image is None:
             raise InputError(
                 f"{where} cannot be decoded ({self.count} frames in all). The file is damaged: re-encode it."

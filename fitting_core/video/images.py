@@ -74,7 +74,7 @@ class Images:
             raise InputError(f"{self._files[0]} is not an image that can be decoded; remove or replace it.")
 
     def read(self, index: int) -> UInt8[np.ndarray, "H W 3"] | None:
-        """An image as BGR; None if it is damaged. Raises InputError if it cannot be read, or is too large."""
+        """An image as BGR; None if damaged. Raises InputError if it is too large, OSError if it cannot be read."""
         image = _decoded(self._files[index])
         if image is not None and image.dtype == np.uint16:
             image = np.minimum(image >> (self._depth - 8), 255).astype(np.uint8)
@@ -122,12 +122,9 @@ def spread(count: int) -> list[int]:
 
 
 def _decoded(path: Path) -> np.ndarray | None:
-    """An image as BGR of 8 or 16 bits a channel; None if it is damaged. Raises InputError as `Images.read` does."""
-    try:
-        # Not cv2.imread, which cannot open paths with special characters on Windows.
-        content = np.fromfile(regular_file(path), dtype=np.uint8)
-    except OSError as error:
-        raise InputError(f"{path} cannot be read ({error.strerror or error}).") from error
+    """An image as BGR of 8 or 16 bits a channel; None if it is damaged. Raises as `Images.read` does."""
+    # Not cv2.imread, which cannot open paths with special characters on Windows.
+    content = np.fromfile(regular_file(path), dtype=np.uint8)
     header = _header(BytesIO(content.data))
     if header is None:
         return None

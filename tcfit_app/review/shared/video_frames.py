@@ -1,6 +1,7 @@
 """The frames of a clip's video as JPEGs, decoded ahead in a thread.
 
-Nothing here blocks, and nothing raises for a missing or broken video: instead there is a grey frame, and a text.
+Nothing here blocks, and nothing raises for a missing or broken video: instead there is a grey frame, and a text, and
+what is on show is tried again.
 
 One thread opens, decodes and encodes, because a video is read forwards. First come requested frames, then those about
 to be played, then thumbnails, then the rest of the clip at the playing size, as far as memory allows. So a jump in a
@@ -19,6 +20,7 @@ as "playing" and "full", on one thread:
 
 import logging
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Hashable, Iterable
 from pathlib import Path
@@ -48,6 +50,8 @@ _FILLED = 0.5
 """Fraction of the cache up to which frames that were not requested are kept."""
 _WAITING = 16
 """Number of pending requests; older ones have been skipped over."""
+_RETRY = 2.0
+"""Seconds after which a frame or a video that could not be read is tried again."""
 _BLOCK = 12
 """Frames per block that are decoded in ascending order for backward playback."""
 
@@ -91,7 +95,8 @@ class VideoFrames:
         self._kept: dict[FrameSize, FrameSize] = {"playing": "full" if one else "playing", "full": "full"}
         self._thumbnails: dict[Hashable, deque[tuple[int, Crop]]] = {}
         self._problem = "" if source else "There is no video: the project was made without one, or it was not found."
-        self._problems: dict[int, str] = {}
+        self._problems: dict[int, tuple[str, float]] = {}
+        """Why a frame could not be read, and when it was tried."""
         self._asked: deque[Wanted] = deque(maxlen=_WAITING)
         self._coming: dict[Hashable, deque[Wanted]] = {}
         self._rest = deque(range(count)) if fill else deque()
@@ -103,14 +108,14 @@ class VideoFrames:
 
     def problem_of(self, frame: int) -> str:
         """Why a frame is grey; empty if it is not, or not decoded yet."""
-        return self._problem or self._problems.get(frame, "")
+        return self._problem or self._problems.get(frame, ("", 0.0))[0]
 
     def get(self, frame: int, shown: FrameSize = "full") -> bytes | None:
         """The frame as JPEG if it is ready; otherwise None, and it is decoded next."""
         assert 0 <= frame < self.count
         wanted: tuple[int, FrameSize] = frame, self._kept[shown]
         found = self._cached(wanted)
-        if found is None:
+        if found is None or self._retried(frame):
             self._ask(wanted)
         return found
 
@@ -169,6 +174,10 @@ class VideoFrames:
             return found or self._grey[wanted[1]]
         return found
 
+    def _retried(self, frame: int) -> bool:
+        """Whether a frame could not be read, and should be tried again."""
+        return frame in self._problems and time.monotonic() > self._problems[frame][1] + _RETRY
+
     def _ask(self, wanted: Wanted) -> None:
         with self._changed:
             if wanted in self._asked:
@@ -178,16 +187,26 @@ class VideoFrames:
             self._changed.notify_all()
 
     def _work(self, source: Path, lens: Lens | None) -> None:
-        try:
-            frames = FrameSource(source, lens=lens)
-        except Exception as error:  # any error: if the thread ended, everyone would wait
-            self._problem = _reason(error)
-            self._arrived()
-            return
+        while (frames := self._opened(source, lens)) is None:
+            with self._changed:
+                if self._changed.wait_for(lambda: self._closed, _RETRY):
+                    return
         with frames:
             last: tuple[int, np.ndarray] | None = None
             while wanted := self._next():
                 last = self._decoded(frames, wanted, last)
+
+    def _opened(self, source: Path, lens: Lens | None) -> FrameSource | None:
+        """The video; None if it cannot be read now."""
+        before, frames = self._problem, None
+        try:
+            frames = FrameSource(source, lens=lens)
+            self._problem = ""
+        except Exception as error:  # any error: if the thread ended, everyone would wait
+            self._problem = _reason(error)
+        if self._problem != before:
+            self._arrived()
+        return frames
 
     def _next(self) -> Wanted | None:
         """What to decode now; waits until there is something, None at the end."""
@@ -224,7 +243,7 @@ class VideoFrames:
         return None
 
     def _missing(self, wanted: Wanted) -> bool:
-        return wanted not in self._cache and wanted[0] not in self._problems
+        return wanted not in self._cache and (wanted[0] not in self._problems or self._retried(wanted[0]))
 
     def _decoded(
         self, frames: FrameSource, wanted: Wanted, last: tuple[int, np.ndarray] | None
@@ -235,8 +254,9 @@ class VideoFrames:
             image = last[1] if last and last[0] == frame else frames.frame(self._first + frame)
             self._cache.put(wanted, encoded(image, shown))
             last = frame, image
+            self._problems.pop(frame, None)
         except Exception as error:  # as above
-            self._problems[frame] = _reason(error)
+            self._problems[frame] = _reason(error), time.monotonic()
         with self._changed:
             awaited = wanted in self._awaited
             self._awaited.discard(wanted)

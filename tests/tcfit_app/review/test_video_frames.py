@@ -1,6 +1,8 @@
 """Frames of the video for the views."""
 
 import random
+import re
+import shutil
 import threading
 import time
 from collections.abc import Callable
@@ -241,6 +243,37 @@ def test_missing_frames_are_grey_and_the_others_are_not(opened: Callable[..., Vi
     assert f"There is no frame {COUNT}" in frames.problem_of(COUNT)
     assert frames.problem_of(0) == "" and frames.problem_of(COUNT - 1) == ""
     assert frames.get(COUNT) == placeholder(SIZE, "full"), "it is not decoded again and again"
+
+
+def test_a_video_that_comes_back_is_shown(
+    opened: Callable[..., VideoFrames], video: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """As on a network drive that was away for a while."""
+    monkeypatch.setattr(video_frames, "_RETRY", 0.05)
+    arrived: list[None] = []
+    frames = opened(tmp_path / "a.avi", arrived=lambda: arrived.append(None))
+    until(lambda: frames.problem_of(3) != "")
+    assert waited(frames, 3) == placeholder(SIZE, "full") and len(arrived) == 1
+    shutil.copy(video, tmp_path / "part")
+    (tmp_path / "part").rename(tmp_path / "a.avi")
+    until(lambda: frames.problem_of(3) == "")
+    assert shown(waited(frames, 3)) == 3 and len(arrived) > 1
+
+
+def test_a_frame_that_can_be_read_again_is_shown(
+    opened: Callable[..., VideoFrames], video: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(video_frames, "_RETRY", 0.05)
+    file, content = tmp_path / "a.avi", bytearray(video.read_bytes())
+    starts = [match.start() for match in re.finditer(rb"\xff\xd8\xff", content)]
+    assert len(starts) == COUNT
+    content[starts[12] : starts[13] - 20] = bytes(starts[13] - 20 - starts[12])
+    file.write_bytes(content)
+    frames = opened(file, fill=False)
+    assert waited(frames, 12) == placeholder(SIZE, "full") and "cannot be decoded" in frames.problem_of(12)
+    file.write_bytes(video.read_bytes())
+    until(lambda: frames.get(12) != placeholder(SIZE, "full"))
+    assert shown(waited(frames, 12)) == 12 and frames.problem_of(12) == ""
 
 
 def test_closing_ends_the_thread_at_once(video: Path):
