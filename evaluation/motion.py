@@ -23,7 +23,6 @@ from evaluation.synthetic.motion_suite.depth_figures import (
 )
 from fitting_core.config.schema import DEFAULT_PRESET, FitConfig, without_collisions
 from fitting_core.files.atomic import replacing
-from fitting_core.measure.report.markup import number
 from tcfit_app.options.fit import MethodOptions, fit_config
 from tcfit_app.options.preparing import compile_kernels
 
@@ -84,7 +83,7 @@ def _done(tasks: Sequence[MotionTask], jobs: int) -> list[DepthRecord]:
     for task, records in done_tasks(run_motion, tasks, jobs=jobs):
         found[task.folder] = records
         value = depth_figures(records[-1:], "")["all"][_TOLD]
-        told = f"{task.sequence}, {task.variant}: {_TOLD.replace(',', f' {number(value)}')}"
+        told = f"{task.sequence}, {task.variant}: {_TOLD.replace(',', f' {_number(value, 1)}')}"
         print(f"{len(found)} of {len(tasks)}: {told}", file=sys.stderr, flush=True)
     return [record for task in tasks for record in found[task.folder]]
 
@@ -107,8 +106,12 @@ def _row(grouping: str, label: str) -> str:
 _DIGITS = {titled(curve, s): curve.digits for curve in (DEPTH_CURVES | PART_CURVES).values() for s in curve.statistics}
 
 
+def _number(value: float | None, digits: int) -> str:
+    return "–" if value is None else f"{value:.{digits}f}"
+
+
 def _cells(row: dict[str, float | None]) -> list[str]:
-    return [number(value, _DIGITS[title]) for title, value in row.items()]
+    return [_number(value, _DIGITS[title]) for title, value in row.items()]
 
 
 def _markdown(tables: dict[str, dict[str, Rows]], settings: dict[str, str]) -> str:

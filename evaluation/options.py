@@ -16,8 +16,7 @@ class SuiteOptions:
     presets: Annotated[tuple[str, ...], shown("PRESET", "smplifyx paper tcfit; on the motion suite tcfit")] = ()
     """What is compared; of smplifyx phase 1 alone, which is all that SMPLify-X does."""
     collisions: bool = True
-    """Of the presets that have the term of self-collision (smplifyx, paper). It takes 6/7 of their time, and the report
-    says when it was left out."""
+    """Of the presets that have the term of self-collision (smplifyx, paper). It takes 6/7 of their time."""
     sequences: Annotated[tuple[str, ...], shown("NAME", "all")] = ()
     """Names like complex_1, or motions like simple or dance."""
     jobs: Annotated[int, arg(metavar="N")] = 1
@@ -28,16 +27,12 @@ class SuiteOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class ActedOptions(SuiteOptions):
-    """Fit and measure the synthetic suite: metrics.csv, metrics.json and report.html."""
+    """Fit and measure the synthetic suite: metrics.csv and metrics.json."""
 
-    ablations: bool = False
-    """Vary window size, shape sample and temporal weight of the last of --presets, one at a time: ablations.json."""
     level: Annotated[str, arg(metavar="{clean,normal,hard}")] = "normal"
     """How hard the detections are."""
     every: Annotated[int, arg(metavar="N")] = 1
     """Measure surfaces in every Nth frame, which is the slow part."""
-    pictures: Annotated[int, arg(metavar="N")] = 12
-    """Worst frames in the report."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,6 @@
 """Sequences of the suite, fitted and measured; what is done stays in a folder and is not done again."""
 
 import hashlib
-import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, fields, replace
@@ -24,10 +23,8 @@ from fitting_core.config.schema import PRESETS, FitConfig, without_collisions
 from fitting_core.config.toml import as_plain
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
-from fitting_core.fit.events import FitEvent, PhaseStarted, drained, mapped
-from fitting_core.fit.fitting import fit_clip, shape_events
+from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.fused import ready
-from fitting_core.fit.phase_figures import evaluated
 from fitting_core.io.result_files import SUMMARY_NAME, read_fit, write_result
 from fitting_core.io.summary import versions
 from fitting_core.io.truth import Truth
@@ -59,9 +56,6 @@ class SuiteTask:
     folder: Path
     """Where the fit and its measures stay."""
     every: int = 1
-    surfaces_of_phase1: bool = True
-    start: Path | None = None
-    """Folder of a fit of this sequence whose phase 1 is taken; None: all phases are fitted."""
 
 
 class _Stored(msgspec.Struct, frozen=True, kw_only=True):
@@ -142,11 +136,11 @@ def run_task(task: SuiteTask) -> tuple[Record, ...]:
     torch.set_num_threads(1)
     ready.use(threads=1)
     made, body = make_sequence(SEQUENCES[task.sequence], task.level), fitted_body()
-    key = fit_key(task.config, made.clip, made.truth, body, start=task.start)
+    key = fit_key(task.config, made.clip, made.truth, body)
     measured_key = f"{key} {task.every} {MEASURES}"
     if (stored := _stored(task.folder / _RECORDS)) is not None and stored.key == measured_key:
         return stored.records
-    keep_fit(task.folder, key, lambda: _fitted(task, made, body), made.clip, body)
+    keep_fit(task.folder, key, lambda: fit_clip(made.clip, body, task.config), made.clip, body)
     records = _measured(task, made, body)
     content = msgspec.json.encode(_Stored(key=measured_key, records=records))
     with replacing(task.folder / _RECORDS) as draft:
@@ -160,7 +154,7 @@ def fitted_body() -> BodyModel:
     return load_body(find_body(search=FREE_FOLDER))
 
 
-def fit_key(config: FitConfig, clip: Clip, truth: Truth, body: BodyModel, *, start: Path | None = None) -> str:
+def fit_key(config: FitConfig, clip: Clip, truth: Truth, body: BodyModel) -> str:
     """Stands for all that a fit depends on: settings, detections, truth, body, lifter, and the packages' versions."""
     digest = hashlib.sha256(msgspec.json.encode([as_plain(config), versions(), body.hash, truth.body_hash]))
     digest.update(LIFTER.read_bytes())
@@ -168,8 +162,6 @@ def fit_key(config: FitConfig, clip: Clip, truth: Truth, body: BodyModel, *, sta
         digest.update(np.ascontiguousarray(array).tobytes())
     for f in fields(BodyParams):
         digest.update(getattr(truth.params, f.name).numpy().tobytes())
-    if start is not None:
-        digest.update((_read_text(start / _FIT_KEY) or "").encode())
     return digest.hexdigest()
 
 
@@ -188,27 +180,6 @@ def keep_fit(folder: Path, key: str, fit: Callable[[], FitResult], clip: Clip, b
             draft.write_text(key)
 
 
-def _fitted(task: SuiteTask, made: SuiteClip, body: BodyModel) -> FitResult:
-    """All phases, or phases 2 and 3 from another fit's phase 1, with the CPU time of each: what else a computer does is
-    no matter."""
-    if task.start is None:
-        return fit_clip(made.clip, body, task.config)
-    stored, clip = read_fit(task.start), made.clip
-    first = evaluated(clip, body, task.config, stored.phase1, phase=1)
-    begun = FitResult(phases=(first,), camera=clip.camera, config=task.config, observed=stored.observed)
-    marks = dict[int, float]()
-
-    def mark(event: FitEvent) -> None:
-        if isinstance(event, PhaseStarted):
-            marks[event.phase] = time.process_time()
-
-    found = drained(mapped(shape_events(clip, body, task.config, begun), mark))
-    last = time.process_time()
-    ends = {2: marks.get(3, last), 3: last}
-    timed = (p if p.phase == 1 else replace(p, seconds=ends[p.phase] - marks[p.phase]) for p in found.phases)
-    return replace(found, phases=tuple(timed))
-
-
 def _measured(task: SuiteTask, made: SuiteClip, body: BodyModel) -> tuple[Record, ...]:
     found, truth = read_fit(task.folder), made.truth
     reference = reference_of(
@@ -216,9 +187,9 @@ def _measured(task: SuiteTask, made: SuiteClip, body: BodyModel) -> tuple[Record
     )
     seconds = fit_seconds(task.folder)
     first, final = method_names(task, found.last_phase)
-    phases = [(first, found.phase1, seconds["phase1"], task.surfaces_of_phase1 or final is None)]
+    phases = [(first, found.phase1, seconds["phase1"])]
     if final is not None:
-        phases.append((final, found.params, seconds["total"], True))
+        phases.append((final, found.params, seconds["total"]))
     return tuple(
         Record(
             sequence=task.sequence,
@@ -227,19 +198,19 @@ def _measured(task: SuiteTask, made: SuiteClip, body: BodyModel) -> tuple[Record
             frames=len(params),
             frame_rate=found.frame_rate,
             seconds=spent,
-            comparison=_compared(task, made, body, reference, params, surfaces),
+            comparison=_compared(task, made, body, reference, params),
         )
-        for method, params, spent, surfaces in phases
+        for method, params, spent in phases
     )
 
 
 def _compared(
-    task: SuiteTask, made: SuiteClip, body: BodyModel, reference: Reference, params: BodyParams, surfaces: bool
+    task: SuiteTask, made: SuiteClip, body: BodyModel, reference: Reference, params: BodyParams
 ) -> Comparison:
     estimate = PosedMotion(
         body=body, params=params, camera=made.clip.camera, frame_rate=made.clip.frame_rate, clip=made.clip
     )
-    return compare(estimate, reference, truth_body=made.body, meshes=surfaces, every=task.every)
+    return compare(estimate, reference, truth_body=made.body, every=task.every)
 
 
 def fit_seconds(folder: Path) -> dict[str, float]:

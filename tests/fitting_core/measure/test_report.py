@@ -6,8 +6,6 @@ from xml.etree import ElementTree
 
 import pytest
 
-from evaluation.ablation_plots import Ablation, Trial, ablation_plots
-from evaluation.suite_plots import bar_plot, plots
 from fitting_core.measure.comparison import Comparison, figure_titles
 from fitting_core.measure.records import BASELINE, Evaluation, Record, overall, pooled, wins
 from fitting_core.measure.report.page import report_page
@@ -66,12 +64,6 @@ def test_lines_break_where_nothing_is_known():
     assert path.get("d", "").count("M") == 2 and path.get("d", "").count("L") == 1
 
 
-def test_bars_are_as_high_as_their_numbers():
-    drawn = bar_plot(["a", "b"], [Series(title="s", style="red", values=[1.0, 4.0])], y_title="y")
-    low, high = (float(e.get("height", "")) for e in ElementTree.fromstring(drawn).iter("rect"))
-    assert high == pytest.approx(4 * low, rel=1e-2)
-
-
 def test_a_logarithmic_axis():
     scale = scale_of([10, 1000], 0, 100, logarithmic=True)
     assert [scale(v) for v in (10, 100, 1000)] == pytest.approx([0, 50, 100]) and scale.labels() == [
@@ -82,12 +74,9 @@ def test_a_logarithmic_axis():
 
 
 def test_the_page_needs_nothing_but_itself():
-    trial = Trial(label="3", place=3.0, variant="", errors={"Error <cm>": 1.0})
-    other = Trial(label="5", place=5.0, variant="", errors={"Error <cm>": None})
-    ablation = Ablation(title="Windows & more", x_title="frames", note="", trials=(trial, other))
     evaluation = Evaluation(title="<script>alert(1)</script>", records=RECORDS, settings={"Command": "a & b <c>"})
-    page = report_page(evaluation, sections=[*plots(evaluation), ablation_plots([ablation])])
-    assert "<script" not in page and "a &amp; b &lt;c&gt;" in page and "Error &lt;cm&gt;" in page
+    page = report_page(evaluation)
+    assert "<script" not in page and "a &amp; b &lt;c&gt;" in page
     assert not re.findall(r"(?:https?:)?//|@import|<link|src=\"(?!data:)|url\(", page)
     assert "1 of 2" in page and "3.67" in page and "prefers-color-scheme: dark" in page
     assert page.count("<svg") == page.count("</svg>") and "nan" not in page.lower().replace("finance", "")
