@@ -328,7 +328,7 @@ def test_a_program_that_starts_tcfit_hears_of_it(
     assert run != example
     exec(run, {})
     said = capsys.readouterr().out
-    assert "phase 3: " in said and "failed" not in said and Path("walk-fit/fit.npz").is_file()
+    assert "final fit: " in said and "failed" not in said and Path("walk-fit/fit.npz").is_file()
 
 
 def test_the_examples_run(
