@@ -246,10 +246,12 @@ class Tasks:
                 task.value = None  # it may be a file of some 100 MB
 
     def leave(self, owner: object) -> None:
-        """Cancel the tasks of an owner who is gone, and deliver nothing."""
-        for task in [task for task in self._running if task.owner is owner]:
-            task.cancel()
-            del self._running[task]
+        """Cancel the tasks of an owner who is gone, and deliver nothing. They count as running until they have ended,
+        because the project must stay open that long."""
+        for task in self._running:
+            if task.owner is owner:
+                task.cancel()
+                task.then = lambda task: None
 
     def close(self) -> None:
         """End everything, waiting a while for running work."""

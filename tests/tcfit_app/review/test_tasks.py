@@ -143,6 +143,22 @@ def test_what_a_tab_began_ends_with_it(tasks: Tasks):
     assert others.state == "running" and not ended, "a tab that is gone hears of nothing"
 
 
+def test_a_task_whose_owner_is_gone_is_waited_for():
+    tasks, tab, steps, ended = Tasks(), object(), threading.Event(), threading.Event()
+
+    def deaf(report: Step) -> None:
+        steps.set()
+        time.sleep(1.0)  # until its next step
+        ended.set()
+
+    tasks.submit("Import", deaf, owner=tab)
+    assert steps.wait(PATIENCE)
+    tasks.leave(tab)
+    assert tasks.busy
+    tasks.close()
+    assert ended.is_set(), "what it writes to is closed next"
+
+
 def test_closing_ends_everything():
     tasks = Tasks()
     task = tasks.submit("Waiting", endless)
