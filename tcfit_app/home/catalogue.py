@@ -15,7 +15,7 @@ from fitting_core.errors import InputError
 from fitting_core.files.regular import legible, regular_file
 from fitting_core.io.people_file import read_people_file
 from tcfit_app.home.found import PROJECT_SUFFIX, Found, Kind, find
-from tcfit_app.home.messages import Row, Work
+from tcfit_app.home.messages import Row, Work, unforeseen
 from tcfit_app.project.glance import Glance, Stamp, glance, stamp
 from tcfit_app.project.storage.lock import Holder
 
@@ -159,8 +159,7 @@ def _read(found: Found, new: Stamp) -> Entry:
         row = msgspec.structs.replace(row, problem=str(error))
     except Exception as error:  # one clip must not keep the others off the list
         _log.exception("%s could not be read", found.path)
-        problem = f"{type(error).__name__}: {error}. tcfit's terminal has the details."
-        row = msgspec.structs.replace(row, problem=problem)
+        row = msgspec.structs.replace(row, problem=unforeseen(error))
     return Entry(found=found, stamp=new, row=row, media=media, first_frame=first_frame, by=by)
 
 

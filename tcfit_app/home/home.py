@@ -42,6 +42,7 @@ from tcfit_app.home.messages import (
     WriteNote,
     decode,
     encode,
+    unforeseen,
 )
 from tcfit_app.home.pictures import picture_of
 from tcfit_app.home.queue import WorkQueue
@@ -164,7 +165,7 @@ class Home:
             watcher.send(Told(text=str(error)))
         except Exception as error:
             _log.exception("What a page asked for went wrong")
-            watcher.send(Told(text=f"{type(error).__name__}: {error}. tcfit's terminal has the details."))
+            watcher.send(Told(text=unforeseen(error)))
 
     def _look(self, watcher: _Watcher, asked: Look) -> None:
         idle, watcher.wanted = not watcher.wanted, asked.keys
@@ -177,7 +178,11 @@ class Home:
             key, *rest = watcher.wanted
             watcher.wanted = tuple(rest)
             if (entry := self.catalogue.get(key)) is not None:
-                data = picture_of(entry, self.catalogue)
+                try:
+                    data = picture_of(entry, self.catalogue)
+                except Exception:  # the other clips have pictures all the same
+                    _log.exception("%s: has no picture", entry.found.path)
+                    data = b""
                 watcher.send(Picture(key=key, data=base64.b64encode(data).decode()))
                 if entry.found.is_footage:
                     self._refresh([key])
@@ -244,11 +249,12 @@ class Home:
         entry = self._entry(key)
         if entry.found.kind != "project":
             raise InputError(f"{entry.row.name}: is no project yet. Open or fit it first.")
-        if (project := self.reviews.project(key)) is not None:
-            say(project.review)
-        else:
-            with reviewed(entry.found.path) as review:
-                say(review)
+        with self.reviews.writing(key) as project:
+            if project is not None:
+                say(project.review)
+            else:
+                with reviewed(entry.found.path) as review:
+                    say(review)
         self._refresh([key])
 
     # --- clips ---
@@ -305,10 +311,14 @@ class Home:
         while not self._stop:
             self._wake.wait(max(EVERY, rest) if self._watchers else EVERY)
             self._wake.clear()
-            self.reviews.tidy()
+            begun = time.monotonic()
+            try:
+                self.reviews.tidy()
+                if self._watchers:
+                    self.look()
+            except Exception:  # the reviews that are open go on
+                _log.exception("The list could not be refreshed")
             if self._watchers:
-                begun = time.monotonic()
-                self.look()
                 rest = (time.monotonic() - begun) / _SHARE
 
     def stop(self) -> None:

@@ -10,7 +10,7 @@ from typing import ClassVar, Protocol
 
 from fitting_core.errors import InputError
 from tcfit_app.fitting import child_processes
-from tcfit_app.home.messages import Report, Work
+from tcfit_app.home.messages import Report, Work, failure
 
 _BETWEEN = 0.5
 """Seconds."""
@@ -90,8 +90,7 @@ def serve(pipe: Connection, folder: Path, job: Job) -> None:
         pipe.send(Work(step=str(error), ended="failed"))
     except (Exception, KeyboardInterrupt) as error:  # a plugin may raise the latter: this process is deaf to Ctrl-C
         logging.getLogger(__name__).exception("%s: the %s went wrong", folder, job.kind)
-        step = f"{type(error).__name__}: {error}. tcfit's terminal has the details."
-        pipe.send(Work(step=step, ended="failed"))
+        pipe.send(failure(error))
 
 
 def _seldom(report: Report) -> Report:

@@ -30,6 +30,16 @@ class Work(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
 Report = Callable[[Work], None]
 
 
+def failure(error: BaseException) -> Work:
+    """The end of a job by an unforeseen error."""
+    return Work(step=unforeseen(error), ended="failed")
+
+
+def unforeseen(error: BaseException) -> str:
+    """An error that no user can have caused, for users; log its traceback too."""
+    return f"{type(error).__name__}: {error}. tcfit's terminal has the details."
+
+
 class Row(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """A clip in the list."""
 

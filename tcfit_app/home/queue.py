@@ -1,5 +1,6 @@
 """What waits for its turn in the background, one after the other."""
 
+import logging
 import threading
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
@@ -9,9 +10,10 @@ from pathlib import Path
 from tcfit_app.fitting import child_processes
 from tcfit_app.home import jobs
 from tcfit_app.home.jobs import Job
-from tcfit_app.home.messages import Work
+from tcfit_app.home.messages import Work, failure
 
 WAITING = Work(step="Waiting")
+_log = logging.getLogger(__name__)
 _LOOK = 0.5
 """Seconds after which it is looked whether a job is to be cancelled."""
 
@@ -92,6 +94,9 @@ class WorkQueue:
                 ended = self._done(key, job, self._place(key, job))
             except ValueError as error:
                 ended = Work(step=str(error), ended="failed")
+            except Exception as error:
+                _log.exception("The %s of a clip could not be started", job.kind)
+                ended = failure(error)
             with self._guard:
                 if self._is_on(key, job):
                     del self._entries[key][job.kind]
@@ -99,7 +104,14 @@ class WorkQueue:
                         self._entries[key][job.kind] = _Entry(job=job, work=ended)
                     elif not self._entries[key]:
                         del self._entries[key]
-            self._changed([key])
+            self._report([key])
+
+    def _report(self, keys: Collection[str]) -> None:
+        """Call `changed`, whose errors must not end this thread: the other jobs would wait for ever."""
+        try:
+            self._changed(keys)
+        except Exception:
+            _log.exception("News of a job could not be reported")
 
     def _next(self) -> tuple[str, Job] | None:
         """The one whose turn it is; waits for it. None at the end."""
@@ -136,7 +148,7 @@ class WorkQueue:
                 with self._guard:
                     if self._is_on(key, job):
                         self._entries[key][job.kind] = _Entry(job=job, work=news)
-                self._changed([key])
+                self._report([key])
         except (EOFError, OSError):
             process.join()
             step = f"Its process ended (exit code {process.exitcode}). Memory may have run out."

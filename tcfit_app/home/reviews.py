@@ -7,8 +7,8 @@ import asyncio
 import logging
 import threading
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -114,29 +114,37 @@ class Reviews:
         thread.start()
         return Review(project=project, app=app, thread=thread)
 
-    def project(self, key: str) -> "Project | None":
-        """A project that is open for writing."""
-        review = self._open.get(key)
-        return None if review is None or review.project.read_only else review.project
+    def _entered(self, key: str, client: int, name: str) -> Review:
+        """As `open`, for a tab: nothing can close the review before it counts the tab."""
+        with self._guard:
+            review = self.open(key)
+            review.tabs[client] = name
+            return review
+
+    @contextmanager
+    def writing(self, key: str) -> "Iterator[Project | None]":
+        """A project that is open for writing, and stays open within the `with` block; None if it is not."""
+        with self._guard:
+            review = self._open.get(key)
+            yield None if review is None or review.project.read_only else review.project
 
     def viewers(self, key: str) -> str:
         """Who has a review open, for the user; empty if nobody has."""
         review = self._open.get(key)
         return "" if review is None else ", ".join(dict.fromkeys(review.tabs.values()))
 
-    def release(self, key: str) -> bool:
-        """Close it if nobody is disturbed by that; whether it is closed."""
+    def release(self, key: str, *, grace: float = 0.0) -> bool:
+        """Close a review that is not busy, and has not been for `grace` seconds. Returns whether it is closed."""
         with self._guard:
             review = self._open.get(key)
-            if review is not None and not review.busy:
+            if review is not None and not review.busy and time.monotonic() - review.left >= grace:
                 self._close(key)
             return key not in self._open
 
     def tidy(self) -> None:
-        """Close what nobody has looked at for a while."""
-        for key, review in list(self._open.items()):
-            if not review.busy and time.monotonic() - review.left > GRACE:
-                self.release(key)
+        """Close what has not been looked at for a while."""
+        for key in list(self._open):
+            self.release(key, grace=GRACE)
 
     def close(self) -> None:
         """End them all. What was done is on the disk."""
@@ -146,10 +154,12 @@ class Reviews:
 
     def _close(self, key: str) -> None:
         review = self._open.pop(key)
-        review.app.stop()
-        review.thread.join(_END)
-        review.app.close()
-        review.project.close()
+        try:
+            review.app.stop()
+            review.thread.join(_END)
+            review.app.close()
+        finally:
+            review.project.close()
         self._changed(key)
 
     # --- tabs, in viser's event loop ---
@@ -159,16 +169,17 @@ class Reviews:
         whose = visitor(self._server, client.client_id)
         key = whose.path.removeprefix(PATH)
         try:
-            review = await asyncio.to_thread(self.open, key)
+            review = await asyncio.to_thread(self._entered, key, client.client_id, whose.reviewer)
         except Exception as error:  # whatever it is, the list has a place where it is told
             if not isinstance(error, ValueError):
                 _log.exception("A review could not be opened")
             run_javascript(client, f"location.replace('/#{key}');")
             return
         if client.client_id not in self._server.get_clients():
+            review.left = time.monotonic()
+            review.tabs.pop(client.client_id, None)
             return
         set_title(client, f"tcfit: {review.project.footage.name}")
-        review.tabs[client.client_id] = whose.reviewer  # without the lock, for which viser's loop would wait
         await review.app.connected(client)
         await asyncio.to_thread(self._tell, key, review)
 
@@ -176,7 +187,7 @@ class Reviews:
         for key, review in list(self._open.items()):
             if client.client_id in review.tabs:
                 review.left = time.monotonic()
-                del review.tabs[client.client_id]
+                review.tabs.pop(client.client_id, None)
                 await review.app.disconnected(client)
                 await asyncio.to_thread(self._tell, key, review)
 

@@ -27,7 +27,7 @@ from tcfit_app.project.project import Project
 from tcfit_app.review.browser.channel import web_files
 from tcfit_app.server.gate import Entry
 from tcfit_app.server.serving import ReviewServer, review_server
-from tests.drivers.raw_tab import admitted
+from tests.drivers.raw_tab import admitted, raw_tab
 from tests.tcfit_app.conftest import FinishedRun
 from tests.tcfit_app.home.lists import folder_of_clips
 
@@ -102,6 +102,11 @@ def received(socket: Connection, kind: str, so: Callable[[dict[str, Any]], Any] 
 
 def send(socket: Connection, **message: object) -> None:
     socket.send(msgspec.json.encode(message).decode())
+
+
+def is_open(lab: Served, key: str) -> bool:
+    with lab.home.reviews.writing(key) as project:
+        return project is not None
 
 
 @pytest.fixture(scope="module")
@@ -198,13 +203,51 @@ def test_a_review_is_open_while_somebody_looks_and_closed_after(lab: Served, mon
     with lab.socket() as page:
         send(page, type="open", key=key)
         assert received(page, "opened")["key"] == key
-        assert lab.home.reviews.project(key) is not None
+        assert is_open(lab, key)
         send(page, type="note", key=key, text="said while it is open")
         received(page, "rows", lambda m: any(row.get("note") == "said while it is open" for row in m["rows"]))
     monkeypatch.setattr("tcfit_app.home.reviews.GRACE", 0.0)
     lab.home.reviews.tidy()
-    assert lab.home.reviews.project(key) is None
+    assert not is_open(lab, key)
     Project.open(folder).close()
+
+
+def test_a_tab_keeps_a_review_open_that_is_released_as_it_comes(lab: Served, monkeypatch: pytest.MonkeyPatch):
+    key, reviews = lab.key("set/c reviewed.tcfit"), lab.home.reviews
+    open_review, released = reviews.open, list[bool]()
+
+    def open_and_be_released(key: str) -> Any:
+        review = open_review(key)
+        other = threading.Thread(target=lambda: released.append(reviews.release(key)))  # as the job queue does
+        other.start()
+        other.join(1.0)
+        return review
+
+    monkeypatch.setattr(reviews, "open", open_and_be_released)
+    with raw_tab(lab.server.address.url, lab.cookie, path=f"{PATH}{key}"):
+        until(lambda: released)
+        assert released == [False] and is_open(lab, key) and reviews.viewers(key)
+    until(lambda: not reviews.viewers(key))
+
+
+def test_an_unforeseen_error_ends_neither_the_list_nor_its_pictures(lab: Served, monkeypatch: pytest.MonkeyPatch):
+    def fail(*_: object) -> None:
+        raise ZeroDivisionError("unforeseen")
+
+    key = lab.key("set/b fitted.tcfit")
+    with lab.socket() as page:
+        received(page, "rows")
+        with monkeypatch.context() as broken:
+            broken.setattr(lab.home.catalogue, "refresh", fail)
+            broken.setattr("tcfit_app.home.home.picture_of", fail)
+            send(page, type="look", keys=[key])
+            assert received(page, "picture")["data"] == ""
+            lab.home._wake.set()
+            until(lambda: not lab.home._wake.is_set())
+        send(page, type="look", keys=[key])
+        assert received(page, "picture")["data"]
+        lab.home._wake.set()
+        until(lambda: not lab.home._wake.is_set())
 
 
 def test_a_result_becomes_a_project_and_is_opened(tmp_path: Path, finished: FinishedRun):
@@ -215,7 +258,7 @@ def test_a_result_becomes_a_project_and_is_opened(tmp_path: Path, finished: Fini
         send(page, type="open", key=key)
         opened = received(page, "opened")["key"]
         assert [row.kind for row in lab.home.catalogue.rows()] == ["project"] and opened == lab.key("wave.tcfit")
-        assert glance(root / "wave.tcfit").state == "fitted" and lab.home.reviews.project(opened) is not None
+        assert glance(root / "wave.tcfit").state == "fitted" and is_open(lab, opened)
         send(page, type="open", key=key)
         assert "no longer there" in received(page, "told")["text"]
     assert _of_result(folder) == root / "wave.tcfit", "which is there already"

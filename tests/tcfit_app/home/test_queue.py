@@ -77,3 +77,24 @@ def test_a_clip_waits_for_one_job_of_each_kind_in_their_order(queue: WorkQueue):
     queue.cancel(["hangs"])
     until(lambda: not queue.busy)
     assert queue.on("hangs") is None and queue.on("says") == Work(step="Said", ended="done")
+
+
+def test_an_unforeseen_error_is_the_end_of_one_job_only():
+    def place(key: str, job: Job) -> Path:
+        if key == "odd":
+            raise ZeroDivisionError("unforeseen")
+        return Path(key)
+
+    def fail(keys: object) -> None:
+        if threading.current_thread().name == "tcfit works in the background":
+            raise ZeroDivisionError("in a page")
+
+    queue = WorkQueue(place, fail)
+    try:
+        queue.add(["odd", "says"], Acted())
+        until(lambda: not queue.busy)
+        odd = queue.on("odd")
+        assert odd is not None and odd.ended == "failed" and "unforeseen" in odd.step
+        assert queue.on("says") == Work(step="Said", ended="done")
+    finally:
+        queue.close()
