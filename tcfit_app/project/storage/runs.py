@@ -191,7 +191,7 @@ class Runs:
         *,
         body: BodyRecord,
         edits_seen: int,
-        kind: RunKind,
+        kind: RunKind = "fit",
         parent: int | None = None,
         given: Given = Given(),  # noqa: B008 - it is frozen
         summary: dict[str, Any] | None = None,
