@@ -19,6 +19,7 @@ from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
 from fitting_core.io.people_file import holds_people, read_people_file
 from fitting_core.video.images import image_files
+from tcfit_app.home.catalogue import project_beside
 from tcfit_app.home.found import PROJECT_SUFFIX, as_result, find
 from tcfit_app.options.fit import NO_KEYPOINTS, ReferenceOptions, ReviewOptions, ServerOptions, height_of
 from tcfit_app.project.storage.database import NAME, Database, is_project
@@ -75,12 +76,12 @@ def _of_result(path: Path | None) -> Path | None:
     clip = None if path is None or is_project(path) else as_result(path.resolve())
     if clip is None:
         return path
-    if not is_project(clip.project):
-        from tcfit_app.imports.result_project import project_of_result
+    if (known := project_beside(clip)) is None:
+        from tcfit_app.home.fitting import make_project
 
-        project_of_result(clip.path, clip.project)
-        tell(f"Made the project {clip.project} of the result {path}")
-    return clip.project
+        known = make_project(clip)
+        tell(f"Made the project {known} of the result {path}")
+    return known
 
 
 def review(

@@ -4,9 +4,10 @@ import logging
 import os
 import platform
 import threading
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import takewhile
 from pathlib import Path
 
 import msgspec
@@ -17,6 +18,7 @@ from fitting_core.io.people_file import read_people_file
 from tcfit_app.home.found import PROJECT_SUFFIX, Found, Kind, find
 from tcfit_app.home.messages import Row, Work, unforeseen
 from tcfit_app.project.glance import Glance, Stamp, glance, stamp
+from tcfit_app.project.storage.database import is_project
 from tcfit_app.project.storage.lock import Holder
 
 SUMMARY = "summary.json"
@@ -88,8 +90,9 @@ class Catalogue:
             found = [one for one in everything if one.kind != "report"]
             with ThreadPoolExecutor(_READERS) as pool:
                 read = dict(zip(found, pool.map(lambda one: self._entry(one, before.get(one.key)), found), strict=True))
+            projects = {one.path: read[one].media for one in found if one.kind == "project"}
             for one in sorted(found, key=lambda one: _ORDER[one.kind]):
-                if one.footage in claimed or (one.kind == "result" and one.project in claimed):
+                if one.footage in claimed or (one.kind == "result" and _beside(read[one], projects) is not None):
                     continue
                 entry = now[one.key] = read[one]
                 claimed.update((one.path, *(Path(os.path.normpath(path)) for path in entry.media)))
@@ -125,6 +128,30 @@ class Catalogue:
         if found.is_footage and (length := self._videos.get(found.key)):
             row = msgspec.structs.replace(row, frames=length[0], seconds=length[1])
         return Entry(found=found, stamp=new, row=row, media=entry.media, first_frame=entry.first_frame, by=entry.by)
+
+
+def project_beside(result: Found) -> Path | None:
+    """The folder of a result's project; None if it has none."""
+    media = {place: _media(place) for place in takewhile(is_project, result.project_places())}
+    return _beside(_read(result, ()), media)
+
+
+def _media(project: Path) -> tuple[Path, ...]:
+    try:
+        return glance(project).media
+    except InputError:  # which is told when it is opened
+        return ()
+
+
+def _beside(result: Entry, projects: Mapping[Path, tuple[Path, ...]]) -> Path | None:
+    """The project of a result among some, given by their media. One of another video is another clip's."""
+    for place in result.found.project_places():
+        if place not in projects:
+            return None
+        own = [path for path in result.media if path.exists()]
+        if not own or not projects[place] or any(path.exists() and path.samefile(own[0]) for path in projects[place]):
+            return place
+    return None
 
 
 def _stamp(found: Found) -> Stamp:

@@ -1,5 +1,6 @@
 """A fit in the background, and the projects that are made for it."""
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from fitting_core.io.summary import summary
 from tcfit_app.analysis.suspicion import worst_place
 from tcfit_app.batch.pictures import suspects, write_picture
 from tcfit_app.fitting.bodies import record_of
+from tcfit_app.home.catalogue import project_beside
 from tcfit_app.home.found import Found
 from tcfit_app.home.messages import Report, Work
 from tcfit_app.imports.keypoint_jobs import Detect
@@ -26,14 +28,28 @@ from tcfit_app.project.picture import NAME
 from tcfit_app.project.project import Project
 
 
-def make_project(clip: Found) -> None:
-    """The project of a result, with its fit, or of a video or images, with the keypoints that lie beside these if there
-    are any. Raises InputError as `project_of_result`, `read_clip` and `Project.create`."""
+def make_project(clip: Found) -> Path:
+    """Create the project of a result, with its fit, or of a video or images, with keypoints that lie beside these.
+
+    Returns:
+        Its folder. A result may have had one already.
+
+    Raises:
+        InputError: As `project_of_result`, `read_clip` and `Project.create`.
+    """
     if clip.kind == "result":
-        return project_of_result(clip.path, clip.project)
+        if (known := project_beside(clip)) is None:
+            known = _free_place(clip)
+            project_of_result(clip.path, known)
+        return known
     given = clip.kind == "images" and locate(clip.path, None)[1] is not None
-    Project.create(clip.project, read_clip(clip.path) if given else read_footage(clip.path)).close()
-    return None
+    folder = _free_place(clip)
+    Project.create(folder, read_clip(clip.path) if given else read_footage(clip.path)).close()
+    return folder
+
+
+def _free_place(clip: Found) -> Path:
+    return next(place for place in clip.project_places() if not os.path.lexists(place))
 
 
 def fit_project(folder: Path, report: Report, *, models: Path | None = None, config: FitConfig | None = None) -> None:

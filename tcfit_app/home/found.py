@@ -4,10 +4,10 @@ import hashlib
 import logging
 import os
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
+from itertools import chain, count, pairwise
 from pathlib import Path
 from typing import Literal
 
@@ -69,12 +69,12 @@ class Found:
         inside = self.path / _IMAGES
         return inside if self.kind == "images" and inside.is_dir() else self.path
 
-    @property
-    def project(self) -> Path:
-        """Its project's folder, which is made beside it where it is none itself."""
-        if self.kind == "project":
-            return self.path
-        return self.path.with_name((self.path.stem if self.kind == "video" else self.path.name) + PROJECT_SUFFIX)
+    def project_places(self) -> Iterator[Path]:
+        """Folders beside it for its project, in order; another clip's project may be in the first ones."""
+        name = self.path.stem if self.kind == "video" else self.path.name
+        names = dict.fromkeys((name, self.path.name))  # walk.tcfit, and walk.mov.tcfit beside walk.mp4's
+        for one in chain(names, (f"{self.path.name}-{number}" for number in count(2))):
+            yield self.path.with_name(one + PROJECT_SUFFIX)
 
 
 def find(root: Path) -> list[Found]:

@@ -61,6 +61,7 @@ EVERY = 3.0
 """Seconds between two looks at the disk, while somebody sees the list."""
 _SHARE = 0.05
 """Of the time that looks at the disk may take: a slow one is followed by a longer rest."""
+_GONE = "This clip is no longer there: it was moved or deleted."
 _log = logging.getLogger(__name__)
 
 
@@ -104,6 +105,8 @@ class Home:
         """One at a time: decoding takes a core."""
         self._making = threading.Lock()
         """Held while a project is made."""
+        self._made: dict[str, Path] = {}
+        """Projects made here, by the keys of what they were made from."""
         self._wake = threading.Event()
         self._stop = False
 
@@ -199,11 +202,15 @@ class Home:
         from tcfit_app.home.fitting import make_project
 
         with self._making:
-            if self.catalogue.get(entry.found.key) is not None:  # else somebody else has just made it
-                make_project(entry.found)
+            if self.catalogue.get(entry.found.key) is not None:  # else another page has just made it
+                self._made[entry.found.key] = make_project(entry.found)
                 self.look()
+        made = self._made.get(entry.found.key)
         entries = (self.catalogue.get(row.key) for row in self.catalogue.rows())
-        return next(one for one in entries if one is not None and one.found.path == entry.found.project)
+        found = next((one for one in entries if one is not None and one.found.path == made), None)
+        if found is None:
+            raise InputError(_GONE)
+        return found
 
     def _fit(self, watcher: _Watcher, asked: Fit) -> None:
         self._begin(watcher, list(map(self._entry, asked.keys)), FitJob(models=self._models))
@@ -262,7 +269,7 @@ class Home:
     def _entry(self, key: str) -> Entry:
         entry = self.catalogue.get(key)
         if entry is None:
-            raise InputError("This clip is no longer there: it was moved or deleted.")
+            raise InputError(_GONE)
         return entry
 
     def _folder_of(self, key: str) -> Path:

@@ -58,7 +58,7 @@ def test_folders_of_frames_and_not_of_thumbnails_or_photos(tmp_path: Path):
     found = find(tmp_path)
     assert [(one.place, one.kind) for one in found] == [("a clip", "images"), ("layout", "images")]
     assert [one.footage for one in found] == [tmp_path / "a clip", tmp_path / "layout" / "images"]
-    assert [one.project.name for one in found] == ["a clip.tcfit", "layout.tcfit"]
+    assert [next(one.project_places()).name for one in found] == ["a clip.tcfit", "layout.tcfit"]
 
 
 @pytest.mark.parametrize(

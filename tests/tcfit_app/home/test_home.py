@@ -28,6 +28,7 @@ from tcfit_app.review.browser.channel import web_files
 from tcfit_app.server.gate import Entry
 from tcfit_app.server.serving import ReviewServer, review_server
 from tests.drivers.raw_tab import admitted, raw_tab
+from tests.samples.media import write_video
 from tests.tcfit_app.conftest import FinishedRun
 from tests.tcfit_app.home.lists import folder_of_clips
 
@@ -263,6 +264,29 @@ def test_a_result_becomes_a_project_and_is_opened(tmp_path: Path, finished: Fini
         assert "no longer there" in received(page, "told")["text"]
     assert _of_result(folder) == root / "wave.tcfit", "which is there already"
     assert not is_list(ReviewOptions(video=root / "wave.tcfit"))
+
+
+def test_clips_of_one_name_each_have_a_project(tmp_path: Path, finished: FinishedRun):
+    """Two videos and a result of a third one."""
+    root = tmp_path / "corpus"
+    folder = Path(shutil.copytree(finished.folder, root / "walk"))
+    other = write_video(tmp_path / "other.mp4", frames=6)
+    summary = msgspec.json.decode((folder / "summary.json").read_bytes())
+    (folder / "summary.json").write_bytes(msgspec.json.encode({**summary, "video": "../../other.mp4"}))
+    for suffix in (".mov", ".mp4"):
+        shutil.copyfile(other, root / f"walk{suffix}")
+    with served(root) as lab, lab.socket() as page:
+        for name, project in (("walk.mov", "walk.tcfit"), ("walk.mp4", "walk.mp4.tcfit"), ("walk", "walk-2.tcfit")):
+            send(page, type="open", key=next(row.key for row in lab.home.catalogue.rows() if row.place == name))
+            assert received(page, "opened")["key"] == lab.key(project)
+        assert sorted(row.place for row in lab.home.catalogue.rows()) == [
+            "walk-2.tcfit",
+            "walk.mp4.tcfit",
+            "walk.tcfit",
+        ]
+        for project, video in (("walk.tcfit", "walk.mov"), ("walk.mp4.tcfit", "walk.mp4")):
+            assert glance(root / project).media[0] == root / video
+    assert _of_result(folder) == root / "walk-2.tcfit"
 
 
 def test_clips_are_exported_in_the_background(lab: Served):
