@@ -263,6 +263,9 @@ class Worker:
             if drag.released:
                 return self._released(drag, live)
             params = live.resolve()
+        except InputError as error:
+            _log.warning("Following drag %d failed: %s", drag.number, error)
+            return DragEnded(drag=drag.number, how="failed", reason=_reason(error))
         except Exception as error:  # any error: the user is told, and a running job continues
             _log.exception("Following drag %d failed", drag.number)
             return DragEnded(drag=drag.number, how="failed", reason=_reason(error))
@@ -286,9 +289,12 @@ class Worker:
                     next(events)
                 except StopIteration as stop:
                     refit: Refit = stop.value
-                    self._sink.keep_correction(replace(live.correction, edit=drag.edit), live.target, refit)
-                    return DragEnded(drag=drag.number, how="finished")
-        return DragEnded(drag=drag.number, how="abandoned")
+                    break
+            else:
+                return DragEnded(drag=drag.number, how="abandoned")
+        # Not within the handler: if storing failed, the log would show the whole result as the cause.
+        self._sink.keep_correction(replace(live.correction, edit=drag.edit), live.target, refit)
+        return DragEnded(drag=drag.number, how="finished")
 
 
 def _reason(error: Exception) -> str:

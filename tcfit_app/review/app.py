@@ -164,15 +164,19 @@ class ReviewApp:
         """Draw until `stop` is called."""
         self.data.warm_up()  # while the browser loads the page
         while not self._stop.is_set():
-            self._obey(self._patience())
-            now = time.monotonic()
-            for someone in self.people:
-                self._faults.attempt(f"take the worker's news {someone.name}", someone.session.take_news, now)
-            if (group := self._first.group) is not None:
-                self._faults.attempt("undo half an exchange", group.take_up, now)
-            for number, page in list(self.pages.items()):
-                self._faults.attempt(f"draw tab {number}", partial(page.draw, now), now)
-            self._faults.attempt("keep the time spent", partial(self._keeping.keep, self.people), now)
+            self.turn(self._patience())
+
+    def turn(self, patience: float) -> None:
+        """Do what was requested, waiting up to `patience` seconds for it; take the workers' news; draw."""
+        self._obey(patience)
+        now = time.monotonic()
+        for someone in self.people:
+            self._faults.attempt(f"take the worker's news {someone.name}", someone.session.take_news, now)
+        if (group := self._first.group) is not None:
+            self._faults.attempt("undo half an exchange", group.take_up, now)
+        for number, page in list(self.pages.items()):
+            self._faults.attempt(f"draw tab {number}", partial(page.draw, now), now)
+        self._faults.attempt("keep the time spent", partial(self._keeping.keep, self.people), now)
 
     def stop(self) -> None:
         """End `run`, from any thread."""

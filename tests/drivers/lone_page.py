@@ -126,14 +126,7 @@ class LonePage:
         """As if the user had set an input."""
         handle = self.field(label)
         handle._impl.value = value  # so viser does before it calls
-        self.call_back(handle, MagicMock())
-
-    def call_back(self, handle: Any, client: Any) -> None:
-        """Run an input's callbacks, for an event of a client or, with None, of the server."""
-        with ThreadPoolExecutor(1) as pool:  # as viser's: the browser of other tests has its loop in this thread
-            for callback in handle._impl.update_cb:
-                event = viser.GuiEvent(client=client, client_id=None, target=handle)
-                pool.submit(asyncio.run, callback(event)).result()
+        call_back(handle, MagicMock())
 
     # --- fits ---
 
@@ -158,6 +151,14 @@ class LonePage:
         run = session.fit_everything(QUICK, kind="smplx", gender="neutral")
         self.until(lambda: not session.jobs)
         return session.project.runs.get(run.id)
+
+
+def call_back(handle: Any, client: Any) -> None:
+    """Run an input's callbacks, for an event of a client or, with None, of the server."""
+    with ThreadPoolExecutor(1) as pool:  # as viser's: the browser of other tests has its loop in this thread
+        for callback in handle._impl.update_cb:
+            event = viser.GuiEvent(client=client, client_id=None, target=handle)
+            pool.submit(asyncio.run, callback(event)).result()
 
 
 def _plain(html: str) -> str:

@@ -1,0 +1,14 @@
+"""Random flows hold; so do those that once did not. `python -m tests.flows` plays more of them."""
+
+import pytest
+
+from tests.flows.flows import play
+
+FELL: dict[int, str] = {}
+"""Seeds of flows after which something did not hold, and what."""
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("seed", [*range(20), *FELL])
+def test_flow_holds(seed: int):
+    assert play(seed) is None
