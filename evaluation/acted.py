@@ -46,9 +46,9 @@ def run(options: ActedOptions, command: str) -> None:
         settings={"Command": command, "Sequences": ", ".join(names), "Date": date.today().isoformat()},
         notes=(_NOTE,) if options.collisions else (_NOTE, "All fits are without the term of self-collision."),
     )
-    write_evaluation(folder, evaluation)
+    files = write_evaluation(folder, evaluation)
     print_table(evaluation.records)
-    print(f"Wrote metrics.csv and metrics.json into {folder}")
+    print(f"Wrote {', '.join(file.name for file in files)} into {folder}")
 
 
 def _done(tasks: Sequence[SuiteTask], jobs: int) -> dict[tuple[str, str], tuple[Record, ...]]:

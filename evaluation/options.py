@@ -27,7 +27,7 @@ class SuiteOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class ActedOptions(SuiteOptions):
-    """Fit and measure the synthetic suite: metrics.csv and metrics.json."""
+    """Fit and measure the synthetic suite: metrics.csv, metrics.json and, with tcfit[report], report.html."""
 
     level: Annotated[str, arg(metavar="{clean,normal,hard}")] = "normal"
     """How hard the detections are."""

@@ -90,24 +90,10 @@ def overall(records: Sequence[Record], figure: str) -> float | None:
     return float(np.mean(values)) if values else None
 
 
-def wins(records: Sequence[Record], method: str, against: str, figure: str) -> tuple[int, int] | None:
-    """On how many sequences a method has the lower figure than another one, and of how many.
-
-    None where none has both.
-    """
-    pairs = []
-    for sequence in sequences(records):
-        values = [
-            r.comparison.figures.get(figure)
-            for name in (method, against)
-            for r in of(records, method=name, sequence=sequence)
-        ]
-        if len(values) == 2 and values[0] is not None and values[1] is not None:
-            pairs.append(values[0] < values[1])
-    return (sum(pairs), len(pairs)) if pairs else None
-
-
-def baseline_of(records: Sequence[Record]) -> str:
-    """The method that the others are compared with: BASELINE if it is there, else the first."""
-    names = methods(records)
-    return BASELINE if BASELINE in names else names[0]
+def number(value: float | None, digits: int | None = None) -> str:
+    """Three significant digits, or a number of digits after the point; a dash if there is no value."""
+    if value is None:
+        return "–"
+    if digits is None:
+        digits = 0 if abs(value) >= 100 else 1 if abs(value) >= 10 else 2 if abs(value) >= 0.1 else 3
+    return f"{value:.{digits}f}".replace("-", "−")

@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-import numpy as np
 import torch
 
 from fitting_core.body.files.reading import load_body
@@ -31,12 +30,14 @@ from fitting_core.errors import InputError
 from fitting_core.files.atomic import sync
 from fitting_core.fit.events import FitEvent, drained, mapped
 from fitting_core.fit.fitting import fit_events, shape_events
-from fitting_core.fit.plausibility import doubts
 from fitting_core.fit.subject_shape import subject_shape
 from fitting_core.io.known_shape import read_known_shape
 from fitting_core.io.result_files import OVERLAY_NAME, write_result
 from fitting_core.io.summary import summary
 from fitting_core.results.fit_result import FitResult
+from tcfit_app.analysis.meshes import Meshes
+from tcfit_app.analysis.posed_fit import PosedFit
+from tcfit_app.analysis.suspicion import review_queue, worst_place
 from tcfit_app.batch.fingerprint import (
     FIRST_NAME,
     SHAPE_NAME,
@@ -47,14 +48,12 @@ from tcfit_app.batch.fingerprint import (
     unchanged,
 )
 from tcfit_app.batch.manifest import ClipTask, Form
-from tcfit_app.batch.pictures import suspects, write_picture
 from tcfit_app.batch.records import (
     RECORD_NAME,
     Figures,
     Record,
     done_record,
     patient_lock,
-    picture_path,
     read_record,
     write_json,
     write_log,
@@ -252,7 +251,7 @@ def write_files(work: Work) -> Figures:
             write_comparison(work.draft / OVERLAY_NAME, fit, clip, body)
         except (InputError, OSError) as error:
             notes.append(f"No {OVERLAY_NAME} was written. {error}")
-    return _figures(work, content, fit, clip, notes)
+    return _figures(content, notes)
 
 
 def write_project(work: Work) -> Figures:
@@ -274,7 +273,7 @@ def _another_run(work: Work) -> Figures:
         # The run is in the project before the record is: a process may have died between.
         made = [run for run in project.runs.all() if run.name == _run_name(work) and run.state == "finished"]
         if made and made[-1].edits_seen == project.last_edit:
-            figures = _figures(work, made[-1].summary, project.runs.load(made[-1].id), project.clip, [])
+            figures = _figures(made[-1].summary, [])
         else:
             clip = project.clip
             figures = _added(work, project, clip, _run_fit(work, clip))
@@ -298,8 +297,11 @@ def _run_name(work: Work) -> str:
 def _added(work: Work, project: Project, clip: Clip, fit: FitResult) -> Figures:
     content = summary(fit, clip, work.body, complete=True, command=work.task.command)
     body, seen, given = record_of(work.body), project.last_edit, _given(work.task.fit)
-    project.runs.add(fit, body=body, edits_seen=seen, summary=content, given=given, name=_run_name(work))
-    return _figures(work, content, fit, clip, list(fit.warnings))
+    run = project.runs.add(
+        fit, body=body, edits_seen=seen, summary=content, given=given, kind="fit", name=_run_name(work)
+    )
+    project.review.set_worst(worst_place(run.id, review_queue(PosedFit.of(clip, fit, Meshes(work.body))).left))
+    return _figures(content, list(fit.warnings))
 
 
 def _given(options: FitOptions) -> Given:
@@ -367,18 +369,12 @@ def one_thread() -> None:
     torch.set_num_threads(1)
 
 
-def _figures(work: Work, content: dict[str, Any], fit: FitResult, clip: Clip, notes: list[str]) -> Figures:
-    """For the summary, and the picture beside them in the report."""
+def _figures(content: dict[str, Any], notes: list[str]) -> Figures:
+    """For the summary."""
     last = max(content["reprojection_px"])
-    found = suspects(fit, clip, work.body)
-    frame = found[0].frame if found else int(np.argmax(np.nan_to_num(fit.last.frame_cost)))
-    write_picture(picture_path(work.folder, work.task), fit, clip, work.body, frame=frame)
     return Figures(
         frames=content["frames"],
         reprojection_px=content["reprojection_px"][last]["median"],
         jitter_mm=content["jitter"][last]["camera_space_mm_per_frame2"],
         notes=tuple(notes),
-        doubts=doubts(clip, fit.last.params),
-        suspicious=len(found),
-        worst=f"frame {clip.first_frame + frame}: {found[0].reason}" if found else "",
     )

@@ -8,8 +8,6 @@ there without the other. Failures lie in the batch's own folder, beside the list
 | failed/<clip>.json | why a clip failed; deleted when it is done |
 | first/<clip>/ | the first phase of a clip of a subject, from which it goes on whenever the subject's shape changes |
 | subjects/<subject>/shape.json | the shape that a subject's clips share |
-| pictures/<clip>.jpg | a frame of each clip that is done, for the report |
-| report.html | the last run's outcome, to be looked at |
 | log.jsonl | a line whenever a clip is started, fitted, recovered or fails |
 | summary.csv, summary.json | the last run's outcome, a row for each clip of the list |
 | batch.lock | held by the one process that runs this batch |
@@ -38,7 +36,7 @@ from tcfit_app.project.storage.lock import ProjectLock, ProjectLocked
 RECORD_NAME = "batch.json"
 """In a result's folder."""
 FOLDER_SUFFIX = ".batch"
-LOG_NAME, FAILED, PICTURES = "log.jsonl", "failed", "pictures"
+LOG_NAME, FAILED = "log.jsonl", "failed"
 LogEvent = Literal["started", "fitted", "recovered", "failed"]
 
 
@@ -51,12 +49,6 @@ class Figures(msgspec.Struct, frozen=True, kw_only=True):
     jitter_mm: float | None = None
     """Per frame squared, in camera space."""
     notes: tuple[str, ...] = ()
-    doubts: tuple[str, ...] = ()
-    """Those of the notes that say that it cannot be right."""
-    suspicious: int | None = None
-    """Entries that the review queue would have."""
-    worst: str = ""
-    """The first of them in words, with its frame."""
 
 
 class Record(msgspec.Struct, frozen=True, kw_only=True):
@@ -115,11 +107,6 @@ _THERE: dict[Form, Callable[[Path], bool]] = {
 def failed_path(folder: Path, task: ClipTask) -> Path:
     """Where a clip's failure is noted."""
     return folder / FAILED / f"{own_name(task.out.name, str(task.out.resolve()))}.json"
-
-
-def picture_path(folder: Path, task: ClipTask) -> Path:
-    """Where a clip's picture for the report lies."""
-    return folder / PICTURES / f"{own_name(task.out.name, str(task.out.resolve()))}.jpg"
 
 
 def own_name(text: str, identity: str) -> str:

@@ -1,5 +1,7 @@
 """`tcfit batch`: fit many clips, and go on where an earlier run of the same list was stopped."""
 
+import os
+import shlex
 import sys
 import time
 from collections.abc import Callable, Hashable, Iterable, Sequence
@@ -20,7 +22,6 @@ from tcfit_app.batch.manifest import ClipTask, Complaints, read_manifest
 from tcfit_app.batch.on_ray import RayCluster
 from tcfit_app.batch.outcome import FAILURES, SUMMARY_CSV, Row, row_of, show_summary, write_summary
 from tcfit_app.batch.records import Record, batch_folder, done_record, failed_path, patient_lock, write_json, write_log
-from tcfit_app.batch.report import write_report
 from tcfit_app.batch.rounds import Course, Round, with_shape
 from tcfit_app.cli.json_lines import ClipEnded, Progress, emit, emit_wrote
 from tcfit_app.options.batch import BatchOptions
@@ -53,15 +54,15 @@ def run_batch(options: BatchOptions, *, command: str = "") -> int:
     folder = batch_folder(options.manifest)
     course = Course(tasks, folder, retry=options.retry and not options.report)
     if options.report:
-        return _reported(course, options.manifest)
+        return _reported(course)
     _check(course, complaints, here=options.ray is None)
     complaints.raise_any()
     held = patient_lock(folder, seconds=_PATIENCE, wanted="fit this list")
     try:
         _run(_crew(options), course)
-        rows = _told(course, options.manifest, time.monotonic() - begin)
+        rows = _told(course, time.monotonic() - begin)
     except KeyboardInterrupt:
-        rows = _told(course, options.manifest, time.monotonic() - begin)
+        rows = _told(course, time.monotonic() - begin)
         left = sum(row.state == "left" for row in rows)
         print(f"Stopped. The same command goes on with the {left} clips that are left.")
         raise
@@ -70,28 +71,36 @@ def run_batch(options: BatchOptions, *, command: str = "") -> int:
     return int(any(row.state in FAILURES for row in rows))
 
 
-def _reported(course: Course, manifest: Path) -> int:
+def _reported(course: Course) -> int:
     """The state of each clip as the files have it; nothing is fitted."""
     for _ in course.later():
         pass
     with accessing(course.folder):
         course.folder.mkdir(parents=True, exist_ok=True)
-    rows = _told(course, manifest, 0.0)
+    rows = _told(course, 0.0)
     return int(any(row.state in FAILURES for row in rows))
 
 
-def _told(course: Course, manifest: Path, seconds: float) -> list[Row]:
+def _told(course: Course, seconds: float) -> list[Row]:
     """The outcome, in files and on the terminal."""
     outcomes = [course.outcome(place) for place in range(len(course.tasks))]
     rows = [row_of(task, *found) for task, found in zip(course.tasks, outcomes, strict=True)]
     folder = course.folder
     with accessing(folder):
         write_summary(folder, rows, seconds=seconds)
-        report = write_report(folder, manifest.name, course.tasks, rows, [record for record, _ in outcomes])
     show_summary(rows, seconds=seconds, console=Console())
-    emit_wrote(folder / SUMMARY_CSV, report)
-    print(f"A row for each clip is in {folder / SUMMARY_CSV}, and to be looked at in {report}")
+    emit_wrote(folder / SUMMARY_CSV)
+    common = _common_folder([task.out.absolute().parent for task in course.tasks])
+    print(f"Wrote {folder / SUMMARY_CSV}. To see the clips: {shlex.join(['tcfit', 'review', common])}")
     return rows
+
+
+def _common_folder(folders: Sequence[Path]) -> str:
+    """The folder that holds all results; that of the first if they are on several drives."""
+    try:
+        return os.path.commonpath(folders)
+    except ValueError:
+        return str(folders[0])
 
 
 def _crew(options: BatchOptions) -> Crew:

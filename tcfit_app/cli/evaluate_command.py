@@ -12,10 +12,9 @@ from fitting_core.errors import InputError
 from fitting_core.measure.references.files import read_reference
 from tcfit_app.cli.json_lines import Note, Progress, emit, emit_figures, emit_wrote
 from tcfit_app.evaluation.evaluated_fits import EvaluatedFit, evaluated_fit
-from tcfit_app.evaluation.evaluating import drawable, evaluation_of
-from tcfit_app.evaluation.files import CSV_NAME, JSON_NAME, REPORT_NAME, print_table, write_evaluation
+from tcfit_app.evaluation.evaluating import evaluation_of
+from tcfit_app.evaluation.files import print_table, write_evaluation
 from tcfit_app.evaluation.reference_time import AUTO, in_time, seconds_of
-from tcfit_app.evaluation.worst_frames import worst_frames
 from tcfit_app.options.evaluate import EvaluateOptions
 
 
@@ -52,18 +51,16 @@ def run_evaluate(options: EvaluateOptions, *, command: str = "") -> Path:
     done = _counted(fit, options.every)
     evaluation = evaluation_of(fit, reference, every=options.every, models=options.models, done=done)
     evaluation = replace(evaluation, settings=evaluation.settings | {"Command": command})
-    drawn = drawable(fit, reference, options.models)
-    worst = worst_frames(evaluation.records, lambda sequence: drawn, count=options.pictures)
     folder = options.out or Path(f"{_file_name(fit.name)}-evaluation")
-    write_evaluation(folder, evaluation, worst=worst)
+    files = write_evaluation(folder, evaluation)
     print_table(evaluation.records)
     for note in evaluation.notes:
         print(f"Note: {note}", file=sys.stderr)
         emit(Note(text=note))
     for record in evaluation.records:
         emit_figures(record.sequence, record.method, record.comparison.figures)
-    emit_wrote(*(folder / name for name in (CSV_NAME, JSON_NAME, REPORT_NAME)))
-    print(f"Wrote metrics.csv, metrics.json and {REPORT_NAME} into {folder}")
+    emit_wrote(*files)
+    print(f"Wrote {', '.join(file.name for file in files)} into {folder}")
     return folder
 
 

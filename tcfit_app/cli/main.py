@@ -142,7 +142,7 @@ def parse(arguments: Sequence[str]) -> Any:
     """The options that a command line, without the program's name, stands for. Raises SystemExit if it asks for help,
     or is wrong; either has been printed. Raises InputError for an option that was removed."""
     kind, _ = COMMANDS.get(arguments[0] if arguments else "", (None, None))
-    if hasattr(kind, "__dataclass_fields__") and "method" in kind.__dataclass_fields__:
+    if "method" in getattr(kind, "__dataclass_fields__", {}):
         refuse_removed(arguments)
     options: Any = Union[tuple(Annotated[kind, subcommand(name)] for name, (kind, _) in COMMANDS.items())]  # noqa: UP007
     with registry_of_hints():

@@ -1,4 +1,4 @@
-"""Measuring one fit: all of its phases against a reference, or by themselves, and the report about it."""
+"""Measuring one fit: all of its phases against a reference, or by themselves."""
 
 import sys
 from collections.abc import Callable, Sequence
@@ -13,8 +13,7 @@ from fitting_core.measure.comparison import Comparison, compare, compare_other
 from fitting_core.measure.records import Evaluation, Record
 from fitting_core.measure.references.bodies import body_of
 from fitting_core.measure.references.reference import Reference
-from tcfit_app.evaluation.evaluated_fits import ANY_CAMERA, EvaluatedFit
-from tcfit_app.evaluation.worst_frames import Drawable
+from tcfit_app.evaluation.evaluated_fits import EvaluatedFit
 
 
 def evaluation_of(
@@ -120,14 +119,3 @@ def _coverage(fit: EvaluatedFit, reference: Reference | None, records: Sequence[
         f"{fit.first_frame + count - 1}, of which the reference covers {covered[0]} to {covered[-1]}{known}. If it "
         f"lies elsewhere in time, say where by --reference-offset or --reference-first-frame.{unknown}",
     )
-
-
-def drawable(fit: EvaluatedFit, reference: Reference | None, models: Path | None) -> Drawable | None:
-    """The bodies of a fit, for pictures."""
-    truth = None
-    if reference is not None and reference.params is not None and reference.body is not None:
-        frames = reference.frames_of(len(fit), fit.first_frame, fit.frame_rate).clip(0)
-        if reference.in_camera and fit.placed:
-            truth = body_of(reference.body, search=models), reference.params[frames.tolist()]
-    bodies = {name: (fit.body, params) for name, (params, _) in fit.phases.items()}
-    return Drawable(camera=fit.camera or ANY_CAMERA, bodies=bodies, truth=truth)

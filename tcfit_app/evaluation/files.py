@@ -2,6 +2,7 @@
 
 import csv
 import io
+import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -15,10 +16,8 @@ from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.measure.comparison import figure_titles
 from fitting_core.measure.limbs import LIMB_FIGURES
-from fitting_core.measure.records import Evaluation, Record, methods, motions, of, overall
-from fitting_core.measure.report.markup import Markup, number
-from fitting_core.measure.report.page import report_page
-from fitting_core.measure.report.sections import WorstFrame
+from fitting_core.measure.records import Evaluation, Record, methods, motions, number, of, overall
+from fitting_core.measure.report import report_page
 
 CSV_NAME, JSON_NAME, REPORT_NAME = "metrics.csv", "metrics.json", "report.html"
 FORMAT = "tcfit evaluation 1"
@@ -37,27 +36,37 @@ _PRINTED = (
 )
 
 
-def write_evaluation(
-    folder: Path, evaluation: Evaluation, *, worst: Sequence[WorstFrame] = (), sections: Sequence[Markup] = ()
-) -> None:
-    """Write the three files, all of them whole or none; the report with these further sections. Raises InputError if
-    the folder cannot be written."""
+def write_evaluation(folder: Path, evaluation: Evaluation) -> tuple[Path, ...]:
+    """Write metrics.csv, metrics.json and, if plotly is installed, report.html: all of them whole or none.
+
+    Returns:
+        The files.
+
+    Raises:
+        InputError: The folder cannot be written.
+    """
     content = {"format": FORMAT, "title": evaluation.title, "settings": evaluation.settings}
     content |= {"notes": evaluation.notes, "records": evaluation.records}
     files = {
         CSV_NAME: as_csv(evaluation.records).encode(),
         JSON_NAME: msgspec.json.format(msgspec.json.encode(content), indent=1) + b"\n",
-        REPORT_NAME: report_page(evaluation, worst=worst, sections=sections).encode(),
     }
+    try:
+        files[REPORT_NAME] = report_page(evaluation).encode()
+    except InputError as error:
+        print(f"Note: {REPORT_NAME} is not written, because {error}", file=sys.stderr)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with ExitStack() as drafts:  # none takes its place before all are written
             for name, data in files.items():
                 drafts.enter_context(replacing(folder / name)).write_bytes(data)
+            if REPORT_NAME not in files:
+                (folder / REPORT_NAME).unlink(missing_ok=True)  # of an earlier evaluation
     except OSError as error:
         raise InputError(
             f"{folder}: cannot be written ({error.strerror or error}). Free space, or choose another --out."
         ) from error
+    return tuple(folder / name for name in files)
 
 
 def as_csv(records: Sequence[Record]) -> str:

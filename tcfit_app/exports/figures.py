@@ -10,12 +10,11 @@ import numpy as np
 
 from fitting_core.clip import Clip
 from fitting_core.io.summary import summary
-from fitting_core.measure.report.page import report_page
+from fitting_core.measure.report import report_page
 from fitting_core.motion import Progress
 from tcfit_app.analysis.curves import CURVES
 from tcfit_app.evaluation.evaluated_fits import of_run
-from tcfit_app.evaluation.evaluating import drawable, evaluation_of
-from tcfit_app.evaluation.worst_frames import worst_frames
+from tcfit_app.evaluation.evaluating import evaluation_of
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.project.storage.reference import stored_reference
 
@@ -85,7 +84,6 @@ def clip_stated(clip: Clip) -> dict[str, Any]:
 
 SURFACES = 60
 """At most so many frames of a run have their surfaces measured, which takes 0.2 to 0.4 s for each."""
-PICTURES = 12
 
 
 def write_report(source: ExportSource, path: Path, progress: Progress) -> None:
@@ -102,7 +100,5 @@ def write_report(source: ExportSource, path: Path, progress: Progress) -> None:
         progress(0.9 * min(1.0, measured / expected))
 
     evaluation = evaluation_of(fit, reference, every=every, done=done)
-    drawn = drawable(fit, reference, None)
-    worst = worst_frames(evaluation.records, lambda sequence: drawn, count=PICTURES)
-    path.write_text(report_page(evaluation, worst=worst), encoding="utf-8")
+    path.write_text(report_page(evaluation), encoding="utf-8")
     progress(1.0)

@@ -297,7 +297,7 @@ EXPORTS: dict[str, Export] = {
         title="Report (HTML)",
         group="Figures",
         suffix=".report.html",
-        hint="The chosen run's errors and curves, against the project's reference if it has one, with its worst frames",
+        hint="The chosen run's errors and curves, against the project's reference if it has one; needs tcfit[report]",
         write=write_report,
         needs="run",
     ),

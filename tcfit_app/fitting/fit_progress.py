@@ -3,7 +3,6 @@
 from collections import deque
 from collections.abc import Sequence
 
-from fitting_core.detect.detecting import DetectionProgress
 from fitting_core.fit.events import FitEvent, Iteration, PhaseFinished, PhaseStarted
 
 KEYPOINTS = 0
@@ -47,18 +46,21 @@ class FitProgress:
         """Seconds; None while estimates differ. Counts down between estimates."""
         return max(0.0, self._end - self._now) if self._end == self._end else None
 
-    def take(self, event: FitEvent | DetectionProgress, seconds: float) -> None:
+    def detected(self, share: float, seconds: float) -> None:
+        """Update from the detection before the fit: its share, and the time worked so far."""
+        self._now = max(self._now, seconds)
+        self._advance(KEYPOINTS, share)
+
+    def take(self, event: FitEvent, seconds: float) -> None:
         """Update from an event.
 
         Args:
-            event: Of the fit, or of the detection before it.
+            event: Of the fit.
             seconds: Time worked so far, without pauses.
         """
         self._now = max(self._now, seconds)
         if isinstance(event, PhaseStarted):
             self.phase = event.phase
-        elif isinstance(event, DetectionProgress):
-            self._advance(KEYPOINTS, event.share)
         elif isinstance(event, Iteration):
             self._advance(event.phase, event.share)
         elif isinstance(event, PhaseFinished):

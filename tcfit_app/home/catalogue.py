@@ -15,7 +15,7 @@ import msgspec
 from fitting_core.errors import InputError
 from fitting_core.files.regular import legible, regular_file
 from fitting_core.io.people_file import read_people_file
-from tcfit_app.home.found import PROJECT_SUFFIX, Found, Kind, find
+from tcfit_app.home.found import Found, Kind, find
 from tcfit_app.home.messages import Row, Work, unforeseen
 from tcfit_app.project.glance import Glance, Stamp, glance, stamp
 from tcfit_app.project.storage.database import is_project
@@ -59,8 +59,6 @@ class Catalogue:
     def __init__(self, root: Path, work_on: Callable[[str], Work | None] = lambda key: None) -> None:
         self.root, self._work_on = root.resolve(), work_on
         self._guard = threading.Lock()
-        self.reports: dict[str, Found] = {}
-        """Of batches, by their keys."""
         self._entries: dict[str, Entry] = {}
         self._videos: dict[str, tuple[int, float]] = {}
         """Frames and seconds of those that were looked into."""
@@ -73,21 +71,11 @@ class Catalogue:
         """All of them, by place."""
         return [entry.row for entry in self._entries.values()]
 
-    def ways_from(self, folder: Path) -> dict[str, str]:
-        """By the way from a folder to a clip's project, or to its result, the clip's key."""
-        ways: dict[str, str] = {}
-        for key, entry in self._entries.items():
-            way = Path(os.path.relpath(entry.found.path, folder)).as_posix()
-            ways |= {way: key, way.removesuffix(PROJECT_SUFFIX): key}
-        return ways
-
     def refresh(self) -> tuple[list[Row], list[str]]:
         """Look at the disk; rows that are other ones than before, and keys of those that are gone."""
         with self._guard:
             before, now, claimed = self._entries, dict[str, Entry](), set[Path]()
-            everything = find(self.root)
-            self.reports = {one.key: one for one in everything if one.kind == "report"}
-            found = [one for one in everything if one.kind != "report"]
+            found = find(self.root)
             with ThreadPoolExecutor(_READERS) as pool:
                 read = dict(zip(found, pool.map(lambda one: self._entry(one, before.get(one.key)), found), strict=True))
             projects = {one.path: read[one].media for one in found if one.kind == "project"}

@@ -1,4 +1,4 @@
-"""What lies in a folder: projects, results of fits, videos, folders of numbered frames, and reports of batches."""
+"""What lies in a folder: projects, results of fits, videos and folders of numbered frames."""
 
 import hashlib
 import logging
@@ -32,9 +32,7 @@ MOST = 20_000
 """Clips that are listed."""
 _KEY = 12
 """Characters of a key."""
-REPORT = "report.html"
-"""`report.REPORT_HTML`."""
-Kind = Literal["project", "result", "video", "images", "report"]
+Kind = Literal["project", "result", "video", "images"]
 _FEWEST = 10
 """Images that a clip has at least."""
 _SMALLEST = 200
@@ -47,7 +45,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, kw_only=True)
 class Found:
-    """A clip in some form, or a batch's report."""
+    """A clip in some form."""
 
     key: str
     """In addresses and messages: of its place in the folder, so that links stay right."""
@@ -101,9 +99,7 @@ def find(root: Path) -> list[Found]:
                 in_layout = folder.name == _IMAGES and folder.parent != root
                 found.append(_found(root, folder.parent if in_layout else folder, "images"))
             for entry in inside:
-                if entry.name.endswith(BATCH_SUFFIX) and (report := Path(entry.path) / REPORT).is_file():
-                    found.append(_found(root, report, "report"))
-                elif entry.is_dir() and not entry.name.endswith((BATCH_SUFFIX, EXPORTS_SUFFIX)):
+                if entry.is_dir() and not entry.name.endswith((BATCH_SUFFIX, EXPORTS_SUFFIX)):
                     folders.append(Path(entry.path))
                 elif os.path.splitext(entry.name)[1].lower() in VIDEOS and entry.is_file():
                     found.append(_found(root, Path(entry.path), "video"))

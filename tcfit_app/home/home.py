@@ -20,13 +20,11 @@ from websockets.exceptions import ConnectionClosed
 from fitting_core.errors import InputError
 from fitting_core.files.regular import legible
 from tcfit_app.home.catalogue import Catalogue, Entry
-from tcfit_app.home.found import Found
 from tcfit_app.home.jobs import ExportJob, FitJob, Job
 from tcfit_app.home.messages import (
     Approve,
     AskFormats,
     Cancel,
-    Choice,
     Export,
     Fit,
     FromPage,
@@ -34,7 +32,6 @@ from tcfit_app.home.messages import (
     Open,
     Opened,
     Picture,
-    Reports,
     Row,
     Rows,
     Told,
@@ -53,8 +50,6 @@ from tcfit_app.server.gated_viser import Visitor
 from tcfit_app.server.screen import Dropped
 from tcfit_app.server.serving import ReviewServer
 
-REPORTS = "/report/"
-"""Before the key of a batch's report in its address."""
 SOCKET = "/list"
 """Where the page's websocket is."""
 EVERY = 3.0
@@ -116,17 +111,7 @@ class Home:
         """See `Site.page`."""
         if path == HOME:
             return _PAGE.format(title=escape(legible(self.catalogue.root.name))).encode()
-        report = self.catalogue.reports.get(path.removeprefix(REPORTS)) if path.startswith(REPORTS) else None
-        return None if report is None else self._report(report)
-
-    def _report(self, found: Found) -> bytes:
-        from tcfit_app.batch.report import served_report
-
-        links = {way: f"{HOME}#{key}" for way, key in self.catalogue.ways_from(found.path.parent).items()}
-        try:
-            return served_report(found.path, links).encode()
-        except InputError as error:
-            return f"<!doctype html><title>tcfit</title><p>{escape(legible(str(error)))}".encode()
+        return None
 
     def has_review(self, path: str) -> bool:
         """See `Site.has_review`."""
@@ -143,7 +128,6 @@ class Home:
         self._wake.set()
         try:
             watcher.send(Rows(rows=self.catalogue.rows(), whole=True, me=visitor.reviewer))
-            watcher.send(self._reports())
             with suppress(ConnectionClosed):
                 async for message in connection:
                     await self._take(watcher, message)
@@ -288,15 +272,7 @@ class Home:
 
     def look(self) -> None:
         """Look at the disk, and tell all pages what has changed."""
-        before = self._reports()
         self._tell(*self.catalogue.refresh())
-        if (now := self._reports()) != before:
-            for watcher in list(self._watchers):
-                watcher.send(now)
-
-    def _reports(self) -> Reports:
-        found = self.catalogue.reports.values()
-        return Reports(reports=[Choice(value=REPORTS + one.key, title=one.path.parent.stem) for one in found])
 
     def _refresh(self, keys: Collection[str]) -> None:
         self._tell(self.catalogue.refresh_some(keys), [])

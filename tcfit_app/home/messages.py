@@ -118,12 +118,6 @@ class Choice(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """It cannot be chosen on this computer; `hint` says why."""
 
 
-class Reports(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="reports"):
-    """Those of batches, all there are."""
-
-    reports: list[Choice]
-
-
 class Formats(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="formats"):
     """What clips can be exported as."""
 
@@ -134,7 +128,7 @@ class Formats(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="
     """Of a page that has not chosen yet."""
 
 
-ToPage = Rows | Picture | Opened | Told | Formats | Reports
+ToPage = Rows | Picture | Opened | Told | Formats
 
 
 def encode(message: ToPage) -> str:

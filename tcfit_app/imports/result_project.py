@@ -23,6 +23,6 @@ def project_of_result(result: Path, folder: Path) -> None:
 
     def begin(project: Project) -> None:
         project.set_height(fit.config.height)
-        project.runs.add(fit, body=body, edits_seen=project.last_edit, summary=whole.summary)
+        project.runs.add(fit, body=body, edits_seen=project.last_edit, kind="fit", summary=whole.summary)
 
     Project.create(folder, whole.clip, begin=begin).close()

@@ -36,7 +36,7 @@ class BatchOptions:
     retry: bool = False
     """Fit clips again that failed before."""
     report: bool = False
-    """Fit nothing: say how each clip stands, and write the report."""
+    """Only print the state of each clip, and update summary.csv."""
     projects: bool = False
     """Make a project of each clip, to be reviewed, instead of a folder of files."""
     overlay: bool = True

@@ -13,7 +13,7 @@ from tcfit_app.options.fit import JsonLines, ModelsFolder, shown
 class EvaluateOptions:
     """Measure a fit against what is known to be true.
 
-    Prints a table; the --out folder receives metrics.csv, metrics.json and report.html.
+    Prints a table; the --out folder receives metrics.csv, metrics.json and, with tcfit[report], report.html.
     """
 
     fit: Annotated[Positional[Path], arg(metavar="FIT")]
@@ -40,8 +40,6 @@ class EvaluateOptions:
     """Frames per second of another program's result, which hardly any of them tells."""
     every: Annotated[int, arg(metavar="N")] = 1
     """Measure surfaces in every Nth frame, which is the slow part."""
-    pictures: Annotated[int, arg(metavar="N")] = 12
-    """Worst frames in the report."""
     out: Annotated[Path | None, shown("DIR", "NAME-evaluation")] = None
     """Folder for tables and report; those that lie there are replaced."""
     json: JsonLines = False

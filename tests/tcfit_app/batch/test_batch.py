@@ -17,6 +17,7 @@ from fitting_core.io.result_files import read_fit
 from tcfit_app.cli.ending import INPUT_ERROR
 from tcfit_app.cli.main import main, parse
 from tcfit_app.fitting import child_processes
+from tcfit_app.home.catalogue import Catalogue
 from tcfit_app.project.edits.kinds import MarkBad
 from tcfit_app.project.project import Project
 from tests.drivers.processes import needs_fork
@@ -228,3 +229,26 @@ def test_a_cluster_that_does_not_answer_is_reported(tmp_path: Path, free_body: B
     write_batch(tmp_path, free_body, clips=1)
     assert main(["batch", str(tmp_path / "clips.csv"), *SETTINGS, "--ray", *address]) == INPUT_ERROR
     assert "no cluster answers" in capsys.readouterr().err
+
+
+def test_report_option_prints_states_and_fits_nothing(
+    tmp_path: Path, free_body: BodyModel, capsys: pytest.CaptureFixture[str]
+):
+    command = ["batch", str(write_batch(tmp_path, free_body, clips=3, broken=1)), *CHEAP, "--jobs", "1"]
+    assert main([*command, "--report"]) == 0 and states(tmp_path) == ["left"] * 3
+    assert main(command) == 1 and fits(tmp_path) == 2
+    capsys.readouterr()
+    assert main([*command, "--report", "--retry"]) == 1 and fits(tmp_path) == 2
+    assert sorted(states(tmp_path)) == ["done before", "done before", "failed before"]
+    assert f"tcfit review {tmp_path / 'fits'}" in capsys.readouterr().out
+
+
+def test_batch_results_are_in_the_list_of_clips(tmp_path: Path, free_body: BodyModel):
+    command = ["batch", str(write_batch(tmp_path, free_body, clips=2)), *CHEAP, "--jobs", "1"]
+    assert main(command) == 0
+    rows, _ = Catalogue(tmp_path).refresh()
+    assert [(row.place, row.kind, row.state) for row in rows] == [
+        ("fits/c000", "result", "fitted"),
+        ("fits/c001", "result", "fitted"),
+    ]
+    assert all(row.error is not None and row.frames > 0 for row in rows)

@@ -3,6 +3,7 @@
 import csv
 import json
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -56,7 +57,7 @@ def write_gvhmr(path: Path, **changed: Any) -> Path:
 def test_another_programs_result_against_a_truth(truth: Path, tmp_path: Path, capsys: pytest.CaptureFixture):
     """A motion that was read back is the truth itself, up to the float32 of the file."""
     result, out = write_gvhmr(tmp_path / "hmr4d_results.pt"), tmp_path / "out"
-    arguments = ["evaluate", str(result), "--out", str(out), "--every", "6", "--pictures", "1"]
+    arguments = ["evaluate", str(result), "--out", str(out), "--every", "6"]
     assert main([*arguments, "--reference", str(truth)]) == 0
     told = capsys.readouterr()
     (record,) = records_in(out)
@@ -64,7 +65,7 @@ def test_another_programs_result_against_a_truth(truth: Path, tmp_path: Path, ca
     for figure in ("mpjpe_mean [mm]", "pa_mpjpe_mean [mm]", "joint_error_mean [mm]", "depth_error_mean [mm]"):
         assert float(record[figure]) < 0.01
     assert float(record["jitter [mm/frame²]"]) == pytest.approx(float(record["jitter_truth [mm/frame²]"]), abs=0.01)
-    assert "data:image/jpeg" in (out / "report.html").read_text()
+    assert (out / "report.html").exists() == (find_spec("plotly") is not None)
     away = write_gvhmr(tmp_path / "away.pt", incam={"transl": motion().camera_translation.float() + 0.1})
     assert main(["evaluate", str(away), *arguments[2:], "--reference", str(truth), "--frame-rate", "30"]) == 0
     (record,) = records_in(out)
@@ -75,7 +76,7 @@ def test_another_programs_result_against_a_truth(truth: Path, tmp_path: Path, ca
 def test_another_programs_result_alone_and_in_parts(tmp_path: Path, capsys: pytest.CaptureFixture):
     people = {2: (motion(), np.delete(np.arange(FRAMES + 2), [3, 4])), 5: (motion()[:2], np.arange(2))}
     result = written(tmp_path / "results.pkl", joblib_bytes(prompthmr(people)))
-    arguments = ["evaluate", str(result), "--out", str(tmp_path / "out"), "--pictures", "0"]
+    arguments = ["evaluate", str(result), "--out", str(tmp_path / "out")]
     assert main(arguments) == 0
     told = capsys.readouterr().err
     assert "30 frames per second are assumed" in told and "no result for 2 frames (3-4)" in told
@@ -91,7 +92,7 @@ def test_a_motion_before_no_camera_is_compared_by_its_form(
     values = {"poses": poses, "trans": np.zeros((FRAMES, 3)), "betas": np.zeros(10), "mocap_frame_rate": 30.0}
     np.savez(tmp_path / "walk.npz", allow_pickle=False, **values)
     arguments = ["evaluate", str(tmp_path / "walk.npz"), "--reference", str(truth), "--out", str(tmp_path / "out")]
-    assert main([*arguments, "--every", "6", "--pictures", "1"]) == 0
+    assert main([*arguments, "--every", "6"]) == 0
     assert "in front of a camera is not known, so only its form is compared" in capsys.readouterr().err
     (record,) = records_in(tmp_path / "out")
     assert float(record["pa_mpjpe_mean [mm]"]) < 0.01 and "mpjpe_mean [mm]" not in record
@@ -106,7 +107,7 @@ def records_in(folder: Path) -> list[dict[str, str]]:
 def test_a_result_against_its_truth(finished: FinishedRun, truth: Path, tmp_path: Path, capsys: pytest.CaptureFixture):
     out = tmp_path / "report"
     arguments = ["evaluate", str(finished.folder), "--reference", str(truth), "--out", str(out)]
-    assert main([*arguments, "--every", "3", "--pictures", "1"]) == 0
+    assert main([*arguments, "--every", "3"]) == 0
     told = capsys.readouterr().out
     assert "PA-MPJPE, mm" in told and "phase 1" in told and "Wrote" in told
     first, final = records_in(out)
@@ -115,8 +116,6 @@ def test_a_result_against_its_truth(finished: FinishedRun, truth: Path, tmp_path
     content = json.loads((out / "metrics.json").read_bytes())
     assert content["format"] == "tcfit evaluation 1" and len(content["records"]) == 2
     assert len(content["records"][0]["comparison"]["curves"]["vertex_to_surface"]) == FRAMES
-    page = (out / "report.html").read_text()
-    assert page.count("data:image/jpeg") == 6 and "Worst frames" in page
 
 
 def project_with_fit(folder: Path, body: BodyModel, *, reference: bool, first_frame: int = 0) -> Path:
@@ -151,7 +150,7 @@ def test_a_project_has_its_own_reference(tmp_path: Path, free_body: BodyModel, c
     project = project_with_fit(tmp_path / "x.tcfit", free_body, reference=True)
     for run, error in (("exact", 0.0), ("2", 100.0)):
         out = tmp_path / run
-        arguments = ["evaluate", str(project), "--run", run, "--out", str(out), "--every", "6", "--pictures", "0"]
+        arguments = ["evaluate", str(project), "--run", run, "--out", str(out), "--every", "6"]
         assert main(arguments) == 0
         final = records_in(out)[-1]
         assert float(final["joint_error_mean [mm]"]) == pytest.approx(error, abs=1e-3)
@@ -200,7 +199,7 @@ def test_a_reference_of_a_part_is_told_to_be_one(tmp_path: Path, free_body: Body
     part, names = FRAMES - FRAMES // 2, np.array(kp.NAMES)[kp.LIMBS]
     for name, frames in (("whole", FRAMES), ("late", part)):
         np.savez(tmp_path / f"{name}.npz", points=points[-frames:, kp.LIMBS], names=names)
-    arguments = ["evaluate", str(project), "--run", "exact", "--pictures", "0", "--out", str(tmp_path / "out")]
+    arguments = ["evaluate", str(project), "--run", "exact", "--out", str(tmp_path / "out")]
     assert main([*arguments, "--reference", str(tmp_path / "whole.npz")]) == 2
     assert (
         f"Say it with --reference-first-frame (in the review: Begins at frame): {FRAMES // 2}"
@@ -227,7 +226,7 @@ def test_a_laboratory_whose_clock_is_another(tmp_path: Path, free_body: BodyMode
     seen = laboratory.measured(free_body, "markers", gaps=True, noise=0.001)
     path = laboratory.written(tmp_path, "c3d", *seen)
     np.savez(tmp_path / "camera.npz", R=laboratory.TURN, t=laboratory.SHIFT)
-    arguments = ["evaluate", str(result), "--pictures", "0", "--out", str(tmp_path / "out"), "--frame-rate", "30"]
+    arguments = ["evaluate", str(result), "--out", str(tmp_path / "out"), "--frame-rate", "30"]
     arguments += ["--reference", str(path), "--camera", str(tmp_path / "camera.npz")]
     figures = []
     for offset in ("auto", "-0.37", "0"):
@@ -253,7 +252,7 @@ def test_points_between_frames_are_interpolated(tmp_path: Path, free_body: BodyM
     result = written(tmp_path / "hmr4d_results.pt", torch_bytes(gvhmr(laboratory.acted(seconds))))
     names, places = laboratory.places_of(free_body, np.arange(0, 2, 1 / 50), "joints")
     np.savez(tmp_path / "points.npz", points=places, names=np.array(names), fps=50.0)
-    arguments = ["evaluate", str(result), "--pictures", "0", "--out", str(tmp_path / "out"), "--frame-rate", "30"]
+    arguments = ["evaluate", str(result), "--out", str(tmp_path / "out"), "--frame-rate", "30"]
     assert main([*arguments, "--reference", str(tmp_path / "points.npz")]) == 0
     (record,) = records_in(tmp_path / "out")
     assert float(record["pa_mpjpe_mean [mm]"]) < 0.1
@@ -270,7 +269,7 @@ def test_other_systems_are_judged_beside_the_fit(tmp_path: Path, free_body: Body
     noisy = points + np.random.default_rng(0).normal(0, 0.02, points.shape)
     names = np.array([kp.NAMES[i] for i in kp.LIMBS])
     np.savez(tmp_path / "points.npz", points=points, names=names, time=moments, wham=noisy)
-    arguments = ["evaluate", str(result), "--pictures", "0", "--out", str(tmp_path / "out"), "--frame-rate", "30"]
+    arguments = ["evaluate", str(result), "--out", str(tmp_path / "out"), "--frame-rate", "30"]
     assert main([*arguments, "--reference", str(tmp_path / "points.npz")]) == 0
     told = capsys.readouterr().out
     assert "wham" in told and "Knee flexion by joint centres, RMS error, °" in told
@@ -287,7 +286,7 @@ def test_a_user_s_markers_say_what_points_are(tmp_path: Path, free_body: BodyMod
     path = laboratory.written(tmp_path, "trc", tuple(f"P{i}" for i in range(len(names))), places)
     lines = [f'P{i} = "{name}"' for i, name in enumerate(names)]
     (tmp_path / "own.toml").write_text("\n".join(["[markers]", *lines]))
-    arguments = ["evaluate", str(result), "--pictures", "0", "--out", str(tmp_path / "out"), "--frame-rate", "30"]
+    arguments = ["evaluate", str(result), "--out", str(tmp_path / "out"), "--frame-rate", "30"]
     assert main([*arguments, "--reference", str(path)]) == 2
     assert "say with --markers what they are" in _told(capsys)
     assert main([*arguments, "--reference", str(path), "--markers", str(tmp_path / "own.toml")]) == 0

@@ -210,9 +210,10 @@ def test_a_character_with_fewer_keys(project: Path, tmp_path: Path, capsys):
 
 def test_the_report_of_a_run(project: Path, tmp_path: Path, free_body: BodyModel):
     """With the project's reference, it tells the errors against it; every file is whole in itself."""
+    pytest.importorskip("plotly", reason="the report needs tcfit[report]")
     exported(project, tmp_path / "alone", "--formats", "report", "--frames", "7:9")
     alone = (tmp_path / "alone" / "walk.report.html").read_text(encoding="utf-8")
-    assert "There is no reference" in alone and "Vertex-to-surface" not in alone
+    assert "There is no reference" in alone and "Vertex-to-surface error" not in alone
     copy = shutil.copytree(project, tmp_path / "copy.tcfit")
     truth = waving_fit(2.0).last.params
     with Project.open(copy) as opened:
@@ -220,11 +221,7 @@ def test_the_report_of_a_run(project: Path, tmp_path: Path, free_body: BodyModel
         opened.set_reference(replace(known, first_frame=7, frame_rate=None))
     exported(copy, tmp_path / "measured", "--formats", "report", "--frames", "7:9")
     page = (tmp_path / "measured" / "walk.report.html").read_text(encoding="utf-8")
-    assert (
-        "Vertex-to-surface error" in page
-        and "far" in page
-        and "http" not in re.sub(r"http://www\.w3\.org/\S+", "", page)
-    )
+    assert "Vertex-to-surface error" in page and "far" in page and not re.search(r"<script[^>]*src=|<link", page)
 
 
 def test_the_user_s_own_rig(project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):

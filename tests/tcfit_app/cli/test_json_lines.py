@@ -93,7 +93,7 @@ def test_an_export_and_an_evaluation(tmp_path: Path, free_body: BodyModel, capsy
     ]
     assert of(found, "progress")[-1] == of(found, "progress")[-1] | {"step": "ply", "share": 1.0}
 
-    given = ["--reference", str(tmp_path / "fit"), "--pictures", "0", "--out", str(out / "e"), "--every", "3"]
+    given = ["--reference", str(tmp_path / "fit"), "--out", str(out / "e"), "--every", "3"]
     assert main(["evaluate", str(tmp_path / "fit"), *given, "--json"]) == 0
     found = lines(capsys)
     figures = {line["method"]: line["figures"] for line in of(found, "figures")}

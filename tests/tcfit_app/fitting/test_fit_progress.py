@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 
-from fitting_core.detect.detecting import DetectionProgress
 from fitting_core.fit.events import FitEvent, Iteration, PhaseFinished, PhaseStarted
 from tcfit_app.fitting.fit_progress import KEYPOINTS, FitProgress, time_left
 
@@ -78,8 +77,8 @@ def test_detection_belongs_to_the_same_fraction():
     progress = FitProgress((KEYPOINTS, 1, 2, 3))
     assert progress.phrase == "finding keypoints"
     fractions = list[float]()
-    for done in (0, 50, 100):
-        progress.take(DetectionProgress(done=done, total=100, kept=0), done / 10)
+    for share in (0.0, 0.5, 1.0):
+        progress.detected(share, 10 * share)
         fractions.append(progress.fraction)
     progress.take(Iteration(phase=1, label="", share=0.5, cost=1.0), 12.0)
     assert fractions == [0, 0.375, 0.75] and progress.fraction == pytest.approx(0.825)

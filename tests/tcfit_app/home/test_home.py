@@ -307,24 +307,6 @@ def test_clips_are_exported_in_the_background(lab: Served):
         received(page, "rows", lambda m: any(row["key"] == fitted and "work" not in row for row in m["rows"]))
 
 
-def test_a_batchs_report_is_linked_and_leads_back(lab: Served):
-    root = lab.home.catalogue.root
-    folder = root / "clips.batch"
-    folder.mkdir()
-    row = {"line": 2, "clip": "c", "state": "done", "href": "../set/c reviewed"}
-    script = f'<script type="application/json" id="rows">[{msgspec.json.encode(row).decode()}]</script>'
-    (folder / "report.html").write_text(script)
-    lab.home.look()
-    with lab.socket() as page:
-        (report,) = received(page, "reports")["reports"]
-    assert report["title"] == "clips"
-    status, text = lab.get(report["value"])
-    assert status == 200 and f'"/#{lab.key("set/c reviewed.tcfit")}"' in text
-    assert lab.get(report["value"], cookie="")[0] == 403 and lab.get("/report/000000000000")[0] == 404
-    (folder / "report.html").write_text("<p>")
-    assert "cannot be read" in lab.get(report["value"])[1]
-
-
 def test_those_who_signed_in_are_named(tmp_path: Path, free_body: BodyModel):
     import base64
 

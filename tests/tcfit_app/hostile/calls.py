@@ -30,7 +30,7 @@ UPLOAD = "upload"
 """Stands for a command that imports a file as a browser uploads it: project and file."""
 _MOST_SPACE = 16 * 2**30
 _LOADED = (
-    "torch", "cv2", "fitting_core.fit.fitting", "fitting_core.clips.reading", "fitting_core.measure.report.page",
+    "torch", "cv2", "fitting_core.fit.fitting", "fitting_core.clips.reading", "fitting_core.measure.report",
     "tcfit_app.cli.fit_command", "tcfit_app.cli.export_command", "tcfit_app.cli.import_command",
     "tcfit_app.cli.evaluate_command", "tcfit_app.cli.batch_command", "tcfit_app.cli.new_command",
     "tcfit_app.cli.review_command", "tcfit_app.cli.detect_command", "tcfit_app.cli.models_command",

@@ -5,6 +5,7 @@ import threading
 import zipfile
 from collections.abc import Iterator
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 from unittest.mock import MagicMock
@@ -171,10 +172,11 @@ def test_a_result_needs_no_keypoints(tmp_path: Path, free_body: BodyModel):
     nobody = Keypoints(xy=np.zeros_like(clip.keypoints.xy), confidence=np.zeros_like(clip.keypoints.confidence))
     Project.create(folder, replace(clip, keypoints=nobody)).close()
     assert main(["import", str(folder), str(results(tmp_path / "smplifyx", free_body))]) == 0
-    formats = ["glb", "report", "figures", "summary"]
+    formats = ["glb", "figures", "summary", *(["report"] if find_spec("plotly") else [])]
     assert main(["export", str(folder), "--out", str(out), "--formats", *formats]) == 0
-    report = (out / "walk.report.html").read_text()
-    assert len(list(out.iterdir())) == len(formats) and "Reprojection error, px" not in report
+    assert len(list(out.iterdir())) == len(formats)
+    if find_spec("plotly"):
+        assert "Reprojection error" not in (out / "walk.report.html").read_text()
 
 
 # --- the panel ---

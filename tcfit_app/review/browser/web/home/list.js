@@ -37,8 +37,6 @@ let arrived = false;
 
 const header = element("header", "tcfit-panel", document.body);
 header.append(/** @type {HTMLElement} */ (document.getElementById("title")));
-const reports = element("nav", "", header);
-reports.setAttribute("aria-label", "Reports of batches");
 const filters = element("div", "tcfit-joined", header);
 filters.setAttribute("role", "group");
 filters.setAttribute("aria-label", "Show clips that are");
@@ -382,7 +380,6 @@ function take(message) {
   if (message.type === "rows") takeRows(message);
   else if (message.type === "picture") table.take(message.key, message.data);
   else if (message.type === "told") tell(message.text);
-  else if (message.type === "reports") showReports(message.reports);
   else if (message.type === "formats" && exportable().length) exportWindow.open(message, exportable());
   else if (message.type === "opened") {
     kept.current = message.key;
@@ -390,16 +387,6 @@ function take(message) {
     location.assign(`/clip/${message.key}`);
   }
   if (["told", "formats"].includes(message.type)) drawButtons();
-}
-
-/** @param {{ value: string, title: string }[]} found */
-function showReports(found) {
-  reports.replaceChildren(...found.map(({ value, title }) => {
-    const link = element("a", "", null, found.length > 1 ? `Report ${title}` : "Report");
-    link.href = value;
-    link.title = `The report of the batch ${title}`;
-    return link;
-  }));
 }
 
 /** @param {{ rows: Row[], gone?: string[], whole?: boolean }} message */

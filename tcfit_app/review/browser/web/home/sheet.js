@@ -13,9 +13,6 @@ header.tcfit-panel { display: flex; flex-wrap: wrap; align-items: center; gap: 8
   border-bottom: 1px solid var(--tcfit-rule); }
 h1 { flex: none; max-width: 30vw; margin: 0 6px 0 0; font-size: 18px; font-weight: 600; color: var(--tcfit-strong);
   overflow: hidden; text-overflow: ellipsis; white-space: nowrap; }
-header nav { display: flex; gap: 12px; max-width: 30vw; overflow: hidden; white-space: nowrap; }
-header nav:empty { display: none; }
-header nav a { color: var(--tcfit-text); }
 header.tcfit-panel button { flex: none; height: 30px; padding: 0 12px; }
 header .tcfit-joined { flex: none; flex-wrap: nowrap; }
 header .tcfit-joined button { padding: 0 10px; }
