@@ -34,4 +34,9 @@ fi
 target=$(cd "$target" && pwd)
 cd /
 "$target/bin/python" -m fitting_core.fit.fused
+# The detector's networks, without which keypoints cannot be found in videos. Running this agrees to their licence,
+# which is printed. TCFIT_DOWNLOAD=no leaves them out.
+if [ "${TCFIT_DOWNLOAD:-yes}" != no ]; then
+    "$target/bin/tcfit" models add mediapipe --yes
+fi
 "$target/bin/tcfit" doctor

@@ -50,6 +50,20 @@ def test_compose_sets_what_serving_reads_and_publishes_only_the_proxy():
     assert "reverse_proxy tcfit:8080" in (DEPLOY / "Caddyfile").read_text()
 
 
+def test_the_container_has_networks_and_writable_data_and_cache():
+    _, build, image = DOCKERFILE.split("\nFROM ")
+    assert "models add mediapipe --yes" in (DEPLOY / "install.sh").read_text()
+    assert "XDG_DATA_HOME=/opt/networks" in build and "COPY --from=build /opt/networks /opt/networks" in image
+    assert "TCFIT_NETWORKS=/opt/networks" in image
+    mounted = set(re.findall(r"^      - \S+:(/\w+)", COMPOSE.split("\n  caddy:")[0], re.MULTILINE))
+    for variable in ("XDG_DATA_HOME", "XDG_CACHE_HOME"):
+        (folder,) = re.findall(rf"{variable}=(\S+)", image)
+        assert folder in mounted and re.search(rf"--owner=tcfit .*{folder}\b", image)
+    code = "import platformdirs as p; print(p.user_data_path('tcfit'), p.user_cache_path('tcfit'))"
+    done = run(sys.executable, "-c", code, XDG_DATA_HOME="/data", XDG_CACHE_HOME="/cache")
+    assert done.stdout.split() == ["/data/tcfit", "/cache/tcfit"]
+
+
 def test_the_compose_file_is_yaml():
     yaml = pytest.importorskip("yaml", reason="PyYAML is not installed, which reads the compose file")
     services = yaml.safe_load(COMPOSE)["services"]
@@ -100,6 +114,16 @@ def test_serving_gives_tcfit_options_that_it_has(served):
     assert parse(served(TCFIT_PROJECT="a walk.tcfit").stdout.splitlines()).server.password_file is None
     alone = served(TCFIT_PROJECT="a walk.tcfit", TCFIT_ADDRESS="127.0.0.1", TCFIT_PORT="9000")
     assert parse(alone.stdout.splitlines()).server.host == "127.0.0.1"
+
+
+def test_serving_copies_the_networks_of_the_image_to_the_data(served, tmp_path: Path):
+    network, data = tmp_path / "networks" / "tcfit" / "hand.onnx", tmp_path / "data"
+    network.parent.mkdir(parents=True)
+    network.write_text("new")
+    (data / "tcfit").mkdir(parents=True)
+    (data / "tcfit" / "hand.onnx").write_text("of an earlier image")
+    done = served(TCFIT_PROJECT="a walk.tcfit", TCFIT_NETWORKS=str(tmp_path / "networks"), XDG_DATA_HOME=str(data))
+    assert done.returncode == 0 and (data / "tcfit" / "hand.onnx").read_text() == "new"
 
 
 def test_serving_takes_the_people_of_a_clip(served, tmp_path: Path):

@@ -1,6 +1,7 @@
 """A fit in the background, and the projects that are made for it."""
 
 import os
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,21 +11,22 @@ from fitting_core.clips.options import ClipOptions
 from fitting_core.clips.reading import read_clip, read_footage
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.errors import InputError
-from fitting_core.fit.events import Iteration, drained, mapped
+from fitting_core.fit.events import FitEvent, drained, mapped
 from fitting_core.fit.fitting import fit_events
 from fitting_core.fit.fused.ready import cores
 from fitting_core.io.summary import summary
-from tcfit_app.analysis.suspicion import worst_place
-from tcfit_app.batch.pictures import suspects, write_picture
+from tcfit_app.analysis.meshes import Meshes
+from tcfit_app.analysis.posed_fit import PosedFit
+from tcfit_app.analysis.suspicion import review_queue, worst_place
 from tcfit_app.fitting.bodies import record_of
+from tcfit_app.fitting.fit_progress import KEYPOINTS, FitProgress, time_left
 from tcfit_app.home.catalogue import project_beside
 from tcfit_app.home.found import Found
 from tcfit_app.home.messages import Report, Work
-from tcfit_app.imports.keypoint_jobs import Detect
+from tcfit_app.imports.keypoint_jobs import Detect, ProgressReport
 from tcfit_app.imports.result_project import project_of_result
 from tcfit_app.options.fit import BodyOptions
 from tcfit_app.options.preparing import body_file, compile_kernels, prepare_solver
-from tcfit_app.project.picture import NAME
 from tcfit_app.project.project import Project
 
 
@@ -64,38 +66,46 @@ def fit_project(folder: Path, report: Report, *, models: Path | None = None, con
     """
     with Project.open(folder) as project:
         body = load_body(body_file(BodyOptions(models=models)))
-        _find_keypoints(project, report)
+        phases = range(1, (config or PRESETS[DEFAULT_PRESET]).last_phase + 1)
+        progress = FitProgress(phases if project.has_detections else (KEYPOINTS, *phases))
+        begin = time.monotonic()
+
+        def shown() -> None:
+            left = time_left(progress.remaining)
+            words = progress.phrase.capitalize() + (f", {left}" if left else "")
+            report(Work(step=words, share=progress.fraction))
+
+        def found(step: str, share: float | None) -> None:
+            progress.detected(share or 0.0, time.monotonic() - begin)
+            shown()
+
+        def fitted(event: FitEvent) -> None:
+            progress.take(event, time.monotonic() - begin)
+            shown()
+
+        if not project.has_detections:
+            _find_keypoints(project, found)
         used = config or PRESETS[DEFAULT_PRESET]
         if project.height is not None:
             used = replace(used, height=project.height)
         prepare_solver(used, max(1, cores() - 1))  # reviewers use this computer too
-        report(Work(step="Preparing the fit"))
+        report(Work(step="Preparing the fit", share=progress.fraction))
         compile_kernels(used)
         clip = project.clip
         run = project.runs.start(used, body=record_of(body), edits_seen=project.last_edit)
         try:
-
-            def told(event: object) -> None:
-                if isinstance(event, Iteration):
-                    report(Work(step=f"Phase {event.phase} of {used.last_phase}", share=event.share))
-
-            fit = drained(mapped(fit_events(clip, body, used), told))
+            fit = drained(mapped(fit_events(clip, body, used), fitted))
         except InputError as error:
             project.runs.end(run.id, "failed", str(error))
             raise
         project.runs.finish(run.id, fit, summary=summary(fit, clip, body, complete=True, command=""))
-        report(Work(step="Looking for suspicious frames"))
-        worst = worst_place(run.id, suspects(fit, clip, body))
-        project.review.set_worst(worst)
-        write_picture(folder / NAME, fit, clip, body, frame=worst.frame)
+        report(Work(step="Looking for suspicious frames", share=1.0))
+        suspects = review_queue(PosedFit.of(clip, fit, Meshes(body))).left
+        project.review.set_worst(worst_place(run.id, suspects))
 
 
-def _find_keypoints(project: Project, report: Report) -> None:
-    if project.has_detections:
-        return
-    found = Detect(detector=ClipOptions().detector).run(
-        project.clip, lambda step, share: report(Work(step="Finding keypoints", share=share))
-    )
+def _find_keypoints(project: Project, tell: ProgressReport) -> None:
+    found = Detect(detector=ClipOptions().detector).run(project.clip, tell)
     project.take_detections(
         found.keypoints, found.notes, detector=found.detector, silhouettes=found.silhouettes, camera=found.camera
     )
