@@ -1,1 +1,1 @@
-"""A motion for animators: as a skinned rig with morph targets and fewer keys, and on rigs of other proportions."""
+"""A motion for animators: as a skinned rig with morph targets and on well-known rigs."""

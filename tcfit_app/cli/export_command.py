@@ -14,7 +14,6 @@ from fitting_core.animation.keys import check_bound
 from fitting_core.body.markers.files import read_marker_set
 from fitting_core.body.markers.marker_set import STANDARD
 from fitting_core.errors import InputError
-from fitting_core.io.motion.rigs.mapping_file import read_mapping
 from fitting_core.motion import Progress
 from tcfit_app.cli.json_lines import Note, Step, StepDone, emit, emit_wrote, told
 from tcfit_app.exports.exporting import write_export
@@ -40,8 +39,6 @@ def run_export(options: ExportOptions) -> None:
         _check_keys(options.keys, formats)
     if options.path is None:
         raise InputError("tcfit export: no path given; expected a project's folder, or a result of tcfit fit.")
-    if options.rig is not None:
-        read_mapping(options.rig)  # for the same reason as all that is looked at before the first file
     markers = STANDARD if options.markers is None else read_marker_set(options.markers)
     with opened(options.path, options) as found:
         source = replace(found, markers=markers)

@@ -33,6 +33,7 @@ from tcfit_app.options.fit import (
 )
 from tcfit_app.options.import_ import ImportOptions
 from tcfit_app.options.paths import check_paths
+from tcfit_app.options.removed import check_removed
 from tcfit_app.options.render import RenderOptions
 
 
@@ -187,6 +188,7 @@ def _run(given: list[str]) -> int | None:
         print(f"tcfit {version() or 'of unknown version: it is not installed'}")
         return None
     os.getcwd()  # fails where that folder is gone, in which torch's libraries end the process
+    check_removed(given)
     options = parse(given)
     check_paths(options)
     run = dict(COMMANDS.values())[type(options)]

@@ -14,7 +14,7 @@ from fitting_core.io.result_files import FIT_NAME, SUMMARY_NAME, read_fit
 from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.exports.exporting import file_name
 from tcfit_app.exports.source import ExportedFit, ExportSource
-from tcfit_app.exports.table import DEFAULTS, exports
+from tcfit_app.exports.table import DEFAULTS, REMOVED, exports
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.fitting.fits import FitChoice, Fits
 from tcfit_app.options.export import ExportOptions
@@ -26,6 +26,9 @@ from tcfit_app.project.storage.run_record import BodyRecord, named
 def formats_of(wished: tuple[str, ...]) -> tuple[str, ...]:
     """Names of exports as wished. Raises InputError if one is not known."""
     known = exports()
+    for name in wished:
+        if instead := REMOVED.get(name):
+            raise InputError(f"--formats {name}: was removed. {instead}")
     unknown = [name for name in wished if name not in known]
     if unknown:
         raise InputError(f"--formats {' '.join(unknown)}: not known; expected some of {', '.join(known)}.")
@@ -68,7 +71,6 @@ def _of_project(project: Project, options: ExportOptions) -> ExportSource:
         project=project.folder,
         axes=options.axes,
         keys_within=_keys_within(options),
-        rig=options.rig,
     )
 
 
@@ -104,7 +106,6 @@ def _of_result(path: Path, options: ExportOptions) -> ExportSource:
         known_grounding=stored.grounding,
         axes=options.axes,
         keys_within=within,
-        rig=options.rig,
         notes=stored.notes,
     )
 
@@ -154,8 +155,6 @@ def target(name: str, source: ExportSource, options: ExportOptions) -> Path:
         raise InputError(f"--formats {name}: {reason}")
     if source.known_motion is None and export.needs != "keypoints":
         source.fit  # noqa: B018 - told before anything is written
-    if export.own_rig:
-        _ = source.own_rig  # told before anything is written
     path = options.out / file_name(export, source.name, zipped=options.zip)
     if path.exists() and not options.overwrite:
         raise InputError(f"{path}: is there already. Give --overwrite to replace it, or another --out.")

@@ -15,8 +15,8 @@ def on_glb(rig: str) -> Write:
     """What writes the person on a rig, by its name in `known_rigs`."""
 
     def write(source: ExportSource, path: Path, progress: Progress) -> None:
-        from fitting_core.animation.rigs import known_rigs
-        from fitting_core.io.motion.rigs import rig_glb
+        from fitting_core.animation import known_rigs
+        from fitting_core.io.motion import rig_glb
 
         rig_glb.write_standard_glb(path, source.motion("y-up"), getattr(known_rigs, rig), progress)
 
@@ -27,8 +27,8 @@ def on_bvh(rig: str) -> Write:
     """What writes the skeleton of a rig, by its name in `known_rigs`."""
 
     def write(source: ExportSource, path: Path, progress: Progress) -> None:
-        from fitting_core.animation.rigs import animated, known_rigs
-        from fitting_core.io.motion.rigs import rig_bvh
+        from fitting_core.animation import animated, known_rigs
+        from fitting_core.io.motion import rig_bvh
 
         motion = source.motion("y-up")
         moving = animated.on_standard(motion, getattr(known_rigs, rig))
@@ -39,27 +39,13 @@ def on_bvh(rig: str) -> Write:
 
 def write_avatar(source: ExportSource, path: Path, progress: Progress) -> None:
     """The person as VRM."""
-    from fitting_core.io.motion.rigs.vrm import write_vrm
+    from fitting_core.io.motion.vrm import write_vrm
 
     write_vrm(path, source.motion("y-up"), progress)
 
 
 def write_avatar_motion(source: ExportSource, path: Path, progress: Progress) -> None:
     """The motion as VRM animation."""
-    from fitting_core.io.motion.rigs.vrm import write_vrm_animation
+    from fitting_core.io.motion.vrm import write_vrm_animation
 
     write_vrm_animation(path, source.motion("y-up"), progress)
-
-
-def write_rig_glb(source: ExportSource, path: Path, progress: Progress) -> None:
-    """The user's own character with the motion."""
-    from fitting_core.io.motion.rigs.own_files import write_own_glb
-
-    write_own_glb(path, source.motion("y-up"), source.own_rig, progress)
-
-
-def write_rig_bvh(source: ExportSource, path: Path, progress: Progress) -> None:
-    """The skeleton of the user's own rig with the motion."""
-    from fitting_core.io.motion.rigs.own_files import write_own_bvh
-
-    write_own_bvh(path, source.motion("y-up"), source.own_rig, progress)

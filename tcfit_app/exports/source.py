@@ -120,8 +120,6 @@ class ExportSource:
     """A name of AXES, or OWN_WORLD; None: what programs that read the format expect."""
     keys_within: float | None = None
     """Of formats with keys: only those are kept that are needed for joints to stay so near, metres; None: all."""
-    rig: Path | None = None
-    """The mapping file of a rig of the user's."""
     markers: MarkerSet = STANDARD
     """What stands for the markers of a laboratory."""
     notes: tuple[str, ...] = ()
@@ -178,15 +176,6 @@ class ExportSource:
         """The motion in the wished axes, or in these."""
         motion = self.known_motion or self.fit.motion(self.clip)
         return motion.in_axes(self.axes or axes)
-
-    @property
-    def own_rig(self) -> Path:
-        """The mapping file. Raises InputError if there is none."""
-        if self.rig is None:
-            raise InputError(
-                "This export needs your rig: give its file, or a mapping file, by --rig (see docs/rigs.md)."
-            )
-        return self.rig
 
     def __getitem__(self, frames: slice) -> "ExportSource":
         """Consecutive frames of everything but the project itself."""

@@ -22,7 +22,7 @@ from tcfit_app.exports.keypoints import write_coco, write_openpose_folder, write
 from tcfit_app.exports.laboratory import write_joints_trc, write_marker_c3d, write_markers_trc
 from tcfit_app.exports.motions import write_character, write_frames, write_result, write_skeleton
 from tcfit_app.exports.overlay_video import write_chosen, write_side_by_side
-from tcfit_app.exports.rigs import on_bvh, on_glb, write_avatar, write_avatar_motion, write_rig_bvh, write_rig_glb
+from tcfit_app.exports.rigs import on_bvh, on_glb, write_avatar, write_avatar_motion
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.project.packed import pack
 
@@ -50,8 +50,6 @@ class Export:
     """It has an animation with keys, of which there can be fewer."""
     missing: Callable[[], str] = str
     """What has to be installed before it can be written; empty when it is."""
-    own_rig: bool = False
-    """It needs the mapping file of a rig of the user's."""
 
     @property
     def many(self) -> bool:
@@ -146,22 +144,6 @@ EXPORTS: dict[str, Export] = {
         suffix=".vrma",
         hint="The motion for any VRM 1.0 avatar, with the face for that of this person",
         write=write_avatar_motion,
-    ),
-    "rig-glb": Export(
-        title="Own rig (GLB)",
-        group="Rigs",
-        suffix=".rig.glb",
-        hint="Your own character with this motion, scaled to it: feet stand, hands touch; by a mapping file",
-        write=write_rig_glb,
-        own_rig=True,
-    ),
-    "rig-bvh": Export(
-        title="Own rig (BVH)",
-        group="Rigs",
-        suffix=".rig.bvh",
-        hint="Your own rig's skeleton with this motion, in its unit and lengths; by a mapping file",
-        write=write_rig_bvh,
-        own_rig=True,
     ),
     "joints": Export(
         title="Joints (CSV)",
@@ -329,6 +311,12 @@ EXPORTS: dict[str, Export] = {
 """By the name on the command line, in the order of their buttons."""
 DEFAULTS = ("glb", "npz", "bvh")
 """What `tcfit export` writes when nothing is wished for."""
+_RETARGET = "Export {} and retarget it to your character with the tools that docs/retargeting.md lists."
+REMOVED = {
+    "rig-glb": _RETARGET.format("glb, mixamo, unreal or vrma"),
+    "rig-bvh": _RETARGET.format("bvh, mixamo-bvh or unreal-bvh"),
+}
+"""What replaces formats that were removed, by their names."""
 AXES_CHOICES = {"": "by format", "camera": "camera", "y-up": "y up", "z-up": "z up", OWN_WORLD: "calibration's"}
 """The last of them only where the clip's camera has a calibrated world."""
 KEYS_CHOICES = {"": None, "2": 0.002, "5": 0.005}

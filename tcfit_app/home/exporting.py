@@ -16,14 +16,12 @@ from tcfit_app.options.export import ExportOptions
 
 
 def offered() -> Formats:
-    """What a page can choose from. Formats for a rig of the user's need its file, and what only some clips have is not
-    offered."""
+    """What a page can choose from. What only some clips have is not offered."""
     groups: dict[Group, list[Choice]] = {group: [] for group in get_args(Group)}
     for name, export in exports().items():
-        if not export.own_rig:
-            missing = export.missing()
-            choice = Choice(value=name, title=export.title, hint=missing or export.hint, missing=bool(missing))
-            groups[export.group].append(choice)
+        missing = export.missing()
+        choice = Choice(value=name, title=export.title, hint=missing or export.hint, missing=bool(missing))
+        groups[export.group].append(choice)
     axes = [Choice(value=value, title=title) for value, title in AXES_CHOICES.items() if value != OWN_WORLD]
     keyframes = [Choice(value=v, title=f"within {v} mm" if v else "all", hint=KEYS_HINT) for v in KEYS_CHOICES]
     some = {group: choices for group, choices in groups.items() if choices}

@@ -41,8 +41,6 @@ class ExportOptions:
     keys: Annotated[float | None, shown("MM", "one for each frame")] = None
     """Keep only the keys of an animation that are needed for every joint, finger tip and toe to stay so near in space
     to its full-rate position, millimetres. 2 to 5 suit most."""
-    rig: Annotated[Path | None, shown("FILE", "none")] = None
-    """Your own rig for rig-glb and rig-bvh: its GLB, VRM or BVH, or a TOML file that says what its joints stand for."""
     markers: Annotated[Path | None, shown("FILE", "as in Plug-in Gait")] = None
     """Markers of trc-markers and c3d: a TOML or JSON file of names and vertices of the body's mesh."""
     zip: bool = False

@@ -12,7 +12,6 @@ changed once there are any |
 project, where the fit follows an undo like any other edit |
 | reference.npz | the reference that fits are compared with, if any |
 | handshapes.toml | the user's own set of handshapes, if any |
-| rig/ | the user's own rig and its mapping file, if any; not in a packed project |
 | media/ | the video or images, if they were copied; otherwise the database has their path |
 | project.lock | held by the writing process |
 

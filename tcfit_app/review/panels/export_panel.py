@@ -30,7 +30,6 @@ from tcfit_app.review.panels.elements.html import (
     text,
     words,
 )
-from tcfit_app.review.panels.own_rig import OwnRig
 from tcfit_app.review.scene.layers import RUN_COLORS, css
 from tcfit_app.review.session.tasks import Step, Task
 from tcfit_app.review.tab.buttons import one_of
@@ -75,7 +74,6 @@ class ExportPanel:
         self._note = ""
         """A remark to show with it."""
         self._files = Board(tab)
-        self._own_rig = OwnRig(tab)
         self._said = Board(tab)
         tab.buttons.on("export.begin", self._begin, lambda name: exports()[name])
         tab.buttons.on("export.everybody", lambda _: self._begin_everybody())
@@ -192,7 +190,6 @@ class ExportPanel:
             project=tab.session.project.folder,
             axes=self._wishes.axes or None,
             keys_within=KEYS_CHOICES[self._wishes.keys],
-            rig=self._own_rig.mapping,
         )
 
     def _exported(self, shown: Shown) -> ExportedFit:
@@ -217,7 +214,6 @@ class ExportPanel:
             self._wish(selected=False)
         titles: dict[Letter, str] = {side: fit.title for side, fit in fits.items()}
         self._files.show(*self._choices(titles), *self._groups(titles))
-        self._own_rig.draw(there=self._wishes.side in titles)
         if self.running is not None:
             self._said.show(heading("Last file"), *_said(self.running, self._size, self._note))
 
@@ -280,7 +276,7 @@ class ExportPanel:
                     hint=export.hint,
                 )
                 for name, export in exports().items()
-                if export.group == group and not export.own_rig
+                if export.group == group
                 for missing in [export.missing() or (no_video if group == "Video" else "")]
             ]
             if group == "Motion" and self._tab.someone.others:

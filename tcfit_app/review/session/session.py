@@ -30,7 +30,6 @@ from tcfit_app.project.project import Project
 from tcfit_app.project.storage.names import name_of_file
 from tcfit_app.project.storage.run_record import Given, Run, RunKind
 from tcfit_app.review.session.keypoint_source import Going, KeypointSource
-from tcfit_app.review.session.own_rig import OwnRig
 from tcfit_app.review.session.stored_fits import StoredFits
 from tcfit_app.review.session.tasks import Step, Tasks
 
@@ -59,8 +58,6 @@ class Session:
         """The fits, for drawing."""
         self.source = KeypointSource(project, self.tasks, self._take_keypoints)
         """Provides keypoints for a project without any."""
-        self.rig = OwnRig(project.folder)
-        """The user's own rig, for exports."""
         self._as_found: int | None = None
         """The run being fitted while its keypoints are detected."""
         self.jobs: dict[int, RunningJob] = {}

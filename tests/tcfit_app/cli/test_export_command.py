@@ -38,8 +38,7 @@ from tcfit_app.fitting.bodies import record_of
 from tcfit_app.project.project import Project
 from tests.drivers.processes import INTERRUPTIBLE
 from tests.fitting_core.io.motion.gltf_player import Player
-from tests.fitting_core.io.motion.rigs.readers import Bvh
-from tests.fitting_core.io.motion.rigs.rig_files import glb_bytes, gltf_document, with_mapping
+from tests.fitting_core.io.motion.rig_players import Bvh
 from tests.samples.clip_options import as_options
 from tests.samples.project_samples import CONFIG, sample_clip, sample_grounding, sample_keypoints
 from tests.samples.waving import waving_fit, waving_project
@@ -224,20 +223,6 @@ def test_the_report_of_a_run(project: Path, tmp_path: Path, free_body: BodyModel
     assert "Vertex-to-surface error" in page and "far" in page and not re.search(r"<script[^>]*src=|<link", page)
 
 
-def test_the_user_s_own_rig(project: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
-    """What is wrong with it is told before anything is written."""
-    table = with_mapping(tmp_path, "hero.glb", glb_bytes(gltf_document()))
-    out = tmp_path / "out"
-    assert main(["export", str(project), "--out", str(out), "--formats", "npz", "rig-glb"]) == 2
-    assert "--rig" in capsys.readouterr().err and not out.exists()
-    names = exported(project, out, "--formats", "rig-glb", "rig-bvh", "--rig", str(table), "--frames", "8:10")
-    assert names == ["walk.rig.bvh", "walk.rig.glb"] and len(Bvh.of(out / "walk.rig.bvh").frames) == 3
-    table.write_text('skeleton = "hero.glb"\n[joints]\nhead = "Kopf"')
-    assert main(["export", str(project), "--out", str(out), "--formats", "npz", "rig-bvh", "--rig", str(table)]) == 2
-    assert "no joint 'Kopf'" in capsys.readouterr().err
-    assert sorted(path.name for path in out.iterdir()) == names, "the older ones"
-
-
 def test_standard_rigs_of_a_result_s_frames(project: Path, tmp_path: Path):
     names = exported(project, tmp_path, "--formats", "mixamo", "unreal-bvh", "vrma", "--frames", "8:10")
     assert names == ["walk.mixamo.glb", "walk.unreal.bvh", "walk.vrma"]
@@ -267,6 +252,9 @@ def test_the_project_as_one_file_and_back(project: Path, tmp_path: Path, monkeyp
     ("options", "said"),
     [
         (["--formats", "maya"], "expected some of glb, fbx, npz"),
+        (["--formats", "npz", "rig-bvh"], "rig-bvh: was removed. Export bvh, mixamo-bvh or unreal-bvh and retarget it"),
+        (["--rig", "hero.glb"], "--rig was removed. Export mixamo, unreal, vrma, glb or bvh and retarget it"),
+        (["--rig=hero.glb"], "--rig was removed."),
         (["--formats", "npz", "bvh", "--keys", "2"], "--keys: expected --formats with glb, found npz, bvh"),
         (["--keys", "0"], "more than 0 and at most 100 mm"),
         (["--run", "middle"], "'near' (#1), 'far' (#2)"),

@@ -18,7 +18,6 @@ def test_what_can_be_chosen():
     formats = offered()
     names = [choice.value for choices in formats.groups.values() for choice in choices]
     assert {"glb", "overlay", "openpose", "project"} < set(names) and set(formats.chosen) < set(names)
-    assert "rig-glb" not in names, "it needs the file of a rig"
     assert [choice.value for choice in formats.axes] == ["", "camera", "y-up", "z-up"]
 
 

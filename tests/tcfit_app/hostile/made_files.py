@@ -6,7 +6,6 @@ Each function writes files into a folder of its own, and returns the command lin
 import bz2
 import gzip
 import io
-import json
 import lzma
 import pickle
 import pickletools
@@ -24,7 +23,6 @@ import numpy as np
 from tests.fitting_core.io.cameras import camera_files
 from tests.fitting_core.io.malformed import FAR_MEMO, HOSTILE, endless_npz, zipped
 from tests.fitting_core.io.motion.learned_files import gvhmr, joblib_bytes, npz_bytes, torch_bytes, truth, vibe, wham
-from tests.fitting_core.io.motion.rigs.rig_files import bvh_text
 from tests.samples.body_files import body_arrays
 from tests.tcfit_app.conftest import QUICK
 from tests.tcfit_app.hostile.calls import UPLOAD
@@ -254,25 +252,6 @@ def _deflated(rng: Rng) -> bytes:
     return file.getvalue()
 
 
-def _rig(rng: Rng) -> bytes:
-    many = int(10 ** rng.uniform(3, 12))
-    deep = int(10 ** rng.uniform(2, 5))
-    document: dict[str, Any] = {
-        "asset": {"version": "2.0"},
-        "buffers": [{"byteLength": many, "uri": "data:application/octet-stream;base64,AAAA"}],
-        "bufferViews": [{"buffer": 0, "byteLength": many, "byteOffset": int(rng.integers(9))}],
-        "accessors": [{"bufferView": 0, "componentType": 5126, "count": many, "type": "MAT4"}],
-        "nodes": [{"name": f"n{i}", "children": [i + 1]} for i in range(deep)] + [{"children": [0]}],
-        "skins": [{"joints": list(range(deep)), "inverseBindMatrices": 0}],
-        "scenes": [{"nodes": [0]}],
-    }
-    text = json.dumps(document | one(rng, ({}, {"nodes": [{"children": [0]}]}, {"accessors": [{"count": many}]})))
-    if rng.random() < 0.5:
-        return text.encode()
-    chunk = text.encode() + b" " * (-len(text) % 4)
-    return struct.pack("<4sIIII", b"glTF", 2, many % 2**32, len(chunk), 0x4E4F534A) + chunk
-
-
 def _c3d(rng: Rng) -> bytes:
     words = rng.integers(0, 2**16, 256).astype("<u2")
     words[:1] = 0x5002
@@ -329,9 +308,7 @@ _BOMBS: dict[str, Callable[[Rng], bytes]] = {
     "a.toml": lambda rng: (".".join("a" * int(10 ** rng.uniform(2, 5.3))) + " = 1\n").encode(),
     "b.toml": lambda rng: b"a = " + b"[" * int(10 ** rng.uniform(2, 6)),
     "a.json": lambda rng: b"[" * int(10 ** rng.uniform(2, 7)),
-    "a.glb": _rig, "a.gltf": _rig, "a.c3d": _c3d, "a.trc": _trc, "a.eaf": _eaf, "a.tar.gz": _tar,
-    "a.bvh": lambda rng: bvh_text().replace("Frames: 1", f"Frames: {int(10 ** rng.uniform(2, 15))}").encode(),
-    "b.bvh": lambda rng: b"HIERARCHY\nROOT a\n" + b"{\nOFFSET 0 0 0\nCHANNELS 0\nJOINT a\n" * rng.integers(99, 10**5),
+    "a.c3d": _c3d, "a.trc": _trc, "a.eaf": _eaf, "a.tar.gz": _tar,
 }  # fmt: skip
 
 
@@ -347,8 +324,6 @@ def bombs(rng: Rng, folder: Path) -> list[str]:
         read.append(["new", *_CLIP, "--out", "new.tcfit", "--camera", str(path)])
     if path.suffix == ".toml":
         read += [["settings", "--config", str(path)]] * 2
-    if path.suffix in (".glb", ".gltf", ".bvh"):
-        read = [["export", "walk.tcfit", "--formats", "rig-glb", "--rig", str(path), "--out", "new"]]
     if path.stem.startswith("SMPLX"):
         read = [["models", "add", str(path)], ["fit", *_CLIP, "--out", "new", "--body-model", str(path), *QUICK]]
     if path.suffix in (".npz", ".pkl"):

@@ -11,10 +11,10 @@ import numpy as np
 import pygltflib as gltf
 from scipy.spatial.transform import Rotation
 
-from fitting_core.animation.retargeting.retarget import RigMotion
+from fitting_core.animation.animated import Surface, on_standard, surface_deviation, surface_on
+from fitting_core.animation.retargeting import RigMotion
 from fitting_core.animation.rig import Deviation
-from fitting_core.animation.rigs.animated import Surface, on_standard, surface_deviation, surface_on
-from fitting_core.animation.rigs.standard import Standard
+from fitting_core.animation.standard import Standard
 from fitting_core.body.geometry import vertex_normals
 from fitting_core.files.atomic import replacing
 from fitting_core.io.motion.gltf_buffer import Buffer

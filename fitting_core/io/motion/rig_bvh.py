@@ -4,7 +4,6 @@ The root has a position, and so does the pelvis if the rig has a root above it; 
 this order (R = Rz Rx Ry), as in `io/motion/bvh.py`.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from fitting_core.animation.retargeting.retarget import RigMotion
+from fitting_core.animation.retargeting import RigMotion
 from fitting_core.files.atomic import replacing
 from fitting_core.io.motion.bvh import continuous_euler
 from fitting_core.motion import Progress
@@ -30,7 +29,6 @@ def write_rig_bvh(
     frame_rate: float,
     *,
     unit: float = 1.0,
-    kept: Sequence[int] | None = None,
     progress: Progress | None = None,
 ) -> None:
     """Write the skeleton and its motion. Raises OSError if the file cannot be written; nothing is left of it.
@@ -40,11 +38,9 @@ def write_rig_bvh(
         moving: What moves.
         frame_rate: Frames per second.
         unit: Factor for the rig's lengths: 100 for centimetres instead of metres.
-        kept: The joints to write, parents first, with the parents of all but the first; None: all below the topmost
-            joint above the pelvis.
         progress: See `Progress`.
     """
-    tree = _Tree(moving, sorted(_of_pelvis(moving) if kept is None else kept), unit)
+    tree = _Tree(moving, sorted(_of_pelvis(moving)), unit)
     rows = tree.rows()
     with replacing(path) as draft, draft.open("w", encoding="utf-8", newline="\n") as file:
         file.write("\n".join(["HIERARCHY", *tree.lines()]))

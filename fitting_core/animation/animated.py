@@ -6,9 +6,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from fitting_core.animation.morphs import Morphs, corrective_morphs, expression_morphs, joined
-from fitting_core.animation.retargeting.retarget import Posed, RigMotion, turned
+from fitting_core.animation.retargeting import Posed, RigMotion, turned
 from fitting_core.animation.rig import Deviation, four_weights
-from fitting_core.animation.rigs.standard import Standard, bent, standard_target
+from fitting_core.animation.standard import Standard, bent, standard_target
 from fitting_core.body.model import JOINTS
 from fitting_core.motion import CHUNK, Motion, Progress
 

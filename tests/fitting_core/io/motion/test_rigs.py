@@ -8,18 +8,18 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from fitting_core.animation.retargeting.retarget import Posed
-from fitting_core.animation.rigs.animated import on_standard
-from fitting_core.animation.rigs.known_rigs import MIXAMO, UNREAL, VRM
-from fitting_core.animation.rigs.standard import Standard
+from fitting_core.animation.animated import on_standard
+from fitting_core.animation.known_rigs import MIXAMO, UNREAL, VRM
+from fitting_core.animation.retargeting import Posed
+from fitting_core.animation.standard import Standard
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.io.motion.rigs.rig_bvh import write_rig_bvh
-from fitting_core.io.motion.rigs.rig_glb import write_standard_glb
+from fitting_core.io.motion.rig_bvh import write_rig_bvh
+from fitting_core.io.motion.rig_glb import write_standard_glb
 from fitting_core.motion import Motion
 from tests.fitting_core.io.motion.gltf_player import Player
 from tests.fitting_core.io.motion.motions import CAMERA, meshes, swinging
-from tests.fitting_core.io.motion.rigs.readers import Bvh, glb_joints, scaled
+from tests.fitting_core.io.motion.rig_players import Bvh, glb_joints, scaled
 
 RIGS = {"mixamo": MIXAMO, "unreal": UNREAL, "vrm": VRM}
 FRAMES = (0, 3, 6)

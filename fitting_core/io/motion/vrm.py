@@ -18,15 +18,15 @@ import pygltflib as gltf
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
+from fitting_core.animation.animated import Surface, below, on_standard, surface_on
+from fitting_core.animation.known_rigs import VRM
 from fitting_core.animation.morphs import Morphs
-from fitting_core.animation.retargeting.retarget import RigMotion
-from fitting_core.animation.rigs.animated import Surface, below, on_standard, surface_on
-from fitting_core.animation.rigs.known_rigs import VRM
-from fitting_core.animation.rigs.standard import bent
+from fitting_core.animation.retargeting import RigMotion
+from fitting_core.animation.standard import bent
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.files.atomic import replacing
 from fitting_core.io.motion.gltf_buffer import Buffer
-from fitting_core.io.motion.rigs.rig_glb import FIRST_JOINT, MESH, animation_of, joint_nodes, skinned_document
+from fitting_core.io.motion.rig_glb import FIRST_JOINT, MESH, animation_of, joint_nodes, skinned_document
 from fitting_core.motion import Motion, Progress, stated
 from fitting_core.shipped import FREE_FOLDER
 

@@ -2,9 +2,8 @@
 
 from collections.abc import Iterator
 
-from fitting_core.animation.retargeting.rest_pose import FINGERS
-from fitting_core.animation.retargeting.target import Source
-from fitting_core.animation.rigs.standard import AHEAD, DOWN, LEFT, RIGHT, UP, Bone, Standard, Vector
+from fitting_core.animation.retargeting import FINGERS, Source
+from fitting_core.animation.standard import AHEAD, DOWN, LEFT, RIGHT, UP, Bone, Standard, Vector
 
 _STRAIGHT: dict[str, Vector] = {
     f"left_{joint}": LEFT
@@ -92,7 +91,7 @@ def _unreal() -> Iterator[Bone]:
         yield bone(f"{finger}_01_{{l}}", "hand_{l}", f"left_{finger}1", "bone", _HAND[1])
         yield bone(f"{finger}_02_{{l}}", f"{finger}_01_{{l}}", f"left_{finger}2", "bone", _HAND[1])
         yield bone(f"{finger}_03_{{l}}", f"{finger}_02_{{l}}", f"left_{finger}3", "parent", _HAND[1])
-    twist = Source("left_wrist", twist=0.5)
+    twist = Source("left_wrist", share=0.5)
     yield bone("lowerarm_twist_01_{l}", "lowerarm_{l}", twist, "parent", place=("left_elbow", "left_wrist", 0.5))
     yield bone("upperarm_twist_01_{l}", "upperarm_{l}", None, "parent", place=("left_shoulder", "left_elbow", 0.02))
     yield bone("thigh_{l}", "pelvis", "left_hip", "-bone")

@@ -20,8 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from fitting_core.animation.retargeting.rest_pose import frame, rest_turns
-from fitting_core.animation.retargeting.target import Source, Target
+from fitting_core.animation.retargeting import Source, Target, axes_along, rest_turns
 from fitting_core.body.model import JOINT, BodyModel
 
 Vector = tuple[float, float, float]
@@ -81,9 +80,6 @@ def standard_target(standard: Standard, body: BodyModel) -> Target:
         turns=_axes(bones, parents, where),
         sources=tuple(bone.source for bone in bones),
         rest=rest,
-        upright=np.eye(3),
-        scale=1.0,
-        floor=0.0,
         root=next(k for k, bone in enumerate(bones) if bone.source is not None and bone.source.joint == "pelvis"),
     )
 
@@ -92,10 +88,10 @@ def _rest(standard: Standard, body: BodyModel) -> Float[np.ndarray, "55 3 3"]:
     left = {joint: np.array(v) for joint, v in standard.directions.items()}
     right = {joint.replace("left", "right"): _MIRROR @ v for joint, v in left.items()}
     along, little = standard.hand
-    hand = frame(np.array(along), np.array(little), "xz") @ np.array((LEFT, DOWN, BACK))  # its own inverse
+    hand = axes_along(np.array(along), np.array(little), "xz") @ np.array((LEFT, DOWN, BACK))  # its own inverse
     upright = {f"{side}_{part}": np.eye(3) for side in ("left", "right") for part in ("ankle", "foot")}
     fixed = upright | {"left_wrist": hand, "right_wrist": _MIRROR @ hand @ _MIRROR}
-    return rest_turns(body.rest_joints, body.parents, left | right, facing=np.eye(3), fixed=fixed)
+    return rest_turns(body.rest_joints, body.parents, left | right, fixed)
 
 
 def _posed(joints: np.ndarray, parents: np.ndarray, turns: np.ndarray) -> Float[np.ndarray, "55 3"]:
@@ -144,7 +140,7 @@ def _axes(bones: list[Bone], parents: np.ndarray, places: np.ndarray) -> Float[n
             direction = (places[child] - places[k]) * (-1 if bone.along.startswith("-") else 1)
         else:
             direction = np.array(bone.along)
-        turns[k] = frame(direction, np.array(bone.hint), bone.order)
+        turns[k] = axes_along(direction, np.array(bone.hint), bone.order)
     return turns
 
 
@@ -172,7 +168,7 @@ def _sided(bone: Bone, side: int, *, negated: bool) -> Bone:
     return Bone(
         name=named(bone.name),
         parent=named(bone.parent),
-        source=None if source is None else Source(named(source.joint), twist=source.twist),
+        source=None if source is None else Source(named(source.joint), share=source.share),
         order=bone.order,
         along=_negated(bone.along) if negated else bone.along,
         hint=_opposite(bone.hint) if negated else bone.hint,

@@ -10,13 +10,13 @@ import numpy as np
 import pygltflib
 import pytest
 
-from fitting_core.animation.retargeting.retarget import Posed
+from fitting_core.animation.retargeting import Posed
 from fitting_core.body.model import JOINT, BodyModel
-from fitting_core.io.motion.rigs.vrm import UNITS, meta_of, write_vrm, write_vrm_animation
+from fitting_core.io.motion.vrm import UNITS, meta_of, write_vrm, write_vrm_animation
 from fitting_core.motion import Motion
 from tests.fitting_core.io.motion.gltf_player import Player
 from tests.fitting_core.io.motion.motions import swinging
-from tests.fitting_core.io.motion.rigs.readers import glb_joints, scaled
+from tests.fitting_core.io.motion.rig_players import glb_joints, scaled
 
 SIDES = ("left", "right")
 REQUIRED = {

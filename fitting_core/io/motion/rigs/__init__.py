@@ -1,1 +1,0 @@
-"""Files of animators' rigs: read as skeletons and mappings, written with a fit's motion."""
