@@ -8,7 +8,6 @@ import torch
 from jaxtyping import Float, Int
 from scipy.spatial.transform import Rotation
 
-from fitting_core.animation.keys import Keys
 from fitting_core.animation.morphs import Morphs, corrective_morphs, expression_morphs, joined
 from fitting_core.body.kinematics import Tree, pose_joints
 from fitting_core.body.model import N_JOINTS
@@ -37,8 +36,6 @@ class Rig:
     places: Float[np.ndarray, "T 3"]
     """Of the root joint in the world, metres."""
     morphs: Morphs
-    keys: Keys | None = None
-    """Where the channels have keys, if not in all frames: what lies between is what is played there."""
 
     def vertices_of(self, frames: slice) -> Float[np.ndarray, "T V 3"]:
         """How a program with linear skinning shows it, metres."""

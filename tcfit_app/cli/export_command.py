@@ -10,7 +10,6 @@ from pathlib import Path
 import torch
 from tqdm import tqdm
 
-from fitting_core.animation.keys import check_bound
 from fitting_core.body.markers.files import read_marker_set
 from fitting_core.body.markers.marker_set import STANDARD
 from fitting_core.errors import InputError
@@ -35,8 +34,6 @@ def run_export(options: ExportOptions) -> None:
         return
     torch.set_num_threads(1)
     formats = formats_of(options.formats)
-    if options.keys is not None:
-        _check_keys(options.keys, formats)
     if options.path is None:
         raise InputError("tcfit export: no path given; expected a project's folder, or a result of tcfit fit.")
     markers = STANDARD if options.markers is None else read_marker_set(options.markers)
@@ -94,14 +91,6 @@ def listed() -> str:
     for name, export in exports().items():
         lines.append(f"{name:14}{'folder' if export.many else '':8}{export.title}: {export.hint}")
     return "\n".join(lines)
-
-
-def _check_keys(millimetres: float, formats: tuple[str, ...]) -> None:
-    """Raises InputError for a bound that is none, or where nothing has keys."""
-    check_bound(millimetres / 1000)
-    keyed = [name for name, export in exports().items() if export.keys]
-    if not set(keyed) & set(formats):
-        raise InputError(f"--keys: expected --formats with {', '.join(keyed)}, found {', '.join(formats)}.")
 
 
 @contextmanager

@@ -70,12 +70,7 @@ def _of_project(project: Project, options: ExportOptions) -> ExportSource:
         known_clip=clip,
         project=project.folder,
         axes=options.axes,
-        keys_within=_keys_within(options),
     )
-
-
-def _keys_within(options: ExportOptions) -> float | None:
-    return None if options.keys is None else options.keys / 1000
 
 
 def _exported(fits: Fits, bodies: Bodies, name: str | None, phase: int | None) -> ExportedFit | None:
@@ -99,13 +94,11 @@ def _of_result(path: Path, options: ExportOptions) -> ExportSource:
     name = _clip_name(path)
     body = Bodies(options.models).of(BodyRecord(kind=stored.body_kind, gender=stored.gender, hash=stored.body_hash))
     motion = stored_motion(stored, body, name=name, phase=options.phase)
-    within = _keys_within(options)
     return ExportSource(
         name=name,
         known_motion=motion,
         known_grounding=stored.grounding,
         axes=options.axes,
-        keys_within=within,
         notes=stored.notes,
     )
 

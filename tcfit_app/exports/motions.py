@@ -18,12 +18,11 @@ from tcfit_app.exports.figures import as_json
 from tcfit_app.exports.source import ExportSource
 
 
-def write_character(source: ExportSource, path: Path, progress: Progress) -> str | None:
-    """A skinned character; says how many keys are left, where there are fewer."""
+def write_character(source: ExportSource, path: Path, progress: Progress) -> None:
+    """A skinned character."""
     from fitting_core.io.motion.glb import write_glb  # here: pygltflib would take 0.4 s of every start of the app
 
-    keys = write_glb(path, source.motion(MOTION_FILES[".glb"].axes), progress, within=source.keys_within).keys
-    return None if keys is None else keys.text
+    write_glb(path, source.motion(MOTION_FILES[".glb"].axes), progress)
 
 
 def write_everybody(sources: Sequence[ExportSource], path: Path, progress: Progress, *, name: str) -> str:
@@ -34,8 +33,7 @@ def write_everybody(sources: Sequence[ExportSource], path: Path, progress: Progr
         OSError: It cannot be written; nothing is left of it.
     """
     motions = [replace(replace(source, axes=None).motion("camera"), name=source.name) for source in sources]
-    groundings, within = [source.grounding for source in sources], sources[0].keys_within
-    return write_together(path, motions, groundings, name=name, within=within, progress=progress)
+    return write_together(path, motions, [source.grounding for source in sources], name=name, progress=progress)
 
 
 def write_together(
@@ -44,13 +42,12 @@ def write_together(
     groundings: Sequence[Grounding | None],
     *,
     name: str,
-    within: float | None = None,
     progress: Progress = lambda share: None,
 ) -> str:
     """Write motions of people in camera space, with their names, into one GLB, all on the floor that is seen best.
 
     Returns:
-        How many there are, whose floor it is, and how many keys are left, where there are fewer.
+        How many there are, and whose floor it is.
 
     Raises:
         OSError: It cannot be written; nothing is left of it.
@@ -60,19 +57,17 @@ def write_together(
     best = best_grounding(groundings)
     floor = None if best is None else groundings[best]
     standing = [replace(motion, level=level_of(floor, motion.camera.world)) for motion in motions]
-    written = write_people_glb(path, standing, name=name, progress=progress, within=within)
+    write_people_glb(path, standing, name=name, progress=progress)
     count = f"{len(motions)} people" if len(motions) > 1 else motions[0].name
     whose = "" if best is None else f", on the floor of {motions[best].name}, which is seen best"
-    keys = [f"{motion.name}: {one.keys.text}" for motion, one in zip(motions, written, strict=True) if one.keys]
-    return "; ".join([count + whose, *keys])
+    return count + whose
 
 
-def write_skeleton(source: ExportSource, folder: Path, progress: Progress) -> str | None:
+def write_skeleton(source: ExportSource, folder: Path, progress: Progress) -> None:
     """A skeleton, and beside it what BVH cannot hold."""
     motion = source.motion(MOTION_FILES[".bvh"].axes)
     (folder / FACTS_NAME).write_bytes(as_json(stated_by_frame(motion)))
     write_bvh(folder / f"{file_stem(motion.name)}.bvh", motion, progress)
-    return None if source.keys_within is None else "BVH has no keys: every frame is there"
 
 
 def write_frames(source: ExportSource, folder: Path, progress: Progress) -> None:

@@ -118,8 +118,6 @@ class ExportSource:
     project: Path | None = None
     axes: str | None = None
     """A name of AXES, or OWN_WORLD; None: what programs that read the format expect."""
-    keys_within: float | None = None
-    """Of formats with keys: only those are kept that are needed for joints to stay so near, metres; None: all."""
     markers: MarkerSet = STANDARD
     """What stands for the markers of a laboratory."""
     notes: tuple[str, ...] = ()

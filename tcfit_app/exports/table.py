@@ -46,8 +46,6 @@ class Export:
     needs: Needs = "motion"
     both: bool = False
     """It shows A and B, whichever is chosen."""
-    keys: bool = False
-    """It has an animation with keys, of which there can be fewer."""
     missing: Callable[[], str] = str
     """What has to be installed before it can be written; empty when it is."""
 
@@ -64,7 +62,6 @@ EXPORTS: dict[str, Export] = {
         suffix=".glb",
         hint="Skinned mesh with 55 joints and a moving face for Blender, Unity, Unreal, three.js; y up, metres",
         write=write_character,
-        keys=True,
     ),
     "fbx": Export(
         title="Character (FBX)",
@@ -319,11 +316,6 @@ REMOVED = {
 """What replaces formats that were removed, by their names."""
 AXES_CHOICES = {"": "by format", "camera": "camera", "y-up": "y up", "z-up": "z up", OWN_WORLD: "calibration's"}
 """The last of them only where the clip's camera has a calibrated world."""
-KEYS_CHOICES = {"": None, "2": 0.002, "5": 0.005}
-"""How near joints must stay, metres, by the value of the app's button."""
-KEYS_HINT = (
-    "GLB only: drop keyframes as long as every joint, fingertip and toe stays this close to its full-rate position"
-)
 
 
 # --- of plugins ---

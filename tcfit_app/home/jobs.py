@@ -66,8 +66,6 @@ class ExportJob:
     formats: tuple[str, ...]
     axes: str = ""
     """Of AXES_CHOICES."""
-    keyframes: str = ""
-    """Of KEYS_CHOICES."""
     models: Path | None = None
     """Folder of body models."""
 
@@ -75,9 +73,7 @@ class ExportJob:
         """See `Job.run`."""
         from tcfit_app.home.exporting import export_project
 
-        return export_project(
-            folder, report, formats=self.formats, axes=self.axes, keyframes=self.keyframes, models=self.models
-        )
+        return export_project(folder, report, formats=self.formats, axes=self.axes, models=self.models)
 
 
 def serve(pipe: Connection, folder: Path, job: Job) -> None:

@@ -123,7 +123,6 @@ class Formats(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="
 
     groups: dict[str, list[Choice]]
     axes: list[Choice]
-    keyframes: list[Choice]
     chosen: list[str]
     """Of a page that has not chosen yet."""
 
@@ -174,7 +173,6 @@ class Export(_Asked, frozen=True, kw_only=True, tag="export"):
     keys: Keys
     formats: Annotated[tuple[Annotated[str, msgspec.Meta(max_length=100)], ...], msgspec.Meta(max_length=100)]
     axes: Literal["", "camera", "y-up", "z-up"] = ""
-    keyframes: Literal["", "2", "5"] = ""
 
 
 class Cancel(_Asked, frozen=True, kw_only=True, tag="cancel"):

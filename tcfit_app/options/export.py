@@ -38,9 +38,6 @@ class ExportOptions:
     ] = None
     """World of motions and meshes. camera: x right, y down, z away, the camera at the origin. y-up and z-up are
     upright, with the floor at height 0, where that is known; or in the world of --camera. world: its own axes."""
-    keys: Annotated[float | None, shown("MM", "one for each frame")] = None
-    """Keep only the keys of an animation that are needed for every joint, finger tip and toe to stay so near in space
-    to its full-rate position, millimetres. 2 to 5 suit most."""
     markers: Annotated[Path | None, shown("FILE", "as in Plug-in Gait")] = None
     """Markers of trc-markers and c3d: a TOML or JSON file of names and vertices of the body's mesh."""
     zip: bool = False

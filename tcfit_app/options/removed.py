@@ -4,20 +4,18 @@ from collections.abc import Sequence
 
 from fitting_core.errors import InputError
 
-REMOVED: dict[tuple[str, str], str] = {
-    (
-        "export",
-        "--rig",
-    ): "Export mixamo, unreal, vrma, glb or bvh and retarget it to your character with the tools that "
+REMOVED = {
+    "export --rig": "Export mixamo, unreal, vrma, glb or bvh and retarget it to your character with the tools that "
     "docs/retargeting.md lists.",
+    "export --keys": "Every frame has a key. Reduce keyframes in your program: in Blender, "
+    "Graph Editor › Key › Decimate; in Maya, Curves › Simplify.",
 }
-"""What to do instead, by command and option; the option is empty if the whole command was removed."""
+"""What to do instead, by the command, with the option if only that was removed."""
 
 
 def check_removed(given: Sequence[str]) -> None:
     """Raises InputError, which names the replacement, if a command line uses a removed command or option."""
     command = given[0] if given else ""
-    options = ("", *(word.partition("=")[0] for word in given[1:] if word.startswith("--")))
-    for option in options:
-        if instead := REMOVED.get((command, option)):
-            raise InputError(f"{option or f'tcfit {command}'} was removed. {instead}")
+    for used in (command, *(f"{command} {word.partition('=')[0]}" for word in given[1:] if word.startswith("--"))):
+        if instead := REMOVED.get(used):
+            raise InputError(f"tcfit {used} was removed. {instead}")

@@ -18,9 +18,7 @@ import pygltflib as gltf
 from jaxtyping import Float, Int
 from scipy.spatial.transform import Rotation
 
-from fitting_core.animation.keys import Keys
 from fitting_core.animation.rig import Deviation, Rig, deviation, rig_of
-from fitting_core.animation.rig_keys import with_fewer_keys
 from fitting_core.body.geometry import vertex_normals
 from fitting_core.body.model import JOINTS, N_JOINTS
 from fitting_core.files.atomic import replacing
@@ -30,43 +28,21 @@ from fitting_core.motion import Motion, Progress, stated
 _AXES = "y-up"
 _ROOT, _MESH, _CAMERA, _FIRST_JOINT = range(4)
 """Nodes: the rig's root, the skinned mesh, the camera, then the joints. The next person's follow, without a camera."""
-_THINNING = 0.3
-"""Share of the whole time that finding the keys takes."""
 _COLORS = ([0.62, 0.68, 0.76, 1.0], [0.80, 0.62, 0.50, 1.0], [0.55, 0.72, 0.58, 1.0], [0.74, 0.60, 0.76, 1.0])
 
 
-@dataclass(frozen=True, kw_only=True)
-class WrittenGlb:
-    """What a program will show for a file."""
-
-    deviation: Deviation
-    """How far its vertices are from the fit's."""
-    keys: Keys | None
-    """Those of the animation; None: one per frame."""
-
-
-def write_glb(
-    path: Path, motion: Motion, progress: Progress | None = None, *, within: float | None = None
-) -> WrittenGlb:
-    """Write a motion.
-
-    Args:
-        path: Of the file, which is replaced.
-        motion: In any axes.
-        progress: See `Progress`.
-        within: Keep only the keys needed for joints, finger tips and toes to stay this close to where all keys put
-            them, metres; None: keep all.
+def write_glb(path: Path, motion: Motion, progress: Progress | None = None) -> Deviation:
+    """Write a motion in any axes, and return how far the vertices will be from the fit's as programs show them.
 
     Raises:
-        InputError: The bound is invalid.
         OSError: The file cannot be written; nothing is left of it.
     """
-    return write_people_glb(path, [motion], name=motion.name, progress=progress, within=within)[0]
+    return write_people_glb(path, [motion], name=motion.name, progress=progress)[0]
 
 
 def write_people_glb(
-    path: Path, motions: Sequence[Motion], *, name: str, progress: Progress | None = None, within: float | None = None
-) -> list[WrittenGlb]:
+    path: Path, motions: Sequence[Motion], *, name: str, progress: Progress | None = None
+) -> list[Deviation]:
     """Write the motions of several people of one clip, each as in `write_glb`.
 
     Args:
@@ -74,20 +50,18 @@ def write_people_glb(
         motions: Of the same frame rate, camera and level; frames are numbered in one video.
         name: Of the clip.
         progress: Takes the share that is done.
-        within: As in `write_glb`.
 
     Raises:
-        InputError: The bound is invalid.
         OSError: The file cannot be written; nothing is left of it.
     """
     tell = progress or (lambda _: None)
     people: list[_Person] = []
     for k, motion in enumerate(motions):
         nodes = _ONE if k == 0 else _ONE.later(1 + k * (2 + N_JOINTS))
-        people.append(_person(motion.in_axes(_AXES), nodes, within, partial(_part_of, tell, k, len(motions))))
+        people.append(_person(motion.in_axes(_AXES), nodes, partial(_part_of, tell, k, len(motions))))
     with replacing(path) as draft:
         _document(people, name).save_binary(str(draft))
-    return [WrittenGlb(deviation=one.deviation, keys=one.rig.keys) for one in people]
+    return [one.deviation for one in people]
 
 
 def _part_of(tell: Progress, k: int, count: int, share: float) -> None:
@@ -122,17 +96,12 @@ class _Person:
             "largest_deviation_m": round(self.deviation.largest, 7),
             "mean_deviation_m": round(self.deviation.mean, 7),
             "deviation": "of the skinned vertices from the fit's, over all frames",
-            "keys": "every frame" if self.rig.keys is None else self.rig.keys.text,
         }
 
 
-def _person(motion: Motion, nodes: _Nodes, within: float | None, tell: Progress) -> _Person:
+def _person(motion: Motion, nodes: _Nodes, tell: Progress) -> _Person:
     rig = rig_of(motion)
-    thinning = 0.0 if within is None else _THINNING
-    if within is not None:
-        rig = with_fewer_keys(rig, motion, within, lambda share: tell(thinning * share))
-    found = deviation(rig, motion, lambda share: tell(thinning + (1 - thinning) * share))
-    return _Person(motion=motion, rig=rig, deviation=found, nodes=nodes)
+    return _Person(motion=motion, rig=rig, deviation=deviation(rig, motion, tell), nodes=nodes)
 
 
 def _document(people: list[_Person], name: str) -> gltf.GLTF2:
@@ -292,15 +261,14 @@ def _animation(people: list[_Person], name: str, buffer: Buffer) -> gltf.Animati
         add(np.array(frames), _CAMERA, "translation", places)
         add(np.array(frames), _CAMERA, "rotation", turns)
     for one in people:
-        rig, keys, nodes = one.rig, one.rig.keys, one.nodes
+        rig, nodes = one.rig, one.nodes
         first, last = one.motion.first_frame, one.motion.first_frame + len(one.motion)
-        for node, path, values, kept in (
-            (nodes.first_joint, "translation", rig.places, keys and keys.places),
-            *((nodes.first_joint + j, "rotation", rig.turns[:, j], keys and keys.turns[j]) for j in range(N_JOINTS)),
-            *([(nodes.mesh, "weights", rig.morphs.weights, keys and keys.weights)] if rig.morphs.names else []),
-        ):
-            at = np.arange(len(one.motion)) if kept is None else kept
-            add(first + at, node, path, values[at])
+        frames = np.arange(first, last)
+        add(frames, nodes.first_joint, "translation", rig.places)
+        for j in range(N_JOINTS):
+            add(frames, nodes.first_joint + j, "rotation", rig.turns[:, j])
+        if rig.morphs.names:
+            add(frames, nodes.mesh, "weights", rig.morphs.weights)
         if (first, last) != (begins, ends):
             turning = sorted({begins, first, min(last, ends - 1)})
             there = np.array([[float(first <= frame < last)] * 3 for frame in turning])

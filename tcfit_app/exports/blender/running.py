@@ -40,8 +40,8 @@ def _command() -> list[str]:
     return [sys.executable] if importlib.util.find_spec("bpy") else []
 
 
-def write_fbx(source: ExportSource, path: Path, progress: Progress) -> str | None:
-    """Write the character of a GLB as FBX, with a key in each frame. Raises InputError if there is no Blender, or it
+def write_fbx(source: ExportSource, path: Path, progress: Progress) -> None:
+    """Write the character of a GLB as FBX. Raises InputError if there is no Blender, or it
     fails, or takes too long."""
     command = _command()
     if not command:
@@ -58,7 +58,6 @@ def write_fbx(source: ExportSource, path: Path, progress: Progress) -> str | Non
         if not fbx.is_file():
             raise InputError(f"Blender wrote no FBX. {_last_of(folder)}")
         shutil.copyfile(fbx, path)
-    return None if source.keys_within is None else "Blender writes a key for every frame"
 
 
 def _run(command: list[str], folder: Path, seconds: float, progress: Progress) -> None:

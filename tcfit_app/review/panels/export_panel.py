@@ -11,7 +11,7 @@ from fitting_core.motion import AXES, OWN_WORLD, Progress
 from tcfit_app.exports.exporting import content_of, file_name
 from tcfit_app.exports.motions import write_everybody
 from tcfit_app.exports.source import ExportedFit, ExportSource
-from tcfit_app.exports.table import AXES_CHOICES, EXPORTS, KEYS_CHOICES, KEYS_HINT, Export, Group, exports
+from tcfit_app.exports.table import AXES_CHOICES, EXPORTS, Export, Group, exports
 from tcfit_app.fitting.fits import Shown, phase_title
 from tcfit_app.project.frame_words import in_words, numbers
 from tcfit_app.review.gestures.actions import Gestures, refusal, video
@@ -53,8 +53,6 @@ class _Wishes:
     """Only the selected frames."""
     axes: str = ""
     """A name of AXES, or OWN_WORLD; empty: the format's default."""
-    keys: str = ""
-    """Of KEYS_CHOICES."""
 
 
 class ExportPanel:
@@ -81,7 +79,6 @@ class ExportPanel:
         tab.buttons.on("export.side", lambda side: self._wish(side=side), one_of(get_args(Letter)))
         tab.buttons.on("export.frames", lambda on: self._wish(selected=on), _FRAMES.__getitem__)
         tab.buttons.on("export.axes", lambda axes: self._wish(axes=axes), one_of(AXES_CHOICES))
-        tab.buttons.on("export.keys", lambda keys: self._wish(keys=keys), one_of(KEYS_CHOICES))
 
     def _wish(self, **changes: object) -> None:
         self._wishes = replace(self._wishes, **changes)  # pyright: ignore[reportArgumentType]
@@ -140,7 +137,6 @@ class ExportPanel:
                 name=f"{name} {someone.name}",
                 chosen=fit,
                 known_clip=someone.session.project.clip,
-                keys_within=KEYS_CHOICES[self._wishes.keys],
             )
             if (part := source.between(begin, end)) is None:
                 left_out.append(f"{someone.name} is not present in these frames")
@@ -189,7 +185,6 @@ class ExportPanel:
             known_clip=project.clip,
             project=tab.session.project.folder,
             axes=self._wishes.axes or None,
-            keys_within=KEYS_CHOICES[self._wishes.keys],
         )
 
     def _exported(self, shown: Shown) -> ExportedFit:
@@ -243,23 +238,12 @@ class ExportPanel:
             for value, label in AXES_CHOICES.items()
             if value != OWN_WORLD or tab.session.project.footage.camera.world is not None
         ]
-        keys = [
-            button(
-                f"within {value} mm" if value else "all",
-                "export.keys",
-                value,
-                pressed=wishes.keys == value,
-                hint=KEYS_HINT,
-            )
-            for value in KEYS_CHOICES
-        ]
         return [
             heading("Files", "to this browser's downloads", first=True),
             row(sides[0], label="Run") if titles else paragraph(words("No fit yet: see the panel Fit.", "dim")),
             row(sides[1], label=" ") if titles else Html(),
             row(choice(*frames), label="Frames"),
             row(choice(*axes), label="Axes"),
-            row(choice(*keys), label="Keyframes"),
         ]
 
     def _groups(self, titles: dict[Letter, str]) -> list[Html]:

@@ -195,18 +195,6 @@ def test_a_known_floor_is_at_height_0_whatever_frames_are_exported(free_body: Bo
         np.testing.assert_allclose(np.array(stated["pelvis"])[:, 1], heights[frames], atol=1e-6)
 
 
-def test_a_character_with_fewer_keys(project: Path, tmp_path: Path, capsys):
-    exported(project, tmp_path / "all", "--formats", "glb")
-    assert "keys" not in capsys.readouterr().out
-    exported(project, tmp_path / "fewer", "--formats", "glb", "bvh", "--keys", "5")
-    said = capsys.readouterr().out
-    every, fewer = (Player.of(tmp_path / name / "walk.glb") for name in ("all", "fewer"))
-    for second in every.times:
-        assert np.linalg.norm(every.joints(float(second)) - fewer.joints(float(second)), axis=1).max() <= 5e-3
-    assert fewer.document.asset.extras["keys"] in said and " keys (" in said
-    assert "walk-bvh: BVH has no keys: every frame is there" in said
-
-
 def test_the_report_of_a_run(project: Path, tmp_path: Path, free_body: BodyModel):
     """With the project's reference, it tells the errors against it; every file is whole in itself."""
     pytest.importorskip("plotly", reason="the report needs tcfit[report]")
@@ -255,8 +243,7 @@ def test_the_project_as_one_file_and_back(project: Path, tmp_path: Path, monkeyp
         (["--formats", "npz", "rig-bvh"], "rig-bvh: was removed. Export bvh, mixamo-bvh or unreal-bvh and retarget it"),
         (["--rig", "hero.glb"], "--rig was removed. Export mixamo, unreal, vrma, glb or bvh and retarget it"),
         (["--rig=hero.glb"], "--rig was removed."),
-        (["--formats", "npz", "bvh", "--keys", "2"], "--keys: expected --formats with glb, found npz, bvh"),
-        (["--keys", "0"], "more than 0 and at most 100 mm"),
+        (["--keys", "2"], "--keys was removed. Every frame has a key. Reduce keyframes in your program"),
         (["--run", "middle"], "'near' (#1), 'far' (#2)"),
         (["--frames", "0:3"], "from 7 to 12"),
         (["--frames", "9:8"], "from 7 to 12"),

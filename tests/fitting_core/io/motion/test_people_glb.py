@@ -33,7 +33,7 @@ def people(free_body: BodyModel) -> list[Motion]:
 def played(people: list[Motion], tmp_path_factory: pytest.TempPathFactory) -> Player:
     path = tmp_path_factory.mktemp("glb") / "two.glb"
     found = write_people_glb(path, people, name="two")
-    assert len(found) == 2 and max(one.deviation.largest for one in found) < 1e-3
+    assert len(found) == 2 and max(one.largest for one in found) < 1e-3
     return Player.of(path)
 
 

@@ -6,8 +6,8 @@ import { element } from "../element.js";
 
 /**
  * @typedef {{ value: string, title: string, hint?: string, missing?: boolean }} Choice
- * @typedef {{ groups: { [title: string]: Choice[] }, axes: Choice[], keyframes: Choice[], chosen: string[] }} Formats
- * @typedef {{ formats: string[], axes: string, keyframes: string }} Wishes
+ * @typedef {{ groups: { [title: string]: Choice[] }, axes: Choice[], chosen: string[] }} Formats
+ * @typedef {{ formats: string[], axes: string }} Wishes
  */
 
 const KEPT = "tcfit-exports"; // in the browser's storage: the wishes of last time
@@ -24,7 +24,7 @@ export class ExportWindow {
   /** @param {Formats} formats @param {Row[]} rows */
   open(formats, rows) {
     if (this.box.open) return;
-    const wishes = remembered() ?? { formats: formats.chosen, axes: "", keyframes: "" };
+    const wishes = remembered() ?? { formats: formats.chosen, axes: "" };
     const form = element("form", "");
     form.method = "dialog";
     element("h2", "", form, rows.length === 1 ? `Export ${rows[0].name}` : `Export ${rows.length} clips`);
@@ -34,7 +34,6 @@ export class ExportWindow {
     });
     const options = groupOf(form, "Options");
     const axes = select(options, "Axes", formats.axes, wishes.axes);
-    const keyframes = select(options, "Keyframes", formats.keyframes, wishes.keyframes);
     element("p", "dim", form, "Into NAME.exports beside each project. Files of the same names are replaced.");
     const ends = element("div", "buttons tcfit-panel", form);
     const no = element("button", "", ends, "Cancel");
@@ -46,7 +45,7 @@ export class ExportWindow {
     form.onchange = () => void (yes.disabled = !chosen().length);
     yes.disabled = !chosen().length;
     form.onsubmit = () => {
-      const made = { formats: chosen(), axes: axes.value, keyframes: keyframes.value };
+      const made = { formats: chosen(), axes: axes.value };
       localStorage.setItem(KEPT, JSON.stringify(made));
       this.calls.begin(made);
     };
@@ -59,8 +58,8 @@ export class ExportWindow {
 /** @returns {Wishes | null} */
 function remembered() {
   try {
-    const { formats, axes, keyframes } = JSON.parse(localStorage.getItem(KEPT) ?? "null");
-    return Array.isArray(formats) ? { formats, axes: String(axes), keyframes: String(keyframes) } : null;
+    const { formats, axes } = JSON.parse(localStorage.getItem(KEPT) ?? "null");
+    return Array.isArray(formats) ? { formats, axes: String(axes) } : null;
   } catch {
     return null;
   }
