@@ -73,8 +73,8 @@ if TYPE_CHECKING:  # the table of public names, which `lazy_names` reads
     from fitting_core.measure.fit_figures import evaluate_fit as evaluate_fit
     from fitting_core.measure.references.files import read_reference as read_reference
     from fitting_core.motion import Motion as Motion
-    from fitting_core.render.motion_views import Look as Look
-    from fitting_core.render.motion_views import picture_of as picture_of
+    from fitting_core.render.overlay import Shown as Shown
+    from fitting_core.render.overlay import picture_of as picture_of
     from fitting_core.render.overlay import write_overlay as write_overlay
     from fitting_core.results.fit_result import FitResult as FitResult
     from fitting_core.results.fit_result import PhaseResult as PhaseResult

@@ -1,25 +1,29 @@
-"""Overlay videos: one or more fits, side by side, drawn over the frames of the clip."""
+"""Pictures and videos of motions: as the camera saw them, over the video, or from the person's side, on a floor."""
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal, get_args
 
 import cv2
 import numpy as np
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Float, UInt8
 
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.files.regular import StrPath
 from fitting_core.keypoints import BONES, GROUPS, Keypoints
-from fitting_core.render.renderer import Renderer, scaled_camera
-from fitting_core.video.encoding import VideoWriter, video_writer
+from fitting_core.motion import CHUNK, Motion
+from fitting_core.render.renderer import DEFAULT_COLOR, Renderer, scaled_camera
+from fitting_core.render.sheets import Image, View, beside
+from fitting_core.video.encoding import video_writer
 
-MAX_HEIGHT = 720
-LABELS = ("SMPLify-X", "temporal")
+ViewName = Literal["camera", "side"]
+ImageOf = Callable[[int], Image]
+"""From a frame of the motion, counted from its first as 0, to the video's image, RGB."""
+HEIGHT = 720
 PANEL_COLORS = ((0.22, 0.52, 0.90), (0.93, 0.45, 0.20), (0.30, 0.65, 0.35), (0.62, 0.40, 0.75))
-"""Linear RGB of the first, second, ... panel's body, blue and orange as A and B in the app; they start again after the
-last."""
+"""Linear RGB of the bodies beside each other, blue and orange as A and B in the app."""
 GROUP_COLORS = {
     "body": (250, 215, 60),
     "left_hand": (60, 230, 120),
@@ -27,74 +31,169 @@ GROUP_COLORS = {
     "face": (120, 220, 255),
 }
 """sRGB of the keypoints, by group of fitting_core.keypoints."""
+_OPACITY = 0.9
 _GAP = 4
+_PLAIN = 235
+"""Grey behind the camera's view without a video."""
 _SHOWN_CONFIDENCE = 0.05
 _SUBPIXEL_BITS = 4
+_ROOM = 0.25
+"""Metres around the joints: flesh, hair and shoes."""
+_CELL = 0.5
+"""Metres between the floor's lines."""
+_BEYOND = 1.0
+"""Metres of floor around what moves."""
+_INK = (210, 210, 210)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Panel:
-    """One fit of the clip."""
+class Shown:
+    """One of the motions that are drawn beside each other."""
 
-    label: str
-    vertices: Iterable[Float[np.ndarray, "V 3"] | None]
-    """For each frame, camera space in metres, made as they are asked for; None where this frame has no fit."""
+    motion: Motion
+    color: tuple[float, float, float] = DEFAULT_COLOR
+    """Linear RGB, 0 to 1."""
+    label: str = ""
+    """Caption; empty: none."""
+
+
+def pictures(
+    shown: Sequence[Shown],
+    frames: Sequence[int],
+    *,
+    views: Sequence[ViewName] = ("camera",),
+    image: ImageOf | None = None,
+    keypoints: Keypoints | None = None,
+    height: int = HEIGHT,
+) -> Iterator[Image]:
+    """Draw frames of motions, one at a time, so that memory does not grow with their number.
+
+    Args:
+        shown: Motions of the same frames; each has pictures of its own.
+        frames: Counted from the motions' first as 0, in their order.
+        views: "camera": as each motion's own camera sees it. "side": from the left of a person who faces the camera
+            when the motion begins, upright, in parallel projection, at one scale for all frames.
+        image: What lies behind the camera's view; None: grey.
+        keypoints: Drawn over the camera's view if given, dimmer where confidence is low.
+        height: Of a picture in pixels, at most; the camera's view is not enlarged.
+
+    Yields:
+        RGB rows: for each view a picture of each motion.
+
+    Raises:
+        InputError: No off-screen OpenGL, or images or keypoints that are not of these motions.
+    """
+    if keypoints is not None and len(keypoints) != len(shown[0].motion):
+        raise InputError(f"There are keypoints of {len(keypoints)} frames for {len(shown[0].motion)}: give the clip's.")
+    standing = [replace(one, motion=one.motion.in_axes("y-up")) for one in shown] if "side" in views else []
+    if "camera" in views:
+        height = _scaled(shown[0].motion.camera, height).size[1]
+    side = _Side.of(standing, frames, height) if standing else None
+    for start in range(0, len(frames), CHUNK):
+        part = list(frames[start : start + CHUNK])
+        meshes = [one.motion.mesh(one.motion.params[part]).numpy() for one in shown]
+        upright = [one.motion.mesh(one.motion.params[part]).numpy() for one in standing]
+        for i, frame in enumerate(part):
+            row = []
+            for view in views:
+                if view == "camera":
+                    behind = None if image is None else image(frame)
+                    points = None if keypoints is None else (keypoints.xy[frame], keypoints.confidence[frame])
+                    row += [
+                        _seen(one, mesh[i], behind, points, height) for one, mesh in zip(shown, meshes, strict=True)
+                    ]
+                elif side is not None:
+                    row += [side.picture(one, mesh[i]) for one, mesh in zip(standing, upright, strict=True)]
+            yield beside(row, gap=_GAP)
+
+
+def picture_of(
+    motion: Motion, frame: int, view: ViewName = "camera", *, image: Image | None = None, height: int = HEIGHT
+) -> Image:
+    """One frame of a motion, as RGB.
+
+    Args:
+        motion: In any axes.
+        frame: Counted from the motion's first as 0.
+        view: See `pictures`.
+        image: The frame of the video, which lies behind the camera's view.
+        height: See `pictures`.
+
+    Raises:
+        InputError: There is no such frame or view, or no off-screen OpenGL.
+    """
+    if not 0 <= frame < len(motion):
+        raise InputError(f"There is no frame {frame} to draw: the motion has frames 0 to {len(motion) - 1}.")
+    if view not in get_args(ViewName):
+        raise InputError(f"There is no view {view!r}; expected {' or '.join(get_args(ViewName))}.")
+    shown = Shown(motion=motion.in_axes("camera"))
+    behind = None if image is None else lambda _: image
+    return next(pictures([shown], [frame], views=(view,), image=behind, height=height))
 
 
 def write_overlay(
     path: StrPath,
-    frames: Iterable[UInt8[np.ndarray, "H W 3"]],
-    panels: Sequence[Panel],
+    shown: Sequence[Shown],
     *,
-    faces: Int[np.ndarray, "F 3"],
-    camera: Camera,
-    frame_rate: float,
+    views: Sequence[ViewName] = ("camera",),
+    image: ImageOf | None = None,
     keypoints: Keypoints | None = None,
-    max_height: int = MAX_HEIGHT,
-    opacity: float = 0.9,
+    height: int = HEIGHT,
     progress: Callable[[int], None] | None = None,
-) -> int:
-    """Write an mp4 with one panel per fit, each the frame with the body drawn over it and a caption.
-
-    Frames and vertices are asked for one at a time, so memory does not grow with the clip. The file appears only when
-    it is whole; if anything raises, an older file of that name stays as it was.
+) -> None:
+    """Write an mp4 of all frames of motions beside each other. It appears only when it is whole; if anything raises, an
+    older file of that name stays as it was.
 
     Args:
         path: The mp4 file to write.
-        frames: RGB images of the camera's size.
-        panels: One or more fits; one is an overlay, two a comparison.
-        faces: Triangles of the body.
-        camera: The camera of the fits and the frames.
-        frame_rate: Frames per second.
-        keypoints: Drawn over every panel when given, dimmer where confidence is low.
-        max_height: Panels of taller videos are scaled down to about this many pixels.
-        opacity: Of the bodies, 0 to 1.
+        shown: One or more motions of the same frames; one is an overlay, two a comparison.
+        views: See `pictures`; likewise image, keypoints and height.
+        image: What lies behind.
+        keypoints: Drawn over it.
+        height: In pixels.
         progress: Called with the number of frames done, after each.
 
-    Returns:
-        The number of frames written.
-
     Raises:
-        InputError: No off-screen OpenGL, no encoder, no frames, frames of another size than the camera's, or frames,
-            vertices and keypoints of different number.
+        InputError: No off-screen OpenGL, no encoder, or images or keypoints that are not of these motions.
     """
-    path = Path(path)
-    factor = min(1.0, max_height / camera.size[1])
-    small = scaled_camera(camera, factor)
-    size = (len(panels) * (small.size[0] + _GAP) - _GAP, small.size[1])
-    sources = [iter(panel.vertices) for panel in panels]
-    count = 0
-    renderer = Renderer(small)
-    with video_writer(Path(path), size, frame_rate) as video:
-        for count, frame in enumerate(frames, 1):
-            background = scaled_frame(frame, camera, small)
-            points = None if keypoints is None else _points_of(keypoints, count - 1, small.size, camera.size)
-            bodies = [_next_body(source, panel.label, count) for source, panel in zip(sources, panels, strict=True)]
-            _write_row(video, renderer, panels, bodies, faces, background, points, opacity)
+    motion = shown[0].motion
+    made = pictures(shown, range(len(motion)), views=views, image=image, keypoints=keypoints, height=height)
+    first = next(made)
+    with video_writer(Path(path), (first.shape[1], first.shape[0]), motion.frame_rate) as video:
+        video.write(first)
+        for done in range(1, len(motion) + 1):
             if progress is not None:
-                progress(count)
-        _check_end(count, sources, panels, keypoints)
-    return count
+                progress(done)
+            if (picture := next(made, None)) is not None:
+                video.write(picture)
+
+
+# --- from the camera ---
+
+
+def _seen(
+    one: Shown,
+    vertices: Float[np.ndarray, "V 3"],
+    frame: Image | None,
+    points: tuple[np.ndarray, np.ndarray] | None,
+    height: int,
+) -> Image:
+    camera = one.motion.camera
+    small = _scaled(camera, height)
+    if frame is None:
+        background = np.full((small.size[1], small.size[0], 3), _PLAIN, np.uint8)
+    else:
+        background = scaled_frame(frame, camera, small)
+    drawn = Renderer(small).render(
+        vertices, one.motion.body.faces, color=one.color, background=background, opacity=_OPACITY
+    )
+    if points is not None:
+        draw_keypoints(drawn, points[0] * (np.array(small.size) / camera.size), points[1])
+    return _labelled(drawn, one.label)
+
+
+def _scaled(camera: Camera, height: int) -> Camera:
+    return scaled_camera(camera, min(1.0, height / camera.size[1]))
 
 
 def scaled_frame(frame: UInt8[np.ndarray, "H W 3"], camera: Camera, small: Camera) -> UInt8[np.ndarray, "h w 3"]:
@@ -105,56 +204,6 @@ def scaled_frame(frame: UInt8[np.ndarray, "H W 3"], camera: Camera, small: Camer
             f"{camera.size[0]} x {camera.size[1]}: give the video that was fitted."
         )
     return frame if small.size == camera.size else cv2.resize(frame, small.size, interpolation=cv2.INTER_AREA)
-
-
-def _points_of(
-    keypoints: Keypoints, frame: int, small: tuple[int, int], full: tuple[int, int]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Keypoints (137, 2) in the panel's pixels and their confidence (137)."""
-    if frame >= len(keypoints):
-        raise InputError(f"The video has more frames than the {len(keypoints)} of the keypoints: give the same clip.")
-    return keypoints.xy[frame] * (np.array(small) / full), keypoints.confidence[frame]
-
-
-def _next_body(source: Iterable, label: str, count: int) -> np.ndarray | None:
-    for body in source:
-        return body
-    raise InputError(f'The fit "{label}" ends after {count - 1} frames, before the video does: give the same clip.')
-
-
-def _check_end(count: int, sources: list, panels: Sequence[Panel], keypoints: Keypoints | None) -> None:
-    if count == 0:
-        raise InputError("There are no frames to draw on: the video is empty or could not be decoded.")
-    longer = [
-        panel.label for panel, source in zip(panels, sources, strict=True) if next(source, sources) is not sources
-    ]
-    if keypoints is not None and len(keypoints) > count:
-        longer.append("keypoints")
-    if longer:
-        raise InputError(f"The video ends after {count} frames, before {', '.join(longer)}: give the same clip.")
-
-
-def _write_row(
-    video: VideoWriter,
-    renderer: Renderer,
-    panels: Sequence[Panel],
-    bodies: list[np.ndarray | None],
-    faces: np.ndarray,
-    background: np.ndarray,
-    points: tuple[np.ndarray, np.ndarray] | None,
-    opacity: float,
-) -> None:
-    row = []
-    for i, (panel, body) in enumerate(zip(panels, bodies, strict=True)):
-        color = PANEL_COLORS[i % len(PANEL_COLORS)]
-        image = background.copy()
-        if body is not None:
-            image = renderer.render(body, faces, color=color, background=background, opacity=opacity)
-        if points is not None:
-            draw_keypoints(image, *points)
-        draw_caption(image, panel.label if body is not None else f"{panel.label}: no fit")
-        row += [np.full((len(image), _GAP, 3), 255, np.uint8), image]
-    video.write(np.concatenate(row[1:], axis=1))
 
 
 def draw_keypoints(
@@ -179,12 +228,74 @@ def _dimmed(color: tuple[int, int, int], confidence: float) -> tuple[int, ...]:
     return tuple(int(c * (0.4 + 0.6 * min(1.0, confidence))) for c in color)
 
 
-def draw_caption(image: UInt8[np.ndarray, "H W 3"], text: str) -> None:
-    """Draw a caption on a dark plate into the upper left corner of an RGB image, in place; OpenCV's font is ASCII."""
+def _labelled(image: Image, label: str) -> Image:
+    """Draw a caption on a dark plate into the upper left corner, in place; OpenCV's font is ASCII."""
+    if not label:
+        return image
     scale = max(0.4, len(image) / 1100)
     margin = round(14 * scale)
-    (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, scale, 1)
+    (width, height), _ = cv2.getTextSize(label, cv2.FONT_HERSHEY_SIMPLEX, scale, 1)
     plate = image[margin : 3 * margin + height, margin : 3 * margin + width]
     plate[:] = (0.35 * plate).astype(np.uint8)
     origin = (2 * margin, 2 * margin + height)
-    cv2.putText(image, text, origin, cv2.FONT_HERSHEY_SIMPLEX, scale, (255, 255, 255), 1, cv2.LINE_AA)
+    cv2.putText(image, label, origin, cv2.FONT_HERSHEY_SIMPLEX, scale, (255, 255, 255), 1, cv2.LINE_AA)
+    return image
+
+
+# --- from the side ---
+
+
+@dataclass(frozen=True, eq=False)
+class _Side:
+    """The view from the side, with its background of half-metre squares on the floor."""
+
+    view: View
+    background: Image
+
+    @staticmethod
+    def of(standing: Sequence[Shown], frames: Sequence[int], height: int) -> "_Side":
+        """The view that shows all of these frames of motions in y-up, whole."""
+        joints = np.concatenate([one.motion.joints()[list(frames)].reshape(-1, 3) for one in standing])
+        low, high = joints.min(0) - _ROOM, joints.max(0) + _ROOM
+        corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+        length = 2 * round(height / 2)  # video encoders want it even
+        view = View(
+            center=tuple((low + high) / 2),
+            extent=1.0,
+            degrees=90 + _camera_side(standing[0].motion),
+            size=(length, length),
+        )
+        view = replace(view, extent=2 * float(abs(view.camera_space(corners)[:, :2]).max()))
+        background = np.full((length, length, 3), 255, np.uint8)
+        levels = [one.motion.level for one in standing]
+        known = all(level is not None and level.height is not None for level in levels)
+        _draw_floor(background, view, low, high, 0.0 if known else float(low[1] + _ROOM / 2))
+        return _Side(view, background)
+
+    def picture(self, one: Shown, vertices: Float[np.ndarray, "V 3"]) -> Image:
+        """One motion, by its vertices in y-up, metres."""
+        renderer, seen = Renderer(self.view.camera), self.view.camera_space(vertices)
+        drawn = renderer.render(seen, one.motion.body.faces, color=one.color, background=self.background)
+        return _labelled(drawn, one.label)
+
+
+def _camera_side(motion: Motion) -> float:
+    """Degrees about the vertical of y-up, from z, at which the camera stood when the motion began.
+
+    A calibrated camera may stand on any side of its laboratory.
+    """
+    turn = motion.camera_to_world
+    backward = -(turn[0] if turn.ndim == 3 else turn)[:, 2]
+    return float(np.degrees(np.arctan2(backward[0], backward[2])))
+
+
+def _draw_floor(image: Image, view: View, low: np.ndarray, high: np.ndarray, height: float) -> None:
+    """Draw half-metre squares, in place."""
+    first = np.floor((low[[0, 2]] - _BEYOND) / _CELL) * _CELL
+    last = np.ceil((high[[0, 2]] + _BEYOND) / _CELL) * _CELL
+    lines = [[(x, first[1]), (x, last[1])] for x in np.arange(first[0], last[0] + _CELL / 2, _CELL)]
+    lines += [[(first[0], z), (last[0], z)] for z in np.arange(first[1], last[1] + _CELL / 2, _CELL)]
+    for line in lines:
+        ends = view.pixels(np.array([(x, height, z) for x, z in line]))
+        a, b = np.round(ends * 2**_SUBPIXEL_BITS).clip(-(2**24), 2**24).astype(int).tolist()
+        cv2.line(image, a, b, _INK, max(1, min(view.size) // 480), cv2.LINE_AA, _SUBPIXEL_BITS)

@@ -15,7 +15,7 @@ from fitting_core.files.atomic import replacing
 
 Image = UInt8[np.ndarray, "H W 3"]
 
-_DISTANCE = 8.0  # times the extent: nearly parallel
+_DISTANCE = 8.0  # times the extent: limbs nearly keep their lengths wherever they point
 _GAP = 6
 _CAPTION_HEIGHT = 18
 _FONT, _FONT_SCALE, _INK = cv2.FONT_HERSHEY_SIMPLEX, 0.4, (40, 40, 40)
@@ -44,12 +44,11 @@ class View:
     """Degrees by which the eye stands higher than the middle."""
     size: tuple[int, int] = (240, 320)
     """Width and height in pixels."""
-    distance: float | None = None
-    """Metres from the eye to the middle; None: so far that limbs keep their lengths wherever they point."""
 
     @property
     def _away(self) -> float:
-        return _DISTANCE * self.extent if self.distance is None else self.distance
+        """Metres from the eye to the middle."""
+        return _DISTANCE * self.extent
 
     @property
     def camera(self) -> Camera:
@@ -71,10 +70,11 @@ class View:
         return seen[:, :2] / seen[:, 2:] * camera.focal + camera.center
 
 
-def beside(pictures: Sequence[Image]) -> Image:
-    """Pictures in a row, on white where they are not equally high."""
+def beside(pictures: Sequence[Image], gap: int = 0) -> Image:
+    """Pictures in a row with white between them, and where they are not equally high."""
     height = max(len(picture) for picture in pictures)
-    return np.concatenate([_padded(p, height, p.shape[1]) for p in pictures], 1)
+    row = [np.pad(_padded(p, height, p.shape[1]), ((0, 0), (gap, 0), (0, 0)), constant_values=255) for p in pictures]
+    return np.concatenate(row, 1)[:, gap:]
 
 
 def sheet(cells: Sequence[Cell], columns: int) -> Image:

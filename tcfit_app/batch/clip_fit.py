@@ -58,7 +58,7 @@ from tcfit_app.batch.records import (
     write_json,
     write_log,
 )
-from tcfit_app.exports.overlay_video import write_comparison
+from tcfit_app.exports.pictures import write_comparison
 from tcfit_app.fitting.bodies import Bodies, record_of
 from tcfit_app.imports.given import start_of
 from tcfit_app.options.fit import FitOptions

@@ -23,7 +23,7 @@ from fitting_core.results.given_start import GivenStart
 from fitting_core.results.known_shape import KnownShape
 from tcfit_app.cli.detection_shown import DetectionShown
 from tcfit_app.cli.json_lines import Note, Progress, Step, StepDone, emit, emit_figures, emit_wrote, told
-from tcfit_app.exports.overlay_video import write_comparison
+from tcfit_app.exports.pictures import write_comparison
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.fitting.fit_progress import FitProgress, time_left
 from tcfit_app.imports.given import read_shape, start_of

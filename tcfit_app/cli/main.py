@@ -34,7 +34,6 @@ from tcfit_app.options.fit import (
 from tcfit_app.options.import_ import ImportOptions
 from tcfit_app.options.paths import check_paths
 from tcfit_app.options.removed import check_removed
-from tcfit_app.options.render import RenderOptions
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,7 +124,6 @@ COMMANDS: dict[str, tuple[type, Callable[[Any, str], object]]] = {
     "detect": (DetectOptions, lambda options, command: _in("detect_command").run_detect(options)),
     "import": (ImportOptions, lambda options, command: _in("import_command").run_import(options)),
     "export": (ExportOptions, _export),
-    "render": (RenderOptions, lambda options, command: _in("render_command").run_render(options)),
     "evaluate": (
         EvaluateOptions,
         lambda options, command: _in("evaluate_command").run_evaluate(options, command=command),

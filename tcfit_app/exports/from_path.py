@@ -10,7 +10,7 @@ from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
 from fitting_core.io.motion_files import stored_motion
 from fitting_core.io.people_file import refuse_several
-from fitting_core.io.result_files import FIT_NAME, SUMMARY_NAME, read_fit
+from fitting_core.io.result_files import FIT_NAME, SUMMARY_NAME, read_fit, video_of
 from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.exports.exporting import file_name
 from tcfit_app.exports.source import ExportedFit, ExportSource
@@ -70,6 +70,7 @@ def _of_project(project: Project, options: ExportOptions) -> ExportSource:
         known_clip=clip,
         project=project.folder,
         axes=options.axes,
+        views=options.view,
     )
 
 
@@ -99,6 +100,8 @@ def _of_result(path: Path, options: ExportOptions) -> ExportSource:
         known_motion=motion,
         known_grounding=stored.grounding,
         axes=options.axes,
+        known_video=video_of(path if path.is_dir() else path.parent),
+        views=options.view,
         notes=stored.notes,
     )
 

@@ -17,6 +17,7 @@ from fitting_core.ground.level import level_of
 from fitting_core.motion import Motion
 from fitting_core.priors.latent import LatentPrior
 from fitting_core.priors.pose import make_prior
+from fitting_core.render.overlay import ViewName
 from fitting_core.results.fit_result import FitResult, PhaseResult
 from fitting_core.video.images import image_files
 from tcfit_app.analysis.meshes import Meshes
@@ -118,6 +119,10 @@ class ExportSource:
     project: Path | None = None
     axes: str | None = None
     """A name of AXES, or OWN_WORLD; None: what programs that read the format expect."""
+    known_video: Path | None = None
+    """The video or images of a result."""
+    views: tuple[ViewName, ...] = ("camera",)
+    """Views of pictures and videos, drawn beside each other."""
     markers: MarkerSet = STANDARD
     """What stands for the markers of a laboratory."""
     notes: tuple[str, ...] = ()
@@ -128,6 +133,11 @@ class ExportSource:
         """The project's."""
         assert self.known_clip is not None, "formats that need a clip are not offered for a result"
         return self.known_clip
+
+    @property
+    def video(self) -> Path | None:
+        """The video or images, if any."""
+        return self.known_video if self.known_clip is None else self.known_clip.source
 
     @property
     def images(self) -> tuple[Path, ...]:

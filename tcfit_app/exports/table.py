@@ -15,13 +15,14 @@ from fitting_core.io.points.joint_table import write_joints_csv
 from fitting_core.measure.angles.angle_files import write_angles_csv, write_mot
 from fitting_core.motion import OWN_WORLD, Progress
 from fitting_core.plugins import FAILURES, Plugin, added
+from fitting_core.render.overlay import ViewName
 from tcfit_app.exports.blender.running import missing, write_fbx
 from tcfit_app.exports.elan import write_elan
 from tcfit_app.exports.figures import write_figures_csv, write_figures_json, write_report, write_summary
 from tcfit_app.exports.keypoints import write_coco, write_openpose_folder, write_pose_file
 from tcfit_app.exports.laboratory import write_joints_trc, write_marker_c3d, write_markers_trc
 from tcfit_app.exports.motions import write_character, write_frames, write_result, write_skeleton
-from tcfit_app.exports.overlay_video import write_chosen, write_side_by_side
+from tcfit_app.exports.pictures import write_chosen, write_frames_sheet, write_picture, write_side_by_side
 from tcfit_app.exports.rigs import on_bvh, on_glb, write_avatar, write_avatar_motion
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.project.packed import pack
@@ -205,19 +206,32 @@ EXPORTS: dict[str, Export] = {
         hint="As OBJ, binary: a third of the size; by default z up",
         write=lambda source, path, progress: write_ply_sequence(path, source.motion("z-up"), progress),
     ),
+    "picture": Export(
+        title="Picture",
+        group="Video",
+        suffix=".png",
+        hint="The middle frame with the chosen fit and the keypoints, over the video or from the side",
+        write=write_picture,
+    ),
+    "sheet": Export(
+        title="Sheet",
+        group="Video",
+        suffix=".sheet.png",
+        hint="Up to 12 frames in one picture, evenly spaced, over the video or from the side",
+        write=write_frames_sheet,
+    ),
     "overlay": Export(
         title="Overlay",
         group="Video",
         suffix=".overlay.mp4",
-        hint="The chosen fit and the keypoints over the video",
+        hint="A video of the chosen fit and the keypoints, over the video or from the side",
         write=write_chosen,
-        needs="run",
     ),
     "side-by-side": Export(
         title="Side by side",
         group="Video",
         suffix=".side-by-side.mp4",
-        hint="A and B beside each other over the video, with the keypoints",
+        hint="A video of A and B beside each other, with the keypoints, over the video or from the side",
         write=write_side_by_side,
         needs="run",
         both=True,
@@ -316,6 +330,13 @@ REMOVED = {
 """What replaces formats that were removed, by their names."""
 AXES_CHOICES = {"": "by format", "camera": "camera", "y-up": "y up", "z-up": "z up", OWN_WORLD: "calibration's"}
 """The last of them only where the clip's camera has a calibrated world."""
+VIEW_CHOICES: dict[str, tuple[str, tuple[ViewName, ...]]] = {
+    "": ("camera", ("camera",)),
+    "side": ("side", ("side",)),
+    "both": ("both", ("camera", "side")),
+}
+"""Views of pictures and videos, with their labels."""
+VIEW_HINT = "For pictures and videos: as the camera saw it, over the video; or upright from the person's left side"
 
 
 # --- of plugins ---

@@ -9,7 +9,7 @@ from fitting_core.errors import InputError
 from fitting_core.motion import OWN_WORLD
 from tcfit_app.exports.exporting import write_export
 from tcfit_app.exports.from_path import formats_of, source_of, target
-from tcfit_app.exports.table import AXES_CHOICES, DEFAULTS, Group, exports
+from tcfit_app.exports.table import AXES_CHOICES, DEFAULTS, VIEW_CHOICES, VIEW_HINT, Group, exports
 from tcfit_app.home.found import exports_beside
 from tcfit_app.home.messages import Choice, Formats, Report, Work
 from tcfit_app.options.export import ExportOptions
@@ -23,8 +23,9 @@ def offered() -> Formats:
         choice = Choice(value=name, title=export.title, hint=missing or export.hint, missing=bool(missing))
         groups[export.group].append(choice)
     axes = [Choice(value=value, title=title) for value, title in AXES_CHOICES.items() if value != OWN_WORLD]
+    views = [Choice(value=value, title=title, hint=VIEW_HINT) for value, (title, _) in VIEW_CHOICES.items()]
     some = {group: choices for group, choices in groups.items() if choices}
-    return Formats(groups=some, axes=axes, chosen=list(DEFAULTS))
+    return Formats(groups=some, axes=axes, views=views, chosen=list(DEFAULTS))
 
 
 def export_project(
@@ -33,6 +34,7 @@ def export_project(
     *,
     formats: tuple[str, ...],
     axes: str = "",
+    view: str = "",
     models: Path | None = None,
 ) -> str:
     """Write the newest fit and keypoints of a project; files of the same names are replaced.
@@ -42,6 +44,7 @@ def export_project(
         report: Is told how far it is.
         formats: Of `exports`.
         axes: Of AXES_CHOICES.
+        view: Of VIEW_CHOICES.
         models: Folder of body models.
 
     Returns:
@@ -52,7 +55,7 @@ def export_project(
     """
     torch.set_num_threads(1)  # reviewers use this computer too
     out, names = exports_beside(folder), formats_of(formats)
-    wished: dict[str, Any] = {"axes": axes or None}
+    wished: dict[str, Any] = {"axes": axes or None, "view": VIEW_CHOICES[view][1]}
     options = ExportOptions(path=folder, out=out, overwrite=True, models=models, **wished)
     told: list[str] = []
     with source_of(folder, options) as source:

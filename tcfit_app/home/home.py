@@ -218,7 +218,7 @@ class Home:
         entries = list(map(self._entry, asked.keys))
         if without := [entry.row.name for entry in entries if entry.found.is_footage]:
             raise InputError(f"{without[0]}: has no fit yet that could be exported. Fit it first.")
-        job = ExportJob(formats=asked.formats, axes=asked.axes, models=self._models)
+        job = ExportJob(formats=asked.formats, axes=asked.axes, view=asked.view, models=self._models)
         self._begin(watcher, entries, job)
 
     def _cancel(self, watcher: _Watcher, asked: Cancel) -> None:

@@ -66,6 +66,8 @@ class ExportJob:
     formats: tuple[str, ...]
     axes: str = ""
     """Of AXES_CHOICES."""
+    view: str = ""
+    """Of VIEW_CHOICES."""
     models: Path | None = None
     """Folder of body models."""
 
@@ -73,7 +75,7 @@ class ExportJob:
         """See `Job.run`."""
         from tcfit_app.home.exporting import export_project
 
-        return export_project(folder, report, formats=self.formats, axes=self.axes, models=self.models)
+        return export_project(folder, report, formats=self.formats, axes=self.axes, view=self.view, models=self.models)
 
 
 def serve(pipe: Connection, folder: Path, job: Job) -> None:

@@ -123,6 +123,7 @@ class Formats(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="
 
     groups: dict[str, list[Choice]]
     axes: list[Choice]
+    views: list[Choice]
     chosen: list[str]
     """Of a page that has not chosen yet."""
 
@@ -173,6 +174,7 @@ class Export(_Asked, frozen=True, kw_only=True, tag="export"):
     keys: Keys
     formats: Annotated[tuple[Annotated[str, msgspec.Meta(max_length=100)], ...], msgspec.Meta(max_length=100)]
     axes: Literal["", "camera", "y-up", "z-up"] = ""
+    view: Literal["", "side", "both"] = ""
 
 
 class Cancel(_Asked, frozen=True, kw_only=True, tag="cancel"):

@@ -38,6 +38,9 @@ class ExportOptions:
     ] = None
     """World of motions and meshes. camera: x right, y down, z away, the camera at the origin. y-up and z-up are
     upright, with the floor at height 0, where that is known; or in the world of --camera. world: its own axes."""
+    view: Annotated[tuple[Literal["camera", "side"], ...], shown("{camera,side} ...", "camera")] = ("camera",)
+    """Views of picture, sheet, overlay and side-by-side; several are drawn beside each other. camera: over the video.
+    side: upright, from the left of a person who faces the camera."""
     markers: Annotated[Path | None, shown("FILE", "as in Plug-in Gait")] = None
     """Markers of trc-markers and c3d: a TOML or JSON file of names and vertices of the body's mesh."""
     zip: bool = False

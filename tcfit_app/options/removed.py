@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from fitting_core.errors import InputError
 
 REMOVED = {
+    "render": "Use tcfit export PATH --formats picture, sheet or overlay; --view camera side draws both views.",
     "export --rig": "Export mixamo, unreal, vrma, glb or bvh and retarget it to your character with the tools that "
     "docs/retargeting.md lists.",
     "export --keys": "Every frame has a key. Reduce keyframes in your program: in Blender, "

@@ -11,10 +11,10 @@ from fitting_core.motion import AXES, OWN_WORLD, Progress
 from tcfit_app.exports.exporting import content_of, file_name
 from tcfit_app.exports.motions import write_everybody
 from tcfit_app.exports.source import ExportedFit, ExportSource
-from tcfit_app.exports.table import AXES_CHOICES, EXPORTS, Export, Group, exports
+from tcfit_app.exports.table import AXES_CHOICES, EXPORTS, VIEW_CHOICES, VIEW_HINT, Export, Group, exports
 from tcfit_app.fitting.fits import Shown, phase_title
 from tcfit_app.project.frame_words import in_words, numbers
-from tcfit_app.review.gestures.actions import Gestures, refusal, video
+from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
@@ -53,6 +53,8 @@ class _Wishes:
     """Only the selected frames."""
     axes: str = ""
     """A name of AXES, or OWN_WORLD; empty: the format's default."""
+    view: str = ""
+    """Of VIEW_CHOICES."""
 
 
 class ExportPanel:
@@ -79,6 +81,7 @@ class ExportPanel:
         tab.buttons.on("export.side", lambda side: self._wish(side=side), one_of(get_args(Letter)))
         tab.buttons.on("export.frames", lambda on: self._wish(selected=on), _FRAMES.__getitem__)
         tab.buttons.on("export.axes", lambda axes: self._wish(axes=axes), one_of(AXES_CHOICES))
+        tab.buttons.on("export.view", lambda view: self._wish(view=view), one_of(VIEW_CHOICES))
 
     def _wish(self, **changes: object) -> None:
         self._wishes = replace(self._wishes, **changes)  # pyright: ignore[reportArgumentType]
@@ -185,6 +188,7 @@ class ExportPanel:
             known_clip=project.clip,
             project=tab.session.project.folder,
             axes=self._wishes.axes or None,
+            views=VIEW_CHOICES[self._wishes.view][1],
         )
 
     def _exported(self, shown: Shown) -> ExportedFit:
@@ -238,16 +242,21 @@ class ExportPanel:
             for value, label in AXES_CHOICES.items()
             if value != OWN_WORLD or tab.session.project.footage.camera.world is not None
         ]
+        views = [
+            button(label, "export.view", value, pressed=wishes.view == value, hint=VIEW_HINT)
+            for value, (label, _) in VIEW_CHOICES.items()
+        ]
         return [
             heading("Files", "to this browser's downloads", first=True),
             row(sides[0], label="Run") if titles else paragraph(words("No fit yet: see the panel Fit.", "dim")),
             row(sides[1], label=" ") if titles else Html(),
             row(choice(*frames), label="Frames"),
             row(choice(*axes), label="Axes"),
+            row(choice(*views), label="View"),
         ]
 
     def _groups(self, titles: dict[Letter, str]) -> list[Html]:
-        there, no_video = self._wishes.side in titles, refusal(video, self._gestures)
+        there = self._wishes.side in titles
         rows = []
         for group in get_args(Group):
             buttons = [
@@ -261,7 +270,7 @@ class ExportPanel:
                 )
                 for name, export in exports().items()
                 if export.group == group
-                for missing in [export.missing() or (no_video if group == "Video" else "")]
+                for missing in [export.missing()]
             ]
             if group == "Motion" and self._tab.someone.others:
                 buttons.insert(1, button("Everybody (GLB)", "export.everybody", hint=_EVERYBODY_HINT))

@@ -2,41 +2,47 @@
 
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 import pytest
-import trimesh
+import torch
 
-from fitting_core.camera import Camera
+from fitting_core.body.mesh import Mesh
+from fitting_core.body.model import BodyModel
+from fitting_core.body.params import BodyParams
+from fitting_core.camera import Camera, World, project
 from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT, Keypoints
-from fitting_core.render.overlay import LABELS, Panel, write_overlay
+from fitting_core.motion import Motion
+from fitting_core.render.overlay import PANEL_COLORS, Shown, picture_of, pictures, write_overlay
 from fitting_core.video import encoding
 from fitting_core.video.encoding import video_writer
 
 needs_gl = pytest.mark.usefixtures("off_screen_gl")
 
 CAMERA = Camera(focal=(300.0, 300.0), center=(160.0, 120.0), size=(320, 240))
-BALL = trimesh.creation.icosphere(subdivisions=2, radius=0.3)
-FACES = np.asarray(BALL.faces)
 FRAMES = 4
 
 
-def frames(count: int = FRAMES, size: tuple[int, int] = (320, 240)) -> Iterator[np.ndarray]:
-    for i in range(count):
-        yield np.full((size[1], size[0], 3), 40 + 10 * i, np.uint8)
+def motion(
+    body: BodyModel, x: float = 0.0, *, camera: Camera = CAMERA, count: int = FRAMES, depth: float = 4.0
+) -> Motion:
+    """Somebody who stands before the camera in a T pose, facing it."""
+    params = BodyParams.neutral(count)
+    params.global_orient[:, 0] = torch.pi
+    params.camera_translation[:] = torch.tensor([x, 0.2, depth])
+    return Motion(body=body, params=params, camera=camera, frame_rate=25.0, name="still")
 
 
-def bodies(x: float, count: int = FRAMES) -> Iterator[np.ndarray]:
-    for _ in range(count):
-        yield np.asarray(BALL.vertices) + np.array([x, 0.0, 2.0])
+def image(frame: int) -> np.ndarray:
+    return np.full((240, 320, 3), 40 + 10 * frame, np.uint8)
 
 
-def panels(count: int = FRAMES) -> list[Panel]:
-    return [Panel(label=LABELS[0], vertices=bodies(-0.4, count)), Panel(label=LABELS[1], vertices=bodies(0.4, count))]
+def drawn_part(picture: np.ndarray, background: int | list[int]) -> np.ndarray:
+    return (np.abs(picture.astype(int) - background) > 12).any(-1)
 
 
 def decode(path: Path) -> np.ndarray:
@@ -50,86 +56,100 @@ def decode(path: Path) -> np.ndarray:
 
 
 @needs_gl
-def test_each_fit_is_drawn_in_its_panel(tmp_path: Path) -> None:
+def test_each_fit_is_drawn_in_its_panel(tmp_path: Path, free_body: BodyModel) -> None:
     done: list[int] = []
     path = tmp_path / "side by side.mp4"
-    count = write_overlay(path, frames(), panels(), faces=FACES, camera=CAMERA, frame_rate=25, progress=done.append)
+    shown = [
+        Shown(motion=motion(free_body, x), color=color, label=label)
+        for x, color, label in zip((-1.0, 1.0), PANEL_COLORS, ("one", "other"), strict=False)
+    ]
+    write_overlay(path, shown, image=image, progress=done.append)
     video = decode(path)
-    assert count == FRAMES and done == [1, 2, 3, 4]
-    assert video.shape == (FRAMES, 240, 2 * 320 + 4, 3)
+    assert done == [1, 2, 3, 4] and video.shape == (FRAMES, 240, 2 * 320 + 4, 3)
     left, right = video[:, :, :320], video[:, :, 324:]
     for i in range(FRAMES):
-        empty = np.full(3, 40 + 10 * i)
-        # The balls' middles project to x = 160 -+ 60.
-        assert np.abs(left[i, 120, 100] - empty).max() > 40 and np.abs(left[i, 120, 220] - empty).max() < 12
-        assert np.abs(right[i, 120, 220] - empty).max() > 40 and np.abs(right[i, 120, 100] - empty).max() < 12
-    # Blue left, orange right, as A and B in the app.
-    assert left[0, 120, 100, 0] < left[0, 120, 100, 2] and right[0, 120, 220, 0] > right[0, 120, 220, 2]
-    # A caption in each corner.
-    assert left[0, :30, :90].max() > 180 and right[0, :30, :90].max() > 180
+        for part, side in ((left[i], -1), (right[i], 1)):
+            columns = np.flatnonzero(drawn_part(part[100:], 40 + 10 * i).sum(0) > 20)
+            assert abs(columns.mean() - (160 + side * 75)) < 10, "x of 1 m at 4 m, at 300 pixels"
+    red_over_blue = video[0, 100:, :, 0] - video[0, 100:, :, 2]
+    assert red_over_blue[:, :320].min() < -40 and red_over_blue[:, 324:].max() > 40, "blue left, orange right"
+    assert left[0, :30, :60].max() > 180 and right[0, :30, :60].max() > 180, "a caption in each corner"
     assert [file.name for file in tmp_path.iterdir()] == [path.name]
 
 
 @needs_gl
-def test_tall_videos_are_scaled_down_with_body_and_keypoints(tmp_path: Path) -> None:
+def test_the_camera_s_view_has_the_body_where_its_own_camera_saw_it(free_body: BodyModel) -> None:
+    own = Camera(focal=(400.0, 380.0), center=(150.0, 125.0), size=(320, 240))
+    seen = motion(free_body, 0.3, camera=own, depth=5.0)
+    pixels = project(own, Mesh(free_body)(seen.params[:1])[0]).numpy()
+    body = drawn_part(picture_of(seen, 0), 235)
+    rows, columns = np.flatnonzero(body.any(1)), np.flatnonzero(body.any(0))
+    assert abs(columns[0] - pixels[:, 0].min()) < 2 and abs(columns[-1] - pixels[:, 0].max()) < 2
+    assert abs(rows[0] - max(0, pixels[:, 1].min())) < 2
+
+
+@needs_gl
+def test_tall_videos_are_scaled_down_with_body_and_keypoints(free_body: BodyModel) -> None:
     big = Camera(focal=(600.0, 600.0), center=(320.0, 240.0), size=(640, 480))
     xy, confidence = np.zeros((2, COUNT, 2)), np.zeros((2, COUNT))
-    xy[:, 0], confidence[:, 0] = (500.0, 400.0), 1.0
-    write_overlay(
-        tmp_path / "one.mp4",
-        frames(2, (640, 480)),
-        [Panel(label="fit", vertices=bodies(0.0, 2))],
-        faces=FACES,
-        camera=big,
-        frame_rate=25,
-        keypoints=Keypoints(xy=xy, confidence=confidence),
-        max_height=240,
+    xy[:, 0], confidence[:, 0] = (600.0, 400.0), 1.0
+    seen = Shown(motion=motion(free_body, camera=big, count=2))
+    points = Keypoints(xy=xy, confidence=confidence)
+    (picture,) = pictures(
+        [seen], [1], image=lambda frame: np.full((480, 640, 3), 40, np.uint8), keypoints=points, height=240
     )
-    video = decode(tmp_path / "one.mp4")
-    assert video.shape == (2, 240, 320, 3)
-    assert np.abs(video[0, 120, 160] - 40).max() > 40, "the body, at the middle"
-    assert video[0, 200, 250, 0] > 150 and video[0, 200, 250, 2] < 120, "the yellow nose, at half its pixels"
-    assert np.abs(video[0, 20, 300] - 40).max() < 12
+    assert picture.shape == (240, 320, 3) and drawn_part(picture, 40)[90, 160], "the chest"
+    assert picture[200, 300, 0] > 150 and picture[200, 300, 2] < 120, "the yellow nose, at half its pixels"
+    assert not drawn_part(picture, 40)[20, 300]
 
 
 @needs_gl
-def test_a_frame_without_a_fit_shows_the_video(tmp_path: Path) -> None:
-    vertices = [next(bodies(0.0)), None]
-    path = tmp_path / "gap.mp4"
-    panel = Panel(label="fit", vertices=vertices)
-    write_overlay(path, frames(2), [panel], faces=FACES, camera=CAMERA, frame_rate=25)
-    first, second = decode(path)
-    assert np.abs(first[120, 160] - 40).max() > 40 and np.abs(second[120, 160] - 50).max() < 12
-
-
-BAD = {
-    "frames of another size": (lambda: frames(size=(322, 240)), panels, None, "322 x 240"),
-    "a fit that is too short": (frames, lambda: panels(3), None, '"SMPLify-X" ends after 3 frames'),
-    "a fit that is too long": (
-        frames,
-        lambda: panels(6),
-        None,
-        "video ends after 4 frames, before SMPLify-X, temporal",
-    ),
-    "no frames": (lambda: frames(0), panels, None, "no frames"),
-    "keypoints that are too short": (frames, panels, 2, "2 of the keypoints"),
-}
+def test_the_side_shows_an_upright_body_whole_and_narrow(free_body: BodyModel) -> None:
+    """Arms stretched out are wide for the camera and narrow from the side, wherever the camera stands."""
+    along_x = World(rotation=((0.0, 0.0, 1.0), (0.0, -1.0, 0.0), (1.0, 0.0, 0.0)), translation=(0.0, 0.0, 3.0), up="y")
+    for world in (None, along_x):
+        camera = Camera(focal=(300.0, 300.0), center=(160.0, 120.0), size=(320, 240), world=world)
+        picture = picture_of(motion(free_body, camera=camera), 0, "side", height=300)
+        body = np.ptp(picture, axis=-1) > 4  # white and grey are the floor
+        assert picture.shape == (300, 300, 3)
+        assert not (body[0].any() or body[-1].any() or body[:, 0].any() or body[:, -1].any())
+        wide, tall = np.ptp(np.flatnonzero(body.any(0))), np.ptp(np.flatnonzero(body.any(1)))
+        assert tall > 2.5 * wide
 
 
 @needs_gl
-@pytest.mark.parametrize("case", BAD)
-def test_bad_input_is_explained_and_leaves_the_old_file(tmp_path: Path, case: str) -> None:
-    make_frames, make_panels, count, message = BAD[case]
-    keypoints = (
-        None if count is None else Keypoints(xy=np.zeros((count, COUNT, 2)), confidence=np.zeros((count, COUNT)))
-    )
+def test_views_and_fits_are_beside_each_other_at_one_height(free_body: BodyModel) -> None:
+    two = [Shown(motion=motion(free_body)), Shown(motion=motion(free_body, 0.5))]
+    (row,) = pictures(two, [2], views=("camera", "side"))
+    assert row.shape == (240, 2 * 320 + 2 * 240 + 3 * 4, 3)
+
+
+@needs_gl
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"image": lambda frame: np.zeros((240, 322, 3), np.uint8)}, "322 x 240"),
+        (
+            {"keypoints": Keypoints(xy=np.zeros((2, COUNT, 2)), confidence=np.zeros((2, COUNT)))},
+            "keypoints of 2 frames",
+        ),
+    ],
+)
+def test_bad_input_is_explained_and_leaves_the_old_file(
+    tmp_path: Path, free_body: BodyModel, options: dict[str, Any], message: str
+) -> None:
     path = tmp_path / "out.mp4"
     path.write_bytes(b"older")
     with pytest.raises(InputError, match=message):
-        write_overlay(
-            path, make_frames(), make_panels(), faces=FACES, camera=CAMERA, frame_rate=25, keypoints=keypoints
-        )  # fmt: skip
+        write_overlay(path, [Shown(motion=motion(free_body))], **options)
     assert path.read_bytes() == b"older" and list(tmp_path.iterdir()) == [path]
+
+
+def test_frames_and_views_that_do_not_exist_are_refused(free_body: BodyModel) -> None:
+    with pytest.raises(InputError, match="no frame 4 to draw: the motion has frames 0 to 3"):
+        picture_of(motion(free_body), 4)
+    with pytest.raises(InputError, match="no view 'top'; expected camera or side"):
+        picture_of(motion(free_body), 0, "top")  # pyright: ignore[reportArgumentType]
 
 
 def test_a_video_holds_what_it_was_given(tmp_path: Path) -> None:

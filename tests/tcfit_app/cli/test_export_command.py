@@ -228,6 +228,28 @@ def test_side_by_side_from_the_command_line(project: Path, tmp_path: Path):
     assert widths == [2 * 640 + 4, 640]
 
 
+@pytest.mark.usefixtures("off_screen_gl")
+def test_pictures_of_a_project_and_of_a_result(project: Path, free_body: BodyModel, tmp_path: Path):
+    """A result is drawn over the video that it names, and on grey if that is gone."""
+    formats = ["--formats", "picture", "sheet"]
+    names = exported(project, tmp_path / "a", *formats, "--frames", "7:9")
+    assert names == ["walk.png", "walk.sheet.png"]
+    alone, sheet = (cv2.imread(str(tmp_path / "a" / name)) for name in names)
+    assert alone.shape == (480, 640, 3) and sheet.shape[0] < 480
+    assert sheet.shape[1] == pytest.approx(3 * sheet.shape[0] * 640 / 480, rel=0.1), "three frames in a row"
+    exported(project, tmp_path / "b", *formats, "--frames", "7:9", "--view", "camera", "side")
+    both = cv2.imread(str(tmp_path / "b" / "walk.png"))
+    assert both.shape == (480, 640 + 4 + 480, 3) and np.array_equal(both[:, :640], alone)
+    write_result(tmp_path / "fit", waving_fit(2.0), sample_clip(), free_body)
+    (name,) = exported(tmp_path / "fit", tmp_path / "c", "--formats", "overlay", "--frames", "7:8")
+    assert int(cv2.VideoCapture(str(tmp_path / "c" / name)).get(cv2.CAP_PROP_FRAME_COUNT)) == 2
+
+
+def test_render_names_its_replacement(project: Path, capsys: pytest.CaptureFixture[str]):
+    assert main(["render", str(project), "--view", "side"]) == 2
+    assert "tcfit render was removed. Use tcfit export PATH --formats picture, sheet or" in capsys.readouterr().err
+
+
 def test_the_project_as_one_file_and_back(project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
     exported(project, tmp_path, "--formats", "project")

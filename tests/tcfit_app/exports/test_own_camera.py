@@ -1,12 +1,9 @@
 """A run with a focal length of its own lies on the video as its own camera sees it."""
 
-from dataclasses import replace
-
 import numpy as np
 import torch
 
 from fitting_core.camera import Camera, project
-from tcfit_app.exports.overlay_video import _seen_by
 from tcfit_app.review.scene.poster import relief
 from tests.samples.posters import pixels_of_world
 
@@ -23,11 +20,3 @@ def test_posters_use_the_camera_of_each_body():
     one, other = relief([BODY, BODY], CLIP, [OWN, None])
     assert np.allclose(pixels_of_world(one[:, :2], CLIP.size), _pixels(OWN, BODY), atol=1e-3)
     assert np.allclose(pixels_of_world(other[:, :2], CLIP.size), _pixels(CLIP, BODY), atol=1e-3)
-
-
-def test_the_overlay_video_uses_the_camera_of_each_body():
-    (seen,) = _seen_by(CLIP, OWN, iter([BODY]))
-    assert np.allclose(_pixels(CLIP, seen), _pixels(OWN, BODY), atol=1e-9)
-    assert np.array_equal(seen[:, 2], BODY[:, 2])
-    (same,) = _seen_by(CLIP, replace(CLIP, source="other"), iter([BODY]))
-    assert np.allclose(same, BODY, atol=1e-12)

@@ -26,7 +26,7 @@ PACKED = Path(__file__).parents[2] / "samples" / "projects" / "before-the-first-
 """Of `sample_clip` with images, five edits of which the last was undone, four runs, of which one was deleted and one
 was under way when its process died, and marks. Only ever added to: projects of all versions exist."""
 _ARM = ("shoulder", "elbow", "wrist")
-_NEEDING_MORE = ("overlay", "side-by-side", "report", "contacts", "fbx")
+_NEEDING_MORE = ("picture", "sheet", "overlay", "side-by-side", "report", "contacts", "fbx")
 WITHOUT_OPENGL = [name for name in EXPORTS if name not in _NEEDING_MORE]
 
 

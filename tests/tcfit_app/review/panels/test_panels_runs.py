@@ -459,7 +459,7 @@ def test_files_are_downloaded(panel_of: Opener):
         with ZipFile(io.BytesIO(got[name])) as archive:
             assert sum(entry.endswith(suffix) for entry in archive.namelist()) == count
             assert any(entry.endswith(".json") for entry in archive.namelist()), "what the format has no place for"
-    others = {"obj", "fbx", "elan", "overlay", "side-by-side", "project", "project-with-video"}
+    others = {"obj", "fbx", "elan", "picture", "sheet", "overlay", "side-by-side", "project", "project-with-video"}
     assert set(EXPORTS) - set(_MADE) == others
 
 

@@ -6,8 +6,8 @@ import { element } from "../element.js";
 
 /**
  * @typedef {{ value: string, title: string, hint?: string, missing?: boolean }} Choice
- * @typedef {{ groups: { [title: string]: Choice[] }, axes: Choice[], chosen: string[] }} Formats
- * @typedef {{ formats: string[], axes: string }} Wishes
+ * @typedef {{ groups: { [title: string]: Choice[] }, axes: Choice[], views: Choice[], chosen: string[] }} Formats
+ * @typedef {{ formats: string[], axes: string, view: string }} Wishes
  */
 
 const KEPT = "tcfit-exports"; // in the browser's storage: the wishes of last time
@@ -24,7 +24,7 @@ export class ExportWindow {
   /** @param {Formats} formats @param {Row[]} rows */
   open(formats, rows) {
     if (this.box.open) return;
-    const wishes = remembered() ?? { formats: formats.chosen, axes: "" };
+    const wishes = remembered() ?? { formats: formats.chosen, axes: "", view: "" };
     const form = element("form", "");
     form.method = "dialog";
     element("h2", "", form, rows.length === 1 ? `Export ${rows[0].name}` : `Export ${rows.length} clips`);
@@ -34,6 +34,7 @@ export class ExportWindow {
     });
     const options = groupOf(form, "Options");
     const axes = select(options, "Axes", formats.axes, wishes.axes);
+    const view = select(options, "View", formats.views, wishes.view);
     element("p", "dim", form, "Into NAME.exports beside each project. Files of the same names are replaced.");
     const ends = element("div", "buttons tcfit-panel", form);
     const no = element("button", "", ends, "Cancel");
@@ -45,7 +46,7 @@ export class ExportWindow {
     form.onchange = () => void (yes.disabled = !chosen().length);
     yes.disabled = !chosen().length;
     form.onsubmit = () => {
-      const made = { formats: chosen(), axes: axes.value };
+      const made = { formats: chosen(), axes: axes.value, view: view.value };
       localStorage.setItem(KEPT, JSON.stringify(made));
       this.calls.begin(made);
     };
@@ -58,8 +59,8 @@ export class ExportWindow {
 /** @returns {Wishes | null} */
 function remembered() {
   try {
-    const { formats, axes } = JSON.parse(localStorage.getItem(KEPT) ?? "null");
-    return Array.isArray(formats) ? { formats, axes: String(axes) } : null;
+    const { formats, axes, view } = JSON.parse(localStorage.getItem(KEPT) ?? "null");
+    return Array.isArray(formats) ? { formats, axes: String(axes), view: String(view) } : null;
   } catch {
     return null;
   }

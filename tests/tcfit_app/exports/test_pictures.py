@@ -1,5 +1,6 @@
-"""The overlay video: which panels, which frames, which background."""
+"""Pictures and overlay videos: which fits, which frames, which background."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,16 +10,16 @@ import numpy as np
 import pytest
 import torch
 
-from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.keypoints import COUNT, Keypoints
+from fitting_core.render.overlay import ImageOf, Shown
 from fitting_core.results.fit_result import FitResult, PhaseResult
-from tcfit_app.exports import overlay_video
-from tcfit_app.exports.overlay_video import write_comparison
+from tcfit_app.exports import pictures
+from tcfit_app.exports.pictures import write_comparison
 
 FRAMES = 20
 """More than are computed together."""
@@ -45,28 +46,28 @@ def clip() -> Clip:
 
 @pytest.fixture
 def written(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
-    """What write_overlay was asked to write; panels and frames as lists."""
+    """The arguments of write_overlay, with the images of all frames."""
     asked: dict[str, Any] = {}
 
-    def write(path: Path, frames: Any, panels: Any, **options: Any) -> None:
-        asked.update(options, frames=list(frames), panels={p.label: list(p.vertices) for p in panels})
+    def write(path: Path, shown: Sequence[Shown], *, image: ImageOf | None, **options: Any) -> None:
+        made = [] if image is None else [image(i) for i in range(FRAMES)]
+        asked.update(options, images=made, shown={one.label: one.motion for one in shown})
 
-    monkeypatch.setattr(overlay_video, "write_overlay", write)
+    monkeypatch.setattr(pictures, "write_overlay", write)
     return asked
 
 
 def test_first_and_last_phase_side_by_side(clip: Clip, free_body: BodyModel, written: dict[str, Any], tmp_path: Path):
     fit = _fit(_phase(1, 4.0), _phase(2, 5.0), _phase(3, 6.0))
     write_comparison(tmp_path / "overlay.mp4", fit, clip, free_body)
-    assert list(written["panels"]) == ["phase 1: frame by frame", "phase 3: final"]
-    for vertices, phase in zip(written["panels"].values(), (fit.phases[0], fit.last), strict=True):
-        assert len(vertices) == FRAMES
-        assert np.allclose(vertices[17], Mesh(free_body)(phase.params[17:18])[0].numpy(), atol=1e-5)
+    assert list(written["shown"]) == ["phase 1: frame by frame", "phase 3: final"]
+    for motion, phase in zip(written["shown"].values(), (fit.phases[0], fit.last), strict=True):
+        assert motion.params is phase.params
 
 
 def test_phase_1_alone_is_one_panel(clip: Clip, free_body: BodyModel, written: dict[str, Any], tmp_path: Path):
     write_comparison(tmp_path / "overlay.mp4", _fit(_phase(1, 4.0)), clip, free_body)
-    assert list(written["panels"]) == ["phase 1: frame by frame"]
+    assert list(written["shown"]) == ["phase 1: frame by frame"]
 
 
 def test_frames_start_at_the_first_fitted_one(
@@ -77,7 +78,7 @@ def test_frames_start_at_the_first_fitted_one(
         cv2.imwrite(str(tmp_path / "images" / f"{i:03d}.png"), np.full((48, 64, 3), 5 * i, np.uint8))
     shown = replace(clip, source=tmp_path / "images", first_frame=3)
     write_comparison(tmp_path / "overlay.mp4", _fit(_phase(1, 4.0)), shown, free_body)
-    assert [int(frame[0, 0, 0]) for frame in written["frames"]] == [5 * i for i in range(3, FRAMES + 3)]
+    assert [int(frame[0, 0, 0]) for frame in written["images"]] == [5 * i for i in range(3, FRAMES + 3)]
 
 
 def test_a_broken_frame_is_grey(clip: Clip, free_body: BodyModel, written: dict[str, Any], tmp_path: Path):
@@ -88,7 +89,7 @@ def test_a_broken_frame_is_grey(clip: Clip, free_body: BodyModel, written: dict[
     write_comparison(
         tmp_path / "overlay.mp4", _fit(_phase(1, 4.0)), replace(clip, source=tmp_path / "images"), free_body
     )
-    levels = [int(frame[0, 0, 0]) for frame in written["frames"]]
+    levels = [int(frame[0, 0, 0]) for frame in written["images"]]
     assert levels == [96 if i == 4 else 5 * i for i in range(FRAMES)]
 
 
