@@ -1,7 +1,7 @@
 """The variants of COCO-WholeBody JSON: which entries belong to which frame, before their numbers are checked."""
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Hashable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -17,6 +17,15 @@ class CocoFrame:
     stem: str
     people: tuple[tuple[str, dict[str, Any]], ...]
     """Each one's place in the file, for messages; and its entry."""
+    names: Mapping[Any, Any] = field(default_factory=dict)
+    """The keypoints' names in the order of the file as it states them, by category; under None, of every category."""
+
+    def names_of(self, entry: dict[str, Any]) -> Any:
+        """The names of an entry's keypoints; None if the file does not state them."""
+        categories = list(self.names)
+        only = categories[0] if len(categories) == 1 else None
+        category = entry.get("category_id", only)
+        return self.names.get(category if isinstance(category, Hashable) else only)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,13 +56,20 @@ def _annotation_file(path: Path, content: dict[str, Any]) -> CocoContent:
     sizes = {size for _, _, size in images}
     info = content.get("info")
     known: dict[str, Any] = info if isinstance(info, dict) else {}
+    names = {category["id"]: category.get("keypoints") for category in _categories(content.get("categories"))}
     rate: Any = known.get("frame_rate")
     return CocoContent(
-        frames=tuple(CocoFrame(stem=stem, people=tuple(people[number])) for number, stem, _ in images),
+        frames=tuple(CocoFrame(stem=stem, people=tuple(people[number]), names=names) for number, stem, _ in images),
         size=sizes.pop() if len(sizes) == 1 else None,
         frame_rate=float(rate) if type(rate) in (int, float) and 0 < rate <= 2000 else None,
         detector=known.get("detector"),
     )
+
+
+def _categories(stated: Any) -> Iterator[dict[str, Any]]:
+    for category in stated if isinstance(stated, list) else ():
+        if isinstance(category, dict) and type(category.get("id")) in (int, str):
+            yield category
 
 
 def _image(path: Path, k: int, entry: Any) -> tuple[Any, str, tuple[int, int] | None]:
@@ -82,14 +98,15 @@ def _result_list(path: Path, content: list[Any]) -> CocoContent:
     return CocoContent(frames=tuple(CocoFrame(stem=stems[number], people=tuple(people[number])) for number in order))
 
 
-def _predictions(path: Path, content: list[Any]) -> CocoContent:
+def _predictions(path: Path, content: Any) -> CocoContent:
+    names = _mmpose_names(content)
     frames: dict[int, CocoFrame] = {}
-    for k, (_, entry) in enumerate(_entries(path, "frame", content)):
+    for k, (_, entry) in enumerate(_entries(path, "frame", _mmpose(content))):
         number = entry.get("frame_id", k)
         if type(number) is not int or not 0 <= number < 10**15 or number in frames:
             raise InputError(f"{path}: frame {k} has the frame_id {short(number)}; expected numbers, each once.")
         people = tuple(_entries(path, f"frame {number}, person", entry.get("instances")))
-        frames[number] = CocoFrame(stem="", people=people)
+        frames[number] = CocoFrame(stem="", people=people, names=names)
     # mmpose's demos count frames from 1, its inferencer from 0.
     first = int(min(frames, default=0) == 1)
     return CocoContent(
@@ -97,8 +114,9 @@ def _predictions(path: Path, content: list[Any]) -> CocoContent:
     )
 
 
-def _one_image(path: Path, content: list[Any]) -> CocoContent:
-    return CocoContent(frames=(CocoFrame(stem=path.stem, people=tuple(_entries(path, "person", content))),))
+def _one_image(path: Path, content: Any) -> CocoContent:
+    people = tuple(_entries(path, "person", _mmpose(content)))
+    return CocoContent(frames=(CocoFrame(stem=path.stem, people=people, names=_mmpose_names(content)),))
 
 
 def _has(content: Any, key: str) -> bool:
@@ -111,16 +129,25 @@ def _mmpose(content: Any) -> Any:
     return content.get("instance_info") if isinstance(content, dict) else content
 
 
+def _mmpose_names(content: Any) -> dict[Any, Any]:
+    """The keypoints' names that mmpose and Sapiens state beside 'instance_info', under None."""
+    about = content.get("meta_info") if isinstance(content, dict) else None
+    names = about.get("keypoint_id2name") if isinstance(about, dict) else None
+    if isinstance(names, dict) and all(str(key).isdecimal() for key in names):
+        names = [name for _, name in sorted(names.items(), key=lambda item: int(item[0]))]
+    return {} if names is None else {None: names}
+
+
 FORMS: tuple[tuple[Callable[[Any], bool], Callable[[Path, Any], CocoContent]], ...] = (
     (
         lambda c: isinstance(c, dict) and all(isinstance(c.get(key), list) for key in ("images", "annotations")),
         _annotation_file,
     ),
     (lambda c: _has(c, "image_id"), _result_list),
-    (lambda c: _has(_mmpose(c), "keypoints") or c == [], lambda path, c: _one_image(path, _mmpose(c))),
+    (lambda c: _has(_mmpose(c), "keypoints") or _mmpose(c) == [], _one_image),
     (
         lambda c: _has(c, "instances") or (isinstance(c, dict) and isinstance(c.get("instance_info"), list)),
-        lambda path, c: _predictions(path, _mmpose(c)),
+        _predictions,
     ),
     (lambda c: isinstance(c, list), _result_list),
 )

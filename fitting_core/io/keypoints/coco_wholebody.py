@@ -1,6 +1,7 @@
 """COCO-WholeBody JSON: annotation files, result lists as mmpose and DWPose write them, and mmpose's predictions."""
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
@@ -49,14 +50,14 @@ def holds_coco(start: bytes) -> bool:
     inside = start.lstrip(b"\xef\xbb\xbf \t\r\n")
     if inside.startswith(b"["):
         return any(key in start for key in (b'"image_id"', b'"instances"', b'"keypoints"'))
-    return any(key in start for key in (b'"annotations"', b'"images"', b'"instance_info"'))
+    return any(key in start for key in (b'"annotations"', b'"images"', b'"instance_info"', b'"meta_info"'))
 
 
 def folder_holds_coco(folder: Path) -> bool:
     """Whether the first conclusive JSON file of a folder holds the people of an image, as mmpose writes."""
     starts = (first_bytes(file).lstrip() for file in json_files(folder))
     said = next((start for start in starts if start.strip(b"[] \t\r\n")), b"")
-    return said.startswith(b"[") and holds_coco(said)
+    return holds_coco(said) if said.startswith(b"[") else b'"instance_info"' in said or b'"meta_info"' in said
 
 
 def read_coco_wholebody(path: Path) -> Detections:
@@ -67,13 +68,16 @@ def read_coco_wholebody(path: Path) -> Detections:
     Frames come in the order of the images' names, or of the ids of the images if there are no names. A person has
     `keypoints` of all 133 points, or of the 17 of the body beside `foot_kpts`, `face_kpts`, `lefthand_kpts` and
     `righthand_kpts`, any of which can be absent. Neck and mid-hip are means of shoulders and hips. A file whose third
-    numbers are 0, 1 and 2 has COCO's visibilities, which become confidences of 0, 0.5 and 1.
+    numbers are 0, 1 and 2 has COCO's visibilities, which become confidences of 0, 0.5 and 1. If the file states the
+    keypoints' names (`categories`, or mmpose's `meta_info`), points are taken by name.
 
     Raises:
         InputError: The file is damaged, of another format, or holds invalid values; the message names the person.
     """
     known = _of_folder(path) if path.is_dir() else _of_file(path)
-    raw = [[_raw_points(where, entry) for where, entry in frame.people] for frame in known.frames]
+    raw = [
+        [_raw_points(where, entry, frame.names_of(entry)) for where, entry in frame.people] for frame in known.frames
+    ]
     scores = np.concatenate([points[:, 2] for people in raw for points in people] or [np.zeros(0)])
     visibilities = bool(np.isin(scores, (0, 1, 2)).all() and (scores == 2).any())
     most = 2.0 if visibilities else _MAX_SCORE
@@ -185,7 +189,7 @@ def _annotation(image: int, points: Float[np.ndarray, "133 3"]) -> dict[str, Any
     }
 
 
-def _raw_points(where: str, entry: dict[str, Any]) -> Float[np.ndarray, "133 3"]:
+def _raw_points(where: str, entry: dict[str, Any], names: Any) -> Float[np.ndarray, "133 3"]:
     points = np.zeros((layout.WHOLEBODY_COUNT, 3))
     if "keypoints" not in entry:
         raise InputError(f"{where} has no 'keypoints' (it has {some_of(entry)}).")
@@ -195,7 +199,7 @@ def _raw_points(where: str, entry: dict[str, Any]) -> Float[np.ndarray, "133 3"]
             f"{where}, keypoints: found {len(values)} points; expected 133, or COCO's 17 beside foot_kpts, "
             "face_kpts, lefthand_kpts and righthand_kpts. Detect with a whole-body model."
         )
-    points[_KEYPOINTS[len(values)]] = values
+    points[_KEYPOINTS[len(values)]] = values[_order(where, names, len(values))]
     for key, (part, flag) in PARTS.items():
         if entry.get(key) and entry.get(flag, True):
             values = _triples(where, key, entry, first=part.start)
@@ -204,6 +208,34 @@ def _raw_points(where: str, entry: dict[str, Any]) -> Float[np.ndarray, "133 3"]
                 raise InputError(f"{where}, {key}: found {len(values)} points; expected {count}, or an empty list.")
             points[part] = values
     return points
+
+
+def _order(where: str, names: Any, count: int) -> list[int]:
+    """For each of our points its place among those of a file with these names. Raises InputError if they are of other
+    points, which nothing else would tell."""
+    if not names:
+        return list(range(count))
+    if not isinstance(names, list):
+        raise InputError(f"{where}: the names of its keypoints are {kind(names)}; expected a list of {count} names.")
+    order, differing = _places(tuple(map(str, names)), count)
+    if order is None:
+        found = f"other names ({some_of(differing, most=5)})" if differing else f"{len(names)} names, some twice"
+        raise InputError(
+            f"{where}: its keypoints have {found}; expected COCO's: {', '.join(layout.COCO_17)}. Rename them, or "
+            "export them as COCO keypoints."
+        )
+    return order
+
+
+@cache
+def _places(names: tuple[str, ...], count: int) -> tuple[list[int] | None, list[str]]:
+    stated = [re.sub(r"[\s_-]+", "_", name.strip().lower()) for name in names]
+    wanted, body = list(_NAMES[:count]), list(_NAMES[: len(layout.COCO_17)])
+    if stated[: len(body)] == body and (count == len(body) or len(stated) in (len(body), count)):
+        return list(range(count)), []  # programs name the points of hands and face differently, in one order
+    if sorted(stated) == sorted(wanted):
+        return [stated.index(name) for name in wanted], []
+    return None, [name for name in stated if name not in wanted]
 
 
 @cache

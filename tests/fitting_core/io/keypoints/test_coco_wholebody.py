@@ -2,15 +2,18 @@
 
 import json
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import given
 
 from fitting_core import wholebody as layout
 from fitting_core.clips.options import ClipOptions
 from fitting_core.clips.reading import read_clip
+from fitting_core.errors import InputError
 from fitting_core.io import read_detections
 from fitting_core.io.keypoints.coco_wholebody import write_coco_wholebody
 from fitting_core.keypoints import FACE, INDEX, LEFT_HAND, NAMES, RIGHT_HAND, Keypoints
@@ -175,3 +178,59 @@ def test_predictions_of_the_inferencer_for_images(tmp_path: Path):
     for people, seeds in zip(found.frames, [*FOUND, (5,)], strict=True):
         np.testing.assert_allclose(people, expected(*seeds))
     assert read_detections(tmp_path / "walk_10.json").most_people == 2
+
+
+def annotated(names: list[str], points: np.ndarray, **more: Any) -> dict[str, Any]:
+    """One person by an annotation file whose category lists these names, as annotation tools export it."""
+    person = {"image_id": 1, "category_id": 7, "keypoints": points.ravel().tolist(), **more}
+    categories = [{"id": 3, "name": "dog", "keypoints": ["tail"]}, {"id": 7, "name": "person", "keypoints": names}]
+    return {"images": [{"id": 1, "file_name": "a.jpg"}], "annotations": [person], "categories": categories}
+
+
+@pytest.mark.parametrize("spelling", [str, str.title, lambda name: f" {name.replace('_', ' ')}"])
+def test_points_are_taken_by_the_names_of_their_category(tmp_path: Path, spelling: Callable[[str], str]):
+    """CVAT lists a skeleton's points in the order in which they were drawn."""
+    points = whole()[:17]
+    for order in (range(17), range(16, -1, -1), np.random.default_rng(1).permutation(17)):
+        names = [spelling(layout.COCO_17[k]) for k in order]
+        found = read_detections(written(tmp_path, annotated(names, points[list(order)]))).frames[0][0]
+        assert np.allclose(found[INDEX["nose"]], points[0]) and np.allclose(found[INDEX["right_ankle"]], points[16])
+
+
+def test_names_of_the_whole_body_may_be_those_of_any_program(tmp_path: Path):
+    body = list(layout.COCO_17)
+    for names in (body, [*body, *(f"face-{k}" for k in range(116))]):
+        found = read_detections(written(tmp_path, annotated(names, whole()))).frames[0][0]
+        assert np.allclose(found, layout.from_wholebody(whole()))
+
+
+H36M = "root right_hip right_knee right_foot left_hip left_knee left_foot spine thorax neck_base head left_shoulder " \
+    "left_elbow left_wrist right_shoulder right_elbow right_wrist"  # fmt: skip
+
+
+def test_points_of_other_names_are_refused(tmp_path: Path):
+    """17 points of Human3.6M look like COCO's but for their names."""
+    names, points = H36M.split(), whole()[:17]
+    people = [{"keypoints": points[:, :2].tolist(), "keypoint_scores": [0.9] * 17}]
+    of_mmpose = {"meta_info": {"keypoint_id2name": {str(k): n for k, n in enumerate(names)}}, "instance_info": people}
+    for content in (annotated(names, points), of_mmpose):
+        with pytest.raises(
+            InputError, match=r"other names \(root, right_foot, left_foot, spine, thorax.*expected COCO's"
+        ):
+            read_detections(written(tmp_path, content))
+    with pytest.raises(InputError, match="17 names, some twice"):
+        read_detections(written(tmp_path, annotated(["nose"] * 17, points)))
+    with pytest.raises(InputError, match="the names of its keypoints are a text"):
+        read_detections(written(tmp_path, annotated("nose", points)))  # pyright: ignore[reportArgumentType]
+
+
+def test_single_image_results_of_sapiens_and_mmpose_in_a_folder(tmp_path: Path):
+    """Their demos write an object for each image; nobody is in the first."""
+    for k, seeds in enumerate(FOUND):
+        content = {"meta_info": {"dataset_name": "coco_wholebody"}, "instance_info": instances(*seeds)}
+        (tmp_path / f"walk_{k}.json").write_text(json.dumps(content))
+    (tmp_path / "walk_0.json").write_text(json.dumps({"meta_info": {}, "instance_info": []}))
+    found = read_detections(tmp_path)
+    assert found.numbers == (0, 1, 2, 3)
+    for people, seeds in zip(found.frames, [(), *FOUND[1:]], strict=True):
+        np.testing.assert_allclose(people, expected(*seeds))
