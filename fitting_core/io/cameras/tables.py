@@ -5,6 +5,7 @@ underscores and words: NAMES has those that are read.
 
 - Pose2Sim, Anipose: a section for each camera: name, size, matrix, distortions, rotation (vector), translation.
 - caliscope: `[cameras.N]` with cam_id, size, matrix, distortions, rotation (matrix), translation.
+- Gyroflow's lens profiles: fisheye_params with camera_matrix and distortion_coeffs, calib_dimension beside them.
 - OpenCV's FileStorage: camera_matrix, distortion_coefficients, image_width, image_height, sometimes R and T; matrices
   are tables of rows, cols and data. ROS's camera_info has the same without types.
 """
@@ -29,7 +30,7 @@ NAMES: dict[str, tuple[str, ...]] = {
         *("distortions", "distortion", "distortioncoefficients", "distortioncoeffs", "distcoeffs", "distcoefs"),
         *("distcoeff", "dist", "d"),
     ),
-    "size": ("size", "imagesize", "imgsize", "resolution"),
+    "size": ("size", "imagesize", "imgsize", "resolution", "calibdimension"),
     "width": ("imagewidth", "width"),
     "height": ("imageheight", "height"),
     "rotation": ("rotation", "rotationmatrix", "rotationvector", "rvec", "r"),
@@ -40,6 +41,8 @@ NAMES: dict[str, tuple[str, ...]] = {
     "model": ("distortionmodel",),
 }
 """Without capitals, hyphens and underscores."""
+_INHERITED = ("size", "width", "height", "fisheye", "model")
+"""Entries that also count for the cameras in the tables within: lens profiles of Gyroflow have their size outside."""
 _MODELS = ("plumbbob", "rationalpolynomial", "radtan", "opencv", "brownconrady", "none", "")
 _DEEPEST = 8
 """Tables within tables."""
@@ -126,22 +129,24 @@ def _plain(node: Any, depth: int = 0) -> Any:
 
 
 def _cameras(table: Any, *, up: str | None = None) -> list[Calibration]:
-    found = list(_within(table, "", 0, up))
+    found = list(_within(table, "", 0, up, {}))
     if not found:
         raise ValueError(f"has no camera matrix in it (it has {some_of(table if isinstance(table, dict) else ())})")
     return found
 
 
-def _within(table: Any, key: str, depth: int, up: str | None) -> Iterator[Calibration]:
-    """The cameras in a table and in those inside it."""
+def _within(table: Any, key: str, depth: int, up: str | None, around: dict[str, Any]) -> Iterator[Calibration]:
+    """The cameras in a table and in those inside it; `around` are entries that it inherits."""
     if not isinstance(table, dict) or depth > _DEEPEST:
         return
-    known = {what: table[name] for what, name in _names(table)}
+    known = around | {what: table[name] for what, name in _names(table)}
+    if "fisheye" in key.lower() and "model" not in known:
+        known["fisheye"] = True
     if "matrix" in known and not _is_table_of_cameras(known["matrix"]):
         yield _camera(key, known, up)
         return
     for name, inner in table.items():
-        yield from _within(inner, str(name), depth + 1, up)
+        yield from _within(inner, str(name), depth + 1, up, {k: v for k, v in known.items() if k in _INHERITED})
 
 
 def _is_table_of_cameras(value: Any) -> bool:
@@ -169,6 +174,8 @@ def _camera(key: str, known: dict[str, Any], up: str | None) -> Calibration:
                 "tangential distortion. Undistort the video, and leave the distortion out of the file"
             )
         size = known.get("size")
+        if isinstance(size, dict) and {"w", "h"} <= set(size):
+            size = (size["w"], size["h"])
         if size is None and {"width", "height"} <= set(known):
             size = (known["width"], known["height"])
         rotation, translation = _array(known.get("rotation")), _array(known.get("translation"))

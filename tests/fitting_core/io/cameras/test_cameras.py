@@ -1,5 +1,6 @@
 """Cameras from the files of other programs: exactly what the file says, scaled to the clip, in a world of metres."""
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -160,3 +161,38 @@ def test_a_camera_upside_down_is_noted(tmp_path: Path):
     path = files.own(tmp_path / "camera.npz", R=np.eye(3), t=(0, 0, 0), up="y")
     _, notes = read_camera(CameraFile(path=path), SIZE)
     assert any("upside down" in note for note in notes)
+
+
+def _lens_profile(path: Path, **params: object) -> Path:
+    """In the form of Gyroflow's lens profiles."""
+    matrix = [[1796.3, 0.0, 1919.4], [0.0, 1797.2, 1063.2], [0.0, 0.0, 1.0]]
+    path.write_text(
+        json.dumps(
+            {
+                "camera_brand": "Brand",
+                "calib_dimension": {"w": 3840, "h": 2160},
+                "output_dimension": {"w": 3840, "h": 2160},
+                "fps": 119.88,
+                "fisheye_params": {"camera_matrix": matrix, "distortion_coeffs": [0.0342, 0.0677, -0.0741, 0.0299]},
+            }
+            | params
+        )
+    )
+    return path
+
+
+def test_a_lens_profile_of_gyroflow_is_a_fisheye(tmp_path: Path):
+    file = CameraFile(path=_lens_profile(tmp_path / "profile.json"))
+    with pytest.raises(InputError, match=r"camera 'fisheye_params' has a lens of another model \(fisheye\)"):
+        read_camera(file, (1920, 1080))
+    file = CameraFile(path=_lens_profile(tmp_path / "profile.json", distortion_model="opencv_fisheye"))
+    with pytest.raises(InputError, match=r"another model \(opencv_fisheye\)"):
+        read_camera(file, (1920, 1080))
+
+
+@pytest.mark.parametrize("outside", [{"calib_dimension": {"w": 3840, "h": 2160}}, {"image_size": [3840, 2160]}])
+def test_a_size_beside_the_camera_s_table_counts(tmp_path: Path, outside: dict[str, object]):
+    matrix = [[1800.0, 0.0, 1919.5], [0.0, 1800.0, 1079.5], [0.0, 0.0, 1.0]]
+    (tmp_path / "camera.json").write_text(json.dumps(outside | {"params": {"camera_matrix": matrix}}))
+    camera, _ = read_camera(CameraFile(path=tmp_path / "camera.json"), (1920, 1080))
+    assert camera.focal == (900.0, 900.0) and camera.center == (960.0, 540.0)
