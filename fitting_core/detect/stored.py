@@ -20,7 +20,8 @@ from fitting_core.files.atomic import replacing
 from fitting_core.files.npz import read_npz, write_npz
 
 _SETTINGS, _MEMORY = "settings.json", "memory_"
-_VERSION = 2
+_DIGEST = "digest"
+_VERSION = 3
 """Raised whenever the meaning of the files changes."""
 _MOST_KEPT = 2 << 30
 """Bytes of detections that are kept, about a million frames of one person; beyond that the least recently used are
@@ -93,6 +94,7 @@ class StoredDetection:
         arrays["people"] = np.concatenate(part.people)
         arrays["numbers"] = np.concatenate(part.numbers)
         arrays["silhouettes"] = np.concatenate(part.silhouettes)
+        arrays[_DIGEST] = _digest(arrays)
         try:
             self.folder.mkdir(parents=True, exist_ok=True)  # another process may have made room
             write_npz(self._path(number), arrays)
@@ -102,9 +104,11 @@ class StoredDetection:
     def read(self, number: int) -> Part | None:
         """What `write` stored; None where there is nothing."""
         try:
-            return _part(read_npz(self._path(number)))
-        except (OSError, KeyError, ValueError, IndexError):
-            return None  # not there, or damaged: it is made again
+            arrays = read_npz(self._path(number))
+        except (OSError, ValueError):
+            return None  # missing or damaged: it is made again
+        stated = arrays.pop(_DIGEST, None)
+        return _part(arrays) if np.array_equal(stated, _digest(arrays)) else None
 
     def _path(self, number: int) -> Path:
         return self.folder / f"part-{number:06}.npz"
@@ -123,6 +127,15 @@ def _size(folder: Path) -> int:
     with suppress(OSError), os.scandir(folder) as files:
         return sum(file.stat().st_size for file in files)
     return 0
+
+
+def _digest(arrays: dict[str, np.ndarray]) -> np.ndarray:
+    """SHA-256 of arrays with their names, types and shapes: a part that was not written by `write` is not used."""
+    found = hashlib.sha256()
+    for name, array in sorted(arrays.items()):
+        found.update(f"{name} {array.dtype.str} {array.shape} ".encode())
+        found.update(np.ascontiguousarray(array).data)
+    return np.frombuffer(found.digest(), np.uint8)
 
 
 def _part(arrays: dict[str, np.ndarray]) -> Part:

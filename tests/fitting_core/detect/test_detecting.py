@@ -109,6 +109,37 @@ def test_a_damaged_part_is_made_again(video: Path, keypoint_store: Path, damage:
     assert again.asked == list(range(4, FRAMES)), "and those after it, which go on from it"
 
 
+WRONG: dict[str, Callable[[dict[str, np.ndarray]], object]] = {
+    "fewer people": lambda a: a.update(people=a["people"][:-1]),
+    "people of 17 points": lambda a: a.update(people=a["people"][:, :17]),
+    "people as text": lambda a: a.update(people=a["people"].astype(str)),
+    "counts of fewer people": lambda a: a.update(counts=np.maximum(a["counts"] - 1, 0)),
+    "counts below 0": lambda a: a.update(counts=-a["counts"]),
+    "counts that are no numbers": lambda a: a.update(counts=a["counts"] * np.nan),
+    "numbers below 0": lambda a: a.update(numbers=a["numbers"] - 5),
+    "numbers of other lengths": lambda a: a.update(numbers=a["numbers"][1:]),
+    "silhouettes of one dimension": lambda a: a.update(silhouettes=a["silhouettes"].ravel()),
+    "another memory": lambda a: a.update(memory_sum=a["memory_sum"] + 1),
+    "something else beside": lambda a: a.update(memory_x=np.zeros(3)),
+    "no counts": lambda a: a.pop("counts"),
+    "no digest": lambda a: a.pop("digest"),
+    "a digest of another kind": lambda a: a.update(digest=np.array("yes")),
+}
+"""What a file may hold that is a whole npz and not the part that was stored."""
+
+
+@pytest.mark.parametrize("wrong", WRONG)
+def test_a_part_of_other_arrays_is_made_again(video: Path, keypoint_store: Path, wrong: str):
+    whole = result(detection(video, FakeDetector(one)))
+    (file,) = keypoint_store.rglob("part-000001.npz")
+    with np.load(file, allow_pickle=False) as stored:
+        arrays = dict(stored)
+    WRONG[wrong](arrays)
+    np.savez(file, allow_pickle=False, **arrays)
+    again = FakeDetector(one)
+    assert same(result(detection(video, again)), whole) and again.asked == list(range(4, FRAMES))
+
+
 def test_other_frames_and_other_versions_are_stored_apart(video: Path, keypoint_store: Path):
     for version, frames in (("1", range(FRAMES)), ("2", range(FRAMES)), ("1", range(3, 9))):
         detector = FakeDetector(one, version=version)
