@@ -2,11 +2,13 @@
 
 import hashlib
 import os
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from queue import SimpleQueue
+from typing import Any, Literal
 
 import numpy as np
 from google.protobuf.empty_pb2 import Empty
@@ -23,6 +25,10 @@ PROVIDERS = {"cpu": "CPUExecutionProvider", "cuda": "CUDAExecutionProvider"}
 _TYPES = {"tensor(float)": np.float32, "tensor(float16)": np.float16}
 _ERRORS_ONLY = 3
 """onnxruntime's level of messages: its warnings, about graphs and cards, say nothing to a user."""
+_FATAL_ONLY = 4
+"""What goes wrong in a run is an exception."""
+_LAST_OPERATOR = 20.0
+"""Seconds that the operator under way has for its end after Ctrl-C."""
 _CHANNELS = 3
 
 
@@ -96,7 +102,7 @@ class OnnxModel:
         ordered = images.transpose(0, 3, 1, 2) if self.layout == "NCHW" else images
         fed = np.ascontiguousarray(ordered, dtype=_TYPES[self.inputs[0].type])
         try:
-            outputs = self._session.run(None, {self.inputs[0].name: fed})
+            outputs = _outputs_of(self._session, {self.inputs[0].name: fed})
         except Exception as error:  # onnxruntime's exceptions have no other common base
             raise InputError(f"{self.path}: cannot be run ({_first_line(error)}).") from error
         return [np.asarray(output) for output in outputs]
@@ -113,6 +119,32 @@ class OnnxModel:
             f"{self.path}: takes {found}; expected one input, images of floating point numbers with {_CHANNELS} colour "
             "channels (any x 3 x height x width, or any x height x width x 3)."
         )
+
+
+def _outputs_of(session: onnxruntime.InferenceSession, fed: dict[str, np.ndarray]) -> list[Any]:
+    """`session.run` that Ctrl-C ends: onnxruntime does not look for signals, and a model may loop for years."""
+    if threading.current_thread() is not threading.main_thread():  # which alone gets Ctrl-C
+        return session.run(None, fed)
+    options, answers = onnxruntime.RunOptions(), SimpleQueue[list[Any] | Exception]()
+    options.log_severity_level = _FATAL_ONLY
+
+    def work() -> None:
+        try:
+            answers.put(session.run(None, fed, options))
+        except Exception as error:
+            answers.put(error)
+
+    thread = threading.Thread(target=work, daemon=True, name="tcfit: onnxruntime")
+    thread.start()
+    try:
+        answer = answers.get()
+    except BaseException:
+        options.terminate = True
+        thread.join(_LAST_OPERATOR)  # a thread within onnxruntime would abort the process at its end
+        raise
+    if isinstance(answer, Exception):
+        raise answer
+    return answer
 
 
 def _session(path: Path, provider: str, threads: int) -> onnxruntime.InferenceSession:
