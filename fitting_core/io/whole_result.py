@@ -87,8 +87,16 @@ def _read_summary(path: Path) -> tuple[_Summary, dict[str, Any]]:
 
 
 def _video(folder: Path, relative: str) -> Path:
-    path = (folder / relative).resolve()
-    if not path.exists():
+    try:
+        path = (folder / relative).resolve()
+        exists = path.exists()
+    except (OSError, ValueError) as error:  # a path of 100,000 characters, or with a zero byte
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise InputError(
+            f'{folder / SUMMARY_NAME}: "video" is not a path of this computer ({reason}). Write there where the video '
+            "is now."
+        ) from error
+    if not exists:
         raise InputError(
             f"{path}: is not there, and is the video of the result {folder}. Move it back, or write in the result's "
             f'{SUMMARY_NAME}, behind "video", where it is now.'

@@ -12,7 +12,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
 from fitting_core.files.npz import read_npz
 from fitting_core.fit.events import Finished
-from fitting_core.io.result_files import FIT_NAME, SUMMARY_NAME, write_result
+from fitting_core.io.result_files import FIT_NAME, SUMMARY_NAME, video_of, write_result
 from fitting_core.io.whole_result import read_whole_result
 from tcfit_app.imports.result_project import project_of_result
 from tcfit_app.project.glance import glance
@@ -70,6 +70,15 @@ def test_a_video_that_is_gone_is_told_of_and_nothing_is_made(tmp_path: Path, res
     content = json.loads((result / SUMMARY_NAME).read_text())
     (result / SUMMARY_NAME).write_text(json.dumps(content | {"video": "../../moved.mp4"}))
     assert read_whole_result(result).clip.source == (tmp_path / "moved.mp4").resolve()
+
+
+@pytest.mark.parametrize("video", ["walk\0.mp4", "x" * 100_000, "/".join(["y" * 100] * 1000)])
+def test_a_video_that_is_not_a_path_is_explained(video: str, tmp_path: Path, result: Path):
+    content = json.loads((result / SUMMARY_NAME).read_text())
+    (result / SUMMARY_NAME).write_text(json.dumps(content | {"video": video}))
+    with pytest.raises(InputError, match=r'summary\.json: "video" is not a path of this computer'):
+        project_of_result(result, tmp_path / "walk.tcfit")
+    assert video_of(result) is None and not (tmp_path / "walk.tcfit").exists()
 
 
 def test_a_result_of_an_earlier_version_says_what_to_do(tmp_path: Path, result: Path):
