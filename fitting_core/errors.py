@@ -13,6 +13,21 @@ class InputError(ValueError):
     traceback; a caller of the library catches it as a ValueError.
     """
 
+    def __str__(self) -> str:
+        """The message, as `printable`: it may hold names from files."""
+        return printable(super().__str__())
+
+
+_CONTROL = dict.fromkeys((*range(32), *range(127, 160), *range(0x202A, 0x202F), *range(0x2066, 0x206A)), "?")
+"""Control characters, and those that reverse the direction of text."""
+for _kept in "\n\t":
+    del _CONTROL[ord(_kept)]
+
+
+def printable(text: str) -> str:
+    """A text in which names from files cannot control the terminal: question marks in place of control characters."""
+    return text.translate(_CONTROL)
+
 
 def some_of(names: Iterable[object], *, most: int = 8) -> str:
     """The first of some names in a file, shortened, with how many more there are; "nothing" where there is none."""

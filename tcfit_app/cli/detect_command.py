@@ -11,7 +11,7 @@ from fitting_core.detect.detectors import DETECTORS, Running, find_detector
 from fitting_core.detect.download import Downloaded, DownloadProgress, announced, download
 from fitting_core.detect.found import found_by
 from fitting_core.detect.known_models import KNOWN_MODELS, KnownModel, is_here, model_path
-from fitting_core.errors import InputError
+from fitting_core.errors import InputError, printable
 from fitting_core.io.keypoints.openpose import SUFFIX, write_everybody
 from fitting_core.video.frame_names import split_number
 from fitting_core.video.frames import FrameSource
@@ -44,7 +44,7 @@ def _detect(options: DetectOptions) -> None:
     folder = options.out or Path(f"{name}_keypoints")
     with FrameSource(options.video) as source:
         for note in source.notes():
-            print(f"Note: {note}", file=sys.stderr)
+            print(printable(f"Note: {note}"), file=sys.stderr)
         frames = _frames(source, options.first_frame, options.last_frame)
         _check_folder(folder, name, frames)
         running = Running(boxes=options.boxes, provider=options.provider, batch=options.batch, threads=options.threads)
@@ -53,7 +53,8 @@ def _detect(options: DetectOptions) -> None:
     write_everybody(folder, found.people, name=name, first_frame=frames[0], detector=found.points)
     emit_wrote(folder, kind="keypoints")
     seen = sum(len(people) > 0 for people in found.people)
-    print(f"Wrote {len(frames)} files into {folder}: somebody in {seen} of {len(frames)} frames, by {found_by(found)}.")
+    where = f"somebody in {seen} of {len(frames)} frames, by {found_by(found)}"
+    print(printable(f"Wrote {len(frames)} files into {folder}: {where}."))
 
 
 def _found(detection: Detection, *, restart: bool) -> Detected:

@@ -8,7 +8,7 @@ from pathlib import Path
 import torch
 
 from fitting_core.body.markers.files import read_marker_set
-from fitting_core.errors import InputError
+from fitting_core.errors import InputError, printable
 from fitting_core.measure.references.files import read_reference
 from tcfit_app.cli.json_lines import Note, Progress, emit, emit_figures, emit_wrote
 from tcfit_app.evaluation.evaluated_fits import EvaluatedFit, evaluated_fit
@@ -55,7 +55,7 @@ def run_evaluate(options: EvaluateOptions, *, command: str = "") -> Path:
     files = write_evaluation(folder, evaluation)
     print_table(evaluation.records)
     for note in evaluation.notes:
-        print(f"Note: {note}", file=sys.stderr)
+        print(printable(f"Note: {note}"), file=sys.stderr)
         emit(Note(text=note))
     for record in evaluation.records:
         emit_figures(record.sequence, record.method, record.comparison.figures)

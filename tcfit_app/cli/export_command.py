@@ -12,7 +12,7 @@ from tqdm import tqdm
 
 from fitting_core.body.markers.files import read_marker_set
 from fitting_core.body.markers.marker_set import STANDARD
-from fitting_core.errors import InputError
+from fitting_core.errors import InputError, printable
 from fitting_core.motion import Progress
 from tcfit_app.cli.json_lines import Note, Step, StepDone, emit, emit_wrote, told
 from tcfit_app.exports.exporting import write_export
@@ -51,7 +51,7 @@ def opened(path: Path, options: ExportOptions) -> Iterator[ExportSource]:
     with source_of(path, options) as source:
         for note in source.notes:
             emit(Note(text=note))
-            print(f"Note: {note}", file=sys.stderr, flush=True)
+            print(printable(f"Note: {note}"), file=sys.stderr, flush=True)
         yield source
 
 
@@ -78,7 +78,7 @@ def write_one(name: str, path: Path, write: Callable[[Progress], str | None]) ->
         if new:
             with suppress(OSError):  # it holds what was written
                 folder.rmdir()
-    print(f"Wrote {path}" + (f": {note}" if note else ""), flush=True)
+    print(printable(f"Wrote {path}" + (f": {note}" if note else "")), flush=True)
     if note:
         emit(Note(text=f"{path.name}: {note}"))
     emit(StepDone(step=name))

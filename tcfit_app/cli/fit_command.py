@@ -14,7 +14,7 @@ from fitting_core.body.files.reading import load_body
 from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
-from fitting_core.errors import InputError
+from fitting_core.errors import InputError, printable
 from fitting_core.fit.events import FitEvent, Iteration, PhaseFinished, PhaseStarted
 from fitting_core.fit.fitting import fit_events
 from fitting_core.io.result_files import FIT_NAME, OVERLAY_NAME, SUMMARY_NAME, write_result
@@ -100,7 +100,7 @@ def fit_into(
     if options.overlay and _overlay_written(folder / OVERLAY_NAME, fit, clip, body):
         written.append(OVERLAY_NAME)
     _emit_result(folder, clip, fit, summary, written)
-    print("\n".join([*report(summary), f"Wrote {', '.join(written)} into {folder}"]))
+    print(printable("\n".join([*report(summary), f"Wrote {', '.join(written)} into {folder}"])))
     return Outcome(fit=fit, body=body, summary=summary)
 
 
@@ -177,7 +177,7 @@ def report(summary: dict[str, Any]) -> list[str]:
 def tell(lines: Iterable[str]) -> None:
     """Print lines on the standard error."""
     for line in lines:
-        print(line, file=sys.stderr, flush=True)
+        print(printable(line), file=sys.stderr, flush=True)
 
 
 _FORMAT = "{desc} {percentage:3.0f} % |{bar}| {elapsed}{postfix}"

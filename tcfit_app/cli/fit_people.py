@@ -8,7 +8,7 @@ from pathlib import Path
 
 from fitting_core.body.model import BodyModel
 from fitting_core.clips.people import PersonInClip, people_of
-from fitting_core.errors import InputError
+from fitting_core.errors import InputError, printable
 from fitting_core.files.atomic import sweep
 from fitting_core.io.motion_files import motion_of
 from fitting_core.io.people_file import PEOPLE_NAME, holds_people, read_people_file, write_people_file
@@ -165,4 +165,4 @@ def _write_together(folder: Path, people: Sequence[PersonInClip], outcomes: Sequ
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror or error}). Free space.") from error
     emit_wrote(folder / PEOPLE_NAME, path)
-    print(f"Wrote {PEOPLE_NAME} and {GLB_NAME} into {folder}: {note}")
+    print(printable(f"Wrote {PEOPLE_NAME} and {GLB_NAME} into {folder}: {note}"))

@@ -2,7 +2,7 @@
 
 import sys
 
-from fitting_core.errors import InputError
+from fitting_core.errors import InputError, printable
 from fitting_core.io.annotations.eaf import SUFFIX
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.imports.elan import import_notes
@@ -32,7 +32,7 @@ def run_import(options: ImportOptions) -> None:
         run = import_run(project, Bodies(options.models), options.path, choices, name=options.name)
         fit = project.runs.load(run.id)
     for note in fit.last.notes:
-        print(f"Note: {note}", file=sys.stderr)
+        print(printable(f"Note: {note}"), file=sys.stderr)
     print(
         f"Imported as run {run.id}, {run.name}: {len(fit.last.params)} frames, {run.body.gender} {run.body.kind} body"
     )

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from fitting_core.body.files.forms import KINDS
 from fitting_core.body.files.registry import BodyFile, list_bodies, register, search_folders, user_folder
+from fitting_core.errors import printable
 from fitting_core.priors.files.registry import PriorFile, holds_vposer, list_priors, register_vposer
 
 _ORIGINS = {"free": "comes with tcfit", "user": "yours"}
@@ -27,7 +28,7 @@ def list_models() -> None:
         print(f"\n{_prior_table(priors)}")
     for found in (*bodies, *priors):
         if found.problem:
-            print(f"\nCannot be read: {found.problem}")
+            print(printable(f"\nCannot be read: {found.problem}"))
     from tcfit_app.cli.detector_networks import NAME, networks_table
 
     print(f"\n{_table(networks_table())}")
@@ -77,4 +78,5 @@ def _prior_table(priors: list[PriorFile]) -> str:
 
 def _table(rows: list[tuple[str, ...]]) -> str:
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]) - 1)]
-    return "\n".join("  ".join([*(c.ljust(w) for c, w in zip(row, widths, strict=False)), row[-1]]) for row in rows)
+    lines = ("  ".join([*(c.ljust(w) for c, w in zip(row, widths, strict=False)), row[-1]]) for row in rows)
+    return printable("\n".join(lines))

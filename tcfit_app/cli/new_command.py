@@ -6,7 +6,7 @@ from contextlib import closing
 from pathlib import Path
 
 from fitting_core.clip import Clip
-from fitting_core.errors import InputError
+from fitting_core.errors import InputError, printable
 from fitting_core.keypoints import Keypoints
 from fitting_core.lens import straightened_keypoints
 from fitting_core.measure.references.reference import Reference
@@ -48,7 +48,7 @@ def make_project(options: NewOptions | ReviewOptions, *, reopen: bool = False) -
         check_same_clip(folder, clip, clip_options(options))
         print(f"Opening the project {folder}, which was made before.", file=sys.stderr, flush=True)
         return folder
-    print("\n".join([*described(clip), *notes_of(clip)]), file=sys.stderr, flush=True)
+    print(printable("\n".join([*described(clip), *notes_of(clip)])), file=sys.stderr, flush=True)
     reference = reference_given(options.truth, clip)
     if reference is not None:
         reference.frames_of(len(clip), clip.first_frame, clip.frame_rate)
@@ -57,7 +57,7 @@ def make_project(options: NewOptions | ReviewOptions, *, reopen: bool = False) -
             project.set_reference(reference)
         if height is not None:
             project.set_height(height)
-        print(f"Made the project {folder}: {len(clip)} frames of {clip.name}")
+        print(printable(f"Made the project {folder}: {len(clip)} frames of {clip.name}"))
         if project.media.problem:
             print(project.media.problem, file=sys.stderr)
     return folder
@@ -74,9 +74,9 @@ def _made_of_everybody(options: NewOptions) -> Path:
     with DetectionShown() as tell_progress:
         people = everybody_of(options, tell_progress)
     folder = options.out or _folder_named(people[0].name)
-    print("\n".join(described(people[0].clip)[1:]), file=sys.stderr)
+    print(printable("\n".join(described(people[0].clip)[1:])), file=sys.stderr)
     for one in people:
-        print("\n".join(notes_of(one.clip)), file=sys.stderr, flush=True)
+        print(printable("\n".join(notes_of(one.clip))), file=sys.stderr, flush=True)
     create_people(folder, people, copy_media=options.copy_video)
     of = ", ".join(f"{one.about.folder} ({len(one.clip)} frames)" for one in people)
     print(f"Made the projects of {len(people)} people in {folder}: {of}")

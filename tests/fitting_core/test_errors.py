@@ -2,7 +2,7 @@
 
 import pytest
 
-from fitting_core.errors import some_of
+from fitting_core.errors import InputError, some_of
 
 NAMED = {
     (): "nothing",
@@ -23,3 +23,9 @@ def test_some_of_them(names: tuple):
 
 def test_a_message_stays_short():
     assert len(some_of(f"{k}{'x' * 1000}" for k in range(5000))) < 400
+
+
+def test_a_message_does_not_control_the_terminal():
+    """Names of files and of a model's inputs may hold escape sequences, or reverse the text after them."""
+    error = InputError("\x1b]0;title\x07 \x9b2J \u202egpj.exe:\r\n\tis größer")
+    assert str(error) == "?]0;title? ?2J ?gpj.exe:?\n\tis größer"
