@@ -16,7 +16,6 @@ from tcfit_app.review.gestures.exchanging import Exchanging
 from tcfit_app.review.gestures.fitting import Fitting
 from tcfit_app.review.gestures.keyframing import keys_in
 from tcfit_app.review.gestures.noting import Noting
-from tcfit_app.review.gestures.repeating import Repeating
 from tcfit_app.review.gestures.reviewing import Reviewing
 from tcfit_app.review.gestures.shaping import ShapingHands
 from tcfit_app.review.gestures.turning import Turning
@@ -39,7 +38,6 @@ class Gestures:
         self.shaping = ShapingHands(tab, self.correcting)
         self.noting, self.exchanging = Noting(tab), Exchanging(tab, self.correcting)
         self.again = DetectingAgain(tab, self.correcting)
-        self.repeating = Repeating(tab, self.reviewing, self.correcting)
 
 
 Need = Callable[[Gestures], object]
@@ -274,10 +272,6 @@ def _finished(g: Gestures) -> None:
     g.reviewing.refuse_unfinished()
 
 
-def _alike(g: Gestures) -> None:
-    g.repeating.found()
-
-
 def _listed(g: Gestures) -> None:
     g.reviewing.refuse_without_list()
 
@@ -447,8 +441,6 @@ _FRAMES: tuple[_Row, ...] = (
     ("fine", "Looks fine, on or off", "o", lambda g: g.reviewing.dismiss(), (writable, frames)),
     ("next_kind", "List the next kind of suspicious frames", "Shift+k", lambda g: g.reviewing.filter_next_kind(), ()),
     ("all_fine", "All listed look fine", "Shift+f", lambda g: g.reviewing.dismiss_listed(), (writable, _suspects)),
-    ("repeat", "The same at entries that look alike", "Shift+a", lambda g: g.repeating.repeat(), (writable, _alike)),
-    ("list_alike", "List the entries that look alike", "", lambda g: g.repeating.list_places(), (_alike,)),
     ("flag", "Flag on or off", "t", lambda g: g.reviewing.flag(), (writable, frames)),
     ("note", "Write a note", "y", lambda g: g.noting.begin(), (writable, frames)),
     ("copy_link", "Copy a link to this frame and fit", "", lambda g: g.noting.copy_link(), ()),

@@ -85,11 +85,6 @@ class Reviewing:
         self._tab.say(suspect.reason)
 
     @property
-    def visited(self) -> Suspect | None:
-        """The entry visited last, wherever the tab is now."""
-        return self._last
-
-    @property
     def on_show(self) -> Suspect | None:
         """The entry visited last, while one of its frames is on show and no others are selected."""
         last, state = self._last, self._tab.state

@@ -195,22 +195,10 @@ class ReviewPanel:
                 action(self._gestures, "flag", "Remove flag" if flagged else "Flag"),
             ),
             paragraph(where, "dim"),
-            *self._alike(),
             row(action(self._gestures, "approve", self._approval()), *self._clips("next_clip")),
             *([row(*others)] if (others := self._clips("previous_clip", "list")) else []),
             *unseen(self._tab),
         )
-
-    def _alike(self) -> list[Html]:
-        """Offers the last correction for entries that look alike."""
-        alike = self._gestures.repeating.alike
-        if alike is None:
-            return []
-        count = len(alike.places)
-        return [
-            paragraph(f"Also at {'another entry' if count == 1 else f'{count} other entries'} that look alike?"),
-            row(action(self._gestures, "list_alike", "List them"), action(self._gestures, "repeat", "The same there")),
-        ]
 
     def _approval(self) -> str:
         by = self._gestures.reviewing.approved

@@ -89,7 +89,7 @@ def _step(session: Session, rng: np.random.Generator) -> str:
         session.edit(
             Lock(frames=(frame,), joints=(kp.INDEX["left_elbow"],), turn=(turn,)), author="script", shown=shown
         )
-    elif chance < 0.45:  # as errors that repeat are mended
+    elif chance < 0.45:
         some = tuple(range(0, FRAMES, 2))
         session.edit(SwapSides(frames=some, joints=SWAPPABLE["arms"]), author="script", shown=shown)
     elif chance < 0.5:
