@@ -19,17 +19,11 @@ export interface Layout {
   wipe: boolean;
 }
 
-export interface Neighbour {
-  offset: number;
-  points: ([number, number, number] | null)[];
-}
-
 export interface FitBody {
   color: string;
   points: ([number, number, number] | null)[];
   error_bars: ([number, number] | null)[];
   unseen: number[];
-  neighbours: Neighbour[];
   camera: [number, number, number, number];
   followed: [number, number, number] | null;
 }

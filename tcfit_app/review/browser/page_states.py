@@ -63,15 +63,6 @@ class Layout(_State, frozen=True, kw_only=True):
     """Two pictures share a window: the first is shown left of a divider, the other right of it."""
 
 
-class Neighbour(_State, frozen=True, kw_only=True):
-    """A body in a frame near the one on show."""
-
-    offset: int
-    """Frames after the one on show; negative before it."""
-    points: tuple[Triple | None, ...]
-    """As in `FitBody`, seen by the camera of the frame on show."""
-
-
 class FitBody(_State, frozen=True, kw_only=True):
     """A body's BODY_25 keypoints according to the fit."""
 
@@ -82,8 +73,6 @@ class FitBody(_State, frozen=True, kw_only=True):
     """Error bars along the camera's ray and across it, metres; None if unknown."""
     unseen: tuple[int, ...] = ()
     """Which of them keypoints do not show in this frame."""
-    neighbours: tuple[Neighbour, ...] = ()
-    """The onion skin; empty if it is off."""
     camera: tuple[float, float, float, float] = (1.0, 1.0, 0.0, 0.0)
     """Its focal length and centre, pixels: x, y, x, y."""
     followed: Triple | None = None

@@ -1,14 +1,12 @@
 """The fits' keypoints in space, drawn by the page in the side view and in 3D."""
 
 import numpy as np
-from jaxtyping import Float
 
 from fitting_core.keypoints import BODY, GROUPS, NAMES
 from fitting_core.results.error_bars import JOINTS
 from tcfit_app.analysis.seen import unseen_keypoints
-from tcfit_app.fitting.edit_follower import LiveWindow
 from tcfit_app.fitting.fits import Shown
-from tcfit_app.review.browser.page_states import Bodies, FitBody, Neighbour, Triple, points_in_space
+from tcfit_app.review.browser.page_states import Bodies, FitBody, Triple, points_in_space
 from tcfit_app.review.scene.layers import BodyLayer, css
 from tcfit_app.review.scene.room import Room
 from tcfit_app.review.tab.on_show import OnShow, Slot
@@ -20,10 +18,6 @@ _JOINTS = [
     JOINTS.index(joint) if (joint := _OTHERWISE_NAMED.get(name, name)) in JOINTS else None for name in NAMES[BODY]
 ]
 """For each BODY_25 keypoint, the joint whose error bars it uses."""
-
-
-ONION_REACH = 2
-"""Frames of an onion skin before and after the one on show."""
 
 
 class JointsPart:
@@ -40,7 +34,7 @@ class JointsPart:
         versions = tuple((side, fit.version) for side, fit in there.items())
         edits = self._tab.session.project.keypoints_version
         state = self._tab.state
-        key = shown.frame, shown.revision, room, versions, edits, state.close_up, state.onion
+        key = shown.frame, shown.revision, room, versions, edits, state.close_up
         told = self._tab.once("bodies", key, lambda: self._state(shown, there, bodies, room) if there else None)
         self._tab.channel.send("bodies", told)
 
@@ -56,7 +50,6 @@ class JointsPart:
                     points=points_in_space(points),
                     error_bars=bars,
                     unseen=() if present is None else unseen_keypoints(present),
-                    neighbours=self._neighbours(shown, side, fit) if self._tab.state.onion else (),
                     camera=(*fit.camera.focal, *fit.camera.center),
                     followed=self._followed(shown, side, fit),
                 )
@@ -67,21 +60,6 @@ class JointsPart:
             down=(next(down), next(down), next(down)),
             floor=round(room.floor - float(room.place[1]), 4),
         )
-
-    def _neighbours(self, shown: OnShow, side: Slot, fit: Shown) -> tuple[Neighbour, ...]:
-        frame, live = shown.frame, shown.live_of(side)
-        reach = range(max(frame - ONION_REACH, 0), min(frame + ONION_REACH + 1, self._tab.length))
-        points = np.stack([self._points(fit, near, live) for near in reach])
-        still = fit.camera[reach.start : reach.stop].to_still(points)
-        seen = fit.camera[frame : frame + 1].from_still(still.reshape(1, -1, 3)).reshape(points.shape)
-        return tuple(
-            Neighbour(offset=near - frame, points=points_in_space(seen[i]))
-            for i, near in enumerate(reach)
-            if near != frame and fit.has(near)
-        )
-
-    def _points(self, fit: Shown, frame: int, live: LiveWindow | None) -> Float[np.ndarray, "25 3"]:
-        return self._data.body_points(fit, frame, live if live is not None and frame in live.frames else None)
 
     def _followed(self, shown: OnShow, side: Slot, fit: Shown) -> Triple | None:
         """The middle of the part that the close-up follows; of its wrist or nose if the body has no points of it."""

@@ -347,7 +347,6 @@ _VIEW: tuple[_Row, ...] = (
         (picture,),
     ),
     ("trail", "Trail of the selected keypoints on or off", "j", _toggle("trail"), ()),
-    ("onion", "Onion skin on or off", "Shift+j", _toggle("onion"), (bodies,)),
     ("save_picture", "Save the picture", "", lambda g: g.tab.save_picture(), ()),
     ("first_steps", "Show the first steps", "", lambda g: g.tab.show_first_steps(), ()),
     ("help", "Show all keys", "h", _toggle("keys"), ()),

@@ -33,7 +33,6 @@ _WIDER = {"−": 1 / 1.25, "+": 1.25}
 """By the button's value: the factor by which the side view becomes wider."""
 _SPACE_FROM = (*SPACE_FROM, "camera")
 _CLOSE_UP = "The view follows it from frame to frame; press again for the whole picture"
-_ONION = "The bones of the fits in the two frames before and the two after, dashed"
 _APART = 1.2
 """Metres: two bodies with outstretched arms do not touch."""
 
@@ -250,7 +249,6 @@ class ViewPanel:
                     hint="Lines from corrected keypoints to their detected positions",
                 ),
                 self._action("trail", "Trail", pressed=state.trail),
-                self._action("onion", "Onion skin", pressed=state.onion, hint=_ONION),
                 self._silhouette(),
                 self._error_bars(held),
                 wrap=True,

@@ -102,8 +102,6 @@ class TabState:
     """What the view follows from frame to frame; in Edit beside the video alone."""
     trail: bool = False
     """The paths of the selected keypoints around the frame are drawn."""
-    onion: bool = False
-    """The fits' bones in the frames around the one on show are drawn."""
     playing: bool = False
     speed: float = 1.0
     loop: bool = True

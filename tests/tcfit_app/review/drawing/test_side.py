@@ -10,7 +10,6 @@ import pytest
 import viser
 
 from fitting_core.body.model import BodyModel
-from fitting_core.camera import path_of
 from fitting_core.keypoints import GROUPS, INDEX
 from fitting_core.results.error_bars import JOINTS
 from tcfit_app.project.project import Project
@@ -142,26 +141,6 @@ def test_the_page_is_told_where_what_a_close_up_follows_is(tested: LonePage):
         group = points[GROUPS[part]]
         middle = group[np.isfinite(group).all(1)].mean(0) if np.isfinite(group).any() else points[HELD_BY[part]]
         np.testing.assert_allclose(body.followed, middle, atol=1e-4)
-
-
-def test_an_onion_skin_has_the_frames_around_as_the_camera_of_the_one_on_show_sees_them(tested: LonePage):
-    tab = tested.page.tab
-    assert seen(tested, "bodies").bodies[0].neighbours == ()
-    tab.seek(1)
-    press(tested, "onion")
-    (body,), shown = seen(tested, "bodies").bodies, tab.look().b
-    assert shown is not None and [near.offset for near in body.neighbours] == [-1, 1, 2]
-    points = tab.data.meshes(shown).body_points(shown.params)
-    for near in body.neighbours:
-        known = np.isfinite(points[1 + near.offset]).all(1)
-        found = [point for point in near.points if point is not None]
-        np.testing.assert_allclose(found, points[1 + near.offset][known], atol=1e-4)
-    assert body.camera == (*shown.camera.focal, *shown.camera.center)
-    turns, places = np.tile(np.eye(3), (len(points), 1, 1)), np.outer(np.arange(len(points)), [1.0, 0.0, 0.0])
-    moving = replace(shown.camera, path=path_of(turns, places))
-    after = tested.page.picture._joints._neighbours(tab.shown, "b", replace(shown, camera=moving))[1]
-    known = np.isfinite(points[2]).all(1)
-    np.testing.assert_allclose([p for p in after.points if p], points[2][known] - [1.0, 0, 0], atol=1e-4)
 
 
 def test_3d_shows_keypoints_too_also_of_hidden_bodies(tested: LonePage):

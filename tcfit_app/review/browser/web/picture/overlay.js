@@ -23,7 +23,6 @@ import {
   jointRadius, located, lockedJoints, pinnedJoints, placesOf, position, shown, shownJoints, skeletonReady,
   zoomFactor,
 } from "./skeleton.js";
-import { drawOnion } from "./onion.js";
 import { drawSilhouette } from "./silhouette.js";
 import { drawTrail } from "./trail.js";
 
@@ -104,7 +103,6 @@ function drawOnPoster(context, map, joints) {
   drawSilhouette(context, map);
   if (known("style").ghosts) drawGhosts(context, map);
   drawPeople(context, map);
-  drawOnion(context, map);
   if (known("style").bones) drawBones(context, map);
   drawTrail(context, map);
   for (const joint of [...joints].reverse()) drawJoint(context, map, joint); // the body's last, on top

@@ -7,7 +7,6 @@
 import { known, states } from "../connection.js";
 import { COLORS, FONT } from "../style.js";
 import { bonePath, ellipse, projections } from "./fits.js";
-import { drawNeighbours } from "./onion.js";
 import { borderAt, pointer } from "./picking.js";
 import { drawn, toScreen } from "./projection.js";
 import { NOT_SURE, disc, rim, ring, stamp, stroke } from "./shapes.js";
@@ -40,8 +39,6 @@ export function drawSide(context, map) {
 /** The fits' keypoints and bones. @param {Context} context @param {PosterMap} map of the side view or of 3D */
 export function drawFits(context, map) {
   const bodies = states.bodies?.bodies ?? [];
-  for (const [i, project] of projections(map).entries())
-    if (bodies[i]) drawNeighbours(context, map, bodies[i], project);
   if (known("style").error_bars) drawErrorBars(context, map, bodies);
   if (known("style").bones && groupShown(0)) drawBones(context, map, bodies);
   // The body that is corrected on top, and on each body the joints in the order of the picture.
