@@ -114,9 +114,7 @@ def modes(review: Reviewing) -> Iterator[str]:
     yield "ab"
     show(review, difference=True)
     yield "ab-distance"
-    show(review, mode="edit", wireframe=True, difference=False)
-    yield "edit-wireframe"
-    show(review, mode="space", wireframe=False)
+    show(review, mode="space", difference=False)
     yield "space"
     review.tab.keyboard.press("f")
     settle(review)

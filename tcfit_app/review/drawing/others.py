@@ -65,7 +65,7 @@ class OthersPart:
             faces = someone.data.meshes(fit).faces
         except InputError:  # reported when their page is opened
             return None
-        key = drawn.version, fit.camera, state.opacity, state.wireframe, state.outline
+        key = drawn.version, fit.camera, state.opacity, state.outline
         known = self._known.get(someone.number)
         if known is None or known[0] != key:
             layer = BodyLayer(
@@ -74,7 +74,6 @@ class OthersPart:
                 color=OTHER_COLOR,
                 camera=fit.camera,
                 opacity=min(state.opacity, OTHER_OPACITY),
-                wireframe=state.wireframe,
                 outline=state.outline,
             )
             known = self._known[someone.number] = key, _Seen(someone=someone, fit=fit, layer=layer)

@@ -120,7 +120,7 @@ class Picture:
         present = self._present(shown.frame)
         opacities = None if present is None else data.meshes(fit).opacities(seen_joints(present))
         against = compared.version if compared else None
-        look = (_COLORS[side], state.opacity, state.wireframe, state.outline, against, id(opacities))
+        look = (_COLORS[side], state.opacity, state.outline, against, id(opacities))
         key = (drawn.version, fit.camera, *look)
         if key not in self._layers:
             values = None if compared is None else vertex_distances(drawn.vertices, compared.vertices) / 1e3
@@ -133,7 +133,6 @@ class Picture:
                 camera=fit.camera,
                 opacity=state.opacity,
                 opacities=opacities,
-                wireframe=state.wireframe,
                 outline=state.outline,
                 values=values,
             )

@@ -331,7 +331,6 @@ _VIEW: tuple[_Row, ...] = (
     ("peek", "Video only, while held", "p", lambda g: None, (video,)),
     ("fainter", "Less opacity", ",", lambda g: _change_opacity(g.tab, -0.1), ()),
     ("denser", "More opacity", ".", lambda g: _change_opacity(g.tab, 0.1), ()),
-    ("wireframe", "Wireframe on or off", "g", _toggle("wireframe"), (bodies,)),
     ("outline", "Outline on or off", "u", _toggle("outline"), (bodies, picture)),
     ("silhouette", "Silhouette on or off", "Shift+u", _toggle("silhouette"), (silhouettes, picture)),
     ("difference", "Colour by distance between A and B", "d", _toggle("difference"), (bodies,)),

@@ -146,7 +146,6 @@ class ViewPanel:
             heading("Bodies"),
             row(
                 self._action("bodies", "Bodies", pressed=state.bodies),
-                self._action("wireframe", "Wire", pressed=state.wireframe),
                 self._action("outline", "Outline", pressed=state.outline),
             ),
         ]

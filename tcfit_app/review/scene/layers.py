@@ -40,7 +40,6 @@ class BodyLayer:
     """Corners counter-clockwise seen from outside; the same array for all frames."""
     color: RGB = RUN_COLORS[0]
     opacity: float = OPACITY
-    wireframe: bool = False
     outline: bool = False
     """On a poster: as outlines, with the video between them."""
     values: Float[np.ndarray, "V"] | None = None

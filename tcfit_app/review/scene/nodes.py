@@ -51,7 +51,7 @@ class MeshDressing:
         self._dress(name, colors=texts if any(texts) else None)
 
     def show_front_only(self, name: str, front: bool) -> None:
-        """Whether the node's mesh hides its own far side although it is transparent or a wireframe."""
+        """Whether the node's mesh hides its own far side although it is transparent."""
         self._dress(name, front=front)
 
     def show_nothing(self, name: str, nothing: bool) -> None:
@@ -128,11 +128,10 @@ class BodyNode:
         opacity = 1.0 if solid else layer.opacity
         transparent = (opacity < _OPAQUE or layer.opacities is not None) and not outlined
         self._node.opacity = min(opacity, _OPAQUE) if transparent else None
-        self._node.wireframe = layer.wireframe and not outlined
         self._node.position = self._position
         self._node.visible = True
         self._paint(layer)
-        self._show_front_only(transparent or self._node.wireframe)
+        self._show_front_only(transparent)
         self._outline(layer if outlined else None, vertices)
 
     def hide(self) -> None:

@@ -108,7 +108,6 @@ class TabState:
     video: bool = True
     bodies: bool = True
     opacity: float = OPACITY
-    wireframe: bool = False
     outline: bool = False
     """Bodies are drawn as lines."""
     others: bool = True

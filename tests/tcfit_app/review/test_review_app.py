@@ -309,7 +309,7 @@ def test_in_3d_the_side_view_gives_way_to_the_room(review: Reviewing):
 
 def test_every_key_is_taken(review: Reviewing):
     page = review.page
-    for key, name in {"m": "bodies", "k": "keypoints", "g": "wireframe", "d": "difference", "l": "loop"}.items():
+    for key, name in {"m": "bodies", "k": "keypoints", "d": "difference", "l": "loop"}.items():
         before = getattr(page.tab.state, name)
         review.press(key, lambda name=name, before=before: getattr(page.tab.state, name) != before)
         review.press(key, lambda name=name, before=before: getattr(page.tab.state, name) == before)

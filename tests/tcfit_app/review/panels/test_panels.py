@@ -601,7 +601,7 @@ def test_what_needs_a_fit_or_the_video_is_off_without(panel_server: viser.ViserS
     sample_project(tmp_path / "walk.tcfit").close()
     with Project.open(tmp_path / "walk.tcfit") as project, lone_page(panel_server, project) as tested:
         gestures = tested.page.gestures
-        for name in ("ab", "space", "blink", "bodies", "wireframe", "outline", "difference", "side"):
+        for name in ("ab", "space", "blink", "bodies", "outline", "difference", "side"):
             assert "There is no fit yet" in ACTIONS[name].obstacle(gestures), name
         assert "no finished fit" in ACTIONS["approve"].obstacle(gestures)
         assert "The video is missing" in ACTIONS["peek"].obstacle(gestures)

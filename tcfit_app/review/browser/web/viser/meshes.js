@@ -62,7 +62,7 @@ const shrinks = (name, bitmap) => !name.startsWith("/posters/") || bitmap.width 
  * @typedef {object} Dress
  * @property {[lines: string | null, opacities: string | null] | null} [colors] by vertex, one byte each, in base64:
  *   lines of the colour table, null for white, and shares of the opacity, null for all of it
- * @property {boolean} [front] whether it hides its own far side although it is transparent, or a wireframe
+ * @property {boolean} [front] whether it hides its own far side although it is transparent
  * @property {boolean} [nothing] whether it is not drawn, but hides what is behind it
  * @property {boolean} [last] draw it after the bodies
  * @property {boolean} [dark] draw it dark, and not white, until its first picture is there
@@ -135,7 +135,7 @@ function empty(mesh, { nothing }) {
 /** @param {Mesh} mesh @returns {Mesh} */
 function depthOnly(mesh) {
   const depth = new /** @type {any} */ (mesh).constructor(mesh.geometry, mesh.material.clone());
-  Object.assign(depth.material, { colorWrite: false, transparent: true, wireframe: false, vertexColors: false });
+  Object.assign(depth.material, { colorWrite: false, transparent: true, vertexColors: false });
   depth.raycast = () => {};
   depth.renderOrder = 1;
   mesh.renderOrder = 2;
@@ -151,7 +151,7 @@ export function hookOf(mesh) {
   if (mesh.userData.tcfitHook) return mesh.userData.tcfitHook;
   /** @type {Hook} */
   const hook = { window: null };
-  // viser makes a new material when opacity or wireframe change, so it is looked at before each drawing.
+  // viser makes a new material when the opacity changes, so it is looked at before each drawing.
   mesh.onBeforeRender = (renderer) => {
     prepare(mesh);
     if (hook.window) cutOff(renderer, hook.window);
