@@ -23,10 +23,9 @@ from tcfit_app.review.drawing.rows import MOST_ROWS, PLOTS
 from tcfit_app.review.drawing.status import Status
 from tcfit_app.review.drawing.timeline import Timeline
 from tcfit_app.review.faults import Faults
-from tcfit_app.review.gestures.actions import ACTIONS, Action, Gestures
+from tcfit_app.review.gestures.actions import ACTIONS, BINDINGS, Action, Gestures, key_text
 from tcfit_app.review.gestures.edit_words import part_name
 from tcfit_app.review.gestures.keyframing import HANDS_OF
-from tcfit_app.review.gestures.own_keys import bindings, key_text, keys_problem
 from tcfit_app.review.panels import PANELS, WITHOUT_KEYPOINTS, Panel
 from tcfit_app.review.panels.key_list import KeyWindow
 from tcfit_app.review.panels.person_choice import PersonChoice
@@ -74,7 +73,7 @@ class Page:
         browser.scene.rings.turned = lambda *turned: self.tab.do(lambda: self.gestures.turning.take(*turned))
         browser.show_first_steps = lambda: browser.channel.ask("hints", first_steps())
         self.tab.channel.send("skeleton", SKELETON)
-        self._send_keys()
+        self.tab.channel.send("keys", Keys(bindings=BINDINGS))
 
     def come_from(self, other: "Page") -> None:
         """Replace another person's page in the same tab."""
@@ -136,8 +135,6 @@ class Page:
         self.tab.greet(plots=rows and rows[:MOST_ROWS])
         if not event.hinted and self.tab.session.project.has_detections:
             self.tab.show_first_steps()
-        if problem := keys_problem():
-            self.tab.notify(Notice(title="Your own keys are not used", text=problem, kind="error"))
         browser.has_come()
 
     def _resized(self, event: page_events.Resized) -> None:
@@ -226,7 +223,7 @@ class Page:
         self._attempt("draw the timeline", self.timeline.draw, now)
         problem = self.picture.problem or self.tab.shown.problem
         self._attempt("draw the status line", lambda: self.status.draw(now, problem), now)
-        self._attempt("show the keys", self._draw_keys, now)
+        self._attempt("show the keys", self._key_window.draw, now)
         self.behind = time.monotonic() < self._next_panels
         if not self.behind:
             self._draw_panels(now)
@@ -238,16 +235,6 @@ class Page:
         for panel in panels:
             self._attempt(f"draw the panel {panel.title}", panel.draw, now)
         self._next_panels = time.monotonic() + _REST * (time.thread_time() - begun)
-
-    def _draw_keys(self) -> None:
-        self._key_window.draw()
-        self._send_keys()
-        for name, command in self.tab.browser.commands.items():
-            if command.description != (key_text(name) or None):
-                command.description = key_text(name) or None
-
-    def _send_keys(self) -> None:
-        self.tab.channel.send("keys", self.tab.once("keys", bindings(), lambda: Keys(bindings=bindings())))
 
     def _draw_menus(self) -> None:
         self.tab.channel.send("frame_menus", frame_menus(self.gestures))

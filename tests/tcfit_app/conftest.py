@@ -27,7 +27,6 @@ from fitting_core.keypoints import BODY, COUNT, Keypoints
 from tcfit_app.cli import fit_command
 from tcfit_app.cli.main import main
 from tcfit_app.project.project import Project
-from tcfit_app.review.gestures import own_keys
 from tests.drivers.browser import chromium
 
 if TYPE_CHECKING:
@@ -136,13 +135,6 @@ def demo_project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     clip = replace(read_clip(demo.video, demo.keypoints, camera=camera), name="demo")
     Project.create(folder / "demo.tcfit", clip, copy_media=True).close()
     return folder / "demo.tcfit"
-
-
-@pytest.fixture(autouse=True)
-def no_own_keys(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whoever runs the tests may have changed keys."""
-    nowhere = tmp_path_factory.getbasetemp() / "no keys.toml"
-    monkeypatch.setattr(own_keys, "own_keys_file", lambda: nowhere)
 
 
 @pytest.fixture(scope="session")

@@ -1,7 +1,7 @@
 """The first steps shown to someone who opens the app for the first time."""
 
 from tcfit_app.review.browser.page_states import Hint, Hints
-from tcfit_app.review.gestures.own_keys import keys_of
+from tcfit_app.review.gestures.actions import ACTIONS
 
 _STEPS = (
     ("Play the clip. The arrow keys go frame by frame.", "play"),
@@ -17,5 +17,5 @@ _STEPS = (
 
 def first_steps() -> Hints:
     """Each step with the key of what it says."""
-    first = {name: next(map(str, keys_of(name)), "") for _, name in _STEPS if name}
+    first = {name: next(map(str, ACTIONS[name].keys), "") for _, name in _STEPS if name}
     return Hints(steps=tuple(Hint(text=text, keys=first.get(name, "")) for text, name in _STEPS))

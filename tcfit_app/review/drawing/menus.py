@@ -7,7 +7,6 @@ from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.browser.page_states import FrameMenus, MenuItem, PictureMenus
 from tcfit_app.review.gestures.actions import ACTIONS, OF_SELECTION, Gestures, Need, frames
 from tcfit_app.review.gestures.edit_words import part_name
-from tcfit_app.review.gestures.own_keys import keys_of
 
 _OF_FRAMES = (
     ("rerun", "Re-run {}"),
@@ -90,6 +89,6 @@ def item(gestures: Gestures, name: str, label: str = "", *, but: Collection[Need
         why = ACTIONS[f"{name}_person"].obstacle(gestures, but=but)
         return MenuItem(label=label or _BY_PART[name], more=parts, obstacle=why)
     action = ACTIONS[name]
-    keys = next(map(str, keys_of(name)), "")
+    keys = next(map(str, action.keys), "")
     why = action.obstacle(gestures, but=but)
     return MenuItem(label=label or action.title, action=name, keys=keys, obstacle=why)

@@ -7,6 +7,7 @@ from typing import ParamSpec
 from fitting_core.body.handshapes import HANDSHAPES
 from fitting_core.errors import InputError
 from fitting_core.keypoints import PARTS
+from tcfit_app.review.browser.page_states import KeyBinding
 from tcfit_app.review.gestures.correcting import NUDGES, Correcting
 from tcfit_app.review.gestures.correcting_depth import CorrectingDepth
 from tcfit_app.review.gestures.depths import limbs_of
@@ -80,7 +81,6 @@ class Action:
     title: str
     run: Callable[[Gestures], object]
     keys: tuple[Key, ...] = ()
-    """The usual ones; a user may have others (`own_keys`)."""
     group: str = ""
     family: str = ""
     """The shared line for actions of one family in lists of keys."""
@@ -497,3 +497,14 @@ ACTIONS: dict[str, Action] = {
     for name, title, keys, run, needs in rows
 }
 """By the name that the page sends."""
+BINDINGS = tuple(
+    KeyBinding(key=key.key, action=name, shift=key.shift, ctrl=key.ctrl, held=action.held)
+    for name, action in ACTIONS.items()
+    for key in action.keys
+)
+"""All keys, in the page's form."""
+
+
+def key_text(name: str) -> str:
+    """The keys of an action in words; empty without any."""
+    return " or ".join(map(str, ACTIONS[name].keys))

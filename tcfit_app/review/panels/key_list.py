@@ -1,11 +1,9 @@
 """All keys and gestures, listed in the app's keys window; docs/app.md shows them as a table."""
 
+from collections.abc import Callable
 from itertools import groupby
 
-from fitting_core.errors import InputError
 from tcfit_app.review.gestures.actions import ACTIONS, Key
-from tcfit_app.review.gestures.own_keys import change_keys, keys_of, keys_problem
-from tcfit_app.review.panels.elements.field import Field
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
@@ -13,7 +11,6 @@ from tcfit_app.review.panels.elements.html import (
     heading,
     joined,
     line,
-    paragraph,
     row,
     table,
     tag,
@@ -56,9 +53,9 @@ GESTURES = {
 def key_groups() -> dict[str, list[tuple[str, str]]]:
     """Keys and what they do, by group of ACTIONS; actions of one family share a line."""
     groups: dict[str, list[tuple[str, str]]] = {}
-    for (group, family, _), found in groupby(filter(keys_of, ACTIONS), _line):
+    for (group, family, _), found in groupby((name for name in ACTIONS if ACTIONS[name].keys), _line):
         names = list(found)
-        keys = joined_keys(*map(keys_of, names))
+        keys = joined_keys(*(ACTIONS[name].keys for name in names))
         groups.setdefault(group, []).append((keys, family or ACTIONS[names[0]].title))
     return groups
 
@@ -85,71 +82,28 @@ class KeyWindow:
 
     def __init__(self, tab: Tab) -> None:
         self._tab = tab
-        self._open: _Shown | None = None
-        tab.buttons.on("keys.change", lambda _: self._open and self._open.change())
-        tab.buttons.on("keys.usual", lambda _: self._open and self._open.change(usual=True))
+        self._close: Callable[[], None] | None = None
+        """Closes it; None while it is closed."""
 
     def draw(self) -> None:
-        """Open or close it, and show the keys as they are."""
-        if not self._tab.state.keys and self._open is not None:
-            self._open.close()
-            self._open = None
-        elif self._tab.state.keys:
-            self._open = self._open or _Shown(self._tab)
-            self._open.draw()
+        """Open or close it."""
+        if self._tab.state.keys and self._close is None:
+            self._close = self._open()
+        elif not self._tab.state.keys and self._close is not None:
+            self._close()
+            self._close = None
 
+    def _open(self) -> Callable[[], None]:
+        window = self._tab.client.gui.add_modal("Keys")
+        with window:
+            shown = Board(self._tab)
+        shown.show(keys_html())
 
-class _Shown:
-    """The window while it is open: all keys, and a form to change those of a command."""
+        def close() -> None:
+            shown.show()  # its buttons no longer work
+            window.close()
 
-    def __init__(self, tab: Tab) -> None:
-        self._said = ""
-        """Why the last change was refused."""
-        gui = tab.client.gui
-        self._window = gui.add_modal("Keys")
-        with self._window:
-            with gui.add_folder("Change keys", expand_by_default=False):
-                command = gui.add_dropdown("Command", tuple(_BY_TITLE), hint="Whose keys to change, in all projects")
-                self._command = Field(tab, command, self._choose)
-                self._chosen = command.value
-                self._keys = gui.add_text("Keys", "", hint=_HINT)
-                self._form = Board(tab)
-            self._list = Board(tab)
-        self._choose(self._chosen)
-
-    def _choose(self, title: str) -> None:
-        self._chosen, self._said = title, ""
-        self._keys.value = " ".join(map(str, keys_of(_BY_TITLE[title])))
-
-    def change(self, *, usual: bool = False) -> None:
-        """Take the keys from the form, or the usual ones of its command; what is refused stays there to be mended."""
-        try:
-            change_keys(_BY_TITLE[self._chosen], None if usual else self._keys.value)
-        except InputError as error:
-            self._said = str(error)
-        else:
-            self._choose(self._chosen)
-
-    def draw(self) -> None:
-        """Show the keys as they are."""
-        self._command.show(self._chosen)
-        problem = keys_problem() or self._said
-        change = button("Change", "keys.change", kind="main", enter=True)
-        self._form.show(
-            row(change, button("Usual keys", "keys.usual")), *([paragraph(problem, "warn")] if problem else [])
-        )
-        self._list.show(keys_html())
-
-    def close(self) -> None:
-        """Close the window; its buttons no longer work."""
-        self._form.show()
-        self._list.show()
-        self._window.close()
-
-
-_BY_TITLE = {action.title: name for name, action in ACTIONS.items()}
-assert len(_BY_TITLE) == len(ACTIONS)
-_HINT = "Like D, Shift+D, Ctrl+D, F2 or PageDown; several with a space between them, none to leave it without a key"
+        return close
 
 
 def keys_html() -> Html:

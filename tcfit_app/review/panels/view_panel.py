@@ -11,8 +11,7 @@ from fitting_core.keypoints import GROUPS
 from tcfit_app.fitting.fits import SHORT_TITLES, FitChoice, Shown, phase_title
 from tcfit_app.project.storage.run_record import Run
 from tcfit_app.review.browser.page_states import GROUP_COLORS
-from tcfit_app.review.gestures.actions import ACTIONS, Gestures
-from tcfit_app.review.gestures.own_keys import key_text
+from tcfit_app.review.gestures.actions import ACTIONS, Gestures, key_text
 from tcfit_app.review.gestures.zooming import show_close_up
 from tcfit_app.review.panels.elements.field import Dropdown, Field
 from tcfit_app.review.panels.elements.html import Board, Html, action, button, choice, dot, heading, joined, row, text

@@ -1,18 +1,23 @@
 """What a page can make the app keep has an end."""
 
+import os
+import threading
+import time
 from pathlib import Path
 from unittest.mock import MagicMock
 
 import pytest
 import viser
 
+from fitting_core.body.model import BodyModel
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.review import app as review_app
 from tcfit_app.review.app import ReviewApp
 from tcfit_app.review.browser.page_events import Hello
+from tcfit_app.review.panels.review_panel import ReviewPanel
 from tcfit_app.review.session.session import Session
 from tcfit_app.review.tab.tab import REMEMBERED
-from tests.drivers.lone_page import lone_page, sample_project
+from tests.drivers.lone_page import lone_page, sample_project, tiny_page
 
 
 def test_tabs_that_were_closed_are_forgotten_in_the_end(panel_server: viser.ViserServer, tmp_path: Path):
@@ -44,3 +49,25 @@ def test_what_pages_ask_for_waits_only_so_long(tmp_path: Path, monkeypatch: pyte
         app._obey(0.0)
         app.close()
     assert done == [*range(10), -1], "and what the app itself asks for is done"
+
+
+def test_drawing_an_unchanged_page_asks_the_file_system_for_nothing(
+    panel_server: viser.ViserServer, tmp_path: Path, tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch
+):
+    """It was drawn with 126 stats, 60 times a second for each tab."""
+    with tiny_page(panel_server, tmp_path / "walk.tcfit", tiny_body, ReviewPanel) as tested:
+        tested.fit()
+        tested.page.receive(Hello("me", 1000, 700))
+        tested.settle()
+        tested.page.draw(time.monotonic())
+        asked, usual, mine = [], os.stat, threading.get_ident()
+
+        def stat(path: object, *given: object, **named: object) -> object:
+            if threading.get_ident() == mine:
+                asked.append(path)
+            return usual(path, *given, **named)  # pyright: ignore[reportArgumentType, reportCallIssue]
+
+        monkeypatch.setattr(os, "stat", stat)
+        tested.page.draw(time.monotonic())  # panels rest for ten times as long as they took
+        monkeypatch.undo()
+    assert not asked

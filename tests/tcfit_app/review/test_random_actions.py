@@ -13,7 +13,6 @@ import pytest
 
 from fitting_core.keypoints import BODY, LOCKABLE
 from tcfit_app.review.browser import page_events
-from tcfit_app.review.gestures import own_keys
 from tcfit_app.review.gestures.actions import ACTIONS, Key
 from tests.drivers.review_page import QUICK, Reviewing, opened, reviewing, until
 
@@ -47,12 +46,6 @@ COMMANDS = [name for name, action in ACTIONS.items() if not (action.keys or name
 
 def _command(user: Reviewing, rng: np.random.Generator) -> None:
     user.page.tab.browser.receive(page_events.Key(action=str(rng.choice(COMMANDS)), repeat=False))
-
-
-def _own_keys(user: Reviewing, rng: np.random.Generator) -> None:
-    """Keys are changed in their file, which may be a wrong one too."""
-    text = str(rng.choice(['bad = "F2"', 'bad = "x F3"', 'undo = "nothing of the kind"', "[", ""]))
-    own_keys.own_keys_file().write_text(text)
 
 
 def _turn(user: Reviewing, rng: np.random.Generator) -> None:
@@ -170,7 +163,6 @@ def _wait(user: Reviewing, rng: np.random.Generator) -> None:
 DEEDS: list[tuple[float, Callable[[Reviewing, np.random.Generator], None]]] = [
     (0.5, _press),
     (0.05, _command),
-    (0.01, _own_keys),
     (0.03, _turn),
     (0.15, _drag),
     (0.1, _drag_in_depth),
@@ -194,8 +186,7 @@ def _let_loose(folder: Path, browser: "Browser", actions: int, warm: int, log: p
     """Bytes by which the server has grown after `warm` actions."""
     rng = np.random.default_rng(1)
     shares = np.array([share for share, _ in DEEDS])
-    with pytest.MonkeyPatch.context() as patch, log.at_level(logging.WARNING), reviewing(folder, browser) as first:
-        patch.setattr(own_keys, "own_keys_file", lambda: folder.with_name("keys.toml"))
+    with log.at_level(logging.WARNING), reviewing(folder, browser) as first:
         first.app.post(lambda: first.session.fit_everything(QUICK, kind="smplx", gender="neutral"))
         until(lambda: first.session.jobs)
         users = [first, opened(first.app, first.server, browser)]

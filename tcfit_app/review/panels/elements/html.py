@@ -8,8 +8,7 @@ from collections.abc import Iterable, Sequence
 from functools import cache, lru_cache
 from html import escape
 
-from tcfit_app.review.gestures.actions import ACTIONS, Gestures, Key
-from tcfit_app.review.gestures.own_keys import key_text, keys_of
+from tcfit_app.review.gestures.actions import ACTIONS, Gestures, Key, key_text
 from tcfit_app.review.tab.tab import Tab
 
 
@@ -106,7 +105,7 @@ def action(
         hint: Replaces the action's title; the reason why it is disabled is appended.
     """
     known = ACTIONS[name]
-    keys, why = short_keys(keys_of(name)), known.obstacle(gestures)
+    keys, why = short_keys(known.keys), known.obstacle(gestures)
     hint = f"{hint or known.title} ({key_text(name)})" if keys else hint or known.title
     return button(
         label or known.title,

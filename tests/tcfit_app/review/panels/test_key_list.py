@@ -2,8 +2,7 @@
 
 from pathlib import Path
 
-from tcfit_app.review.gestures.actions import ACTIONS, Key
-from tcfit_app.review.gestures.own_keys import key_text
+from tcfit_app.review.gestures.actions import ACTIONS, Key, key_text
 from tcfit_app.review.panels import PANELS
 from tcfit_app.review.panels.key_list import GESTURES, joined_keys, key_groups, keys_html
 from tcfit_app.review.panels.start_panel import StartPanel
@@ -38,6 +37,12 @@ def test_an_action_has_a_line_of_its_own_or_its_family_has():
         if action.keys:
             titles = [title for _, title in key_groups()[action.group]]
             assert titles.count(action.family or action.title) == 1
+
+
+def test_no_two_actions_share_a_key_and_none_takes_one_of_the_browser():
+    keys = [key for action in ACTIONS.values() for key in action.keys]
+    assert len(set(keys)) == len(keys)
+    assert not {key.key for key in keys if key.ctrl} & set("knqtwp"), "the browser or the palette has them"
 
 
 def test_keys_of_a_family_say_their_modifiers_once():
