@@ -8,6 +8,7 @@ import pytest
 
 from fitting_core.body.model import BodyModel
 from tcfit_app.project.glance import glance
+from tcfit_app.project.project import Project
 from tests.drivers.review_page import until
 from tests.tcfit_app.home.lists import folder_of_clips
 from tests.tcfit_app.home.test_home import Served, served
@@ -81,6 +82,74 @@ def test_by_keys_alone(tab: "Tab", lab: Served):
     until(lambda: "<b>thumb</b>" in tab.locator("tr.clip").nth(1).inner_text())
     tab.keyboard.press("a")
     until(lambda: glance(folder).state == "fitted")
+
+
+def test_no_action_hits_a_clip_that_is_not_selected(tab: "Tab", lab: Served):
+    """Two are selected, and a filter hides them."""
+    third = lab.home.catalogue.root / "set" / "d approved.tcfit"
+    rows = {place: tab.locator(f"tr[data-key='{lab.key(place)}']") for place in ("a new.tcfit", "set/b fitted.tcfit")}
+    for row in rows.values():
+        row.get_by_role("checkbox").click()
+    tab.get_by_role("button", name="Approved").click()
+    until(lambda: len(names(tab)) == 1)
+    assert "2 selected, 2 of them hidden" in tab.locator("footer").inner_text()
+    tab.locator("tr.clip").focus()
+    for key in "afec":
+        tab.keyboard.press(key)
+        tab.get_by_text("hidden by the filter").wait_for()
+        tab.get_by_role("button", name="Close").click()
+    for name in ("Fit", "Export", "Open"):
+        assert tab.get_by_role("button", name=re.compile(rf"^{name}\b")).is_disabled()
+    tab.keyboard.press("a")
+    tab.wait_for_timeout(300)
+    assert glance(third).state == "approved" and not lab.home._queue.busy
+
+
+def test_an_export_is_of_the_clips_that_its_window_names(tab: "Tab", lab: Served):
+    tab.locator(f"tr[data-key='{lab.key('set/d approved.tcfit')}']").get_by_role("checkbox").click()
+    tab.keyboard.press("e")
+    tab.get_by_role("dialog", name="Export").wait_for()
+    tab.evaluate("""() => {
+      const send = WebSocket.prototype.send;
+      window.exported = "";
+      WebSocket.prototype.send = function (text) {
+        if (text.includes('"export"')) window.exported = text;
+        else send.call(this, text);
+      };
+    }""")
+    lab.home._tell([], [lab.key("set/d approved.tcfit")])  # the row goes while the window is open
+    until(lambda: len(names(tab)) == 3)
+    tab.get_by_role("button", name="Export").last.click()
+    until(lambda: lab.key("set/d approved.tcfit") in tab.evaluate("window.exported"))
+
+
+def test_a_typed_note_outlives_the_connection(tab: "Tab", lab: Served):
+    folder = lab.home.catalogue.root / "set" / "b fitted.tcfit"
+    tab.locator(f"tr[data-key='{lab.key('set/b fitted.tcfit')}']").click()
+    tab.keyboard.press("n")
+    tab.get_by_label("Note on walk").last.fill("typed on  a train")
+    tab.evaluate("""() => {
+      window.WebSocket = Object.assign(function () { return {}; }, { OPEN: 1 });
+    }""")
+    for watcher in list(lab.home._watchers):
+        watcher.loop.call_soon_threadsafe(watcher.connection.transport.abort)
+    until(lambda: "Not connected" in tab.locator("footer").inner_text())
+    tab.keyboard.press("Enter")
+    alert = tab.get_by_role("dialog").get_by_role("alert")
+    until(lambda: "cannot be reached" in alert.inner_text())
+    assert glance(folder).review.note != "typed on a train"
+    tab.reload()  # this page's WebSocket is the test's
+    tab.wait_for_selector("tr.clip")
+    with Project.open(folder) as project:
+        project.tell_who_works("carla")
+        tab.locator(f"tr[data-key='{lab.key('set/b fitted.tcfit')}']").click()
+        tab.keyboard.press("n")
+        tab.get_by_label("Note on walk").last.fill("typed on  a train")
+        tab.keyboard.press("Enter")
+        until(lambda: "open in another tcfit" in alert.inner_text())
+    tab.get_by_role("button", name="Save").click()
+    until(lambda: glance(folder).review.note == "typed on a train")
+    until(lambda: not tab.get_by_role("dialog").is_visible())
 
 
 def test_exported_by_two_keys_with_the_formats_of_last_time(tab: "Tab", lab: Served):

@@ -59,9 +59,8 @@ const buttons = {
   fit: action("Fit", "F", "Find keypoints where there are none, and fit, one clip after the other", () => fit()),
   export: action("Export", "E", "Choose formats, and write the fits beside the projects, one clip after the other",
     () => askExport()),
-  approve: action("Approve", "A", "Say that it is done, or take that back", () => approve()),
-  cancel: action("Cancel", "C", "Not fit or export them; take away what is told of those that have ended",
-    () => cancel()),
+  approve: action("Approve", "A", "Approve the clip, or withdraw the approval", () => approve()),
+  cancel: action("Cancel", "C", "Cancel these jobs; clear messages of finished ones", () => cancel()),
 };
 const main = element("main", "", document.body);
 const footer = element("footer", "", document.body);
@@ -88,6 +87,7 @@ alert.hidden = true;
 
 /** @param {string} text */
 function tell(text) {
+  if (noteWindow.open) return void (noteAlert.textContent = text); // the alert would be behind it
   alertText.textContent = text;
   alert.hidden = false;
 }
@@ -170,11 +170,19 @@ function drawFilters(found) {
   });
 }
 
-/** The clips that a button or key is about: those selected, or else the current one. */
+/** The clips that a button or key acts on: the visible ones of those selected, or the current one if none is. */
 function chosen() {
-  const some = shown.filter((row) => selected.has(row.key));
+  if (selected.size) return shown.filter((row) => selected.has(row.key));
   const current = rows.get(kept.current ?? "");
-  return some.length ? some : current ? [current] : [];
+  return current ? [current] : [];
+}
+
+/** The same for a key, which no disabled button explains. */
+function chosenByKey() {
+  const about = chosen();
+  if (!about.length && selected.size)
+    tell("The selected clips are hidden by the filter or the search. Esc clears the selection.");
+  return about;
 }
 
 function drawButtons() {
@@ -186,8 +194,10 @@ function drawButtons() {
   buttons.cancel.disabled = !about.some((row) => row.work);
   const off = about.length > 0 && about.every((row) => stateOf(row) === "approved");
   const label = buttons.approve.firstChild;
-  if (label) label.textContent = off ? "Not approved after all" : "Approve";
-  const parts = [selected.size ? `${selected.size} selected` : "", going ? `${going} in the queue` : ""];
+  if (label) label.textContent = off ? "Withdraw approval" : "Approve";
+  const hidden = selected.size - shown.filter((row) => selected.has(row.key)).length;
+  const chosenNow = `${selected.size} selected${hidden ? `, ${hidden} of them hidden` : ""}`;
+  const parts = [selected.size ? chosenNow : "", going ? `${going} in the queue` : ""];
   told.textContent = parts.filter(Boolean).join(" · ");
 }
 
@@ -212,55 +222,80 @@ function openCurrent(key) {
 }
 
 function fit() {
-  send({ type: "fit", keys: chosen().map((row) => row.key) });
+  const keys = chosenByKey().map((row) => row.key);
+  if (keys.length) send({ type: "fit", keys });
 }
 
-/** Of the chosen clips those that may have a fit. */
+/** The chosen clips that may have a fit. */
 const exportable = () => chosen().filter((row) => ["project", "result"].includes(row.kind));
+/** Clips for the export window, which is about them whatever is selected later. @type {Row[]} */
+let exported = [];
 
 function askExport() {
-  if (!exportable().length) return;
-  told.textContent = "Looking which formats there are …";
+  chosenByKey();
+  exported = exportable();
+  if (!exported.length) return;
+  told.textContent = "Loading the formats …";
   send({ type: "formats" });
 }
 
 const exportWindow = new ExportWindow({
-  begin: (wishes) => send({ type: "export", keys: exportable().map((row) => row.key), ...wishes }),
+  begin: (wishes) => send({ type: "export", keys: exported.map((row) => row.key), ...wishes }),
   closed: () => table.focus(),
 });
 
 function approve() {
-  const about = chosen().filter((row) => row.kind === "project");
+  const about = chosenByKey().filter((row) => row.kind === "project");
   const approved = !about.every((row) => stateOf(row) === "approved");
   if (about.length) send({ type: "approve", keys: about.map((row) => row.key), approved });
 }
 
 function cancel() {
-  send({ type: "cancel", keys: chosen().filter((row) => row.work).map((row) => row.key) });
+  const keys = chosenByKey().filter((row) => row.work).map((row) => row.key);
+  if (keys.length) send({ type: "cancel", keys });
 }
 
 const noteWindow = element("dialog", "", document.body);
+const noteAlert = element("p", "wrong");
+noteAlert.setAttribute("role", "alert");
+/** The note that has been sent, until its row shows it. @type {{ key: string, note: string } | null} */
+let sentNote = null;
+
 /** @param {Row} row */
 function askNote(row) {
   const form = element("form", "");
-  form.method = "dialog";
   const label = element("label", "", form, `Note on ${row.name}`);
   const input = element("input", "", form);
   label.htmlFor = input.id = "note";
   input.maxLength = 500;
   input.value = row.note ?? "";
+  noteAlert.textContent = "";
+  form.append(noteAlert);
   const ends = element("div", "buttons tcfit-panel", form);
   const no = element("button", "", ends, "Cancel");
   no.type = "button";
   no.onclick = () => noteWindow.close();
   element("button", "tcfit-main", ends, "Save").type = "submit";
-  form.onsubmit = () => send({ type: "note", key: row.key, text: input.value });
+  form.onsubmit = (event) => {
+    event.preventDefault(); // the window closes when the note is stored
+    sentNote = { key: row.key, note: input.value.trim().split(/\s+/).join(" ") };
+    noteAlert.textContent = "";
+    send({ type: "note", key: row.key, text: input.value });
+    noteIsStored();
+  };
   noteWindow.setAttribute("aria-label", `Note on ${row.name}`);
   noteWindow.replaceChildren(form);
   noteWindow.showModal();
   input.select();
 }
-noteWindow.addEventListener("close", () => table.focus());
+noteWindow.addEventListener("close", () => {
+  sentNote = null;
+  table.focus();
+});
+
+function noteIsStored() {
+  if (sentNote && (rows.get(sentNote.key)?.note ?? "") === sentNote.note) noteWindow.close();
+}
 
 /** @param {number} step @param {boolean} extend */
 function go(step, extend) {
@@ -369,10 +404,13 @@ window.addEventListener("pagehide", keep);
 
 // --- the server ---
 
+const UNREACHABLE =
+  "tcfit has ended or cannot be reached. If it has ended, start it again and open the link that it prints.";
+
 /** @param {object} message */
 function send(message) {
   if (socket?.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
-  else tell("tcfit has ended or cannot be reached. If it has ended, start it again and open the link that it prints.");
+  else tell(UNREACHABLE);
 }
 
 /** @param {any} message */
@@ -380,7 +418,7 @@ function take(message) {
   if (message.type === "rows") takeRows(message);
   else if (message.type === "picture") table.take(message.key, message.data);
   else if (message.type === "told") tell(message.text);
-  else if (message.type === "formats" && exportable().length) exportWindow.open(message, exportable());
+  else if (message.type === "formats") exportWindow.open(message, exported);
   else if (message.type === "opened") {
     kept.current = message.key;
     keep();
@@ -397,6 +435,7 @@ function takeRows(message) {
     if (rows.get(row.key)?.work && !row.work) table.forget(row.key);
     rows.set(row.key, row);
   }
+  noteIsStored();
   const first = !arrived;
   arrived = true;
   if (first) arrive();
@@ -427,6 +466,7 @@ function connect() {
   made.onmessage = ({ data }) => take(JSON.parse(data));
   made.onclose = () => {
     if (socket === made) told.textContent = "Not connected: trying again …";
+    if (sentNote) tell(`${UNREACHABLE} The note may not be stored: save it again.`);
     socket = null;
     setTimeout(connect, AGAIN);
   };
