@@ -7,11 +7,10 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from fitting_core.fit.events import FitEvent, Iteration, PhaseFinished
-from tcfit_app.fitting.jobs import TYPICAL_SHARES, Job
+from tcfit_app.fitting.fit_progress import FitProgress
+from tcfit_app.fitting.jobs import Job
 from tcfit_app.fitting.reports import JobProgress
 
-_EARLY = 0.02
-"""Progress below which no remaining time is estimated."""
 MOST_LOSSES = 1000
 """Costs kept of a job, several times what a plot shows; beyond that, every second one is dropped."""
 
@@ -22,7 +21,7 @@ class JobClock:
     def __init__(self, number: int, job: Job) -> None:
         self.number, self.job = number, job
         self.elapsed = 0.0
-        self._share = 0.0
+        self._progress = FitProgress(job.phases)
         self._terms: dict[str, float] = {}
 
     @contextmanager
@@ -36,33 +35,22 @@ class JobClock:
 
     def take(self, event: FitEvent) -> None:
         """Update the progress from an event."""
-        if isinstance(event, Iteration):
-            self._share = max(self._share, self._done(event.phase, event.share))
-            if event.terms:
-                self._terms = {**event.terms, "total": sum(event.terms.values())}
+        self._progress.take(event, self.elapsed)
+        if isinstance(event, Iteration) and event.terms:
+            self._terms = {**event.terms, "total": sum(event.terms.values())}
         elif isinstance(event, PhaseFinished):
-            self._share = max(self._share, self._done(event.phase, 1.0))
             self._terms = event.result.objective
 
-    def _done(self, phase: int, share: float) -> float:
-        """Progress of the whole job, by the typical share of each phase."""
-        whole = sum(TYPICAL_SHARES[p] for p in self.job.phases)
-        before = sum(TYPICAL_SHARES[p] for p in self.job.phases if p < phase)
-        return min(1.0, (before + share * TYPICAL_SHARES[phase]) / whole)
-
-    def progress(self, event: Iteration) -> JobProgress:
+    @property
+    def progress(self) -> JobProgress:
         """For users."""
-        early = self._share < _EARLY
         return JobProgress(
             job=self.number,
-            title=self.job.title,
-            phase=event.phase,
-            label=event.label,
-            share=self._share,
-            cost=event.cost,
+            phrase=self._progress.phrase,
+            fraction=self._progress.fraction,
             terms=self._terms,
             elapsed=self.elapsed,
-            remaining=None if early else self.elapsed * (1 - self._share) / self._share,
+            remaining=self._progress.remaining,
         )
 
 

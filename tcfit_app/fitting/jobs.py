@@ -24,9 +24,6 @@ from fitting_core.results.given_start import GivenStart
 from fitting_core.results.known_shape import KnownShape
 from tcfit_app.project.frame_words import in_words
 
-TYPICAL_SHARES = {1: 0.75, 2: 0.1, 3: 0.15}
-"""Fractions of a fit's time by phase (preset tcfit, global phase 3), for estimating the remaining time."""
-
 
 class Job(Protocol):
     """Work for the worker thread."""

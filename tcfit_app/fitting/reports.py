@@ -23,20 +23,16 @@ class JobProgress:
     """The progress of a running job."""
 
     job: int
-    title: str
-    phase: int
-    label: str
-    """Part of the phase: "stage 3 of 5", "window 12 of 90, stage 5 of 5"."""
-    share: float
+    phrase: str
+    """What is being done, as in `FitProgress`."""
+    fraction: float
     """Of the whole job, 0 to 1; never decreases."""
-    cost: float
-    """Mean cost of the frames being fitted."""
     terms: dict[str, float]
     """Mean cost per frame by term, and "total", at the last evaluation: a new dict each time. Empty before."""
     elapsed: float
     """Working seconds, without pauses."""
     remaining: float | None
-    """Estimated working seconds left, from `share`; None: too early."""
+    """Estimated working seconds left; None: unknown."""
 
 
 @dataclass(frozen=True, kw_only=True)

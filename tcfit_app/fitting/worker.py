@@ -226,7 +226,7 @@ class Worker:
     def _pass_on(self, number: int, job: Job, event: FitEvent, clock: JobClock) -> None:
         clock.take(event)
         if isinstance(event, Iteration):
-            self.reports.show(clock.progress(event))
+            self.reports.show(clock.progress)
             return
         if isinstance(event, PhaseFinished | FramesFitted):
             self._sink.keep(job, event)

@@ -57,6 +57,14 @@ class Button:
     disabled: bool
 
 
+def call_back(handle: Any, client: Any) -> None:
+    """Run an input's callbacks, for an event of a client or, with None, of the server."""
+    with ThreadPoolExecutor(1) as pool:  # as viser's: the browser of other tests has its loop in this thread
+        for callback in handle._impl.update_cb:
+            event = viser.GuiEvent(client=client, client_id=None, target=handle)
+            pool.submit(asyncio.run, callback(event)).result()
+
+
 class LonePage:
     """A page, what its panels send, and what a user does to them."""
 
@@ -128,6 +136,8 @@ class LonePage:
         handle._impl.value = value  # so viser does before it calls
         call_back(handle, MagicMock())
 
+    call_back = staticmethod(call_back)
+
     # --- fits ---
 
     def until(self, there: Callable[[], object]) -> None:
@@ -151,14 +161,6 @@ class LonePage:
         run = session.fit_everything(QUICK, kind="smplx", gender="neutral")
         self.until(lambda: not session.jobs)
         return session.project.runs.get(run.id)
-
-
-def call_back(handle: Any, client: Any) -> None:
-    """Run an input's callbacks, for an event of a client or, with None, of the server."""
-    with ThreadPoolExecutor(1) as pool:  # as viser's: the browser of other tests has its loop in this thread
-        for callback in handle._impl.update_cb:
-            event = viser.GuiEvent(client=client, client_id=None, target=handle)
-            pool.submit(asyncio.run, callback(event)).result()
 
 
 def _plain(html: str) -> str:

@@ -47,10 +47,8 @@ def test_edits_leave_no_fits_in_memory_but_those_of_runs(
 def test_a_long_job_keeps_no_more_costs_than_a_plot_needs():
     job = RunningJob(number=1, run=1, title="", phases=(1,))
     for second in range(5 * MOST_LOSSES):
-        progress = JobProgress(
-            job=1, title="", phase=1, label="", share=0, cost=1, terms={"total": 1.0}, elapsed=second, remaining=None
-        )
-        job.take(progress)
+        terms = {"total": 1.0}
+        job.take(JobProgress(job=1, phrase="", fraction=0.0, terms=terms, elapsed=second, remaining=None))
     seconds = [second for second, _ in job.losses]
     assert MOST_LOSSES / 2 <= len(seconds) <= MOST_LOSSES
     assert seconds == sorted(seconds) and (seconds[0], seconds[-1]) == (0, 5 * MOST_LOSSES - 1)

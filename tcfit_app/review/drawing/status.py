@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from tcfit_app.fitting.fits import SHORT_TITLES
+from tcfit_app.fitting.fit_progress import time_left
 from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.review.browser.page_states import Chip, Chips, Notice
 from tcfit_app.review.gestures.actions import Gestures
@@ -65,8 +65,8 @@ class Status:
         if self._tab.session.project.has_detections or going is None or going.state != "running":
             return None
         progress = None if going.share is None else round(going.share, 2)
-        left = "" if going.remaining is None else f", {duration(going.remaining)} left"
-        return Chip(text=f"{going.title}: {going.text}{left}", kind="busy", progress=progress)
+        left = time_left(going.remaining)
+        return Chip(text=f"{going.title}: {going.text}{left and f', {left}'}", kind="busy", progress=progress)
 
 
 def lasting(tab: Tab) -> list[Chip]:
@@ -97,9 +97,9 @@ def progress_chip(job: RunningJob) -> Chip:
     progress = job.progress
     if progress is None:
         return Chip(text=f"{job.title}: starting", kind="busy")
-    left = "" if progress.remaining is None else f", {duration(progress.remaining)} left"
-    text = f"{job.title}: {SHORT_TITLES[progress.phase]}, {progress.label}{left}"
-    return Chip(text=text, kind="busy", progress=round(progress.share, 2))
+    left = time_left(progress.remaining)
+    text = f"{job.title}: {progress.phrase}{left and f', {left}'}"
+    return Chip(text=text, kind="busy", progress=round(progress.fraction, 2))
 
 
 def duration(seconds: float) -> str:

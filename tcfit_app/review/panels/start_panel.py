@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, ClassVar
 import viser
 
 from fitting_core.errors import InputError
+from tcfit_app.fitting.fit_progress import time_left
 from tcfit_app.imports.keypoint_jobs import Download, FetchNetworks, ImportFiles, ImportUpload
-from tcfit_app.review.drawing.status import duration
 from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.panels.elements.camera_input import CameraInput
 from tcfit_app.review.panels.elements.field import Dropdown, upload_button
@@ -231,8 +231,8 @@ def _said(going: Going, people: int) -> list[Html]:
         return [title, paragraph("Cancelled. Keypoints found so far are kept; starting again continues from there.")]
     if going.state == "finished":
         return [title, paragraph("Done.", "good")]
-    left = "" if going.remaining is None else f", about {duration(going.remaining)} left"
-    doing = "Stopping …" if going.stopping else f"{going.text}{left} …"
+    left = time_left(going.remaining)
+    doing = "Stopping …" if going.stopping else f"{going.text}{left and f', {left}'} …"
     several = f"{people} people found. To choose someone other than the one in colour, click on them in the picture."
     return [
         title,

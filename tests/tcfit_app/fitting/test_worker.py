@@ -198,15 +198,14 @@ def test_a_whole_fit_reports_keeps_and_returns_what_the_core_gives(
     assert all(work is job for work, _ in kept.results)
 
 
-def test_progress_tells_share_times_and_terms(worker: Worker, reader: Reader, clip: Clip, tiny_body: BodyModel):
+def test_progress_has_one_fraction_phrase_and_time(worker: Worker, reader: Reader, clip: Clip, tiny_body: BodyModel):
     worker.submit(FitEverything(clip=clip, body=tiny_body, config=CONVERGED))
     until(lambda: reader.of(JobEnded))
     progress = reader.progress
-    assert progress and {p.title for p in progress} == {"Fit test clip"}
+    assert list(dict.fromkeys(p.phrase for p in progress)) == ["first pass", "one shape", "final fit"]
     for before, after in pairwise(progress):
-        assert before.share <= after.share and before.elapsed < after.elapsed
-    late = [p for p in progress if p.phase > 1 and p.terms]
-    assert all(p.remaining is not None and p.terms["total"] > p.terms["data"] > 0 for p in late)
+        assert before.fraction <= after.fraction and before.elapsed < after.elapsed
+    assert progress[-1].terms["total"] > progress[-1].terms["data"] > 0
 
 
 def test_a_rerun_of_windows_is_one_after_the_other(
@@ -304,10 +303,7 @@ def test_a_drag_holds_a_job_between_iterations_and_does_not_count(
 
 def test_the_slot_holds_the_newest_and_ends_empty():
     reports = Reports()
-    seen = [
-        JobProgress(job=1, title="", phase=1, label="", share=s, cost=1, terms={}, elapsed=s, remaining=None)
-        for s in (0.1, 0.2)
-    ]
+    seen = [JobProgress(job=1, phrase="", fraction=s, terms={}, elapsed=s, remaining=None) for s in (0.1, 0.2)]
     for progress in seen:
         reports.show(progress)
     reports.tell(JobStarted(job=1))

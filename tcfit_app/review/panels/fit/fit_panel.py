@@ -9,7 +9,8 @@ import viser
 from viser import uplot
 
 from fitting_core.errors import InputError
-from tcfit_app.fitting.fits import SHORT_TITLES, Shown
+from tcfit_app.fitting.fit_progress import time_left
+from tcfit_app.fitting.fits import Shown
 from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.project.frame_words import numbers
 from tcfit_app.project.storage.run_record import Given
@@ -50,7 +51,7 @@ class FitPanel:
         reach = gui.add_text(MARGIN.label, MARGIN.shown(tab.state.settings.reach), hint=hint)
         for_writers(tab, reach)
         self._reach = NumberField(tab, reach, self._take_reach)
-        self._progress = FitProgress(tab)  # below all buttons, so that they do not move when a fit begins
+        self._progress = RunningJobs(tab)  # below all buttons, so that they do not move when a fit begins
         with gui.add_folder("Start, person", expand_by_default=False):
             self._inputs.add_height()
             self._inputs.add_given()
@@ -153,7 +154,7 @@ _LABELS = 54
 _POINTS = uplot.Series_Points(show=False)
 
 
-class FitProgress:
+class RunningJobs:
     """The jobs of a session, in one tab."""
 
     def __init__(self, tab: Tab) -> None:
@@ -259,14 +260,12 @@ def _progress(job: RunningJob) -> list[Html]:
     progress = job.progress
     if progress is None:
         return [paragraph(words(job.title, "strong")), paragraph("starting", "dim"), progress_bar(0.0)]
-    part = job.phases.index(progress.phase) + 1 if progress.phase in job.phases else 1
-    where = f"phase {part} of {len(job.phases)}: {SHORT_TITLES[progress.phase]}, {progress.label}"
-    left = "" if progress.remaining is None else f", about {duration(progress.remaining)} left"
+    left = time_left(progress.remaining)
     return [
         paragraph(words(job.title, "strong")),
-        paragraph(where),
-        paragraph(f"{duration(progress.elapsed)}{left}", "dim"),
-        progress_bar(progress.share),
+        paragraph(progress.phrase),
+        paragraph(f"{duration(progress.elapsed)}{left and f', {left}'}", "dim"),
+        progress_bar(progress.fraction),
     ]
 
 

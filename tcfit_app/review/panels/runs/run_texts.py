@@ -109,7 +109,7 @@ def _state(listed: Listed) -> str:
         return run.state
     if not job.started:
         return "waiting"
-    return "running" if job.progress is None else f"{100 * job.progress.share:.0f} %"
+    return "running" if job.progress is None else f"{100 * job.progress.fraction:.0f} %"
 
 
 def _kind(run: Run, first_frame: int) -> str:
