@@ -119,9 +119,11 @@ def modes(review: Reviewing) -> Iterator[str]:
     review.tab.keyboard.press("f")
     settle(review)
     yield "space-whole"
-    show(review, apart=1.2)
+    show(review, beside="ghost")
+    yield "space-ghost"
+    show(review, beside="apart")
     yield "space-apart"
-    show(review, mode="edit", apart=0.0)
+    show(review, mode="edit", beside="alone")
     review.tab.keyboard.press("h")
     settle(review)
     yield "keys"

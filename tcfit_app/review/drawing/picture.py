@@ -37,6 +37,8 @@ _AHEAD = 24
 _LEGEND_COLORS = 9
 _BELOW = 34.0
 """CSS pixels below the posters kept free for the colour bar, and for messages that last."""
+_APART = 1.2
+"""Metres between A and B side by side in 3D: two bodies with outstretched arms do not touch."""
 _PLAIN_COLOR = "#8a94a3"
 """Colour of the names that are not those of fits."""
 _COLORS: dict[Slot, RGB] = dict(zip(SLOTS, RUN_COLORS, strict=True))
@@ -200,7 +202,7 @@ class Picture:
         others: tuple[BodyLayer, ...],
         room: Room | None,
     ) -> Space:
-        there = [fit for side in SLOTS if (fit := shown.with_body(side)) is not None] if layers else []
+        there = [fit for side in shown.places[0] if (fit := shown.with_body(side)) is not None] if layers else []
         rooms = [self._data.room(fit, shown.held or fit) for fit in there]
         return Space(
             camera=shown.camera,
@@ -212,8 +214,9 @@ class Picture:
             turn=np.eye(3) if room is None else room.turn,
             place=np.zeros(3) if room is None else room.place,
             ground=None if room is None else room.floor,
-            apart=self._tab.state.apart,
-            rings=self._rings(shown) if layers else None,
+            apart=_APART if self._tab.state.beside == "apart" else 0.0,
+            ghost=self._tab.state.beside == "ghost" and len(layers) == len(SLOTS),
+            rings=self._rings(shown) if layers and "b" in shown.places[0] else None,
         )
 
     def _tell_space(self, space: Space, bodies: dict[Slot, BodyLayer]) -> None:

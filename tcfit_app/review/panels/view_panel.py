@@ -21,7 +21,7 @@ from tcfit_app.review.scene.side_view import angle_of, direction_text
 from tcfit_app.review.scene.windows import ARRANGEMENTS
 from tcfit_app.review.tab.buttons import one_of
 from tcfit_app.review.tab.on_show import SLOTS
-from tcfit_app.review.tab.state import CLOSE_UPS, MODES, OPACITIES, SIDES_SEEN, SPEEDS, Part
+from tcfit_app.review.tab.state import BESIDE, CLOSE_UPS, MODES, OPACITIES, SIDES_SEEN, SPEEDS, Part
 
 _SWITCHES = {"video", "bones", "detections", "others", "error_bars"}
 """Toggles without a key."""
@@ -32,8 +32,6 @@ _WIDER = {"−": 1 / 1.25, "+": 1.25}
 """By the button's value: the factor by which the side view becomes wider."""
 _SPACE_FROM = (*SPACE_FROM, "camera")
 _CLOSE_UP = "The view follows it from frame to frame; press again for the whole picture"
-_APART = 1.2
-"""Metres: two bodies with outstretched arms do not touch."""
 
 
 class ViewPanel:
@@ -80,7 +78,7 @@ class ViewPanel:
         tab.buttons.on("view.close_up", self._switch_close_up, one_of(CLOSE_UPS))
         tab.buttons.on("view.clip", lambda _: tab.set(clipped=not tab.clipped))
         tab.buttons.on("view.arrange", lambda way: tab.set(arrangement=way), one_of(ARRANGEMENTS))
-        tab.buttons.on("view.apart", lambda _: tab.set(apart=0.0 if tab.state.apart else _APART))
+        tab.buttons.on("view.beside", lambda beside: tab.set(beside=beside), one_of(BESIDE))
 
     def _jump(self, number: int) -> None:
         self._tab.pause()
@@ -162,8 +160,8 @@ class ViewPanel:
             rows.append(row(difference))
             looks = (button(name.title(), "view.from", name) for name in _SPACE_FROM)
             rows.append(row(choice(*looks), label="Seen from"))
-            hint = "Draw A and B next to each other instead of in their places"
-            rows.append(row(button("A and B side by side", "view.apart", pressed=bool(state.apart), hint=hint)))
+            ways = (button(name, "view.beside", way, pressed=state.beside == way) for way, name in BESIDE.items())
+            rows.append(row(choice(*ways)))
         self._layers.show(*rows)
 
     def _draw_side(self, held: Shown | None) -> None:

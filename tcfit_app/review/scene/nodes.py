@@ -4,6 +4,7 @@ A script in the page does what viser's meshes cannot: vertex colours, correct tr
 """
 
 import base64
+from typing import Literal
 
 import numpy as np
 import viser
@@ -21,6 +22,9 @@ _LINE = 2.0
 _ABOVE = 0.003
 """How far an outline is in front of its body, in image heights, so that the body does not hide it."""
 _WHITE: RGB = (255, 255, 255)
+_GHOST = 0.25
+"""Opacity of a ghost."""
+Front = bool | Literal["ghost"]
 
 
 class MeshDressing:
@@ -50,8 +54,8 @@ class MeshDressing:
         texts = [None if a is None else base64.b64encode(a.tobytes()).decode() for a in (indices, opacities)]
         self._dress(name, colors=texts if any(texts) else None)
 
-    def show_front_only(self, name: str, front: bool) -> None:
-        """Whether the node's mesh hides its own far side although it is transparent."""
+    def show_front_only(self, name: str, front: Front) -> None:
+        """Whether the node's mesh hides its own far side although it is transparent; a ghost's only its own."""
         self._dress(name, front=front)
 
     def show_nothing(self, name: str, nothing: bool) -> None:
@@ -96,7 +100,7 @@ class BodyNode:
         self._outlined: tuple[np.ndarray | None, np.ndarray | None] = (None, None)
         """The vertices and opacities of the outline."""
         self._vertices = self._faces = self._values = self._opacities = None
-        self._front = False
+        self._front: Front = False
 
     def draw(
         self,
@@ -105,6 +109,7 @@ class BodyNode:
         position: tuple[float, float, float] | None = None,
         *,
         solid: bool = False,
+        ghost: bool = False,
         lines: bool = False,
     ) -> None:
         """Show the layer with these vertices instead of its own (which are in camera space).
@@ -114,6 +119,7 @@ class BodyNode:
             vertices: World units, compared by identity.
             position: Of the node; None keeps it.
             solid: Opaque, whatever the layer's opacity.
+            ghost: Faint, whatever the layer's opacity, and over bodies that it must not hide.
             lines: It may be drawn as an outline, because the view is along z.
         """
         self._position = position or self._position
@@ -125,13 +131,13 @@ class BodyNode:
         self._vertices = vertices
         self._node.color = layer.color if layer.values is None else _WHITE
         outlined = layer.outline and lines
-        opacity = 1.0 if solid else layer.opacity
+        opacity = _GHOST if ghost else 1.0 if solid else layer.opacity
         transparent = (opacity < _OPAQUE or layer.opacities is not None) and not outlined
         self._node.opacity = min(opacity, _OPAQUE) if transparent else None
         self._node.position = self._position
         self._node.visible = True
         self._paint(layer)
-        self._show_front_only(transparent)
+        self._show_front_only("ghost" if ghost else transparent)
         self._outline(layer if outlined else None, vertices)
 
     def hide(self) -> None:
@@ -184,7 +190,7 @@ class BodyNode:
             indices = None if layer.values is None else color_index(layer.values)
             self._dressing.paint(self._name, indices, layer.opacities)
 
-    def _show_front_only(self, front: bool) -> None:
+    def _show_front_only(self, front: Front) -> None:
         if front != self._front:
             self._front = front
             self._dressing.show_front_only(self._name, front)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
+from scipy.spatial.transform import Rotation
 
 from fitting_core.camera import Camera
 
@@ -35,6 +36,11 @@ _BODY_DISTANCE, _OVERVIEW_DISTANCE = 1.3, 0.95
 _ORIGIN = np.zeros(3)
 _LEAST_SIZE, _CLOSE = 0.15, 1.3
 """Zooming in 3D: minimum size in metres, and the margin relative to the subject."""
+
+_TURN, _PITCH = 30, 60
+"""Degrees: steps of the directions that are tried for a free view, and the largest change of the pitch."""
+_AROUND, _BEAM, _FREE = 0.15, 0.05, 0.1
+"""Metres: around the point, vertices are its own; vertices of a body are at most 5 cm apart; room around the camera."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,6 +171,36 @@ def nearer_pose(pose: Pose, bounds: Float[np.ndarray, "2 3"], window: Window) ->
     narrow = max(1.0, window.height / window.width)
     distance = max(_CLOSE * narrow * size / 2 / math.tan(pose.fov / 2), pose.least_distance)
     return replace(pose, position=_vector(middle + distance * away), look_at=_vector(middle))
+
+
+def clear_pose(pose: Pose, obstacles: Float[np.ndarray, "n 3"]) -> Pose:
+    """The pose, turned about the point that it looks at as little as a free view of that point needs.
+
+    Args:
+        pose: Looks at a point on or in a body.
+        obstacles: Vertices of bodies.
+    """
+    target, away = np.array(pose.look_at), np.subtract(pose.position, pose.look_at)
+    turns = [
+        Rotation.from_euler("yx", (yaw, pitch), degrees=True)
+        for yaw in range(-180, 180, _TURN)
+        for pitch in range(-_PITCH, _PITCH + 1, _TURN)
+    ]
+    for turn in sorted(turns, key=Rotation.magnitude):
+        turned = turn.apply(away)
+        if _is_free(target, turned, obstacles):
+            return replace(pose, position=_vector(target + turned))
+    return pose
+
+
+def _is_free(target: Float[np.ndarray, "3"], away: Float[np.ndarray, "3"], obstacles: Float[np.ndarray, "n 3"]) -> bool:
+    """Whether nothing is around the camera, or between it and the surroundings of the point that it looks at."""
+    distance = float(np.linalg.norm(away))
+    moved = obstacles - target
+    along = moved @ (away / distance)
+    across = np.linalg.norm(moved - np.outer(along, away / distance), axis=1)
+    between = (along > _AROUND) & (along < distance) & (across < _BEAM)
+    return not between.any() and not (np.linalg.norm(moved - away, axis=1) < _FREE).any()
 
 
 def overview_pose(bounds: Float[np.ndarray, "2 3"], window: Window, place: Float[np.ndarray, "3"] = _ORIGIN) -> Pose:

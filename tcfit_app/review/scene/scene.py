@@ -15,6 +15,7 @@ from tcfit_app.review.scene.poses import (
     Pose,
     Rectangle,
     Window,
+    clear_pose,
     filming_pose,
     named_pose,
     nearer_pose,
@@ -116,10 +117,11 @@ class Cameras:
             scale = self._division.scale_of(right - left, bottom - top)
             self._go(self._flat((left + right) / 2, (top + bottom) / 2, scale), moved=True, part=rectangle)
 
-    def zoom_in_space(self, bounds: Float[np.ndarray, "2 3"]) -> None:
-        """In 3D: fit a bounding box (least and greatest coordinates) to the window, from the current direction."""
+    def zoom_in_space(self, bounds: Float[np.ndarray, "2 3"], obstacles: Float[np.ndarray, "n 3"]) -> None:
+        """In 3D: fit a bounding box (least and greatest coordinates) to the window, from the current direction; from
+        another one if the camera would be inside or behind a body with these vertices."""
         if self._scene == "space":
-            self._go(nearer_pose(self.pose, bounds, self._window), moved=True)
+            self._go(clear_pose(nearer_pose(self.pose, bounds, self._window), obstacles), moved=True)
 
     def look_from(self, name: str) -> None:
         """In 3D: look from one of SPACE_FROM. The video's picture is hidden if it would be in the way."""
@@ -290,7 +292,7 @@ class SceneView:
         ]
         there = np.concatenate(moved)
         there = there[np.isfinite(there).all(-1)]
-        self.cameras.zoom_in_space(np.stack([there.min(0), there.max(0)]))
+        self.cameras.zoom_in_space(np.stack([there.min(0), there.max(0)]), self._last.obstacles())
 
 
 def _light(client: viser.ClientHandle) -> None:

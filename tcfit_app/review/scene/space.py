@@ -38,7 +38,9 @@ class Space:
     camera: Camera
     """The clip's."""
     bodies: tuple[BodyLayer, ...] = ()
-    """At most two, drawn opaque: in 3D transparency would show a body's far side, not the video."""
+    """At most two, drawn opaque: in 3D transparency would show a body's far side, not the video. The last one is B."""
+    ghost: bool = False
+    """The first of two bodies is drawn faintly, so that it does not hide the other one in the same place."""
     others: tuple[BodyLayer, ...] = ()
     """Of other people, at most MOST_OTHERS; never shifted."""
     others_extents: tuple[Float[np.ndarray, "2 3"], ...] = ()
@@ -68,6 +70,12 @@ class Space:
     def offsets(self) -> tuple[float, ...]:
         """The shift of each body along the world's x."""
         return offsets(len(self.bodies), self.apart)
+
+    def obstacles(self) -> Float[np.ndarray, "n 3"]:
+        """Vertices of the bodies as drawn, but for a ghost, in the world."""
+        solid = list(zip(self.bodies, self.offsets, strict=True))[int(self.ghost) :]
+        found = [body.vertices @ self.turn.T + self.place + [x, 0.0, 0.0] for body, x in solid]
+        return np.concatenate([np.zeros((0, 3)), *found])
 
     def bounds(self) -> Float[np.ndarray, "2 3"] | None:
         """Least and greatest coordinates of the bodies as drawn, over the clip as far as known; None without any."""
@@ -108,10 +116,11 @@ class SpaceNodes:
         self._filmed.position = snapshot.place
         offsets = (*snapshot.offsets, *[0.0] * (_SLOTS - len(shown) + MOST_OTHERS))
         everybody = (*shown, *[None] * (_SLOTS - len(shown)), *drawable(snapshot.others)[0])
-        for node, body, offset in zip_longest(self._bodies, everybody, offsets):
+        for i, (node, body, offset) in enumerate(zip_longest(self._bodies, everybody, offsets)):
             if body:
                 x, y, z = offset * snapshot.turn[0]
-                node.draw(body, body.vertices, (float(x), float(y), float(z)), solid=True)
+                ghost = snapshot.ghost and i == 0
+                node.draw(body, body.vertices, (float(x), float(y), float(z)), solid=True, ghost=ghost)
             else:
                 node.hide()
         self._shifted.position = (snapshot.offsets or (0.0,))[-1] * snapshot.turn[0]

@@ -99,9 +99,9 @@ def live_window(session: Session, fit: Shown | None, frame: int) -> LiveWindow |
 
 
 def _places(state: TabState, there: bool) -> tuple[tuple[Slot, ...], ...]:
+    edited: tuple[Slot, ...] = ("a",) if state.blinked else ("b",)
     if state.mode == "space":
-        return (SLOTS,)
+        return (edited if state.beside == "alone" else SLOTS,)
     if state.mode == "edit":
-        edited: tuple[Slot, ...] = ("a",) if state.blinked else ("b",)
         return ((), edited) if state.close_up and state.bodies and there else (edited,)
     return (("b",), ("a",)) if state.blinked else (("a",), ("b",))

@@ -14,6 +14,9 @@ from tcfit_app.review.scene.windows import Arrangement
 Mode = Literal["edit", "ab", "space"]
 MODES: dict[Mode, str] = {"edit": "Edit", "ab": "A | B", "space": "3D"}
 """One poster; two posters; a room around the bodies."""
+Beside = Literal["alone", "ghost", "apart"]
+BESIDE: dict[Beside, str] = {"alone": "B alone", "ghost": "A as a ghost", "apart": "Side by side"}
+"""Where A is in 3D: not drawn, faint in its place, or next to B."""
 PANEL_TITLES = ("View", "Keypoints", "Review", "Fit", "Runs", "Compare", "Export")
 """The panels beside the picture, in their order."""
 SIDES_SEEN: tuple[Named, ...] = ("left", "right", "top")
@@ -131,8 +134,8 @@ class TabState:
     """The rows of the timeline, names of PLOTS."""
     queue: QueueView = field(default_factory=QueueView)
     """Which entries of the review queue are listed, and in which order."""
-    apart: float = 0.0
-    """Metres between A and B in 3D; 0 leaves both in place."""
+    beside: Beside = "alone"
+    """Where A is in 3D."""
     settings: FitSettings = field(default_factory=FitSettings)
     keys: bool = False
     """The window of all keys is open."""

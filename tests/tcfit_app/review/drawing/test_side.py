@@ -144,10 +144,10 @@ def test_the_page_is_told_where_what_a_close_up_follows_is(tested: LonePage):
 
 
 def test_3d_shows_keypoints_too_also_of_hidden_bodies(tested: LonePage):
-    tested.page.tab.set(mode="space", bodies=False, apart=1.0)
+    tested.page.tab.set(mode="space", bodies=False, beside="apart")
     until(tested.page.tab.session, lambda: len(colors(tested)) == 2)
     state = seen(tested, "space")
-    assert state.offsets == (-0.5, 0.5)
+    assert state.offsets == (-0.6, 0.6)
     np.testing.assert_allclose(state.turn[1], seen(tested, "bodies").down, atol=1e-4)
 
 

@@ -196,8 +196,8 @@ def test_view_buttons(tested: LonePage):
     tested.draw()
     page = tested.page
     tested.press("action", "space")
-    tested.press("view.apart")
-    assert page.tab.state.mode == "space" and page.tab.state.apart > 0 and "side by side" in tested.html()
+    tested.press("view.beside", "apart")
+    assert page.tab.state.mode == "space" and page.tab.state.beside == "apart" and "Side by side" in tested.html()
     tested.press("view.group", "face")
     assert page.tab.state.groups == set(GROUPS) - {"face"}
     tested.press("view.color", "confidence")

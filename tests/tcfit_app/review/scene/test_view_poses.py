@@ -9,16 +9,20 @@ import numpy as np
 import pytest
 from viser import _messages
 
+from fitting_core.body.model import BodyModel
 from fitting_core.camera import Camera
 from fitting_core.ground.level import upright
+from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.review.scene.poses import (
     POSTER_FOV,
     SPACE_FROM,
     Pose,
     Rectangle,
     Window,
+    clear_pose,
     filming_pose,
     named_pose,
+    nearer_pose,
     overview_pose,
     poster_pose,
     space_pose,
@@ -26,6 +30,7 @@ from tcfit_app.review.scene.poses import (
 from tcfit_app.review.scene.scene import Cameras
 from tcfit_app.review.scene.space import frustum
 from tcfit_app.review.scene.windows import Division, divide
+from tests.samples.posed import still_params
 
 WIDTH = 1.6
 CORNERS = (-0.8, -0.5), (0.8, 0.5)
@@ -275,3 +280,40 @@ def test_poses_are_told_apart_within_a_pixel():
     pixel = pose.height / WINDOW.height
     for shift, same in ((0.02 * pixel, True), (0.5 * pixel, False)):
         assert pose.close_to(replace(pose, position=(x + shift, y, z))) is same
+
+
+def crossed(origin: np.ndarray, way: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Where a ray crosses triangles, as multiples of its direction (Moeller and Trumbore 1997)."""
+    a, ab, ac = triangles[:, 0], triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    normal = np.cross(way, ac)
+    scale = 1 / (ab * normal).sum(1)
+    u = scale * ((origin - a) * normal).sum(1)
+    other = np.cross(origin - a, ab)
+    v, along = scale * (other @ way), scale * (ac * other).sum(1)
+    return along[(u >= 0) & (v >= 0) & (u + v <= 1) & (along > 0)]
+
+
+@pytest.mark.parametrize("view", ["front", "side", "top", "behind"])
+def test_a_zoom_in_space_puts_the_camera_neither_inside_the_body_nor_behind_it(free_body: BodyModel, view: str):
+    meshes, params = Meshes(free_body), still_params(1)
+    vertices = meshes.vertices(0, params, 0).astype(float)
+    triangles = vertices[np.asarray(meshes.faces)]
+    bounds = np.stack([vertices.min(0), vertices.max(0)])
+    pose = named_pose("front" if view == "behind" else view, bounds, WINDOW)
+    if view == "behind":
+        x, y, z = 2 * np.array(pose.look_at) - pose.position
+        pose = replace(pose, position=(x, y, z))
+    hidden = 0
+    for point in meshes.body_points(params)[0]:
+        if not np.isfinite(point).all():
+            continue
+        near = clear_pose(nearer_pose(pose, np.stack([point, point]), WINDOW), vertices)
+        eye = np.array(near.position)
+        assert len(crossed(eye, np.array([0.1, 0.2, 1.0]), triangles)) % 2 == 0, "outside"
+        hidden += bool((crossed(eye, point - eye, triangles) * near.distance < near.distance - 0.2).any())
+    assert not hidden, "nothing is before what is looked at"
+
+
+def test_a_free_view_is_left_as_it_is():
+    pose = space_pose(BOUNDS, WINDOW)
+    assert clear_pose(pose, np.zeros((0, 3))) == pose == clear_pose(pose, np.array([pose.look_at]))

@@ -29,13 +29,19 @@ def tested(panel_server: viser.ViserServer, tmp_path: Path) -> Iterator[LonePage
         ("edit", True, (("a",),)),
         ("ab", False, (("a",), ("b",))),
         ("ab", True, (("b",), ("a",))),
-        ("space", False, (("a", "b"),)),
-        ("space", True, (("a", "b"),)),
+        ("space", False, (("b",),)),
+        ("space", True, (("a",),)),
     ],
 )
 def test_bodies_have_their_places_by_mode(tested: LonePage, mode: str, blinked: bool, places: tuple):
     tested.page.tab.set(mode=mode, blinked=blinked)
     assert tested.page.tab.look().places == places
+
+
+@pytest.mark.parametrize("beside", ["ghost", "apart"])
+def test_in_space_a_is_there_too_on_request(tested: LonePage, beside: str):
+    tested.page.tab.set(mode="space", beside=beside)
+    assert tested.page.tab.look().places == (("a", "b"),)
 
 
 def test_a_fit_s_own_camera_is_that_of_the_room_only(tested: LonePage, monkeypatch: pytest.MonkeyPatch):

@@ -62,7 +62,8 @@ const shrinks = (name, bitmap) => !name.startsWith("/posters/") || bitmap.width 
  * @typedef {object} Dress
  * @property {[lines: string | null, opacities: string | null] | null} [colors] by vertex, one byte each, in base64:
  *   lines of the colour table, null for white, and shares of the opacity, null for all of it
- * @property {boolean} [front] whether it hides its own far side although it is transparent
+ * @property {boolean | "ghost"} [front] whether it hides its own far side although it is transparent; a ghost hides
+ *   nothing else
  * @property {boolean} [nothing] whether it is not drawn, but hides what is behind it
  * @property {boolean} [last] draw it after the bodies
  * @property {boolean} [dark] draw it dark, and not white, until its first picture is there
@@ -123,7 +124,9 @@ function paint(mesh, { colors }) {
  * @param {Mesh} mesh @param {Dress} dress */
 function cover(mesh, { front }) {
   const depth = mesh.userData.tcfitDepth ?? (front && depthOnly(mesh));
-  if (depth) depth.visible = Boolean(front);
+  if (!depth) return;
+  depth.visible = Boolean(front);
+  [depth.renderOrder, mesh.renderOrder] = front === "ghost" ? [3, 4] : [1, 2];
 }
 
 /** After the picture behind it, and before the lines that it hides. @param {Mesh} mesh @param {Dress} dress */
@@ -137,8 +140,6 @@ function depthOnly(mesh) {
   const depth = new /** @type {any} */ (mesh).constructor(mesh.geometry, mesh.material.clone());
   Object.assign(depth.material, { colorWrite: false, transparent: true, vertexColors: false });
   depth.raycast = () => {};
-  depth.renderOrder = 1;
-  mesh.renderOrder = 2;
   mesh.parent?.add(depth);
   return (mesh.userData.tcfitDepth = depth);
 }
