@@ -122,6 +122,7 @@ class ReviewApp:
         browser = BrowserTab(client, partial(self._take, number), PageFiles(here=whose.here, root=self._files), whose)
         browser.go_to = lambda someone: self._go_to(number, someone)
         browser.has_come = lambda: self._go_back(number)
+        browser.authors = lambda: [page.tab.author for page in self.pages.values()]
         self.pages[number] = Page(browser, self._first)
         self._pages[number] = {self._first.number: self.pages[number]}
 

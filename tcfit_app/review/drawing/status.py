@@ -6,7 +6,7 @@ from tcfit_app.fitting.fit_progress import time_left
 from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.review.browser.page_states import Chip, Chips, Notice
 from tcfit_app.review.gestures.actions import Gestures
-from tcfit_app.review.gestures.edit_words import part_name
+from tcfit_app.review.gestures.edit_words import also_here, part_name
 from tcfit_app.review.tab.tab import Tab
 
 
@@ -73,6 +73,8 @@ def lasting(tab: Tab) -> list[Chip]:
     """The messages that stay until something is done about them; pictures leave room for these."""
     session, chips = tab.session, []
     project = session.project
+    if others := also_here(tab.browser.authors(), tab.author):
+        chips.append(Chip(text=others))
     if project.read_only:
         chips.append(Chip(text="Read-only: nothing can be changed", kind="warning"))
     if not project.has_detections:

@@ -1,5 +1,6 @@
 """Correcting keypoints in one tab: turns gestures and keys into edits of the log."""
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -37,6 +38,7 @@ from tcfit_app.review.browser.page_events import DragDepth as DragDepthEvent
 from tcfit_app.review.gestures.edit_words import FEW, describe, whose
 from tcfit_app.review.gestures.keyframing import depth_edit, filled, keys_in, moved, placed, removed, with_hands
 from tcfit_app.review.tab.tab import Tab
+from tcfit_app.review.tab.toasts import LONG
 
 NUDGES = (1, 10)
 """Pixels of a nudge."""
@@ -66,6 +68,8 @@ class Correcting:
     def __init__(self, tab: Tab) -> None:
         self._tab = tab
         self._dragging: _Dragging | None = None
+        self._asked: tuple[str, int, float] | None = None
+        """The step and the edit of someone else that the user was asked about, and until when."""
 
     @property
     def dragging(self) -> bool:
@@ -263,23 +267,45 @@ class Correcting:
         self.make(SetConfidence(frames=self._tab.frames_to_change, joints=self.selected(), confidence=confidence))
 
     def undo(self) -> None:
-        """Undo the project's last edit or mark, a series of nudges as a whole, and show where it was."""
-        self._step(self._tab.someone.undo, lambda project: project.undoable, "Undone")
+        """Undo the project's last edit or mark, a series of nudges as a whole, and show where it was. The first call
+        for an edit of someone else only asks."""
+        self._step(self._tab.someone.undo, lambda project: project.undoable, ("Undo", "Undone", "Ctrl+Z"))
 
     def redo(self) -> None:
-        """Redo the edit or mark undone last, a series of nudges as a whole, and show where it is."""
-        self._step(self._tab.someone.redo, lambda project: project.redoable, "Redone")
+        """Redo the edit or mark undone last, a series of nudges as a whole, and show where it is. The first call for
+        an edit of someone else only asks."""
+        self._step(self._tab.someone.redo, lambda project: project.redoable, ("Redo", "Redone", "Ctrl+Y"))
 
     def _step(
-        self, step: Callable[..., LogEntry | None], next_of: Callable[[Project], LogEntry | None], verb: str
+        self,
+        step: Callable[..., LogEntry | None],
+        next_of: Callable[[Project], LogEntry | None],
+        words: tuple[str, str, str],
     ) -> None:
         self.refuse_while_dragging()
-        tab, entry, more = self._tab, None, True
+        tab, entry, more = self._tab, next_of(self._tab.session.project), True
+        if entry is not None and self._asks(entry, *words):
+            return
         shown = tab.look().b
         while more:
             entry = step(author=tab.author, shown=tab.look().b)
             more = one_series(entry, next_of(tab.session.project))
-        self._went_back(entry, shown, verb)
+        self._went_back(entry, shown, words[1])
+
+    def _asks(self, entry: LogEntry, verb: str, done: str, key: str) -> bool:
+        """Show an edit of someone else and ask about it. Returns False once the user has agreed, or made it."""
+        asked, self._asked, now = self._asked, None, time.monotonic()
+        if entry.author == self._tab.author or (asked is not None and asked[:2] == (done, entry.id) and now < asked[2]):
+            return False
+        self._asked = done, entry.id, now + LONG
+        edit, tab = entry.action, self._tab
+        assert not isinstance(edit, Undo | Redo)
+        tab.pause()
+        if tab.state.frame not in edit.frames:
+            tab.seek(edit.frames[0])
+        by = whose(entry.author, tab.author)
+        tab.say(f"{verb} an edit of {by}? {describe(edit, tab.first_frame)}. Press {key} again", LONG)
+        return True
 
     def _went_back(self, entry: LogEntry | None, shown: Shown | None, verb: str) -> None:
         assert entry is not None, "only what can be undone or redone is asked for"

@@ -1,6 +1,7 @@
 """Edits in words, for messages and for the history."""
 
 import textwrap
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -106,6 +107,15 @@ def whose(author: str, me: str) -> str:
     if author == me:
         return "you"
     return "another browser" if author.startswith((BROWSER, "tab ")) else author
+
+
+def also_here(authors: Iterable[str], me: str) -> str:
+    """Who else has the clip open, such as "Also here: anna, 2 other browsers"; empty if no one."""
+    names = [whose(author, me) for author in dict.fromkeys(authors) if author != me]
+    browsers = names.count("another browser")
+    named = [name for name in names if name != "another browser"]
+    named += [f"{browsers} other browsers" if browsers > 1 else "another browser"] * bool(browsers)
+    return f"Also here: {', '.join(named)}" if named else ""
 
 
 def part_name(part: PartOfPerson) -> str:

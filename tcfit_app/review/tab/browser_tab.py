@@ -1,6 +1,6 @@
 """What a browser tab has whichever person it shows: its connection to the page, its scene, its messages."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import viser
 
@@ -37,6 +37,8 @@ class BrowserTab:
         """Shows another person."""
         self.has_come: Callable[[], None] = lambda: None
         """Called once the page has said hello, and so which tab it is."""
+        self.authors: Callable[[], Sequence[str]] = lambda: ()
+        """Returns the authors of all tabs that are open."""
         self.show_first_steps: Callable[[], None] = lambda: None
         """Shows the first steps in the page."""
         self.channel = Channel(client, self.receive, timeline=True)

@@ -109,9 +109,9 @@ class Tab:
         """Show a notice to the user."""
         self.browser.toasts.show(notice)
 
-    def say(self, text: str) -> None:
+    def say(self, text: str, seconds: float = SHORT) -> None:
         """Show a passing message about what was done."""
-        self.message = (text, time.monotonic() + SHORT)
+        self.message = (text, time.monotonic() + seconds)
 
     def save_picture(self) -> None:
         """Have the page save its canvas."""

@@ -1,6 +1,7 @@
 """The panels View, Keypoints and Review: what their buttons and inputs do, and what they send."""
 
 import re
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -326,6 +327,40 @@ def test_selecting_by_name(tested: LonePage):
     assert "70 keypoints selected" in tested.html()
 
 
+def test_an_undo_of_an_edit_of_someone_else_asks_first(tested: LonePage):
+    tab = tested.page.tab
+    me, project = tab.author, tab.session.project
+    tab.browser.author = "anna"
+    tab.set(selection=(4,))
+    tab.seek(2)
+    tested.press("action", "bad")
+    tab.browser.author = me
+    tab.seek(0)
+    tested.press("action", "undo")
+    question = f"Undo an edit of anna? right wrist marked bad, frame {FIRST + 2}. Press Ctrl+Z again"
+    assert tab.message[0] == question and tab.message[1] > time.monotonic() + 8, "long enough to be read"
+    assert tab.state.frame == 2 and project.undoable is not None
+    tab.set(selection=(5,))
+    tested.press("action", "bad")
+    tested.press("action", "undo")
+    assert tab.message[0].startswith("Undone: left shoulder"), "an own edit needs no question"
+    tested.press("action", "undo")
+    assert tab.message[0] == question, "the answer was for another question"
+    tested.press("action", "undo")
+    assert tab.message[0].endswith("(made by anna)") and project.undoable is None
+    tested.press("action", "redo")
+    assert tab.message[0].startswith("Redo an edit of anna?") and project.undoable is None
+    tested.press("action", "redo")
+    assert project.undoable is not None
+
+
+def test_who_else_has_the_clip_open_is_shown(tested: LonePage):
+    tab = tested.page.tab
+    assert not [chip for chip in lasting(tab) if chip.text.startswith("Also here")]
+    tab.browser.authors = lambda: [tab.author, "browser 1", tab.author, "anna", "browser 2", "browser 1"]
+    assert "Also here: anna, 2 other browsers" in [chip.text for chip in lasting(tab)]
+
+
 def test_history(tested: LonePage):
     page = tested.page
     page.tab.set(selection=(4,))
@@ -336,6 +371,7 @@ def test_history(tested: LonePage):
     assert page.tab.message[0] == f"Undone: right wrist marked bad, frame {FIRST}"
     tested.press("action", "redo")
     page.tab.browser.author = "another"
+    tested.press("action", "undo")
     tested.press("action", "undo")
     assert page.tab.message[0].endswith("(made in another browser)")
     shown = tested.html()
