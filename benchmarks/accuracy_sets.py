@@ -15,7 +15,7 @@ from fitting_core import keypoints as kp
 from fitting_core import metrics
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
+from fitting_core.body.points.positions import joints_in_space
 from fitting_core.camera import focal_from_35mm
 from fitting_core.clip import Clip
 from fitting_core.clips.options import CameraOptions, ClipOptions
@@ -24,6 +24,7 @@ from fitting_core.config.schema import FitConfig
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.lifting.focal_length import estimate_focal
 from fitting_core.measure.limbs import HIPS, Limbs, limb_figures, pa_mpjpe
+from fitting_core.measure.pairing import LIMB_JOINTS
 from fitting_core.measure.references.points import read_points
 from fitting_core.measure.references.reference import Reference
 from fitting_core.measure.references.resampling import at_frames_of
@@ -41,7 +42,6 @@ _SYSTEMS = {"opencap_monocular": "OpenCap Monocular", "wham": "WHAM"}
 _SHORT = {"sho": "shoulder", "elb": "elbow", "wri": "wrist", "hip": "hip", "kne": "knee", "ank": "ankle"}
 _OFFSETS = np.arange(-0.1, 0.1001, 0.01)
 """Seconds by which the markers' clock may be off the video's."""
-_LIMB_JOINTS = [JOINT[kp.BODY_25[i]] for i in kp.LIMBS]
 _COLUMNS = {"turned_mpjpe": "MPJPE mm", "knee_flexion": "knee °", "hip_flexion": "hip °", "elbow_flexion": "elbow °"}
 _PHONES = {"squat": 120, "walk_ts": 80}
 """By name, frames that a quick run takes: somebody goes down and comes up again, and nearly the whole walk."""
@@ -64,8 +64,8 @@ class Setting:
         return found.last.params, time.process_time() - begun
 
     def limbs(self, params: BodyParams) -> Limbs:
-        """The limb keypoints in camera space."""
-        return keypoints_in_space(self.body, params)[0][:, kp.LIMBS]
+        """The limb joints in camera space: those of `fit.npz`, which users get, and not the fitted keypoints."""
+        return joints_in_space(self.body, params)[:, LIMB_JOINTS]
 
     @property
     def free(self) -> FitConfig:
@@ -167,7 +167,7 @@ def suite(setting: Setting, half: str) -> Rows:
         params, spent = setting.fitted(made.clip)
         joints = joints_in_space(setting.body, params)
         records.append(measured(made, joints, method="", seconds=spent))
-        own.append((sequence.shot.cut, joints[:, _LIMB_JOINTS], made.truth.joints[:, _LIMB_JOINTS]))
+        own.append((sequence.shot.cut, joints[:, LIMB_JOINTS], made.truth.joints[:, LIMB_JOINTS]))
         seconds += spent
     whole = [record for record in records if record.cut == "whole"]
     rows = {

@@ -61,7 +61,8 @@ def _of_limbs(figure: Callable[[Limbs, Limbs], float | None]) -> Callable[[Pair]
     def value(pair: Pair) -> float | None:
         if pair.reference is None:
             return None
-        return figure(pair.estimate.keypoints[0][:, kp.LIMBS], pair.matched(pair.reference.points[:, kp.LIMBS]))
+        found, _ = pair.estimate.points_beside(pair.reference)
+        return figure(found[:, kp.LIMBS], pair.matched(pair.reference.points[:, kp.LIMBS]))
 
     return value
 

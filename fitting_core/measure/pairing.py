@@ -21,6 +21,8 @@ _NEAR = 0.01
 """Metres: points nearer to the camera's plane, or behind it, are in no image."""
 BODY_JOINTS = list(range(JOINT["right_wrist"] + 1))
 """The 22 joints of trunk and limbs."""
+LIMB_JOINTS = [JOINT[kp.NAMES[i]] for i in kp.LIMBS]
+"""SMPL-X's joints of the same names as `keypoints.LIMBS`."""
 _FINE = set(JOINTS[JOINT["right_wrist"] + 1 :])
 """Joints of fingers and face, which do not count where joints are compared, whatever has them."""
 _HIPS = [kp.INDEX["left_hip"], kp.INDEX["right_hip"]]
@@ -62,6 +64,14 @@ class PosedMotion:
         """In camera space, metres, and which of them the body has."""
         return keypoints_in_space(self.body, self.params)
 
+    def points_beside(self, reference: Reference) -> tuple[Float[np.ndarray, "T 137 3"], Bool[np.ndarray, "137"]]:
+        """The keypoints, which a detector's reference has; beside other systems' results the limbs are joints."""
+        points, exists = self.keypoints
+        if reference.others:
+            points, exists = points.copy(), exists.copy()
+            points[:, kp.LIMBS], exists[kp.LIMBS] = self.joints[:, LIMB_JOINTS], True
+        return points, exists
+
     @cached_property
     def pixels(self) -> Float[np.ndarray, "T 137 2"]:
         """Projected keypoints; NaN for those that the body lacks, and behind the camera."""
@@ -82,11 +92,11 @@ def comparable(
 ) -> tuple[Float[np.ndarray, "T K 3"], Float[np.ndarray, "R K 3"], list[int]]:
     """The points that both have, each at its own moments, and which of them are the root.
 
-    Joints of trunk and limbs of a reference that is a body; else keypoints of the limbs, such joints, and markers.
+    Joints of trunk and limbs of a reference that is a body; else the limbs' points, such joints, and markers.
     """
     if reference.joints is not None:
         return estimate.joints[:, BODY_JOINTS], reference.joints[:, BODY_JOINTS], [JOINT["pelvis"]]
-    points, exists = estimate.keypoints
+    points, exists = estimate.points_beside(reference)
     known = np.isfinite(reference.points).all(-1).any(0) & exists
     chosen = [i for i in kp.LIMBS if known[i]]
     estimated, true = points[:, chosen], reference.points[:, chosen]

@@ -8,12 +8,14 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
+from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera, path_of
 from fitting_core.io.motion.imported_motion import from_still
 from fitting_core.measure.comparison import compare, figure_titles
-from fitting_core.measure.pairing import PosedMotion
+from fitting_core.measure.limbs import LIMB_FIGURES
+from fitting_core.measure.pairing import LIMB_JOINTS, PosedMotion
 from fitting_core.measure.references.bodies import reference_of
 from fitting_core.measure.references.reference import Reference
 from tests.samples.scenes import arms_in_motion, random_params
@@ -51,6 +53,21 @@ def test_a_body_that_stands_elsewhere(free_body: BodyModel, truth: Reference):
     assert found["jitter"] == pytest.approx(found["jitter_truth"])
     assert found["reprojection_mean"] is None and found["reprojection_truth_mean"] > 1
     assert set(found) == set(figure_titles())
+
+
+def test_a_fit_beside_other_systems_is_compared_by_its_joints(free_body: BodyModel):
+    """Not by its keypoints, which lie elsewhere: users get the joints, and other systems give theirs."""
+    params = random_params(4)
+    fit = estimate(free_body, params)
+    points = np.full((4, kp.COUNT, 3), np.nan)
+    points[:, kp.LIMBS] = fit.joints[:, LIMB_JOINTS]
+    about = dict(name="markers", kind="", frame_rate=25.0, in_camera=True)
+    beside = Reference(**about, points=points, others={"wham": points})
+    found = compare(fit, beside, meshes=False).figures
+    for name in ("pa_mpjpe_mean", "mpjpe_mean", *LIMB_FIGURES):
+        assert found[name] == pytest.approx(0, abs=1e-9), name
+    alone = compare(fit, Reference(**about, points=points), meshes=False).figures
+    assert alone["pa_mpjpe_mean"] > 5, "keypoints of a detector have no joints"
 
 
 def test_the_motion_of_a_camera_is_not_the_person_s(free_body: BodyModel):

@@ -18,6 +18,7 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.io.truth import Truth, write_truth
 from fitting_core.keypoints import Keypoints
+from fitting_core.measure.pairing import LIMB_JOINTS
 from fitting_core.measure.references.bodies import reference_of
 from fitting_core.results.fit_result import FitResult, PhaseResult
 from tcfit_app.cli.main import main
@@ -264,8 +265,8 @@ def test_other_systems_are_judged_beside_the_fit(tmp_path: Path, free_body: Body
     seconds = np.arange(0, 2, 1 / laboratory.RATE)
     result = written(tmp_path / "hmr4d_results.pt", torch_bytes(gvhmr(laboratory.acted(seconds))))
     moments = np.arange(0, 1.5, 1 / 50)
-    points, _ = keypoints_in_space(free_body, laboratory.acted(moments))
-    points = points[:, kp.LIMBS] @ laboratory.TURN.T + laboratory.SHIFT
+    points = joints_in_space(free_body, laboratory.acted(moments))[:, LIMB_JOINTS]
+    points = points @ laboratory.TURN.T + laboratory.SHIFT
     noisy = points + np.random.default_rng(0).normal(0, 0.02, points.shape)
     names = np.array([kp.NAMES[i] for i in kp.LIMBS])
     np.savez(tmp_path / "points.npz", points=points, names=names, time=moments, wham=noisy)
