@@ -32,6 +32,8 @@ ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 PAGES = sorted(DOCS.rglob("*.md"))
 TEXTS = [*(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")), *PAGES]
+CURRENT = [path for path in TEXTS if path.name != "CHANGELOG.md"]
+"""What they name exists; the changelog also names what was removed."""
 BYTES_OF_README = 8000
 
 _SOURCES = {".py", ".js", ".ts", ".css", ".md"}
@@ -40,7 +42,7 @@ _HEADING = re.compile(r"^#+ +(.*)$", re.MULTILINE)
 _FENCED = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 _SPAN = re.compile(r"`([^`\n]+)`")
 _OPTION = re.compile(r"(?<![\w-])--[a-z][a-z0-9_-]*")
-_FOREIGN = {"--write_json", "--hand", "--face", "--keypoint_scale", "--file"}
+_FOREIGN = {"--video", "--write_json", "--hand", "--face", "--keypoint_scale", "--file"}
 """Options of OpenPose and Docker, which are not ours."""
 QUICK = replace(
     PRESETS["tcfit"],
@@ -75,14 +77,14 @@ def words(line: str) -> list[str]:
 
 def shown(program: str) -> list[tuple[str, ...]]:
     """The arguments of each command line of a program in the pages' blocks."""
-    texts = map(text_of, TEXTS)
+    texts = map(text_of, CURRENT)
     lines = (line.removeprefix(".venv/bin/") for text in texts for line in indented(text))
     return [tuple(words(line.removeprefix(program))) for line in lines if line.startswith(program + " ")]
 
 
 def spans() -> Iterator[tuple[str, str]]:
     """Page and content of each span of code in running text."""
-    for path in TEXTS:
+    for path in CURRENT:
         text = _FENCED.sub("", text_of(path))
         running = "\n".join(line for line in text.splitlines() if not line.startswith("    "))
         yield from ((name_of(path), span) for span in _SPAN.findall(running))
@@ -162,7 +164,7 @@ def test_every_file_that_is_named_exists():
     files = [path.relative_to(ROOT) for top in tops for path in top.rglob("*") if path.suffix in _SOURCES]
     ours = [path.parts for path in files if "node_modules" not in path.parts]
     there = {"/".join(parts[i:]) for parts in ours for i in range(len(parts))}
-    named = [(name_of(page), text_of(page)) for page in TEXTS if page.name != "CHANGELOG.md"]
+    named = [(name_of(page), text_of(page)) for page in CURRENT]
     named += [(name, text) for name, text in docstrings() if not name.startswith(_CITING)]
     found = {(name, path) for name, text in named for path in _FILE.findall(text)}
     assert len(found) > 50
@@ -182,7 +184,7 @@ def exists(dotted: str) -> bool:
 
 
 def test_every_module_that_is_named_exists():
-    named = [(name_of(page), text_of(page)) for page in TEXTS if page.name != "CHANGELOG.md"]
+    named = [(name_of(page), text_of(page)) for page in CURRENT]
     found = {(name, dotted) for name, text in [*named, *docstrings()] for dotted in _MODULE.findall(text)}
     assert len(found) > 30
     known = {"benchmarks.NAME", "fitting_core.assets"}  # any of them; mapped by setup.py
@@ -254,7 +256,7 @@ def test_every_option_that_is_named_exists():
     helps = [*map(help_of, subcommands()), *(help_of_benchmark(*line) for line in benchmarks())]
     known = _FOREIGN.union(["--help"], *map(_OPTION.findall, helps))
     named = {(page, option) for page, span in spans() for option in _OPTION.findall(span)}
-    assert not {(page, option) for page, option in named if option not in known and page != "CHANGELOG.md"}
+    assert not {(page, option) for page, option in named if option not in known}
 
 
 def test_every_target_of_make_that_is_named_exists():
