@@ -21,7 +21,8 @@ closed after the last such return.
 
 import threading
 from bisect import bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import islice
@@ -75,6 +76,7 @@ from tcfit_app.project.storage.reference import store_reference, stored_referenc
 from tcfit_app.project.storage.runs import Runs
 
 _LEFT_OUT = "ignored"
+_REPLACING = "The keypoints are being replaced, because the lens or the person has changed. Try again in a moment."
 
 
 class Project:
@@ -292,9 +294,11 @@ class Project:
             InputError: There are detections that must stay or that edits or runs depend on; the keypoints have the
                 wrong number of frames, or none was detected; or the project cannot be written. Nothing has changed.
         """
-        with self._changing_files:
+        with self._changing_files, ExitStack() as stack:
             if self.has_detections and before is None:
                 raise InputError(f"{self.folder}: already has keypoints. Make a new project for others.")
+            if before is not None:
+                stack.enter_context(self._replacing())
             if before is not None and (there := self._edits_and_runs()):
                 raise InputError(
                     f"This person already has {there}. Make a new project for another one (--person, --out)."
@@ -333,7 +337,7 @@ class Project:
                 one; or the project cannot be written. Nothing has changed.
         """
         self.refuse_read_only()
-        with self._changing_files:
+        with self._changing_files, ExitStack() as stack:
             before = self._stored
             if camera.size != before.camera.size:
                 raise InputError(f"The camera is for images of {camera.size}; expected {before.camera.size} pixels.")
@@ -343,6 +347,7 @@ class Project:
             if camera.lens == before.camera.lens:
                 replace_camera(self._database, camera, stored.notes)
             else:
+                stack.enter_context(self._replacing())
                 self._refuse_another_lens()
                 filmed = filmed_keypoints(before.keypoints, before.camera.lens)
                 straight, lens_notes = straightened_keypoints(filmed, camera.lens)
@@ -361,6 +366,16 @@ class Project:
         self.refuse_read_only()
         replace_height(self._database, height)
         self.height = height
+
+    @contextmanager
+    def _replacing(self) -> Iterator[None]:
+        """Refuse edits and runs within the block: they would be based on the old keypoints."""
+        with self._guard:  # an edit that is being written is in the log afterwards
+            self.runs.refusal = _REPLACING
+        try:
+            yield
+        finally:
+            self.runs.refusal = ""
 
     def _edits_and_runs(self) -> str:
         """What depends on the detections, for users; empty if nothing does."""
@@ -504,6 +519,8 @@ class Project:
         """Make an edit or a mark; it is on disk when this returns. Raises InputError if it is invalid for this clip, or
         the project cannot be written; nothing has changed."""
         with self._guard:
+            if self.runs.refusal and not isinstance(action, Remark | Undo | Redo):
+                raise InputError(self.runs.refusal)
             text = encode(action)
             action = decode(text)  # nothing unreadable may get into the log
             self._history.check(action)

@@ -58,6 +58,8 @@ class Runs:
         self._versions = count(1)
         self.version = 0
         """Changes whenever a run is added, changed or removed."""
+        self.refusal = ""
+        """Why no run can be added now; empty if one can."""
 
     @contextmanager
     def _writing(self) -> Iterator[sqlite3.Connection]:
@@ -137,6 +139,8 @@ class Runs:
         name: str,
         frames: range | None = None,
     ) -> int:
+        if self.refusal:  # asked within the transaction: whoever sets it then sees this run, or this sees it
+            raise InputError(self.refusal)
         if parent is not None:
             self.get(parent)
         cursor = connection.execute(

@@ -3,6 +3,7 @@
 import json
 import sqlite3
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,11 +11,13 @@ import numpy as np
 import pytest
 
 from fitting_core.camera import Camera, FocalFrom, Lens
+from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.lens import filmed_keypoints
 from tcfit_app.project.edits.kinds import SwapSides
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage import database
+from tcfit_app.project.storage.clip import replace_detections
 from tests.samples.project_samples import BODY, CONFIG, random_edit, sample_clip, sample_fit
 
 
@@ -73,6 +76,40 @@ def test_another_lens_comes_too_late_for_edits_and_runs(project: Project, what: 
     with pytest.raises(InputError, match=f"lens differs from the project's, on which {what} depend"):
         project.set_camera(bent(before.camera, -0.1))
     assert project.clip is before
+
+
+@pytest.mark.parametrize("full", [False, True], ids=["written", "a full disk"])
+@pytest.mark.parametrize("change", ["lens", "person"])
+def test_edits_and_runs_are_refused_while_keypoints_are_replaced(
+    change: str, full: bool, project: Project, monkeypatch: pytest.MonkeyPatch
+):
+    """They would stand on the pixels of the keypoints that were there before."""
+    module, refused = "tcfit_app.project.project", list[str]()
+    write = replace_detections
+
+    def start() -> None:
+        project.runs.start(CONFIG, body=BODY, edits_seen=0)
+
+    def write_while_others_work(folder: Path, store: database.Database, clip: Clip) -> None:
+        project.marks.set([0], "flag")  # stays true of any keypoints
+        for act in (lambda: project.append(random_edit(0)), start):
+            with pytest.raises(InputError, match="are being replaced") as error:
+                act()
+            refused.append(str(error.value))
+        if full:
+            raise InputError("The disk is full.")
+        write(folder, store, clip)
+
+    monkeypatch.setattr(f"{module}.replace_detections", write_while_others_work)
+    with suppress(InputError):
+        if change == "lens":
+            project.set_camera(bent(project.clip.camera))
+        else:
+            project.take_detections(project.detections, before=project.clip)
+    assert len(refused) == 2 and not project.runs.all()
+    assert list(project.marks.all()) == [0]
+    project.append(random_edit(0))
+    start()
 
 
 def _finished(project: Project) -> int:
