@@ -67,9 +67,18 @@ def export_project(
                 report(Work(step=step, share=(before + share) / len(paths)))
 
             try:
+                _refuse_links(out)
                 out.mkdir(exist_ok=True)
                 note = write_export(export, source, path, advance, zipped=False)
             except OSError as error:
                 raise InputError(f"{path}: cannot be written ({error.strerror or error}). Free space.") from error
             told += [f"{path.name}: {note}"] * bool(note)
     return ". ".join([f"Exported to {out.name}", *told])
+
+
+def _refuse_links(out: Path) -> None:
+    """Raises InputError if the folder of exports, or a folder in it, is a link: files would be replaced elsewhere."""
+    inside = out.iterdir() if out.is_dir() and not out.is_symlink() else ()
+    for path in (out, *inside):
+        if path.is_symlink() and not path.is_file():
+            raise InputError(f"{path}: is a link, and exports would go where it leads. Remove it, and export again.")

@@ -22,6 +22,7 @@ export interface Layout {
 export interface FitBody {
   color: string;
   points: ([number, number, number] | null)[];
+  pelvis: number;
   error_bars: ([number, number] | null)[];
   unseen: number[];
   camera: [number, number, number, number];
@@ -74,7 +75,6 @@ export interface Skeleton {
   groups: Group[];
   bones: [number, number][];
   hands: [number, number, number][];
-  root: number;
 }
 
 export interface Keypoints {

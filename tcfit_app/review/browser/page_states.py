@@ -69,6 +69,8 @@ class FitBody(_State, frozen=True, kw_only=True):
     color: Color
     points: tuple[Triple | None, ...]
     """In camera space, metres; None if the body has no such keypoint."""
+    pelvis: float
+    """z of the pelvis, the origin of depths, in camera space, metres."""
     error_bars: tuple[tuple[float, float] | None, ...] = ()
     """Error bars along the camera's ray and across it, metres; None if unknown."""
     unseen: tuple[int, ...] = ()
@@ -164,8 +166,6 @@ class Skeleton(_State, frozen=True, kw_only=True):
     bones: tuple[tuple[int, int], ...] = tuple(keypoints.BONES)
     hands: tuple[tuple[int, int, int], ...] = ()
     """A wrist among the body's keypoints, and its hand's keypoints, start ... stop - 1; the first is the same wrist."""
-    root: int = keypoints.INDEX["mid_hip"]
-    """The origin of depths."""
 
 
 class Keypoints(_State, frozen=True, kw_only=True):

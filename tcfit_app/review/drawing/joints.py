@@ -48,6 +48,7 @@ class JointsPart:
                 FitBody(
                     color=css(bodies[side].color),
                     points=points_in_space(points),
+                    pelvis=round(self._data.pelvis_depth(fit, shown.frame, shown.live_of(side)), 4),
                     error_bars=bars,
                     unseen=() if present is None else unseen_keypoints(present),
                     camera=(*fit.camera.focal, *fit.camera.center),

@@ -379,6 +379,10 @@ def _place(tab: Tab, joint: int) -> Html:
 
 
 def _lock(corrected: Corrected, frame: int, joint: int) -> Html:
+    """Whether the rotation of a keypoint's joint is stated. A hand's shape also overrules its fingertips."""
+    at = corrected[[frame]].keypoints()
+    if at.overruled[0, joint]:
+        return tag("div", "in a given hand shape", class_="tcfit-dim")
     if not corrected[frame].locked[joint]:
         return Html()
     return tag("div", "rotation locked" if joint in LOCKABLE else "in a given hand shape", class_="tcfit-dim")

@@ -8,6 +8,8 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float, Float32
 
+from fitting_core.body.model import JOINT
+from fitting_core.body.points.positions import joints_in_space
 from fitting_core.errors import InputError
 from fitting_core.ground.level import Level, level_of
 from tcfit_app.analysis.curves import Curve, between_runs, curve
@@ -183,6 +185,11 @@ class DrawingData:
         """A body's BODY_25 keypoints in camera space, metres, NaN for missing ones; arguments as in `body`."""
         params = shown.params[[frame]] if live is None else live.params[[frame - live.frames.start]]
         return self.meshes(shown).body_points(params)[0]
+
+    def pelvis_depth(self, shown: Shown, frame: int, live: LiveWindow | None = None) -> float:
+        """z of a body's pelvis in camera space, metres, from which depths of edits count; arguments as in `body`."""
+        params = shown.params[[frame]] if live is None else live.params[[frame - live.frames.start]]
+        return float(joints_in_space(self.meshes(shown).body, params)[0, JOINT["pelvis"], 2])
 
     def present(self, frame: int) -> Bool[np.ndarray, "137"] | None:
         """Keypoints that are `told` in a frame; None if the project has none, so that fits do not depend on them."""

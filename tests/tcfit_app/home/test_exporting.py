@@ -39,6 +39,24 @@ def test_files_beside_the_project_which_are_no_clips(tmp_path: Path, free_body: 
     export_project(folder, told.append, formats=("joints",))  # again, in place of it
 
 
+def test_links_are_not_followed(tmp_path: Path, free_body: BodyModel):
+    """Others may write beside a project, and the list replaces files with the rights of who serves it."""
+    folder, elsewhere = waving_project(tmp_path / "walk.tcfit", free_body), tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    out = tmp_path / "walk.exports"
+    for link in (out, out / "walk-bvh"):
+        link.symlink_to(elsewhere)
+        with pytest.raises(InputError, match=rf"{link.name}: is a link, and exports would go where it leads"):
+            export_project(folder, lambda work: None, formats=("joints", "bvh"))
+        link.unlink()
+        out.mkdir(exist_ok=True)
+    (elsewhere / "kept.csv").write_text("kept")
+    (out / "walk.joints.csv").symlink_to(elsewhere / "kept.csv")
+    export_project(folder, lambda work: None, formats=("joints",))
+    assert (elsewhere / "kept.csv").read_text() == "kept", "a file that is a link is replaced itself"
+    assert [path.name for path in elsewhere.iterdir()] == ["kept.csv"]
+
+
 def test_a_format_that_is_not_known_or_has_nothing_to_write(tmp_path: Path):
     folder = tmp_path / "walk.tcfit"
     Project.create(folder, sample_clip()).close()

@@ -184,7 +184,7 @@ def test_the_side_view_shows_the_body_and_takes_clicks(review: Reviewing):
     edits = review.session.project.last_edit
     x, y = wrist_in_side_view(review)
     review.tab.mouse.move(x, y)
-    until(lambda: "than the hips" in review.tab.locator(".tcfit-tooltip").first.inner_text(), "what is under it")
+    until(lambda: "the pelvis" in review.tab.locator(".tcfit-tooltip").first.inner_text(), "what is under it")
     review.tab.mouse.click(x, y)
     until(lambda: review.page.tab.state.selection == (WRIST,), "the selection")
     assert review.session.project.last_edit == edits and not review.session.edit_follower.busy
@@ -295,7 +295,7 @@ def test_in_3d_the_side_view_gives_way_to_the_room(review: Reviewing):
         review.tab.wait_for_timeout(300)
     x, y = place[-1]
     review.tab.mouse.move(x, y)
-    until(lambda: "than the hips" in review.tab.locator(".tcfit-tooltip").first.inner_text(), "what is under it")
+    until(lambda: "the pelvis" in review.tab.locator(".tcfit-tooltip").first.inner_text(), "what is under it")
     review.tab.mouse.down()
     review.tab.mouse.move(x - 30, y, steps=4)
     review.tab.mouse.up()

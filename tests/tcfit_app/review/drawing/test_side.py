@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 import viser
 
-from fitting_core.body.model import BodyModel
+from fitting_core.body.model import JOINT, BodyModel
+from fitting_core.body.points.positions import joints_in_space
 from fitting_core.keypoints import GROUPS, INDEX
 from fitting_core.results.error_bars import JOINTS
 from tcfit_app.project.project import Project
@@ -117,6 +118,8 @@ def test_keypoints_are_told_in_space_and_how_the_plate_shows_them(tested: LonePa
     assert shown is not None
     points = tab.data.meshes(shown).keypoints(shown.params)[tab.state.frame, :25]
     np.testing.assert_allclose(tab.data.body_points(shown, tab.state.frame), points, atol=1e-6)
+    joints = joints_in_space(tab.data.meshes(shown).body, shown.params)[tab.state.frame]
+    assert body.pelvis == pytest.approx(joints[JOINT["pelvis"], 2], abs=1e-4), "from which edits of depth count"
     known = np.isfinite(points).all(1)
     assert [point is not None for point in body.points] == known.tolist()
     found = np.array([point for point in body.points if point is not None])

@@ -13,7 +13,7 @@ from fitting_core.body.handshapes import HANDSHAPES, finger_angles, in_hand
 from fitting_core.body.model import POSE_JOINTS, BodyModel
 from fitting_core.body.params import full_pose
 from fitting_core.errors import InputError
-from fitting_core.keypoints import FINGER_JOINTS, INDEX, LEFT_HAND, Side
+from fitting_core.keypoints import FINGER_JOINTS, HAND_21, INDEX, LEFT_HAND, RIGHT_HAND, Side
 from tcfit_app.project.edits.kinds import ShapeHand
 from tcfit_app.project.project import Project
 from tcfit_app.review.panels.keypoints_panel import KeypointsPanel
@@ -103,6 +103,11 @@ def test_a_fist_is_put_on_and_the_fit_follows(tested: LonePage, tiny_body: BodyM
     assert tab.session.project.clip.keypoints.turn is None
     tested.press("action", "redo")
     assert tab.session.project.corrected.told[2:7, FINGER_JOINTS["right"]].all(), "marked in the timeline"
+    hand = [RIGHT_HAND.start + HAND_21.index(name) for name in ("wrist", "index1", "index3", "index4")]
+    for joint, given in zip(hand, (False, True, True, True), strict=True):
+        tab.set(selection=(joint,))
+        tested.draw()
+        assert ("in a given hand shape" in tested.html()) == given, "fingertips too: their detections do not count"
 
 
 def test_the_other_hand_mirrored_and_a_copied_one(tested: LonePage, tiny_body: BodyModel):

@@ -108,23 +108,21 @@ export function wayInDepth(map, joint, body) {
 
 const LEAST = 0.4; // share of its length at which a line of sight must be seen for depth to be dragged along it
 
-/** "right wrist  12 cm nearer than the hips  95 cm above the floor" @param {number} joint @param {number} body
+/** "right wrist  12 cm in front of the pelvis  95 cm above the floor" @param {number} joint @param {number} body
  * @param {Set<number>} selected */
 export function fitLine(joint, body, selected) {
-  const { names, root } = known("skeleton");
-  const points = states.bodies?.bodies[body]?.points;
+  const { names } = known("skeleton");
+  const fit = states.bodies?.bodies[body];
+  const points = fit?.points;
   const point = points?.[joint];
-  if (!points || !point) return names[joint];
+  if (!fit || !points || !point) return names[joint];
   const { down, floor } = known("bodies");
   const parts = [names[joint]];
-  const hips = points[root];
-  if (hips && joint !== root) {
-    const depth = centimetres(point[2] - hips[2]);
-    parts.push(`${Math.abs(depth)} cm ${depth < 0 ? "nearer" : "further"} than the hips`);
-  }
+  const depth = centimetres(point[2] - fit.pelvis);
+  parts.push(`${Math.abs(depth)} cm ${depth < 0 ? "in front of" : "behind"} the pelvis`); // as edits of depth say it
   const height = centimetres(floor - dot(down, point));
   parts.push(`${Math.abs(height)} cm ${height < 0 ? "below" : "above"} the floor`);
-  const bars = states.bodies?.bodies[body]?.error_bars[joint];
+  const bars = fit.error_bars[joint];
   if (bars) parts.push(`± ${centimetres(bars[0])} cm in depth, ± ${centimetres(bars[1])} cm across`);
   if (BENDS.test(names[joint])) parts.push(`bent by ${bend(points, joint)}°`);
   const [other] = selected;
