@@ -124,13 +124,13 @@ class OnnxModel:
 def _outputs_of(session: onnxruntime.InferenceSession, fed: dict[str, np.ndarray]) -> list[Any]:
     """`session.run` that Ctrl-C ends: onnxruntime does not look for signals, and a model may loop for years."""
     if threading.current_thread() is not threading.main_thread():  # which alone gets Ctrl-C
-        return session.run(None, fed)
+        return list(session.run(None, fed))
     options, answers = onnxruntime.RunOptions(), SimpleQueue[list[Any] | Exception]()
     options.log_severity_level = _FATAL_ONLY
 
     def work() -> None:
         try:
-            answers.put(session.run(None, fed, options))
+            answers.put(list(session.run(None, fed, options)))
         except Exception as error:
             answers.put(error)
 

@@ -107,7 +107,7 @@ class StoredDetection:
             arrays = read_npz(self._path(number))
         except (OSError, ValueError):
             return None  # missing or damaged: it is made again
-        stated = arrays.pop(_DIGEST, None)
+        stated = arrays.pop(_DIGEST, np.zeros(0))
         return _part(arrays) if np.array_equal(stated, _digest(arrays)) else None
 
     def _path(self, number: int) -> Path:
