@@ -1,4 +1,4 @@
-"""A motion on a body: its file's pose, or one fitted to the points in the file."""
+"""A motion on a body: its file's pose, or one fitted to the keypoints in the file."""
 
 from dataclasses import replace
 
@@ -8,29 +8,16 @@ from jaxtyping import Float
 from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.body.points.pairs import keypoint_points, vertex
-from fitting_core.errors import InputError
-from fitting_core.fit.through_points import KEYPOINTS, VERTICES, pose_through, spread_vertices
+from fitting_core.body.points.pairs import keypoint_points
+from fitting_core.fit.through_points import KEYPOINTS, pose_through
 from fitting_core.io.motion.imported_motion import ImportedMotion
 
 
 def posed_on(motion: ImportedMotion, body: BodyModel) -> ImportedMotion:
-    """The motion with a pose of this body: its own, or if it has only points, one fitted to these. Raises InputError if
-    it has meshes and no pose, and this body has another mesh."""
-    points = motion.points
-    if points is None:
+    """The motion with a pose of this body: its own, or if it has only keypoints, one fitted to these."""
+    if motion.points is None:
         return motion.for_body(body)
-    if points.vertices is None:
-        assert points.keypoints is not None
-        params, note = _through_keypoints(body, points.keypoints)
-    elif points.vertices.shape[1] == len(body.template):
-        params, note = _through_vertices(body, points.vertices)
-    else:
-        raise InputError(
-            f"{motion.source}: has meshes of {points.vertices.shape[1]} vertices and no poses, and the {body.kind} "
-            f"body here has {len(body.template)}; expected the SMPL-X model that it was made with. Add it with "
-            "`tcfit models add`."
-        )
+    params, note = _through_keypoints(body, motion.points)
     own = {"kind": body.kind, "gender": body.gender, "body_hash": body.hash}
     return replace(motion, params=params, points=None, whole_hands=False, notes=(*motion.notes, note), **own)
 
@@ -44,11 +31,3 @@ def _through_keypoints(body: BodyModel, keypoints: Float[np.ndarray, "T 137 3"])
     )
     off = 1000 * float(np.median(found.off))
     return found.params, f"It is of another body: the pose is one whose keypoints lie {off:.0f} mm off its (median)."
-
-
-def _through_vertices(body: BodyModel, vertices: Float[np.ndarray, "T V 3"]) -> tuple[BodyParams, str]:
-    chosen = spread_vertices(body)
-    points = [vertex(i) for i in chosen]
-    found = pose_through(body, points, vertices[:, chosen], regularisation=VERTICES, expression=True, one_shape=False)
-    off = 1000 * float(found.off.max())
-    return found.params, f"It has meshes and no poses: the poses were found by these, to {off:.2g} mm at worst."

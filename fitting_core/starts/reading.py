@@ -83,7 +83,7 @@ def read_start(
         InputError: It cannot be read, has nothing for this clip, or nobody in it follows the keypoints.
     """
     path = Path(path)
-    motion = _posed(read_motion(path, person=person, decode=decode), body, find_body)
+    motion = _posed(read_motion(path, person=person, decode=decode), body)
     numbers = [one.number for one in motion.people[:_CANDIDATES]] if person is None else []
     if len(numbers) < 2:
         return _Candidate.of(motion, clip, body, first_frame).start(clip, body, person, find_body)
@@ -91,7 +91,7 @@ def read_start(
     refused: list[InputError] = []
     for number in numbers:
         try:
-            motion = _posed(read_motion(path, person=number, decode=decode), body, find_body)
+            motion = _posed(read_motion(path, person=number, decode=decode), body)
             found[number] = _Candidate.of(motion, clip, body, first_frame)
         except InputError as error:  # Somebody of another part of the video.
             refused.append(error)
@@ -153,12 +153,9 @@ def start_from_fit(
     return _Candidate.of(motion, counted, body, None).start(counted, body, None, lambda kind, gender: own)
 
 
-def _posed(motion: ImportedMotion, body: BodyModel, find_body: FindBody) -> ImportedMotion:
-    """With a pose if it has only points: of the fitted body, or of the one whose mesh they are."""
-    if motion.points is None:
-        return motion
-    meshes = motion.points.vertices is not None and motion.points.vertices.shape[1] != len(body.template)
-    return posed_on(motion, (find_body(motion.kind, motion.gender) if meshes else None) or body)
+def _posed(motion: ImportedMotion, body: BodyModel) -> ImportedMotion:
+    """With a pose of the fitted body if it has only keypoints."""
+    return motion if motion.points is None else posed_on(motion, body)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

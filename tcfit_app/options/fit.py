@@ -134,8 +134,8 @@ class StartOptions:
     """A result of another system for this clip, with which phase 1 begins; frames that it lacks are fitted as usual."""
 
     start: Annotated[Path | None, shown("RESULT", "none")] = None
-    """A result of GVHMR, GEM, WHAM, TRAM, PromptHMR, 4D-Humans, VIBE, ROMP, BEV, SMPLer-X, Multi-HMR or SAM 3D Body,
-    SMPLify-X's output folder, an npz of SMPL-X or AMASS, or a fit of tcfit. The content tells which."""
+    """A result of GVHMR, GEM, WHAM, PromptHMR, 4D-Humans or SAM 3D Body, SMPLify-X's output folder, an npz of SMPL-X
+    or AMASS, or a fit of tcfit. The content tells which."""
     start_person: Annotated[int | None, shown("N", "who follows the keypoints; of SMPLify-X 0")] = None
     """Of several people in it, as it numbers them."""
     start_first_frame: Annotated[int | None, shown("N", "as its files are numbered, or the clip's first")] = None

@@ -14,9 +14,9 @@ class ImportOptions:
     """Put another program's result into a project as a run, to compare fits with; or ELAN's annotations as notes.
 
     SMPLify-X's output folder (or a zip of it), an npz of SMPL-X or AMASS, a fit.npz of tcfit, or a result of GVHMR,
-    GEM, WHAM, TRAM, PromptHMR, 4D-Humans, VIBE, ROMP, BEV, SMPLer-X, Multi-HMR or SAM 3D Body. The content tells
-    which; the body model that it belongs to must be here. Of an .eaf file of ELAN, annotations become notes on their
-    frames. Nothing is written unless all of it could be read.
+    GEM, WHAM, PromptHMR, 4D-Humans or SAM 3D Body. The content tells which; the body model that it belongs to must be
+    here. Of an .eaf file of ELAN, annotations become notes on their frames. Nothing is written unless all of it could
+    be read.
     """
 
     project: Annotated[Positional[Path], arg(metavar="PROJECT")]

@@ -26,16 +26,6 @@ _IN_VIEW = 1.2
 """For a body at an unknown place: metres above and below the pelvis that must be in view."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SeenPoints:
-    """Points of T frames in camera space, metres: keypoints of any body, or the vertices of a mesh."""
-
-    keypoints: Float[np.ndarray, "T 137 3"] | None = None
-    """NaN where missing; the same in all frames."""
-    vertices: Float[np.ndarray, "T V 3"] | None = None
-    """Of SMPL-X's mesh."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class PersonTrack:
     """One of the people in a file."""
@@ -61,12 +51,9 @@ class ImportedMotion:
     """SHA-256 of the body's file, if stated."""
     params: BodyParams
     """In the file's own space, but for `camera_translation`, which is added after `turn`."""
-    about_pelvis: bool = False
-    """Whether `camera_translation` is the pelvis's position instead of what is added to the body's own origin."""
-    from_corner: bool = False
-    """Whether `camera_translation` is for a camera whose principal point is the image's corner."""
-    points: SeenPoints | None = None
-    """Points in the file instead of a pose; `params` are zero until `starts.posing` has posed a body."""
+    points: Float[np.ndarray, "T 137 3"] | None = None
+    """Keypoints of any body in camera space, metres, instead of a pose; NaN where missing, the same in all frames.
+    `params` are zero until `starts.posing` has posed a body."""
     whole_hands: bool
     """Whether hands are axis-angle of 15 joints including the mean pose; otherwise they are relative to that mean."""
     turn: Float[Tensor, "T 3 3"]
@@ -169,8 +156,6 @@ class ImportedMotion:
         """
         assert self.points is None
         params = self._as_body_params(body)
-        if self.from_corner:
-            params = replace(params, camera_translation=_before(camera, params.camera_translation))
         if (self.turn != torch.eye(3, dtype=self.turn.dtype)).any():
             params = _turned(body, params, self.turn)
         return params if self.placed else _in_view(body, params, camera)
@@ -187,8 +172,6 @@ class ImportedMotion:
     def _as_body_params(self, body: BodyModel) -> BodyParams:
         """Hands and translation in the form of BodyParams."""
         params = self.params
-        if self.about_pelvis:
-            params = replace(params, camera_translation=params.camera_translation - self.pelvis(body))
         if not self.whole_hands:
             return params
         left, right = (torch.as_tensor(mean).to(params.body_pose) for mean in body.hand_mean)
@@ -211,12 +194,6 @@ def from_still(body: BodyModel, params: BodyParams, camera: Camera) -> BodyParam
     turn = torch.as_tensor(camera.path.to_still).mT.to(off)
     there = replace(params, camera_translation=(turn @ off[..., None])[..., 0])
     return _turned(body, there, turn)
-
-
-def _before(camera: Camera, places: Float[Tensor, "T 3"]) -> Float[Tensor, "T 3"]:
-    """Positions that look to a camera as these do to one whose principal point is the image's corner."""
-    slope = torch.tensor([c / f for c, f in zip(camera.center, camera.focal, strict=True)], dtype=places.dtype)
-    return torch.cat([places[:, :2] - slope * places[:, 2:], places[:, 2:]], 1)
 
 
 def _turned(body: BodyModel, params: BodyParams, turn: Float[Tensor, "T 3 3"]) -> BodyParams:

@@ -19,18 +19,12 @@ import torch
 from fitting_core.io import read_motion
 from tests.fitting_core.io.malformed import FAR_MEMO, HOSTILE, Bomb, Case, content, doubling, zipped
 from tests.fitting_core.io.motion.learned_files import (
-    TRAM_CAMERA,
     gvhmr,
     joblib_bytes,
-    npy_bytes,
-    npz_bytes,
     phalp,
     prompthmr,
-    romp,
     torch_bytes,
-    tram,
     truth,
-    vibe,
     wham,
     zlib_packed,
 )
@@ -78,11 +72,9 @@ _CODE: dict[str, Any] = {
 }
 _WRITERS: dict[str, tuple[str, Callable[[Any], bytes]]] = {
     "joblib": ("wham_output.pkl", joblib_bytes),
-    "pickle": ("vibe.pkl", partial(pickle.dumps, protocol=4)),
+    "pickle": ("plain.pkl", partial(pickle.dumps, protocol=4)),
     "torch": ("hmr4d_results.pt", torch_bytes),
     "torch of before 1.6": ("old.pth", partial(torch_bytes, _use_new_zipfile_serialization=False)),
-    "npy": ("hps_track_0.npy", npy_bytes),
-    "npz": ("video_results.npz", lambda value: npz_bytes(results=value)),
     "packed": ("packed.pkl", lambda value: zlib.compress(joblib_bytes(value))),
 }
 
@@ -109,25 +101,9 @@ def of_gvhmr(says: str, incam: dict[str, Any] | None = None, **changed: Any) -> 
     return case("hmr4d_results.pt", torch_bytes(gvhmr(truth(), incam=incam or {}, **changed)), says)
 
 
-def of_vibe(says: str, **changed: Any) -> Case:
-    """VIBE's with other values."""
-    return case("vibe_output.pkl", joblib_bytes(vibe(_PERSON, **changed)), says)
-
-
 def of_phalp(says: str, **changed: Any) -> Case:
     """PHALP's with other values."""
     return case("demo_walk.pkl", joblib_bytes(phalp(_PERSON, **changed)), says)
-
-
-def of_tram(says: str, **changed: Any) -> Case:
-    """TRAM's with other values."""
-    return case("hps_track_0.npy", npy_bytes(tram(truth(), FRAMES, **changed)), says)
-
-
-def of_romp(says: str, **changed: Any) -> Case:
-    """ROMP's with other values."""
-    results = romp(_PERSON, lambda params: np.zeros((len(params), 3)), **changed)
-    return case("video_results.npz", npz_bytes(results=results), says)
 
 
 def of_prompthmr(says: str, **changed: Any) -> Case:
@@ -216,9 +192,6 @@ LEARNED |= {
     "torch of weights": case("a.pt", torch_bytes(torch.nn.Linear(2, 2).state_dict()), "holds a dict of weight, bias"),
     "torch of a module": case("a.pt", torch_bytes(torch.nn.Linear(2, 2)), "asks for torch.nn.modules.linear.Linear"),
     "npy of numbers": case("a.npy", _numbers.getvalue(), "is not a readable result of a fit"),
-    "npy of two objects": case("a.npy", npy_bytes([{}, {}]), "holds an array of 2 objects, expected one"),
-    "npy truncated": case("a.npy", npy_bytes({"pred_rotmat": 1})[:-20], "cannot be read, it is damaged"),
-    "npy header cut off": case("a.npy", npy_bytes({"a": 1})[:30], "is not an npy array"),
     "gvhmr without a camera": case(
         "a.pt",
         torch_bytes({k: v for k, v in gvhmr(truth()).items() if k != "K_fullimg"}),
@@ -257,10 +230,6 @@ LEARNED |= {
         joblib_bytes({1: wham(_PERSON)[1], 2: [1, 2]}),
         "what holds 'frame_ids' is a list, expected a dictionary",
     ),
-    "vibe behind the camera": of_vibe("'pred_cam' holds -1, expected numbers above 0", pred_cam=np.full((5, 3), -1.0)),
-    "vibe with boxes of nothing": of_vibe("'bboxes' holds 0, expected numbers above 0", bboxes=np.zeros((5, 4))),
-    "vibe of an endless image": of_vibe("was found on images of", orig_cam=np.full((5, 4), 1e-6)),
-    "vibe without a whole image": of_vibe("'orig_cam' has the shape", orig_cam=np.zeros((5, 3))),
     "phalp with no rotations": of_phalp(
         "'smpl' holds matrices that are not rotations", smpl={"body_pose": np.zeros((23, 3, 3))}
     ),
@@ -284,31 +253,10 @@ LEARNED |= {
         ),
         "has person 1 twice in a frame, expected each person once",
     ),
-    "tram with no rotations": of_tram("'pred_rotmat' holds matrices", pred_rotmat=torch.ones(5, 24, 3, 3)),
-    "tram without frames": of_tram(r"'frame' does not hold frame numbers", frame=torch.zeros(0)),
-    "tram with a broken camera": Case(
-        lambda f: (
-            content("hps/hps_track_0.npy", npy_bytes(tram(truth(), FRAMES)))(
-                content("camera.npy", npy_bytes({**TRAM_CAMERA, "img_center": np.zeros(3)}))(f).parent
-            ).parent.parent
-        ),
-        read_motion,
-        r"'img_center' has the shape \(3,\), expected 2 numbers",
-        "broken",
-    ),
     "prompthmr without a fit": of_prompthmr(
         "what holds 'pose' is a NoneType", people={1: {"frames": FRAMES, "bboxes": np.zeros((5, 4))}}
     ),
     "prompthmr with nobody": of_prompthmr("is a result of PromptHMR with nobody in it", people={}),
     "prompthmr without a camera": of_prompthmr(r"has no 'img_focal' \(it has nothing\)", camera={}),
     "prompthmr whose people are a list": of_prompthmr("'people' is a list, expected a dictionary", people=[1]),
-    "romp of 70 numbers": of_romp("'smpl_thetas' has the shape", smpl_thetas=np.zeros((1, 70), np.float32)),
-    "romp without a place": of_romp("'cam_trans' holds nan", cam_trans=_NAN[:1]),
-    "romp at no scale": of_romp("'cam' holds 0, expected numbers above 0", cam=np.zeros((1, 3))),
-    "romp with 24 joints": of_romp("'joints' has the shape", joints=np.zeros((1, 24, 3))),
-    "romp with nobody": case("a.npz", npz_bytes(results={}), "is a result of ROMP or BEV with nobody in it"),
-    "romp of a list": case("a.npz", npz_bytes(results=np.zeros(3)), "holds an array of 3 objects|'results' is a"),
-    "romp truncated": case(
-        "a.npz", npz_bytes(results={"cam": np.zeros(9)})[:-40], "is not a complete npz archive|no result"
-    ),
 }

@@ -28,16 +28,11 @@ from tests.fitting_core.io.motion.learned_files import (
     DIAGONAL,
     PHALP_CAMERA,
     SIZE,
-    TRAM_CAMERA,
-    VIBE_CAMERA,
     gvhmr,
     joblib_bytes,
-    npy_bytes,
     phalp,
     prompthmr,
     torch_bytes,
-    tram,
-    vibe,
     wham,
     written,
 )
@@ -65,12 +60,6 @@ def clip_of(body: BodyModel, params: BodyParams, camera: Camera = DIAGONAL, firs
     return Clip(keypoints=keypoints, camera=camera, frame_rate=30.0, name="walk", first_frame=first_frame)
 
 
-def write_tram(folder: Path, params: BodyParams, frames: np.ndarray) -> Path:
-    written(folder / "camera.npy", npy_bytes(TRAM_CAMERA))
-    written(folder / "hps" / "hps_track_0.npy", npy_bytes(tram(params, frames)))
-    return folder
-
-
 def write_wham(folder: Path, params: BodyParams, frames: np.ndarray) -> Path:
     return written(folder / "wham_output.pkl", joblib_bytes(wham({0: (params, frames)})))
 
@@ -78,9 +67,7 @@ def write_wham(folder: Path, params: BodyParams, frames: np.ndarray) -> Path:
 FORMS: dict[str, Write] = {
     "gvhmr": lambda f, p, t: written(f / "hmr4d_results.pt", torch_bytes(gvhmr(p))),
     "wham": write_wham,
-    "tram": write_tram,
     "prompthmr": lambda f, p, t: written(f / "results.pkl", joblib_bytes(prompthmr({0: (p, t)}))),
-    "vibe": lambda f, p, t: written(f / "vibe_output.pkl", joblib_bytes(vibe({0: (p, t)}))),
     "phalp": lambda f, p, t: written(f / "results" / "demo_walk.pkl", joblib_bytes(phalp({0: (p, t)}))),
 }
 
@@ -96,7 +83,7 @@ def angle(one: Tensor, other: Tensor) -> float:
     return float(turn.norm(dim=1).rad2deg().max())
 
 
-CAMERAS = {"vibe": VIBE_CAMERA, "phalp": PHALP_CAMERA}
+CAMERAS = {"phalp": PHALP_CAMERA}
 
 
 @pytest.mark.parametrize("form", FORMS)

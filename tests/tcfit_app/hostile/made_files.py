@@ -22,7 +22,7 @@ import numpy as np
 
 from tests.fitting_core.io.cameras import camera_files
 from tests.fitting_core.io.malformed import FAR_MEMO, HOSTILE, endless_npz, zipped
-from tests.fitting_core.io.motion.learned_files import gvhmr, joblib_bytes, npz_bytes, torch_bytes, truth, vibe, wham
+from tests.fitting_core.io.motion.learned_files import gvhmr, joblib_bytes, npz_bytes, torch_bytes, truth, wham
 from tests.samples.body_files import body_arrays
 from tests.tcfit_app.conftest import QUICK
 from tests.tcfit_app.hostile.calls import UPLOAD
@@ -127,7 +127,6 @@ def pickles(rng: Rng, folder: Path) -> list[str]:
     people, protocol = {1: (truth(), np.arange(5))}, int(rng.integers(0, 6))
     seeds = (
         lambda: pickle.dumps(wham(people), protocol),
-        lambda: pickle.dumps(vibe(people), protocol),
         lambda: joblib_bytes(wham(people), protocol=max(protocol, 2)),
         lambda: pickle.dumps(body_arrays(), protocol),
         lambda: one(rng, [data for data, _ in HOSTILE.values() if len(data) < 2**22]),

@@ -19,9 +19,7 @@ from tcfit_app.project.project import Project
 from tests.fitting_core.io.motion.learned_files import (
     gvhmr,
     joblib_bytes,
-    npy_bytes,
     torch_bytes,
-    tram,
     truth,
     wham,
     written,
@@ -83,9 +81,8 @@ def test_a_person_who_is_not_in_the_whole_clip_is_refused(project: Project, tmp_
         torch_bytes(gvhmr(truth()), _use_new_zipfile_serialization=False),
         joblib_bytes(wham({0: (truth(), np.arange(5))})),
         zlib.compress(joblib_bytes(wham({0: (truth(), np.arange(5))}))),
-        npy_bytes(tram(truth(), np.arange(5))),
     ],
-    ids=["torch", "torch before 1.6", "joblib", "packed", "npy"],
+    ids=["torch", "torch before 1.6", "joblib", "packed"],
 )
 def test_uploads(data: bytes):
     with upload("../a result\n.bin", data) as path:

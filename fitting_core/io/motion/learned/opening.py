@@ -1,10 +1,9 @@
-"""Opening result files: torch's, npy and npz with Python objects, pickles and joblib's, compressed or not."""
+"""Opening result files: torch's, pickles and joblib's, compressed or not."""
 
 import bz2
 import gzip
 import io
 import lzma
-import re
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator
@@ -12,19 +11,13 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path, PurePosixPath
 from typing import Any, BinaryIO
 
-from numpy.lib import format as npy
-
 from fitting_core.errors import InputError
-from fitting_core.files.pickles import as_objects
 from fitting_core.files.regular import most_unpacked, regular_file
 from fitting_core.files.restricted_pickle import Stream
 from fitting_core.files.torch_pickles import MAX_BYTES, of_torch_zip, unpickled
 
-_HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
-_OBJECTS = re.compile(r"(?:.*/)?(?:hps_track_\d{1,6}|camera)\.npy|results\.npy", re.DOTALL)
-"""Members of archives that are object arrays: TRAM's and ROMP's. Others are ignored."""
 _LZ4 = b"\x04\x22\x4d\x18"
-_PICKLE, _NPY = b"\x80", b"\x93NUMPY"
+_PICKLE = b"\x80"
 
 
 class _Inflated(io.RawIOBase):
@@ -65,15 +58,14 @@ _UNPACKED: dict[bytes, Callable[[BinaryIO], Any]] = {
 
 
 @contextmanager
-def opened(path: Path, *, most: int = MAX_BYTES) -> Iterator[Any]:
+def opened(path: Path) -> Iterator[Any]:
     """The content of a file of Python objects while the block lasts: arrays in it are read on access.
 
     Args:
         path: Of a plain file.
-        most: Limit for the bytes read into memory.
 
     Yields:
-        Usually a dictionary; for an npz, one of its object arrays; None if it is not a file of Python objects.
+        Usually a dictionary; None if it is not a file of Python objects.
 
     Raises:
         InputError: It is damaged, too large, or refers to what could run code.
@@ -90,11 +82,9 @@ def opened(path: Path, *, most: int = MAX_BYTES) -> Iterator[Any]:
                     raise InputError(f"is damaged or was cut off ({str(error)[:80]})") from error
                 yield None
             else:
-                yield _of_zip(archive, most_unpacked(path.stat().st_size, most))
-        elif start.startswith(_NPY):
-            yield _of_npy(Stream(file, path.stat().st_size, most=most))
+                yield _of_zip(archive, most_unpacked(path.stat().st_size, MAX_BYTES))
         elif start.startswith(_PICKLE):
-            yield unpickled(Stream(file, path.stat().st_size, most=most))
+            yield unpickled(Stream(file, path.stat().st_size, most=MAX_BYTES))
         elif start.startswith(_LZ4):
             raise InputError("is packed with lz4, which cannot be read here. Save it with another compression")
         else:
@@ -116,29 +106,5 @@ def _of_zip(archive: zipfile.ZipFile, left: int) -> Any:
     members = {member.filename: member for member in archive.infolist()}
     if (size := sum(member.file_size for member in members.values())) > left:
         raise InputError(f"unpacks to {size / 2**30:.1f} GB, expected at most {left / 2**30:.1f} GB of its size")
-    if pickled := next((name for name in members if PurePosixPath(name).name == "data.pkl"), None):
-        return of_torch_zip(archive, pickled)
-    found = {}
-    for name in filter(_OBJECTS.fullmatch, members):
-        with archive.open(name) as file:
-            stream = Stream(file, None, most=left)  # pyright: ignore[reportArgumentType]
-            found[name.removesuffix(".npy")] = _of_npy(stream)
-        left = stream.left
-    return {key: value for key, value in found.items() if value is not None} or None
-
-
-def _of_npy(stream: Stream) -> Any:
-    """The content of an array of one Python object; None for an array of numbers."""
-    try:
-        version = npy.read_magic(stream)  # pyright: ignore[reportArgumentType]
-        shape, _, dtype = _HEADERS[version](stream)  # pyright: ignore[reportArgumentType]
-    except InputError:
-        raise
-    except Exception as error:  # numpy passes on what Python's own reader of such headers raises
-        raise InputError(f"is not an npy array ({str(error)[:80]})") from error
-    if not dtype.hasobject:
-        return None
-    objects = as_objects(unpickled(stream))
-    if shape not in ((), (1,)) or len(objects) != 1:
-        raise InputError(f"holds an array of {len(objects)} objects, expected one")
-    return objects[0]
+    pickled = next((name for name in members if PurePosixPath(name).name == "data.pkl"), None)
+    return None if pickled is None else of_torch_zip(archive, pickled)

@@ -9,31 +9,24 @@ import struct
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
-from itertools import islice
-from pathlib import Path, PurePosixPath
+from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 
 from fitting_core.errors import InputError, some_of
-from fitting_core.files.archives import files_below
 from fitting_core.files.regular import refusal
 from fitting_core.files.torch_pickles import plain
 from fitting_core.io.motion.imported_motion import ImportedMotion, PersonTrack, body_params
-from fitting_core.io.motion.learned import crops, per_image, whole_image
+from fitting_core.io.motion.learned import per_image, whole_image
 from fitting_core.io.motion.learned.opening import opened
 from fitting_core.io.motion.learned.tracks import System, Track, is_mapping_with
 
-SYSTEMS: tuple[System, ...] = (*whole_image.SYSTEMS, *crops.SYSTEMS, *per_image.SYSTEMS)
-_FILES = ("hmr4d_results.pt", "wham_output.pkl", "vibe_output.pkl", "video_results.npz", "results.pkl")
+SYSTEMS: tuple[System, ...] = (*whole_image.SYSTEMS, *per_image.SYSTEMS)
+_FILES = ("hmr4d_results.pt", "wham_output.pkl", "results.pkl")
 """The systems' names for their results in the folder of a video."""
-_CAMERA = "camera.npy"
-_TRACK = re.compile(r"hps_track_(\d{1,6})(?:\.npy)?")
-_IMAGE = re.compile(r".*\d\.npz")
-_PARTS = re.compile(rf"{_TRACK.pattern}|{_IMAGE.pattern}|camera\.npy")
-"""In folders: TRAM's tracks and camera, and ROMP's npz of each image."""
 _SMPLIFYX = re.compile(r"\d+\.pkl")
 _SMPLIFYX_KEYS = ("global_orient", "body_pose", "camera_translation")
 _DAMAGED = (
@@ -41,7 +34,7 @@ _DAMAGED = (
     *(RuntimeError, NotImplementedError, ValueError, OverflowError),
 )
 """Raised by zipfile and the others for malformed bytes."""
-_DEPTH, _MAX_PARTS, _MAX_IMAGE, _MAX_SHOWN = 1, 10**5, 2**26, 5
+_MAX_SHOWN = 5
 
 
 def people_in(path: Path) -> tuple[PersonTrack, ...]:
@@ -57,7 +50,7 @@ def read_learned(path: Path, *, person: int | None = None, gender: str | None = 
     run code, or lacks what the system writes.
 
     Args:
-        path: Its file, the folder that contains it, or for TRAM a zip of that folder.
+        path: Its file, or the folder that contains it.
         person: Number of the one to take, as in the file; None: whoever is in most frames.
         gender: Of the body; None: neutral, which all these systems assume.
     """
@@ -99,8 +92,6 @@ def _motion(
         kind=track.kind,
         gender=gender,
         params=params,
-        about_pelvis=track.about_pelvis,
-        from_corner=track.from_corner,
         points=track.points,
         whole_hands=track.flat_hands,
         turn=torch.eye(3, dtype=torch.float64).expand(frames, 3, 3),
@@ -121,7 +112,10 @@ def _system_of(content: Any) -> System | None:
     if found is None and content is not None and not is_mapping_with(content, *_SMPLIFYX_KEYS):
         has = some_of(map(plain, content)) if isinstance(content, dict) else "nothing known"
         known = ", ".join(system.title for system in SYSTEMS)
-        raise InputError(f"holds a {type(content).__name__} of {has}, no result of {known}")
+        raise InputError(
+            f"holds a {type(content).__name__} of {has}, no result of {known}. Save that of another system as an npz "
+            "of SMPL-X"
+        )
     return found
 
 
@@ -158,56 +152,13 @@ def _checked(path: Path) -> Iterator[None]:
 
 @contextmanager
 def _content(path: Path) -> Iterator[Any]:
-    """The content of a file, or of a folder's files together; None if it is nothing of a learned system."""
-    if path.is_dir() and (images := per_image.of_folder(path)) is not None:
-        yield images
-        return
+    """The content of a file, or of a folder's; None if it is nothing of a learned system."""
     if path.is_dir():
         path = next((path / name for name in _FILES if (path / name).is_file()), path)
-    if path.is_dir():
-        with ExitStack() as stack:
-            found = (file for file in files_below(path, depth=_DEPTH) if _PARTS.fullmatch(file.name))
-            files = [file for file in islice(found, _MAX_PARTS) if not refusal(file)]
-            parts = {str(file.relative_to(path)): _part(file, stack) for file in files}
-            yield _together({name: part for name, part in parts.items() if part is not None})
-    elif not path.is_file() or refusal(path) or _SMPLIFYX.fullmatch(path.name):
+    if not path.is_file() or refusal(path) or _SMPLIFYX.fullmatch(path.name):
         yield None
     elif (arrays := per_image.of_file(path)) is not None:
         yield arrays
     else:
-        with opened(path) as content, _camera_beside(path) as camera:
-            alone = is_mapping_with(content, "pred_rotmat")
-            yield {"tracks": {0: content}, "camera": camera} if alone else _together(content)
-
-
-def _part(file: Path, stack: ExitStack) -> Any:
-    """One file of several. Those of images, which can be thousands, are kept in memory, without meshes."""
-    if not _IMAGE.fullmatch(file.name):
-        return stack.enter_context(opened(file))
-    with opened(file, most=_MAX_IMAGE) as content:
-        values = content.get("results") if isinstance(content, dict) else None
-        return {"results": {key: values[key] for key in crops.ROMP_KEYS if key in values}} if values else None
-
-
-@contextmanager
-def _camera_beside(path: Path) -> Iterator[Any]:
-    """The content of TRAM's camera.npy, in the folder above one of its tracks; None without it."""
-    file = path.absolute().parent.parent / _CAMERA
-    if not _TRACK.fullmatch(path.name) or not file.is_file():
-        yield None
-    else:
-        with opened(file) as camera:
-            yield camera
-
-
-def _together(content: Any) -> Any:
-    """Files that make one result, recognised by name, as one; anything else unchanged."""
-    names = [name for name in content if isinstance(name, str)] if isinstance(content, dict) else []
-    tracks = {int(match[1]): content[name] for name in names if (match := _TRACK.fullmatch(PurePosixPath(name).name))}
-    if tracks:
-        camera = next((content[name] for name in names if PurePosixPath(name).name.startswith("camera")), None)
-        return {"tracks": tracks, "camera": camera}
-    images = [name for name in names if _IMAGE.fullmatch(PurePosixPath(name).name)]
-    if images:
-        return {"results": {name: content[name].get("results") for name in images if isinstance(content[name], dict)}}
-    return content or None
+        with opened(path) as content:
+            yield content or None

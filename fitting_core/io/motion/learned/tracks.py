@@ -14,7 +14,6 @@ from fitting_core.camera import Camera, FocalFrom
 from fitting_core.errors import InputError, some_of
 from fitting_core.files.pickles import as_array
 from fitting_core.files.torch_pickles import plain
-from fitting_core.io.motion.imported_motion import SeenPoints
 
 BODY = 22
 """Joints of a body without hands and face: the root and 21 others. SMPL's two hand joints are left out."""
@@ -33,14 +32,10 @@ class Track:
     """Axis-angle of the root and of 21 joints."""
     more: Mapping[str, Float[np.ndarray, "T n"]] = field(default_factory=dict)
     """Hands relative to their mean, jaw and expression, by their names in BodyParams; missing ones are zero."""
-    points: SeenPoints | None = None
-    """Instead of a pose, shape and translation, which are then zero."""
+    points: Float[np.ndarray, "T 137 3"] | None = None
+    """Keypoints in camera space, NaN where missing, instead of a pose, shape and translation, which are then zero."""
     betas: Float[np.ndarray, "T 10"]
     translation: Float[np.ndarray, "T 3"]
-    about_pelvis: bool = False
-    """Whether `translation` is the pelvis's position instead of what is added to the body's own origin."""
-    from_corner: bool = False
-    """Whether `translation` is for a camera whose principal point is the image's corner, instead of its own."""
     numbers: Int[np.ndarray, "T"] | None = None
     """Of the frames in the video; None: not stated."""
     stems: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""Systems that place a body before the camera of the whole image: GVHMR, GEM, WHAM, TRAM and PromptHMR.
+"""Systems that place a body before the camera of the whole image: GVHMR, GEM, WHAM, PromptHMR and 4D-Humans (PHALP).
 
 | system | documented by | body | taken |
 |---|---|---|---|
@@ -7,23 +7,27 @@ smpl_params_incam (global_orient, body_pose 63, betas, transl), K_fullimg |
 | GEM (GENMO) | NVlabs/GENMO tools/demo/demo_slam.py | as GVHMR | as GVHMR |
 | WHAM | yohanshin/WHAM demo.py, lib/utils/imutils.py | SMPL | by person: pose 72, betas, trans, frame_ids; the focal \
 length is the image's diagonal |
-| TRAM | yufu-wang/tram scripts/estimate_humans.py, estimate_camera.py, lib/models/hmr_vimo.py | SMPL | pred_rotmat, \
-pred_shape, pred_trans, frame; camera.npy: img_focal, img_center |
 | PromptHMR | yufu-wang/PromptHMR pipeline/pipeline.py, phmr_vid.py | SMPL-X, flat hands | by person: smplx_cam (pose, \
 shape, trans), frames; camera: img_focal, img_center |
+| 4D-Humans, PHALP | brjathu/PHALP phalp/trackers/PHALP.py, phalp/models/hmar/hmar.py, phalp/configs/base.py; \
+shubham-goel/4D-Humans issues 100 and 134 | SMPL | by image: time, tid, tracked_time, size (height, width), smpl \
+(global_orient, body_pose as matrices, betas), camera: the translation, for 5000 pixels in the image padded to a \
+square of 256 |
 
-All of them also give a motion in the world, for a moving camera; it is not read.
+All but 4D-Humans also give a motion in the world, for a moving camera; it is not read.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import PurePosixPath
 from typing import Any
 
 import numpy as np
 
-from fitting_core.camera import Camera
+from fitting_core.camera import Camera, FocalFrom
+from fitting_core.errors import InputError
+from fitting_core.files.torch_pickles import plain
 from fitting_core.io.motion.learned.tracks import (
-    BODY,
     SMPL_JOINTS,
     System,
     Track,
@@ -42,6 +46,7 @@ from fitting_core.io.motion.learned.tracks import (
 )
 
 _TOLD = "told by the result"
+_PHALP_FOCAL = 5000 / 256
 
 
 def gvhmr_people(content: Any) -> Mapping[int, Sequence[int]]:
@@ -77,28 +82,6 @@ def wham_track(content: Any, person: int) -> Track:
     )
 
 
-def tram_people(content: Any) -> Mapping[int, Sequence[int]]:
-    """Of each track, the frames."""
-    return people_by(content["tracks"], "frame")
-
-
-def tram_track(content: Any, person: int) -> Track:
-    """One of the tracks; its shape is the mean over its frames, as TRAM shows it."""
-    values = content["tracks"][person]
-    numbers = frame_numbers(values, "frame")
-    shape = shape_numbers(values, "pred_shape", len(numbers))
-    camera = content["camera"]
-    lost = "It has no camera.npy beside its folder hps, so its focal length is not known; give TRAM's folder."
-    return Track(
-        pose=angles(rows(values, "pred_rotmat", 9 * SMPL_JOINTS, len(numbers)), "pred_rotmat")[:, : 3 * BODY],
-        betas=np.broadcast_to(shape.mean(0), shape.shape),
-        translation=rows(values, "pred_trans", 3, len(numbers)),
-        numbers=numbers,
-        camera=None if camera is None else _camera(camera),
-        notes=(lost,) if camera is None else (),
-    )
-
-
 def prompthmr_people(content: Any) -> Mapping[int, Sequence[int]]:
     """Of each person, the frames."""
     return people_by(mapping(content["people"], "'people'"), "frames")
@@ -124,6 +107,79 @@ def _camera(values: Any) -> Camera:
     return centred(float(flat(values, "img_focal", 1)[0]), flat(values, "img_center", 2).tolist(), _TOLD)
 
 
+def _phalp_frames(content: Any, person: int | None = None) -> Iterator[tuple[str, int, int, dict[Any, Any]]]:
+    """For all images: name, number, and the person's index in its lists; of all people for person None.
+
+    Ghosts, which the tracker extrapolates but did not see, are left out.
+    """
+    for name, frame in content.items():
+        values = mapping(frame, "an image's result")
+        ids = _list(values, "tid")
+        unseen = _list(values, "tracked_time") if "tracked_time" in values else [0] * len(ids)
+        for place, track in enumerate(ids):
+            seen = place >= len(unseen) or unseen[place] == 0
+            if seen and (person is None or track == person):
+                yield str(name), track, place, values
+
+
+def _list(values: Mapping[Any, Any], key: str) -> list[Any]:
+    found = values.get(key)
+    if not isinstance(found, list):
+        raise InputError(f"'{key}' is {'absent' if found is None else 'not a list'}, expected a list of the people")
+    return [plain(one) for one in found]
+
+
+def _entry(values: Mapping[Any, Any], key: str, place: int) -> Any:
+    found = values.get(key)
+    if not isinstance(found, list) or place >= len(found):
+        raise InputError(f"'{key}' has no entry for each person in 'tid'")
+    return found[place]
+
+
+def phalp_people(content: Any) -> Mapping[int, Sequence[int]]:
+    """Of each track, the frames."""
+    people: dict[int, list[int]] = {}
+    for _, track, _, values in _phalp_frames(content):
+        if type(track) is not int:
+            raise InputError("'tid' holds something other than numbers of people")
+        people.setdefault(track, []).append(int(frame_numbers({"time": values.get("time")}, "time")[0]))
+    return people
+
+
+def phalp_track(content: Any, person: int) -> Track:
+    """One of the tracks."""
+    found = list(_phalp_frames(content, person))
+    places = [(values, _entry(values, "smpl", place), place) for _, _, place, values in found]
+    turns = np.stack(
+        [np.concatenate([flat(smpl, "global_orient", 9), flat(smpl, "body_pose", 207)]) for _, smpl, _ in places]
+    )
+    cameras = [flat({"camera": _entry(values, "camera", place)}, "camera", 3) for values, _, place in places]
+    sizes = [flat({"size": _entry(values, "size", place)}, "size", 2)[::-1] for values, _, place in places]
+    size = np.median(sizes, axis=0)
+    return Track(
+        pose=body_angles(angles(turns, "smpl")),
+        betas=np.concatenate([shape_numbers(smpl, "betas", 1) for _, smpl, _ in places]),
+        translation=np.stack(cameras),
+        numbers=np.array([int(frame_numbers({"time": values["time"]}, "time")[0]) for values, _, _ in places]),
+        stems=tuple(PurePosixPath(name.replace("\\", "/")).stem for name, _, _, _ in found),
+        camera=_phalp_camera(size),
+    )
+
+
+def _phalp_camera(size: np.ndarray) -> Camera:
+    width, height = round(float(size[0])), round(float(size[1]))
+    if not (1 <= width <= 10**5 and 1 <= height <= 10**5):
+        raise InputError(f"was found on images of {width} x {height} pixels")
+    focal = _PHALP_FOCAL * float(size.max())
+    return Camera(
+        focal=(focal, focal),
+        center=(width / 2, height / 2),
+        size=(width, height),
+        focal_from=FocalFrom.PROGRAM,
+        source="4D-Humans', 5000 pixels in a square of 256",
+    )
+
+
 SYSTEMS = (
     System(
         title="GVHMR",
@@ -138,12 +194,15 @@ SYSTEMS = (
         track=wham_track,
     ),
     System(
-        title="TRAM", holds=lambda content: is_mapping_with(content, "tracks"), people=tram_people, track=tram_track
-    ),
-    System(
         title="PromptHMR",
         holds=lambda content: is_mapping_with(content, "people") and is_mapping_with(content, "camera"),
         people=prompthmr_people,
         track=prompthmr_track,
+    ),
+    System(
+        title="4D-Humans (PHALP)",
+        holds=lambda content: is_mapping_with(first_of(content), "tid", "tracked_ids"),
+        people=phalp_people,
+        track=phalp_track,
     ),
 )

@@ -16,9 +16,8 @@ from tcfit_app.review.tab.tab import Tab
 
 _OWN = "the result's body"
 _SAID = (
-    "SMPLify-X's output folder, an npz of SMPL-X or AMASS, a fit.npz, or what GVHMR, GEM, WHAM, TRAM, PromptHMR, "
-    "4D-Humans, VIBE, ROMP, BEV, SMPLer-X, Multi-HMR or SAM 3D Body wrote, as a run to compare. It must match this "
-    "clip's frames."
+    "SMPLify-X's output folder, an npz of SMPL-X or AMASS, a fit.npz, or a result of GVHMR, GEM, WHAM, PromptHMR, "
+    "4D-Humans or SAM 3D Body, as a run to compare. It must match this clip's frames."
 )
 
 

@@ -6,7 +6,6 @@ import sys
 import types
 import zlib
 from collections import defaultdict
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -170,20 +169,7 @@ def wham(people: dict[int, tuple[BodyParams, np.ndarray]], **changed: Any) -> di
     return found
 
 
-def tram(params: BodyParams, frames: np.ndarray, **changed: Any) -> dict[str, Any]:
-    """hps_track_0.npy."""
-    return {
-        "pred_cam": torch.zeros(len(params), 3),
-        "pred_pose": torch.zeros(len(params), 144),
-        "pred_shape": params.betas.float(),
-        "pred_rotmat": torch.as_tensor(matrices(params)).float(),
-        "pred_trans": params.camera_translation.float()[:, None],
-        "frame": torch.as_tensor(frames),
-        **changed,
-    }
-
-
-TRAM_CAMERA = {
+_CAMERA = {
     "pred_cam_R": np.eye(3)[None],
     "pred_cam_T": np.zeros((1, 3)),
     "img_focal": np.float64(800),
@@ -194,7 +180,7 @@ TRAM_CAMERA = {
 def prompthmr(people: dict[int, tuple[BodyParams, np.ndarray]], **changed: Any) -> dict[str, Any]:
     """results.pkl."""
     return {
-        "camera": {**TRAM_CAMERA, "img_focal": np.float32(800)},
+        "camera": {**_CAMERA, "img_focal": np.float32(800)},
         "people": {
             number: {
                 "track_id": number,
@@ -216,34 +202,6 @@ def prompthmr(people: dict[int, tuple[BodyParams, np.ndarray]], **changed: Any) 
         "contact_joint_ids": [7, 10, 8, 11, 20, 21],
         **changed,
     }
-
-
-VIBE_BOX = 224.0
-VIBE_CAMERA = Camera(focal=(5000.0, 5000.0), center=(320.0, 240.0), size=SIZE)
-"""Of crops of 224 pixels."""
-
-
-def vibe(people: dict[int, tuple[BodyParams, np.ndarray]], **changed: Any) -> dict[int, Any]:
-    """vibe_output.pkl of bodies whose translation is for VIBE_CAMERA."""
-    found = {}
-    for number, (params, frames) in people.items():
-        x, y, z = params.camera_translation.numpy().T
-        box = np.stack([x * 0 + 300.0, x * 0 + 200.0, x * 0 + VIBE_BOX, x * 0 + VIBE_BOX], 1)
-        s = 2 * 5000 / (VIBE_BOX * z)
-        sx, sy = s * VIBE_BOX / SIZE[0], s * VIBE_BOX / SIZE[1]
-        crop = np.stack([s, x - (300 - 320) / 320 / sx, y - (200 - 240) / 240 / sy], 1)
-        found[number] = {
-            "pred_cam": crop.astype(np.float32),
-            "orig_cam": np.stack([sx, sy, x, y], 1).astype(np.float32),
-            "verts": np.zeros((len(params), 6890, 3), np.float32),
-            "pose": smpl_pose(params),
-            "betas": f4(params.betas),
-            "joints2d": None,
-            "bboxes": box,
-            "frame_ids": frames,
-            **changed,
-        }
-    return found
 
 
 PHALP_CAMERA = Camera(focal=(12500.0, 12500.0), center=(320.0, 240.0), size=SIZE)
@@ -279,61 +237,6 @@ def phalp(people: dict[int, tuple[BodyParams, np.ndarray]], **changed: Any) -> d
             lists["bbox"].append(np.zeros(4))
             lists["conf"].append(np.float32(0.9))
         found[values["frame_path"]] = {**values, **lists, **{k: v for k, v in changed.items() if k != "smpl"}}
-    return found
-
-
-ROMP_CAMERA = Camera(focal=(443.4 / 512 * 640, 443.4 / 512 * 640), center=(320.0, 240.0), size=SIZE)
-
-
-def romp(
-    people: dict[int, tuple[BodyParams, np.ndarray]],
-    pelvis: Callable[[BodyParams], np.ndarray],
-    *,
-    bev: bool = False,
-    tracked: bool = True,
-    jointed: bool = True,
-    fitted: bool = True,
-    **changed: Any,
-) -> dict[str, Any]:
-    """`results` of video_results.npz.
-
-    Args:
-        people: By track: parameters and frames.
-        pelvis: At rest, (T, 3).
-        bev: As BEV: its joints are moved so that their hips' middle, here 0.1 m off the pelvis, is the origin.
-        tracked: Whether it tells tracks.
-        jointed: Whether it has joints.
-        fitted: Whether the translation is fitted to the joints.
-    """
-    found = {}
-    for t in range(max(int(frames.max()) for _, frames in people.values()) + 1):
-        here = [(n, p, int(np.flatnonzero(f == t)[0])) for n, (p, f) in people.items() if t in f]
-        if not here:
-            continue
-        rest = [pelvis(params)[k] for _, params, k in here]
-        off = np.array([0.0, 0.1, 0.0])
-        joints = np.zeros((len(here), 71, 3))
-        joints[:, 0] = [off if bev else r for r in rest]
-        trans = np.stack([p.camera_translation.numpy()[k] for _, p, k in here])
-        scale = 2 * 443.4 / 512 / trans[:, 2]
-        cam = np.concatenate([scale[:, None], trans[:, :2] * scale[:, None]], 1)
-        if bev:
-            trans = trans + rest - off
-        if not fitted:
-            trans = np.concatenate([cam[:, 1:], np.ones((len(here), 1))], 1) * 2 / scale[:, None]
-        age = np.zeros((len(here), 1 if bev else 0))
-        values: dict[str, Any] = {
-            "cam": cam.astype(np.float32),
-            "cam_trans": trans.astype(np.float32),
-            "smpl_thetas": np.stack([smpl_pose(p)[k] for _, p, k in here]),
-            "smpl_betas": np.concatenate([np.stack([f4(p.betas)[k] for _, p, k in here]), age], 1).astype(np.float32),
-            "verts": np.zeros((len(here), 10, 3), np.float32),
-        }
-        if jointed:
-            values["joints"] = joints.astype(np.float32)
-        if tracked:
-            values["track_ids"] = np.array([n for n, _, _ in here], np.int32)
-        found[f"{t:08d}.png"] = {**values, **changed}
     return found
 
 

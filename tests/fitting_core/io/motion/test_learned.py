@@ -5,7 +5,6 @@ import gzip
 import lzma
 import os
 import pickle
-import zipfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -24,26 +23,17 @@ from fitting_core.io import read_motion
 from fitting_core.io.motion.imported_motion import ImportedMotion
 from fitting_core.io.motion.learned import per_image
 from fitting_core.io.motion.learned.systems import SYSTEMS, people_in
-from fitting_core.motion import rest_joints
 from tests.fitting_core.io.motion.learned_files import (
     DIAGONAL,
     FRAMES,
     PHALP_CAMERA,
-    ROMP_CAMERA,
     SIZE,
-    TRAM_CAMERA,
-    VIBE_CAMERA,
     gvhmr,
     joblib_bytes,
-    npy_bytes,
-    npz_bytes,
     phalp,
     prompthmr,
-    romp,
     torch_bytes,
-    tram,
     truth,
-    vibe,
     wham,
     written,
     zlib_packed,
@@ -55,25 +45,8 @@ People = dict[int, tuple[BodyParams, np.ndarray]]
 Write = Callable[[Path, People, BodyModel], Path]
 
 
-def pelvis_of(body: BodyModel) -> Callable[[BodyParams], np.ndarray]:
-    return lambda params: rest_joints(body, params)[:, 0].numpy()
-
-
 def one(people: People) -> tuple[BodyParams, np.ndarray]:
     return next(iter(people.values()))
-
-
-def write_tram(folder: Path, people: People, body: BodyModel) -> Path:
-    written(folder / "camera.npy", npy_bytes(TRAM_CAMERA))
-    for number, person in people.items():
-        written(folder / "hps" / f"hps_track_{number}.npy", npy_bytes(tram(*person)))
-    return folder
-
-
-def write_romp_images(folder: Path, people: People, body: BodyModel) -> Path:
-    for name, values in romp(people, pelvis_of(body)).items():
-        written(folder / name.replace(".png", ".npz"), npz_bytes(results=values))
-    return folder
 
 
 # Name -> the system's title, how it is written, the camera that it has, and whether its hands are flat.
@@ -93,36 +66,13 @@ CASES: dict[str, tuple[str, Write, Camera, bool]] = {
         False,
     ),
     "wham": ("WHAM", lambda f, p, b: written(f / "wham_output.pkl", joblib_bytes(wham(p))), DIAGONAL, False),
-    "tram": ("TRAM", write_tram, DIAGONAL, False),
     "prompthmr": ("PromptHMR", lambda f, p, b: written(f / "results.pkl", joblib_bytes(prompthmr(p))), DIAGONAL, True),
-    "vibe": ("VIBE", lambda f, p, b: written(f / "vibe_output.pkl", joblib_bytes(vibe(p))), VIBE_CAMERA, False),
     "phalp": (
         "4D-Humans (PHALP)",
         lambda f, p, b: written(f / "results" / "demo_walk.pkl", joblib_bytes(phalp(p))),
         PHALP_CAMERA,
         False,
     ),
-    "romp": (
-        "ROMP or BEV",
-        lambda f, p, b: written(f / "video_results.npz", npz_bytes(results=romp(p, pelvis_of(b)), sequence_results={})),
-        ROMP_CAMERA,
-        False,
-    ),
-    "bev": (
-        "ROMP or BEV",
-        lambda f, p, b: written(f / "video_results.npz", npz_bytes(results=romp(p, pelvis_of(b), bev=True))),
-        ROMP_CAMERA,
-        False,
-    ),
-    "romp without a fit": (
-        "ROMP or BEV",
-        lambda f, p, b: written(
-            f / "video_results.npz", npz_bytes(results=romp(p, pelvis_of(b), jointed=False, fitted=False))
-        ),
-        ROMP_CAMERA,
-        False,
-    ),
-    "romp by image": ("ROMP or BEV", write_romp_images, ROMP_CAMERA, False),
 }
 ALONE = ("gvhmr", "gvhmr before 1.6")
 """Those of which a file has one person, in all frames."""
@@ -239,23 +189,8 @@ def test_a_parameter_and_a_pickled_tensor(tmp_path: Path):
         assert torch.allclose(found.params.camera_translation, params.camera_translation, atol=1e-5)
 
 
-def test_tram_in_a_zip_and_alone(tmp_path: Path, tiny_body: BodyModel):
-    params = truth()
-    folder = write_tram(tmp_path / "walk", {0: (params, LATE)}, tiny_body)
-    with zipfile.ZipFile(tmp_path / "walk.zip", "w") as archive:
-        for file in folder.rglob("*.npy"):
-            archive.write(file, file.relative_to(tmp_path))
-    track = folder / "hps" / "hps_track_0.npy"
-    for path in (tmp_path / "walk.zip", track):
-        found = read_motion(path)
-        assert found.camera is not None and found.camera.focal == (800.0, 800.0) and not found.notes
-    os.remove(folder / "camera.npy")
-    found = read_motion(track)
-    assert found.camera is None and "no camera.npy" in found.notes[0]
-
-
 def test_a_systems_folder_holds_its_file(tmp_path: Path, tiny_body: BodyModel):
-    for name in ("gvhmr", "wham", "vibe", "prompthmr", "romp"):
+    for name in ("gvhmr", "wham", "prompthmr"):
         CASES[name][1](tmp_path / name, {0: (truth(), ALL)}, tiny_body)
         assert read_motion(tmp_path / name).format == f"{CASES[name][0]} result"
 
@@ -263,24 +198,6 @@ def test_a_systems_folder_holds_its_file(tmp_path: Path, tiny_body: BodyModel):
 def test_images_are_told_by_name(tmp_path: Path, tiny_body: BodyModel):
     found = read_motion(CASES["phalp"][1](tmp_path, {4: (truth(), LATE)}, tiny_body))
     assert found.stems == tuple(f"{t + 1:06d}" for t in LATE)
-    found = read_motion(CASES["romp"][1](tmp_path, {4: (truth(), ALL)}, tiny_body))
-    assert found.stems == tuple(f"{t:08d}" for t in ALL)
-
-
-def test_romp_without_tracks(tmp_path: Path, tiny_body: BodyModel):
-    people = {0: (truth(1), ALL), 1: (truth(2), ALL)}
-    results = romp(people, pelvis_of(tiny_body), tracked=False)
-    found = read_motion(written(tmp_path / "a.npz", npz_bytes(results=results)), person=1)
-    assert torch.allclose(found.params.body_pose, people[1][0].body_pose, atol=1e-5)
-    assert "has no tracks" in found.notes[1]
-
-
-def test_bevs_children_are_told(tmp_path: Path, tiny_body: BodyModel):
-    results = romp({0: (truth(), ALL)}, pelvis_of(tiny_body), bev=True)
-    for values in results.values():
-        values["smpl_betas"][:, 10] = 0.5
-    found = read_motion(written(tmp_path / "a.npz", npz_bytes(results=results)))
-    assert found.notes == ("BEV's number for a child's age is left out: the body is an adult's.",)
 
 
 def test_frames_come_in_order(tmp_path: Path):
@@ -288,15 +205,6 @@ def test_frames_come_in_order(tmp_path: Path):
     turned = BodyParams(**{name: value.flip(0) for name, value in vars(params).items()})
     found = read_motion(written(tmp_path / "a.pkl", joblib_bytes(wham({0: (turned, LATE[::-1].copy())}))))
     assert found.numbers == tuple(LATE) and torch.allclose(found.params.body_pose, params.body_pose, atol=1e-5)
-
-
-def test_a_body_of_another_size_is_put_on_its_pelvis(tmp_path: Path, tiny_body: BodyModel):
-    """BEV tells where the pelvis is: a body whose own origin lies elsewhere has it there too."""
-    params = truth()
-    found = read_motion(CASES["bev"][1](tmp_path, {0: (params, ALL)}, tiny_body))
-    moved = replace(tiny_body, template=tiny_body.template + np.array([0.3, -0.2, 0.1]))
-    at = [joints_in_space(body, found.on(body, ROMP_CAMERA))[:, 0] for body in (tiny_body, moved)]
-    assert np.abs(at[0] - at[1]).max() < 1e-9
 
 
 def test_a_pickle_of_smplifyx_is_not_taken_for_another(tmp_path: Path):
@@ -324,14 +232,10 @@ FORMS: dict[str, Callable[[], bytes]] = {
     "torch.pt": lambda: torch_bytes(gvhmr(truth())),
     "old.pt": lambda: torch_bytes(gvhmr(truth()), _use_new_zipfile_serialization=False),
     "wham.pkl": lambda: joblib_bytes(slim(wham({1: (truth(), ALL)}))),
-    "vibe.pkl": lambda: pickle.dumps(slim(vibe({1: (truth(), ALL)}))),
-    "packed.pkl": lambda: zlib_packed(joblib_bytes(slim(vibe({1: (truth(), ALL)})))),
-    "hps_track_0.npy": lambda: npy_bytes(tram(truth(), ALL)),
+    "plain.pkl": lambda: pickle.dumps(slim(wham({1: (truth(), ALL)}))),
+    "packed.pkl": lambda: zlib_packed(joblib_bytes(slim(wham({1: (truth(), ALL)})))),
     "results.pkl": lambda: joblib_bytes(prompthmr({1: (truth(), ALL)})),
     "demo.pkl": lambda: joblib_bytes(phalp({1: (truth(), ALL)})),
-    "video_results.npz": lambda: npz_bytes(
-        results=romp({1: (truth(), ALL)}, lambda params: np.zeros((len(params), 3)))
-    ),
 }
 
 
