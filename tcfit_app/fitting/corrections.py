@@ -66,6 +66,8 @@ class Corrections:
         """By run, the run that collects its corrections since `begin`."""
         self._changes: dict[int, Changes] = {}
         """By run, those requested."""
+        self.emptied: dict[int, int] = {}
+        """By run of corrections that is hidden because every one was undone, the run that it corrects."""
         self.to_follow: SimpleQueue[tuple[Run, dict[int, bool]]] = SimpleQueue()
         """Edits that a run's fit still has to follow, by id, and whether they stand."""
 
@@ -124,7 +126,10 @@ class Corrections:
     ) -> None:
         """Put windows of a fit into a run's corrections, which may have changed since the fit was started."""
         base = self.of(run)
-        if base.kind != "corrections" and (emptied := self._emptied(base)) is not None:
+        hidden = base.kind == "corrections" and self._is_empty(base)
+        if self._project.runs.get(base.id).deleted and not hidden:
+            raise InputError(f"{base.name} was deleted, so its refitted corrections were not stored.")
+        if base.kind != "corrections" and (emptied := self._last_emptied(base)) is not None:
             self._collected[run], base = emptied.id, emptied
         fit = self._fits.fit(base)
         whole = fit.last.params
@@ -145,8 +150,6 @@ class Corrections:
             note=_NOTE,
         )
         found = replace(with_phases(fit, (phase,), config), grounding=grounding)
-        if self._project.runs.get(base.id).deleted:
-            raise InputError(f"{base.name} was deleted, so its refitted corrections were not stored.")
         now_seen = self.edits_seen(base, windows, seen)
         before = Frames.of(fit, windows, base.edits_seen)
 
@@ -175,14 +178,20 @@ class Corrections:
                 self._collected[run] = base.id
             self._fits.publish(base.id, found)
 
-    def _emptied(self, base: Run) -> Run | None:
+    def _last_emptied(self, base: Run) -> Run | None:
         """The last run of corrections of a run of which every one was undone: it is what that run is."""
-        for one in reversed(self._fits.runs):
-            if one.kind == "corrections" and one.state == "finished" and one.parent == base.id:
-                changes = self._changes_of(one.id)
-                if changes.taken_back and not changes.made:
-                    return one
-        return None
+        emptied = [run for run in self._runs_to_bring_back() if run.parent == base.id and self._is_empty(run)]
+        return emptied[-1] if emptied else None
+
+    def _is_empty(self, run: Run) -> bool:
+        changes = self._changes_of(run.id)
+        return bool(changes.taken_back) and not changes.made
+
+    def _runs_to_bring_back(self) -> list[Run]:
+        """The runs of corrections, with those that are hidden because every correction was undone."""
+        everything = [*self._fits.runs, *self._project.runs.all(deleted=True)]
+        collected = [run for run in everything if run.kind == "corrections" and run.state == "finished"]
+        return [run for run in collected if not run.deleted or self._is_empty(run)]
 
     def _name(self, base: Run) -> str:
         name, taken = f"{base.name} corrected", {run.name for run in self._fits.runs}
@@ -213,8 +222,7 @@ class Corrections:
                 run.
         """
         with self._changing:
-            collected = [one for one in self._fits.runs if one.kind == "corrections" and one.state == "finished"]
-            changed = {one.id for one in collected if self._brought_back(one)}
+            changed = {one.id for one in self._runs_to_bring_back() if self._brought_back(one)}
             if run is None:
                 return
             now, stands = self.of(run), self._project.stands(edit)
@@ -238,7 +246,12 @@ class Corrections:
             turned.append((change, Frames.of(fit, other.windows, seen)))
             fit, seen = other.put_into(fit), other.edits_seen
         with self._fits.unseen():
-            self._project.runs.amend(run.id, fit, edits_seen=seen)
+            emptied = len(gone) == len(changes.made) > 0
+            self._project.runs.amend(run.id, fit, edits_seen=seen, hidden=emptied)
+            if run.parent is not None and emptied:
+                self.emptied[run.id] = run.parent
+            elif run.parent is not None and run.deleted:
+                self._collected[run.parent] = run.id
             for change, other in turned:
                 (changes.take_back if gone else changes.make_again)(change, other)
             self._fits.publish(run.id, fit)

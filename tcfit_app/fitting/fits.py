@@ -216,9 +216,12 @@ class Fits:
         return fit
 
     def standing(self, choice: FitChoice) -> FitChoice:
-        """The choice, with a deleted run replaced by the newest one."""
-        gone = choice.run is not None and self.run(choice.run) is None
-        return replace(choice, run=None) if gone else choice
+        """The choice, with a deleted run replaced by the newest one, and one whose corrections were all undone by the
+        run that they corrected."""
+        if choice.run is None or self.run(choice.run) is not None:
+            return choice
+        corrected = self.run(self.corrections.emptied.get(choice.run, choice.run))
+        return replace(choice, run=None if corrected is None else corrected.id)
 
     def meant(self, choice: FitChoice) -> Run | None:
         """The run that a choice refers to now."""

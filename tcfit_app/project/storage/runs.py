@@ -244,17 +244,25 @@ class Runs:
                 raise
         return self.get(number)
 
-    def amend(self, run: int, fit: FitResult, *, edits_seen: int) -> Run:
+    def amend(self, run: int, fit: FitResult, *, edits_seen: int, hidden: bool = False) -> Run:
         """Update the result of a finished run of corrections; it is on disk when this returns. Raises InputError if it
-        is not a finished run of corrections, or the project cannot be written."""
+        is not a finished run of corrections, or the project cannot be written.
+
+        Args:
+            run: Its number.
+            fit: The result.
+            edits_seen: As in `start`.
+            hidden: It is listed as deleted, because no correction is left in it.
+        """
         found = self.get(run)
         if found.kind != "corrections" or found.state != "finished":
             raise InputError(f"{found.name} is not a finished run of corrections; it is unchanged.")
         write_run(self._path(run), fit)
+        now = _now().isoformat()
         with self._writing() as connection:
             connection.execute(
-                f"UPDATE runs SET edits_seen = ?, summary = ?, ended = ?, moment = {_NEXT} WHERE id = ?",
-                (edits_seen, _summary(fit, None), _now().isoformat(), run),
+                f"UPDATE runs SET edits_seen = ?, summary = ?, ended = ?, deleted = ?, moment = {_NEXT} WHERE id = ?",
+                (edits_seen, _summary(fit, None), now, now if hidden else None, run),
             )
         return self.get(run)
 

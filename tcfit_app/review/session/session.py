@@ -181,7 +181,7 @@ class Session:
 
     def find_and_fit(self, detector: str, config: FitConfig | None = None, *, person: int | None = None) -> None:
         """Start detecting keypoints in the video, and fit them as they are found. Raises InputError as `fit_everything`
-        and `KeypointSource.begin` do; nothing has been started then.
+        and `KeypointSource.begin` do; nothing goes on then.
 
         Args:
             detector: As in `KeypointSource.detect`.
@@ -190,8 +190,13 @@ class Session:
         """
         body = self.bodies.find()
         self.source.detect(detector, person=person)
-        job = FitEverything(clip=self.project.clip, body=body, config=config or self.preset(), fresh=self.source.feed())
-        self._as_found = self._submit(job, kind="fit", start=None).id
+        config, fresh = config or self.preset(), self.source.feed()
+        job = FitEverything(clip=self.project.clip, body=body, config=config, fresh=fresh)
+        try:
+            self._as_found = self._submit(job, kind="fit", start=None).id
+        except InputError:
+            self.source.cancel()
+            raise
 
     @property
     def can_choose_person(self) -> bool:

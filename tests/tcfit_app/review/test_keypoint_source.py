@@ -35,6 +35,7 @@ from tcfit_app.review.session import session as session_module
 from tcfit_app.review.session.session import Session
 from tests.drivers.lone_page import LonePage, lone_page
 from tests.drivers.review_page import QUICK
+from tests.flows.disk import disk
 from tests.samples.fake_detector import FakeDetector, known
 from tests.samples.sessions import session_of, told, until
 from tests.samples.spot_clips import FRAMES, empty_project, imported_xy, keypoint_files, nose, spot_model, spot_video
@@ -157,6 +158,25 @@ def test_what_is_found_is_fitted_as_it_is_found(
         (run,) = session.fits.runs
         shown = session.fits.show(FitChoice())
         assert run.state == "finished" and shown and shown.has(20) and shown.phase == 3
+
+
+def test_full_disk_leaves_no_detection_without_its_fit(
+    folder: Path, tiny_body: BodyModel, detector: FakeDetector, monkeypatch: pytest.MonkeyPatch
+):
+    gate, plain = threading.Event(), detector._people
+    monkeypatch.setattr(detector, "_people", lambda frame: gate.wait(60) and plain(frame))
+    with session_of(folder, tiny_body) as session, disk() as full:
+        full.room = 0
+        with pytest.raises(InputError, match="full"):
+            session.find_and_fit(DEFAULT, QUICK)
+        full.room = None
+        gate.set()
+        until(session, lambda: not session.tasks.busy)
+        assert session.source.going is not None and session.source.going.state in ("cancelled", "failed")
+        assert not session.jobs and not session.project.runs.all()
+        session.find_and_fit(DEFAULT, QUICK)
+        until(session, lambda: not session.jobs and not session.tasks.busy)
+        assert [run.state for run in session.fits.runs] == ["finished"]
 
 
 def test_a_fit_whose_keypoints_are_not_found_leaves_nothing(

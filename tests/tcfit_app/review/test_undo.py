@@ -10,6 +10,7 @@ from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.results.fit_result import FitResult
 from tcfit_app.fitting import edit_follower
+from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.edits.kinds import MarkBad, MoveKeypoint, Nudge, SetDepth
 from tcfit_app.project.project import Project
 from tcfit_app.review.session.session import Session
@@ -149,6 +150,32 @@ def test_a_thousand_random_edits_are_undone_and_redone(session: Session):
 @pytest.mark.slow
 def test_a_thousand_random_edits_are_undone_before_the_fit_has_followed(session: Session):
     hurry(session, 1000, seed=4)
+
+
+def test_corrections_are_hidden_once_all_are_undone(session: Session, folder: Path, tiny_body: BodyModel):
+    drag(session, 4, 40.0)
+    idle(session)
+    corrected = newest(session)
+    other = session.rerun_frames(corrected, QUICK, (range(2),))
+    idle(session)
+    shown = FitChoice(run=corrected.run.id)
+    session.undo(author="me", shown=corrected)
+    idle(session)
+    assert [run.name for run in session.fits.runs] == ["Run 1", other.name]
+    now = session.fits.show(shown)
+    assert now is not None and now.run.id == corrected.run.parent, "not the newest"
+    session.redo(author="me", shown=now)
+    idle(session)
+    again = session.fits.show(shown)
+    assert again is not None and again.run.id == corrected.run.id and not again.run.deleted
+    assert_same_fit(session.fits.fit(again.run), session.project.runs.load(corrected.run.id))
+    session.undo(author="me", shown=again)
+    idle(session)
+    edit = Nudge(frames=(1,), joints=(WRIST,), by=(25.0, 0.0))
+    session.edit(edit, author="me", shown=session.fits.show(shown))
+    idle(session)
+    assert [run.id for run in session.fits.runs if run.kind == "corrections"] == [corrected.run.id], "used again"
+    assert not session.project.runs.all(deleted=True)
 
 
 def test_a_drag_in_depth_is_taken_back(session: Session):
