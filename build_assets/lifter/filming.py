@@ -1,19 +1,17 @@
 """Films windows of motion: people of all shapes before cameras of all kinds, through a detector that errs."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from build_assets.lifter.figure import POINTS, Figure
 from build_assets.lifter.motions import Motion, Windows
 from fitting_core import keypoints as kp
 from fitting_core.body import rotations
-from fitting_core.keypoint_noise import MEDIAPIPE, deviations
 from fitting_core.lifting.network import FRAMES, RATE
 
 _NEAREST = 0.35
@@ -38,13 +36,6 @@ _PAIRS = [
 ]
 
 
-_BETWEEN = {
-    kp.INDEX["neck"]: [kp.INDEX["left_shoulder"], kp.INDEX["right_shoulder"]],
-    kp.INDEX["mid_hip"]: [kp.INDEX["left_hip"], kp.INDEX["right_hip"]],
-}
-_SMALL_TOES = [kp.INDEX["left_small_toe"], kp.INDEX["right_small_toe"]]
-
-
 def _by_point(usual: float, **others: float) -> Float[Tensor, "25"]:
     return torch.tensor([next((v for n, v in others.items() if name.endswith(n)), usual) for name in kp.BODY_25])
 
@@ -63,8 +54,6 @@ class DetectorErrors:
     """Of a point of the face that looks away from the camera, where it is reported at all."""
     spread: float = 0.5
     """Standard deviation of the logarithm of how good a detector is."""
-    between: bool = False
-    """Whether it reports the middles of shoulders and hips for neck and mid-hip, and no small toes."""
 
 
 OPENPOSE = DetectorErrors(
@@ -74,9 +63,6 @@ OPENPOSE = DetectorErrors(
 )
 """As on the two balancing clips against their triangulated reference. That comes from the same detector, so what all
 views get wrong alike is not in it: `lasting` is a little larger than what was measured."""
-_MEDIAPIPE = torch.as_tensor(deviations(MEDIAPIPE)[: len(kp.BODY_25)] / 1000, dtype=torch.float32)
-EMBEDDED = DetectorErrors(lasting=0.8 * _MEDIAPIPE, slow=0.5 * _MEDIAPIPE, quick=0.003, spread=0.4, between=True)
-"""As large as the embedded detector's errors were measured (`keypoint_noise`), most of which last."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,7 +110,7 @@ class Studio:
         figure: whom.
         windows: what they do.
         rng: source of all chance.
-        errors: of the detectors, of which each window has one.
+        errors: of the detector.
         shots: who is filmed, and from where.
     """
 
@@ -133,7 +119,7 @@ class Studio:
         figure: Figure,
         windows: Windows,
         rng: np.random.Generator,
-        errors: Sequence[DetectorErrors] = (OPENPOSE, EMBEDDED),
+        errors: DetectorErrors = OPENPOSE,
         shots: Shots = Shots(),
     ) -> None:
         self.figure, self.windows, self.errors, self.shots = figure, windows, errors, shots
@@ -168,9 +154,7 @@ class Studio:
         exact = placed[..., :2] / depth.clamp_min(_NEAREST)[..., None]
         head = camera[:, None] @ self._head(motion)
         confidence = self._confidence(count) * self._facing(head, placed)
-        whose = self.rng.integers(len(self.errors), size=count)
-        found = exact + self._errors(confidence, whose) / distance[:, None, None, None]
-        found, confidence = self._reported(found, confidence, whose)
+        found = exact + self._errors(confidence) / distance[:, None, None, None]
         found, confidence = self._failures(found, confidence, distance)
         cut = self._cut(exact, close)
         if shots.cut < 1:
@@ -240,38 +224,20 @@ class Studio:
         wandering = level + 0.05 * self._wander(count, POINTS, 0.3)
         return wandering.clamp(0.15, 1.0) * torch.sigmoid(3 * (2.2 - dips))
 
-    def _errors(self, confidence: Float[Tensor, "B T 25"], whose: Int[np.ndarray, "B"]) -> Float[Tensor, "B T 25 2"]:
+    def _errors(self, confidence: Float[Tensor, "B T 25"]) -> Float[Tensor, "B T 25 2"]:
         """Metres at the body: more where confidence is low."""
-        each, count = [self.errors[k] for k in whose], len(confidence)
-        spread, quick, turned_away = (
-            torch.tensor([getattr(e, name) for e in each])[:, None, None, None]
-            for name in ("spread", "quick", "turned_away")
-        )
-        lasting, slow = (
-            torch.stack([getattr(e, name) for e in each])[:, None, :, None] for name in ("lasting", "slow")
-        )
-        quality = torch.exp(spread * self._normal(count, 1, 1, 1))
-        lasts = lasting * self._normal(count, 1, POINTS, 2)
-        wanders = slow * self._wander(count, 2 * POINTS, 0.1).view(count, FRAMES, POINTS, 2)
-        trembles = quick * self._normal(count, FRAMES, POINTS, 2)
+        errors, count = self.errors, len(confidence)
+        quality = torch.exp(errors.spread * self._normal(count, 1, 1, 1))
+        lasts = errors.lasting[:, None] * self._normal(count, 1, POINTS, 2)
+        wanders = errors.slow[:, None] * self._wander(count, 2 * POINTS, 0.1).view(count, FRAMES, POINTS, 2)
+        trembles = errors.quick * self._normal(count, FRAMES, POINTS, 2)
         doubt = (1 - confidence)[..., None] ** 2
         of_face = torch.zeros(POINTS, 1)
         of_face[_FACE] = 1.0
-        unsure = doubt * of_face * turned_away * self._wander(count, 2 * POINTS, 0.4).view(count, FRAMES, POINTS, 2)
+        unsure = (
+            doubt * of_face * errors.turned_away * self._wander(count, 2 * POINTS, 0.4).view(count, FRAMES, POINTS, 2)
+        )
         return quality * (lasts + (1 + 3 * doubt) * (wanders + trembles)) + unsure
-
-    def _reported(
-        self, found: Float[Tensor, "B T 25 2"], confidence: Float[Tensor, "B T 25"], whose: Int[np.ndarray, "B"]
-    ) -> tuple[Tensor, Tensor]:
-        """What detectors of `between` make of it."""
-        which = torch.as_tensor([self.errors[k].between for k in whose])
-        found, confidence = found.clone(), confidence.clone()
-        for middle, sides in _BETWEEN.items():
-            found[which, :, middle] = found[which][:, :, sides].mean(2)
-            confidence[which, :, middle] = confidence[which][:, :, sides].amin(2)
-        for toe in _SMALL_TOES:
-            confidence[which, :, toe] = 0.0
-        return found, confidence
 
     def _failures(self, found: Tensor, confidence: Tensor, distance: Tensor) -> tuple[Tensor, Tensor]:
         """Limbs that are lost or guessed, sides that are swapped, feet and single points that are never found."""

@@ -5,16 +5,13 @@ from pathlib import Path
 
 from build_assets.motion_capture.overlap import unlike
 from build_assets.motion_capture.retarget import MotionClip, load
-from build_assets.motion_capture.standing import standing_straight
 
-HELD_OUT = ("cmu05", "cmu13", "cmu14", "prmd s10")
+HELD_OUT = ("cmu05", "cmu13", "cmu14")
 """Subjects that training never sees."""
-_OTHERS = ("cmu_dance", "ui_prmd")
-"""Sources of other people than CMU's clips are of."""
 
 
 def captured_motion(folder: Path) -> list[MotionClip]:
-    """Everything that a folder holds, with standing people's knees straight.
+    """All clips that a folder holds.
 
     Raises:
         InputError: There is none, or a file is broken.
@@ -22,8 +19,7 @@ def captured_motion(folder: Path) -> list[MotionClip]:
     clips = load(folder)
     if (folder / "cmu_expmap").is_dir():
         clips += unlike(load(folder, ("cmu_expmap",)), split(clips)[1])
-    there = [name for name in _OTHERS if (folder / name).is_dir()]
-    return standing_straight([*clips, *(load(folder, there) if there else [])])
+    return clips
 
 
 def split(clips: Sequence[MotionClip]) -> tuple[list[MotionClip], list[MotionClip]]:

@@ -15,7 +15,6 @@ from jaxtyping import Float, Int
 from scipy.spatial.transform import Rotation
 
 from build_assets.motion_capture.skeleton import Skeleton, SourceMotion
-from build_assets.motion_capture.ui_prmd import read_ui_prmd
 from fitting_core.errors import InputError
 from fitting_core.files.npz import read_npz
 from fitting_core.files.regular import regular_file
@@ -284,8 +283,6 @@ READERS: dict[str, Callable[[Path], Iterator[SourceMotion]]] = {
     "cmu": read_cmu,
     "deepmimic": read_deepmimic,
     "cmu_expmap": read_cmu_expmap,
-    "cmu_dance": read_cmu,
-    "ui_prmd": read_ui_prmd,
 }
 """Reader of each source by the name of its folder."""
 

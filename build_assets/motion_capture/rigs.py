@@ -84,7 +84,6 @@ RIGS = {
         legs_too_long=True,
     ),
     "deepmimic": _HANGING,
-    "ui_prmd": _HANGING,
     "cmu_expmap": Rig(
         name_of=lambda side, joint: side[0] + joint,
         pelvis="root",
