@@ -1,1 +1,1 @@
-"""The tcfit app: command line, and later the browser app, around fitting_core."""
+"""The tcfit app: the command line and the browser app around fitting_core."""

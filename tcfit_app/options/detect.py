@@ -18,7 +18,9 @@ class DetectOptions:
     kept for them and for the next time. After Ctrl-C the same command goes on with the frames that are left.
     """
 
-    video: Annotated[Positional[Path | None], arg(metavar="VIDEO", help_behavior_hint="(optional)")] = None
+    video: Annotated[
+        Positional[Path | None], arg(metavar="VIDEO", help_behavior_hint="(required, except with --list or --download)")
+    ] = None
     """A video file or a folder of images."""
     detector: Annotated[str, shown("NAME|POSE.onnx", DEFAULT, DETECTOR_NAMES)] = DEFAULT
     boxes: Annotated[str | None, shown("NAME|BOX.onnx", "that of the detector; of an ONNX model none")] = None

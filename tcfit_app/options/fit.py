@@ -182,7 +182,9 @@ class FitOptions:
     parameters of both fits), summary.json and, with a video, overlay.mp4. Ctrl-C keeps the phases that have finished.
     """
 
-    video: Annotated[Positional[Path | None], arg(metavar="VIDEO", help_behavior_hint="(optional)")] = None
+    video: Annotated[
+        Positional[Path | None], arg(metavar="VIDEO", help_behavior_hint="(required without --keypoints)")
+    ] = None
     """A video file, a folder of images, or a folder in SMPLify-X layout (images/ and keypoints/ inside)."""
     keypoints: Annotated[Path | None, shown("PATH", "keypoints/ of the SMPLify-X layout, or found in the video")] = None
     """OpenPose JSON (a folder, or one file), COCO-WholeBody JSON, or a .pose file."""
@@ -213,7 +215,9 @@ class NewOptions:
     A project is a folder. The video stays where it is unless --copy-video is given.
     """
 
-    video: Annotated[Positional[Path | None], arg(metavar="VIDEO", help_behavior_hint="(optional)")] = None
+    video: Annotated[
+        Positional[Path | None], arg(metavar="VIDEO", help_behavior_hint="(required without --keypoints)")
+    ] = None
     """A video file, a folder of images, a folder in SMPLify-X layout (images/ and keypoints/ inside), or a project that
     `tcfit export --formats project` packed."""
     keypoints: Annotated[Path | None, shown("PATH", "keypoints/ of the SMPLify-X layout, or found in the video")] = None
@@ -257,7 +261,9 @@ class ReviewOptions:
     With a video instead of a project, its project is made first, or opened if it was made before of the same clip.
     """
 
-    video: Annotated[Positional[Path | None], arg(metavar="PROJECT|VIDEO", help_behavior_hint="(optional)")] = None
+    video: Annotated[
+        Positional[Path | None], arg(metavar="PROJECT|VIDEO", help_behavior_hint="(required without --keypoints)")
+    ] = None
     """A project's folder, or that of a clip's people; a result of `tcfit fit`; or what `tcfit new` takes."""
     keypoints: Annotated[Path | None, shown("PATH", "keypoints/ of the SMPLify-X layout, or found in the video")] = None
     """For a new project. OpenPose JSON (a folder, or one file), COCO-WholeBody JSON, or a .pose file. none: a project
