@@ -1,7 +1,9 @@
 """Errors in a loop that must go on: reported once, retried a little later."""
 
+import asyncio
 import logging
 from collections.abc import Callable
+from traceback import walk_tb
 
 from tcfit_app.fitting.reports import Notice
 
@@ -23,10 +25,11 @@ class Faults:
         """What failed, by what was done, and when it is retried."""
 
     def attempt(self, what: str, do: Callable[[], object], now: float) -> None:
-        """Do something, unless it has just failed; on an error, try a second time.
+        """Do something, unless it has just failed.
 
-        viser's queue may fail when two threads wake its sender at once (it sets an asyncio event outside of the event's
-        loop), so only an error at the second attempt is reported.
+        viser's queue may fail when two threads wake its sender at once, because it sets an asyncio event outside of the
+        event's loop. Only that is tried a second time at once: another step may have been half done, and saving again
+        would hide the first error.
 
         Args:
             what: in words, after "could not".
@@ -39,7 +42,9 @@ class Faults:
         try:
             try:
                 do()
-            except Exception:
+            except RuntimeError as error:
+                if not _is_of_an_event(error):
+                    raise
                 do()
         except Exception as error:
             text = f"{type(error).__name__}: {error}"
@@ -49,6 +54,12 @@ class Faults:
                 self._tell(_notice(what, text))
         else:
             self._known.pop(what, None)
+
+
+def _is_of_an_event(error: RuntimeError) -> bool:
+    """Whether an asyncio event raised it: its waiters changed in another thread while it woke them."""
+    *_, (frame, _) = walk_tb(error.__traceback__)
+    return frame.f_code is asyncio.Event.set.__code__
 
 
 def _notice(what: str, text: str) -> Notice:
