@@ -4,7 +4,7 @@ import { CLOSE_BUTTON, FIELD_LABEL, NUMBER_INPUT, TEXT_INPUT } from "./bridge.js
 
 const FIELDS = `${NUMBER_INPUT}, ${TEXT_INPUT}, [role=slider]`;
 const NEAR = 9; // levels up to which a field shares a row with its label
-const ICONS = { "list-search": "Commands", adjustments: "Settings of the viewer" };
+const ICONS = { "list-search": "Commands" };
 const SETTLING = 200; // ms: panels come in many pieces
 
 /** @param {Element} field */
