@@ -59,6 +59,11 @@ class Field(Generic[Value]):
         if not self.waiting and not wrong and self._handle.value != value:
             self._handle.value = value
 
+    def enable(self, on: bool) -> None:
+        """Whether the user can set it."""
+        if self._handle.disabled is on:
+            self._handle.disabled = not on
+
 
 def for_writers(tab: Tab, *handles: viser.GuiInputHandle[Any]) -> None:
     """Disable inputs of what a read-only project cannot take."""
@@ -93,10 +98,6 @@ class Dropdown(Field[str]):
         if tuple(options) != self._dropdown.options:
             self._dropdown.options = tuple(options)
         self.show(value, wrong=wrong)
-
-    def enable(self, on: bool) -> None:
-        """Whether something can be chosen."""
-        self._dropdown.disabled = not on
 
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE)

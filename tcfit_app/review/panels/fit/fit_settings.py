@@ -67,22 +67,51 @@ _MOST = {"temporal.weight": 1e5, "shape_sample.seed": 999_999_999}
 _FOCAL = (1.0, 1e6)
 _OF_FRAMES = ("temporal.window_size", "shape_sample.size")
 """Numbers of frames, limited by the clip's length."""
+_BODY = frozenset(("kind", "gender"))
+_TOGETHER = (_BODY,)
+"""Inputs whose values are valid or invalid together: a right one settles the problem of the other."""
 _SOURCE = "All settings"
 _LISTED = 80
 """Characters that fit on two lines."""
 
 
+_NEED_FRAMES = (
+    *("temporal.weight", "temporal.mode", "temporal.window_size", "temporal.space"),
+    *("shape_sample.size", "shape_sample.strategy", "shape_sample.seed"),
+)
+"""Settings that make no difference to a clip of one frame."""
+
+
 @lru_cache(256)
-def differences(config: FitConfig, preset: str) -> tuple[str, ...]:
-    """Dotted names of the settings that differ from the preset's, except the height, which belongs to the person."""
-    base = replace(PRESETS[preset], height=config.height)
-    return tuple(name for name in settings() if value_of(config, name) != value_of(base, name))
+def without_effect(config: FitConfig, frames: int) -> frozenset[str]:
+    """Dotted names of the settings that change nothing in a clip of that many frames, because of other settings."""
+    found = {*_NEED_FRAMES} if frames == 1 else set()
+    if config.temporal.weight == 0:
+        found |= {"temporal.mode", "temporal.window_size", "temporal.space"}
+    if config.temporal.mode == "global":
+        found.add("temporal.window_size")
+    if config.shape_sample.strategy != "random":
+        found.add("shape_sample.seed")
+    return frozenset(found)
+
+
+@lru_cache(256)
+def differences(config: FitConfig, preset: str, frames: int = 2) -> tuple[str, ...]:
+    """Dotted names of the settings that differ from the preset's and have an effect on a clip of that many frames; not
+    the height, which belongs to the person."""
+    base, idle = replace(PRESETS[preset], height=config.height), without_effect(config, frames)
+    return tuple(name for name in settings() if name not in idle and value_of(config, name) != value_of(base, name))
+
+
+def _changed(config: FitConfig, preset: str) -> list[str]:
+    """All that differ, with an effect or not."""
+    return [name for name in settings() if value_of(config, name) != value_of(PRESETS[preset], name)]
 
 
 @lru_cache(256)
 def nearest_preset(config: FitConfig) -> str:
     """The preset that differs least from a configuration."""
-    return min(PRESETS, key=lambda name: len(differences(config, name)))
+    return min(PRESETS, key=lambda name: (len(differences(config, name)), len(_changed(config, name))))
 
 
 def words(name: str) -> str:
@@ -105,6 +134,8 @@ class FitInputs:
         self._tab, self._gui = tab, tab.client.gui
         self._fields: dict[str, Field[Any]] = {}
         self._reads: dict[str, Callable[[FitSettings], Any]] = {}
+        self._height = tab.session.project.height
+        """The project's, as this tab knows it."""
 
     # --- elements ---
 
@@ -145,6 +176,7 @@ class FitInputs:
             self._taker("height")(number.read(typed) if typed.strip() else "none")
             if not (project := self._tab.session.project).read_only:
                 project.set_height(self._tab.state.settings.config.height)
+                self._height = project.height
 
         def read(now: FitSettings) -> str:
             return "" if now.config.height is None else number.shown(now.config.height)
@@ -221,15 +253,15 @@ class FitInputs:
 
     def attempt(self, name: str, take: Callable[[], None]) -> None:
         """Apply a value; if it is invalid, remember why."""
-        problems = dict(self._tab.state.settings.problems)
-        problems.pop(name, None)
+        group = next((group for group in _TOGETHER if name in group), {name})
         try:
             take()
+            why = ""
         except InputError as error:
-            problems[name] = str(error)
-        if name == "preset":
-            problems = {}
-        self._tab.set(settings=replace(self._tab.state.settings, problems=tuple(problems.items())))
+            why = str(error)
+        # Read after `take`, which may settle problems of other inputs.
+        others = [(other, text) for other, text in self._tab.state.settings.problems if other not in group]
+        self._set(problems=(*others, *([(name, why)] if why else [])))
 
     def _set(self, **values: Any) -> None:
         self._tab.set(settings=replace(self._tab.state.settings, **values))
@@ -254,10 +286,6 @@ class FitInputs:
 
     def _take_body(self, **values: str) -> None:
         self._set(**values)
-        problems = dict(self._tab.state.settings.problems)
-        for name in ("kind", "gender"):
-            problems.pop(name, None)
-        self._set(problems=tuple(problems.items()))
         now = self._tab.state.settings
         self._tab.session.bodies.check(kind=now.kind, gender=now.gender)
 
@@ -295,22 +323,30 @@ class FitInputs:
         """Send what changed."""
         self._calibration.draw()
         now = self._tab.state.settings
-        wrong = dict(now.problems)
-        pair = {"kind", "gender"}
+        wrong, idle = dict(now.problems), without_effect(now.config, self._tab.length)
+        self._follow_height()
         for name, field in self._fields.items():
             if name == "pose_prior" and isinstance(field, Dropdown):
                 prior = now.config.pose_prior
                 there = self._tab.once("pose priors", now, lambda: pose_priors(now.config.pose_prior))
                 field.offer(there, prior, wrong=name in wrong)
             else:
-                field.show(self._reads[name](now), wrong=name in wrong and name not in pair)
+                field.enable(name not in idle and not self._tab.session.project.read_only)
+                field.show(self._reads[name](now), wrong=name in wrong and name not in _BODY)
         self._draw_changed(now)
         self._draw_focal(now)
         self._given.draw()
         self._draw_source(now)
 
+    def _follow_height(self) -> None:
+        """Take over a height that was given in another tab, which the project keeps."""
+        height = self._tab.session.project.height
+        if height != self._height:
+            self._height = height
+            self._set(config=replace(self._tab.state.settings.config, height=height))
+
     def _draw_changed(self, now: FitSettings) -> None:
-        names, problems = differences(now.config, now.preset), [why for _, why in now.problems]
+        names, problems = differences(now.config, now.preset, self._tab.length), [why for _, why in now.problems]
         listed = ", ".join(map(words, names)) or "nothing"
         said = listed if len(listed) <= _LISTED else f"{len(names)} settings"
         more = f" ({len(problems) - 1} more)" if len(problems) > 1 else ""

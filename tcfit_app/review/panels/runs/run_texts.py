@@ -71,18 +71,19 @@ def when(time: datetime) -> str:
     return f"{local:%H:%M}" if local.date() == datetime.now().astimezone().date() else f"{local:%d %b %H:%M}"
 
 
-def run_line(listed: Listed, *, first_frame: int, here: bool) -> Html:
+def run_line(listed: Listed, *, first_frame: int, frames: int, here: bool) -> Html:
     """A run's row in the table.
 
     Args:
         listed: the run.
         first_frame: the number that users see for frame 0.
+        frames: of the clip.
         here: whether its details are shown.
     """
     run = listed.run
     badges = joined(*(_BADGES[name] for name in listed.shown_as))
     begun = ["started from another result"] if run.kind == "fit" and run.given.start else []
-    said = [_kind(run, first_frame), *begun, *_since(listed.edits), *_settings(run)]
+    said = [_kind(run, first_frame), *begun, *_since(listed.edits), *_settings(run, frames)]
     taken = seconds_of(run)
     time = [text(when(run.started))]
     if taken is not None:
@@ -120,11 +121,11 @@ def _since(edits: int) -> list[str]:
     return [f"{edits} edit{'s' if edits != 1 else ''} since"] if edits else []
 
 
-def _settings(run: Run) -> list[str]:
+def _settings(run: Run, frames: int) -> list[str]:
     if run.kind == "imported":
         return [str(run.summary.get("format", ""))]
     preset = nearest_preset(run.config)
-    names = differences(run.config, preset)
+    names = differences(run.config, preset, frames)
     if not names:
         return [preset]
     if len(names) > 3:
@@ -155,7 +156,12 @@ def details(listed: Listed, session: Session, fit: FitResult | None) -> list[Htm
         **({} if fit is None else _found(run, fit, clip.camera)),
     }
     problem = [paragraph(run.message, "bad")] if run.message else []
-    return [facts((name, value) for name, value in known.items() if value), *problem, *_differences(run), *_notes(fit)]
+    return [
+        facts((name, value) for name, value in known.items() if value),
+        *problem,
+        *_differences(run, len(session.project.footage)),
+        *_notes(fit),
+    ]
 
 
 def _origin(run: Run, session: Session) -> str:
@@ -205,11 +211,11 @@ def _cost(phase: PhaseResult) -> str:
     return f"{phase.frame_cost.mean():.4g} without the temporal term"
 
 
-def _differences(run: Run) -> list[Html]:
+def _differences(run: Run, frames: int) -> list[Html]:
     if run.kind == "imported":
         return []
     preset = nearest_preset(run.config)
-    names = differences(run.config, preset)
+    names = differences(run.config, preset, frames)
     if not names:
         return [paragraph(f"Settings: preset {preset}", "dim")]
     changed = facts((setting_words(name), short(value_of(run.config, name))) for name in names)

@@ -162,7 +162,10 @@ class RunsPanel:
             self._table.show(heading("All runs", first=True), paragraph("No fits yet: see the panel Fit.", "dim"))
             return
         first, here = self._tab.first_frame, self._run
-        rows = [run_line(one, first_frame=first, here=one.run.id == here.id) for one in listed[:LISTED]]
+        rows = [
+            run_line(one, first_frame=first, frames=self._tab.length, here=one.run.id == here.id)
+            for one in listed[:LISTED]
+        ]
         more = len(listed) - LISTED
         older = [paragraph(f"and {more} older", "dim")] if more > 0 else []
         self._table.show(heading("All runs", "click for details", first=True), table(rows), *older)

@@ -13,6 +13,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.config.schema import PRESETS
 from fitting_core.config.settings import changed
 from fitting_core.config.toml import as_toml
+from fitting_core.errors import InputError
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.edits.kinds import MarkBad
 from tcfit_app.project.project import Project
@@ -207,12 +208,12 @@ def test_a_preset_sets_everything_and_changes_are_named(tested: LonePage):
     tested.enter("Preset", "tcfit")
     assert tested.page.tab.state.settings.config == PRESETS["tcfit"] and tested.button("Back to the preset").disabled
     tested.enter("w_T", "5")
-    tested.enter("Window", "3")
-    assert "w_T, window" in tested.html()
+    tested.enter("Shape frames", "3")
+    assert "shape frames, w_T" in tested.html()
     tested.click("Back to the preset")
     tested.draw()
     assert tested.page.tab.state.settings.config == PRESETS["tcfit"]
-    assert tested.field("w_T").value == "100" and tested.field("Window").value == "7"
+    assert tested.field("w_T").value == "100" and tested.field("Shape frames").value == "15"
 
 
 def test_all_settings_as_a_text(tested: LonePage):
@@ -367,3 +368,60 @@ def test_presets_are_told_apart():
     for name, config in PRESETS.items():
         assert nearest_preset(config) == name and not differences(config, name)
     assert FitSettings().preset == nearest_preset(FitSettings().config)
+
+
+def test_a_right_pair_of_body_and_gender_settles_what_a_wrong_one_blocked(
+    tested: LonePage, monkeypatch: pytest.MonkeyPatch
+):
+    session = tested.page.tab.session
+    known = {("smplx", "neutral"), ("smpl", "female")}
+
+    def check(*, kind: str, gender: str) -> None:
+        if (kind, gender) not in known:
+            raise InputError(f"there is no {gender} {kind}")
+
+    monkeypatch.setattr(type(session.bodies), "check", lambda self, **pair: check(**pair))
+    for kind, gender in (("smpl", "female"), ("smplx", "neutral")):
+        tested.enter("Body model", kind)
+        assert tested.page.tab.state.settings.problems, "the pair is wrong meanwhile"
+        with pytest.raises(InputError, match="there is no"):
+            tested.page.gestures.fitting.refuse_wrong_settings()
+        tested.enter("Gender", gender)
+        assert tested.page.tab.state.settings.problems == ()
+        tested.page.gestures.fitting.refuse_wrong_settings()
+
+
+def test_another_problem_stays_while_the_body_is_put_right(tested: LonePage):
+    tested.enter("Window", "-3")
+    tested.enter("Gender", "female")
+    tested.enter("Gender", "neutral")
+    assert [name for name, _ in tested.page.tab.state.settings.problems] == ["temporal.window_size"]
+
+
+def test_a_height_given_in_one_tab_is_that_of_the_others(tested: LonePage):
+    tab = tested.page.tab
+    tab.session.project.set_height(183.0)  # as another tab does
+    tested.draw()
+    assert tab.state.settings.config.height == 183.0
+    tested.draw()
+    assert tested.field("Height (cm)").value == "183"
+    tab.session.project.set_height(None)
+    tested.draw()
+    assert tab.state.settings.config.height is None
+
+
+def test_settings_without_effect_cannot_be_changed_and_are_not_told(tested: LonePage):
+    tested.enter("Mode", "global")
+    tested.draw()
+    assert tested.field("Window").disabled and not tested.field("w_T").disabled
+    tested.enter("Mode", "sliding window")
+    tested.draw()
+    assert not tested.field("Window").disabled
+    config = changed(PRESETS["tcfit"], {"temporal.mode": "global", "temporal.window_size": 21}, origin="")
+    assert "temporal.window_size" not in differences(config, "paper")
+    config = changed(config, {"temporal.mode": "sliding_window"}, origin="")
+    assert "temporal.window_size" in differences(config, "paper")
+    sample = {"shape_sample.size": 3, "shape_sample.seed": 9}
+    config = changed(config, {**sample, "shape_sample.strategy": "random"}, origin="")
+    assert {"shape_sample.size", "shape_sample.seed"} <= {*differences(config, "paper")}
+    assert not {"shape_sample.size", "shape_sample.seed"} & {*differences(config, "paper", frames=1)}
