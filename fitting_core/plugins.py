@@ -6,6 +6,8 @@ once, kept in `faults`, and never stops tcfit: it goes on without that plugin.
 
 import logging
 import re
+import signal
+import threading
 from collections.abc import Container, Iterator
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
@@ -23,7 +25,7 @@ _REMOVED = {
 """Groups of earlier versions, and what replaces them."""
 
 FAILURES = (Exception, SystemExit)
-"""What a stranger's code raises and only that is to end by; a plugin is no program, so `sys.exit` is a fault too."""
+"""Exceptions that are a plugin's fault; `sys.exit` is one too."""
 _NAME = re.compile(r"[a-z0-9][a-z0-9_-]*")
 _log = logging.getLogger(__name__)
 Thing = TypeVar("Thing")
@@ -80,6 +82,14 @@ class Fault:
 _faults: dict[Fault, None] = {}
 
 
+def failures() -> tuple[type[BaseException], ...]:
+    """Exceptions that are a plugin's fault in this thread. KeyboardInterrupt is one if Ctrl-C cannot raise it, as outside
+    the main thread and in processes that ignore the signal."""
+    main = threading.current_thread() is threading.main_thread()
+    by_ctrl_c = main and signal.getsignal(signal.SIGINT) is not signal.SIG_IGN
+    return FAILURES if by_ctrl_c else (*FAILURES, KeyboardInterrupt)
+
+
 def faults() -> tuple[Fault, ...]:
     """What was found to be wrong with plugins so far. A plugin that nobody asked for was not looked at."""
     return tuple(_faults)
@@ -132,7 +142,7 @@ def loaded(group: Group) -> tuple[Plugin[object], ...]:
             continue
         try:
             thing = point.load()
-        except FAILURES as error:  # whatever a stranger's module does when it is imported
+        except failures() as error:  # whatever a stranger's module does when it is imported
             plugin.reports(f"{point.value} cannot be imported ({_in_words(error)})")
             continue
         found.append(replace(plugin, thing=thing))
@@ -158,6 +168,6 @@ def _in_words(reason: object) -> str:
         return str(reason)
     try:
         text = str(reason)
-    except FAILURES:  # that, too, is a stranger's
+    except failures():  # that, too, is a stranger's
         text = ""
     return f"{type(reason).__name__}: {next(iter(text.splitlines()), '')}".rstrip(": .")

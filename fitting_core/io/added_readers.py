@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from fitting_core.detections import Detections
 from fitting_core.errors import InputError
-from fitting_core.plugins import FAILURES, Plugin, added
+from fitting_core.plugins import Plugin, added, failures
 
 if TYPE_CHECKING:  # keypoints are read without torch
     from fitting_core.io.motion.imported_motion import ImportedMotion
@@ -74,7 +74,7 @@ _Reader = TypeVar("_Reader", KeypointReader, MotionReader)
 def _recognised(plugin: Plugin[_Reader], recognises: Callable[[_Reader], bool]) -> bool:
     try:
         return bool(recognises(plugin.thing))
-    except FAILURES as error:
+    except failures() as error:
         plugin.reports(error)
         return False
 
@@ -84,7 +84,7 @@ def _read(plugin: Plugin, path: Path, read: Callable[[Path], _Read], kind: type[
         found = read(path)
     except (InputError, OSError):
         raise
-    except FAILURES as error:
+    except failures() as error:
         raise InputError(f"{path}: cannot be read as {plugin.thing.title}. {plugin.reports(error)}") from error
     if not isinstance(found, kind):
         said = plugin.reports(f"it returned {type(found).__name__}; expected {kind.__name__}")

@@ -14,7 +14,7 @@ from fitting_core.io.points.contact_table import write_contacts
 from fitting_core.io.points.joint_table import write_joints_csv
 from fitting_core.measure.angles.angle_files import write_angles_csv, write_mot
 from fitting_core.motion import OWN_WORLD, Progress
-from fitting_core.plugins import FAILURES, Plugin, added
+from fitting_core.plugins import Plugin, added, failures
 from fitting_core.render.overlay import ViewName
 from tcfit_app.exports.blender.running import missing, write_fbx
 from tcfit_app.exports.elan import write_elan
@@ -387,7 +387,7 @@ def _guarded(plugin: Plugin[Export]) -> Callable[[ExportSource, Path, Progress],
             return plugin.thing.write(source, path, advance)
         except (InputError, OSError):
             raise
-        except FAILURES as error:
+        except failures() as error:
             if error in ended:
                 raise
             raise InputError(f"{plugin.thing.title} cannot be written. {plugin.reports(error)}") from error

@@ -2,6 +2,7 @@
 
 import logging
 import re
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -211,6 +212,22 @@ def test_a_plugin_of_a_removed_group_is_named_with_what_replaces_it(odd, group: 
     with pytest.raises(InputError):
         read_detections(tmp_path / "a.txt")
     assert [fault.name for fault in plugins.faults()] == ["mine"], "named by any command that asks for plugins"
+
+
+def test_reader_that_raises_a_keyboard_interrupt_in_a_child_process_is_named(odd, tmp_path: Path):
+    """Fits in the background run in processes that ignore Ctrl-C."""
+    reading = "def stop(path):\n    raise KeyboardInterrupt\n"
+    reader = "R = KeypointReader(title='T', recognises=lambda path, start: path.suffix == '.s', read=stop)\n"
+    (tmp_path / "a.s").write_text("?")
+    odd(API + reading + reader, readers="mine = odd:R")
+    with pytest.raises(KeyboardInterrupt):
+        read_detections(tmp_path / "a.s")
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with pytest.raises(InputError, match=r"cannot be read as T.*'mine'.*KeyboardInterrupt.*odd 0.1"):
+            read_detections(tmp_path / "a.s")
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def test_a_reader_that_fails_leaves_the_formats_of_tcfit(odd, tmp_path: Path):
