@@ -83,8 +83,8 @@ _faults: dict[Fault, None] = {}
 
 
 def failures() -> tuple[type[BaseException], ...]:
-    """Exceptions that are a plugin's fault in this thread. KeyboardInterrupt is one if Ctrl-C cannot raise it, as outside
-    the main thread and in processes that ignore the signal."""
+    """Exceptions that are a plugin's fault in this thread. KeyboardInterrupt is one if Ctrl-C cannot raise it, as
+    outside the main thread and in processes that ignore the signal."""
     main = threading.current_thread() is threading.main_thread()
     by_ctrl_c = main and signal.getsignal(signal.SIGINT) is not signal.SIG_IGN
     return FAILURES if by_ctrl_c else (*FAILURES, KeyboardInterrupt)

@@ -153,7 +153,7 @@ def test_the_steps_make_a_server_in_a_clean_environment(tmp_path: Path):
     command = [DEPLOY / "install.sh", ROOT, installed]
     done = subprocess.run(command, env=os.environ | environment | index, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "All that tcfit fit needs works here." in done.stdout
+    assert "Everything that tcfit fit needs works." in done.stdout
     environment |= {"PATH": f"{installed / 'bin'}:{os.environ['PATH']}", "TCFIT_PROJECTS": str(tmp_path)}
     make = "from fitting_core import demo_clip, read_clip; from tcfit_app.project.project import Project; "
     make += "from pathlib import Path; d = demo_clip(); "

@@ -12,13 +12,13 @@ _AS_PUBLISHED = ("paper", "smplifyx")
 
 @dataclass(frozen=True, kw_only=True)
 class ClipOptions:
-    """Which part of the clip to fit, and how to read its files."""
+    """Part of the clip, and how its files are read."""
 
     detector: str = DEFAULT
     """Detector of keypoints in the video if none are given: a name in `DETECTORS`, or the path of an ONNX model of the
     RTMPose family."""
     person: int | None = None
-    """Index, from 0, of a person in the first frame whose list of people has it; followed from there."""
+    """Index of the person, from 0, in the first frame that has so many people; followed from there."""
     first_frame: int | None = None
     """Number of the first frame to fit, from 0."""
     last_frame: int | None = None
@@ -26,18 +26,18 @@ class ClipOptions:
     frame_rate: float | None = None
     """Frames per second."""
     keypoint_scale: str = "auto"
-    """What keypoint coordinates are relative to, as in OpenPose's --keypoint_scale."""
+    """Scale of the keypoint coordinates, as OpenPose's --keypoint_scale."""
     image_size: tuple[int, int] | None = None
     """Image size in pixels, if there is no video."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CameraOptions:
-    """The camera. Give at most one of the first three, or a camera file."""
+    """The camera. The first three options and the camera file exclude each other."""
 
     focal_length: float | FocalRule | None = None
-    """Focal length in pixels. auto: from the metadata of photographs or a phone's video, or else estimated from how the
-    person moves and looks; diagonal: as long as the image's diagonal, a 43 mm equivalent."""
+    """Focal length in pixels. auto: from the metadata of photographs or a phone's video, or else estimated from
+    the person's motion and proportions; diagonal: the image diagonal, equivalent to 43 mm."""
     fov: float | None = None
     """Horizontal field of view in degrees."""
     focal_length_35mm: float | None = None
@@ -45,14 +45,14 @@ class CameraOptions:
     center: tuple[float, float] | None = None
     """Principal point in pixels."""
     camera: Path | None = None
-    """A calibration, with the lens's distortion, the camera's place and its path: npz, TOML of Pose2Sim or caliscope,
+    """Calibration file, with lens distortion, position and path: npz, TOML of Pose2Sim or caliscope,
     OpenCV's YAML, XML or JSON, a transforms.json, or COLMAP's cameras.txt."""
     camera_name: str | None = None
-    """Which camera of that file."""
+    """Name of the camera in the file."""
     camera_unit: float | None = None
-    """Length in metres of one unit of that file's world: 0.001 for millimetres."""
+    """Unit of the file's world, in metres: 0.001 for millimetres."""
     camera_up: Up | None = None
-    """The axis of that file's world that points up."""
+    """Up direction in the file's world."""
 
     def for_preset(self, preset: str) -> "CameraOptions":
         """With the image's diagonal if no focal length is given and the preset follows a paper; otherwise unchanged.

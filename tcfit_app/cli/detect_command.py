@@ -39,7 +39,7 @@ def run_detect(options: DetectOptions) -> None:
 def _detect(options: DetectOptions) -> None:
     """Detect, and write the keypoints. Raises as `run_detect`."""
     if options.video is None:
-        raise InputError("No video is given; expected `tcfit detect VIDEO`.")
+        raise InputError("No video given; expected `tcfit detect VIDEO`.")
     name = options.video.resolve().stem
     folder = options.out or Path(f"{name}_keypoints")
     with FrameSource(options.video) as source:
@@ -53,7 +53,7 @@ def _detect(options: DetectOptions) -> None:
     write_everybody(folder, found.people, name=name, first_frame=frames[0], detector=found.points)
     emit_wrote(folder, kind="keypoints")
     seen = sum(len(people) > 0 for people in found.people)
-    where = f"somebody in {seen} of {len(frames)} frames, by {found_by(found)}"
+    where = f"people in {seen} of {len(frames)} frames, by {found_by(found)}"
     print(printable(f"Wrote {len(frames)} files into {folder}: {where}."))
 
 
@@ -75,8 +75,8 @@ def _frames(source: FrameSource, first: int | None, last: int | None) -> range:
     start, stop = first or 0, source.count if last is None else last + 1
     if not 0 <= start < stop <= source.count:
         raise InputError(
-            f"Frames {start} to {stop - 1} were asked for, but {source.path} has 0 to {source.count - 1}; expected "
-            "--first-frame and --last-frame within these."
+            f"--first-frame and --last-frame: frames {start}–{stop - 1} are not all in {source.path}, which has frames "
+            f"0–{source.count - 1}."
         )
     return range(start, stop)
 
@@ -84,31 +84,31 @@ def _frames(source: FrameSource, first: int | None, last: int | None) -> range:
 def _check_folder(folder: Path, name: str, frames: range) -> None:
     """Raises InputError if keypoints cannot be written there without mixing them with others."""
     if folder.exists() and not folder.is_dir():
-        raise InputError(f"--out {folder}: is a file; expected a folder, which need not exist.")
+        raise InputError(f"--out {folder}: is a file; expected a folder, which may not exist yet.")
     for file in sorted(folder.glob(f"*{SUFFIX}")):
         prefix, number = split_number(file.name.removesuffix(SUFFIX))
         if prefix != f"{name}_" or number not in frames:
             raise InputError(
-                f"--out {folder}: holds keypoints of other frames or another video, such as {file.name}. Choose "
+                f"--out {folder}: contains keypoints of other frames or another video, such as {file.name}. Choose "
                 "another folder."
             )
 
 
 def detector_table() -> str:
-    """The detectors, and the models that can be downloaded, with what is here of them."""
+    """The detectors and downloadable models, and which are installed."""
     lines, margin = ["Detectors, for --detector:"], f"  {'':15} "
     for name, known in DETECTORS.items():
-        state = "here" if known.is_here() else f"to be fetched by --download {name}"
+        state = "installed" if known.is_here() else f"not installed: --download {name}"
         lines += [f"  {name:15} {known.title}", margin + state]
     titles = {
-        "points": "Models that find points, of the RTMPose family:",
-        "boxes": "Models that find people, for --boxes:",
+        "points": "Models of the RTMPose family that detect keypoints:",
+        "boxes": "Models that detect people, for --boxes:",
     }
     for finds, title in titles.items():
         lines.append(title)
         for model in (model for model in KNOWN_MODELS.values() if model.finds == finds):
-            fetched = f"to be fetched by --download {model.name} ({model.size})"
-            state = f"here: {model_path(model.name)}" if is_here(model.name) else fetched
+            fetched = f"not installed: --download {model.name} ({model.size})"
+            state = f"installed: {model_path(model.name)}" if is_here(model.name) else fetched
             lines += [f"  {model.name:15} {model.title}", margin + state, f"{margin}licence: {model.licence}"]
     return "\n".join(lines)
 
@@ -123,12 +123,12 @@ def _fetch(name: str, *, agreed: bool) -> None:
     models = known.models if known is not None else (name,)
     if name not in (*DETECTORS, *KNOWN_MODELS):
         names = ", ".join(dict.fromkeys((*DETECTORS, *KNOWN_MODELS)))
-        raise InputError(f"--download {name}: no such detector or model is known; expected one of {names}.")
+        raise InputError(f"--download {name}: unknown detector or model; expected one of {names}.")
     for model in (KNOWN_MODELS[model] for model in models):
         print(announced(model), flush=True)
         check_agreed(agreed, "Download it?")
         got = _fetched(model)
-        checksum = "as expected" if got.checked else "not known before; remembered for the next download"
+        checksum = "as expected" if got.checked else "unknown until now; stored for the next download"
         print(f"{model.name} is in {got.path}\n  SHA-256   {got.sha256} ({checksum})")
 
 

@@ -1,4 +1,4 @@
-"""The progress of finding keypoints, on the terminal and for programs."""
+"""The progress of a detection, on the terminal and as events."""
 
 import sys
 from types import TracebackType
@@ -12,9 +12,9 @@ _STEP, _TITLE = "keypoints", "Keypoints"
 
 
 class DetectionShown:
-    """A context manager to be called with every progress: a bar on a terminal, elsewhere a line.
+    """A context manager, called with each progress: shows a bar on a terminal, else a line.
 
-    Says nothing where keypoints are given; where a search ends early, says what is kept of it.
+    Shows nothing if keypoints are given. If the detection ends early, says which frames are cached.
     """
 
     def __init__(self) -> None:
@@ -34,7 +34,7 @@ class DetectionShown:
         if kind is None:
             emit(StepDone(step=_STEP))
         elif 0 < self._last.kept < self._last.total:
-            _tell(f"Stopped: the keypoints of {_frames(self._last)} are kept. The same command goes on.")
+            _tell(f"Stopped. The keypoints of {_frames(self._last)} are cached; the same command continues.")
 
     def __call__(self, progress: DetectionProgress) -> None:
         """Show it."""
@@ -50,9 +50,9 @@ class DetectionShown:
         if progress.kept == progress.total:
             return
         if progress.kept:
-            _tell(f"Going on after {_frames(progress)}, whose keypoints were found before.")
+            _tell(f"Continuing after {_frames(progress)} with cached keypoints.")
         if not sys.stderr.isatty():
-            _tell(f"Finding keypoints in {progress.total} frames ...")
+            _tell(f"Detecting keypoints in {progress.total} frames ...")
             return
         self._bar = tqdm(
             desc=_TITLE, total=progress.total, initial=progress.kept, unit=" frames", dynamic_ncols=True, smoothing=0.1

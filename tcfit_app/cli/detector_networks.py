@@ -1,4 +1,4 @@
-"""The embedded detector's networks on the command line: asked about, fetched with a progress bar, and listed."""
+"""The networks of the detector mediapipe on the command line: listed, and downloaded after the user agrees."""
 
 import sys
 from collections.abc import Iterator
@@ -11,21 +11,21 @@ from fitting_core.detect.mediapipe.fetching import Fetched, FetchProgress, add, 
 from fitting_core.errors import InputError
 
 NAME = "mediapipe"
-"""What they are called where they are asked for."""
+"""Their name in `tcfit models add`."""
 
 
 def fetch_networks(*, agreed: bool) -> None:
-    """Fetch the networks that are not there, after the user has seen what they are and agreed.
+    """Download missing networks, after the user has seen their licence and agreed.
 
     Raises:
-        InputError: Nobody agreed, or they cannot be fetched.
-        KeyboardInterrupt: Cancelled; everything is as it was.
+        InputError: The user did not agree, or the download failed.
+        KeyboardInterrupt: Cancelled. Nothing has changed.
     """
     if all(networks.is_sound(name) for name in networks.NETWORKS):
-        print(f"They are in {networks.folder()} already.")
+        print(f"The networks are already in {networks.folder()}.")
         return
     print(announced(), flush=True)
-    check_agreed(agreed, "Fetch them?")
+    check_agreed(agreed, "Download them?")
     print(_summary(_shown(fetch())))
 
 
@@ -43,26 +43,26 @@ def add_networks(archive: Path) -> str:
 
 def networks_table() -> list[tuple[str, ...]]:
     """A row for each network: name, what it finds, whether it is here; under the names of the columns."""
-    rows = [("NETWORK", "FINDS", "IS")]
+    rows = [("NETWORK", "FINDS", "STATE")]
     return rows + [(name, known.title, _state(name)) for name, known in networks.NETWORKS.items()]
 
 
 def _state(name: str) -> str:
     if networks.is_sound(name):
-        return "here"
+        return "installed"
     if networks.is_installed(name):
         return "damaged"
-    return "not here (optional)" if networks.NETWORKS[name].optional else "not here"
+    return "missing (optional)" if networks.NETWORKS[name].optional else "missing"
 
 
 def check_agreed(agreed: bool, question: str) -> None:
-    """Ask the user to agree to a download who has not agreed before. Raises InputError if nobody agrees."""
+    """Ask the user to agree to a download, unless they have agreed. Raises InputError if they do not."""
     if agreed:
         return
     if not sys.stdin.isatty():
-        raise InputError("Nothing was fetched: give --yes to agree where nobody can be asked.")
+        raise InputError("Nothing was downloaded. Give --yes to agree without being asked.")
     if input(f"{question} [y/N] ").strip().lower() not in ("y", "yes"):
-        raise InputError("Nothing was fetched.")
+        raise InputError("Nothing was downloaded.")
 
 
 def _shown(events: Iterator[FetchProgress | Fetched]) -> Fetched:

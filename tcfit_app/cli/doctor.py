@@ -1,4 +1,4 @@
-"""`tcfit doctor`: what works on this computer, and what to install for the rest."""
+"""`tcfit doctor`: check this computer, and say what to install."""
 
 import os
 import platform
@@ -34,11 +34,11 @@ class Check:
     """"failed" if `tcfit fit` cannot run so."""
     found: str
     advice: str = ""
-    """What to do; empty if nothing is needed."""
+    """What to do; empty if nothing."""
 
 
 def doctor() -> int:
-    """Print what works here and what to install for the rest.
+    """Print the checks, and what to install.
 
     Returns:
         The process's exit code: 0 if all that `tcfit fit` needs works, 1 otherwise. Others only warn.
@@ -52,7 +52,7 @@ def doctor() -> int:
                 print(f"          -> {line.advice}")
             failed += line.status == "failed"
     print()
-    print("tcfit fit cannot run yet: see what failed above." if failed else "All that tcfit fit needs works here.")
+    print("tcfit fit cannot run: see the failed checks above." if failed else "Everything that tcfit fit needs works.")
     return int(failed > 0)
 
 
@@ -121,12 +121,10 @@ def check_torch() -> Iterator[Check]:
 
     why = ready.problem()
     if why == ready.NOT_YET:
-        found = f"the solver's kernels are not compiled yet: the first fit does that, in some {ready.SECONDS} seconds"
+        found = f"the solver's kernels are not compiled yet: the first fit does that in about {ready.SECONDS} s"
         yield Check(status="ok", found=found)
     elif why:
-        advice = (
-            "python -m fitting_core.fit.fused says more, and compiles them; fits take several times as long without"
-        )
+        advice = "run python -m fitting_core.fit.fused: fits take several times as long without kernels"
         yield Check(status="warning", found=f"the solver's kernels are not used: {why}", advice=advice)
     else:
         yield Check(status="ok", found="the solver's kernels are compiled")
@@ -194,7 +192,7 @@ def check_detector() -> Iterator[Check]:
         found = f"{which} not on this computer: tcfit cannot find keypoints in a video"
         yield Check(status="warning", found=found, advice=f"{get} (90 MB, once); not needed with --keypoints")
     elif not broken:
-        lacks = "" if len(here) == len(networks.NETWORKS) else ", but not the more exact one for bodies, optional"
+        lacks = "" if len(here) == len(networks.NETWORKS) else "; the larger one for bodies (optional) is missing"
         found = f"MediaPipe's networks are in {networks.folder()}{lacks}"
         yield Check(status="ok", found=found, advice=get if lacks else "")
     yield from _downloaded_models()

@@ -1,4 +1,4 @@
-"""How a command ends: whatever happens, there is an exit code, and at most one line for the user."""
+"""The end of a command: an exit code, and at most one line for the user."""
 
 import io
 import os
@@ -10,18 +10,18 @@ from fitting_core.files.regular import legible
 from tcfit_app.cli.json_lines import Failure, discard, emit
 
 FAILED, INPUT_ERROR, CANCELLED, PIPE_CLOSED = 1, 2, 130, 141
-"""Exit codes: of a full disk, too little memory and the like; of what the user gave (as for unknown options); of Ctrl-C
-(128 + SIGINT, as shells have it); of a reader such as `head` that has gone (128 + SIGPIPE)."""
+"""Exit codes: failure such as a full disk; wrong input, as for unknown options; Ctrl-C (128 + SIGINT, as in shells); a
+closed pipe, as after `head` (128 + SIGPIPE)."""
 _NO_ROOM = ("failed to map segment", "cannot allocate memory")
-"""What the system's loader of libraries says where memory is short."""
+"""Messages of the system's loader if memory is short."""
 _ROOM = "tcfit needs 1.5 GB: close other programs, or raise the limit (ulimit -v)."
 
 
 def prepare_streams() -> None:
-    """Have all three standard streams, and have none of them fail for a character that its encoding lacks.
+    """Ensure that all three standard streams exist and that none fails for a character that its encoding lacks.
 
-    A stream that is closed at the start is empty from then on. Otherwise the first file that is opened gets its
-    descriptor, and everything told goes into that file.
+    A stream that was closed at the start is replaced by an empty one. Otherwise the next opened file would get its
+    descriptor, and messages would be written into that file.
     """
     for descriptor in range(3):
         try:
@@ -37,7 +37,7 @@ def prepare_streams() -> None:
 
 
 def ended(run: Callable[[], int | None]) -> int:
-    """Run a command, which may return an exit code, and return its exit code."""
+    """Run a command and return its exit code."""
     try:
         code = _told(run)
         _reopened()
@@ -47,7 +47,7 @@ def ended(run: Callable[[], int | None]) -> int:
     except BrokenPipeError:
         _drop_output()
         return PIPE_CLOSED
-    except OSError as error:  # nothing more can be said
+    except OSError as error:  # the message about it may fail too
         _drop_output()
         return _say_at_last(f"the output cannot be written: {_reason(error)}.")
 
@@ -70,19 +70,19 @@ def _told(run: Callable[[], int | None]) -> int:
             raise
         return _say(f"there is not enough memory to load a library ({_first_line(error)}). {_ROOM}")
     except OverflowError as error:
-        return _say(f"a number is too large to compute with ({_first_line(error)}). Check what was given.")
+        return _say(f"a number is too large ({_first_line(error)}). Check the options.")
     except UnicodeEncodeError:
-        return _say("a name is not UTF-8, and cannot be used here. Rename the file or folder.", INPUT_ERROR)
+        return _say("a name is not UTF-8. Rename the file or folder.", INPUT_ERROR)
     except OSError as error:
         return _say(_of_system(error))
     except ValueError:
         if not _reopened():
             raise
-        return _say("a plugin has closed the standard output. What was not written yet, is not. Uninstall it.")
+        return _say("a plugin closed standard output, so some output is missing. Uninstall the plugin.")
 
 
 def _reopened() -> bool:
-    """Whether a standard stream was closed or taken away, as plugins may; it is there again."""
+    """Whether a plugin closed or removed a standard stream; it is opened again."""
     gone = [name for name in ("stdout", "stderr") if (stream := getattr(sys, name)) is None or stream.closed]
     for name in gone:
         setattr(sys, name, open(1 if name == "stdout" else 2, "w", closefd=False))  # noqa: SIM115
@@ -93,7 +93,7 @@ def _of_system(error: OSError) -> str:
     try:
         os.getcwd()
     except FileNotFoundError:
-        return "the folder in which tcfit was started is gone. Change to one that exists."
+        return "the current folder no longer exists. Change to another."
     where = "" if error.filename is None else f"{legible(os.fsdecode(error.filename))}: "
     return f"{where}{_reason(error)}."
 
@@ -114,7 +114,7 @@ def _say(text: str, code: int = FAILED) -> int:
 
 
 def _say_at_last(text: str) -> int:
-    """As _say, when the standard error may be what cannot be written."""
+    """As _say, but standard error itself may fail."""
     try:
         return _say(text)
     except OSError:

@@ -19,7 +19,7 @@ from tcfit_app.options.evaluate import EvaluateOptions
 
 
 def run_evaluate(options: EvaluateOptions, *, command: str = "") -> Path:
-    """Measure what the options say, print the table and write the files.
+    """Measure, print the table and write the files.
 
     Returns:
         The folder that was written.
@@ -65,7 +65,7 @@ def run_evaluate(options: EvaluateOptions, *, command: str = "") -> Path:
 
 
 def _counted(fit: EvaluatedFit, every: int) -> Callable[[int], None]:
-    """Takes how many frames' surfaces have just been measured, and tells of the share."""
+    """Receives the number of frames just measured, and reports the progress."""
     total = sum(-(-len(params) // every) for params, _ in fit.phases.values())
     count = 0
 
@@ -78,15 +78,15 @@ def _counted(fit: EvaluatedFit, every: int) -> Callable[[int], None]:
 
 
 def _check(options: EvaluateOptions) -> None:
-    """Raises InputError for options that do not go together."""
+    """Raise InputError for options that cannot be combined."""
     if options.camera is not None and options.reference is None:
-        raise InputError("--camera says where the camera stands in a reference's world: give --reference too.")
+        raise InputError("--camera is the camera in the reference's world: give --reference too.")
     if options.reference_offset is not None and options.reference_first_frame is not None:
-        raise InputError("--reference-offset and --reference-first-frame say the same: leave one of them out.")
+        raise InputError("Give either --reference-offset or --reference-first-frame, not both.")
     if options.reference_offset is not None and options.reference_offset != AUTO:
         seconds_of(options.reference_offset)
     if options.markers is not None and options.reference is None:
-        raise InputError("--markers says what the points of a reference are: give --reference too.")
+        raise InputError("--markers is the meaning of a reference's points: give --reference too.")
     if options.every < 1:
         raise InputError(f"--every is {options.every}; expected 1 or more.")
 

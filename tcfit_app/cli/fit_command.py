@@ -34,7 +34,7 @@ from tcfit_app.options.preparing import body_file, check_out, compile_kernels, p
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What a fit left behind."""
+    """A finished fit."""
 
     fit: FitResult
     body: BodyModel
@@ -42,15 +42,15 @@ class Outcome:
 
 
 def run_fit(options: FitOptions, *, command: str = "") -> Outcome:
-    """Fit as the options say, write the result and say on the standard output where it is.
+    """Fit, write the result, and print its folder.
 
     Raises:
-        InputError: Files or options cannot be used; nothing has been written then.
-        KeyboardInterrupt: Cancelled; the phases that had finished have been written.
+        InputError: Files or options cannot be used. Nothing is written then.
+        KeyboardInterrupt: Cancelled. Finished phases are written.
     """
     config = fit_config(options.method)
     if options.shape is not None and config.height is not None:
-        raise InputError("--shape and --height: a known shape has its own height. Give one of them.")
+        raise InputError("--shape cannot be combined with --height: a known shape has its own height.")
     check_out(options.out, overwrite=options.overwrite)
     body = prepared_body(options, config)
     shape = None if options.shape is None else read_shape(options.shape, body)
@@ -62,8 +62,8 @@ def run_fit(options: FitOptions, *, command: str = "") -> Outcome:
 
 
 def prepared_body(options: FitOptions, config: FitConfig) -> BodyModel:
-    """The body that the options name, when threads and device are ready for it. Raises InputError if there is none, or
-    the device is not there."""
+    """Prepare threads and device, and read the body. Raises InputError if the body is missing or the device does not
+    work."""
     prepare_solver(config, options.threads)
     return load_body(body_file(options.body))
 
@@ -80,7 +80,7 @@ def fit_into(
     command: str = "",
     begins: Callable[[], None] = lambda: None,
 ) -> Outcome:
-    """Fit a clip, write the result into a folder, and say so; the options say what else is wished.
+    """Fit a clip, write the result into a folder, and print the folder and the main figures.
 
     Args:
         begins: Called once, before the first phase that has finished is written.
@@ -114,7 +114,7 @@ def _fit_and_write(
     command: str,
     begins: Callable[[], None],
 ) -> tuple[FitResult, dict[str, Any]]:
-    """Run all phases; after each, what is finished is on the disk."""
+    """Run all phases, and write the result after each."""
     finished: PhaseFinished | None = None
     summary: dict[str, Any] = {}
     try:
@@ -128,9 +128,9 @@ def _fit_and_write(
                     summary = write_result(folder, event.so_far, clip, body, complete=complete, command=command)
                     finished = event
     except BaseException:
-        stayed = "Stopped before phase 1 had finished; nothing was written."
+        stayed = "Stopped before phase 1 had finished. Nothing was written."
         if finished is not None:
-            stayed = f"Stopped; the result up to phase {finished.phase} is in {folder}"
+            stayed = f"Stopped. The result up to phase {finished.phase} is in {folder}"
         tell([stayed])
         raise
     assert finished is not None
@@ -153,7 +153,7 @@ def _overlay_written(path: Path, fit: FitResult, clip: Clip, body: BodyModel) ->
         write_comparison(path, fit, clip, body, progress=told("overlay"))
         emit(StepDone(step="overlay"))
     except (InputError, OSError) as error:
-        tell([f"No {path.name} was written, but the fit is complete. {error}"])
+        tell([f"{path.name} was not written, but the fit is complete. {error}"])
         return False
     return True
 
@@ -164,7 +164,7 @@ def _inputs(clip: Clip, body: BodyModel) -> list[str]:
 
 
 def report(summary: dict[str, Any]) -> list[str]:
-    """The main figures as lines of a table, and what is known of the ground."""
+    """The main figures as lines of a table, and the ground."""
     lines = [f"{'':9}{'reprojection px':>18}{'95 %':>8}{'jitter mm/frame²':>19}{'seconds':>10}"]
     for phase, error in summary["reprojection_px"].items():
         median, p95 = ("-" if e is None else f"{e:.1f}" for e in (error["median"], error["p95"]))

@@ -30,7 +30,7 @@ _RESULT = (FIT_NAME, SUMMARY_NAME, OVERLAY_NAME)
 
 
 def run_fit_people(options: FitOptions, *, command: str = "") -> list[Outcome]:
-    """Fit everybody as the options say, write their results, and say on the standard output where they are.
+    """Fit all people, write their results, and print their folders.
 
     Raises:
         InputError: Files or options cannot be used; nothing has been written then.
@@ -73,12 +73,11 @@ def run_fit_people(options: FitOptions, *, command: str = "") -> list[Outcome]:
 
 
 def _refuse_what_is_of_one(options: FitOptions) -> None:
-    """Raises InputError where an option is about one person."""
+    """Raise InputError for an option that is for one person."""
     ones = {"--shape": options.shape, "--height": options.method.height, "--start-person": options.begin.start_person}
     if given := [name for name, value in ones.items() if value is not None]:
         raise InputError(
-            f"--people {options.people} fits everybody, and {' and '.join(given)} would be one person's: leave out one "
-            "or the other."
+            f"--people {options.people} cannot be combined with {' and '.join(given)}, which is for one person."
         )
 
 
@@ -97,8 +96,8 @@ def _check_out(folder: Path, *, overwrite: bool) -> list[Path]:
     if others:
         some = ", ".join(str(path.relative_to(folder)) for path in others[:4]) + (", ..." if len(others) > 4 else "")
         raise InputError(
-            f"--out {folder}: holds files that are not a result of several people ({some}). Choose another folder, or "
-            "give --overwrite to write the results among them."
+            f"--out {folder}: contains files that are not a result of several people ({some}). Choose another folder, "
+            "or give --overwrite to write the results beside them."
         )
     check_out(folder, overwrite=True)
     return old
@@ -134,7 +133,7 @@ def _started(
         except InputError as error:
             refused.append(error)
             starts.append(None)
-            note = f"Fitted without --start, which has nobody who follows these keypoints. {error}"
+            note = f"Fitted without --start, because nobody in it matches these keypoints. {error}"
             noted.append(replace(one, clip=replace(one.clip, notes=(*one.clip.notes, note))))
     if len(refused) == len(people):
         raise refused[0]

@@ -1,7 +1,7 @@
-"""`--json`: what a command does, a JSON object for each line of the standard output, for programs that start tcfit.
+"""`--json`: progress of a command as events, one JSON object per line of standard output.
 
-Events and their fields stay from version to version; new ones may come, which readers must pass over. SCHEMA goes up
-when anything else changes. What is printed for people goes to the standard error meanwhile.
+Events and their fields are stable; readers must ignore new ones. SCHEMA goes up if anything else changes. Messages for
+people go to standard error.
 """
 
 import os
@@ -17,7 +17,7 @@ import msgspec
 SCHEMA = 1
 OPTION = "--json"
 _STEP = 0.01
-"""Progress is told when the share has grown by this much."""
+"""Progress is reported when the share has grown by this much."""
 
 
 class Event(msgspec.Struct, frozen=True, kw_only=True, tag_field="event"):
@@ -45,40 +45,40 @@ class Step(Event, frozen=True, kw_only=True, tag="step"):
 
 
 class Progress(Event, frozen=True, kw_only=True, tag="progress"):
-    """How far a step is. Lines come at most for each hundredth."""
+    """Progress of a step, at most one line for each hundredth."""
 
     step: str
     share: float
     """0 to 1; it never falls."""
     text: str
-    """What is being done, in words; may be empty."""
+    """What is being done, for people; may be empty."""
     clip: str | None = None
-    """Of `batch`: which of the clips."""
+    """For `batch`: the clip."""
     cost: float | None = None
-    """Of a fit: mean cost of the frames that are being fitted."""
+    """For a fit: mean cost of the frames that are being fitted."""
     fraction: float | None = None
-    """Of a fit: of all its phases, 0 to 1; it never falls."""
+    """For a fit: share of the whole fit, 0 to 1; it never falls."""
     remaining: float | None = None
-    """Of a fit: seconds left; null until the estimate is stable."""
+    """For a fit: seconds left; null until the estimate is stable."""
 
 
 class StepDone(Event, frozen=True, kw_only=True, tag="step_done"):
-    """A step has ended well."""
+    """A step has succeeded."""
 
     step: str
     seconds: float | None = None
     cost: float | None = None
-    """Of a phase of a fit."""
+    """For a phase of a fit."""
 
 
 class ClipEnded(Event, frozen=True, kw_only=True, tag="clip"):
-    """Of `batch`: a clip is done, or has failed."""
+    """For `batch`: a clip is done, or has failed."""
 
     clip: str
     state: str
     """As in summary.csv: "done" or "failed"."""
     place: int
-    """How many have ended, this one included, of `total`."""
+    """Number of ended clips, including this one, of `total`."""
     total: int
     seconds: float
     reason: str
@@ -86,42 +86,42 @@ class ClipEnded(Event, frozen=True, kw_only=True, tag="clip"):
 
 
 class Figures(Event, frozen=True, kw_only=True, tag="figures"):
-    """What was measured."""
+    """Measured figures."""
 
     of: str
-    """Of which clip, run or sequence."""
+    """Clip, run or sequence."""
     method: str
-    """Which fit of it: "phase 1", "phase 3", "final", or a preset."""
+    """Its fit: "phase 1", "phase 3", "final", or a preset."""
     figures: dict[str, float | None]
-    """By name, as in metrics.json or summary.json; null where it cannot be measured."""
+    """By name, as in metrics.json or summary.json; null if a figure cannot be measured."""
 
 
 class Note(Event, frozen=True, kw_only=True, tag="note"):
-    """What a person should know."""
+    """A message for people."""
 
     text: str
 
 
 class Wrote(Event, frozen=True, kw_only=True, tag="wrote"):
-    """A file or folder is whole."""
+    """A file or folder is complete."""
 
     path: str
     kind: str
-    """What it is: a format of `export`, or the file's name."""
+    """A format of `export`, or the file's name."""
 
 
 class Failure(Event, frozen=True, kw_only=True, tag="error"):
-    """Why the command fails; `ended` follows."""
+    """The command fails; `ended` follows."""
 
     text: str
-    """What was found, what was expected, and what to do."""
+    """Found, expected, and what to do."""
 
 
 class Ended(Event, frozen=True, kw_only=True, tag="ended"):
-    """The last line. A process that was killed has none."""
+    """The last line, unless the process was killed."""
 
     code: int
-    """The exit code: 0, or 1 (failed), 2 (what was given cannot be used), 130 (cancelled)."""
+    """The exit code: 0, 1 (failed), 2 (wrong input), 130 (cancelled)."""
 
 
 AnyEvent = Started | Step | Progress | StepDone | ClipEnded | Figures | Note | Wrote | Failure | Ended
@@ -144,17 +144,17 @@ class _Lines:
 
 
 _lines: ContextVar[_Lines | None] = ContextVar("lines", default=None)
-"""Of the command that runs; None without --json."""
+"""The running command's; None without --json."""
 
 
 def emit(event: AnyEvent) -> None:
-    """Tell programs of something; nothing happens without --json."""
+    """Write an event; without --json, do nothing."""
     if (lines := _lines.get()) is not None:
         lines.write(event)
 
 
 def told(step: str) -> Callable[[float], None]:
-    """Takes shares of a step, and tells of them."""
+    """A function that reports shares of a step."""
     return lambda share: emit(Progress(step=step, share=share, text=""))
 
 
@@ -171,17 +171,17 @@ def emit_wrote(*paths: Path, kind: str | None = None) -> None:
 
 @contextmanager
 def json_lines() -> Iterator[Callable[[int], int]]:
-    """Events go to the standard output, and all that is printed to the standard error, until the block ends.
+    """Until the block ends, events go to standard output, and everything that is printed goes to standard error.
 
     Yields:
-        Takes the exit code at the end, tells it, and gives it back.
+        A function that reports the exit code and returns it.
     """
     lines = _Lines(sys.stdout)
 
     def end(code: int) -> int:
         try:
             emit(Ended(code=code))
-        except OSError:  # nobody reads any more
+        except OSError:  # the reader is gone
             discard(lines.stream)
         return code
 
@@ -194,14 +194,14 @@ def json_lines() -> Iterator[Callable[[int], int]]:
 
 
 def discard(stream: TextIO) -> None:
-    """Send what is still buffered nowhere, which Python would try to write when it exits."""
+    """Discard buffered output, which Python would try to write at exit."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, stream.fileno())
     os.close(nowhere)
 
 
 def version() -> str:
-    """Of tcfit; empty where it runs without being installed."""
+    """The version of tcfit; empty if it is not installed."""
     from importlib import metadata
 
     try:

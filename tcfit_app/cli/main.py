@@ -1,4 +1,4 @@
-"""The command `tcfit`: reads the command line, runs one command, and turns its end into an exit code."""
+"""The command `tcfit`: parses the command line, runs one command, and returns an exit code."""
 
 import os
 import shlex
@@ -38,22 +38,22 @@ from tcfit_app.options.removed import check_removed
 
 @dataclass(frozen=True, kw_only=True)
 class ListModels:
-    """Show the models and networks on this computer (the default)."""
+    """List installed models and networks (the default)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class AddModels:
-    """Copy body models to where tcfit finds them, or fetch the embedded detector's networks."""
+    """Install body models, or download the networks of the detector mediapipe."""
 
     paths: Annotated[Positional[tuple[Path, ...]], arg(metavar="PATH")]
-    """Model files, folders, or archives as downloaded. The word mediapipe fetches the detector's networks."""
+    """Model files, folders, or archives as downloaded; or mediapipe, to download its networks."""
     yes: bool = False
-    """Agree to the download beforehand."""
+    """Agree to the licence of the download."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Models:
-    """Show the body models and networks on this computer, or add to them."""
+    """List installed body models and networks, or add some."""
 
     action: Annotated[ListModels, subcommand("list")] | Annotated[AddModels, subcommand("add")] = field(
         default_factory=ListModels
@@ -62,14 +62,14 @@ class Models:
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """Print every setting of the method with its value and meaning, as a file for --config."""
+    """Print all settings of the method with their meaning, as a file for --config."""
 
     method: MethodOptions = field(default_factory=MethodOptions)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Doctor:
-    """Show what works on this computer, and what to install for the rest."""
+    """Check this computer, and say what to install."""
 
 
 def _in(module: str) -> Any:
@@ -105,8 +105,7 @@ def _models(options: Models, command: str) -> None:
         _in("models_command").register_models(options.action.paths, agreed=options.action.yes)
     else:
         raise InputError(
-            "tcfit models add: no path given; expected model files, folders or downloaded archives, or the word "
-            "mediapipe."
+            "tcfit models add: no path given; expected model files, folders or downloaded archives, or mediapipe."
         )
 
 

@@ -13,7 +13,7 @@ from fitting_core.priors.files.registry import PriorFile, holds_vposer, list_pri
 
 _ORIGINS = {"free": "comes with tcfit", "user": "yours"}
 _HEADER = ("MODEL", "GENDER", "VERTICES", "FROM", "FILE")
-_PRIOR_HEADER = ("POSE PRIOR", "IS", "FROM", "FILE")
+_PRIOR_HEADER = ("POSE PRIOR", "KIND", "FROM", "FILE")
 
 
 def list_models() -> None:
@@ -32,8 +32,8 @@ def list_models() -> None:
     from tcfit_app.cli.detector_networks import NAME, networks_table
 
     print(f"\n{_table(networks_table())}")
-    print(f"The networks are the embedded detector's; `tcfit models add {NAME}` fetches those that are not here.")
-    print("\nOf the same model and gender the first one is used. Add your own SMPL-X, SMPL-H, SMPL or VPoser with")
+    print(f"The networks are those of the detector {NAME}; `tcfit models add {NAME}` downloads missing ones.")
+    print("\nThe first file of a model and gender is used. Add your own SMPL-X, SMPL-H, SMPL or VPoser with")
     print("  tcfit models add PATH   (a model file, a folder, or the archive as downloaded)")
     print(f"They are copied to {user_folder()}")
 

@@ -27,12 +27,12 @@ _CENTER_OPTIONS = {"--center", "--camera"}
 
 
 def make_project(options: NewOptions | ReviewOptions, *, reopen: bool = False) -> Path:
-    """Make the project that the options ask for, and say on the standard output where it is.
+    """Make the project, and print its folder.
 
-    With `reopen`, a project of the same clip that was made there before is left as it is.
+    With `reopen`, an existing project of the same clip is used unchanged.
 
     Raises:
-        InputError: Files or options cannot be used, or the folder holds something else; nothing has been written then.
+        InputError: Files or options cannot be used, or the folder contains something else. Nothing is written then.
     """
     if options.video is not None and is_packed(options.video):
         return _unpacked(options.video, options, reopen=reopen)
@@ -40,13 +40,13 @@ def make_project(options: NewOptions | ReviewOptions, *, reopen: bool = False) -
         return _made_of_everybody(options)
     height = height_of(options)
     if options.out is not None and not reopen:
-        check_free(options.out)  # before minutes in which keypoints are found
+        check_free(options.out)  # before the detection, which takes minutes
     with DetectionShown() as tell_progress:
         clip = clip_of(options, tell_progress)
     folder = options.out or _folder_named(clip.name)
     if reopen and is_project(folder):
         check_same_clip(folder, clip, clip_options(options))
-        print(f"Opening the project {folder}, which was made before.", file=sys.stderr, flush=True)
+        print(f"Opening the existing project {folder}.", file=sys.stderr, flush=True)
         return folder
     print(printable("\n".join([*described(clip), *notes_of(clip)])), file=sys.stderr, flush=True)
     reference = reference_given(options.truth, clip)
@@ -68,8 +68,8 @@ def _made_of_everybody(options: NewOptions) -> Path:
     ones = {"--reference": options.truth != ReferenceOptions(), "--height": options.height is not None}
     if given := [name for name, there in ones.items() if there]:
         raise InputError(
-            f"--people {options.people} makes projects of everybody, and {' and '.join(given)} would be one person's: "
-            "leave it out, and give it to the project that it is about."
+            f"--people {options.people} cannot be combined with {' and '.join(given)}, which is for one person. Give "
+            "it to that person's project."
         )
     with DetectionShown() as tell_progress:
         people = everybody_of(options, tell_progress)
@@ -86,17 +86,17 @@ def _made_of_everybody(options: NewOptions) -> Path:
 def _unpacked(path: Path, options: NewOptions | ReviewOptions, *, reopen: bool) -> Path:
     """The project in a file that `tcfit export --formats project` made."""
     if options.keypoints is not None or options.copy_video:
-        raise InputError(f"{path} is a project, which has its keypoints: leave out --keypoints and --copy-video.")
+        raise InputError(f"{path} is a project and contains its keypoints: leave out --keypoints and --copy-video.")
     if isinstance(options, NewOptions) and options.people is not None:
-        raise InputError(f"{path} is a project, which is of one person: leave out --people.")
+        raise InputError(f"{path} is the project of one person: leave out --people.")
     if given := clip_options(options):
         raise InputError(f"{path}: is already a project. {refusal(given)}")
     if isinstance(options, NewOptions) and options.height is not None:
-        raise InputError(f"{path}: is already a project. Give --height when it is opened: tcfit review --height CM.")
+        raise InputError(f"{path}: is already a project. Use tcfit review --height CM.")
     folder = options.out or Path(path.name.removesuffix(".zip").removesuffix(PROJECT_SUFFIX) + PROJECT_SUFFIX)
     if reopen and is_project(folder):
         check_same_packed(folder, path)
-        said = f"Opening the project {folder}, which was unpacked before; {path} was not read again."
+        said = f"Opening the project {folder}, which {path} was unpacked into before."
         print(said, file=sys.stderr, flush=True)
         return folder
     unpack(path, folder)
@@ -105,12 +105,12 @@ def _unpacked(path: Path, options: NewOptions | ReviewOptions, *, reopen: bool) 
 
 
 def reference_given(options: ReferenceOptions, clip: Clip) -> Reference | None:
-    """What the options say that fits of a clip are compared with. Raises InputError if it cannot be read."""
+    """The reference of the options, or None. Raises InputError if it cannot be read."""
     if options.reference is None:
         if options.reference_camera is not None:
-            raise InputError("--reference-camera says where a reference's world is: give --reference too.")
+            raise InputError("--reference-camera is the camera in the reference's world: give --reference too.")
         if options.reference_first_frame is not None:
-            raise InputError("--reference-first-frame says where a reference begins: give --reference too.")
+            raise InputError("--reference-first-frame is where the reference begins: give --reference too.")
         return None
     from fitting_core.measure.references.files import read_reference
 
@@ -120,26 +120,26 @@ def reference_given(options: ReferenceOptions, clip: Clip) -> Reference | None:
 
 
 def _folder_named(name: str) -> Path:
-    """Where a clip's project is made if nobody says where: in the working folder, by the clip's name."""
-    # A name becomes a folder here only: not one part of it may lead elsewhere.
+    """Default folder of a clip's project: in the current folder, by the clip's name."""
+    # The name must not lead to another folder.
     return Path(name_of_file(name).replace("/", "_").replace("\\", "_") + PROJECT_SUFFIX)
 
 
 def check_same_clip(folder: Path, clip: Clip, given: Sequence[str]) -> None:
-    """Refuse a project that is not of the clip that a command line names.
+    """Refuse a project of another clip.
 
-    `given` are the options that say which part of the clip is meant, and the camera.
+    `given` are the options of the part of the clip, and of the camera.
 
     Raises:
         InputError: The project is of another video, or has other keypoints; or the options would have made another one.
     """
     with closing(Database(folder / NAME, read_only=True)) as store:
         made, link = read_clip(folder, store)
-    choice = f"Give --out for a new project, or open that one as it is: tcfit review {folder}"
+    choice = f"Give --out for a new project, or open the existing one: tcfit review {folder}"
     if clip.source and (link is None or link.fingerprint != fingerprint(clip.source)):
-        raise InputError(f"{folder}: is a project of a clip other than {clip.source}. {choice}")
+        raise InputError(f"{folder}: is the project of another clip than {clip.source}. {choice}")
     if given and _frames_and_camera(made, given) != _frames_and_camera(clip, given):
-        raise InputError(f"{folder}: was made before, of other frames or with another camera. {refusal(given)}")
+        raise InputError(f"{folder}: already exists for other frames or another camera. {refusal(given)}")
     # Without --camera they come as they were filmed.
     lens = made.camera.lens if clip.camera.lens is None else None
     if not _detected(clip.keypoints) or same_detections(
@@ -148,22 +148,22 @@ def check_same_clip(folder: Path, clip: Clip, given: Sequence[str]) -> None:
         return
     if not _detected(made.keypoints):
         raise InputError(
-            f"{folder}: was made of the video alone. Open it (tcfit review {folder}) and import the keypoints in its "
-            "panel Start, or give --out for a new project."
+            f"{folder}: already exists without keypoints. Open it (tcfit review {folder}) and import the keypoints in "
+            "the panel Start, or give --out for a new project."
         )
-    raise InputError(f"{folder}: was made with other keypoints, of another person or other frames. {choice}")
+    raise InputError(f"{folder}: already exists with keypoints of another person or other frames. {choice}")
 
 
 def check_same_packed(folder: Path, path: Path) -> None:
-    """Refuse a project that was not unpacked from this file, or from another one of the same project. Raises InputError
-    if it is another project, or one of both cannot be read."""
+    """Raise InputError if a project was not unpacked from this file or an export of the same project, or if one of both
+    cannot be read."""
     if creation_time(folder) != packed_creation_time(path):
         raise InputError(f"{folder}: is not the project in {path}. Give --out for a new one.")
 
 
 def _frames_and_camera(clip: Clip, given: Sequence[str]) -> tuple[object, ...]:
-    """Without the words that say where the focal length comes from, and of the camera only what the options ask for:
-    one that a calibration gave is not there where the clip is named without it."""
+    """Frames and camera for a comparison: of the camera only what the options set, because a calibration is unknown if
+    the clip is named without it."""
     camera = clip.camera
     asked = None if _FOCAL_OPTIONS.isdisjoint(given) else (camera.focal, camera.lens, camera.world, camera.path)
     center = None if _CENTER_OPTIONS.isdisjoint(given) else camera.center

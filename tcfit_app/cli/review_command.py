@@ -42,7 +42,7 @@ def run_review(options: ReviewOptions) -> None:
     check_folders(options.server, models=options.models)
     entry_of(options.server)  # told before a project is made
     if options.video is None and options.keypoints is None:
-        raise InputError("Nothing to review was given; expected a video, keypoints, a project or a folder of clips.")
+        raise InputError("Nothing to review; expected a project, a video, keypoints or a folder of clips.")
     if options.video is not None and options.video.suffix == PROJECT_SUFFIX and not options.video.exists():
         raise InputError(f"{options.video} does not exist; expected a project's folder.")
     options = replace(options, video=_of_result(options.video))
@@ -80,7 +80,7 @@ def _of_result(path: Path | None) -> Path | None:
         from tcfit_app.home.fitting import make_project
 
         known = make_project(clip)
-        tell(f"Made the project {known} of the result {path}")
+        tell(f"Made the project {known} from the result {path}")
     return known
 
 
@@ -103,9 +103,9 @@ def review(
 def check_folders(options: ServerOptions, *, models: Path | None = None) -> None:
     """Raise InputError for folders that are none, before anything is made or fitted. Arguments as of `review`."""
     if options.files is not None and not options.files.is_dir():
-        raise InputError(f"--files {options.files}: is not a folder; expected one whose files pages may name.")
+        raise InputError(f"--files {options.files}: is not a folder.")
     if models is not None and not models.is_dir():
-        raise InputError(f"--models {models}: is not a folder; expected one with body models.")
+        raise InputError(f"--models {models}: is not a folder.")
 
 
 def is_list(options: ReviewOptions) -> bool:
@@ -115,7 +115,7 @@ def is_list(options: ReviewOptions) -> bool:
         return False
     if is_project(folder) or holds_people(folder) or (folder / "images").is_dir() or (folder / "keypoints").is_dir():
         return False
-    return not image_files(folder) and any(one.kind != "report" for one in find(folder.resolve()))
+    return not image_files(folder) and bool(find(folder.resolve()))
 
 
 def _review_many(options: ReviewOptions) -> None:
@@ -130,17 +130,19 @@ def _review_many(options: ReviewOptions) -> None:
     given = [name for name, value in ones.items() if value] + clip_options(options)
     given += ["--reference"] * (options.truth != plain.truth) + ["--copy-video"] * options.copy_video
     if given:
-        raise InputError(f"{root} has many clips; {', '.join(given)} would be for one: leave it out, or name one clip.")
+        raise InputError(
+            f"{root} contains many clips, and {', '.join(given)} is for one: leave it out, or name one clip."
+        )
     home = Home(root, files=options.server.files, models=options.models)
     try:
         with _served(home.catalogue.root.name, options.server, home) as server:
             log_warnings()
             home.run(server, _load_all)
     except KeyboardInterrupt:
-        tell("Ending the review ...")
+        tell("Closing the review ...")
     finally:
         home.close()
-    tell(f"The review has ended. Everything is saved in {home.catalogue.root}")
+    tell(f"Review closed. Everything is saved in {home.catalogue.root}")
 
 
 def _load_all() -> None:
@@ -217,14 +219,14 @@ def _review(
     try:
         for one in sessions:
             if fit is not None and (why_not := _begun(one, fit, find)):
-                tell(f"--fit: nothing is fitted, for {one.project.folder.name} {why_not}.")
+                tell(f"--fit: no fit was started, because {one.project.folder.name} {why_not}.")
         app.run()
     except KeyboardInterrupt:
-        tell("Ending the review ...")
+        tell("Closing the review ...")
     finally:
         app.close()
     folder = project.folder if people is None else people.folder
-    tell("The review has ended." + ("" if project.read_only else f" Everything is saved in {folder}"))
+    tell("Review closed." + ("" if project.read_only else f" Everything is saved in {folder}"))
 
 
 def _begun(session: "Session", fit: FitConfig, find: ClipOptions | None) -> str:
@@ -238,9 +240,9 @@ def _begun(session: "Session", fit: FitConfig, find: ClipOptions | None) -> str:
     if session.project.has_detections:
         session.fit_everything(fit, kind="smplx", gender="neutral")
     elif find is None:
-        return "has no keypoints. Have them found first, in the panel Start"
+        return "has no keypoints. Detect them in the panel Start"
     elif (known := DETECTORS.get(find.detector)) is not None and not known.is_here():
-        return "has no keypoints, and what finds them is not on this computer yet. Fetch it in the panel Start"
+        return "has no keypoints, and the detector is not installed. Download it in the panel Start"
     else:
         session.find_and_fit(find.detector, fit, person=find.person)
     return ""
@@ -264,7 +266,7 @@ def opened(options: ReviewOptions) -> "Project":
     if options.video is not None and is_project(options.video):
         folder = options.video
         if options.keypoints is not None:
-            raise InputError(f"{folder} is a project, which has its keypoints: leave out --keypoints.")
+            raise InputError(f"{folder} is a project and contains its keypoints: leave out --keypoints.")
         if given := clip_options(options):
             raise InputError(f"{folder}: is already a project. {refusal(given)}")
     else:
@@ -282,12 +284,14 @@ def _people(options: ReviewOptions) -> AbstractContextManager["OpenPeople"]:
     folder = options.video
     assert folder is not None
     if options.keypoints is not None:
-        raise InputError(f"{folder} has the projects of several people, with their keypoints: leave out --keypoints.")
+        raise InputError(f"{folder} contains projects with their keypoints: leave out --keypoints.")
     if options.truth != ReferenceOptions() or options.height is not None:
         what = "a reference" if options.height is None else "a height"
-        raise InputError(f"{folder} has several people, and {what} is of one: open that one's project with it.")
+        raise InputError(
+            f"{folder} contains several people, and {what} is for one: open that person's project with it."
+        )
     if given := [option for option in clip_options(options) if option != "--person"]:
-        raise InputError(f"{folder}: has projects already. {refusal(given)}")
+        raise InputError(f"{folder}: contains projects already. {refusal(given)}")
     return opened_people(folder, lambda one: open_project(one, read_only=options.read_only), tell)
 
 

@@ -77,23 +77,21 @@ def _settings(fit: EvaluatedFit, reference: Reference | None) -> dict[str, str]:
 
 
 def notes_of(fit: EvaluatedFit) -> tuple[str, ...]:
-    """What a user should know about the fit."""
-    rate = "It does not give its frame rate: 30 frames per second are assumed; set it with --frame-rate."
-    world = "Where it stands in front of a camera is not known, so only its form is compared."
+    """Notes on the fit, for the user."""
+    rate = "Its frame rate is not stored: 30 frames per second are assumed. Set it with --frame-rate."
+    world = "Its position before the camera is unknown, so only its form is compared."
     return (*fit.notes, *([] if fit.rate_known else [rate]), *([] if fit.placed else [world]))
 
 
 def notes_about(reference: Reference | None, frame_rate: float) -> tuple[str, ...]:
-    """What a user should know about the comparison with a fit of this frame rate."""
+    """Notes on the comparison with a fit of this frame rate, for the user."""
     if reference is None:
-        return (
-            "There is no reference: only smoothness, volume and, where there are keypoints, reprojection are measured.",
-        )
+        return ("There is no reference: only smoothness, volume and, with keypoints, reprojection are measured.",)
     notes = list(reference.notes)
     if not reference.in_camera:
         notes.append(
-            "The reference stands in a world of its own: only form is compared. With --camera positions and depth are, "
-            "unless the clip's camera moves."
+            "The reference has a world of its own, so only form is compared. --camera adds positions and depth, unless "
+            "the clip's camera moves."
         )
     if not reference.is_even(frame_rate):
         notes.append(
@@ -101,21 +99,21 @@ def notes_about(reference: Reference | None, frame_rate: float) -> tuple[str, ..
             "compared with the nearest of the reference's, and accelerations and the reference's jitter are left out."
         )
     if reference.params is None:
-        notes.append("The reference has points and no surface: joints are compared, volumes and surfaces are not.")
+        notes.append("The reference has points but no surface: joints are compared, volumes and surfaces are not.")
     return tuple(notes)
 
 
 def _coverage(fit: EvaluatedFit, reference: Reference | None, records: Sequence[Record]) -> tuple[str, ...]:
-    """A note where a reference does not tell all frames of a fit."""
+    """A note if the reference does not cover all frames of the fit."""
     count, compared = records[0].frames, records[0].comparison.compared_frames
     if reference is None or compared is None or compared == count:
         return ()
-    known = "" if reference.first_frame_known else ", as it does not say when it begins"
+    known = "" if reference.first_frame_known else ", if it begins with the video"
     covered = fit.first_frame + np.flatnonzero(reference.frames_of(count, fit.first_frame, fit.frame_rate) >= 0)
     reached = len(covered)
-    unknown = f" In {reached - compared} of those that it has too few of its points are known." * (compared < reached)
+    unknown = f" {reached - compared} of the covered frames have too few reference points." * (compared < reached)
     return (
         f"Compared in {compared} of {count} frames: the fit has the video's frames {fit.first_frame} to "
         f"{fit.first_frame + count - 1}, of which the reference covers {covered[0]} to {covered[-1]}{known}. If it "
-        f"lies elsewhere in time, say where by --reference-offset or --reference-first-frame.{unknown}",
+        f"begins at another time, give --reference-offset or --reference-first-frame.{unknown}",
     )

@@ -12,37 +12,36 @@ from tcfit_app.options.fit import BodyOptions, JsonLines, MethodOptions, shown
 
 @dataclass(frozen=True, kw_only=True)
 class BatchOptions:
-    """Fit many clips, as a CSV file lists them; started again, it goes on where it was stopped.
+    """Fit the clips of a CSV file. The same command continues a batch that was stopped.
 
-    Columns: out (a folder for the result of each clip), video and keypoints (at least one of them; keypoints that are
-    not given are found in the video), and any option below or setting of `tcfit settings` that is to differ between
-    clips, by its name: focal_length, person, first_frame, preset, temporal.weight, ...; and start, start_person and
-    start_first_frame as of `tcfit fit`. Empty cells take what the command line says. Paths are relative to the file.
+    Columns are options of `tcfit fit` and settings of `tcfit settings`, by name: video, keypoints, out, focal_length,
+    first_frame, preset, temporal.weight, ... The column out is required, and video or keypoints. An empty cell has the
+    value of the command line. Paths are relative to the CSV file. Clips with the same subject get one shape.
 
-    Each clip gives what `tcfit fit` gives. A clip that fails does not stop the others; it is fitted again with --retry,
-    or when its files or settings change. What is done is left alone until then.
+    Each result is that of `tcfit fit`. Finished clips are skipped until their files or settings change. Failed clips do
+    not stop the others; --retry fits them again.
     """
 
     manifest: Annotated[Positional[Path], arg(metavar="CLIPS.csv")]
-    """The list of clips. State, log and summary go into a folder beside it: CLIPS.batch."""
+    """The list of clips. Summary and log are written to CLIPS.batch beside it."""
     jobs: Annotated[int | None, shown("N", "one for each core")] = None
-    """Clips that are fitted at the same time, each in a process with one thread."""
+    """Number of clips that are fitted at the same time, each in its own process with one thread."""
     ray: Annotated[tuple[str] | tuple[()] | None, shown("[ADDRESS]", "this computer's processes")] = None
-    """Fit on a running Ray cluster whose nodes see the same files: its address, or nothing for the one that Ray finds;
-    "local" starts one here. Needs tcfit[ray]."""
+    """Fit on a Ray cluster whose nodes see the same files. Without an address: the one that Ray finds; local: start one
+    here. Needs tcfit[ray]."""
     part_minutes: Annotated[float | None, shown("MINUTES", "the whole clip")] = None
-    """Fit each clip that is longer in parts of so many minutes at most, under one shape: a folder for each in its
-    `out`, named by the time at which it begins."""
+    """Fit longer clips in parts of at most this length, with one shape. Each part gets a folder in `out`, named by its
+    start time."""
     retry: bool = False
-    """Fit clips again that failed before."""
+    """Fit failed clips again."""
     report: bool = False
     """Only print the state of each clip, and update summary.csv."""
     projects: bool = False
-    """Make a project of each clip, to be reviewed, instead of a folder of files."""
+    """Make a project of each clip instead of a folder of files."""
     overlay: bool = True
     """Write overlay.mp4 beside each result: phase 1 and the final fit side by side."""
     overwrite: bool = False
-    """Write into folders that hold other files too."""
+    """Write into folders that contain other files too."""
     json: JsonLines = False
     clip: ClipOptions = field(default_factory=ClipOptions)
     camera: CameraOptions = field(default_factory=CameraOptions)

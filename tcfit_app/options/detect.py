@@ -12,10 +12,10 @@ from tcfit_app.options.fit import DETECTOR_NAMES, JsonLines, shown
 
 @dataclass(frozen=True, kw_only=True)
 class DetectOptions:
-    """Find everybody's keypoints in a video, and write them as OpenPose JSON, for other programs or to look at.
+    """Detect the keypoints of all people in a video, and write them as OpenPose JSON.
 
-    `tcfit fit`, `new`, `review` and `batch` find keypoints by themselves where none are given. What has been found is
-    kept for them and for the next time. After Ctrl-C the same command goes on with the frames that are left.
+    `tcfit fit`, `new`, `review` and `batch` detect keypoints themselves if none are given. Detections are cached for
+    all commands. After Ctrl-C, the same command continues with the remaining frames.
     """
 
     video: Annotated[
@@ -23,27 +23,27 @@ class DetectOptions:
     ] = None
     """A video file or a folder of images."""
     detector: Annotated[str, shown("NAME|POSE.onnx", DEFAULT, DETECTOR_NAMES)] = DEFAULT
-    boxes: Annotated[str | None, shown("NAME|BOX.onnx", "that of the detector; of an ONNX model none")] = None
-    """For models of the RTMPose family: what finds people, RTMDet or YOLOX. Without it, one person is followed from
-    frame to frame, who should fill much of the first one."""
+    boxes: Annotated[str | None, shown("NAME|BOX.onnx", "that of the detector; none for an ONNX model")] = None
+    """Person detector for models of the RTMPose family: RTMDet or YOLOX. Without it, one person is followed, who must
+    fill much of the first frame."""
     out: Annotated[Path | None, shown("DIR", "the video's name with _keypoints, in this folder")] = None
-    """Folder for the JSON files. Those of the same video are replaced."""
+    """Folder for the JSON files. Files of the same video are replaced."""
     first_frame: Annotated[int | None, shown("N", "the first")] = None
     """Number of the first frame, from 0."""
     last_frame: Annotated[int | None, shown("N", "the last")] = None
     """Number of the last frame."""
     provider: Annotated[str, arg(metavar="{cpu,cuda}")] = "cpu"
-    """Where models of the RTMPose family run; cuda needs onnxruntime-gpu."""
+    """Device for models of the RTMPose family. cuda needs onnxruntime-gpu."""
     batch: int = 8
-    """Frames that go through such a model at once. The result does not depend on it."""
-    threads: Annotated[int, shown("N", "what suits this computer")] = 0
-    """Of each network or model."""
+    """Number of frames that such a model processes at once. It does not affect the result."""
+    threads: Annotated[int, shown("N", "chosen for this computer")] = 0
+    """Number of threads of each network."""
     restart: bool = False
-    """Do not take what was found before, but start anew."""
+    """Ignore cached detections."""
     json: JsonLines = False
     list: bool = False
-    """Show the detectors and the models that can be downloaded, their licences, and what is here."""
+    """List detectors and downloadable models with their licences, and which are installed."""
     download: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="NAME", help_behavior_hint="(repeatable)")] = ()
-    """Fetch all that a detector needs, or a model, from its publisher, after you have agreed."""
+    """Download a model, or everything that a detector needs, from its publisher, after you agree to the licence."""
     yes: bool = False
-    """With --download: agree beforehand."""
+    """With --download: agree to the licence."""

@@ -11,36 +11,37 @@ from tcfit_app.options.fit import JsonLines, ModelsFolder, shown
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluateOptions:
-    """Measure a fit against what is known to be true.
+    """Measure a fit against a reference.
 
-    Prints a table; the --out folder receives metrics.csv, metrics.json and, with tcfit[report], report.html.
+    Prints a table. The --out folder receives metrics.csv, metrics.json and, with tcfit[report], report.html.
     """
 
     fit: Annotated[Positional[Path], arg(metavar="FIT")]
-    """A project, or a result: a folder or a fit.npz of tcfit, or what another program wrote, as for tcfit import."""
-    reference: Annotated[Path | None, shown("PATH", "the project's, if it has one")] = None
+    """A project, a result of tcfit (its folder or fit.npz), or another program's result, as for `tcfit import`."""
+    reference: Annotated[Path | None, shown("PATH", "that of the project")] = None
     """3D points (npz, TRC, C3D), an AMASS-style npz, the truth.npz of a generated clip, or another fit.npz."""
-    camera: Annotated[Path | None, shown("FILE.npz", "as the clip's camera is calibrated")] = None
-    """The clip's camera in the reference's world: R and t, with x_camera = R x + t. Without, only form is compared."""
-    reference_first_frame: Annotated[int | None, shown("N", "as it says, or 0")] = None
-    """Number in the video of the reference's first frame, where it was cut and does not say so."""
+    camera: Annotated[Path | None, shown("FILE.npz", "that of the clip's calibration")] = None
+    """The clip's camera in the reference's world: R and t, with x_camera = R x + t. Without it,
+    positions and depth are not compared."""
+    reference_first_frame: Annotated[int | None, shown("N", "as recorded, or 0")] = None
+    """Video frame at which the reference begins, if the reference was trimmed and does not record it."""
     reference_offset: Annotated[str | None, shown("SECONDS|auto", "none")] = None
-    """Second of the video at which the reference's first frame was taken, below 0 if that was before. auto: found by
-    the movement of both, where their clocks differ."""
+    """Time of the reference's first frame, in seconds of the video; negative if it is earlier. auto: estimated from the
+    movement of both."""
     markers: Annotated[Path | None, shown("FILE", "by their names")] = None
-    """What the points of a TRC or C3D reference are: a TOML or JSON file of their names and vertices of the body's
+    """Meaning of the points of a TRC or C3D reference: a TOML or JSON file that maps their names to vertices of the
     mesh, markers of the standard set, or joints."""
     run: Annotated[str | None, shown("NAME|N", "the latest")] = None
-    """Which of a project's runs."""
-    person: Annotated[int | None, shown("N", "who is in most frames; of SMPLify-X 0")] = None
-    """Of several people in another program's result, as it numbers them."""
+    """Run of the project."""
+    person: Annotated[int | None, shown("N", "the person in most frames; for SMPLify-X, person 0")] = None
+    """Person in another program's result, as numbered there."""
     body_model: Annotated[str | None, shown("{smplx,smplh,smpl}", "the result's")] = None
-    """Another kind of body to pose with another program's result: joint angles are kept, the shape is not."""
-    frame_rate: Annotated[float | None, shown("FPS", "as it says, the reference's, or 30")] = None
-    """Frames per second of another program's result, which hardly any of them tells."""
+    """Pose another kind of body with the joint angles of another program's result. Its shape is not used."""
+    frame_rate: Annotated[float | None, shown("FPS", "as recorded, that of the reference, or 30")] = None
+    """Frame rate of another program's result; most formats do not store it."""
     every: Annotated[int, arg(metavar="N")] = 1
-    """Measure surfaces in every Nth frame, which is the slow part."""
+    """Measure surfaces only in every Nth frame: they are the slow part."""
     out: Annotated[Path | None, shown("DIR", "NAME-evaluation")] = None
-    """Folder for tables and report; those that lie there are replaced."""
+    """Folder for tables and report. Existing ones are replaced."""
     json: JsonLines = False
     models: ModelsFolder = None

@@ -11,32 +11,32 @@ from tcfit_app.options.fit import ModelsFolder, shown
 
 @dataclass(frozen=True, kw_only=True)
 class ImportOptions:
-    """Put another program's result into a project as a run, to compare fits with; or ELAN's annotations as notes.
+    """Import another program's result into a project as a run to compare with, or ELAN's annotations as notes.
 
     SMPLify-X's output folder (or a zip of it), an npz of SMPL-X or AMASS, a fit.npz of tcfit, or a result of GVHMR,
-    GEM, WHAM, PromptHMR, 4D-Humans or SAM 3D Body. The content tells which; the body model that it belongs to must be
-    here. Of an .eaf file of ELAN, annotations become notes on their frames. Nothing is written unless all of it could
-    be read.
+    GEM, WHAM, PromptHMR, 4D-Humans or SAM 3D Body. The format is recognised. The body model of the result must be
+    installed. Annotations of an .eaf file of ELAN become notes on their frames. Nothing is written if a part cannot be
+    read.
     """
 
     project: Annotated[Positional[Path], arg(metavar="PROJECT")]
     """The project's folder."""
     path: Annotated[Positional[Path], arg(metavar="PATH")]
-    """The result: a folder or a file; or an .eaf file."""
+    """The result (a folder or a file), or an .eaf file."""
     name: Annotated[str, shown("TEXT", "the file's")] = ""
-    """Of the run."""
-    first_frame: Annotated[int | None, shown("N", "as its files are numbered, or the clip's first")] = None
-    """Number in the video of the result's first frame."""
-    person: Annotated[int | None, shown("N", "who is in most frames; of SMPLify-X 0")] = None
-    """Of several people, as the result numbers them; of SMPLify-X the number of the pickle: 0 is 000.pkl."""
-    gender: Annotated[str | None, shown("{neutral,male,female}", "as the file says, or neutral")] = None
+    """Name of the run."""
+    first_frame: Annotated[int | None, shown("N", "from its file names, or the clip's first")] = None
+    """Video frame at which the result begins."""
+    person: Annotated[int | None, shown("N", "the person in most frames; for SMPLify-X, person 0")] = None
+    """Person in the result, as numbered there; for SMPLify-X the number of the pickle (0: 000.pkl)."""
+    gender: Annotated[str | None, shown("{neutral,male,female}", "as recorded, or neutral")] = None
     """Gender of the body."""
     body_model: Annotated[str | None, shown("{smplx,smplh,smpl}", "the result's")] = None
-    """Another kind of body to pose: joint angles are kept, the shape is not."""
+    """Pose another kind of body with the joint angles of the result. Its shape is not used."""
     models: ModelsFolder = None
-    focal_length: Annotated[float | None, shown("PX", "the file's; for SMPLify-X 5000")] = None
-    """Focal length in pixels, for a result that tells none."""
-    vposer: Annotated[Path | None, shown("PATH", "the one that was added")] = None
-    """The VPoser that SMPLify-X used."""
-    tiers: Annotated[tuple[str, ...], shown("NAME ...", "all but those of tcfit")] = ()
-    """Of an .eaf file: which tiers become notes."""
+    focal_length: Annotated[float | None, shown("PX", "as recorded; for SMPLify-X 5000")] = None
+    """Focal length in pixels, if the result does not store it."""
+    vposer: Annotated[Path | None, shown("PATH", "the installed one")] = None
+    """VPoser that was used by SMPLify-X."""
+    tiers: Annotated[tuple[str, ...], shown("NAME ...", "all except those of tcfit")] = ()
+    """Tiers of an .eaf file that become notes."""

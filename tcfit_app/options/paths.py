@@ -1,4 +1,4 @@
-"""Paths on the command line that no file can have, refused before anything is read. Imports nothing heavy."""
+"""Impossible paths on the command line, refused before anything is read. Imports nothing heavy."""
 
 import errno
 import os
@@ -13,16 +13,16 @@ from fitting_core.files.regular import legible
 _LONGEST_NAME, _LONGEST = 255, 4095
 """Bytes of a file's name and of a path, as Linux has them."""
 _NAMES_OR_PATHS = ("body_model", "detector")
-"""Options that take the name of something known, or a path."""
+"""Options that take a name or a path."""
 _PRIOR = "pose_prior="
 """A value of --set that may name a file."""
 
 
 def check_paths(options: Any) -> None:
-    """Refuse paths that are too long or not text. Raises InputError if there is such a path.
+    """Raise InputError for a path that is too long or not UTF-8.
 
-    Results name the files that they come from, and OpenCV, SQLite and JSON take only UTF-8: found in the end, a
-    name that is none has cost a whole fit.
+    Results store the paths of their input, and OpenCV, SQLite and JSON accept only UTF-8. Without this check, such a
+    name failed only after the fit.
 
     Args:
         options: A command's, with those of its groups.
@@ -48,7 +48,7 @@ def _paths_in(options: Any) -> Iterator[Path]:
 
 
 def _fault(path: Path) -> str:
-    """Why there can be no such path; empty if there can."""
+    """Why the path is impossible; empty if it is not."""
     written = os.fsencode(path)
     if b"\0" in written:
         return "has a null character, which no path can have."
@@ -60,7 +60,7 @@ def _fault(path: Path) -> str:
         return "has a name that is not UTF-8. Rename it."
     try:
         path.stat()
-    except OSError as error:  # whatever else is wrong is told where the path is used
+    except OSError as error:  # other problems are reported where the path is used
         if error.errno == errno.ELOOP:
             return "is a link that leads to itself. Choose another place."
     return ""

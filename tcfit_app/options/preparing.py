@@ -1,4 +1,4 @@
-"""What a fit needs before it begins: its body, a working device, a folder that may be written."""
+"""Preparation of a fit: body, device, output folder, compiled kernels."""
 
 import os
 import sys
@@ -20,31 +20,31 @@ MOST_THREADS = 256
 
 
 def check_out(folder: Path, *, overwrite: bool) -> None:
-    """Refuse to write among files that are not tcfit's. Raises InputError if the folder is a file, cannot be written,
-    or holds something other than a result and `overwrite` is not given."""
+    """Raise InputError if the output folder is a file, cannot be written, or contains other files than a result and
+    `overwrite` is not given."""
     if folder.exists() and not folder.is_dir():
-        raise InputError(f"--out {folder}: is a file; expected a folder, which need not exist.")
+        raise InputError(f"--out {folder}: is a file; expected a folder, which may not exist yet.")
     there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
     if not os.access(there, os.W_OK):
         raise InputError(
-            f"--out {folder}: cannot be written, for {there} is read-only. Allow writing, or choose another."
+            f"--out {folder}: cannot be written, because {there} is read-only. Allow writing, or choose another folder."
         )
     if overwrite or is_result(folder) or not folder.exists() or not any(folder.iterdir()):
         return
     names = sorted(entry.name for entry in folder.iterdir())
     raise InputError(
-        f"--out {folder}: holds files that are not a result of tcfit ({some_of(names, most=4)}). "
-        "Choose another folder, or give --overwrite to write the result among them."
+        f"--out {folder}: contains files that are not a result of tcfit ({some_of(names, most=4)}). "
+        "Choose another folder, or give --overwrite to write the result beside them."
     )
 
 
 def prepare_solver(config: FitConfig, threads: int) -> None:
-    """Set the threads of a fit (0: one for each core), and check that the device works.
+    """Set the threads of a fit (0: one for each core), and check the device.
 
-    Torch itself computes on one: its operations are small, and threads that wait for each other took six times the CPU.
+    Torch uses one thread: its operations are small, and two threads took six times the processor time.
 
     Raises:
-        InputError: The device is not there.
+        InputError: The device does not work.
     """
     if not 0 <= threads <= MOST_THREADS:
         raise InputError(f"--threads is {threads}; expected 0 (one for each core) to {MOST_THREADS}.")
@@ -61,7 +61,7 @@ def prepare_solver(config: FitConfig, threads: int) -> None:
 
 
 def compile_kernels(config: FitConfig) -> None:
-    """Compile the solver's kernels if this fit can use them and nobody has yet; to be called when all else is right."""
+    """Compile the solver's kernels if this fit can use them and they are not compiled yet. Call it last."""
     if config.device == "cpu" and config.precision == "float64" and config.solver == "lm":
         ready.prepare(lambda text: print(text, file=sys.stderr, flush=True))
 
@@ -75,9 +75,7 @@ def body_file(options: BodyOptions) -> Path:
         except InputError as error:
             if not FREE_FOLDER.is_dir() or (options.body_model == "smplx" and options.models is None):
                 raise
-            raise InputError(f"{error} Or leave out --body-model and --models: there is a free body.") from error
+            raise InputError(f"{error} Or leave out --body-model and --models to use the free body.") from error
     if options.models is not None:
-        raise InputError(
-            f"--body-model {given} is a file and --models {options.models} a folder to search: give one of them."
-        )
+        raise InputError(f"--body-model {given}, a file, cannot be combined with --models {options.models}.")
     return find_body(gender=options.gender, search=given)

@@ -183,7 +183,7 @@ def test_an_export_that_closes_the_output_and_goes_elsewhere(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("sys.stdout", StringIO())
     assert main(["export", "fit", "--formats", "mine", "--out", "new"]) == 1
-    assert "a plugin has closed the standard output" in capsys.readouterr().err
+    assert "a plugin closed standard output" in capsys.readouterr().err
     assert [path.suffix for path in (tmp_path / "new").iterdir()] == [".t"]
 
 

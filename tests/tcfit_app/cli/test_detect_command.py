@@ -56,7 +56,7 @@ def test_its_result_is_read_as_a_clip(video: Path, model: Path, tmp_path: Path, 
     out = tmp_path / "kp"
     assert main(["detect", str(video), "--detector", str(model), "--out", str(out), "--threads", "1"]) == 0
     said = capsys.readouterr()
-    assert "somebody in 70 of 70 frames, by pose.onnx (version 1 " in said.out
+    assert "people in 70 of 70 frames, by pose.onnx (version 1 " in said.out
     assert "Finding keypoints in 70 frames ..." in said.err
     assert len(names(out)) == FRAMES and names(out)[0] == "walk_000000000000_keypoints.json"
     assert json.loads((out / names(out)[0]).read_text())["detector"] == "coco-wholebody"
@@ -139,10 +139,10 @@ def test_ctrl_c_keeps_what_was_found_and_the_same_command_goes_on(
     time.sleep(0.1)
     running.send_signal(signal.SIGINT)
     told = running.communicate(timeout=60)[1]
-    assert f"the keypoints of {KEPT} of {FRAMES} frames are kept. The same command goes on." in told
+    assert f"the keypoints of {KEPT} of {FRAMES} frames are cached; the same command continues." in told
     assert running.returncode == 130 and not out.exists(), "a part of the files would read as a shorter clip"
     assert main(command) == 0
-    assert f"Going on after {KEPT} of {FRAMES} frames" in capsys.readouterr().err
+    assert f"Continuing after {KEPT} of {FRAMES} frames" in capsys.readouterr().err
     assert len(names(out)) == FRAMES
     assert main(command) == 0
     said = capsys.readouterr().err
@@ -170,9 +170,9 @@ def test_what_it_refuses(
         (["detect", str(tmp_path / "none.mp4"), "--detector", str(model)], "does not exist"),
         ([*base, "--boxes", str(model)], "Expected a detector of people"),
         ([*base, "--out", str(tmp_path / "file")], "is a file"),
-        ([*base, "--out", str(other)], "holds keypoints of other frames or another video, such as run_"),
-        ([*base, "--first-frame", "50", "--last-frame", "40"], "Frames 50 to 40 were asked for"),
-        ([*base, "--last-frame", "70"], "has 0 to 69"),
+        ([*base, "--out", str(other)], "contains keypoints of other frames or another video, such as run_"),
+        ([*base, "--first-frame", "50", "--last-frame", "40"], "frames 50–40 are not all in"),
+        ([*base, "--last-frame", "70"], "which has frames 0–69"),
         ([*base, "--provider", "tpu"], "expected one of cpu, cuda"),
         (["detect", "--download", "nothing"], "expected one of mediapipe, mediapipe-fast, dwpose-m"),
         (["detect", "--download", "dwpose-m"], "--yes"),

@@ -86,7 +86,7 @@ def test_exit_code_is_0_if_only_rendering_and_video_are_missing(
         "libegl1",
         "libosmesa6",
         "reinstall av",
-        "All that tcfit fit needs works here.",
+        "Everything that tcfit fit needs works.",
     ):
         assert part in out
     assert "failed" not in out

@@ -115,7 +115,7 @@ def test_networks_are_fetched_once_the_user_agrees(
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     answers = iter(["", "y"])
     monkeypatch.setattr("builtins.input", lambda question: next(answers))
-    with pytest.raises(InputError, match=r"Nothing was fetched\."):
+    with pytest.raises(InputError, match=r"Nothing was downloaded\."):
         register_models([Path("mediapipe")])
     assert asked(packages_folder) == []
     capsys.readouterr()

@@ -158,7 +158,7 @@ def test_nothing_of_others_is_mixed_with_it(
     (folder / other).parent.mkdir(exist_ok=True)
     (folder / other).write_text("mine")
     assert main(["fit", *clip, "--people", "all", "--out", str(folder)]) == 2
-    assert "holds files that are not a result of several people" in capsys.readouterr().err
+    assert "contains files that are not a result of several people" in capsys.readouterr().err
     assert (folder / other).read_text() == "mine" and (folder / "person-1" / "summary.json").is_file()
 
 
@@ -167,18 +167,18 @@ def test_one_person_s_fit_does_not_go_among_several(
 ):
     shutil.copytree(fitted, tmp_path / "out")
     assert main(["fit", *clip, "--out", str(tmp_path / "out")]) == 2
-    assert "holds files that are not a result of tcfit" in capsys.readouterr().err
+    assert "contains files that are not a result of tcfit" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
     ("command", "options", "said"),
     [
-        ("fit", ["--person", "1"], "--people all and --person 1: give one of them"),
-        ("new", ["--person", "1"], "--people all and --person 1: give one of them"),
-        ("fit", ["--shape", "s.npz"], "--people all fits everybody, and --shape would be one person's"),
-        ("fit", ["--start", "a.npz", "--start-person", "2"], "and --start-person would be one person's"),
-        ("new", ["--reference", "r.npz"], "--people all makes projects of everybody, and --reference"),
-        ("new", ["--height", "172"], "--people all makes projects of everybody, and --height"),
+        ("fit", ["--person", "1"], "--people all cannot be combined with --person 1"),
+        ("new", ["--person", "1"], "--people all cannot be combined with --person 1"),
+        ("fit", ["--shape", "s.npz"], "--people all cannot be combined with --shape"),
+        ("fit", ["--start", "a.npz", "--start-person", "2"], "--people all cannot be combined with --start-person"),
+        ("new", ["--reference", "r.npz"], "--people all cannot be combined with --reference"),
+        ("new", ["--height", "172"], "--people all cannot be combined with --height"),
         ("fit", ["--last-frame", "2"], "Nobody is found for 5 frames"),
         ("fit", ["--start", "none.npz"], "none.npz"),
     ],

@@ -47,7 +47,7 @@ def test_a_clip_becomes_a_project_which_is_opened_again(
         assert len(project.clip) == FRAMES and not project.runs.all()
         project.marks.set([2], "flag")
     assert reviewed(*clip_arguments, "--out", folder) == 0
-    assert "which was made before" in capsys.readouterr().err
+    assert "Opening the existing project" in capsys.readouterr().err
     assert reviewed(folder) == 0
     assert len(served) == 3 and [s.project.folder for s in served] == [folder] * 3
     with Project.open(folder) as project:

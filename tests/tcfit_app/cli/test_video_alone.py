@@ -108,9 +108,9 @@ def test_ctrl_c_keeps_what_was_found(
     fake._people = interrupted
     command = ["new", fit_video[1], "--out", str(tmp_path / "a.tcfit")]
     assert main(command) == 130
-    assert f"the keypoints of 4 of {FRAMES} frames are kept. The same command goes on." in capsys.readouterr().err
+    assert f"the keypoints of 4 of {FRAMES} frames are cached; the same command continues." in capsys.readouterr().err
     assert main(command) == 0
-    assert f"Going on after 4 of {FRAMES} frames" in capsys.readouterr().err
+    assert f"Continuing after 4 of {FRAMES} frames" in capsys.readouterr().err
     assert fake.asked == [0, 1, 2, 3, 4, 5, 4, 5]
     with Project.open(tmp_path / "a.tcfit") as project:
         assert project.has_detections and any("found by fake" in note for note in project.clip.notes)
@@ -149,8 +149,8 @@ def test_without_keypoints_on_demand(
     refused = {
         "a fit needs keypoints": [*fit_video, *alone],
         "without keypoints nobody is known": ["new", video, *alone, "--people", "all"],
-        "--person is of no use without keypoints": ["new", video, *alone, "--person", "1"],
-        "--detector is of no use without keypoints": ["new", video, *alone, "--detector", "dwpose-l"],
+        "--person needs keypoints, and": ["new", video, *alone, "--person", "1"],
+        "--detector needs keypoints, and": ["new", video, *alone, "--detector", "dwpose-l"],
         "and no video": ["new", *alone],
     }
     for words, command in refused.items():

@@ -329,5 +329,5 @@ def test_which_folders_are_lists(tmp_path: Path, free_body: BodyModel, capsys: p
     (tmp_path / "frames").mkdir()
     (tmp_path / "frames" / "0.png").write_bytes(b"x")
     assert not is_list(ReviewOptions(video=tmp_path / "frames"))
-    with pytest.raises(InputError, match="--fit would be for one"):
+    with pytest.raises(InputError, match="--fit is for one"):
         run_review(ReviewOptions(video=root, fit=True))

@@ -73,7 +73,7 @@ def test_options_that_would_have_made_another_clip_are_refused(with_keypoints: b
     arguments = [video, "--keypoints", points] if with_keypoints else [video]
     review(*arguments)
     for option, value in OPTIONS.items():
-        with pytest.raises(InputError, match=rf"walk.tcfit: was made before.* {option} counts for a new project: give"):
+        with pytest.raises(InputError, match=rf"already exists for other frames.* {option} can only be given"):
             review(*arguments, option, *value)
 
 
@@ -84,7 +84,7 @@ def test_the_command_that_made_a_project_opens_it_again(with_keypoints: bool, ca
     arguments = [video, *(["--keypoints", points] if with_keypoints else []), "--copy-video", *options]
     first, again = review(*arguments), review(*arguments)
     assert again.folder == first.folder and len(again.clip) == 2 and again.has_detections == with_keypoints
-    assert capsys.readouterr().err.endswith("Opening the project walk.tcfit, which was made before.\n")
+    assert capsys.readouterr().err.endswith("Opening the existing project walk.tcfit.\n")
     assert review(video).clip.camera == first.clip.camera, "without options it is opened as it is"
 
 
@@ -180,7 +180,7 @@ def test_options_of_a_clip_are_refused_for_a_project(command: str, capsys: pytes
     for path in ("walk.tcfit", "walk.tcfit.zip") if command == "review" else ("walk.tcfit.zip",):
         assert main([command, path, "--out", "x.tcfit", *given]) == 2
         said = " ".join(capsys.readouterr().err.split())
-        assert f"{path}: is already a project. --fov, --person count for a new project" in said
+        assert f"{path}: is already a project. --fov, --person can only be given for a new project" in said
     assert not Path("x.tcfit").exists()
 
 
