@@ -1,7 +1,7 @@
-"""One task of a batch: a clip fitted into a draft, as files or a project, which then becomes its result in one step.
+"""One task of a batch: a clip fitted into a draft, as files or a project, which then becomes the result in one step.
 
-A process may die at any moment. Before the draft has its record, the clip counts as not begun; from then on as fitted,
-and whoever comes next only puts the draft into its place.
+A process may die at any time. Before the draft has its summary.json, the clip counts as not started; after that as
+fitted, and the next process only puts the draft into its place.
 """
 
 import dataclasses
@@ -32,24 +32,15 @@ from fitting_core.fit.events import FitEvent, drained, mapped
 from fitting_core.fit.fitting import fit_events, shape_events
 from fitting_core.fit.subject_shape import subject_shape
 from fitting_core.io.known_shape import read_known_shape
-from fitting_core.io.result_files import OVERLAY_NAME, write_result
+from fitting_core.io.result_files import OVERLAY_NAME, SUMMARY_NAME, write_result
 from fitting_core.io.summary import summary
 from fitting_core.results.fit_result import FitResult
 from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.analysis.posed_fit import PosedFit
 from tcfit_app.analysis.suspicion import review_queue, worst_place
-from tcfit_app.batch.fingerprint import (
-    FIRST_NAME,
-    SHAPE_NAME,
-    Fingerprint,
-    detector_of,
-    fingerprint_of,
-    missing_input,
-    unchanged,
-)
+from tcfit_app.batch.inputs import FIRST_NAME, SHAPE_NAME, detector_of, inputs_of, missing_input, unchanged
 from tcfit_app.batch.manifest import ClipTask, Form
 from tcfit_app.batch.records import (
-    RECORD_NAME,
     Figures,
     Record,
     done_record,
@@ -75,6 +66,8 @@ DRAFT_SUFFIX, LOCK_SUFFIX = ".batch-draft", ".batch-lock"
 _PATIENCE = 30.0
 """Seconds to wait for another process that fits the same clip; one whose batch was killed ends sooner."""
 Report = Callable[[FitEvent | DetectionProgress], None]
+Content = tuple[dict[str, Any], list[str]]
+"""What goes into summary.json, and notes for the user."""
 
 
 def fit_clip(task: ClipTask, folder: Path, report: Report = lambda event: None) -> Record:
@@ -82,29 +75,27 @@ def fit_clip(task: ClipTask, folder: Path, report: Report = lambda event: None) 
 
     `folder` is the batch's. `report` takes the fit's events, and before them how far keypoints are found.
     """
-    begin, fingerprint = time.time(), Fingerprint(settings="", stamp="", content="")
+    begin, inputs = time.time(), ""
     try:
         with _drafting(task) as draft:
             if record := _left_behind(task, draft, folder):
                 return record
             write_log(folder, "started", task)
-            fingerprint = fingerprint_of(task)
-            return _fitted(task, fingerprint, draft, folder, report)
+            inputs = inputs_of(task)
+            return _fitted(task, inputs, draft, folder, report)
     except Exception as error:  # A clip's failure is an outcome like another; the batch goes on.
         foreseen = isinstance(error, InputError)
         return failure(
-            fingerprint,
+            inputs,
             str(error) if foreseen else f"{type(error).__name__}: {error}",
             trace="" if foreseen else traceback.format_exc(),
             seconds=time.time() - begin,
         )
 
 
-def failure(fingerprint: Fingerprint, reason: str, *, trace: str = "", seconds: float = 0.0) -> Record:
+def failure(inputs: str, reason: str, *, trace: str = "", seconds: float = 0.0) -> Record:
     """The record of a clip that failed now."""
-    return Record(
-        state="failed", fingerprint=fingerprint, finished=time.time(), seconds=seconds, reason=reason, trace=trace
-    )
+    return Record(state="failed", inputs=inputs, finished=time.time(), seconds=seconds, reason=reason, trace=trace)
 
 
 def tidy(task: ClipTask) -> None:
@@ -141,8 +132,8 @@ def _left_behind(task: ClipTask, draft: Path, folder: Path) -> Record | None:
     """What a process had fitted before it died, put into its place."""
     if record := done_record(task):
         return record
-    record = read_record(draft / RECORD_NAME)
-    if record and unchanged(record.fingerprint, task):
+    record = read_record(draft)
+    if record and unchanged(record.inputs, task):
         write_log(folder, "recovered", task)
         _put(draft, task.out)
         return record
@@ -150,17 +141,21 @@ def _left_behind(task: ClipTask, draft: Path, folder: Path) -> Record | None:
     return None
 
 
-def _fitted(task: ClipTask, fingerprint: Fingerprint, draft: Path, folder: Path, report: Report) -> Record:
+def _fitted(task: ClipTask, inputs: str, draft: Path, folder: Path, report: Report) -> Record:
     begin = time.time()
     body = _body(body_file(task.fit.body))
     prepare_solver(task.config, 1)
-    work = Work(task=task, body=body, draft=draft, folder=folder, settings=fingerprint.settings, report=report)
-    figures = _WRITERS[task.form](work)
+    work = Work(task=task, body=body, draft=draft, folder=folder, inputs=inputs, report=report)
+    content, notes = _WRITERS[task.form](work)
     record = Record(
-        state="done", fingerprint=fingerprint, finished=time.time(), seconds=time.time() - begin, figures=figures
+        state="done",
+        inputs=inputs,
+        finished=time.time(),
+        seconds=time.time() - begin,
+        figures=_figures(content, notes),
     )
     (task.out / OVERLAY_NAME).unlink(missing_ok=True)  # That of the result which is replaced.
-    write_json(draft / RECORD_NAME, record)
+    write_json(draft / SUMMARY_NAME, content | {"batch": record})
     write_log(folder, "fitted", task, seconds=record.seconds)
     _put(draft, task.out)
     return record
@@ -176,8 +171,8 @@ class Work:
     """What becomes the result's folder."""
     folder: Path
     """The batch's."""
-    settings: str
-    """Their hash."""
+    inputs: str
+    """See `inputs_of`."""
     report: Report
 
     @cached_property
@@ -197,13 +192,13 @@ def _detector(name: str) -> Detector:
     return find_detector(name, Running(threads=1))
 
 
-def write_first(work: Work) -> Figures:
+def write_first(work: Work) -> Content:
     """Fit the first phase alone, for the shape and for the phases after it. Raises InputError if the clip cannot be
     fitted, or nothing can be written."""
     fit = _run_fit(work, work.clip)
     work.draft.mkdir(parents=True, exist_ok=True)
     write_run(work.draft / FIRST_NAME, fit)
-    return Figures(frames=len(work.clip))
+    return {"frames": len(work.clip)}, []
 
 
 class FoundShape(msgspec.Struct, frozen=True, kw_only=True):
@@ -217,7 +212,7 @@ class FoundShape(msgspec.Struct, frozen=True, kw_only=True):
     """By clip, the frames that it was found from."""
 
 
-def write_shape(work: Work) -> Figures:
+def write_shape(work: Work) -> Content:
     """Find the shape of a subject from its clips' first phases. A clip whose files have gone since does not count.
     Raises InputError if none of the clips is there any more, or nothing can be written."""
     members = [member for member in work.task.members if not missing_input(member)]
@@ -235,10 +230,10 @@ def write_shape(work: Work) -> Figures:
     )
     work.draft.mkdir(parents=True, exist_ok=True)
     write_json(work.draft / SHAPE_NAME, content)
-    return Figures(frames=sum(map(len, found.frames)))
+    return {"frames": sum(map(len, found.frames))}, []
 
 
-def write_files(work: Work) -> Figures:
+def write_files(work: Work) -> Content:
     """Fit, and write what `tcfit fit` writes into the draft. Raises InputError if the clip cannot be fitted, or the
     result cannot be written or would lie among other files."""
     task, clip, body = work.task, work.clip, work.body
@@ -251,10 +246,10 @@ def write_files(work: Work) -> Figures:
             write_comparison(work.draft / OVERLAY_NAME, fit, clip, body)
         except (InputError, OSError) as error:
             notes.append(f"No {OVERLAY_NAME} was written. {error}")
-    return _figures(content, notes)
+    return content, notes
 
 
-def write_project(work: Work) -> Figures:
+def write_project(work: Work) -> Content:
     """Fit, and make the draft a project with the run; a project that is there already gets another run. Raises
     InputError if the clip cannot be fitted, or the project cannot be written or is another clip's."""
     if is_project(work.task.out):
@@ -266,19 +261,19 @@ def write_project(work: Work) -> Figures:
         return _added(work, project, work.clip, fit)
 
 
-def _another_run(work: Work) -> Figures:
+def _another_run(work: Work) -> Content:
     """On the keypoints as they were corrected; nothing of the project is lost."""
     with Project.open(work.task.out) as project:
         _check_same_clip(project, work.clip)
         # The run is in the project before the record is: a process may have died between.
         made = [run for run in project.runs.all() if run.name == _run_name(work) and run.state == "finished"]
         if made and made[-1].edits_seen == project.last_edit:
-            figures = _figures(made[-1].summary, [])
+            found = dict(made[-1].summary or {}), []
         else:
             clip = project.clip
-            figures = _added(work, project, clip, _run_fit(work, clip))
+            found = _added(work, project, clip, _run_fit(work, clip))
     work.draft.mkdir(exist_ok=True)
-    return figures
+    return found
 
 
 def _check_same_clip(project: Project, clip: Clip) -> None:
@@ -291,17 +286,17 @@ def _check_same_clip(project: Project, clip: Clip) -> None:
 
 
 def _run_name(work: Work) -> str:
-    return f"Batch {work.settings[:8]}"
+    return f"Batch {work.inputs[:8]}"
 
 
-def _added(work: Work, project: Project, clip: Clip, fit: FitResult) -> Figures:
+def _added(work: Work, project: Project, clip: Clip, fit: FitResult) -> Content:
     content = summary(fit, clip, work.body, complete=True, command=work.task.command)
     body, seen, given = record_of(work.body), project.last_edit, _given(work.task.fit)
     run = project.runs.add(
         fit, body=body, edits_seen=seen, summary=content, given=given, kind="fit", name=_run_name(work)
     )
     project.review.set_worst(worst_place(run.id, review_queue(PosedFit.of(clip, fit, Meshes(work.body))).left))
-    return _figures(content, list(fit.warnings))
+    return content, list(fit.warnings)
 
 
 def _given(options: FitOptions) -> Given:
@@ -314,7 +309,7 @@ def _given(options: FitOptions) -> Given:
     )
 
 
-_WRITERS: dict[Form, Callable[[Work], Figures]] = {
+_WRITERS: dict[Form, Callable[[Work], Content]] = {
     "files": write_files,
     "project": write_project,
     "first": write_first,
@@ -343,8 +338,8 @@ def _body(path: Path) -> BodyModel:
 def _put(draft: Path, out: Path) -> None:
     """Make a draft the result.
 
-    In one step where nothing is there. Else file by file, the record last: a process that dies in between leaves the
-    rest in the draft, and what is not a result's stays.
+    In one step where nothing is there. Else file by file, summary.json last: a process that dies in between leaves the
+    rest in the draft, and other files stay.
     """
     with accessing(out):
         if not out.exists() or not any(out.iterdir()):
@@ -357,8 +352,8 @@ def _put(draft: Path, out: Path) -> None:
 
 
 def _put_among(draft: Path, out: Path) -> None:
-    (out / RECORD_NAME).unlink(missing_ok=True)
-    files = sorted(draft.iterdir(), key=lambda file: file.name == RECORD_NAME)
+    (out / SUMMARY_NAME).unlink(missing_ok=True)
+    files = sorted(draft.iterdir(), key=lambda file: file.name == SUMMARY_NAME)
     for file in files:
         os.replace(file, out / file.name)
     sync(out)
@@ -371,6 +366,8 @@ def one_thread() -> None:
 
 def _figures(content: dict[str, Any], notes: list[str]) -> Figures:
     """For the summary."""
+    if "reprojection_px" not in content:
+        return Figures(frames=content["frames"])
     last = max(content["reprojection_px"])
     return Figures(
         frames=content["frames"],

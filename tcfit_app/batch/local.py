@@ -16,7 +16,7 @@ from typing import Protocol
 from fitting_core.detect.detecting import DetectionProgress
 from fitting_core.fit.events import FitEvent, Iteration
 from tcfit_app.batch.clip_fit import failure, fit_clip, one_thread
-from tcfit_app.batch.fingerprint import fingerprint_of
+from tcfit_app.batch.inputs import inputs_of
 from tcfit_app.batch.manifest import ClipTask
 from tcfit_app.batch.records import Record
 from tcfit_app.fitting import child_processes
@@ -149,7 +149,7 @@ def _died(index: int, code: int | None, work: _Work) -> Iterator[News]:
         return
     how = f"by signal {-code}" if code is not None and code < 0 else f"with exit code {code}"
     reason = f"Its process ended {how}, {_TRIES} times. Memory may have run out: try fewer --jobs, or shorter clips."
-    yield TaskEnded(index=index, record=failure(fingerprint_of(work.tasks[index]), reason))
+    yield TaskEnded(index=index, record=failure(inputs_of(work.tasks[index]), reason))
 
 
 def _serve(pipe: Connection, folder: Path) -> None:
@@ -175,4 +175,4 @@ def _fitted(index: int, task: ClipTask, folder: Path, pipe: Connection) -> Recor
     try:
         return fit_clip(task, folder, report)
     except KeyboardInterrupt:  # raised by a plugin: the process is deaf to those of a terminal
-        return failure(fingerprint_of(task), "A plugin interrupted the fit (KeyboardInterrupt).")
+        return failure(inputs_of(task), "A plugin interrupted the fit (KeyboardInterrupt).")

@@ -10,7 +10,7 @@ from typing import Any
 
 from fitting_core.errors import InputError
 from tcfit_app.batch.clip_fit import failure, fit_clip, one_thread
-from tcfit_app.batch.fingerprint import fingerprint_of
+from tcfit_app.batch.inputs import inputs_of
 from tcfit_app.batch.local import News, TaskEnded, TaskUnderway
 from tcfit_app.batch.manifest import ClipTask
 from tcfit_app.batch.records import Record
@@ -61,7 +61,7 @@ def _record(ray: Any, ready: Any, task: ClipTask) -> Record:
         return ray.get(ready)
     except ray.exceptions.RayError as error:
         reason = f"Ray could not fit it ({str(error).splitlines()[0]}). Does every node have tcfit and see the files?"
-        return failure(fingerprint_of(task), reason, trace=str(error))
+        return failure(inputs_of(task), reason, trace=str(error))
 
 
 def _check_answers(address: str | None) -> None:

@@ -1,16 +1,16 @@
-"""What is known about each clip between two runs of a batch, and where it is kept.
+"""What is known about each clip between two runs of a batch.
 
-A clip that is done has its record in its result's folder, with which it appears: there is no moment at which one is
-there without the other. Failures lie in the batch's own folder, beside the list:
+A clip is done if its result's summary.json names its current inputs. It appears together with the result. The folder
+beside the list contains:
 
 | file | |
 |---|---|
 | failed/<clip>.json | why a clip failed; deleted when it is done |
-| first/<clip>/ | the first phase of a clip of a subject, from which it goes on whenever the subject's shape changes |
+| first/<clip>/ | first phases of clips of a subject, to continue from if the subject's shape changes |
 | subjects/<subject>/shape.json | the shape that a subject's clips share |
 | log.jsonl | a line whenever a clip is started, fitted, recovered or fails |
-| summary.csv, summary.json | the last run's outcome, a row for each clip of the list |
-| batch.lock | held by the one process that runs this batch |
+| summary.csv, summary.json | the outcome of the last run, a row for each clip |
+| batch.lock | held by the process that runs this batch |
 """
 
 import hashlib
@@ -19,24 +19,26 @@ import re
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import msgspec
 
+from fitting_core.config.toml import as_plain
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.files.regular import regular_file
-from fitting_core.io.result_files import is_result
-from tcfit_app.batch.fingerprint import FIRST_NAME, SHAPE_NAME, Fingerprint, unchanged
+from fitting_core.io.result_files import SUMMARY_NAME, is_result
+from tcfit_app.batch.inputs import FIRST_NAME, SHAPE_NAME, older_than, unchanged
 from tcfit_app.batch.manifest import ClipTask, Form
 from tcfit_app.project.storage.accessing import accessing
 from tcfit_app.project.storage.database import is_project
 from tcfit_app.project.storage.lock import ProjectLock, ProjectLocked
 
-RECORD_NAME = "batch.json"
-"""In a result's folder."""
+_BEFORE = "batch.json"
+"""The record of earlier versions, beside summary.json."""
 FOLDER_SUFFIX = ".batch"
 LOG_NAME, FAILED = "log.jsonl", "failed"
+Kind = TypeVar("Kind")
 LogEvent = Literal["started", "fitted", "recovered", "failed"]
 
 
@@ -52,10 +54,11 @@ class Figures(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Record(msgspec.Struct, frozen=True, kw_only=True):
-    """How a clip went."""
+    """The outcome of a clip; that of a finished one is `batch` in its summary.json."""
 
     state: Literal["done", "failed"]
-    fingerprint: Fingerprint
+    inputs: str
+    """See `inputs_of`."""
     finished: float
     """Seconds since 1970."""
     seconds: float
@@ -67,17 +70,38 @@ class Record(msgspec.Struct, frozen=True, kw_only=True):
     """Where in the code, if that was not foreseen."""
 
 
+class _RecordBefore(msgspec.Struct, frozen=True):
+    """The record of earlier versions, whose hashes are not computed any more."""
+
+    state: str
+    finished: float
+    seconds: float
+    figures: Figures | None = None
+
+
 def batch_folder(manifest: Path) -> Path:
     """Where the state of a list of clips lies."""
     return manifest.with_name(manifest.stem + FOLDER_SUFFIX)
 
 
-def read_record(path: Path) -> Record | None:
-    """A record; None if there is none, or none that can be read: then its clip is fitted again."""
+class _Summary(msgspec.Struct, frozen=True):
+    """What is read of a summary.json."""
+
+    batch: Record | None = None
+    config: dict[str, Any] | None = None
+
+
+def _read(path: Path, kind: type[Kind]) -> Kind | None:
     try:
-        return msgspec.json.decode(regular_file(path).read_bytes(), type=Record)
+        return msgspec.json.decode(regular_file(path).read_bytes(), type=kind)
     except (OSError, ValueError):
         return None
+
+
+def read_record(folder: Path) -> Record | None:
+    """The record in a folder's summary.json; None if it is missing or unreadable: the clip is fitted again then."""
+    found = _read(folder / SUMMARY_NAME, _Summary)
+    return found and found.batch
 
 
 def write_json(path: Path, content: object) -> None:
@@ -91,8 +115,26 @@ def write_json(path: Path, content: object) -> None:
 
 def done_record(task: ClipTask) -> Record | None:
     """The record of a clip whose result is there, complete and up to date."""
-    record = read_record(task.out / RECORD_NAME)
-    return record if record and _THERE[task.form](task.out) and unchanged(record.fingerprint, task) else None
+    if not _THERE[task.form](task.out):
+        return None
+    record = read_record(task.out)
+    if record is None:
+        return _done_before(task)
+    return record if unchanged(record.inputs, task) else None
+
+
+def _done_before(task: ClipTask) -> Record | None:
+    """The record of a result of an earlier version, if it has the same settings, and no input is newer."""
+    path = task.out / _BEFORE
+    summary, record = _read(task.out / SUMMARY_NAME, _Summary), _read(path, _RecordBefore)
+    if summary is None or summary.config is None or record is None or record.state != "done":
+        return None
+    now = msgspec.json.decode(msgspec.json.encode(as_plain(task.config)))
+    same = summary.config | {"device": ""} == now | {"device": ""}
+    if not (same and older_than(path.stat().st_mtime, task)):
+        return None
+    figures = record.figures
+    return Record(state="done", inputs="", finished=record.finished, seconds=record.seconds, figures=figures)
 
 
 _THERE: dict[Form, Callable[[Path], bool]] = {
@@ -117,8 +159,8 @@ def own_name(text: str, identity: str) -> str:
 
 def failed_record(folder: Path, task: ClipTask) -> Record | None:
     """The record of a clip that failed, and would fail again."""
-    record = read_record(failed_path(folder, task))
-    return record if record and unchanged(record.fingerprint, task) else None
+    record = _read(failed_path(folder, task), Record)
+    return record if record and unchanged(record.inputs, task) else None
 
 
 def write_log(folder: Path, event: LogEvent, task: ClipTask, **details: Any) -> None:

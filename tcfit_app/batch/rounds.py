@@ -12,7 +12,7 @@ from pathlib import Path
 import msgspec
 
 from fitting_core.config.schema import ShapeSample, Temporal
-from tcfit_app.batch.fingerprint import SHAPE_NAME
+from tcfit_app.batch.inputs import SHAPE_NAME
 from tcfit_app.batch.manifest import ClipTask
 from tcfit_app.batch.records import Record, done_record, failed_record, own_name
 from tcfit_app.options.fit import FitOptions

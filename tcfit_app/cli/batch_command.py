@@ -16,7 +16,7 @@ from fitting_core.fit.fused.ready import cores
 from fitting_core.io.known_shape import read_known_shape
 from tcfit_app.batch.clip_fit import tidy
 from tcfit_app.batch.columns import LEAST_PART
-from tcfit_app.batch.fingerprint import SHAPE_NAME, detector_of, detector_version, missing_input
+from tcfit_app.batch.inputs import SHAPE_NAME, detector_of, detector_version, missing_input
 from tcfit_app.batch.local import Crew, LocalProcesses, News, TaskEnded
 from tcfit_app.batch.manifest import ClipTask, Complaints, read_manifest
 from tcfit_app.batch.on_ray import RayCluster

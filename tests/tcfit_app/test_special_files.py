@@ -8,7 +8,7 @@ import pytest
 
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
-from tcfit_app.batch.fingerprint import content_of
+from tcfit_app.batch.inputs import files_of
 from tcfit_app.batch.manifest import ClipTask, Complaints, read_manifest
 from tcfit_app.batch.records import read_record
 from tcfit_app.options.batch import BatchOptions
@@ -31,8 +31,6 @@ def from_list(path: Path) -> Any:
 
 READERS: dict[str, tuple[str, Callable[[Path], Any]]] = {
     "a list of clips": ("clips.csv", from_list),
-    "a clip's video": ("walk.mp4", lambda path: content_of(task(path, path.parent))),
-    "a clip's keypoints": ("walk.json", lambda path: content_of(task(path.parent, path))),
     "a packed project": ("walk.tcfitz", lambda path: unpack(path, path.parent / "walk")),
     "the age of a packed project": ("walk.tcfitz", packed_creation_time),
 }
@@ -58,13 +56,13 @@ def test_detections_of_a_project(tmp_path: Path, make: Callable[[Path], None]):
 
 
 def test_a_record_that_is_none_is_no_record(tmp_path: Path):
-    pipe(tmp_path / "record.json")
-    assert read_record(tmp_path / "record.json") is None
+    pipe(tmp_path / "summary.json")
+    assert read_record(tmp_path) is None
 
 
 def test_special_files_in_a_clips_folder_do_not_count(tmp_path: Path):
     (tmp_path / "images").mkdir()
     (tmp_path / "images" / "0.png").write_bytes(b"an image")
-    before = content_of(task(tmp_path / "images", tmp_path / "images"))
+    before = files_of(task(tmp_path / "images", tmp_path / "images"))
     pipe(tmp_path / "images" / "pipe")
-    assert content_of(task(tmp_path / "images", tmp_path / "images")) == before
+    assert files_of(task(tmp_path / "images", tmp_path / "images")) == before

@@ -119,7 +119,7 @@ def check_results(folder: Path, clips: int, broken: int) -> None:
     made = {f"fits/{path.name}" for path in (folder / "fits").iterdir()}
     assert made == good
     for name in good:
-        assert {file.name for file in (folder / name).iterdir()} == {"fit.npz", "summary.json", "batch.json"}
+        assert {file.name for file in (folder / name).iterdir()} == {"fit.npz", "summary.json"}
         assert read_fit(folder / name).complete and json.loads((folder / name / "summary.json").read_text())["complete"]
     times = Counter(fitted(folder))
     assert set(times.values()) == {1}

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from tcfit_app.batch import fingerprint, manifest
-from tcfit_app.batch.fingerprint import settings_of
+from tcfit_app.batch import inputs, manifest
+from tcfit_app.batch.inputs import settings_of
 from tests.tcfit_app.batch.test_batch_manifest import tasks_of
 
 
@@ -23,7 +23,7 @@ def counting(monkeypatch: pytest.MonkeyPatch, calls: Counter[str], module: Any, 
 
 def test_what_clips_have_in_common_is_made_and_written_down_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     calls: Counter[str] = Counter()
-    for module, name in ((manifest, "fit_config"), (manifest, "changed"), (fingerprint, "as_plain")):
+    for module, name in ((manifest, "fit_config"), (manifest, "changed"), (inputs, "as_plain")):
         counting(monkeypatch, calls, module, name)
     rows = "".join(f"k{i},o{i},{50 + i % 2},{'paper' if i % 3 else ''}\n" for i in range(3000))
     tasks = tasks_of(tmp_path, "keypoints,out,temporal_weight,preset\n" + rows)

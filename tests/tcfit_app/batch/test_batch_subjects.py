@@ -82,7 +82,7 @@ def test_clips_of_a_subject_share_a_shape_and_only_what_changed_is_done_again(
     assert len({tuple(betas(tmp_path, name)) for name in clips}) == 3
     assert main(["fit", "--keypoints", str(tmp_path / "k/c"), "--out", str(tmp_path / "alone"), *alone(CHEAP)]) == 0
     assert np.allclose(betas(tmp_path, "alone"), betas(tmp_path, "c"))  # one clip's shape is what a fit finds
-    assert seconds(tmp_path, "c") > json.loads((tmp_path / "c" / "batch.json").read_text())["seconds"] + 0.01
+    assert seconds(tmp_path, "c") > json.loads((tmp_path / "c" / "summary.json").read_text())["batch"]["seconds"] + 0.01
     capsys.readouterr()
     assert batch(tmp_path) == 0 and next(done) == []
     assert set(states(tmp_path).values()) == {"done before"} and "anna:" not in capsys.readouterr().out

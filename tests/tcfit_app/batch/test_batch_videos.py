@@ -13,7 +13,7 @@ from fitting_core.clips.options import ClipOptions
 from fitting_core.clips.reading import read_clip
 from fitting_core.detect.detectors import DETECTORS
 from fitting_core.io.result_files import read_fit
-from tcfit_app.batch import clip_fit, fingerprint
+from tcfit_app.batch import clip_fit, inputs
 from tcfit_app.cli.ending import INPUT_ERROR
 from tcfit_app.cli.main import main
 from tcfit_app.fitting import child_processes
@@ -36,7 +36,7 @@ def forks(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 def forget() -> None:
     """What is known of detectors, as in a new process."""
-    fingerprint.detector_version.cache_clear()
+    inputs.detector_version.cache_clear()
     clip_fit._detector.cache_clear()
 
 

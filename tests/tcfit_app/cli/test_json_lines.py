@@ -16,7 +16,6 @@ import pytest
 
 from fitting_core.body.model import BodyModel
 from fitting_core.io.result_files import write_result
-from tcfit_app.batch.fingerprint import Fingerprint
 from tcfit_app.batch.local import TaskEnded, TaskUnderway
 from tcfit_app.batch.records import Figures, Record
 from tcfit_app.cli.batch_command import _Lines
@@ -105,7 +104,7 @@ def test_an_export_and_an_evaluation(tmp_path: Path, free_body: BodyModel, capsy
 
 def test_a_batch(capsys: pytest.CaptureFixture[str]):
     tasks: list[Any] = [SimpleNamespace(name="a"), SimpleNamespace(name="b")]
-    record = partial(Record, fingerprint=Fingerprint(settings="", stamp="", content=""), finished=0.0, seconds=2.0)
+    record = partial(Record, inputs="", finished=0.0, seconds=2.0)
     with json_lines(), closing(_Lines(2, 0, tasks, "clips")) as shown:
         shown.show(TaskUnderway(index=1, phase=1, share=0.25))
         shown.show(TaskEnded(index=1, record=record(state="failed", reason="No keypoints.")))

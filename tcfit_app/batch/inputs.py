@@ -1,11 +1,10 @@
-"""What a clip's result depends on, as hashes: while they stay the same, it need not be fitted again."""
+"""The hash of a clip's settings and input files: while it stays the same, the clip is not fitted again."""
 
 import hashlib
 import os
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, replace
 from functools import cache, lru_cache
-from itertools import chain
 from pathlib import Path
 
 import msgspec
@@ -24,40 +23,31 @@ from tcfit_app.options.fit import StartOptions
 from tcfit_app.options.preparing import body_file
 
 FIRST_NAME, SHAPE_NAME = "first.npz", "shape.json"
-"""Of a first phase, and of a shape that several clips share, in their folders."""
-_ENDS = 1 << 20
-"""Bytes at both ends of a video that stand for all of it: whoever cuts or encodes it anew changes them."""
+"""Files of a first phase, and of a shape that several clips share."""
 _BLOCK = 1 << 20
 
 
-class Fingerprint(msgspec.Struct, frozen=True, kw_only=True):
-    """Of a clip: of its settings, and of its input files twice."""
-
-    settings: str
-    """Options, configuration, body model and pose prior."""
-    stamp: str
-    """Names, sizes and times of the input files: a look at the folders, however long the clip."""
-    content: str
-    """What is in them: copied files have another time and the same content."""
-
-
-def fingerprint_of(task: ClipTask) -> Fingerprint:
-    """The fingerprint of a clip as its files are now.
+def inputs_of(task: ClipTask) -> str:
+    """One hash of a clip: one half of its settings, one of the names, sizes and times of its input files.
 
     Raises:
         InputError: The body model is missing, or a path is that of a pipe or device.
         OSError: A file cannot be read.
     """
-    return Fingerprint(settings=settings_of(task), stamp=stamp_of(task), content=content_of(task))
+    return f"{settings_of(task)}-{files_of(task)}"
 
 
-def unchanged(then: Fingerprint, task: ClipTask) -> bool:
-    """Whether a clip is still what it was. If its input or its detector is gone, only its settings count."""
-    if then.settings != settings_of(task):
-        return False
+def unchanged(then: str, task: ClipTask) -> bool:
+    """Whether a clip has the same hash as before. If its input or its detector is missing, only its settings count."""
+    settings = settings_of(task)
     if missing_input(task) or _detector_is_gone(task):
-        return True
-    return then.stamp == stamp_of(task) or then.content == content_of(task)
+        return then.partition("-")[0] == settings
+    return then == f"{settings}-{files_of(task)}"
+
+
+def older_than(time: float, task: ClipTask) -> bool:
+    """Whether no input file has changed since."""
+    return all(file.stat().st_mtime <= time for _, file in _inputs(task))
 
 
 def missing_input(task: ClipTask) -> list[tuple[str, Path]]:
@@ -72,7 +62,7 @@ def detector_of(task: ClipTask) -> str | None:
     try:
         _, keypoints = locate(task.fit.video, task.fit.keypoints)
     except InputError:
-        return None  # the fit will say so
+        return None  # the fit reports it
     return task.fit.clip.detector if keypoints is None and task.form != "shape" else None
 
 
@@ -91,10 +81,10 @@ def _detector_is_gone(task: ClipTask) -> bool:
 
 
 def settings_of(task: ClipTask) -> str:
-    """Everything but the input files. What only says how fast or where is left out."""
+    """Hash of everything but the input files, without what does not affect the result."""
     shape = [] if task.fit.shape is None else [msgspec.json.encode(_betas(task.fit.shape))]
     fit = task.fit
-    # Where keypoints are given, it does not matter which detector would have been taken.
+    # The detector is not used if keypoints are given.
     clip = fit.clip if detector_of(task) else replace(fit.clip, detector="")
     common = _common(clip, fit.camera, fit.begin, body_file(fit.body), task.config, task.form, fit.overlay)
     return _hashed([common, *shape])
@@ -128,15 +118,15 @@ def _common(
 
 
 def _betas(path: Path) -> list[float] | None:
-    """The betas, not the file: a shape found again unchanged must not cause another fit. None if there is no shape."""
+    """The betas, because a shape that is found again unchanged must not cause another fit. None if unreadable."""
     try:
         return read_known_shape(path).betas.tolist()
     except InputError:
         return None
 
 
-def stamp_of(task: ClipTask) -> str:
-    """Of names, sizes and times of modification."""
+def files_of(task: ClipTask) -> str:
+    """Hash of the names, sizes and times of modification of the input files, and of the detector's version."""
     lines = _detector_line(task)
     for kind, file in _inputs(task):
         status = file.stat()
@@ -144,31 +134,21 @@ def stamp_of(task: ClipTask) -> str:
     return _hashed(lines)
 
 
-def content_of(task: ClipTask) -> str:
-    """Of all keypoints, the camera and the start, and of what a video is recognised by."""
-    files = (
-        part
-        for kind, file in _inputs(task)
-        for part in (f"{kind} {file.name}\n".encode(), *_parts(file, whole=kind != "video"))
-    )
-    return _hashed(chain(_detector_line(task), files))
-
-
 def _detector_line(task: ClipTask) -> list[bytes]:
-    """The detector is an input as files are: another version may find something else."""
+    """The detector's version is an input too."""
     name = detector_of(task)
     return [] if name is None else [f"detector {detector_version(name)}\n".encode()]
 
 
 def _inputs(task: ClipTask) -> Iterator[tuple[str, Path]]:
-    """Every input file and what it is for, in a fixed order."""
+    """Every input file with its role, in a fixed order."""
     yield from (("first", member.out / FIRST_NAME) for member in task.members)
     if task.form == "shape":
         return
     try:
         images, keypoints = locate(task.fit.video, task.fit.keypoints)
     except InputError:
-        return  # The fit will say so: there is nothing that the clip depends on.
+        return  # the fit reports it
     for kind, path in (("video", images), ("keypoints", keypoints), ("start", task.fit.begin.start)):
         if path is not None and path.is_dir():
             for folder, folders, names in os.walk(path):
@@ -180,28 +160,21 @@ def _inputs(task: ClipTask) -> Iterator[tuple[str, Path]]:
         yield from (("camera", file) for file in camera_files(task.fit.camera.camera))
 
 
-def _parts(file: Path, *, whole: bool) -> Iterator[bytes]:
+def _parts(file: Path) -> Iterator[bytes]:
     with regular_file(file, most=None).open("rb") as stream:
-        size = os.fstat(stream.fileno()).st_size
-        if whole or size <= 2 * _ENDS:
-            while block := stream.read(_BLOCK):
-                yield block
-            return
-        yield f"{size}\n".encode()
-        yield stream.read(_ENDS)
-        stream.seek(-_ENDS, os.SEEK_END)
-        yield stream.read(_ENDS)
+        while block := stream.read(_BLOCK):
+            yield block
 
 
 def _hashed(parts: Iterable[bytes]) -> str:
     digest = hashlib.sha256()
     for part in parts:
         digest.update(part)
-    return digest.hexdigest()[:32]
+    return digest.hexdigest()[:16]
 
 
 @cache
 def _file_hash(path: Path) -> str:
-    """Of a model's file, once for a run; of a folder, of all its files."""
+    """Hash of a model file, or of all files of a folder; once per process."""
     files = sorted(file for file in path.rglob("*") if file.is_file()) if path.is_dir() else [at_home(path)]
-    return _hashed([part for file in files for part in _parts(file, whole=True)])
+    return _hashed([part for file in files for part in _parts(file)])
