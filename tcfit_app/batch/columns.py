@@ -15,7 +15,8 @@ from fitting_core.config.choices import FocalRule, Up
 from fitting_core.config.schema import PRESETS
 from fitting_core.config.settings import Range, nearest, settings
 from fitting_core.files.regular import at_home
-from tcfit_app.options.fit import REMOVED, SHORTCUTS, BodyOptions, StartOptions
+from tcfit_app.options.fit import SHORTCUTS, BodyOptions, StartOptions
+from tcfit_app.options.removed import SETTINGS
 
 Group = Literal["files", "batch", "clip", "camera", "body", "start", "preset", "setting"]
 """Which part of a clip's options a column belongs to."""
@@ -94,7 +95,7 @@ def columns() -> dict[str, Column]:
         named += [Column(name=name, group=group, type=_plain(hint)) for name, hint in hints.items()]
     named += [Column(name="subject", group="batch"), Column(name="part_minutes", group="batch", type=float)]
     named += [Column(name="preset", group="preset")]
-    named += [Column(name=option, group="setting", setting=name) for option, name in (SHORTCUTS | REMOVED).items()]
+    named += [Column(name=option, group="setting", setting=name) for option, name in (SHORTCUTS | SETTINGS).items()]
     return {column.name: column for column in named}
 
 
@@ -109,7 +110,7 @@ def find(header: str) -> Column | None:
 def suggestion(header: str) -> str:
     """What an unknown column name may have meant."""
     near = nearest(header, [*columns(), *settings()])
-    expected = ", ".join(name for name in columns() if name not in REMOVED)
+    expected = ", ".join(name for name in columns() if name not in SETTINGS)
     known = f"did you mean {' or '.join(near)}?" if near else f"expected {expected}, or a setting's name"
     return f"there is no column {header!r}; {known}"
 

@@ -28,7 +28,6 @@ from tcfit_app.options.fit import (
     NewOptions,
     ReviewOptions,
     fit_config,
-    refuse_removed,
     registry_of_hints,
 )
 from tcfit_app.options.import_ import ImportOptions
@@ -138,10 +137,7 @@ returns is the exit code."""
 
 def parse(arguments: Sequence[str]) -> Any:
     """The options that a command line, without the program's name, stands for. Raises SystemExit if it asks for help,
-    or is wrong; either has been printed. Raises InputError for an option that was removed."""
-    kind, _ = COMMANDS.get(arguments[0] if arguments else "", (None, None))
-    if "method" in getattr(kind, "__dataclass_fields__", {}):
-        refuse_removed(arguments)
+    or is wrong; either has been printed."""
     options: Any = Union[tuple(Annotated[kind, subcommand(name)] for name, (kind, _) in COMMANDS.items())]  # noqa: UP007
     with registry_of_hints():
         return tyro.cli(

@@ -1,6 +1,6 @@
 """The options of `tcfit fit`, and how they become a FitConfig. Imports nothing heavy."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field, is_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -55,26 +55,6 @@ SHORTCUTS = {
     "device": "device",
 }
 """Options that set a single setting: option, setting."""
-REMOVED = {
-    "solver": "solver",
-    "pose_prior": "pose_prior",
-    "temporal": "temporal.mode",
-    "temporal_space": "temporal.space",
-    "shape_strategy": "shape_sample.strategy",
-    "seed": "shape_sample.seed",
-    "silhouettes": "silhouettes",
-    "start_deviation": "start_deviation",
-    "precision": "precision",
-}
-"""Options that earlier versions had for single settings; lists of clips may still have these columns."""
-
-
-def refuse_removed(arguments: Sequence[str]) -> None:
-    """Raise InputError if a command line has an option of REMOVED; the message names its replacement."""
-    for argument in arguments:
-        option, _, text = argument.partition("=")
-        if option.startswith("--") and (setting := REMOVED.get(option[2:].replace("-", "_"))):
-            raise InputError(f"{option} is not an option any more. Use --set {setting}={text or 'VALUE'}.")
 
 
 def _shortcut(option: str, text: str = "") -> Any:

@@ -4,7 +4,25 @@ from collections.abc import Sequence
 
 from fitting_core.errors import InputError
 
+SETTINGS = {
+    "solver": "solver",
+    "pose_prior": "pose_prior",
+    "temporal": "temporal.mode",
+    "temporal_space": "temporal.space",
+    "shape_strategy": "shape_sample.strategy",
+    "seed": "shape_sample.seed",
+    "silhouettes": "silhouettes",
+    "start_deviation": "start_deviation",
+    "precision": "precision",
+}
+"""Settings that had options of their own, by option. Lists of clips may still have these columns."""
 REMOVED = {
+    **{
+        f"{command} --{option.replace('_', '-')}": f"Use --set {setting}=VALUE."
+        for command in ("fit", "batch", "demo", "settings")
+        for option, setting in SETTINGS.items()
+    },
+    "evaluate --pictures": "The report has no pictures. See the worst frames with tcfit review.",
     "render": "Use tcfit export PATH --formats picture, sheet or overlay; --view camera side draws both views.",
     "export --rig": "Export mixamo, unreal, vrma, glb or bvh and retarget it to your character with the tools that "
     "docs/retargeting.md lists.",
@@ -15,7 +33,7 @@ REMOVED = {
 
 
 def check_removed(given: Sequence[str]) -> None:
-    """Raises InputError, which names the replacement, if a command line uses a removed command or option."""
+    """Raise InputError, which names the replacement, if a command line uses a removed command or option."""
     command = given[0] if given else ""
     for used in (command, *(f"{command} {word.partition('=')[0]}" for word in given[1:] if word.startswith("--"))):
         if instead := REMOVED.get(used):

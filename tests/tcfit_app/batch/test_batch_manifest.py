@@ -13,7 +13,8 @@ from tcfit_app.batch.columns import columns, find
 from tcfit_app.batch.manifest import ClipTask, Complaints, read_manifest
 from tcfit_app.cli.main import parse
 from tcfit_app.options.batch import BatchOptions
-from tcfit_app.options.fit import REMOVED, SHORTCUTS, BodyOptions, StartOptions
+from tcfit_app.options.fit import SHORTCUTS, BodyOptions, StartOptions
+from tcfit_app.options.removed import SETTINGS
 from tests.samples.media import write_video
 
 
@@ -72,7 +73,7 @@ def test_every_column_has_its_effect(tmp_path: Path):
 def test_every_option_of_a_clip_is_a_column():
     options = {f.name for kind in (ClipOptions, CameraOptions, BodyOptions, StartOptions) for f in fields(kind)}
     own = {"video", "keypoints", "out", "shape", "subject", "preset", "part_minutes"}
-    assert options | set(SHORTCUTS) | set(REMOVED) | own == set(columns())
+    assert options | set(SHORTCUTS) | set(SETTINGS) | own == set(columns())
     assert all(find(name) for name in settings())
 
 

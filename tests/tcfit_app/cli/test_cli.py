@@ -21,7 +21,8 @@ from fitting_core.results.provenance import Start
 from tcfit_app.cli import fit_command
 from tcfit_app.cli.main import main, parse
 from tcfit_app.options import preparing
-from tcfit_app.options.fit import REMOVED, BodyOptions, fit_config
+from tcfit_app.options.fit import BodyOptions, fit_config
+from tcfit_app.options.removed import SETTINGS
 from tests.drivers.processes import INTERRUPTIBLE
 from tests.tcfit_app.conftest import FRAMES, FinishedRun
 
@@ -93,12 +94,12 @@ def test_settings_by_their_own_options():
 
 
 @pytest.mark.parametrize("command", ["fit", "batch", "demo", "settings"])
-@pytest.mark.parametrize("option", REMOVED)
+@pytest.mark.parametrize("option", SETTINGS)
 def test_a_removed_option_names_its_replacement(command: str, option: str, capsys: pytest.CaptureFixture[str]):
     name = "--" + option.replace("_", "-")
     assert main([command, name, "3"]) == 2 and main([command, f"{name}=3"]) == 2
     first, second = capsys.readouterr().err.splitlines()
-    assert f"Use --set {REMOVED[option]}=VALUE." in first and f"Use --set {REMOVED[option]}=3." in second
+    assert first == second == f"tcfit: tcfit {command} {name} was removed. Use --set {SETTINGS[option]}=VALUE."
 
 
 def test_preset_then_file_then_command_line(tmp_path: Path):
