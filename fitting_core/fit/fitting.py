@@ -103,10 +103,26 @@ def fit_events(
 
 
 def fit_clip(
-    clip: Clip, body: BodyModel, config: FitConfig, *, start: GivenStart | None = None, shape: KnownShape | None = None
+    clip: Clip,
+    body: BodyModel,
+    config: FitConfig,
+    *,
+    start: GivenStart | None = None,
+    shape: KnownShape | None = None,
+    first: FitResult | None = None,
+    tell: Callable[[FitEvent], object] = lambda event: None,
 ) -> FitResult:
-    """The result of `fit_events`, without the events."""
-    return drained(fit_events(clip, body, config, start=start, shape=shape))
+    """Fit a clip to its end. Arguments and errors as of `fit_events`, and:
+
+    Args:
+        first: its first phase is kept, as in `shape_events`; None: all phases are fitted.
+        tell: receives each event; what it raises cancels the fit.
+    """
+    if first is None:
+        events = fit_events(clip, body, config, start=start, shape=shape)
+    else:
+        events = shape_events(clip, body, config, first, shape=shape)
+    return drained(mapped(events, tell))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -28,8 +28,8 @@ from fitting_core.detect.detectors import Running, find_detector
 from fitting_core.detect.part import Detector
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import sync
-from fitting_core.fit.events import FitEvent, drained, mapped
-from fitting_core.fit.fitting import fit_events, shape_events
+from fitting_core.fit import fitting
+from fitting_core.fit.events import FitEvent
 from fitting_core.fit.subject_shape import subject_shape
 from fitting_core.io.known_shape import read_known_shape
 from fitting_core.io.result_files import OVERLAY_NAME, SUMMARY_NAME, write_result
@@ -321,13 +321,11 @@ def _run_fit(work: Work, clip: Clip) -> FitResult:
     task, body = work.task, work.body
     shape = None if task.fit.shape is None else read_known_shape(task.fit.shape, body_hash=body.hash)
     start = start_of(task.fit.begin, clip, body, Bodies(task.fit.body.models))
-    # Corrected keypoints, as a project may have them, have another first phase.
+    first = None
+    # A project's corrected keypoints have another first phase.
     if task.start is not None and clip is work.clip:
         first = dataclasses.replace(read_run(task.start / FIRST_NAME, task.config), start=start)
-        events = shape_events(clip, body, task.config, first, shape=shape)
-    else:
-        events = fit_events(clip, body, task.config, start=start, shape=shape)
-    return drained(mapped(events, work.report))
+    return fitting.fit_clip(clip, body, task.config, start=start, shape=shape, first=first, tell=work.report)
 
 
 @lru_cache(maxsize=4)  # One for each gender; tens of megabytes each.

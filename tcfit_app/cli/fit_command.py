@@ -5,6 +5,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -16,7 +17,7 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError, printable
 from fitting_core.fit.events import FitEvent, Iteration, PhaseFinished, PhaseStarted
-from fitting_core.fit.fitting import fit_events
+from fitting_core.fit.fitting import fit_clip
 from fitting_core.io.result_files import FIT_NAME, OVERLAY_NAME, SUMMARY_NAME, write_result
 from fitting_core.results.fit_result import FitResult
 from fitting_core.results.given_start import GivenStart
@@ -92,9 +93,9 @@ def fit_into(
     tell(_inputs(clip, body))
     if start is not None:
         tell([start.about.sentence()])
-    events = fit_events(clip, body, config, start=start, shape=shape)
+    run = partial(fit_clip, clip, body, config, start=start, shape=shape)
     last = config.last_phase
-    fit, summary = _fit_and_write(events, clip, body, folder, last_phase=last, command=command, begins=begins)
+    fit, summary = _fit_and_write(run, clip, body, folder, last_phase=last, command=command, begins=begins)
     tell(f"Note: {warning}" for warning in fit.warnings[len(clip.notes) :])
     written = [FIT_NAME, SUMMARY_NAME]
     if options.overlay and _overlay_written(folder / OVERLAY_NAME, fit, clip, body):
@@ -105,7 +106,7 @@ def fit_into(
 
 
 def _fit_and_write(
-    events: Iterable[FitEvent],
+    run: Callable[..., object],
     clip: Clip,
     body: BodyModel,
     folder: Path,
@@ -117,16 +118,21 @@ def _fit_and_write(
     """Run all phases, and write the result after each."""
     finished: PhaseFinished | None = None
     summary: dict[str, Any] = {}
+    progress = ProgressShown(range(1, last_phase + 1))
+
+    def take(event: FitEvent) -> None:
+        nonlocal finished, summary
+        progress.show(event)
+        if isinstance(event, PhaseFinished):
+            if finished is None:
+                begins()
+            complete = event.phase == last_phase
+            summary = write_result(folder, event.so_far, clip, body, complete=complete, command=command)
+            finished = event
+
     try:
-        with closing(ProgressShown(range(1, last_phase + 1))) as progress:
-            for event in events:
-                progress.show(event)
-                if isinstance(event, PhaseFinished):
-                    if finished is None:
-                        begins()
-                    complete = event.phase == last_phase
-                    summary = write_result(folder, event.so_far, clip, body, complete=complete, command=command)
-                    finished = event
+        with closing(progress):
+            run(tell=take)
     except BaseException:
         stayed = "Stopped before phase 1 had finished. Nothing was written."
         if finished is not None:

@@ -11,8 +11,8 @@ from fitting_core.clips.options import ClipOptions
 from fitting_core.clips.reading import read_clip, read_footage
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.errors import InputError
-from fitting_core.fit.events import FitEvent, drained, mapped
-from fitting_core.fit.fitting import fit_events
+from fitting_core.fit.events import FitEvent
+from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.fused.ready import cores
 from fitting_core.io.summary import summary
 from tcfit_app.analysis.meshes import Meshes
@@ -94,7 +94,7 @@ def fit_project(folder: Path, report: Report, *, models: Path | None = None, con
         clip = project.clip
         run = project.runs.start(used, body=record_of(body), edits_seen=project.last_edit)
         try:
-            fit = drained(mapped(fit_events(clip, body, used), fitted))
+            fit = fit_clip(clip, body, used, tell=fitted)
         except InputError as error:
             project.runs.end(run.id, "failed", str(error))
             raise

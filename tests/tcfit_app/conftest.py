@@ -117,7 +117,7 @@ def finished(clip_arguments: list[str], tmp_path_factory: pytest.TempPathFactory
             yield event
 
     with redirect_stdout(out), redirect_stderr(err), pytest.MonkeyPatch.context() as patch:
-        patch.setattr(fit_command, "fit_events", noted)
+        patch.setattr("fitting_core.fit.fitting.fit_events", noted)
         code = main(["fit", *clip_arguments, "--out", str(folder), "--no-overlay", *QUICK])
     return FinishedRun(code, out.getvalue(), err.getvalue(), folder, tuple(events))
 

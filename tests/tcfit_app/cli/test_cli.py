@@ -292,7 +292,7 @@ def test_out_that_is_a_file(fit_arguments: list[str], tmp_path: Path, capsys: py
 @pytest.fixture
 def replayed(finished: FinishedRun, monkeypatch: pytest.MonkeyPatch) -> None:
     """The fit is not made again: these tests are about what the command does with it."""
-    monkeypatch.setattr(fit_command, "fit_events", finished.replay)
+    monkeypatch.setattr("fitting_core.fit.fitting.fit_events", finished.replay)
 
 
 def _stopping(
@@ -318,10 +318,10 @@ def test_ctrl_c_keeps_finished_phases(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture,
 ):
-    monkeypatch.setattr(fit_command, "fit_events", _stopping(finished, phase, KeyboardInterrupt))
+    monkeypatch.setattr("fitting_core.fit.fitting.fit_events", _stopping(finished, phase, KeyboardInterrupt))
     assert main(fit_arguments) == 130
     err = capsys.readouterr().err
-    assert f"the result up to phase {phase} is in {tmp_path / 'out'}" in err and "Traceback" not in err
+    assert f"The result up to phase {phase} is in {tmp_path / 'out'}" in err and "Traceback" not in err
     stored = read_fit(tmp_path / "out")
     assert not stored.complete and stored.last_phase == phase
     assert np.isfinite(stored.joints).all()
@@ -337,15 +337,15 @@ def test_ctrl_c_before_phase_1_leaves_nothing(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture,
 ):
-    monkeypatch.setattr(fit_command, "fit_events", _stopping(finished, None, KeyboardInterrupt))
+    monkeypatch.setattr("fitting_core.fit.fitting.fit_events", _stopping(finished, None, KeyboardInterrupt))
     assert main(fit_arguments) == 130
-    assert "nothing was written" in capsys.readouterr().err and not (tmp_path / "out").exists()
+    assert "Nothing was written" in capsys.readouterr().err and not (tmp_path / "out").exists()
 
 
 def test_failure_in_a_later_phase_keeps_the_earlier_ones(
     finished: FinishedRun, fit_arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr(fit_command, "fit_events", _stopping(finished, 2, ZeroDivisionError))
+    monkeypatch.setattr("fitting_core.fit.fitting.fit_events", _stopping(finished, 2, ZeroDivisionError))
     with pytest.raises(ZeroDivisionError):
         main(fit_arguments)
     assert read_fit(tmp_path / "out").last_phase == 2

@@ -262,7 +262,7 @@ def test_a_cancelled_fit_leaves_the_last_one_until_somebody_has_a_result(
     shutil.copytree(fitted, folder)
     before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
     with monkeypatch.context() as patch:
-        patch.setattr(fit_command, "fit_events", cancelled)
+        patch.setattr("fitting_core.fit.fitting.fit_events", cancelled)
         assert main(["fit", *clip, "--people", "all", "--out", str(folder), "--no-overlay", *QUICK]) == 130
     assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == before
 

@@ -12,7 +12,6 @@ from fitting_core.clips.options import ClipOptions
 from fitting_core.clips.reading import read_clip
 from fitting_core.detect.detectors import DETECTORS
 from fitting_core.io.result_files import read_fit
-from tcfit_app.cli import fit_command
 from tcfit_app.cli.main import main, parse
 from tcfit_app.options.clip_input import clip_of
 from tcfit_app.project.people import opened_people
@@ -57,7 +56,7 @@ def test_a_fit(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ):
-    monkeypatch.setattr(fit_command, "fit_events", finished.replay)
+    monkeypatch.setattr("fitting_core.fit.fitting.fit_events", finished.replay)
     assert main(fit_video) == 0
     said = capsys.readouterr().err
     assert f"Finding keypoints in {FRAMES} frames ..." in said and FOUND in said
@@ -75,7 +74,7 @@ def test_programs_are_told(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ):
-    monkeypatch.setattr(fit_command, "fit_events", finished.replay)
+    monkeypatch.setattr("fitting_core.fit.fitting.fit_events", finished.replay)
     assert main([*fit_video, "--json"]) == 0
     lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
     of_step = [line for line in lines if line.get("step") == "keypoints"]

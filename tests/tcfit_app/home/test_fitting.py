@@ -68,7 +68,7 @@ def test_a_video_gets_a_project_and_its_keypoints(
         raise InputError("far enough")
 
     monkeypatch.setattr(fitting, "Detect", Detected)
-    monkeypatch.setattr(fitting, "fit_events", stop)
+    monkeypatch.setattr(fitting, "fit_clip", stop)
     video, folder, told = write_video(tmp_path / "walk.mp4", frames=FRAMES), tmp_path / "walk.tcfit", list[Work]()
     make_project(Found(key="0" * 12, path=video, place="walk.mp4", kind="video"))
     assert glance(folder).state == "new"
