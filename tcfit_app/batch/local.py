@@ -9,7 +9,6 @@ from collections.abc import Generator, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
-from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Protocol
 
@@ -20,6 +19,7 @@ from tcfit_app.batch.inputs import inputs_of
 from tcfit_app.batch.manifest import ClipTask
 from tcfit_app.batch.records import Record
 from tcfit_app.fitting import child_processes
+from tcfit_app.fitting.child_processes import Child
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,10 +62,9 @@ _BETWEEN = 0.5
 
 @dataclass
 class _Worker:
-    """A process, this end of its pipe, and what it fits."""
+    """A process, and the task that it fits."""
 
-    process: BaseProcess
-    pipe: Connection
+    child: Child
     index: int | None = None
 
 
@@ -91,26 +90,15 @@ class LocalProcesses:
         workers: list[_Worker] = []
         try:
             for _ in range(min(self.jobs, len(tasks))):
-                workers.append(_started(folder))
+                workers.append(_Worker(Child.started(_serve, folder)))
             while work.waiting or any(worker.index is not None for worker in workers):
                 yield from _hand_out(work, workers)
-                ready = wait([end for w in workers for end in (w.pipe, w.process.sentinel)])
-                for worker in [w for w in workers if w.pipe in ready or w.process.sentinel in ready]:
+                ready = wait([end for w in workers for end in (w.child.pipe, w.child.process.sentinel)])
+                for worker in [w for w in workers if w.child.pipe in ready or w.child.process.sentinel in ready]:
                     yield from _heard(worker, workers, work)
         finally:
             for worker in workers:
-                worker.process.kill()
-            for worker in workers:
-                worker.process.join()
-
-
-def _started(folder: Path) -> _Worker:
-    ours, theirs = child_processes.CONTEXT.Pipe()
-    process = child_processes.CONTEXT.Process(target=_serve, args=(theirs, folder), daemon=True)
-    with child_processes.deaf_to_interrupts():
-        process.start()
-    theirs.close()
-    return _Worker(process=process, pipe=ours)
+                worker.child.end()
 
 
 def _hand_out(work: _Work, workers: list[_Worker]) -> Iterator[News]:
@@ -118,7 +106,7 @@ def _hand_out(work: _Work, workers: list[_Worker]) -> Iterator[News]:
         if worker.index is None and work.waiting:
             index = work.waiting.popleft()
             with suppress(OSError):  # A process that has just died is found out by its sentinel.
-                worker.pipe.send((index, work.tasks[index]))
+                worker.child.pipe.send((index, work.tasks[index]))
             worker.index = index
             yield TaskUnderway(index=index)
 
@@ -126,28 +114,27 @@ def _hand_out(work: _Work, workers: list[_Worker]) -> Iterator[News]:
 def _heard(worker: _Worker, workers: list[_Worker], work: _Work) -> Iterator[News]:
     """News from a process; a new one replaces one that has died."""
     try:
-        news = worker.pipe.recv()
+        news = worker.child.pipe.recv()
     except (EOFError, OSError):
-        worker.process.join()
-        worker.pipe.close()
+        how = worker.child.how_it_ended()
+        worker.child.pipe.close()
         workers.remove(worker)
         if worker.index is not None:
-            yield from _died(worker.index, worker.process.exitcode, work)
+            yield from _died(worker.index, how, work)
         if work.waiting:
-            workers.append(_started(work.folder))
+            workers.append(_Worker(Child.started(_serve, work.folder)))
         return
     if isinstance(news, TaskEnded):
         worker.index = None
     yield news
 
 
-def _died(index: int, code: int | None, work: _Work) -> Iterator[News]:
+def _died(index: int, how: str, work: _Work) -> Iterator[News]:
     """The clip is tried once more, at the end of the queue, or has failed."""
     work.deaths[index] = work.deaths.get(index, 0) + 1
     if work.deaths[index] < _TRIES:
         work.waiting.append(index)
         return
-    how = f"by signal {-code}" if code is not None and code < 0 else f"with exit code {code}"
     reason = f"Its process ended {how}, {_TRIES} times. Memory may have run out: try fewer --jobs, or shorter clips."
     yield TaskEnded(index=index, record=failure(inputs_of(work.tasks[index]), reason))
 

@@ -4,8 +4,11 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
 
 CONTEXT = multiprocessing.get_context("spawn")
 """Start method. A forked process may hang if its parent has used torch."""
@@ -35,3 +38,33 @@ def end_with_parent() -> None:
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
+
+
+@dataclass
+class Child:
+    """A process that works for this one, and the pipe between them."""
+
+    process: BaseProcess
+    pipe: Connection
+
+    @classmethod
+    def started(cls, serve: Callable[..., None], *arguments: object) -> "Child":
+        """Start a process that calls `serve` with its end of the pipe and the arguments."""
+        ours, theirs = CONTEXT.Pipe()
+        process = CONTEXT.Process(target=serve, args=(theirs, *arguments), daemon=True)
+        with deaf_to_interrupts():
+            process.start()
+        theirs.close()
+        return cls(process, ours)
+
+    def how_it_ended(self) -> str:
+        """Wait for the end of a process that has closed its pipe; the rest of "Its process ended ..."."""
+        self.process.join()
+        code = self.process.exitcode
+        return f"by signal {-code}" if code is not None and code < 0 else f"with exit code {code}"
+
+    def end(self) -> None:
+        """Kill the process."""
+        self.process.kill()
+        self.process.join()
+        self.pipe.close()

@@ -4,10 +4,9 @@ import logging
 import threading
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
-from multiprocessing.connection import wait
 from pathlib import Path
 
-from tcfit_app.fitting import child_processes
+from tcfit_app.fitting.child_processes import Child
 from tcfit_app.home import jobs
 from tcfit_app.home.jobs import Job
 from tcfit_app.home.messages import Work, failure
@@ -132,17 +131,14 @@ class WorkQueue:
 
     def _done(self, key: str, job: Job, folder: Path) -> Work | None:
         """Do it; what remains to be told, None if nothing does, or it was cancelled."""
-        ours, theirs = child_processes.CONTEXT.Pipe()
-        process = child_processes.CONTEXT.Process(target=jobs.serve, args=(theirs, folder, job), daemon=True)
-        process.start()
-        theirs.close()
+        child = Child.started(jobs.serve, folder, job)
         try:
             while True:
                 if not self._is_on(key, job):
                     return None
-                if not wait([ours], _LOOK):
+                if not child.pipe.poll(_LOOK):
                     continue
-                news = ours.recv()
+                news = child.pipe.recv()
                 if news is None or news.ended:
                     return news
                 with self._guard:
@@ -150,10 +146,7 @@ class WorkQueue:
                         self._entries[key][job.kind] = _Entry(job=job, work=news)
                 self._report([key])
         except (EOFError, OSError):
-            process.join()
-            step = f"Its process ended (exit code {process.exitcode}). Memory may have run out."
+            step = f"Its process ended {child.how_it_ended()}. Memory may have run out."
             return Work(step=step, ended="failed")
         finally:
-            process.kill()
-            process.join()
-            ours.close()
+            child.end()

@@ -134,10 +134,16 @@ REFUSED = {
     "scale": (["--keypoint-scale", "cm"], "--keypoint-scale is 'cm'; expected one of auto, pixels"),
     "gender": (["--gender", "other"], "'other' is not a gender, expected one of neutral, male, female, child"),
     "body": (["--body-model", "scape"], "'scape' is not a body model, expected one of smplx"),
-    "no such body": (["--body-model", "smplh", "--models", "."], "Or leave out --body-model and --models: there is a"),
+    "no such body": (
+        ["--body-model", "smplh", "--models", "."],
+        "Or leave out --body-model and --models to use",
+    ),
     "body file": (["--body-model", "nowhere/SMPLX_MALE.npz"], "SMPLX_MALE.npz: does not exist"),
-    "folder and file": (["--body-model", "a.npz", "--models", "m"], "give one of them"),
-    "shape and height": (["--shape", "s.npz", "--height", "172"], "--shape and --height: a known shape has its own"),
+    "folder and file": (["--body-model", "a.npz", "--models", "m"], "a file, cannot be combined with --models m"),
+    "shape and height": (
+        ["--shape", "s.npz", "--height", "172"],
+        "--shape cannot be combined with --height",
+    ),
     "models": (["--models", "."], "No neutral SMPL-X body"),
 }
 
@@ -362,7 +368,7 @@ def test_what_could_not_be_written_does_not_count(
 
     monkeypatch.setattr(fit_command, "write_result", full)
     assert main(fit_arguments) == 2
-    assert "Stopped; the result up to phase 1 is in" in capsys.readouterr().err
+    assert "Stopped. The result up to phase 1 is in" in capsys.readouterr().err
 
 
 def test_a_folder_that_cannot_be_written_is_told_at_once(
@@ -389,7 +395,7 @@ def test_interrupt_signal_ends_a_process(clip_arguments: list[str], tmp_path: Pa
                 process.send_signal(signal.SIGINT)
                 break
         rest = process.stderr.read()
-    assert "Stopped; the result up to phase" in rest and "Traceback" not in rest
+    assert "Stopped. The result up to phase" in rest and "Traceback" not in rest
     assert process.returncode == 130
     assert not read_fit(tmp_path / "out").complete
 

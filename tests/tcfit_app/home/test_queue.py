@@ -46,7 +46,7 @@ def test_one_after_the_other_and_what_failed_says_why(queue: WorkQueue):
     assert [end.step.partition(" (")[0] for end in ends if end] == [
         "Nobody was found.",
         "anna has it open: fit it there.",
-        "Its process ended",
+        "Its process ended with exit code 3. Memory may have run out.",
     ]
     queue.cancel(["fails", "open", "dies"])
     assert queue.on("fails") is None
