@@ -253,7 +253,7 @@ def test_a_benchmark_has_the_options_that_are_shown(arguments: tuple[str, ...]):
 
 
 def test_every_option_that_is_named_exists():
-    helps = [*map(help_of, subcommands()), *(help_of_benchmark(*line) for line in benchmarks())]
+    helps = [help_of(), *map(help_of, subcommands()), *(help_of_benchmark(*line) for line in benchmarks())]
     known = _FOREIGN.union(["--help"], *map(_OPTION.findall, helps))
     named = {(page, option) for page, span in spans() for option in _OPTION.findall(span)}
     assert not {(page, option) for page, option in named if option not in known}
