@@ -90,7 +90,8 @@ def drag(act: Act) -> None:
     joints, frame = (int(act.rng.integers(BODY.stop)),), act.frame()
     dx, dy = act.rng.normal(0, 20, 2).tolist()
     dragged = partial(page_events.Drag, joints=joints, frame=frame)
-    act.send(page_events.Seek(frame=frame), dragged(phase="start", dx=0.0, dy=0.0), dragged(phase="move", dx=dx, dy=dy))
+    act.send(page_events.Seek(frame=frame), dragged(phase="start", dx=0.0, dy=0.0))
+    act.send(dragged(phase="move", dx=dx, dy=dy))
     how = act.rng.random()
     if how < 0.1:
         return reload(act)
@@ -101,7 +102,8 @@ def drag_in_depth(act: Act) -> None:
     """Drag a keypoint of the fit in the side view."""
     joint, frame, metres = int(act.rng.integers(25)), act.frame(), float(act.rng.normal(0, 0.2))
     dragged = partial(page_events.DragDepth, joint=joint, frame=frame, metres=metres)
-    act.send(page_events.Seek(frame=frame), *(dragged(phase=phase) for phase in ("start", "move", "end")))
+    act.send(page_events.Seek(frame=frame), dragged(phase="start"))
+    act.send(dragged(phase="move"), dragged(phase="end"))
 
 
 def fit(act: Act) -> None:
