@@ -79,9 +79,9 @@ class FrameObjective:
         return other
 
     @property
-    def relative_position(self) -> RelativePosition:
-        """The term of positions relative to the pelvis, which must exist."""
-        return next(term for term in self.terms if isinstance(term, RelativePosition))
+    def relative_position(self) -> RelativePosition | None:
+        """The term of positions relative to the pelvis; None if only the image says where keypoints are."""
+        return next((term for term in self.terms if isinstance(term, RelativePosition)), None)
 
     def with_relative_position(self, term: RelativePosition) -> "FrameObjective":
         """The same with other positions relative to the pelvis."""

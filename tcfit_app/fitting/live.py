@@ -194,6 +194,8 @@ class LiveCorrection:
     def _at_depth(self, objective: FrameObjective) -> FrameObjective:
         """With the dragged keypoints at their current depth, but for those that the fit leaves out."""
         term, looked_at = objective.relative_position, self._looked_at.tolist()
+        if term is None:  # it leaves out all of them, and nothing else is known
+            return objective
         target = term.target.clone()
         for place, depth in zip(self._places, self.target, strict=True):
             if place in looked_at:

@@ -93,7 +93,7 @@ def _watched() -> Iterator[None]:
         raise _Hung
 
     before = signal.signal(signal.SIGALRM, hung)
-    signal.alarm(int(4 * PATIENCE))
+    signal.alarm(int(20 * PATIENCE))
     try:
         yield
     finally:

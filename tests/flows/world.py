@@ -176,14 +176,21 @@ class World:
         self.app.turn(0.0)
 
     def until(self, condition: Callable[[], object], what: str) -> None:
-        """Let the app work until something is so. Raises Broken if it hangs."""
-        end = time.monotonic() + PATIENCE
+        """Let the app work until something is so. Raises Broken if it hangs: nothing advances any more."""
         self.turn()  # commands are waiting
+        advanced, since = self._advanced(), time.monotonic()
         while not condition():
-            if time.monotonic() > end:
+            if time.monotonic() > since + PATIENCE:
                 raise Broken(f"waited {PATIENCE:g} s for {what}")
             time.sleep(0.002)
             self.turn()
+            if (now := self._advanced()) != advanced:
+                advanced, since = now, time.monotonic()
+
+    def _advanced(self) -> object:
+        """How far jobs and tasks are."""
+        jobs = {number: job.progress for number, job in self.session.jobs.items()}
+        return jobs, [(task.title, task.share) for task in self.session.tasks._running]
 
     @property
     def idle(self) -> bool:
