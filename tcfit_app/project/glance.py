@@ -12,12 +12,11 @@ import msgspec
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
 from tcfit_app.project.storage.clip_review import ClipReview, State, read_clip_review
-from tcfit_app.project.storage.columns import Columns, Count, Damage, json_of, line, of, or_none
+from tcfit_app.project.storage.columns import Columns, Count, Damage, json_of, line, of, or_none, undamaged
 from tcfit_app.project.storage.database import NAME, WITH_KINDS, WITH_REVIEW, glimpse
 from tcfit_app.project.storage.lock import NAME as LOCK
 from tcfit_app.project.storage.lock import Holder, holder
 from tcfit_app.project.storage.media import MediaLink, located
-from tcfit_app.project.storage.names import name_of_file
 
 _DETECTIONS = "detections.npz"
 _HEAD = 2048
@@ -67,7 +66,7 @@ def _status(path: Path) -> tuple[int, int] | None:
 
 def glance(folder: Path) -> Glance:
     """Look at a project. Raises InputError if it cannot be read."""
-    with glimpse(folder / NAME) as (connection, version):
+    with undamaged(folder / NAME), glimpse(folder / NAME) as (connection, version):
 
         def rows(query: str, *values: object) -> list[sqlite3.Row]:
             return connection.execute(query, values).fetchall()
@@ -75,29 +74,29 @@ def glance(folder: Path) -> Glance:
         found, damage = rows("SELECT * FROM clip"), Damage()
         if not found:
             raise InputError(f"{folder / NAME}: has no clip in it; it is damaged. Take it from a backup.")
-        clip, ignored = Columns(found[0], "the clip", damage), ""
+        clip = Columns(found[0])
         own = "AND kind <> 'imported'" if version >= WITH_KINDS else ""  # as `newest` has it
         newest = f"WHERE deleted IS NULL AND state = 'finished' {own} ORDER BY id DESC LIMIT 1"
         fit, error = _fit(rows(f"SELECT id, summary FROM runs {newest}"))
         review = read_clip_review(rows, damage) if version >= WITH_REVIEW else ClipReview()
         if review.worst is not None and review.worst.run == fit and review.worst.error is not None:
             error = review.worst.error
-        link = clip.read("media", or_none(json_of(MediaLink)), None, ignored)
+        link = clip.read("media", or_none(json_of(MediaLink)))
         notes = rows("""SELECT count(*) FROM edits WHERE action LIKE '{"kind":"note%'""")[0][0]
-    places = () if link is None else ((located(link, folder),) * bool(link.relative) + (Path(link.absolute),))
-    return Glance(
-        name=clip.read("name", line, name_of_file(folder.stem), ignored),
-        frames=_frames(folder),
-        frame_rate=clip.read("frame_rate", _rate, 30.0, ignored),
-        first_frame=clip.read("first_frame", of(Count), 0, ignored),
-        media=places,
-        state=review.state(fitted=fit is not None),
-        review=review,
-        notes=notes,
-        fit=fit,
-        error=error,
-        holder=holder(folder),
-    )
+        places = () if link is None else ((located(link, folder),) * bool(link.relative) + (Path(link.absolute),))
+        return Glance(
+            name=clip.read("name", line),
+            frames=_frames(folder),
+            frame_rate=clip.read("frame_rate", _rate),
+            first_frame=clip.read("first_frame", of(Count)),
+            media=places,
+            state=review.state(fitted=fit is not None),
+            review=review,
+            notes=notes,
+            fit=fit,
+            error=error,
+            holder=holder(folder),
+        )
 
 
 def _rate(value: object) -> float:

@@ -67,7 +67,7 @@ from tcfit_app.project.storage.clip import (
     write_clip,
 )
 from tcfit_app.project.storage.clip_review import ReviewOfClip
-from tcfit_app.project.storage.columns import UNKNOWN_TIME, Columns, Count, of, text, time
+from tcfit_app.project.storage.columns import Columns, Count, of, text, time
 from tcfit_app.project.storage.database import Database
 from tcfit_app.project.storage.lock import ProjectLock
 from tcfit_app.project.storage.marks import MarkStore
@@ -75,7 +75,6 @@ from tcfit_app.project.storage.media import Media
 from tcfit_app.project.storage.reference import store_reference, stored_reference
 from tcfit_app.project.storage.runs import Runs
 
-_LEFT_OUT = "ignored"
 _REPLACING = "The keypoints are being replaced, because the lens or the person has changed. Try again in a moment."
 
 
@@ -116,7 +115,7 @@ class Project:
         senseless: set[int] = set()
 
         def leave_out(entry: LogEntry, why: InputError) -> None:
-            store.damage.note(f"edit {entry.id} is invalid ({why})", _LEFT_OUT)
+            store.damage.note(f"edit {entry.id} is invalid ({why})")
             senseless.add(entry.id)
 
         log = _readable_log(store)
@@ -125,7 +124,7 @@ class Project:
 
     @property
     def damage(self) -> tuple[str, ...]:
-        """What is damaged in the database, and what is used instead; may grow as more is read."""
+        """Rows of the database that are damaged and left out; may grow as more is read."""
         return self._database.damage.found
 
     @staticmethod
@@ -578,14 +577,15 @@ def check_free(folder: Path) -> None:
 
 
 def _readable_log(store: Database) -> list[LogEntry]:
-    log: list[LogEntry] = []
-    for row in store.rows("SELECT * FROM edits ORDER BY id"):
-        columns = Columns(row, f"edit {row['id']}", store.damage)
-        number = columns.read("id", of(Count), None, _LEFT_OUT)
-        action = columns.read("action", decode, None, _LEFT_OUT)
-        if number is None or action is None:
-            continue
-        made = columns.read("time", time, UNKNOWN_TIME, "treated as made long ago")
-        author = columns.read("author", text, "", "the author is left empty")
-        log.append(LogEntry(id=number, time=made, author=author, action=action))
-    return log
+    rows = store.rows("SELECT * FROM edits ORDER BY id")
+    log = (store.damage.read(row, f"edit {row['id']}", _entry) for row in rows)
+    return [entry for entry in log if entry is not None]
+
+
+def _entry(row: Columns) -> LogEntry:
+    return LogEntry(
+        id=row.read("id", of(Count)),
+        time=row.read("time", time),
+        author=row.read("author", text),
+        action=row.read("action", decode),
+    )

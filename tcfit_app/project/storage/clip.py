@@ -16,7 +16,7 @@ from typing import Annotated, Any
 import msgspec
 import numpy as np
 
-from fitting_core.camera import DEFAULT_FOCAL, Camera, FocalFrom, default_focal, is_possible, with_focal_from
+from fitting_core.camera import Camera, FocalFrom, is_possible, with_focal_from
 from fitting_core.clip import Clip
 from fitting_core.config.settings import RANGES
 from fitting_core.errors import InputError
@@ -27,9 +27,9 @@ from fitting_core.keypoints import COUNT, Keypoints
 from fitting_core.silhouettes import SILHOUETTE_SIDE, Silhouettes
 from tcfit_app.project.storage import database
 from tcfit_app.project.storage.accessing import accessing
-from tcfit_app.project.storage.columns import Columns, Count, Damage, json_of, line, of, or_none, text
+from tcfit_app.project.storage.columns import Columns, Count, json_of, line, of, or_none, text, undamaged
 from tcfit_app.project.storage.database import Database
-from tcfit_app.project.storage.media import UNREADABLE, MediaLink
+from tcfit_app.project.storage.media import MediaLink
 from tcfit_app.project.storage.names import name_of_file
 
 DETECTIONS = "detections.npz"
@@ -76,48 +76,42 @@ def write_clip(draft: Path, clip: Clip, *, link: MediaLink | None) -> None:
 
 
 def read_clip(folder: Path, store: Database) -> tuple[Clip, MediaLink | None]:
-    """The clip with its detections, without a source, and the link to the source. `store.damage` collects damage.
-    Raises InputError if there is no clip, or its detections are missing or damaged."""
+    """The clip with its detections, without a source, and the link to the source. Raises InputError if there is no
+    clip, it is damaged, or its detections are missing or damaged."""
     rows = store.rows("SELECT * FROM clip")
     if not rows:
         raise InputError(f"{store.path}: has no clip: it is damaged. Restore it from a backup.")
-    row = Columns(rows[0], "the clip", store.damage)
-    checksum = row.read("detections_sha256", _checksum, None, f"{DETECTIONS} cannot be checked for damage")
-    if checksum is not None and not store.read_only:
-        _settle_detections(folder, checksum)
-    keypoints, detector, silhouettes = _read_detections(folder, checksum)
-    camera = row.read(
-        "camera",
-        lambda value: _camera(value, len(keypoints)),
-        None,
-        "using a static one that sees all keypoints instead",
-    )
-    notes = row.read("notes", json_of(tuple[str, ...]), (), "ignored")
-    clip = Clip(
-        keypoints=keypoints,
-        camera=_with_notes(camera, notes) if camera else _camera_around(keypoints),
-        frame_rate=row.read("frame_rate", of(_RATE), 30.0, "using 30 frames per second instead"),
-        name=row.read("name", line, name_of_file(folder.resolve().stem), "using the folder's instead"),
-        first_frame=row.read("first_frame", of(Count), 0, "counting frames from 0"),
-        detector=detector,
-        notes=notes,
-        silhouettes=silhouettes,
-    )
-    return clip, _link(row)
+    with undamaged(store.path):
+        row = Columns(rows[0])
+        checksum = row.read("detections_sha256", _checksum)
+        if not store.read_only:
+            _settle_detections(folder, checksum)
+        keypoints, detector, silhouettes = _read_detections(folder, checksum)
+        notes = row.read("notes", json_of(tuple[str, ...]))
+        clip = Clip(
+            keypoints=keypoints,
+            camera=_with_notes(row.read("camera", lambda value: _camera(value, len(keypoints))), notes),
+            frame_rate=row.read("frame_rate", of(_RATE)),
+            name=row.read("name", line),
+            first_frame=row.read("first_frame", of(Count)),
+            detector=detector,
+            notes=notes,
+            silhouettes=silhouettes,
+        )
+        return clip, _link(row)
 
 
 def _link(row: Columns) -> MediaLink | None:
-    return row.read("media", or_none(json_of(MediaLink)), UNREADABLE, "relink the video")
+    return row.read("media", or_none(json_of(MediaLink)))
 
 
 def stored_link(copied: sqlite3.Connection) -> MediaLink | None:
-    """The link to the video in a copy of a project's database."""
+    """The link to the video in a copy of a project's database. Raises InputError if it is damaged."""
     return _link(_row_of_copy(copied))
 
 
 def _row_of_copy(copied: sqlite3.Connection) -> Columns:
-    """The row; its damage is reported by the project itself."""
-    return Columns(copied.execute("SELECT * FROM clip").fetchone(), "the clip", Damage())
+    return Columns(copied.execute("SELECT * FROM clip").fetchone())
 
 
 def _checksum(value: Any) -> str:
@@ -143,15 +137,6 @@ def _with_notes(camera: Camera, notes: tuple[str, ...]) -> Camera:
     return replace(camera, notes=tuple(own))
 
 
-def _camera_around(keypoints: Keypoints) -> Camera:
-    """A camera with a guessed focal length, for images that contain all detections."""
-    seen = keypoints.xy * (keypoints.confidence > 0)[..., None]
-    width, height = (max(1, int(np.ceil(farthest))) for farthest in seen.max((0, 1)))
-    focal = default_focal((width, height))
-    middle, size = (width / 2, height / 2), (width, height)
-    return Camera(focal=(focal, focal), center=middle, size=size, focal_from=FocalFrom.DIAGONAL, source=DEFAULT_FOCAL)
-
-
 def same_detections(one: Keypoints, other: Keypoints) -> bool:
     """Whether both have the same keypoints, ignoring a person's edits."""
     return np.array_equal(one.xy, other.xy) and np.array_equal(one.confidence, other.confidence)
@@ -161,7 +146,8 @@ def creation_time(folder: Path) -> str:
     """When a project was created, which identifies it among those of the same name. Raises InputError if unreadable."""
     with closing(Database(folder / database.NAME, read_only=True)) as store:
         rows = store.rows("SELECT created FROM clip")
-        return Columns(rows[0], "the clip", store.damage).read("created", text, "", "ignored") if rows else ""
+        with undamaged(store.path):
+            return Columns(rows[0]).read("created", text) if rows else ""
 
 
 def replace_camera(store: Database, camera: Camera, notes: tuple[str, ...]) -> None:
@@ -176,7 +162,8 @@ def replace_camera(store: Database, camera: Camera, notes: tuple[str, ...]) -> N
 def read_height(store: Database) -> float | None:
     """The person's height in centimetres; None: unknown."""
     rows = store.rows("SELECT height FROM clip")
-    return Columns(rows[0], "the clip", store.damage).read("height", or_none(_height), None, "it is not known")
+    with undamaged(store.path):
+        return Columns(rows[0]).read("height", or_none(_height))
 
 
 def _height(value: Any) -> float:
@@ -253,12 +240,12 @@ def copy_detections(folder: Path, copied: Path, target: Path) -> bool:
         OSError: Something cannot be read or written.
     """
     with closing(database.copied(copied)) as connection:
-        expected = _row_of_copy(connection).read("detections_sha256", _checksum, None, "")
+        expected = _row_of_copy(connection).read("detections_sha256", _checksum)
     for name in (_COMING, DETECTIONS):  # in this order: the first is renamed to the second
         if (folder / name).is_file():
             with suppress(FileNotFoundError):
                 shutil.copyfile(folder / name, target)
-                if _sha256(target) == expected or (expected is None and name == DETECTIONS):
+                if _sha256(target) == expected:
                     return True
     return False
 
@@ -276,15 +263,15 @@ def _write_detections(path: Path, clip: Clip) -> None:
         np.savez_compressed(file, allow_pickle=False, **arrays)
 
 
-def _read_detections(folder: Path, expected: str | None) -> tuple[Keypoints, str, Silhouettes | None]:
+def _read_detections(folder: Path, expected: str) -> tuple[Keypoints, str, Silhouettes | None]:
     """Keypoints, their detector, and silhouettes if any.
 
-    The checksum, if any, only detects damage; a project made by someone else may contain any.
+    The checksum only detects damage; a project made by someone else may contain any.
     """
     path, advice = folder / DETECTIONS, "It must not be changed: restore it from a backup"
     try:
-        path = path if expected is None else _detections_file(folder, expected)
-        if expected is not None and _sha256(path) != expected:
+        path = _detections_file(folder, expected)
+        if _sha256(path) != expected:
             raise InputError(f"{path}: was changed after the project was created. {advice}.")
         arrays = read_npz(path, (*_WIDTHS, _DETECTOR, *_SILHOUETTES))
         detector = _detector(arrays.pop(_DETECTOR, None))

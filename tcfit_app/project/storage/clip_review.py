@@ -4,7 +4,7 @@ worst place that was found in its last fit. Imports no torch: lists of projects 
 import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal
@@ -43,10 +43,6 @@ class Worst(msgspec.Struct, frozen=True, kw_only=True):
     """Median of the run's reprojection errors, pixels; None: not measured here."""
 
 
-_SOUND = "CASE WHEN typeof(seconds) = 'real' AND seconds BETWEEN 0 AND 1e9 THEN seconds ELSE 0 END"
-"""Seconds that are none the worse for damage, in SQL."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class ClipReview:
     """Everything that is stored."""
@@ -79,23 +75,29 @@ def read_clip_review(rows: Rows, damage: Damage) -> ClipReview:
     found = rows("SELECT * FROM review")
     if not found:
         return ClipReview()
-    row, left_out = Columns(found[0], "the review of the clip", damage), "it is left out"
-    approved = row.read("approved", or_none(time), None, "it counts as not approved")
-    seconds = {}
-    for one in rows("SELECT * FROM review_time ORDER BY last DESC, reviewer"):
-        spent = Columns(one, "the time of a reviewer", damage)
-        name, length = (spent.read("reviewer", text, None, left_out), spent.read("seconds", _length, None, left_out))
-        if name is not None and length is not None:
-            seconds[name] = length
-    seen = [row.read(name, of(Count), 0, "it counts as changed since") for name in ("last_edit", "last_moment")]
-    return ClipReview(
-        approved=approved,
-        approved_by=row.read("approved_by", text, "", "nobody is named"),
-        altered=approved is not None and _altered(rows, *seen),
-        note=row.read("note", text, "", left_out),
-        seconds=seconds,
-        worst=row.read("worst", or_none(json_of(Worst)), None, left_out),
+    times = rows("SELECT * FROM review_time ORDER BY last DESC, reviewer")
+    seconds = (damage.read(row, "the time of a reviewer", _time_of) for row in times)
+    said = damage.read(found[0], "the review of the clip", _said)
+    if said is None:
+        return ClipReview()
+    review, *seen = said
+    altered = review.approved is not None and _altered(rows, *seen)
+    return replace(review, altered=altered, seconds=dict(one for one in seconds if one is not None))
+
+
+def _said(row: Columns) -> tuple[ClipReview, int, int]:
+    """What the row of the review has, and the last edit and moment that were approved."""
+    review = ClipReview(
+        approved=row.read("approved", or_none(time)),
+        approved_by=row.read("approved_by", text),
+        note=row.read("note", text),
+        worst=row.read("worst", or_none(json_of(Worst))),
     )
+    return review, row.read("last_edit", of(Count)), row.read("last_moment", of(Count))
+
+
+def _time_of(row: Columns) -> tuple[str, float]:
+    return row.read("reviewer", text), row.read("seconds", _length)
 
 
 def _length(value: Any) -> float:
@@ -173,7 +175,7 @@ class ReviewOfClip:
         with self._database.transaction() as connection:
             connection.execute(
                 "INSERT INTO review_time VALUES (?, ?, ?) ON CONFLICT (reviewer) DO UPDATE "
-                f"SET seconds = {_SOUND} + excluded.seconds, last = excluded.last",
+                "SET seconds = coalesce(seconds, 0) + excluded.seconds, last = excluded.last",
                 (reviewer, seconds, _now()),
             )
 

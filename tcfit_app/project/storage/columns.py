@@ -1,26 +1,46 @@
-"""Database values, each checked on its own: damage to one value does not affect the rest of the project."""
+"""Database values, checked when they are read: a damaged one makes its row unusable, and no other."""
 
 import logging
 import sqlite3
-from collections.abc import Callable
-from datetime import UTC, datetime
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import msgspec
+
+from fitting_core.errors import InputError
 
 T = TypeVar("T")
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**52)]
 """A count or an id."""
 _LISTED = 10
 """Maximum number of warnings in the terminal: a completely damaged table would flood it."""
-UNKNOWN_TIME = datetime.fromtimestamp(0, UTC)
-"""Replaces a damaged time."""
 _log = logging.getLogger(__name__)
 
 
+class DamagedValue(InputError):
+    """A value of a row that cannot be read."""
+
+
+class Columns:
+    """A table row whose values are checked as they are read."""
+
+    def __init__(self, row: sqlite3.Row) -> None:
+        self._row = row
+
+    def read(self, column: str, read: Callable[[Any], T]) -> T:
+        """A value. `read` converts SQLite's value; its ValueError or TypeError becomes a DamagedValue."""
+        try:
+            return read(self._row[column])
+        except (ValueError, TypeError, RecursionError, OverflowError) as error:
+            reason = (str(error).splitlines() or [type(error).__name__])[0][:200]
+            raise DamagedValue(f"its {column.replace('_', ' ')} cannot be read ({reason})") from error
+
+
 class Damage:
-    """The damage found in a database, each item reported once in the terminal. Thread-safe.
+    """The damaged rows of a database, each reported once in the terminal. Thread-safe.
 
     Args:
         path: of the database; None: report nothing.
@@ -35,14 +55,17 @@ class Damage:
         """In words, in the order of discovery."""
         return tuple(self._found)
 
-    def note(self, what: str, instead: str) -> None:
-        """Record a damaged value, unless it was recorded before.
+    def read(self, row: sqlite3.Row, name: str, make: Callable[[Columns], T]) -> T | None:
+        """What `make` reads from a row; None if a value is damaged, which is reported under the row's name."""
+        try:
+            return make(Columns(row))
+        except DamagedValue as error:
+            self.note(f"{name}: {error}")
+            return None
 
-        Args:
-            what: Where it is, and what is wrong.
-            instead: What happens instead.
-        """
-        text = f"{what}; {instead}"
+    def note(self, what: str) -> None:
+        """Record a damaged row, in words, unless it was recorded before."""
+        text = f"{what}; it is left out"
         if text in self._found:
             return
         self._found[text] = None
@@ -54,33 +77,13 @@ class Damage:
             _log.warning("%s: more values are damaged; the app lists all.", self._path)
 
 
-class Columns:
-    """A table row whose values are read individually.
-
-    Args:
-        row: from SQLite.
-        name: of the row, for users.
-        damage: collects errors.
-    """
-
-    def __init__(self, row: sqlite3.Row, name: str, damage: Damage) -> None:
-        self._row, self._name, self._damage = row, name, damage
-
-    def read(self, column: str, read: Callable[[Any], T], default: T, instead: str) -> T:
-        """A value, or its replacement.
-
-        Args:
-            column: its name.
-            read: converts SQLite's value; raises ValueError or TypeError.
-            default: used if it does.
-            instead: what happens then, in words for users.
-        """
-        try:
-            return read(self._row[column])
-        except (ValueError, TypeError, RecursionError, OverflowError) as error:
-            reason = (str(error).splitlines() or [type(error).__name__])[0][:200]
-            self._damage.note(f"{self._name}: its {column.replace('_', ' ')} cannot be read ({reason})", instead)
-            return default
+@contextmanager
+def undamaged(path: Path) -> Iterator[None]:
+    """Turns damage of a clip's row into an InputError: without it there is no project. `path` is the database's."""
+    try:
+        yield
+    except DamagedValue as error:
+        raise InputError(f"{path}: of the clip, {error}. It is damaged: restore it from a backup.") from error
 
 
 def of(kind: Any) -> Callable[[Any], Any]:

@@ -6,11 +6,9 @@ from datetime import datetime
 from typing import get_args
 
 from tcfit_app.project.edits.edit_log import LogEntry, MarkFrames, MarkState
-from tcfit_app.project.storage.columns import UNKNOWN_TIME, Columns, Count, of, text, time
+from tcfit_app.project.storage.columns import Columns, Count, of, text, time
 from tcfit_app.project.storage.database import Database
 from tcfit_app.project.storage.run_record import LAST_MOMENT
-
-_LEFT_OUT = "the mark is ignored"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,21 +118,18 @@ class MarkStore:
             yield said, mark
 
     def _of_the_table(self) -> dict[int, Mark]:
-        found = {}
-        for row in self._database.rows("SELECT * FROM marks"):
-            mark = Columns(row, f"the mark in row {row['frame']}", self._database.damage)
-            frame = mark.read("frame", self._frame, None, _LEFT_OUT)
-            state = mark.read("state", of(MarkState), None, _LEFT_OUT)
-            if frame is None or state is None:
-                continue
-            found[frame] = Mark(
-                state=state,
-                time=mark.read("time", time, UNKNOWN_TIME, "treated as made long ago"),
-                author=mark.read("author", text, "", "the author is left empty"),
-                last_edit=mark.read("last_edit", of(Count), 0, "treated as made before all edits"),
-                last_moment=mark.read("last_moment", of(Count), 0, "treated as made before all runs"),
-            )
-        return found
+        rows = self._database.rows("SELECT * FROM marks")
+        read = (self._database.damage.read(row, f"the mark in row {row['frame']}", self._of_row) for row in rows)
+        return dict(one for one in read if one is not None)
+
+    def _of_row(self, row: Columns) -> tuple[int, Mark]:
+        return row.read("frame", self._frame), Mark(
+            state=row.read("state", of(MarkState)),
+            time=row.read("time", time),
+            author=row.read("author", text),
+            last_edit=row.read("last_edit", of(Count)),
+            last_moment=row.read("last_moment", of(Count)),
+        )
 
     def _frame(self, value: int) -> int:
         if not 0 <= value < self._frames:

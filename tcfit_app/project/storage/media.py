@@ -29,10 +29,6 @@ class MediaLink(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     fingerprint: str
 
 
-UNREADABLE = MediaLink(relative="", absolute="", fingerprint="")
-"""Replaces a damaged link."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Media:
     """Where a clip's frames are now."""
@@ -99,8 +95,6 @@ def find(link: MediaLink | None, project: Path) -> Media:
     """Find the target of a link, first relative to the project, then at its absolute path."""
     if link is None:
         return Media(path=None, problem="The project was created without a video.")
-    if link == UNREADABLE:
-        return Media(path=None, problem=f"The video's path is damaged in the project. {RELINK}")
     places = [located(link, project)] if link.relative else []
     found = [path for path in (*places, Path(link.absolute)) if not _absence(path)]
     same = [path for path in found if _fingerprint_or_none(path) == link.fingerprint]

@@ -25,7 +25,7 @@ from fitting_core.files.atomic import drafting, sweep, sync
 from fitting_core.results.fit_result import FitResult
 from tcfit_app.project.storage.accessing import accessing
 from tcfit_app.project.storage.changes import Changes, file_name
-from tcfit_app.project.storage.columns import UNKNOWN_TIME, Columns, Count, json_of, line, of, or_none, text, time
+from tcfit_app.project.storage.columns import Columns, Count, json_of, line, of, or_none, text, time
 from tcfit_app.project.storage.database import Database
 from tcfit_app.project.storage.names import checked_name
 from tcfit_app.project.storage.run_files import read_run, write_run
@@ -34,7 +34,6 @@ from tcfit_app.project.storage.run_record import LAST_MOMENT, BodyRecord, Ended,
 ENTRY = r"runs/\d{6,}\.npz"
 """Paths of results in a project's folder, as a regular expression."""
 _FOLDER = "runs"
-_WHOLE = "treated as a fit of all frames"
 _ORPHANS = "orphans"
 """In _FOLDER: files without a row, as after restoring an older database. They are never deleted."""
 
@@ -353,45 +352,44 @@ class Runs:
         return self._folder / file_name(run)
 
     def _run(self, row: sqlite3.Row) -> Run | None:
-        of_run = Columns(row, f"run {row['id']}", self._database.damage)
-        number = of_run.read("id", of(Count), None, f"ignored; its result is in runs/{_ORPHANS}")
-        if number is None:
-            return None
-        unknown = BodyRecord(kind="smplx", gender="neutral", hash="")
+        return self._database.damage.read(row, f"run {row['id']}", self._of_row)
+
+    def _of_row(self, row: Columns) -> Run:
+        number = row.read("id", of(Count))
+        first, last = (row.read(end, or_none(of(Count))) for end in ("first_frame", "last_frame"))
         return Run(
             id=number,
-            name=of_run.read("name", line, f"Run {number}", "using its number instead"),
-            kind=of_run.read("kind", of(RunKind), "fit", "treated as a fit of everything"),
-            state=of_run.read("state", of(RunState), "interrupted", "treated as interrupted"),
-            # Settings that this version no longer has are left out: the run can still be shown.
-            config=of_run.read(
-                "config", json_of(FitConfig), PRESETS[DEFAULT_PRESET], "using the default settings instead"
-            ),
-            body=of_run.read("body", json_of(BodyRecord), unknown, "using the neutral SMPL-X body instead"),
-            parent=of_run.read("parent", or_none(of(_parent(number))), None, "treated as started from nothing"),
-            given=of_run.read("given", or_none(json_of(Given)), None, "treated as started from nothing") or Given(),
-            frames=self._frames_of(of_run),
-            edits_seen=of_run.read("edits_seen", of(Count), 0, "treated as older than all edits"),
-            started=of_run.read("started", time, UNKNOWN_TIME, "treated as started long ago"),
-            ended=of_run.read("ended", or_none(time), None, "ignored"),
-            moment=of_run.read("moment", of(Count), 0, "treated as older than all others"),
-            summary=of_run.read("summary", or_none(_figures), None, "ignored") or {},
-            message=of_run.read("message", text, "", "ignored"),
-            deleted=row["deleted"] is not None,
+            name=row.read("name", line),
+            kind=row.read("kind", of(RunKind)),
+            state=row.read("state", of(RunState)),
+            config=row.read("config", _config),
+            body=row.read("body", json_of(BodyRecord)),
+            parent=row.read("parent", or_none(of(_parent(number)))),
+            given=row.read("given", or_none(json_of(Given))) or Given(),
+            frames=None if first is None or last is None else row.read("last_frame", lambda _: self._span(first, last)),
+            edits_seen=row.read("edits_seen", of(Count)),
+            started=row.read("started", time),
+            ended=row.read("ended", or_none(time)),
+            moment=row.read("moment", of(Count)),
+            summary=row.read("summary", or_none(_figures)) or {},
+            message=row.read("message", text),
+            deleted=row.read("deleted", bool),
             stored=self._path(number).is_file(),
         )
-
-    def _frames_of(self, run: Columns) -> range | None:
-        ends = [run.read(end, or_none(of(Count)), None, _WHOLE) for end in ("first_frame", "last_frame")]
-        first, last = ends
-        if first is None or last is None:
-            return None
-        return run.read("last_frame", lambda _: self._span(first, last), None, _WHOLE)
 
     def _span(self, first: int, last: int) -> range:
         if not first <= last < self._frames:
             raise ValueError(f"{first} to {last} of {self._frames} frames, counted from 0")
         return range(first, last + 1)
+
+
+def _config(value: Any) -> FitConfig:
+    """Settings that this version does not have are left out, and the default ones shown if it has other values."""
+    plain = json_of(dict[str, Any])(value)
+    try:
+        return msgspec.convert(plain, FitConfig)
+    except (ValueError, TypeError):
+        return PRESETS[DEFAULT_PRESET]
 
 
 def _parent(run: int) -> Any:

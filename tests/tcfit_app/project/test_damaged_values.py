@@ -1,5 +1,5 @@
-"""A damaged value in any column of the database: the project opens, says what is wrong and where, is drawn, and
-exports what is sound."""
+"""A damaged value in any column of the database: its row is left out and reported, and the rest is drawn and exported.
+Without its clip a project is refused."""
 
 import shutil
 import sqlite3
@@ -14,6 +14,7 @@ import pytest
 import viser
 
 from fitting_core.body.model import BodyModel
+from fitting_core.errors import InputError
 from tcfit_app.cli.main import main
 from tcfit_app.exports.table import EXPORTS
 from tcfit_app.project.glance import glance
@@ -24,7 +25,7 @@ from tcfit_app.project.storage.clip_review import State, Worst
 from tcfit_app.review.browser.page_events import Hello
 from tcfit_app.review.drawing.status import damage_in_short
 from tests.drivers.lone_page import lone_page
-from tests.samples.project_samples import CONFIG, random_edit
+from tests.samples.project_samples import BODY, CONFIG, random_edit
 from tests.samples.sessions import OneBody
 from tests.samples.waving import waving_fit, waving_project
 
@@ -142,6 +143,9 @@ def test_a_project_with_a_damaged_value_is_worked_on(
         if not damaged(sound, folder, table, column, NONSENSE[name]):
             continue
         taken.add(name)
+        if table == "clip" and _refused(folder, column):
+            told.add(name)
+            continue
         with Project.open(folder, read_only=True) as project:
             _look(project)
             if any(column.replace("_", " ") in text for text in project.damage):
@@ -151,6 +155,20 @@ def test_a_project_with_a_damaged_value_is_worked_on(
             if (column, name) != ("id", "above all"):  # there is no number for another one
                 _go_on(project)
     assert (table, column) in SILENT or (told and told >= taken & {"bytes", "no text"}), f"of {taken} only {told}"
+
+
+def _refused(folder: Path, column: str) -> bool:
+    """Whether the project is refused because of that column, and looked at without another error."""
+    try:
+        glance(folder)
+    except InputError as error:
+        assert "Restore" in str(error) or "restore" in str(error)
+    try:
+        Project.open(folder).close()
+    except InputError as error:
+        assert column.replace("_", " ") in str(error)
+        return True
+    return False
 
 
 def _drawn_and_exported(folder: Path, server: viser.ViserServer, body: BodyModel, said: Callable[[], str]) -> None:
@@ -186,8 +204,9 @@ def test_a_project_with_a_damaged_value_is_drawn_and_exported(
     free_body: BodyModel,
     capsys: pytest.CaptureFixture[str],
 ):
-    if damaged(sound, tmp_path / "walk.tcfit", table, column, NONSENSE[name]):
-        _drawn_and_exported(tmp_path / "walk.tcfit", panel_server, free_body, lambda: capsys.readouterr().err)
+    folder = tmp_path / "walk.tcfit"
+    if damaged(sound, folder, table, column, NONSENSE[name]) and not (table == "clip" and _refused(folder, column)):
+        _drawn_and_exported(folder, panel_server, free_body, lambda: capsys.readouterr().err)
 
 
 def _look(project: Project) -> None:
@@ -196,7 +215,7 @@ def _look(project: Project) -> None:
     runs = [*project.runs.all(), *project.runs.all(deleted=True)]
     assert project.review.now.state(fitted=True) in get_args(State)
     assert glance(project.folder).frames == len(project.clip)
-    assert len(runs) >= 2 and project.marks.all().keys() <= set(range(len(project.clip)))
+    assert runs and project.marks.all().keys() <= set(range(len(project.clip)))
     for run in (run for run in runs if run.stored):
         assert project.runs.load(run.id).phases
 
@@ -208,5 +227,5 @@ def _go_on(project: Project) -> None:
     project.marks.set([0], "flag")
     project.review.approve("me")
     project.review.add_time("me", 1.0)
-    run = project.runs.start(CONFIG, body=project.runs.get(2).body, edits_seen=project.last_edit)
+    run = project.runs.start(CONFIG, body=BODY, edits_seen=project.last_edit)
     project.runs.end(run.id, "cancelled")
