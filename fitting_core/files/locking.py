@@ -1,4 +1,7 @@
-"""Locks that the system takes back when the process that holds them ends, however it ends."""
+"""Locks that the system takes back when the process that holds them ends, however it ends.
+
+Not filelock: on Windows it locks the first byte, and the names of who holds a project could not be read.
+"""
 
 import errno
 import os

@@ -2,6 +2,9 @@
 
 Follows the schema EAFv3.0.xsd of the Max Planck Institute for Psycholinguistics, and "ELAN Annotation Format: EAF
 schema description" (Sloetjes and Hulsbosch). Files of earlier versions are read as well.
+
+Not read by pympi-ling: 1.71 ignores media's origins in time and times that follow from other annotations, and needs
+numbers in ids.
 """
 
 import re

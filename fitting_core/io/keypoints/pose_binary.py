@@ -10,6 +10,8 @@ as pairs of points, colours as red, green, blue (uint16) |
 | body 0.2 | frames per second (float32), frames (uint32), people (uint16) |
 | body 0.1 | frames per second, frames, people (uint16); frames overflow, so their number follows from the file's size |
 | data | float32 (frames, people, points, dimensions), then confidence (frames, people, points) |
+
+Not read by pose-format: 0.15 accepts bytes behind the data, NaN frames per second and 10^9 frames without people.
 """
 
 import math
