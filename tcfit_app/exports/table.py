@@ -3,8 +3,9 @@
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 from fitting_core.errors import InputError
 from fitting_core.io.motion.animation_npz import write_animation_npz
@@ -13,7 +14,7 @@ from fitting_core.io.motion_files import MOTION_FILES
 from fitting_core.io.points.contact_table import write_contacts
 from fitting_core.io.points.joint_table import write_joints_csv
 from fitting_core.measure.angles.angle_files import write_angles_csv, write_mot
-from fitting_core.motion import OWN_WORLD, Progress
+from fitting_core.motion import OWN_WORLD, Motion, Progress
 from fitting_core.plugins import Plugin, added, failures
 from fitting_core.render.overlay import ViewName
 from tcfit_app.exports.blender.running import missing, write_fbx
@@ -30,6 +31,9 @@ from tcfit_app.project.packed import pack
 Group = Literal["Motion", "Rigs", "Laboratory", "Meshes", "Video", "Keypoints", "Annotations", "Figures", "Project"]
 Needs = Literal["motion", "run", "keypoints"]
 """Any fit; a project with a run; a project."""
+Write = Callable[[ExportSource, Path, Progress], str | None]
+"""Writes a file, or into a folder, which exists and is empty; what a person should know of it, if anything. What it
+raises leaves nothing that is offered."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,9 +45,7 @@ class Export:
     suffix: str
     """Behind the clip's name. Of a folder it begins with a hyphen."""
     hint: str
-    write: Callable[[ExportSource, Path, Progress], str | None]
-    """Writes the file, or into the folder, which exists and is empty; what a person should know of it, if anything.
-    What it raises leaves nothing that is offered."""
+    write: Write
     needs: Needs = "motion"
     both: bool = False
     """It shows A and B, whichever is chosen."""
@@ -56,269 +58,140 @@ class Export:
         return self.suffix.startswith("-")
 
 
-EXPORTS: dict[str, Export] = {
-    "glb": Export(
-        title="Character (GLB)",
-        group="Motion",
-        suffix=".glb",
-        hint="Skinned mesh with 55 joints and a moving face for Blender, Unity, Unreal, three.js; y up, metres",
-        write=write_character,
-    ),
-    "fbx": Export(
-        title="Character (FBX)",
-        group="Motion",
-        suffix=".fbx",
-        hint="As GLB, for Unreal, Unity, Maya, MotionBuilder; written by an installed Blender; y up, centimetres",
-        write=write_fbx,
-        missing=missing,
-    ),
-    "npz": Export(
-        title="SMPL-X (npz)",
-        group="Motion",
-        suffix=".smplx.npz",
-        hint="SMPL-X's keys as AMASS and the Blender add-ons have them; by default z up",
-        write=lambda source, path, progress: write_animation_npz(path, source.motion(MOTION_FILES[".npz"].axes)),
-    ),
-    "bvh": Export(
-        title="Skeleton (BVH)",
-        group="Motion",
-        suffix="-bvh",
-        hint="55 joints in metres and degrees; by default y up",
-        write=write_skeleton,
-    ),
-    "smplifyx": Export(
-        title="SMPLify-X (pkl)",
-        group="Motion",
-        suffix="-smplifyx",
-        hint="A pickle for each frame, as SMPLify-X writes its results; in camera space",
-        write=write_frames,
-    ),
-    "fit": Export(
-        title="Result (fit.npz)",
-        group="Motion",
-        suffix=".fit.npz",
-        hint="As tcfit fit writes it: every phase, joints and camera, in camera space",
-        write=write_result,
-        needs="run",
-    ),
-    "mixamo": Export(
-        title="Mixamo (GLB)",
-        group="Rigs",
-        suffix=".mixamo.glb",
-        hint="The person on Mixamo's skeleton, with their own bone lengths, from a T pose; y up, metres",
-        write=on_glb("MIXAMO"),
-    ),
-    "mixamo-bvh": Export(
-        title="Mixamo (BVH)",
-        group="Rigs",
-        suffix=".mixamo.bvh",
-        hint="Mixamo's skeleton with the person's bone lengths, from a T pose; y up, centimetres",
-        write=on_bvh("MIXAMO"),
-    ),
-    "unreal": Export(
-        title="Unreal (GLB)",
-        group="Rigs",
-        suffix=".unreal.glb",
-        hint="The person on the mannequin's skeleton, with their own bone lengths, from its A pose; y up, metres",
-        write=on_glb("UNREAL"),
-    ),
-    "unreal-bvh": Export(
-        title="Unreal (BVH)",
-        group="Rigs",
-        suffix=".unreal.bvh",
-        hint="The mannequin's skeleton with the person's bone lengths, from its A pose; y up, centimetres",
-        write=on_bvh("UNREAL"),
-    ),
-    "vrm": Export(
-        title="Avatar (VRM)",
-        group="Rigs",
-        suffix=".vrm",
-        hint="The person as a VRM 1.0 avatar in T pose; VRM holds no motion, which VRM animation has",
-        write=write_avatar,
-    ),
-    "vrma": Export(
-        title="VRM animation",
-        group="Rigs",
-        suffix=".vrma",
-        hint="The motion for any VRM 1.0 avatar, with the face for that of this person",
-        write=write_avatar_motion,
-    ),
-    "joints": Export(
-        title="Joints (CSV)",
-        group="Laboratory",
-        suffix=".joints.csv",
-        hint="55 joint centres by frame, metres, by default y up; with error bars where they are known",
-        write=lambda source, path, progress: write_joints_csv(path, source.motion("y-up")),
-    ),
-    "trc": Export(
-        title="Joints (TRC)",
-        group="Laboratory",
-        suffix=".joints.trc",
-        hint="55 joint centres for OpenSim: text, millimetres, by default y up",
-        write=write_joints_trc,
-    ),
-    "trc-markers": Export(
-        title="Markers (TRC)",
-        group="Laboratory",
-        suffix=".markers.trc",
-        hint="Markers on the skin, named as in Plug-in Gait, for OpenSim: text, millimetres, by default y up",
-        write=write_markers_trc,
-    ),
-    "c3d": Export(
-        title="Markers (C3D)",
-        group="Laboratory",
-        suffix=".c3d",
-        hint="Markers, joint centres, foot strikes and feet off, in millimetres, by default z up",
-        write=write_marker_c3d,
-    ),
-    "contacts": Export(
-        title="Contacts (CSV)",
-        group="Laboratory",
-        suffix=".contacts.csv",
-        hint="When which foot stands, in frames and seconds",
-        write=lambda source, path, progress: write_contacts(path, source.motion("camera")),
-    ),
-    "angles": Export(
-        title="Joint angles (CSV)",
-        group="Laboratory",
-        suffix=".angles.csv",
-        hint="Degrees by frame, with ISB's axes and signs, which the file states; empty where not determined",
-        write=lambda source, path, progress: write_angles_csv(path, source.motion("y-up")),
-    ),
-    "mot": Export(
-        title="OpenSim (MOT)",
-        group="Laboratory",
-        suffix=".mot",
-        hint="Coordinates of OpenSim's full-body model Rajagopal2015, by its own axes and signs",
-        write=lambda source, path, progress: write_mot(path, source.motion("y-up")),
-    ),
-    "obj": Export(
-        title="OBJ sequence",
-        group="Meshes",
-        suffix="-obj",
-        hint="The fit's own vertices, correctives included; by default y up",
-        write=lambda source, path, progress: write_obj_sequence(path, source.motion("y-up"), progress),
-    ),
-    "ply": Export(
-        title="PLY sequence",
-        group="Meshes",
-        suffix="-ply",
-        hint="As OBJ, binary: a third of the size; by default z up",
-        write=lambda source, path, progress: write_ply_sequence(path, source.motion("z-up"), progress),
-    ),
-    "picture": Export(
-        title="Picture",
-        group="Video",
-        suffix=".png",
-        hint="The middle frame with the chosen fit and the keypoints, over the video or from the side",
-        write=write_picture,
-    ),
-    "sheet": Export(
-        title="Sheet",
-        group="Video",
-        suffix=".sheet.png",
-        hint="Up to 12 frames in one picture, evenly spaced, over the video or from the side",
-        write=write_frames_sheet,
-    ),
-    "overlay": Export(
-        title="Overlay",
-        group="Video",
-        suffix=".overlay.mp4",
-        hint="A video of the chosen fit and the keypoints, over the video or from the side",
-        write=write_chosen,
-    ),
-    "side-by-side": Export(
-        title="Side by side",
-        group="Video",
-        suffix=".side-by-side.mp4",
-        hint="A video of A and B beside each other, with the keypoints, over the video or from the side",
-        write=write_side_by_side,
-        needs="run",
-        both=True,
-    ),
-    "openpose": Export(
-        title="OpenPose",
-        group="Keypoints",
-        suffix="-keypoints",
-        hint="JSON, a file for each frame, with all corrections",
-        write=write_openpose_folder,
-        needs="keypoints",
-    ),
-    "coco": Export(
-        title="COCO (133)",
-        group="Keypoints",
-        suffix=".coco-wholebody.json",
-        hint="COCO-WholeBody: 133 points in one JSON file, with all corrections",
-        write=write_coco,
-        needs="keypoints",
-    ),
-    "pose": Export(
-        title=".pose",
-        group="Keypoints",
-        suffix=".pose",
-        hint="The sign-language field's binary format with OpenPose's points, with all corrections",
-        write=write_pose_file,
-        needs="keypoints",
-    ),
-    "elan": Export(
-        title="ELAN (.eaf)",
-        group="Annotations",
-        suffix=".eaf",
-        hint="Tiers over the video: notes, flags, review; phases and handshapes of each hand of the chosen fit",
-        write=write_elan,
-        needs="run",
-    ),
-    "figures": Export(
-        title="CSV",
-        group="Figures",
-        suffix=".figures.csv",
-        hint="All curves of the timeline by frame, of A and B, as a table",
-        write=write_figures_csv,
-        needs="run",
-        both=True,
-    ),
-    "figures-json": Export(
-        title="JSON",
-        group="Figures",
-        suffix=".figures.json",
-        hint="All curves of the timeline by frame, of A and B",
-        write=write_figures_json,
-        needs="run",
-        both=True,
-    ),
-    "report": Export(
-        title="Report (HTML)",
-        group="Figures",
-        suffix=".report.html",
-        hint="The chosen run's errors and curves, against the project's reference if it has one; needs tcfit[report]",
-        write=write_report,
-        needs="run",
-    ),
-    "summary": Export(
-        title="Summary",
-        group="Figures",
-        suffix=".summary.json",
-        hint="Errors, jitter, settings and versions of the chosen run, as JSON",
-        write=write_summary,
-        needs="run",
-    ),
-    "project": Export(
-        title="Project",
-        group="Project",
-        suffix=".tcfit.zip",
-        hint="Corrections, runs and marks as one file, which tcfit review opens; without a video that is only linked",
-        write=lambda source, path, progress: pack(source.folder, path, progress=progress),
-        needs="keypoints",
-    ),
-    "project-with-video": Export(
-        title="Project + video",
-        group="Project",
-        suffix=".video.tcfit.zip",
-        hint="As one file, with the video or images, so that it can be given to others",
-        write=lambda source, path, progress: pack(source.folder, path, with_media=True, progress=progress),
-        needs="keypoints",
-    ),
+def _of_motion(write: Callable[[Path, Motion], object], axes: str) -> Write:
+    """A writer that takes a motion in axes."""
+
+    def written(source: ExportSource, path: Path, progress: Progress) -> None:
+        write(path, source.motion(axes))
+
+    return written
+
+
+def _of_frames(write: Callable[[Path, Motion, Progress], object], axes: str) -> Write:
+    """The same, one that reports its progress."""
+
+    def written(source: ExportSource, path: Path, progress: Progress) -> None:
+        write(path, source.motion(axes), progress)
+
+    return written
+
+
+def _pack(source: ExportSource, path: Path, progress: Progress, *, with_media: bool = False) -> None:
+    pack(source.folder, path, with_media=with_media, progress=progress)
+
+
+def _group(group: Group, formats: dict[str, tuple[str, str, Write, str]], **common: Any) -> dict[str, Export]:
+    """Formats of a group, by name: title, suffix, writer and hint. `common` are fields of all of them."""
+    return {
+        name: Export(title=title, group=group, suffix=suffix, hint=hint, write=write, **common)
+        for name, (title, suffix, write, hint) in formats.items()
+    }
+
+
+_SKELETONS = {"mixamo": ("Mixamo", "Mixamo's joints", "a T"), "unreal": ("Unreal", "the mannequin's joints", "its A")}
+"""Of animators' programs, by their names in `known_rigs`: the title, the joints, and the rest pose."""
+_CONTAINERS = {
+    "glb": ("", on_glb, "Skinned character", "metres"),
+    "bvh": ("-bvh", on_bvh, "Skeleton alone", "centimetres"),
 }
+"""Of a moving skeleton: what its name adds to the skeleton's, its writer, what it holds, and its unit."""
+
+# fmt: off
+EXPORTS: dict[str, Export] = {
+    **_group("Motion", {
+        "glb": ("Character (GLB)", ".glb", write_character,
+                "Skinned mesh with 55 joints and a moving face for Blender, Unity, Unreal, three.js; y up, metres")}),
+    **_group("Motion", {
+        "fbx": ("Character (FBX)", ".fbx", write_fbx,
+                "As GLB, for Unreal, Unity, Maya, MotionBuilder; written by an installed Blender; y up, centimetres"),
+    }, missing=missing),
+    **_group("Motion", {
+        "npz": ("SMPL-X (npz)", ".smplx.npz", _of_motion(write_animation_npz, MOTION_FILES[".npz"].axes),
+                "SMPL-X's keys as AMASS and the Blender add-ons have them; by default z up"),
+        "bvh": ("Skeleton (BVH)", "-bvh", write_skeleton, "55 joints in metres and degrees; by default y up"),
+        "smplifyx": ("SMPLify-X (pkl)", "-smplifyx", write_frames,
+                     "A pickle for each frame, as SMPLify-X writes its results; in camera space")}),
+    **_group("Motion", {
+        "fit": ("Result (fit.npz)", ".fit.npz", write_result,
+                "As tcfit fit writes it: every phase, joints and camera, in camera space"),
+    }, needs="run"),
+    **_group("Rigs", {
+        f"{skeleton}{end}": (f"{title} ({container.upper()})", f".{skeleton}.{container}", writer(skeleton.upper()),
+                             f"{held} on {joints}, with the person's bone lengths, from {pose} pose; y up, {unit}")
+        for skeleton, (title, joints, pose) in _SKELETONS.items()
+        for container, (end, writer, held, unit) in _CONTAINERS.items()
+    }),
+    **_group("Rigs", {
+        "vrm": ("Avatar (VRM)", ".vrm", write_avatar,
+                "The person as a VRM 1.0 avatar in T pose; VRM holds no motion, which VRM animation has"),
+        "vrma": ("VRM animation", ".vrma", write_avatar_motion,
+                 "The motion for any VRM 1.0 avatar, with the face for that of this person")}),
+    **_group("Laboratory", {
+        "joints": ("Joints (CSV)", ".joints.csv", _of_motion(write_joints_csv, "y-up"),
+                   "55 joint centres by frame, metres, by default y up; with error bars where they are known"),
+        "trc": ("Joints (TRC)", ".joints.trc", write_joints_trc,
+                "55 joint centres for OpenSim: text, millimetres, by default y up"),
+        "trc-markers": ("Markers (TRC)", ".markers.trc", write_markers_trc,
+                        "Markers on the skin, named as in Plug-in Gait, for OpenSim: text, millimetres, by default y "
+                        "up"),
+        "c3d": ("Markers (C3D)", ".c3d", write_marker_c3d,
+                "Markers, joint centres, foot strikes and feet off, in millimetres, by default z up"),
+        "contacts": ("Contacts (CSV)", ".contacts.csv", _of_motion(write_contacts, "camera"),
+                     "When which foot stands, in frames and seconds"),
+        "angles": ("Joint angles (CSV)", ".angles.csv", _of_motion(write_angles_csv, "y-up"),
+                   "Degrees by frame, with ISB's axes and signs, which the file states; empty where not determined"),
+        "mot": ("OpenSim (MOT)", ".mot", _of_motion(write_mot, "y-up"),
+                "Coordinates of OpenSim's full-body model Rajagopal2015, by its own axes and signs")}),
+    **_group("Meshes", {
+        "obj": ("OBJ sequence", "-obj", _of_frames(write_obj_sequence, "y-up"),
+                "The fit's own vertices, correctives included; by default y up"),
+        "ply": ("PLY sequence", "-ply", _of_frames(write_ply_sequence, "z-up"),
+                "As OBJ, binary: a third of the size; by default z up")}),
+    **_group("Video", {
+        "picture": ("Picture", ".png", write_picture,
+                    "The middle frame with the chosen fit and the keypoints, over the video or from the side"),
+        "sheet": ("Sheet", ".sheet.png", write_frames_sheet,
+                  "Up to 12 frames in one picture, evenly spaced, over the video or from the side"),
+        "overlay": ("Overlay", ".overlay.mp4", write_chosen,
+                    "A video of the chosen fit and the keypoints, over the video or from the side")}),
+    **_group("Video", {
+        "side-by-side": ("Side by side", ".side-by-side.mp4", write_side_by_side,
+                         "A video of A and B beside each other, with the keypoints, over the video or from the side"),
+    }, needs="run", both=True),
+    **_group("Keypoints", {
+        "openpose": ("OpenPose", "-keypoints", write_openpose_folder,
+                     "JSON, a file for each frame, with all corrections"),
+        "coco": ("COCO (133)", ".coco-wholebody.json", write_coco,
+                 "COCO-WholeBody: 133 points in one JSON file, with all corrections"),
+        "pose": (".pose", ".pose", write_pose_file,
+                 "The sign-language field's binary format with OpenPose's points, with all corrections"),
+    }, needs="keypoints"),
+    **_group("Annotations", {
+        "elan": ("ELAN (.eaf)", ".eaf", write_elan,
+                 "Tiers over the video: notes, flags, review; phases and handshapes of each hand of the chosen fit"),
+    }, needs="run"),
+    **_group("Figures", {
+        "figures": ("CSV", ".figures.csv", write_figures_csv,
+                    "All curves of the timeline by frame, of A and B, as a table"),
+        "figures-json": ("JSON", ".figures.json", write_figures_json,
+                         "All curves of the timeline by frame, of A and B"),
+    }, needs="run", both=True),
+    **_group("Figures", {
+        "report": ("Report (HTML)", ".report.html", write_report,
+                   "The chosen run's errors and curves, against the project's reference if it has one; needs "
+                   "tcfit[report]"),
+        "summary": ("Summary", ".summary.json", write_summary,
+                    "Errors, jitter, settings and versions of the chosen run, as JSON"),
+    }, needs="run"),
+    **_group("Project", {
+        "project": ("Project", ".tcfit.zip", _pack,
+                    "Corrections, runs and marks as one file, which tcfit review opens; without a video that is only "
+                    "linked"),
+        "project-with-video": ("Project + video", ".video.tcfit.zip", partial(_pack, with_media=True),
+                               "As one file, with the video or images, so that it can be given to others"),
+    }, needs="keypoints"),
+}
+# fmt: on
 """By the name on the command line, in the order of their buttons."""
 DEFAULTS = ("glb", "npz", "bvh")
 """What `tcfit export` writes when nothing is wished for."""
