@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from fitting_core.animation.morphs import Morphs, corrective_morphs, expression_morphs, joined
-from fitting_core.animation.retargeting import Posed, RigMotion, turned
+from fitting_core.animation.retargeting import PosedSkeleton, RigMotion, turned
 from fitting_core.animation.rig import Deviation, four_weights
 from fitting_core.animation.standard import Standard, bent, standard_target
 from fitting_core.body.model import JOINTS
@@ -17,7 +17,7 @@ _LOOKED_AT = 64
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Surface:
+class RigSurface:
     """The body in the rig's rest pose, skinned to the rig's joints."""
 
     vertices: Float[np.ndarray, "V 3"]
@@ -41,7 +41,7 @@ class Surface:
 def on_standard(motion: Motion, standard: Standard) -> RigMotion:
     """A motion on a standard rig with the person's bones, in the y-up world."""
     upright = motion.in_axes("y-up").one_shape
-    moving = turned(Posed.of(upright), standard_target(standard, upright.shaped_body))
+    moving = turned(PosedSkeleton.of(upright), standard_target(standard, upright.shaped_body))
     root = moving.target.root
     if moving.target.parents[root] < 0:
         return moving
@@ -60,7 +60,7 @@ def _floor(upright: Motion) -> float:
     return float(upright[:1].joints()[0, :, 1].min())
 
 
-def surface_on(motion: Motion, moving: RigMotion) -> Surface:
+def surface_on(motion: Motion, moving: RigMotion) -> RigSurface:
     """The person's surface on a standard rig.
 
     Where joints are bent from one rest pose to the other, skinning twice is not skinning once: see `surface_deviation`.
@@ -72,7 +72,7 @@ def surface_on(motion: Motion, moving: RigMotion) -> Surface:
     morphs = joined(expression_morphs(shaped), corrective_morphs(shaped))
     turns = np.einsum("vk,vkab->vab", weights, target.rest[bones])
     directions = np.einsum("vab,kvb->kva", turns, morphs.directions).astype(np.float32)
-    return Surface(
+    return RigSurface(
         vertices=bent(body, target.rest, target.places[where]).astype(np.float32),
         faces=body.faces,
         bones=np.where(weights > 0, where[bones], 0),  # glTF: 0 where nothing is followed
@@ -82,7 +82,7 @@ def surface_on(motion: Motion, moving: RigMotion) -> Surface:
 
 
 def surface_deviation(
-    motion: Motion, moving: RigMotion, surface: Surface, progress: Progress | None = None
+    motion: Motion, moving: RigMotion, surface: RigSurface, progress: Progress | None = None
 ) -> Deviation:
     """How far the skinned surface is from the fit's, over at most 64 frames, evenly over the motion."""
     upright = motion.in_axes("y-up")

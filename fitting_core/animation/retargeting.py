@@ -102,7 +102,7 @@ class Target:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Posed:
+class PosedSkeleton:
     """SMPL-X's skeleton over T frames in the y-up world, with the motion's one shape and without expression."""
 
     turns: Float[np.ndarray, "T 55 3 3"]
@@ -111,7 +111,7 @@ class Posed:
     """Metres."""
 
     @staticmethod
-    def of(motion: Motion) -> "Posed":
+    def of(motion: Motion) -> "PosedSkeleton":
         """The skeleton of a motion in any axes."""
         shaped = motion.in_axes("y-up").one_shape
         rest = torch.as_tensor(shaped.shaped_body.rest_joints)
@@ -120,7 +120,7 @@ class Posed:
             Tree.of(shaped.body.parents), torch.as_tensor(turns), rest.expand(len(motion), -1, -1)
         )
         places = joints.numpy() - joints[:, :1].numpy() + shaped.pelvis[:, None]
-        return Posed(turns=world.numpy(), places=places)
+        return PosedSkeleton(turns=world.numpy(), places=places)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -152,7 +152,7 @@ class RigMotion:
         return same_hemisphere(quaternions)
 
 
-def turned(posed: Posed, target: Target) -> RigMotion:
+def turned(posed: PosedSkeleton, target: Target) -> RigMotion:
     """Every joint by its source and the pelvis where the fit has it; see the module's text."""
     by_joint = posed.turns @ target.rest.swapaxes(-1, -2)  # W_j D_j'
     moved = np.tile(np.eye(3), (len(by_joint), len(target), 1, 1))

@@ -1,6 +1,6 @@
 """A fit as motion and as meshes for other programs."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +16,9 @@ from fitting_core.io.result_files import fit_arrays
 from fitting_core.motion import Motion, Progress, stated_by_frame
 from tcfit_app.exports.figures import as_json
 from tcfit_app.exports.source import ExportSource
+
+_CENTIMETRES = 100.0
+"""Of a metre: what BVHs of Mixamo and Unreal are in."""
 
 
 def write_character(source: ExportSource, path: Path, progress: Progress) -> None:
@@ -91,3 +94,46 @@ def write_result(source: ExportSource, path: Path, progress: Progress) -> None:
     fit = source.fit
     complete = fit.shown.run.state == "finished"
     np.savez_compressed(path, allow_pickle=False, **fit_arrays(fit.fit, source.clip, fit.body, complete=complete))
+
+
+# --- skeletons of animators' programs ---
+
+
+def on_glb(rig: str) -> Callable[[ExportSource, Path, Progress], None]:
+    """What writes the person on a rig, by its name in `known_rigs`."""
+
+    def write(source: ExportSource, path: Path, progress: Progress) -> None:
+        from fitting_core.animation import known_rigs
+        from fitting_core.io.motion import rig_glb
+
+        rig_glb.write_standard_glb(path, source.motion("y-up"), getattr(known_rigs, rig), progress)
+
+    return write
+
+
+def on_bvh(rig: str) -> Callable[[ExportSource, Path, Progress], None]:
+    """What writes the skeleton of a rig, by its name in `known_rigs`."""
+
+    def write(source: ExportSource, path: Path, progress: Progress) -> None:
+        from fitting_core.animation import animated, known_rigs
+        from fitting_core.io.motion import rig_bvh
+
+        motion = source.motion("y-up")
+        moving = animated.on_standard(motion, getattr(known_rigs, rig))
+        rig_bvh.write_rig_bvh(path, moving, motion.frame_rate, unit=_CENTIMETRES, progress=progress)
+
+    return write
+
+
+def write_avatar(source: ExportSource, path: Path, progress: Progress) -> None:
+    """The person as VRM."""
+    from fitting_core.io.motion.vrm import write_vrm
+
+    write_vrm(path, source.motion("y-up"), progress)
+
+
+def write_avatar_motion(source: ExportSource, path: Path, progress: Progress) -> None:
+    """The motion as VRM animation."""
+    from fitting_core.io.motion.vrm import write_vrm_animation
+
+    write_vrm_animation(path, source.motion("y-up"), progress)

@@ -22,9 +22,17 @@ from tcfit_app.exports.elan import write_elan
 from tcfit_app.exports.figures import write_figures_csv, write_figures_json, write_report, write_summary
 from tcfit_app.exports.keypoints import write_coco, write_openpose_folder, write_pose_file
 from tcfit_app.exports.laboratory import write_joints_trc, write_marker_c3d, write_markers_trc
-from tcfit_app.exports.motions import write_character, write_frames, write_result, write_skeleton
+from tcfit_app.exports.motions import (
+    on_bvh,
+    on_glb,
+    write_avatar,
+    write_avatar_motion,
+    write_character,
+    write_frames,
+    write_result,
+    write_skeleton,
+)
 from tcfit_app.exports.pictures import write_chosen, write_frames_sheet, write_picture, write_side_by_side
-from tcfit_app.exports.rigs import on_bvh, on_glb, write_avatar, write_avatar_motion
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.project.packed import pack
 

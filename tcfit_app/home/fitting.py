@@ -24,7 +24,7 @@ from tcfit_app.home.catalogue import project_beside
 from tcfit_app.home.found import Found
 from tcfit_app.home.messages import Report, Work
 from tcfit_app.imports.keypoint_jobs import Detect, ProgressReport
-from tcfit_app.imports.result_project import project_of_result
+from tcfit_app.imports.results import project_of_result
 from tcfit_app.options.fit import BodyOptions
 from tcfit_app.options.preparing import body_file, compile_kernels, prepare_solver
 from tcfit_app.project.project import Project

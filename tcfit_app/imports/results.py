@@ -21,6 +21,7 @@ from fitting_core.files.atomic import scratch_folder
 from fitting_core.io import read_motion
 from fitting_core.io.motion.imported_motion import ImportedMotion, cover, from_still
 from fitting_core.io.result_files import FIT_NAME
+from fitting_core.io.whole_result import read_whole_result
 from fitting_core.priors.files.registry import read_prior, registered_vposer, user_file
 from fitting_core.priors.latent import LatentPrior
 from fitting_core.results.fit_result import FitResult, PhaseResult
@@ -230,3 +231,24 @@ def _has_arrays(content: bytes) -> bool:
             return any(member.endswith(".npy") for member in archive.namelist())
     except (OSError, ValueError, zipfile.BadZipFile):
         return False
+
+
+def project_of_result(result: Path, folder: Path) -> None:
+    """Make a project with a result's keypoints and its fit as the first run, whole or not at all.
+
+    Args:
+        result: Its folder.
+        folder: Of the project; must not exist, or be empty.
+
+    Raises:
+        InputError: As of `read_whole_result` and `Project.create`.
+    """
+    whole = read_whole_result(result)
+    stored, fit = whole.stored, whole.fit
+    body = BodyRecord(kind=stored.body_kind, gender=stored.gender, hash=stored.body_hash)
+
+    def begin(project: Project) -> None:
+        project.set_height(fit.config.height)
+        project.runs.add(fit, body=body, edits_seen=project.last_edit, kind="fit", summary=whole.summary)
+
+    Project.create(folder, whole.clip, begin=begin).close()

@@ -11,7 +11,7 @@ import numpy as np
 import pygltflib as gltf
 from scipy.spatial.transform import Rotation
 
-from fitting_core.animation.animated import Surface, on_standard, surface_deviation, surface_on
+from fitting_core.animation.animated import RigSurface, on_standard, surface_deviation, surface_on
 from fitting_core.animation.retargeting import RigMotion
 from fitting_core.animation.rig import Deviation
 from fitting_core.animation.standard import Standard
@@ -51,7 +51,7 @@ def said_of(motion: Motion, standard: Standard, found: Deviation) -> dict[str, A
 
 
 def skinned_document(
-    motion: Motion, moving: RigMotion, surface: Surface, said: dict[str, Any]
+    motion: Motion, moving: RigMotion, surface: RigSurface, said: dict[str, Any]
 ) -> tuple[gltf.GLTF2, Buffer]:
     """The file without animation, at rest; its buffer is still open."""
     target = moving.target
@@ -93,7 +93,7 @@ def joint_nodes(moving: RigMotion) -> list[gltf.Node]:
 
 
 def animation_of(
-    motion: Motion, moving: RigMotion, buffer: Buffer, *, surface: Surface | None = None
+    motion: Motion, moving: RigMotion, buffer: Buffer, *, surface: RigSurface | None = None
 ) -> gltf.Animation:
     """The joints' rotations, the pelvis's position and the shapes' weights at the frames' times."""
     target, times = moving.target, np.arange(len(motion)) / motion.frame_rate
@@ -120,7 +120,7 @@ def animation_of(
     return animation
 
 
-def _mesh(surface: Surface, buffer: Buffer) -> gltf.Mesh:
+def _mesh(surface: RigSurface, buffer: Buffer) -> gltf.Mesh:
     vertices, morphs = gltf.ARRAY_BUFFER, surface.morphs
     normals = vertex_normals(surface.vertices.astype(float), surface.faces)
     normals = np.where(normals.any(1, keepdims=True), normals, (0.0, 1.0, 0.0)).astype(np.float32)

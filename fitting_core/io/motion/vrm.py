@@ -18,7 +18,7 @@ import pygltflib as gltf
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from fitting_core.animation.animated import Surface, below, on_standard, surface_on
+from fitting_core.animation.animated import RigSurface, below, on_standard, surface_on
 from fitting_core.animation.known_rigs import VRM
 from fitting_core.animation.morphs import Morphs
 from fitting_core.animation.retargeting import RigMotion
@@ -156,7 +156,7 @@ def _values(motion: Motion) -> dict[str, Float[np.ndarray, "T"]]:
     return found
 
 
-def _avatar(motion: Motion, moving: RigMotion, still: Motion) -> Surface:
+def _avatar(motion: Motion, moving: RigMotion, still: Motion) -> RigSurface:
     """The person's surface at rest, with morph targets for its face instead of a motion's."""
     surface = surface_on(still, moving)
     body, target = still.shaped_body, moving.target
@@ -185,7 +185,7 @@ def _opened(body: BodyModel, moving: RigMotion) -> Float[np.ndarray, "V 3"]:
     return bent(body, turns, places)
 
 
-def _extension(motion: Motion, moving: RigMotion, surface: Surface) -> dict[str, Any]:
+def _extension(motion: Motion, moving: RigMotion, surface: RigSurface) -> dict[str, Any]:
     names = list(surface.morphs.names)
 
     def expression(name: str, weight: float = 1.0) -> dict[str, Any]:

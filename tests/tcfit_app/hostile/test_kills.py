@@ -21,8 +21,7 @@ from tcfit_app.batch.manifest import ClipTask, Complaints, read_manifest
 from tcfit_app.batch.records import done_record
 from tcfit_app.cli.main import main, parse
 from tcfit_app.fitting.bodies import Bodies
-from tcfit_app.imports.result_project import project_of_result
-from tcfit_app.imports.results import import_run
+from tcfit_app.imports.results import import_run, project_of_result
 from tcfit_app.project.packed import pack, unpack
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage import database

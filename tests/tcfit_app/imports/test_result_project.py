@@ -14,7 +14,7 @@ from fitting_core.files.npz import read_npz
 from fitting_core.fit.events import Finished
 from fitting_core.io.result_files import FIT_NAME, SUMMARY_NAME, video_of, write_result
 from fitting_core.io.whole_result import read_whole_result
-from tcfit_app.imports.result_project import project_of_result
+from tcfit_app.imports.results import project_of_result
 from tcfit_app.project.glance import glance
 from tcfit_app.project.project import Project
 from tests.samples.media import write_video

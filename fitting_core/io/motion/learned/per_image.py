@@ -20,14 +20,14 @@ from fitting_core.body.model import N_BETAS
 from fitting_core.errors import InputError
 from fitting_core.files.npz import npz_names, read_npz
 from fitting_core.files.regular import regular_file
-from fitting_core.io.motion.learned.followed import followed
 from fitting_core.io.motion.learned.tracks import (
     System,
-    Track,
+    SystemMotion,
     flat,
     positive,
     rows,
 )
+from fitting_core.people.tracks import Track, follow
 from fitting_core.video.frame_names import image_numbers
 
 _POINTS = 70
@@ -35,6 +35,11 @@ _KNOWN_BY = ("pred_keypoints_3d", "pred_cam_t")
 _KEYS = (*_KNOWN_BY, "focal_length")
 _MOST_TEXT = 2**28
 _FOLLOWED = "It has no tracks: people were followed by position."
+_FARTHEST, _LONGEST = 0.35, 30
+"""How far from the expected place a person may be, in body lengths in the image; and how many frames unseen."""
+_DEEPER = 1.5
+"""Allowed ratio of one person's distances in two estimates."""
+_LENGTH = 1.7
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +143,7 @@ def _images_of(content: Any) -> PerImage:
     return PerImage(images, named=named)
 
 
-def _track(content: Any, person: int) -> Track:
+def _track(content: Any, person: int) -> SystemMotion:
     whole = _images_of(content)
     seen = _of_person(whole, person)
     points = np.stack([flat(one, "pred_keypoints_3d", 3 * _POINTS).reshape(-1, 3) for _, one in seen])
@@ -151,7 +156,7 @@ def _track(content: Any, person: int) -> Track:
     for place, name in _NAMES.items():
         keypoints[:, kp.INDEX[name]] = points[:, place] + places
     frames = len(seen)
-    return Track(
+    return SystemMotion(
         pose=np.zeros((frames, 66)),
         betas=np.zeros((frames, N_BETAS)),
         translation=np.zeros((frames, 3)),
@@ -192,6 +197,46 @@ def _of_person(content: PerImage, person: int) -> list[tuple[_Image, Any]]:
 
 def _people(content: PerImage) -> Mapping[int, Sequence[int]]:
     return {n: [content.images[t].number for t in track] for n, track in _tracks(content).items()}
+
+
+# --- following people by position ---
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    place: int
+    """Index in the list of the image's people."""
+    at: Float[np.ndarray, "2"]
+    """In the image at a focal length of 1."""
+    depth: float
+
+    @property
+    def prominence(self) -> float:
+        """The body's length in the image."""
+        return _LENGTH / self.depth
+
+
+def followed(frames: Sequence[Sequence[Float[np.ndarray, "3"]]]) -> dict[int, dict[int, int]]:
+    """For each person by number, the frames with the index in that frame's list; the most prominent is number 0.
+
+    Args:
+        frames: Positions of each frame's people in camera space, any unit; depths above 0.
+    """
+    seen = [[_Seen(i, p[:2] / max(p[2], 1e-6), max(p[2], 1e-6)) for i, p in enumerate(people)] for people in frames]
+    tracks = follow(seen, prices=_prices, offset=lambda one, other: other.at - one.at)
+    return {n: {frame: found.place for frame, found in track.sightings.items()} for n, track in enumerate(tracks)}
+
+
+def _prices(people: Sequence[_Seen], tracks: Sequence[Track[_Seen]], frame: int) -> Float[np.ndarray, "P T"]:
+    return np.array([[_price(one, track, frame) for track in tracks] for one in people])
+
+
+def _price(one: _Seen, track: Track[_Seen], frame: int) -> float:
+    before = track.seen
+    away = float(np.linalg.norm(one.at - before.at - track.shift(frame))) / before.prominence
+    deeper = max(one.depth / before.depth, before.depth / one.depth)
+    near = away <= _FARTHEST and deeper <= _DEEPER and frame - track.frame <= _LONGEST
+    return away + np.log(deeper) if near else np.inf
 
 
 SYSTEMS = (

@@ -22,7 +22,7 @@ from fitting_core.files.torch_pickles import plain
 from fitting_core.io.motion.imported_motion import ImportedMotion, PersonTrack, body_params
 from fitting_core.io.motion.learned import per_image, whole_image
 from fitting_core.io.motion.learned.opening import opened
-from fitting_core.io.motion.learned.tracks import System, Track, is_mapping_with
+from fitting_core.io.motion.learned.tracks import System, SystemMotion, is_mapping_with
 
 SYSTEMS: tuple[System, ...] = (*whole_image.SYSTEMS, *per_image.SYSTEMS)
 _FILES = ("hmr4d_results.pt", "wham_output.pkl", "results.pkl")
@@ -65,7 +65,7 @@ def read_learned(path: Path, *, person: int | None = None, gender: str | None = 
 
 
 def _motion(
-    path: Path, system: System, people: tuple[PersonTrack, ...], chosen: PersonTrack, track: Track, gender: str
+    path: Path, system: System, people: tuple[PersonTrack, ...], chosen: PersonTrack, track: SystemMotion, gender: str
 ) -> ImportedMotion:
     frames = len(track.pose)
     order = np.arange(frames) if track.numbers is None else np.argsort(track.numbers, kind="stable")

@@ -25,7 +25,7 @@ Focal = tuple[Callable[[tuple[int, int]], float], str]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Track:
+class SystemMotion:
     """One person. Angles in radians, lengths in metres, camera space: x right, y down, z away."""
 
     pose: Float[np.ndarray, "T 66"]
@@ -57,7 +57,7 @@ class System:
     """Whether a file's content is of this system."""
     people: Callable[[Any], Mapping[int, Sequence[int]]]
     """For all people by number: their frames."""
-    track: Callable[[Any, int], Track]
+    track: Callable[[Any, int], SystemMotion]
     """One of them."""
 
 

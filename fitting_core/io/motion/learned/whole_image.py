@@ -30,7 +30,7 @@ from fitting_core.files.torch_pickles import plain
 from fitting_core.io.motion.learned.tracks import (
     SMPL_JOINTS,
     System,
-    Track,
+    SystemMotion,
     angles,
     body_angles,
     by_person,
@@ -54,13 +54,13 @@ def gvhmr_people(content: Any) -> Mapping[int, Sequence[int]]:
     return {0: range(len(rows(content.get("smpl_params_incam"), "transl", 3)))}
 
 
-def gvhmr_track(content: Any, person: int) -> Track:
+def gvhmr_track(content: Any, person: int) -> SystemMotion:
     """The person."""
     values = content["smpl_params_incam"]
     translation = rows(values, "transl", 3)
     frames = len(translation)
     matrix = rows(content, "K_fullimg", 9, frames)[0].reshape(3, 3)
-    return Track(
+    return SystemMotion(
         pose=np.concatenate([rows(values, "global_orient", 3, frames), rows(values, "body_pose", 63, frames)], 1),
         betas=shape_numbers(values, "betas", frames),
         translation=translation,
@@ -69,11 +69,11 @@ def gvhmr_track(content: Any, person: int) -> Track:
     )
 
 
-def wham_track(content: Any, person: int) -> Track:
+def wham_track(content: Any, person: int) -> SystemMotion:
     """One of the people."""
     values = by_person(content)[person]
     numbers = frame_numbers(values, "frame_ids")
-    return Track(
+    return SystemMotion(
         pose=body_angles(rows(values, "pose", 3 * SMPL_JOINTS, len(numbers))),
         betas=shape_numbers(values, "betas", len(numbers)),
         translation=rows(values, "trans", 3, len(numbers)),
@@ -87,12 +87,12 @@ def prompthmr_people(content: Any) -> Mapping[int, Sequence[int]]:
     return people_by(mapping(content["people"], "'people'"), "frames")
 
 
-def prompthmr_track(content: Any, person: int) -> Track:
+def prompthmr_track(content: Any, person: int) -> SystemMotion:
     """One of the people. `pose` continues with jaw and eyes, which are zero."""
     track = by_person(content["people"])[person]
     values = mapping(track, "a person").get("smplx_cam")
     numbers = frame_numbers(track, "frames")
-    return Track(
+    return SystemMotion(
         pose=rows(values, "pose", 75, len(numbers))[:, :66],
         betas=shape_numbers(values, "shape", len(numbers)),
         translation=rows(values, "trans", 3, len(numbers)),
@@ -146,7 +146,7 @@ def phalp_people(content: Any) -> Mapping[int, Sequence[int]]:
     return people
 
 
-def phalp_track(content: Any, person: int) -> Track:
+def phalp_track(content: Any, person: int) -> SystemMotion:
     """One of the tracks."""
     found = list(_phalp_frames(content, person))
     places = [(values, _entry(values, "smpl", place), place) for _, _, place, values in found]
@@ -156,7 +156,7 @@ def phalp_track(content: Any, person: int) -> Track:
     cameras = [flat({"camera": _entry(values, "camera", place)}, "camera", 3) for values, _, place in places]
     sizes = [flat({"size": _entry(values, "size", place)}, "size", 2)[::-1] for values, _, place in places]
     size = np.median(sizes, axis=0)
-    return Track(
+    return SystemMotion(
         pose=body_angles(angles(turns, "smpl")),
         betas=np.concatenate([shape_numbers(smpl, "betas", 1) for _, smpl, _ in places]),
         translation=np.stack(cameras),

@@ -15,8 +15,7 @@ from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.body.points.positions import body_keypoints_in_space, joints_in_space
 from fitting_core.io import read_motion
-from fitting_core.io.motion.learned.followed import followed
-from fitting_core.io.motion.learned.per_image import _NAMES
+from fitting_core.io.motion.learned.per_image import _NAMES, followed
 from fitting_core.starts.posing import posed_on
 from tests.fitting_core.io.motion.learned_files import joblib_bytes, torch_bytes, written
 from tests.fitting_core.io.motion.per_image_files import CAMERA, SAM_PLACES, sam_people

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from fitting_core.animation.animated import on_standard
 from fitting_core.animation.known_rigs import MIXAMO, UNREAL, VRM
-from fitting_core.animation.retargeting import Posed
+from fitting_core.animation.retargeting import PosedSkeleton
 from fitting_core.animation.standard import Standard
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
@@ -72,7 +72,7 @@ def neutral(body: BodyModel) -> Motion:
 
 @pytest.mark.parametrize("frame", FRAMES)
 def test_joints_are_where_the_fit_has_them(files: dict[str, Path], upright: Motion, rig: str, frame: int):
-    expected = Posed.of(upright).places[frame]
+    expected = PosedSkeleton.of(upright).places[frame]
     in_glb = glb_joints(files["glb"], frame / upright.frame_rate)
     in_bvh = Bvh.of(files["bvh"]).joints(frame)
     for name, joint in BODY[rig].items():
@@ -81,9 +81,9 @@ def test_joints_are_where_the_fit_has_them(files: dict[str, Path], upright: Moti
 
 
 def test_they_are_those_of_the_fit_s_own_joints(upright: Motion):
-    """But for the expression, which `Posed` leaves out and which moves joints of the head."""
+    """But for the expression, which `PosedSkeleton` leaves out and which moves joints of the head."""
     calm = replace(upright, params=replace(upright.params, expression=0 * upright.params.expression))
-    assert np.allclose(Posed.of(calm).places, calm.joints(), atol=1e-5)
+    assert np.allclose(PosedSkeleton.of(calm).places, calm.joints(), atol=1e-5)
 
 
 def test_time_is_the_video_s(files: dict[str, Path], upright: Motion):
@@ -195,7 +195,7 @@ def test_unreal_s_root_is_on_the_floor_below_the_person(files: dict[str, Path], 
     if rig != "unreal":
         pytest.skip("the others have no root above the pelvis")
     nodes = [glb_joints(files["glb"], frame / upright.frame_rate) for frame in FRAMES]
-    pelvis = Posed.of(upright).places[0, 0]
+    pelvis = PosedSkeleton.of(upright).places[0, 0]
     assert all(np.allclose(node["root"][:3, 3], nodes[0]["root"][:3, 3]) for node in nodes)
     assert np.allclose(nodes[0]["root"][[0, 2], 3], pelvis[[0, 2]], atol=1e-6)
     assert nodes[0]["root"][1, 3] == pytest.approx(upright.joints()[0, :, 1].min(), abs=1e-5)

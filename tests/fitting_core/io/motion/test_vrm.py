@@ -10,7 +10,7 @@ import numpy as np
 import pygltflib
 import pytest
 
-from fitting_core.animation.retargeting import Posed
+from fitting_core.animation.retargeting import PosedSkeleton
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.io.motion.vrm import UNITS, meta_of, write_vrm, write_vrm_animation
 from fitting_core.motion import Motion
@@ -128,7 +128,7 @@ def test_the_licence_is_the_body_s(upright: Motion):
 @pytest.mark.parametrize("frame", [0, 3, 6])
 def test_the_animation_has_the_fit_s_joints(animation: Path, upright: Motion, frame: int):
     found = glb_joints(animation, frame / upright.frame_rate)
-    posed = Posed.of(upright).places
+    posed = PosedSkeleton.of(upright).places
     begin = posed[0, 0] * (1, 0, 1) + (0, upright.joints()[0, :, 1].min(), 0)
     for name, joint in (("hips", "pelvis"), ("leftHand", "left_wrist"), ("rightToes", "right_foot"), ("head", "head")):
         assert np.linalg.norm(found[name][:3, 3] - (posed[frame, JOINT[joint]] - begin)) < 1e-4
