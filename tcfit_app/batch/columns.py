@@ -1,4 +1,4 @@
-"""The columns that a list of clips may have, and how the text in a cell becomes a value."""
+"""The columns of a list of clips, and the conversion of their cells."""
 
 import re
 from dataclasses import dataclass
@@ -19,12 +19,12 @@ from tcfit_app.options.fit import SHORTCUTS, BodyOptions, StartOptions
 from tcfit_app.options.removed import SETTINGS
 
 Group = Literal["files", "batch", "clip", "camera", "body", "start", "preset", "setting"]
-"""Which part of a clip's options a column belongs to."""
+"""The group of options that a column belongs to."""
 FILES = ("video", "keypoints", "out", "shape")
 FOCAL = ("focal_length", "fov", "focal_length_35mm", "camera")
-"""A clip has at most one of them."""
+"""Options that exclude each other."""
 OF_CAMERA_FILE = ("camera_name", "camera_unit", "camera_up")
-"""What belongs to a camera file."""
+"""Options of a camera file."""
 _OPTIONS: dict[Group, type] = {"clip": ClipOptions, "camera": CameraOptions, "body": BodyOptions, "start": StartOptions}
 _CHOICES = {
     "gender": ("neutral", "male", "female", "child"),
@@ -32,7 +32,7 @@ _CHOICES = {
     "preset": tuple(PRESETS),
 }
 LEAST_PART = Range(0.1)
-"""Minutes of a part of a clip."""
+"""Range of the minutes of a part."""
 _NUMBERS = {
     "person": Range(0),
     "first_frame": Range(0),
@@ -53,22 +53,21 @@ _SEPARATORS = re.compile(r"\s*[x×,;\s]\s*")
 
 @dataclass(frozen=True, kw_only=True)
 class Column:
-    """A column by its name in the first line."""
+    """A column, by its name in the header."""
 
     name: str
     group: Group
     type: Any = str
-    """Of a cell's value."""
+    """Type of a cell's value."""
     setting: str = ""
     """The dotted name, in the group "setting"."""
 
     def value(self, text: str, folder: Path) -> Any:
-        """What a cell says. Raises ValueError if it says nothing that this column can hold; the message says what it
-        can.
+        """The value of a cell. Raises ValueError, with what is expected, if the text is not valid.
 
         Args:
             text: Not empty.
-            folder: What paths are relative to.
+            folder: Folder of relative paths.
         """
         if self.type is Path:
             return folder / at_home(text)
@@ -88,7 +87,7 @@ class Column:
 
 @cache
 def columns() -> dict[str, Column]:
-    """All columns by name, but the settings' dotted names, which `find` knows too."""
+    """All columns by name, except those with the dotted name of a setting; see `find`."""
     named = [Column(name=name, group="files", type=Path) for name in FILES]
     for group, kind in _OPTIONS.items():
         hints = get_type_hints(kind)
@@ -100,7 +99,7 @@ def columns() -> dict[str, Column]:
 
 
 def find(header: str) -> Column | None:
-    """The column that a cell of the first line names; capitals, hyphens and spaces do not matter."""
+    """The column of a header cell, or None; case, hyphens and spaces are ignored."""
     name = re.sub(r"[-\s]+", "_", header.strip().lower())
     if name in settings():
         return Column(name=name, group="setting", setting=name)
@@ -108,7 +107,7 @@ def find(header: str) -> Column | None:
 
 
 def suggestion(header: str) -> str:
-    """What an unknown column name may have meant."""
+    """The message for an unknown column."""
     near = nearest(header, [*columns(), *settings()])
     expected = ", ".join(name for name in columns() if name not in SETTINGS)
     known = f"did you mean {' or '.join(near)}?" if near else f"expected {expected}, or a setting's name"

@@ -1,4 +1,4 @@
-"""The list of clips: a CSV file, read and checked as a whole before the first clip is touched."""
+"""The list of clips: a CSV file, read and checked completely before the first clip is fitted."""
 
 import csv
 from collections.abc import Iterator
@@ -17,32 +17,32 @@ from tcfit_app.options.batch import BatchOptions
 from tcfit_app.options.fit import FitOptions, MethodOptions, StartOptions, camera_for, fit_config
 
 _SHOWN = 30
-"""Errors that a message lists; of more than these, the number is told."""
+"""Maximum number of errors in a message."""
 _DELIMITERS = ",;\t"
 
 
 Form = Literal["files", "project", "first", "shape"]
-"""What a task makes: a result as files or as a project; or, on the way to those of a subject, a clip's first phase, and
-the shape that its clips share."""
+"""What a task makes: a result as files or as a project; for a subject, before that, the first phase of a clip and the
+shape that its clips share."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ClipTask:
-    """A clip to be fitted, or a step on the way, with all that this takes."""
+    """A clip to fit, or an intermediate step."""
 
     line: int
-    """Where it stands in the list, from 1."""
+    """Its line in the list, from 1."""
     name: str
-    """Its `out` as the list has it."""
+    """Its `out`, as in the list."""
     fit: FitOptions
     config: FitConfig
     form: Form = "files"
     subject: str = ""
-    """Whom the clip shows; empty: nobody who is in another one."""
+    """The person in the clip, if other clips show the same one; else empty."""
     start: Path | None = None
-    """The folder of the first phase to go on from."""
+    """Folder of the first phase to continue from."""
     members: tuple["ClipTask", ...] = ()
-    """Of a shape: the first phases that it is found from."""
+    """For a shape: the first phases from which it is estimated."""
     command: str = ""
     """For the record."""
 
@@ -53,18 +53,18 @@ class ClipTask:
 
 
 class Complaints:
-    """Collects what is wrong with a list, so that a user learns of everything at once."""
+    """Collects the errors of a list, to report all at once."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.found: list[tuple[int, str]] = []
 
     def add(self, line: int, text: str, column: str = "") -> None:
-        """Something is wrong in a line, from 1; in a column."""
+        """Add an error in a line, from 1, and a column."""
         self.found.append((line, f"line {line}, column {column}: {text}" if column else f"line {line}: {text}"))
 
     def raise_any(self) -> None:
-        """Raises one InputError with everything, by line."""
+        """Raise one InputError with all errors, by line."""
         if not self.found:
             return
         lines = [text for _, text in sorted(self.found, key=lambda complaint: complaint[0])]
@@ -75,16 +75,16 @@ class Complaints:
 
 
 def read_manifest(options: BatchOptions, complaints: Complaints, *, command: str = "") -> tuple[ClipTask, ...]:
-    """The clips of a list that have no error; what is wrong with the others goes to `complaints`.
+    """The clips of a list without errors; errors of the others go to `complaints`.
 
-    Empty cells take what `options` say. Whether videos and keypoints exist is not checked: those of clips that are done
-    may be gone.
+    Empty cells have the values of `options`. Missing videos and keypoints are not errors here: a finished clip does not
+    need them any more.
 
     Raises:
-        InputError: There is no list at all, or the command line is wrong.
+        InputError: The list cannot be read, or the command line is wrong.
     """
     configurations = _Configurations()
-    configurations.of(options.method)  # What is wrong there is not the list's fault.
+    configurations.of(options.method)  # raises for errors of the command line
     header, lines = _table(options.manifest)
     found = _columns(header, complaints)
     tasks = [
@@ -98,7 +98,7 @@ def read_manifest(options: BatchOptions, complaints: Complaints, *, command: str
 
 
 def _table(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    """First line, and the others with their numbers; empty ones are left out."""
+    """The header, and the other lines with their numbers, without empty ones."""
     try:
         with regular_file(path).open(newline="", encoding="utf-8-sig") as file:
             first = file.readline()
@@ -128,18 +128,18 @@ def _numbered(file: Any, delimiter: str) -> Iterator[tuple[int, list[str]]]:
 
 
 def _columns(header: list[str], complaints: Complaints) -> list[Column | None]:
-    """What each column is; None for those that cannot be used."""
+    """The columns; None for unknown ones."""
     found = [find(cell) for cell in header]
     for cell, column in zip(header, found, strict=True):
         if column is None:
             complaints.add(1, f"{suggestion(cell)}." if cell else "a column has no name.")
     names = [column.name for column in found if column]
     for name in sorted({name for name in names if names.count(name) > 1}):
-        complaints.add(1, f"the column {name} is there {names.count(name)} times.")
+        complaints.add(1, f"the column {name} occurs {names.count(name)} times.")
     if "out" not in names:
-        complaints.add(1, "there is no column out; expected one with the folder for each clip's result.")
+        complaints.add(1, "the column out is missing; expected the folder of each clip's result.")
     if not {"video", "keypoints"} & set(names):
-        complaints.add(1, "there is neither a column video nor keypoints; expected at least one of them.")
+        complaints.add(1, "both columns video and keypoints are missing; expected at least one of them.")
     return found
 
 
@@ -152,7 +152,7 @@ def _tasks(
     complaints: Complaints,
     configurations: "_Configurations",
 ) -> list[ClipTask]:
-    """A clip, or its parts; none, and complaints."""
+    """A clip, or its parts; none if there are errors."""
     before = len(complaints.found)
     if len(cells) != len(columns):
         complaints.add(line, f"has {len(cells)} cells; expected {len(columns)}, as many as there are columns.")
@@ -160,9 +160,9 @@ def _tasks(
     given = _values(line, cells, columns, options.manifest.absolute().parent, complaints)
     files = {column.name: value for column, value in given.items() if column.group == "files"}
     if "out" not in files and any(column and column.name == "out" for column in columns):
-        complaints.add(line, "is empty; expected the folder for the clip's result.", "out")
+        complaints.add(line, "is empty; expected the folder of the clip's result.", "out")
     if not {"video", "keypoints"} & files.keys():
-        complaints.add(line, "names neither a video nor keypoints; expected at least one of them.")
+        complaints.add(line, "has neither a video nor keypoints; expected at least one of them.")
     config = _config(line, given, options, complaints, configurations)
     fit = _fit_options(line, files, given, options, complaints) if "out" in files else None
     if config is None or fit is None or len(complaints.found) > before:
@@ -180,7 +180,7 @@ def _tasks(
 
 
 def _parts(task: ClipTask, minutes: float) -> list[ClipTask]:
-    """A clip in parts, under one shape where it is not known and is to be found."""
+    """The parts of a clip, with one subject if its shape is estimated."""
     fits = parts_of(task.fit, minutes)
     if len(fits) == 1:
         return [task]
@@ -203,7 +203,7 @@ def _values(
 
 
 class _Configurations:
-    """Those of a list. Most of its clips have the same one, and to make and check one takes milliseconds."""
+    """Cache of configurations: most clips share one, and each takes milliseconds."""
 
     def __init__(self) -> None:
         self.of = cache(fit_config)
@@ -217,7 +217,7 @@ class _Configurations:
 def _config(
     line: int, given: dict[Column, Any], options: BatchOptions, complaints: Complaints, configurations: _Configurations
 ) -> FitConfig | None:
-    """The command line's configuration with what the list says of this clip."""
+    """The command line's configuration with the settings of this clip."""
     config = configurations.of(_method(given, options))
     for column, text in given.items():
         if column.group != "setting":
@@ -230,7 +230,7 @@ def _config(
 
 
 def _method(given: dict[Column, Any], options: BatchOptions) -> MethodOptions:
-    """The command line's method with the preset that the list says of this clip."""
+    """The command line's method with the preset of this clip."""
     preset = next((value for column, value in given.items() if column.group == "preset"), options.method.preset)
     return replace(options.method, preset=preset)
 
@@ -238,7 +238,7 @@ def _method(given: dict[Column, Any], options: BatchOptions) -> MethodOptions:
 def _fit_options(
     line: int, files: dict[str, Path], given: dict[Column, Any], options: BatchOptions, complaints: Complaints
 ) -> FitOptions | None:
-    """What `tcfit fit` would be told."""
+    """The clip's options of `tcfit fit`."""
     of: dict[str, dict[str, Any]] = {"clip": {}, "camera": {}, "body": {}, "start": {}}
     for column, value in given.items():
         if column.group in of:
@@ -246,14 +246,14 @@ def _fit_options(
     focal = [name for name in FOCAL if name in of["camera"]]
     if len(focal) > 1:
         complaints.add(line, f"the focal length is given {len(focal)} times, by {', '.join(focal)}; give one of them.")
-    if focal:  # It stands in the place of whichever of them the command line has.
+    if focal:  # It replaces the option of the command line.
         others = ("center",) if focal == ["camera"] else OF_CAMERA_FILE
         of["camera"] = dict.fromkeys((*FOCAL, *others)) | of["camera"]
     clip = replace(options.clip, **of["clip"])
     if clip.first_frame is not None and clip.last_frame is not None and clip.first_frame > clip.last_frame:
         complaints.add(line, f"first_frame {clip.first_frame} lies behind last_frame {clip.last_frame}.")
     if of["start"] and "start" not in of["start"]:
-        complaints.add(line, f"{', '.join(of['start'])} without start; give the result that is meant.", "start")
+        complaints.add(line, f"{', '.join(of['start'])} without start; give the result.", "start")
     return FitOptions(
         video=files.get("video"),
         keypoints=files.get("keypoints"),
@@ -269,30 +269,35 @@ def _fit_options(
 
 
 def _refuse_shared_folders(tasks: list[ClipTask], complaints: Complaints) -> None:
-    """No clip may write where another one does, nor into another one's folder."""
+    """Report clips whose result folders are equal or inside each other."""
     owner: dict[Path, ClipTask] = {}
     for task in tasks:
         first = owner.setdefault(task.out.resolve(), task)
         if first is not task:
-            complaints.add(task.line, f"{task.name} is the folder of line {first.line} already.", "out")
+            complaints.add(task.line, f"{task.name} is already the folder of line {first.line}.", "out")
     for folder, task in owner.items():
         around = next((owner[parent] for parent in folder.parents if parent in owner), None)
         if around:
-            complaints.add(task.line, f"{task.name} lies inside the folder of line {around.line}.", "out")
+            complaints.add(task.line, f"{task.name} is inside the folder of line {around.line}.", "out")
 
 
 def _check_shapes(tasks: list[ClipTask], complaints: Complaints) -> None:
-    """A known shape has a height; the clips of a subject, whose shape it is, have body and method in common."""
+    """Report shapes that are given twice, and subjects whose clips differ in body or settings."""
     first: dict[str, ClipTask] = {}
     for task in tasks:
         if task.fit.shape is not None and task.config.height is not None:
-            complaints.add(task.line, "has both a known shape and a height, which that shape has; give one of them.")
+            complaints.add(task.line, "has both a known shape and a height; give one of them.")
         if not task.subject:
             continue
         if task.fit.shape is not None:
-            complaints.add(task.line, "has both a subject, whose shape is found, and a known shape; give one of them.")
+            complaints.add(
+                task.line, "has both a subject, whose shape is estimated, and a known shape; give one of them."
+            )
         if task.config.last_phase < 2:
-            complaints.add(task.line, "has a subject, and last_phase is 1; expected 2 or 3, for phase 1 has no shape.")
+            complaints.add(
+                task.line,
+                "has a subject, and last_phase is 1; expected 2 or 3, because phase 1 estimates no common shape.",
+            )
         other = first.setdefault(task.subject, task)
         differing = [f.name for f in fields(FitConfig) if getattr(task.config, f.name) != getattr(other.config, f.name)]
         differing += [] if task.fit.body == other.fit.body else ["body"]

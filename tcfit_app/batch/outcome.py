@@ -1,4 +1,4 @@
-"""How a batch went: a row per clip, in files and as tables on the terminal."""
+"""The outcome of a batch: a row for each clip, in files and as tables on the terminal."""
 
 import csv
 import io
@@ -20,15 +20,15 @@ SUMMARY_CSV, SUMMARY_JSON = "summary.csv", "summary.json"
 State = Literal["done", "done before", "failed", "failed before", "left"]
 STATES: dict[State, str] = {
     "done": "fitted now",
-    "done before": "there already, from the same files and settings",
+    "done before": "finished before, with the same files and settings",
     "failed": "failed now",
-    "failed before": "failed before and left out (--retry fits them again)",
+    "failed before": "failed before, skipped (--retry fits them again)",
     "left": "not reached",
 }
-"""In words, for the table."""
+"""Texts for the table."""
 FAILURES: tuple[State, ...] = ("failed", "failed before")
 _LISTED = 40
-"""Failures that the terminal shows; the files have all."""
+"""Maximum number of failures on the terminal; the files have all."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,7 +94,7 @@ def counts(states: Iterable[State]) -> dict[State, int]:
 
 
 def show_summary(rows: Sequence[Row], *, seconds: float, console: Console) -> None:
-    """Print how many clips ended how, with times, and which have failed for which reason."""
+    """Print the number of clips in each state, with times, and the reasons of failures."""
     table = Table("clips", "", "seconds each", title=f"{len(rows)} clips, {_duration(seconds)}", title_justify="left")
     table.columns[0].justify = table.columns[2].justify = "right"
     for state, count in counts(row.state for row in rows).items():
@@ -111,7 +111,7 @@ def show_summary(rows: Sequence[Row], *, seconds: float, console: Console) -> No
 
 def _failures(rows: Sequence[Row]) -> Table:
     table = Table("line", "clip", "reason", title="Failed", title_justify="left", show_lines=True)
-    table.columns[2].overflow = "fold"  # Paths are not to be cut off.
+    table.columns[2].overflow = "fold"  # do not cut off paths
     for row in rows[:_LISTED]:
         table.add_row(str(row.line), escape(row.clip), escape(row.reason))
     return table

@@ -13,11 +13,11 @@ from tcfit_app.options.fit import FitOptions
 
 
 def parts_of(fit: FitOptions, minutes: float) -> tuple[FitOptions, ...]:
-    """Parts of a clip of about the same length, named by where they begin in the video: hours, minutes and seconds.
+    """Parts of a clip of equal length, named by their start time in the video.
 
     Args:
-        fit: The whole clip; it stays in one piece if it is no longer than a part.
-        minutes: The longest that a part may be.
+        fit: The whole clip; it is returned unchanged if it is not longer than a part.
+        minutes: Maximum length of a part.
 
     Raises:
         InputError: There is no video, it cannot be read, or it has other frames.
@@ -25,7 +25,7 @@ def parts_of(fit: FitOptions, minutes: float) -> tuple[FitOptions, ...]:
     images, _ = locate(fit.video, fit.keypoints)
     footage = Footage.of(images)
     if footage.timeline is None:
-        raise InputError("needs the video whose parts are meant; give it in the column video.")
+        raise InputError("needs a video; give it in the column video.")
     rate, _ = footage.known_rate(fit.clip.frame_rate, None)
     numbers = footage.timeline.numbers[chosen(footage.timeline, fit.clip.first_frame, fit.clip.last_frame)]
     count = math.ceil(len(numbers) / (60 * minutes * rate))

@@ -1,4 +1,4 @@
-"""`tcfit batch`: fit many clips, and go on where an earlier run of the same list was stopped."""
+"""`tcfit batch`: fit many clips, and continue a list that was stopped."""
 
 import os
 import shlex
@@ -29,18 +29,18 @@ from tcfit_app.options.preparing import body_file, check_out, compile_kernels, p
 from tcfit_app.project.storage.accessing import accessing
 
 _PATIENCE = 3.0
-"""Seconds to wait for a batch of the same list that was killed."""
+"""Seconds to wait for the lock of a batch that was killed."""
 
 
 def run_batch(options: BatchOptions, *, command: str = "") -> int:
-    """Fit all clips of a list that are not done yet, and say how each went.
+    """Fit the unfinished clips of a list, and report the outcome of each.
 
     Returns:
-        The exit code: 1 if clips have failed, now or before.
+        The exit code: 1 if clips failed, now or before.
 
     Raises:
-        InputError: The list or the command line has errors; nothing has been started then.
-        KeyboardInterrupt: Stopped; what was done is kept.
+        InputError: The list or the command line has errors. Nothing is started then.
+        KeyboardInterrupt: Stopped. Finished clips are kept.
     """
     if options.jobs is not None and options.jobs < 1:
         raise InputError(f"--jobs is {options.jobs}; expected 1 or more, up to the number of cores.")
@@ -50,7 +50,7 @@ def run_batch(options: BatchOptions, *, command: str = "") -> int:
     complaints = Complaints(options.manifest)
     tasks = read_manifest(options, complaints, command=command)
     _check_each(_first_by(tasks, lambda task: task.fit.body), complaints, lambda task: body_file(task.fit.body))
-    complaints.raise_any()  # Without a body nothing can be compared.
+    complaints.raise_any()  # the hash of a clip includes the body
     folder = batch_folder(options.manifest)
     course = Course(tasks, folder, retry=options.retry and not options.report)
     if options.report:
@@ -64,7 +64,7 @@ def run_batch(options: BatchOptions, *, command: str = "") -> int:
     except KeyboardInterrupt:
         rows = _told(course, time.monotonic() - begin)
         left = sum(row.state == "left" for row in rows)
-        print(f"Stopped. The same command goes on with the {left} clips that are left.")
+        print(f"Stopped. The same command continues with the {left} remaining clips.")
         raise
     finally:
         held.release()
@@ -72,7 +72,7 @@ def run_batch(options: BatchOptions, *, command: str = "") -> int:
 
 
 def _reported(course: Course) -> int:
-    """The state of each clip as the files have it; nothing is fitted."""
+    """Report the state of each clip without fitting."""
     for _ in course.later():
         pass
     with accessing(course.folder):
@@ -82,7 +82,7 @@ def _reported(course: Course) -> int:
 
 
 def _told(course: Course, seconds: float) -> list[Row]:
-    """The outcome, in files and on the terminal."""
+    """Write and print the outcome."""
     outcomes = [course.outcome(place) for place in range(len(course.tasks))]
     rows = [row_of(task, *found) for task, found in zip(course.tasks, outcomes, strict=True)]
     folder = course.folder
@@ -110,25 +110,25 @@ def _crew(options: BatchOptions) -> Crew:
 
 
 def _run(crew: Crew, course: Course) -> None:
-    """Work through the rounds, one after the other."""
+    """Run the rounds, one after the other."""
     _work_off(crew, course.first, course.folder)
     for later in course.later():
         for index in later.to_do:
             task = later.tasks[index]
             if task.form == "shape" and (task.out / SHAPE_NAME).exists():
-                print(f"{task.subject}: the clips have changed since the shape was found, or their settings; it is")
-                print("found again, and where it comes out another one, all clips of it are fitted again with it.")
+                print(f"{task.subject}: the clips have changed, or their settings, so the shape is estimated again.")
+                print("If it differs, all clips of the subject are fitted again.")
         _work_off(crew, later, course.folder)
 
 
 def _work_off(crew: Crew, work: Round, folder: Path) -> None:
-    """Do the tasks that are left; the round takes each record as it comes."""
+    """Run the unfinished tasks of a round, and store each record in it."""
     for index in work.before:
         tidy(work.tasks[index])
     to_do = work.to_do
     tasks = [work.tasks[index] for index in to_do]
     if tasks and isinstance(crew, LocalProcesses):
-        compile_kernels(tasks[0].config)  # once, and not in each of the processes
+        compile_kernels(tasks[0].config)  # once, not in each process
     progress = _Lines(len(work.tasks), len(work.before), tasks, work.what)
     with closing(progress), closing(crew.run(tasks, folder)) as all_news:
         for news in all_news:
@@ -150,7 +150,7 @@ def _keep(folder: Path, task: ClipTask, record: Record) -> None:
 
 
 class _Lines:
-    """A line on the standard output for each clip that ends; on a terminal, below them, what is being fitted."""
+    """Prints a line for each clip that ends; on a terminal, a bar with the running clips below them."""
 
     def __init__(self, total: int, before: int, tasks: list[ClipTask], what: str) -> None:
         self._tasks, self._total, self._count = tasks, total, before
@@ -206,7 +206,7 @@ class _Lines:
 
 
 def _check(course: Course, complaints: Complaints, *, here: bool) -> None:
-    """Complain of what would keep a clip from being fitted; `here`: also of this computer's devices and detectors."""
+    """Report what would prevent a fit; `here`: also of this computer's devices and detectors."""
     to_do = [course.tasks[place] for place in course.first.to_do]
     for task in to_do:
         for column, path in missing_input(task):
@@ -229,7 +229,7 @@ def _check(course: Course, complaints: Complaints, *, here: bool) -> None:
 def _check_each(
     tasks: Iterable[ClipTask], complaints: Complaints, check: Callable[[ClipTask], object], column: str = ""
 ) -> None:
-    """Complain of the tasks that a check refuses."""
+    """Report the tasks that a check refuses."""
     for task in tasks:
         try:
             check(task)
@@ -238,5 +238,5 @@ def _check_each(
 
 
 def _first_by(tasks: Sequence[ClipTask], key: Callable[[ClipTask], Hashable]) -> Iterable[ClipTask]:
-    """Of tasks that have something in common the first: it is checked, and complained of, once."""
+    """The first task for each key, so that a shared problem is reported once."""
     return {key(task): task for task in reversed(tasks)}.values()

@@ -191,7 +191,7 @@ def test_ctrl_c_stops_at_once_and_says_how_to_go_on(tmp_path: Path, free_body: B
         assert time.monotonic() < begin + 5
         until(lambda: not living(group), 5)
     output = (tmp_path / "output").read_text()
-    assert "The same command goes on with the " in output and "not reached" in output and "Traceback" not in output
+    assert "The same command continues with the " in output and "not reached" in output and "Traceback" not in output
     with running(forked, manifest) as group:
         assert os.waitstatus_to_exitcode(_end_of(group)) == 0
     check_results(tmp_path, 16, 0)

@@ -111,14 +111,17 @@ def test_a_focal_length_that_is_not_given_goes_by_the_preset(tmp_path: Path):
 
 
 WRONG = {
-    "keypoint,out\nk,o\n": ["line 1: there is no column 'keypoint'; did you mean keypoints", "neither a column video"],
-    "keypoints,out,out\nk,o,p\n": ["line 1: the column out is there 2 times"],
-    "keypoints\nk\n": ["line 1: there is no column out"],
+    "keypoint,out\nk,o\n": [
+        "line 1: there is no column 'keypoint'; did you mean keypoints",
+        "both columns video and keypoints are missing",
+    ],
+    "keypoints,out,out\nk,o,p\n": ["line 1: the column out occurs 2 times"],
+    "keypoints\nk\n": ["line 1: the column out is missing"],
     "keypoints,out,\nk,o,\n": ["line 1: a column has no name"],
     "keypoints,out\nk\n": ["line 2: has 1 cells; expected 2"],
-    "keypoints,out\nk,\n,o\n": ["line 2, column out: is empty", "line 3: names neither a video nor keypoints"],
-    "keypoints,out\nk,o\nk,./x/../o\n": ["line 3, column out: ./x/../o is the folder of line 2 already"],
-    "keypoints,out\nk,o/p\nk,o\n": ["line 2, column out: o/p lies inside the folder of line 3"],
+    "keypoints,out\nk,\n,o\n": ["line 2, column out: is empty", "line 3: has neither a video nor keypoints"],
+    "keypoints,out\nk,o\nk,./x/../o\n": ["line 3, column out: ./x/../o is already the folder of line 2"],
+    "keypoints,out\nk,o/p\nk,o\n": ["line 2, column out: o/p is inside the folder of line 3"],
     "keypoints,out,person\nk,o,one\nk,p,-1\n": [
         "column person: is 'one'; expected a whole number",
         "0 or more",
@@ -137,7 +140,9 @@ WRONG = {
     "keypoints,out,gender\nk,o,man\n": ["column gender: is 'man'; expected one of neutral, male, female"],
     "keypoints,out,preset\nk,o,papre\n": ["column preset: is 'papre'; expected one of smplifyx, paper, tcfit"],
     "keypoints,out,window_size\nk,o,1\n": ["line 2: window_size: temporal.window_size is 1; expected 2 or more"],
-    "keypoints,out,subject,shape\nk,o,anna,s.npz\n": ["line 2: has both a subject, whose shape is found, and a known"],
+    "keypoints,out,subject,shape\nk,o,anna,s.npz\n": [
+        "line 2: has both a subject, whose shape is estimated, and a known"
+    ],
     "keypoints,out,subject,gender,seed\nk,o,anna,,\nk,p,anna,female,4\nk,q,carl,male,5\n": [
         "line 3, column subject: anna has another shape_sample, body here than in line 2"
     ],
@@ -207,6 +212,6 @@ def test_parts_without_a_common_shape(filmed: Path, more: tuple[str, ...]):
 
 def test_parts_need_a_video_and_some_length(filmed: Path):
     told = complaints_of(filmed, "video,keypoints,out,part_minutes\n,k,a,5\nday.avi,,b,0\nnone.mp4,,c,5\n")
-    assert "line 2, column part_minutes: needs the video" in told
+    assert "line 2, column part_minutes: needs a video" in told
     assert "line 3, column part_minutes: is 0; expected a number, 0.1 or more" in told
     assert "line 4, column part_minutes" in told and "none.mp4" in told

@@ -83,8 +83,8 @@ def test_a_video_gets_a_project_and_its_keypoints(
 def test_a_project_that_is_there_is_not_touched(tmp_path: Path, tiny_body: BodyModel):
     video = write_video(tmp_path / "walk.mp4", frames=FRAMES)
     Project.create(tmp_path / "walk.tcfit", small_clip(tiny_body)).close()
-    with pytest.raises(InputError, match=r"walk\.tcfit"):
-        make_project(Found(key="0" * 12, path=video, place="walk.mp4", kind="video"))
+    made = make_project(Found(key="0" * 12, path=video, place="walk.mp4", kind="video"))
+    assert made != tmp_path / "walk.tcfit" and glance(made).state == "new"
     with Project.open(tmp_path / "walk.tcfit") as project:
         assert np.array_equal(project.detections.xy, small_clip(tiny_body).keypoints.xy)
 
