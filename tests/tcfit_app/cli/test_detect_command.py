@@ -57,7 +57,7 @@ def test_its_result_is_read_as_a_clip(video: Path, model: Path, tmp_path: Path, 
     assert main(["detect", str(video), "--detector", str(model), "--out", str(out), "--threads", "1"]) == 0
     said = capsys.readouterr()
     assert "people in 70 of 70 frames, by pose.onnx (version 1 " in said.out
-    assert "Finding keypoints in 70 frames ..." in said.err
+    assert "Detecting keypoints in 70 frames ..." in said.err
     assert len(names(out)) == FRAMES and names(out)[0] == "walk_000000000000_keypoints.json"
     assert json.loads((out / names(out)[0]).read_text())["detector"] == "coco-wholebody"
     clip = read_clip(video, out)
@@ -146,9 +146,9 @@ def test_ctrl_c_keeps_what_was_found_and_the_same_command_goes_on(
     assert len(names(out)) == FRAMES
     assert main(command) == 0
     said = capsys.readouterr().err
-    assert "Going on" not in said and "Finding" not in said, "all of it was found before"
+    assert "Continuing" not in said and "Detecting" not in said, "all of it was found before"
     assert main([*command, "--restart"]) == 0
-    assert f"Finding keypoints in {FRAMES} frames ..." in capsys.readouterr().err
+    assert f"Detecting keypoints in {FRAMES} frames ..." in capsys.readouterr().err
 
 
 def test_what_it_refuses(
@@ -163,7 +163,7 @@ def test_what_it_refuses(
     (other / "run_000000000000_keypoints.json").write_text('{"people": []}')
     base = ["detect", str(video), "--detector", str(model), "--threads", "1"]
     cases = [
-        (["detect"], "No video is given"),
+        (["detect"], "No video given"),
         (["detect", str(video), "--detector", box_model], "a detector of boxes"),
         (["detect", str(video), "--detector", "dwpose-s"], "is not known; expected one of mediapipe"),
         (["detect", str(video), "--detector", "dwpose-l"], "tcfit detect --download dwpose-l"),
@@ -188,13 +188,13 @@ def test_the_list_of_detectors(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert main(["detect", "--list"]) == 0
     said = capsys.readouterr().out
     assert all(name in said for name in (*DETECTORS, *KNOWN_MODELS)) and "Apache-2.0" in said
-    assert "to be fetched by --download mediapipe" in said and " here" not in said
+    assert "not installed: --download mediapipe" in said and " installed" not in said.replace("not installed", "")
     for name in ("dwpose-m", "rtmdet-nano"):
         (tmp_path / f"{name}.onnx").write_text("")
     assert main(["detect", "--list"]) == 0
     lines = [line.split() for line in capsys.readouterr().out.splitlines()]
-    assert lines[lines.index(["dwpose-m", "DWPose-m", "with", "RTMDet-nano"]) + 1] == ["here"]
-    assert ["here:", str(tmp_path / "rtmdet-nano.onnx")] in lines
+    assert lines[lines.index(["dwpose-m", "DWPose-m", "with", "RTMDet-nano"]) + 1] == ["installed"]
+    assert ["installed:", str(tmp_path / "rtmdet-nano.onnx")] in lines
 
 
 def test_a_download_shows_what_it_is_and_then_the_detector_is_here(
@@ -211,6 +211,6 @@ def test_a_download_shows_what_it_is_and_then_the_detector_is_here(
     )
     assert DETECTORS["dwpose-m"].is_here() and not DETECTORS["dwpose-l"].is_here()
     known = KNOWN_MODELS["dwpose-m"]
-    assert known.url in said and known.licence in said and "remembered for the next download" in said
+    assert known.url in said and known.licence in said and "stored for the next download" in said
     assert main(["detect", "--download", "rtmdet-nano", "--yes"]) == 0
     assert "(as expected)" in capsys.readouterr().out

@@ -89,7 +89,7 @@ def test_pose_priors_are_added_and_shown(places: Path, capsys: pytest.CaptureFix
     write_network(places / "free" / "prior.npz", random_network())
     list_models()
     lines = [line.split() for line in capsys.readouterr().out.splitlines()]
-    start = lines.index(["POSE", "PRIOR", "IS", "FROM", "FILE"])
+    start = lines.index(["POSE", "PRIOR", "KIND", "FROM", "FILE"])
     assert lines[start + 1] == ["vposer", "VPoser", "1", "yours", str(own)]
     assert lines[start + 2] == ["tcfit", "random", "comes", "with", "tcfit", str(places / "free" / "prior.npz")]
     own.write_bytes(b"x")
@@ -110,7 +110,7 @@ def packages_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_networks_are_fetched_once_the_user_agrees(
     places: Path, packages_folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
-    with pytest.raises(InputError, match="give --yes"):
+    with pytest.raises(InputError, match="Give --yes"):
         register_models([Path("mediapipe")])
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
     answers = iter(["", "y"])
@@ -130,19 +130,23 @@ def test_networks_are_taken_from_files_and_shown(
     places: Path, packages_folder: Path, capsys: pytest.CaptureFixture[str]
 ):
     list_models()
-    states = [line.split()[-2:] for line in capsys.readouterr().out.splitlines() if line.startswith("pose_")]
-    assert states == [["not", "here"], ["not", "here"], ["here", "(optional)"]]
+    states = [line.rsplit("  ")[-1] for line in capsys.readouterr().out.splitlines() if line.startswith("pose_")]
+    assert states == ["missing", "missing", "missing (optional)"]
     assert [check.status for check in check_detector()] == ["warning"]
     register_models([next(packages_folder.glob("*.whl"))])
     assert "Note: pose_landmark_heavy: not there" in capsys.readouterr().out
     (check,) = check_detector()
-    assert check.status == "ok" and "not the more exact one" in check.found and "tcfit models add" in check.advice
+    assert (
+        check.status == "ok"
+        and "the larger one for bodies (optional) is missing" in check.found
+        and "tcfit models add" in check.advice
+    )
     register_models([next(packages_folder.glob("*.tgz"))])
     networks.onnx_path("pose_landmark_full", networks.folder()).write_bytes(b"x")
     capsys.readouterr()
     list_models()
     states = [line.split()[-1] for line in capsys.readouterr().out.splitlines() if line.startswith("pose_")]
-    assert states == ["here", "damaged", "here"]
+    assert states == ["installed", "damaged", "installed"]
     (check,) = check_detector()
     assert check.status == "warning" and "damaged: pose_landmark_full" in check.found
     register_models([Path("mediapipe")], agreed=True)

@@ -74,7 +74,7 @@ def test_a_camera_file_stays_with_the_project(
     monkeypatch.chdir(tmp_path)
     assert main(["new", *plain, "--camera", str(file), "--out", "lab.tcfit"]) == 0
     said = capsys.readouterr().err
-    assert "camera file camera.npz" in said and "distortion is taken away" in said and "z is up" in said
+    assert "camera file camera.npz" in said and "distortion is removed" in said and "z is up" in said
     straight = read_clip(None, keypoint_folder, clip=ClipOptions(image_size=size), camera=CameraOptions(camera=file))
     filmed = read_clip(None, keypoint_folder, clip=ClipOptions(image_size=size))
     assert not same_keypoints(straight.keypoints, filmed.keypoints)

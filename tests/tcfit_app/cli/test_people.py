@@ -124,7 +124,7 @@ def test_whose_file_it_is_can_be_told(fitted: Path, tmp_path: Path, capsys: pyte
     assert "person-2: is not there. Put it back" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("command", [["render"], ["import"]])
+@pytest.mark.parametrize("command", [["import"]])
 def test_what_is_about_one_person_says_whose_folders_there_are(
     command: list[str], fitted: Path, capsys: pytest.CaptureFixture[str]
 ):

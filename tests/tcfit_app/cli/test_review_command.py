@@ -55,7 +55,7 @@ def test_a_clip_becomes_a_project_which_is_opened_again(
 
 
 def test_what_can_be_reviewed_is_said(tmp_path: Path, capsys: pytest.CaptureFixture):
-    for given, said in (([], "expected a video, keypoints, a project"), ([tmp_path / "no.tcfit"], "no.tcfit does not")):
+    for given, said in (([], "expected a project, a video"), ([tmp_path / "no.tcfit"], "no.tcfit does not")):
         assert reviewed(*given) == INPUT_ERROR
         assert said in capsys.readouterr().err
 

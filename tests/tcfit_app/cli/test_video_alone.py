@@ -19,7 +19,7 @@ from tcfit_app.project.project import Project
 from tests.samples.fake_detector import FakeDetector, known, one_person, standing
 from tests.tcfit_app.conftest import FRAMES, FinishedRun
 
-FOUND = f"Keypoints: found by fake in {FRAMES} of {FRAMES} frames"
+FOUND = f"Keypoints: fake, in {FRAMES} of {FRAMES} frames"
 
 
 @pytest.fixture
@@ -59,11 +59,11 @@ def test_a_fit(
     monkeypatch.setattr("fitting_core.fit.fitting.fit_events", finished.replay)
     assert main(fit_video) == 0
     said = capsys.readouterr().err
-    assert f"Finding keypoints in {FRAMES} frames ..." in said and FOUND in said
+    assert f"Detecting keypoints in {FRAMES} frames ..." in said and FOUND in said
     assert "Note: Keypoints were found by fake (version 1)." in said
     assert len(read_fit(tmp_path / "out").params) == FRAMES and len(fake.asked) == FRAMES
     assert main(fit_video) == 0
-    assert "Finding" not in (said := capsys.readouterr().err) and FOUND in said
+    assert "Detecting" not in (said := capsys.readouterr().err) and FOUND in said
     assert len(fake.asked) == FRAMES, "found before"
 
 
@@ -134,7 +134,9 @@ def test_a_bar_on_a_terminal(
 ):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     assert main(["new", fit_video[1], "--out", str(tmp_path / "a.tcfit")]) == 0
-    assert "Keypoints:" in (said := capsys.readouterr().err) and f"{FRAMES}/{FRAMES}" in said and "Finding" not in said
+    assert (
+        "Keypoints:" in (said := capsys.readouterr().err) and f"{FRAMES}/{FRAMES}" in said and "Detecting" not in said
+    )
 
 
 def test_without_keypoints_on_demand(
@@ -147,10 +149,10 @@ def test_without_keypoints_on_demand(
         assert not project.has_detections and len(project.clip) == FRAMES
     refused = {
         "a fit needs keypoints": [*fit_video, *alone],
-        "without keypoints nobody is known": ["new", video, *alone, "--people", "all"],
+        "--people all cannot be combined with --keypoints none": ["new", video, *alone, "--people", "all"],
         "--person needs keypoints, and": ["new", video, *alone, "--person", "1"],
         "--detector needs keypoints, and": ["new", video, *alone, "--detector", "dwpose-l"],
-        "and no video": ["new", *alone],
+        "--keypoints none needs a video": ["new", *alone],
     }
     for words, command in refused.items():
         assert main(command) == 2

@@ -181,7 +181,7 @@ def test_a_project_is_made_of_a_video_alone(images: Path, tmp_path: Path, capsys
     out = tmp_path / "p"
     given = ["--keypoints", "none", "--first-frame", "1", "--last-frame", "4", "--frame-rate", "25", "--fov", "60"]
     assert main(["new", str(images), "--out", str(out), *given]) == 0
-    assert "No keypoints yet: the review finds or imports them" in capsys.readouterr().err
+    assert "No keypoints yet: detect or import them in the review" in capsys.readouterr().err
     with Project.open(out) as project:
         clip = project.clip
         assert not project.has_detections and len(clip) == 4 and clip.first_frame == 1

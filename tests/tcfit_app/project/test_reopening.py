@@ -59,7 +59,7 @@ OPTIONS = {
 
 def test_the_clip_of_another_folder_is_not_taken_for_this_one(capsys: pytest.CaptureFixture[str]):
     review(images("one"))
-    with pytest.raises(InputError, match=r"walk.tcfit: is a project of a clip other than .*two/walk. Give --out"):
+    with pytest.raises(InputError, match=r"walk.tcfit: is the project of another clip than .*two/walk. Give --out"):
         review(images("two", shade=200))
     assert "Opening" not in capsys.readouterr().err
     assert review("two/walk", "--out", "second.tcfit").folder.name == "second.tcfit"
@@ -94,7 +94,7 @@ def test_a_camera_that_nobody_asked_for_is_not_compared():
     assert review(video, "--last-frame", str(FRAMES - 1)).clip.camera == made
     assert review(video, "--fov", "90").clip.camera == made == review(video, "--center", "100", "200").clip.camera
     for option, value in {"--focal-length": ["diagonal"], "--center": ["100", "201"]}.items():
-        with pytest.raises(InputError, match=f"{option} counts for a new project"):
+        with pytest.raises(InputError, match=f"{option} can only be given for a new project"):
             review(video, option, *value)
 
 
@@ -114,14 +114,14 @@ def test_a_calibration_is_compared_where_one_is_given(tmp_path: Path):
         == review(video, "--camera", file).clip.camera
     )
     for options in (["--camera", other], ["--center", "240", "240"], ["--fov", "90"], ["--first-frame", "1"]):
-        with pytest.raises(InputError, match="counts for a new project"):
+        with pytest.raises(InputError, match="can only be given for a new project"):
             review(video, *options)
 
 
 def test_other_keypoints_are_refused():
     video, points = images("one"), keypoints("points")
     review(video, "--keypoints", points)
-    with pytest.raises(InputError, match=r"walk.tcfit: was made with other keypoints.* Give --out"):
+    with pytest.raises(InputError, match=r"walk.tcfit: already exists with keypoints of.* Give --out"):
         review(video, "--keypoints", keypoints("others", seed=1))
     assert review(video).has_detections, "a video alone says nothing of keypoints"
 
@@ -141,7 +141,7 @@ def test_another_person_is_refused():
 def test_a_project_of_a_video_alone_says_how_it_gets_its_keypoints():
     video, points = images("one"), keypoints("points")
     assert not review(video).has_detections
-    with pytest.raises(InputError, match=r"made of the video alone.*tcfit review walk.tcfit.*panel Start"):
+    with pytest.raises(InputError, match=r"already exists without keypoints.*tcfit review walk.tcfit.*panel Start"):
         review(video, "--keypoints", points)
     found = review(video, "--keypoints", points, "--out", "other").detections
     with Project.open(Path("walk.tcfit")) as project:
@@ -153,9 +153,9 @@ def test_a_project_without_a_video_is_told_by_its_keypoints():
     points = keypoints("walk")
     review("--keypoints", points)
     assert review("--keypoints", points).folder.name == "walk.tcfit"
-    with pytest.raises(InputError, match="other keypoints"):
+    with pytest.raises(InputError, match="keypoints of another person"):
         review("--keypoints", keypoints("new/walk", seed=1))
-    with pytest.raises(InputError, match="a clip other than"):
+    with pytest.raises(InputError, match="another clip than"):
         review(images("one"), "--keypoints", points)
 
 
@@ -192,7 +192,7 @@ def test_a_packed_project_opens_only_what_was_unpacked_of_it(capsys: pytest.Capt
     assert review("from-one/walk.tcfit.zip").clip.name == "one"
     capsys.readouterr()
     assert review("from-one/walk.tcfit.zip").clip.name == "one"
-    said = "Opening the project walk.tcfit, which was unpacked before; from-one/walk.tcfit.zip was not read again."
+    said = "Opening the project walk.tcfit, which from-one/walk.tcfit.zip was unpacked into before."
     assert said in capsys.readouterr().err
     with pytest.raises(InputError, match=r"walk.tcfit: is not the project in from-two.*--out"):
         review("from-two/walk.tcfit.zip")
