@@ -27,7 +27,7 @@ PRINTED = {
 
 
 def run(name: str, arguments: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    """As `python examples/NAME.py ARGUMENTS`."""
+    """As a user runs it from a terminal."""
     monkeypatch.setattr(sys, "argv", [name, *arguments])
     runpy.run_path(str(ROOT / "examples" / f"{name}.py"), run_name="__main__")
 
