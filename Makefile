@@ -51,7 +51,7 @@ test-newest: $(INSTALLED_DEV) $(NETWORKS) ## Run the demo with the newest allowe
 	@rm -rf $(NEWEST) build/lib build/bdist.*
 	@"$(PYTHON)" -m venv $(NEWEST)
 	@$(NEWEST)/bin/python -m pip install --quiet --disable-pip-version-check .
-	@TCFIT_NEWEST=$(NEWEST) $(RUN) -m pytest -m newest $(ARGS)
+	@TCFIT_NEWEST=$(NEWEST) $(RUN) -m pytest -m newest -o faulthandler_timeout=0 $(ARGS)
 
 check: $(INSTALLED_DEV) $(WEB_TOOLS_INSTALLED) ## Lint, formatting and types
 	@$(RUN) -m ruff check .
