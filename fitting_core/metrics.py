@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from fitting_core.body.model import JOINT
+from fitting_core.keypoints import ERROR_GROUPS
 
 # --- points moved onto others: what a metric does not count is taken off first ---
 
@@ -100,6 +101,20 @@ def reprojection_errors(
 ) -> Float[np.ndarray, "N"]:
     """Distances in pixels between projected and detected keypoints, of those that count."""
     return np.linalg.norm(projected - detected, axis=-1)[counted]
+
+
+def error_figures(errors: Float[np.ndarray, "T 137"]) -> dict[str, float | None]:
+    """Median and 95th percentile of reprojection errors over all keypoints ("median", "p95") and by ERROR_GROUPS
+    ("body_median", "body_p95", ...); None without any. NaN does not count."""
+    groups: dict[str, slice | list[int]] = {"": slice(None)}
+    groups |= {f"{name}_": list(columns) for name, columns in ERROR_GROUPS.items()}
+    found: dict[str, float | None] = {}
+    for name, columns in groups.items():
+        known = errors[:, columns]
+        known = known[np.isfinite(known)]
+        median, p95 = np.percentile(known, [50, 95]).tolist() if len(known) else (None, None)
+        found |= {f"{name}median": median, f"{name}p95": p95}
+    return found
 
 
 def heights_in_image(points: Float[np.ndarray, "T K 2"], counted: Bool[np.ndarray, "T K"]) -> Float[np.ndarray, "T"]:

@@ -19,7 +19,7 @@ from fitting_core.config.toml import as_plain
 from fitting_core.files.regular import legible
 from fitting_core.ground.grounding import Grounding
 from fitting_core.image_border import cut_off
-from fitting_core.metrics import jitter, reprojection_errors
+from fitting_core.metrics import error_figures, jitter, reprojection_errors
 from fitting_core.results.fit_result import FitResult
 
 CONFIDENT = 0.3
@@ -98,12 +98,12 @@ def counted_keypoints(clip: Clip, body: BodyModel) -> Bool[np.ndarray, "T 137"]:
 def reprojection(
     clip: Clip, body: BodyModel, params: BodyParams, counted: Bool[np.ndarray, "T 137"]
 ) -> dict[str, float | int | None]:
-    """Median and 95th percentile of the reprojection error in pixels, and over how many keypoints."""
+    """`error_figures` in pixels, and over how many keypoints."""
     points, exists = keypoints_in_space(body, params)
     pixels = project(clip.camera, torch.as_tensor(points[:, exists])).numpy()
-    errors = reprojection_errors(pixels, clip.keypoints.xy[:, exists], counted[:, exists])
-    median, p95 = np.percentile(errors, [50, 95]).tolist() if len(errors) else (None, None)
-    return {"median": median, "p95": p95, "keypoints": len(errors)}
+    errors, counted = np.full(counted.shape, np.nan), counted & exists
+    errors[counted] = reprojection_errors(pixels, clip.keypoints.xy[:, exists], counted[:, exists])
+    return {**error_figures(errors), "keypoints": int(counted.sum())}
 
 
 def _jitter(body: BodyModel, params: BodyParams, camera: Camera) -> dict[str, float]:

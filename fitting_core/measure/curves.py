@@ -1,7 +1,8 @@
 """What is measured in every frame of a fit: the CURVES table."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -9,6 +10,7 @@ from jaxtyping import Float
 
 from fitting_core import metrics
 from fitting_core.io.summary import counted_keypoints
+from fitting_core.keypoints import COUNT, ERROR_GROUPS
 from fitting_core.measure.pairing import Pair, pixels_of
 
 _FEWEST = 4
@@ -47,11 +49,12 @@ def _acceleration_error(pair: Pair) -> Float[np.ndarray, "T"] | None:
     return metrics.acceleration_error(rooted[0][:, chosen], rooted[1][:, chosen], pair.estimate.frame_rate)
 
 
-def _reprojection(pair: Pair) -> Float[np.ndarray, "T"] | None:
+def _reprojection(pair: Pair, columns: Sequence[int] = range(COUNT)) -> Float[np.ndarray, "T"] | None:
     fit = pair.estimate
     if fit.clip is None:
         return None
-    counted = counted_keypoints(fit.clip, fit.body) & np.isfinite(fit.pixels).all(-1)
+    counted = np.zeros((len(fit.pixels), COUNT), bool)
+    counted[:, columns] = (counted_keypoints(fit.clip, fit.body) & np.isfinite(fit.pixels).all(-1))[:, columns]
     return metrics.frame_means(fit.pixels, fit.clip.keypoints.xy, counted)
 
 
@@ -118,6 +121,12 @@ CURVES: dict[str, CurveKind] = {
     ),
     "acceleration_error": CurveKind(title="Acceleration error", unit="m/s²", values=_acceleration_error),
     "reprojection": CurveKind(title="Reprojection error", unit="px", values=_reprojection),
+    **{
+        f"reprojection_{name}": CurveKind(
+            title=f"Reprojection error, {name}", unit="px", values=partial(_reprojection, columns=columns)
+        )
+        for name, columns in ERROR_GROUPS.items()
+    },
     "reprojection_share": CurveKind(
         title="Reprojection error, of the person's length", unit="%", values=_reprojection_share
     ),

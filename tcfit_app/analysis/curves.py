@@ -7,15 +7,16 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float, Float32
 
-from fitting_core import keypoints as kp
 from fitting_core.body.geometry import SIDES, Side
 from fitting_core.body.model import JOINT, N_JOINTS
 from fitting_core.errors import InputError
 from fitting_core.fit.terms.temporal import OFF_MEAN
+from fitting_core.keypoints import ERROR_GROUPS
 from fitting_core.measure.angles.joint_angles import joint_angle
 from fitting_core.measure.hands.phases import wrist_speed
 from fitting_core.results.error_bars import ANGLES
-from tcfit_app.analysis.posed_fit import GROUPS, PosedFit
+from tcfit_app.analysis.body_regions import REGIONS
+from tcfit_app.analysis.posed_fit import PosedFit
 from tcfit_app.analysis.seen import seen_joints, told
 
 
@@ -71,11 +72,17 @@ def weighted_mean(values: Float[np.ndarray, "T K"], weights: Float[np.ndarray, "
     return np.where(total > 0, mean, np.nan)
 
 
-def _reprojection(group: slice) -> Callable[[PosedFit], Float[np.ndarray, "T"]]:
-    fitted = np.arange(kp.COUNT)[group]
-    # The neck is excluded: no preset fits it, and the body's is 52 px off in each frame of a 640 x 480 clip.
-    fitted = fitted[fitted != kp.INDEX["neck"]]
-    return lambda fit: weighted_mean(fit.errors[:, fitted], fit.clip.keypoints.confidence[:, fitted])
+def _reprojection(*groups: str) -> Callable[[PosedFit], Float[np.ndarray, "T"]]:
+    """The mean in the worst region: over all keypoints, an arm that is off would not show."""
+    judged = {joint for group in groups for joint in ERROR_GROUPS[group]}
+    regions = [own for joints in REGIONS.values() if (own := [joint for joint in joints if joint in judged])]
+
+    def worst(fit: PosedFit) -> Float[np.ndarray, "T"]:
+        confidence = fit.clip.keypoints.confidence
+        means = np.stack([weighted_mean(fit.errors[:, own], confidence[:, own]) for own in regions])
+        return np.fmax.reduce(means)  # NaN where all are
+
+    return worst
 
 
 def _confidence(fit: PosedFit) -> Float[np.ndarray, "T"]:
@@ -133,10 +140,10 @@ _HEIGHTS = {"pelvis": "pelvis"} | {
 """Joints with a curve of their height, and what moves them."""
 
 CURVES: dict[str, CurveKind] = {
-    "reprojection": CurveKind(title="Reprojection error", unit="px", values=_reprojection(slice(0, kp.COUNT))),
+    "reprojection": CurveKind(title="Reprojection error", unit="px", values=_reprojection(*ERROR_GROUPS)),
     **{
-        f"reprojection_{name}": CurveKind(title=f"Reprojection error, {name}", unit="px", values=_reprojection(group))
-        for name, group in GROUPS.items()
+        f"reprojection_{name}": CurveKind(title=f"Reprojection error, {name}", unit="px", values=_reprojection(name))
+        for name in ERROR_GROUPS
     },
     "jitter": CurveKind(title="Jitter", unit="mm/frame²", values=lambda fit: fit.jumps.mean(1)),
     "temporal": CurveKind(title="Temporal residual", unit="mm", values=_temporal_residual),
@@ -162,7 +169,8 @@ CURVES: dict[str, CurveKind] = {
 }
 """By name; "volume" is slow because it needs whole meshes.
 
-Reprojection errors are confidence-weighted means over the counted keypoints except the neck; the mean confidence is
+Reprojection errors are confidence-weighted means over the counted keypoints of a region (an arm, a hand, the face; not
+the neck), and the largest of these; the mean confidence is
 over keypoints detected in any frame; the temporal residual is the root mean square over joints of what E_T penalises,
 in the space in which the fit compares joints; wrist speeds are relative to the chest.
 """

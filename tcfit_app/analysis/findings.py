@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.ndimage import median_filter
+from scipy.ndimage import median_filter, uniform_filter1d
 
 from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT, JOINTS
@@ -17,9 +17,9 @@ from fitting_core.fit.evidence.observations import lifted_keypoints
 from fitting_core.fit.evidence.sides import PAIRED, unswapped
 from fitting_core.frame_runs import runs_where
 from fitting_core.image_border import seen_confidence
-from fitting_core.keypoints import SEEN
+from fitting_core.keypoints import SEEN, Keypoints
 from tcfit_app.analysis.body_regions import KEYPOINT_OF_JOINT, LIMB_OF, REGION_OF, REGIONS, spoken, spoken_bone
-from tcfit_app.analysis.posed_fit import GROUPS, PosedFit
+from tcfit_app.analysis.posed_fit import PosedFit
 
 _SIGMAS = 5.0
 _MAD_TO_SIGMA = 1.4826
@@ -28,6 +28,19 @@ _MOST = 3.0
 the body's in every frame, which is nothing to review; a fit that is far off in half of the clip is."""
 _OFF_MM = {"body": 45.0, "hands": 30.0, "face": 40.0}
 """Smaller reprojection errors are not worth reviewing, whatever the median; as lengths at the pelvis' distance."""
+_STEADY_MM, _STEADY_MOST = 15.0, 2.0
+"""Mean distance of a part from its keypoints over some time that is worth reviewing, and its largest score."""
+_STEADY_SECONDS, _STEADY_FRAMES = 0.5, 9
+"""For how long, at the least. A frame's own error may be three times as large without being seen (`_OFF_MM`)."""
+_STEADY_PARTS: dict[str, dict[str, tuple[int, ...]]] = {
+    **{
+        end: {side: (kp.INDEX[f"{side}_{end}"],) for side in ("left", "right")}
+        for end in ("elbow", "wrist", "knee", "ankle")
+    },
+    "hand": {side: REGIONS[f"{side} hand"] for side in ("left", "right")},
+    "face": {"": REGIONS["face"]},
+}
+"""Parts whose place matters to the eye, by side. Shoulders and hips lie inside the body, where detectors differ."""
 _DETECTION_JUMP_MM = 60.0
 """Distance of a detection from the midpoint of the ones before and after it, likewise."""
 _JUMP = 70.0
@@ -50,8 +63,11 @@ _AROUND = 75
 """Frames: a part lost for less than half of them is missed."""
 _STILL = 0.05
 """Fraction of a keypoint's usual movement per frame below which it stands still. Noise alone moves it more."""
-_STILL_FRAMES, _STILL_JOINTS, _OTHERS_MOVE = 5, 2, 0.5
-"""Minimum frames and keypoints of a frozen limb, while the rest moves at least this fraction as much as usual."""
+_STILL_FRAMES, _STILL_JOINTS = 5, 2
+"""Minimum frames and keypoints of a frozen limb."""
+_OTHERS_TRAVEL_MM = 40.0
+"""How far the rest of the body gets meanwhile, at the least. Of a person who stands still, noise and the grid of a
+heat map (1.3 px of 640) move keypoints by less than half of that."""
 _STILL_MOST = 2.0
 """Score of a limb frozen for so long that longer makes no difference."""
 _SWAP_MM = 150.0
@@ -68,6 +84,7 @@ _LEG_ENDS = [joint for joint in _ENDS if LIMB_OF[joint].endswith("leg")]
 """All still: somebody stands. So does a foot that is still without its knee: a limb is frozen with both its ends."""
 _FEWEST = 25
 """Minimum number of frames for usual values."""
+_ERROR_GROUPS = [list(group) for group in kp.ERROR_GROUPS.values()]
 _COST_RATIO = 1.5
 """Factor by which a frame must exceed the usual cost."""
 
@@ -115,8 +132,8 @@ def _pixels_per_mm(fit: PosedFit) -> Float[np.ndarray, "T 1"]:
 def _reprojection(fit: PosedFit) -> Iterator[Finding]:
     fit = fit.with_own_sides
     least = np.empty((1, kp.COUNT))
-    for name, group in GROUPS.items():
-        least[:, group] = _OFF_MM[name]
+    for group, most in ((kp.BODY, _OFF_MM["body"]), (kp.HANDS, _OFF_MM["hands"]), (kp.FACE, _OFF_MM["face"])):
+        least[:, group] = most
     found = scores(fit.errors, least * _pixels_per_mm(fit))
     for frame, joints in _above(found):
         for part in _by_limb(joints):
@@ -135,6 +152,43 @@ def _off(frame: int, joints: list[int], found: np.ndarray, errors: np.ndarray) -
     return Finding(
         frame=frame, score=float(found[worst]), reason=f"{subject} {largest:.0f} px off{more}", joints=tuple(joints)
     )
+
+
+def _steady(fit: PosedFit) -> Iterator[Finding]:
+    """Parts that lie beside their keypoints in one direction for a while, which noise does not: its mean vanishes."""
+    fit = fit.with_own_sides
+    frames = max(_STEADY_FRAMES, round(_STEADY_SECONDS * fit.clip.frame_rate))
+    offsets = np.where(fit.counted[..., None], fit.projected - fit.clip.keypoints.xy, np.nan)
+    least = _STEADY_MM * _pixels_per_mm(fit)[:, 0]
+    for name, sides in _STEADY_PARTS.items():
+        own = [list(joints) for joints in sides.values()]
+        means = np.stack([_running_mean(offsets[:, joints], frames, _STEADY_MOST * least) for joints in own], 1)
+        lie = means > least[:, None]
+        for run in runs_where(lie.any(1)):
+            chosen = [i for i in range(len(own)) if lie[run.start : run.stop, i].mean() > 0.5]
+            if len(run) < frames // 2 or not chosen:
+                continue
+            joints = [joint for i in chosen for joint in own[i]]
+            subject = f"both {name}s" if len(chosen) > 1 else f"{[*sides][chosen[0]]} {name}".strip()
+            pixels = np.nanmedian(np.linalg.norm(offsets[run.start : run.stop, joints], axis=-1))
+            first = fit.clip.first_frame
+            reason = f"{subject} about {pixels:.0f} px off, frames {first + run[0]}-{first + run[-1]}"
+            for frame in run:
+                score = max(1.0, float(means[frame, chosen].max() / least[frame]))
+                yield Finding(frame=frame, score=score, reason=reason, joints=tuple(joints))
+
+
+def _running_mean(
+    offsets: Float[np.ndarray, "T K 2"], frames: int, most: Float[np.ndarray, "T"]
+) -> Float[np.ndarray, "T"]:
+    """Length of the mean offset of some keypoints over some frames, of which each counts `most` pixels at most, so that
+    a few cannot make it; 0 where less than half of it is known."""
+    count = np.isfinite(offsets[..., 0]).sum(1)
+    mean = np.nan_to_num(offsets).sum(1) / np.maximum(count, 1)[:, None]
+    mean *= np.minimum(1, most / np.maximum(np.linalg.norm(mean, axis=1), 1e-9))[:, None]
+    there = uniform_filter1d((count > 0).astype(float), frames, mode="nearest")
+    smooth = uniform_filter1d(mean, frames, axis=0, mode="nearest") / np.maximum(there, 0.5)[:, None]
+    return np.where((count > 0) & (there >= 0.5), np.linalg.norm(smooth, axis=1), 0)
 
 
 def _detection_jumps(fit: PosedFit) -> Iterator[Finding]:
@@ -262,7 +316,7 @@ def _frozen(fit: PosedFit) -> Iterator[Finding]:
     steps[1:] = np.where(seen[1:] & seen[:-1], ways, np.nan)
     moving = np.isfinite(steps).any(0)
     usual = np.where(moving, np.nanmedian(np.where(moving, steps, 0), axis=0), 0)
-    still = steps < _STILL * usual
+    still, to_mm = steps < _STILL * usual, 1 / float(np.median(_pixels_per_mm(fit)))
     for limb in dict.fromkeys(LIMB_OF.values()):
         own = [joint for joint in LIMB_OF if LIMB_OF[joint] == limb]
         ends = [joint for joint in _ENDS if LIMB_OF[joint] == limb]
@@ -272,15 +326,23 @@ def _frozen(fit: PosedFit) -> Iterator[Finding]:
             lost &= ~still[:, _LEG_ENDS].all(1)
         for run in runs_where(lost):
             frames = list(run)
-            shares = (steps[np.ix_(frames, others)] / usual[others]).ravel()
-            shares = shares[np.isfinite(shares)]
-            if len(run) < _STILL_FRAMES or not len(shares) or np.median(shares) < _OTHERS_MOVE:
+            if len(run) < _STILL_FRAMES or not _travel(keypoints, frames, others) * to_mm > _OTHERS_TRAVEL_MM:
                 continue
             joints = tuple(joint for joint in own if still[frames, joint].mean() > 0.5)
             reason = f"{limb} keypoints frozen for {len(run) + 1} frames"
             for waited, frame in enumerate(frames):  # the longer, the farther off
                 score = min(1 + waited / _STILL_FRAMES, _STILL_MOST)
                 yield Finding(frame=frame, score=score, reason=reason, joints=joints)
+
+
+def _travel(keypoints: Keypoints, frames: list[int], joints: list[int]) -> float:
+    """How far keypoints get in some frames, in pixels: the median of them; NaN where none is seen."""
+    chosen = np.ix_(frames, joints)
+    seen = (keypoints.confidence[chosen] > SEEN)[..., None]
+    low = np.where(seen, keypoints.xy[chosen], np.inf).min(0)
+    high = np.where(seen, keypoints.xy[chosen], -np.inf).max(0)
+    ways = np.linalg.norm(high - low, axis=-1)
+    return float(np.median(ways[np.isfinite(ways)])) if np.isfinite(ways).any() else np.nan
 
 
 def _failed(fit: PosedFit) -> Iterator[Finding]:
@@ -303,7 +365,7 @@ def _costs(fit: PosedFit) -> Iterator[Finding]:
         return
     cost, frames = fit.frame_cost[finite], np.flatnonzero(finite)
     weighted = (np.nan_to_num(fit.errors[finite]) * fit.clip.keypoints.confidence[finite]) ** 2
-    explaining = np.stack([np.ones(len(cost)), *(weighted[:, group].sum(1) for group in GROUPS.values())], 1)
+    explaining = np.stack([np.ones(len(cost)), *(weighted[:, group].sum(1) for group in _ERROR_GROUPS)], 1)
     usual = np.maximum(explaining @ nnls(explaining, cost)[0], 1e-9)
     found = scores((cost - usual)[:, None], _COST_RATIO * usual[:, None])[:, 0]
     for i in np.flatnonzero(found >= 1).tolist():
@@ -330,6 +392,7 @@ FINDINGS: dict[str, Callable[[PosedFit], Iterator[Finding]]] = {
     "failed": _failed,
     "swap": _swaps,
     "reprojection": _reprojection,
+    "steady": _steady,
     "jump": _jumps,
     "detection": _detection_jumps,
     "depth": _depths,

@@ -8,7 +8,6 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int
 
-from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import project
@@ -27,8 +26,6 @@ _NEAR = 0.01
 """Metres: points closer to the camera's plane, or behind it, are not visible."""
 _TOGETHER = 16
 """Frames whose meshes are in memory at once."""
-GROUPS = {"body": kp.BODY, "hands": kp.HANDS, "face": kp.FACE}
-"""Keypoints with separate errors: their sizes and detectors differ."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

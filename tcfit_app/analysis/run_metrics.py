@@ -7,14 +7,14 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
+from fitting_core.keypoints import ERROR_GROUPS
 from fitting_core.measure import comparison
 from fitting_core.measure.pairing import PosedMotion
 from fitting_core.measure.references.reference import Reference
-from fitting_core.metrics import jitter, torso_lean
+from fitting_core.metrics import error_figures, jitter, torso_lean
 from fitting_core.results.fit_result import PhaseResult
-from tcfit_app.analysis.posed_fit import GROUPS, PosedFit
+from tcfit_app.analysis.posed_fit import PosedFit
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -125,18 +125,8 @@ def _cost(term: str, value: float) -> Metric:
     return Metric(name=COST + term, title=title, unit="", value=value if np.isfinite(value) else None, better="")
 
 
-def _percentile(group: slice, percent: float) -> Callable[[MeasuredRun], float | None]:
-    return lambda run: _percentile_of(run.fit.errors[:, group], percent)
-
-
-def _percentile_of(errors: Float[np.ndarray, "T K"], percent: float) -> float | None:
-    errors = errors[np.isfinite(errors)]
-    return float(np.percentile(errors, percent)) if len(errors) else None
-
-
-def median_error(fit: PosedFit) -> float | None:
-    """Median of the reprojection errors, pixels, as in summary.json; None without keypoints."""
-    return _percentile_of(fit.errors, 50)
+def _error(figure: str) -> Callable[[MeasuredRun], float | None]:
+    return lambda run: error_figures(run.fit.errors)[figure]
 
 
 def _jitter(points: Callable[[PosedFit], Float[np.ndarray, "T 55 3"]]) -> Callable[[MeasuredRun], float | None]:
@@ -152,14 +142,13 @@ def _height(fit: PosedFit) -> float:
     return mean + float(by_betas @ fit.params.betas.mean(0).numpy())
 
 
-_GROUPS = {"": slice(0, kp.COUNT), **{f"_{name}": group for name, group in GROUPS.items()}}
 METRICS: dict[str, MetricKind] = {
     **{
-        f"reprojection{name}_{short}": MetricKind(
-            title=f"Reprojection{name.replace('_', ', ')}, {words}", unit="px", value=_percentile(group, percent)
+        f"reprojection_{group}{short}": MetricKind(
+            title=f"Reprojection, {group.replace('_', ', ')}{words}", unit="px", value=_error(group + short)
         )
-        for name, group in _GROUPS.items()
-        for short, words, percent in (("median", "median", 50), ("p95", "95 %", 95))
+        for group in ("", *(f"{name}_" for name in ERROR_GROUPS))
+        for short, words in (("median", "median"), ("p95", "95 %"))
     },
     "jitter": MetricKind(title="Jitter", unit="mm/frame²", value=_jitter(lambda fit: fit.still_joints)),
     "jitter_in_body": MetricKind(

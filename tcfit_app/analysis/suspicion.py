@@ -122,13 +122,14 @@ def review_queue(
     return ReviewQueue(left=tuple(sorted(entries, key=ORDERS["suspicion"])), looked_at=sum(reviewed))
 
 
-def worst_place(run: int, left: Sequence[Suspect], *, error: float | None = None) -> Worst:
-    """What a project keeps of a run's queue, the worst first; `error` as of `Worst`."""
+def worst_place(run: int, left: Sequence[Suspect], off: Mapping[str, float] | None = None) -> Worst:
+    """What a project keeps of a run's queue, the worst first; `off` as of `Worst`."""
+    off = dict(off or {})
     if not left:
-        return Worst(run=run, left=0, error=error)
+        return Worst(run=run, left=0, off=off)
     first = left[0]
     score = round(first.score, 2)
-    return Worst(run=run, left=len(left), score=score, frame=first.frame, words=first.reason, error=error)
+    return Worst(run=run, left=len(left), score=score, frame=first.frame, words=first.reason, off=off)
 
 
 def still_checked(

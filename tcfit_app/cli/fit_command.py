@@ -171,12 +171,16 @@ def _inputs(clip: Clip, body: BodyModel) -> list[str]:
 
 def report(summary: dict[str, Any]) -> list[str]:
     """The main figures as lines of a table, and the ground."""
-    lines = [f"{'':9}{'reprojection px':>18}{'95 %':>8}{'jitter mm/frame²':>19}{'seconds':>10}"]
+    parts = "".join(f"{name:>8}" for name in ERROR_GROUPS)
+    lines = [f"{'':9}{'reprojection px':>18}{parts} (95 %){'jitter mm/frame²':>19}{'seconds':>10}"]
     for phase, error in summary["reprojection_px"].items():
-        median, p95 = ("-" if e is None else f"{e:.1f}" for e in (error["median"], error["p95"]))
+        found = [error["median"], *(error[f"{name}_p95"] for name in ERROR_GROUPS)]
+        median, *off = ("-" if e is None else f"{e:.1f}" for e in found)
         jitter = summary["jitter"][phase]["camera_space_mm_per_frame2"]
         title = f"{phase[:-1]} {phase[-1]}"
-        lines.append(f"{title:9}{median:>18}{p95:>8}{jitter:>19.1f}{summary['seconds'][phase]:>10.1f}")
+        lines.append(
+            f"{title:9}{median:>18}{''.join(f'{px:>8}' for px in off)}{jitter:>26.1f}{summary['seconds'][phase]:>10.1f}"
+        )
     return lines if summary["ground"] is None else [*lines, summary["ground"]["text"]]
 
 

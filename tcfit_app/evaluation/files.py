@@ -33,6 +33,9 @@ _PRINTED = (
     "jitter",
     "jitter_truth",
     "reprojection_mean",
+    "reprojection_body_mean",
+    "reprojection_hands_mean",
+    "reprojection_face_mean",
 )
 
 

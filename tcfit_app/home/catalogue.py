@@ -17,7 +17,7 @@ from fitting_core.files.regular import legible, regular_file
 from fitting_core.io.people_file import read_people_file
 from tcfit_app.home.found import Found, Kind, find
 from tcfit_app.home.messages import Row, Work, unforeseen
-from tcfit_app.project.glance import Glance, Stamp, glance, stamp
+from tcfit_app.project.glance import Glance, Stamp, glance, off_by_phase, stamp
 from tcfit_app.project.storage.database import is_project
 from tcfit_app.project.storage.lock import Holder
 
@@ -200,7 +200,7 @@ def _of_project(row: Row, seen: Glance) -> Row:
         left=0 if worst is None else worst.left,
         words="" if worst is None else worst.words,
         frame=None if worst is None or not worst.left else seen.first_frame + worst.frame,
-        error=seen.error,
+        off=seen.off,
         reviewer=review.reviewer if begun else "",
         spent=sum(review.seconds.values()) if begun else 0.0,
         altered=review.altered,
@@ -234,12 +234,11 @@ def _of_result(row: Row, path: Path) -> tuple[Row, tuple[Path, ...]]:
         raise
     except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"{path}: cannot be read ({error}).") from error
-    phases = found.reprojection_px
     row = msgspec.structs.replace(
         row,
         state="fitted",
         frames=max(found.frames, 0),
         seconds=max(found.frames, 0) / found.frame_rate if found.frame_rate > 0 else 0.0,
-        error=phases[max(phases)].get("median") if phases else None,
+        off=off_by_phase(found.reprojection_px),
     )
     return row, () if found.video is None else (path.parent / found.video,)

@@ -4,6 +4,7 @@ import os
 import re
 import sqlite3
 import zlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import msgspec
 
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
+from fitting_core.keypoints import ERROR_GROUPS
 from tcfit_app.project.storage.clip_review import ClipReview, State, read_clip_review
 from tcfit_app.project.storage.columns import Columns, Count, Damage, json_of, line, of, or_none, undamaged
 from tcfit_app.project.storage.database import NAME, WITH_KINDS, WITH_REVIEW, glimpse
@@ -42,8 +44,8 @@ class Glance:
     """Entries of the log that write notes on frames."""
     fit: int | None
     """The run that counts, by its number."""
-    error: float | None
-    """Median reprojection error of its last phase, pixels."""
+    off: dict[str, float]
+    """Of its last phase, as of `off_by_part`."""
     holder: Holder | None
     """Who has it open for writing."""
 
@@ -77,10 +79,10 @@ def glance(folder: Path) -> Glance:
         clip = Columns(found[0])
         own = "AND kind <> 'imported'" if version >= WITH_KINDS else ""  # as `newest` has it
         newest = f"WHERE deleted IS NULL AND state = 'finished' {own} ORDER BY id DESC LIMIT 1"
-        fit, error = _fit(rows(f"SELECT id, summary FROM runs {newest}"))
+        fit, found_off = _fit(rows(f"SELECT id, summary FROM runs {newest}"))
         review = read_clip_review(rows, damage) if version >= WITH_REVIEW else ClipReview()
-        if review.worst is not None and review.worst.run == fit and review.worst.error is not None:
-            error = review.worst.error
+        if review.worst is not None and review.worst.run == fit and review.worst.off:
+            found_off = review.worst.off
         link = clip.read("media", or_none(json_of(MediaLink)))
         notes = rows("""SELECT count(*) FROM edits WHERE action LIKE '{"kind":"note%'""")[0][0]
         places = () if link is None else ((located(link, folder),) * bool(link.relative) + (Path(link.absolute),))
@@ -94,7 +96,7 @@ def glance(folder: Path) -> Glance:
             review=review,
             notes=notes,
             fit=fit,
-            error=error,
+            off=found_off,
             holder=holder(folder),
         )
 
@@ -110,15 +112,28 @@ class _Summary(msgspec.Struct):
     reprojection_px: dict[str, dict[str, float | None]] = {}
 
 
-def _fit(runs: list[sqlite3.Row]) -> tuple[int | None, float | None]:
-    """The run that counts, if there is one, and its reprojection error."""
+def off_by_part(figures: Mapping[str, float | None]) -> dict[str, float]:
+    """How far body, hands and face are off: 95 % of their keypoints are less so, pixels. The median of all ("all") in
+    summaries of earlier versions, which state no parts."""
+    parts = {name: px for name in ERROR_GROUPS if (px := figures.get(f"{name}_p95")) is not None}
+    median = figures.get("median")
+    return parts if parts or median is None else {"all": median}
+
+
+def off_by_phase(phases: Mapping[str, Mapping[str, float | None]]) -> dict[str, float]:
+    """The same of the last phase, of `reprojection_px` in a summary."""
+    return off_by_part(phases[max(phases)]) if phases else {}
+
+
+def _fit(runs: list[sqlite3.Row]) -> tuple[int | None, dict[str, float]]:
+    """The run that counts, if there is one, and how far it is off."""
     if not runs:
-        return None, None
+        return None, {}
     try:
         phases = msgspec.json.decode(runs[0]["summary"] or "{}", type=_Summary).reprojection_px
     except (ValueError, TypeError, RecursionError):
         phases = {}
-    return runs[0]["id"], phases[max(phases)].get("median") if phases else None
+    return runs[0]["id"], off_by_phase(phases)
 
 
 def _frames(folder: Path) -> int:

@@ -39,8 +39,8 @@ class Worst(msgspec.Struct, frozen=True, kw_only=True):
     frame: int = 0
     """Counted from the clip's first as 0."""
     words: str = ""
-    error: float | None = None
-    """Median of the run's reprojection errors, pixels; None: not measured here."""
+    off: dict[str, float] = {}
+    """How far body, hands and face are off, as of `glance.off_by_part`; empty: not measured here."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -51,6 +51,7 @@ KIND_WORDS = {
     "failed": "Failed",
     "swap": "Swapped",
     "reprojection": "Off",
+    "steady": "Off for a while",
     "jump": "Jumps",
     "detection": "Detection jumps",
     "depth": "Depth",

@@ -12,6 +12,7 @@ from fitting_core.body.model import JOINT
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.errors import InputError
 from fitting_core.ground.level import Level, level_of
+from fitting_core.metrics import error_figures
 from tcfit_app.analysis.curves import Curve, between_runs, curve
 from tcfit_app.analysis.levels import LevelSpans, level_spans
 from tcfit_app.analysis.meshes import Meshes
@@ -20,7 +21,6 @@ from tcfit_app.analysis.run_metrics import (
     MeasuredRun,
     Metric,
     frame_metrics,
-    median_error,
     reference_metrics,
     run_metrics,
 )
@@ -28,6 +28,7 @@ from tcfit_app.analysis.seen import told
 from tcfit_app.analysis.suspicion import ReviewQueue, Suspect, findings, review_queue, still_checked, worst_place
 from tcfit_app.fitting.edit_follower import LiveWindow
 from tcfit_app.fitting.fits import FitChoice, Shown, own_phases
+from tcfit_app.project.glance import off_by_part
 from tcfit_app.project.storage.clip_review import Worst
 from tcfit_app.project.storage.run_record import Run
 from tcfit_app.review.scene.room import Room, room_around
@@ -272,12 +273,14 @@ class DrawingData:
         return self._made(self._suspects_key(shown), shown, queue)
 
     def worst(self, shown: Shown) -> Worst | None:
-        """The worst place of a run's queue, and its reprojection error; None while they are computed."""
+        """The worst place of a run's queue, and how far it is off; None while they are computed."""
         found = self.queue(shown)
         if found is None:
             return None
         key = "worst", self._suspects_key(shown)
-        return self._made(key, shown, lambda posed: worst_place(shown.run.id, found.left, error=median_error(posed)))
+        return self._made(
+            key, shown, lambda posed: worst_place(shown.run.id, found.left, off_by_part(error_figures(posed.errors)))
+        )
 
     def _refitted(self, run: Run) -> list[tuple[int, range]]:
         """When which frames were refitted, as `Run.moment`; for corrections, according to the edits."""

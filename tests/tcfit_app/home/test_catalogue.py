@@ -107,7 +107,7 @@ def test_a_clip_is_listed_as_its_result_until_it_has_a_project(tmp_path: Path):
     (folder / "summary.json").write_text(json.dumps(summary))
     catalogue = Catalogue(tmp_path)
     (row,) = catalogue.refresh()[0]
-    assert (row.kind, row.state, row.frames, row.seconds, row.error) == ("result", "fitted", 90, 3.0, 2.5)
+    assert (row.kind, row.state, row.frames, row.seconds, row.off) == ("result", "fitted", 90, 3.0, {"all": 2.5})
     (folder / "summary.json").write_text("{")
     result, video = catalogue.refresh()[0]
     assert "cannot be read" in result.problem and video.kind == "video"

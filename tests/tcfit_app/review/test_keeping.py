@@ -94,9 +94,9 @@ def test_the_worst_place_of_the_newest_run_is_kept(
             score=round(found[0].score, 2) if found else 0.0,
             frame=found[0].frame if found else 0,
             words=found[0].reason if found else "",
-            error=worst.error,
+            off=worst.off,
         )
-        assert worst.error is not None and 0 <= worst.error == glance(folder).error
+        assert worst.off["body"] >= 0 and worst.off == glance(folder).off
 
 
 def test_a_fit_that_cannot_be_read_has_no_worst_place(

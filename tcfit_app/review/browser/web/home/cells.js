@@ -6,7 +6,7 @@ import { element } from "../element.js";
  * @typedef {{ step: string, share?: number, ended?: "failed" | "done" }} Work
  * @typedef {{ key: string, name: string, place: string, group?: string,
  *   kind: "project" | "result" | "video" | "images", state?: State, frames?: number, seconds?: number,
- *   score?: number, left?: number, words?: string, frame?: number, error?: number, reviewer?: string, spent?: number,
+ *   score?: number, left?: number, words?: string, frame?: number, off?: Object<string, number>, reviewer?: string, spent?: number,
  *   altered?: boolean, note?: string, notes?: number, busy?: string, work?: Work, problem?: string }} Row
  * @typedef {"new" | "fitted" | "in review" | "approved"} State
  * @typedef {{ title: string, name: string, number?: boolean, order?: (row: Row) => string | number | undefined,
@@ -108,6 +108,11 @@ function note(cell, row) {
   button.setAttribute("aria-label", row.note ? `Note on ${row.name}: ${row.note}` : `Add a note on ${row.name}`);
 }
 
+/** How far body, hands and face are off. @param {HTMLElement} cell @param {Row} row */
+function off(cell, row) {
+  for (const [part, px] of Object.entries(row.off ?? {})) element("div", "dim", cell, `${part} ${px.toFixed(0)} px`);
+}
+
 /** @type {Column[]} */
 export const COLUMNS = [
   { title: "Clip", name: "name", order: (row) => row.place, fill: name },
@@ -115,11 +120,11 @@ export const COLUMNS = [
   { title: "State", name: "state", order: (row) => STATES.indexOf(stateOf(row)), fill: state },
   { title: "Worst place", name: "worst", number: true, order: (row) => row.score, fill: worst },
   {
-    title: "Error",
-    name: "error",
+    title: "Off (95 %)",
+    name: "off",
     number: true,
-    order: (row) => row.error,
-    fill: (cell, row) => void (cell.textContent = row.error === undefined ? "" : `${row.error.toFixed(1)} px`),
+    order: (row) => Object.values(row.off ?? {}).sort((a, b) => b - a)[0],
+    fill: off,
   },
   { title: "Reviewer", name: "reviewer", order: (row) => row.reviewer || undefined, fill: reviewer },
   { title: "Note", name: "note", order: (row) => row.note || undefined, fill: note },
