@@ -54,6 +54,7 @@ from tcfit_app.fitting.bodies import Bodies, record_of
 from tcfit_app.imports.given import start_of
 from tcfit_app.options.fit import FitOptions
 from tcfit_app.options.preparing import body_file, check_out, prepare_solver
+from tcfit_app.project.glance import off_by_part
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.accessing import accessing
 from tcfit_app.project.storage.clip import same_detections
@@ -370,6 +371,7 @@ def _figures(content: dict[str, Any], notes: list[str]) -> Figures:
     return Figures(
         frames=content["frames"],
         reprojection_px=content["reprojection_px"][last]["median"],
+        off=off_by_part(content["reprojection_px"][last]),
         jitter_mm=content["jitter"][last]["camera_space_mm_per_frame2"],
         notes=tuple(notes),
     )

@@ -13,6 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from fitting_core.files.atomic import replacing
+from fitting_core.keypoints import ERROR_GROUPS
 from tcfit_app.batch.manifest import ClipTask
 from tcfit_app.batch.records import Record, write_json
 
@@ -43,6 +44,10 @@ class Row:
     frames: int | None = None
     reprojection_px: float | None = None
     """Median of the last phase."""
+    body_p95_px: float | None = None
+    hands_p95_px: float | None = None
+    face_p95_px: float | None = None
+    """95 % of the keypoints of a part are less off."""
     jitter_mm_per_frame2: float | None = None
     """Of the joints in camera space."""
     reason: str = ""
@@ -57,6 +62,7 @@ def row_of(task: ClipTask, record: Record | None, before: bool) -> Row:
     if before:
         state = "done before" if state == "done" else "failed before"
     figures = record.figures
+    off = figures.off if figures else {}
     return Row(
         line=task.line,
         clip=task.name,
@@ -65,6 +71,7 @@ def row_of(task: ClipTask, record: Record | None, before: bool) -> Row:
         seconds=round(record.seconds, 3),
         frames=figures.frames if figures else None,
         reprojection_px=figures.reprojection_px if figures else None,
+        **{f"{name}_p95_px": off.get(name) for name in ERROR_GROUPS},
         jitter_mm_per_frame2=figures.jitter_mm if figures else None,
         reason=record.reason,
         notes=" | ".join(figures.notes) if figures else "",

@@ -48,6 +48,8 @@ class Figures(msgspec.Struct, frozen=True, kw_only=True):
     frames: int
     reprojection_px: float | None = None
     """Median of the last phase."""
+    off: dict[str, float] = {}
+    """How far body, hands and face are off in the last phase, as of `glance.off_by_part`."""
     jitter_mm: float | None = None
     """Per frame squared, in camera space."""
     notes: tuple[str, ...] = ()

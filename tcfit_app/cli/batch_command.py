@@ -197,9 +197,8 @@ class _Lines:
         head = f"{place} {record.state:6} {task.name:{self._width}} {record.seconds:7.1f} s"
         if record.figures is None:
             return f"{head}  {record.reason.splitlines()[0]}"
-        pixels = record.figures.reprojection_px
-        error = "" if pixels is None else f", {pixels:.1f} px"
-        return f"{head}  {record.figures.frames} frames{error}"
+        off = ", ".join(f"{part} {px:.0f} px" for part, px in record.figures.off.items())
+        return f"{head}  {record.figures.frames} frames{off and f'; 95 % off by less than {off}'}"
 
     def close(self) -> None:
         self._bar.close()

@@ -84,6 +84,11 @@ class EditFollower:
         """Whether the fit is following a drag, or is about to follow an edit."""
         return bool(self._drags or self._recent or self._settled or self._taking_back)
 
+    @property
+    def lags(self) -> bool:
+        """Whether a fit that follows edits does not show all of them yet."""
+        return self.busy or bool(self._under_way)
+
     @staticmethod
     def obstacle(shown: Shown | None) -> str:
         """Why a fit does not follow edits, for users; empty if it does, or if there is none."""

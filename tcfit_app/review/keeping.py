@@ -58,7 +58,7 @@ class Keeping:
         if project.read_only or run is None or run.state != "finished" or run.kind == "imported":
             return
         kept = project.review.now.worst
-        if kept is not None and kept.run == run.id and kept.error is not None:
+        if kept is not None and kept.run == run.id and kept.off:
             patience = 0.0
         end = time.monotonic() + patience
         try:
@@ -76,4 +76,4 @@ def _worst(data: DrawingData) -> Worst | None:
     shown = data.session.stored.show(FitChoice())
     if shown is not None and (problem := data.problem("suspects", shown)):
         raise InputError(problem)
-    return None if shown is None else data.worst(shown)
+    return None if shown is None or data.session.edit_follower.lags else data.worst(shown)

@@ -27,7 +27,10 @@ class Reviewing:
     @property
     def queue(self) -> ReviewQueue | None:
         """The newest queue that there is, of which a newer one may be being computed; None while the first one is, and
-        if there is no fit or it has none."""
+        if there is no fit or it has none. While the fit follows an edit the queue stays: corrected keypoints beside the
+        uncorrected fit would be entries that vanish again."""
+        if self._queue is not None and self._tab.session.edit_follower.lags:
+            return self._queue
         shown, data = self._tab.shown.b, self._tab.data
         found = None if shown is None else data.queue(shown)
         if found is not None or shown is None or data.problem("suspects", shown):
@@ -74,21 +77,24 @@ class Reviewing:
         return last is not None and suspect.key == last.key
 
     def show(self, suspect: Suspect) -> None:
-        """Go to an entry, and select its keypoints."""
+        """Go to an entry, and select its keypoints and frames."""
         self._last = suspect
         self._place = next((i for i, known in enumerate(self.suspects or ()) if self._is_last(known)), self._place)
         self._tab.pause()
         self._tab.seek(suspect.frame)
         self._tab.set(selection=suspect.joints, suggested=True)
-        if self._tab.state.frames is not None and suspect.frame not in self._tab.state.frames:
-            self._tab.set(frames=None)  # otherwise "looks fine" would apply to frames that are not on show
+        state = self._tab.state
+        if state.frames is None or state.frames_suggested or suspect.frame not in state.frames:
+            frames = suspect.frames if len(suspect.frames) > 1 else None
+            self._tab.set(frames=frames, frames_suggested=True)
         self._tab.say(suspect.reason)
 
     @property
     def on_show(self) -> Suspect | None:
         """The entry visited last, while one of its frames is on show and no others are selected."""
         last, state = self._last, self._tab.state
-        return last if last is not None and state.frames is None and state.frame in last.frames else None
+        own = last is not None and (state.frames is None or (state.frames_suggested and state.frames == last.frames))
+        return last if last is not None and own and state.frame in last.frames else None
 
     @property
     def fine(self) -> bool:

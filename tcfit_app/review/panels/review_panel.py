@@ -168,7 +168,8 @@ class ReviewPanel:
         data = self._tab.data
         self._found = self._gestures.reviewing.queue
         self._problem = "" if shown is None or self._found is not None else data.problem("suspects", shown)
-        self._looking = shown is not None and not self._problem and data.queue(shown) is None
+        lags = self._tab.session.edit_follower.lags
+        self._looking = shown is not None and not self._problem and (lags or data.queue(shown) is None)
 
     def _here(self) -> int | None:
         """The position in the queue of the entry on show."""

@@ -91,6 +91,8 @@ class TabState:
     """The review queue selected them, not the user: a drag moves only the one under the pointer."""
     frames: range | None = None
     """The selected frames."""
+    frames_suggested: bool = False
+    """The review queue selected them: they are deselected when the tab leaves them."""
     keyframes: bool = True
     """Moves in one frame are keyframes: frames between two of them are interpolated."""
     hand_along: bool = True
@@ -141,7 +143,18 @@ class TabState:
     """The window of all keys is open."""
 
 
-_OF_A_PERSON = {"frame", "a", "b", "selection", "suggested", "frames", "settings", "playing", "keys"}
+_OF_A_PERSON = {
+    "frame",
+    "a",
+    "b",
+    "selection",
+    "suggested",
+    "frames",
+    "frames_suggested",
+    "settings",
+    "playing",
+    "keys",
+}
 """State that belongs to one person's project; the rest is how it is displayed."""
 
 

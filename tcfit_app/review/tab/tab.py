@@ -164,6 +164,11 @@ class Tab:
     def set(self, **changes: Any) -> None:
         """Change the state; names and values as in TabState."""
         suggested = {"suggested": False} if "selection" in changes else {}
+        frames = self.state.frames if self.state.frames_suggested else None
+        if "frames" in changes:
+            suggested["frames_suggested"] = False
+        elif frames is not None and changes.get("frame", self.state.frame) not in frames:
+            changes |= {"frames": None, "frames_suggested": False}
         self.state = replace(self.state, **(suggested | changes))
         name = self.browser.name
         if name is not None:
@@ -186,8 +191,9 @@ class Tab:
 
     @property
     def played(self) -> range:
-        """The frames that are played: those selected, or all."""
-        return self.state.frames if self.state.frames is not None else range(self.length)
+        """The frames that are played: those that the user selected, or all."""
+        own = self.state.frames is not None and not self.state.frames_suggested
+        return self.state.frames if own and self.state.frames else range(self.length)
 
     @property
     def chosen_frames(self) -> range:
