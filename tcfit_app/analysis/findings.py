@@ -164,7 +164,7 @@ def _steady(fit: PosedFit) -> Iterator[Finding]:
         own = [list(joints) for joints in sides.values()]
         means = np.stack([_running_mean(offsets[:, joints], frames, _STEADY_MOST * least) for joints in own], 1)
         lie = means > least[:, None]
-        for run in runs_where(lie.any(1)):
+        for run in runs_where(np.asarray(lie.any(1))):
             chosen = [i for i in range(len(own)) if lie[run.start : run.stop, i].mean() > 0.5]
             if len(run) < frames // 2 or not chosen:
                 continue

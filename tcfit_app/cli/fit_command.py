@@ -19,6 +19,7 @@ from fitting_core.errors import InputError, printable
 from fitting_core.fit.events import FitEvent, Iteration, PhaseFinished, PhaseStarted
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.io.result_files import FIT_NAME, OVERLAY_NAME, SUMMARY_NAME, write_result
+from fitting_core.keypoints import ERROR_GROUPS
 from fitting_core.results.fit_result import FitResult
 from fitting_core.results.given_start import GivenStart
 from fitting_core.results.known_shape import KnownShape

@@ -240,6 +240,7 @@ def test_an_arm_that_lies_beside_its_keypoints_for_a_while_is_one_entry(fine: Po
     assert said and abs(int(said[1]) - pixels) < 2
     assert range(int(said[2]), int(said[3]) + 1) == entry.frames
     off = error_figures(fit.errors)
+    assert off["body_p95"] and off["median"]
     assert off["body_p95"] > 0.8 * pixels > 3 * off["median"], "the median alone hides it"
     shows = curve("reprojection", fit).values
     assert np.median(shows[14:30]) > 1.5 * np.median([*shows[:5], *shows[-5:]])
