@@ -162,8 +162,13 @@ class Corrections:
 
         with self._fits.unseen():
             if base.kind == "corrections":
-                change(self._changes_of(base.id))
-                self._project.runs.amend(base.id, found, edits_seen=now_seen)
+                changes = self._changes_of(base.id)
+                change(changes)
+                try:
+                    self._project.runs.amend(base.id, found, edits_seen=now_seen)
+                except InputError:
+                    changes.forget(changes.made[-1:])
+                    raise
             else:
                 base = self._project.runs.add(
                     found,
@@ -237,23 +242,23 @@ class Corrections:
         again = [] if gone else list(takewhile(lambda change: stood_by(change.about.seen), changes.taken_back))
         if not gone and not again:
             return False
-        fit, seen, turned = self._fits.fit(run), run.edits_seen, []
+        fit, seen, frames = self._fits.fit(run), run.edits_seen, []
         for change in gone or again:
             other = changes.frames(change)
             if other is None:
                 changes.forget(changes.made + changes.taken_back)
                 return False
-            turned.append((change, Frames.of(fit, other.windows, seen)))
+            frames.append(Frames.of(fit, other.windows, seen))
             fit, seen = other.put_into(fit), other.edits_seen
         with self._fits.unseen():
+            turning = changes.turning(gone or again, frames)
             emptied = len(gone) == len(changes.made) > 0
             self._project.runs.amend(run.id, fit, edits_seen=seen, hidden=emptied)
+            changes.turn(turning)
             if run.parent is not None and emptied:
                 self.emptied[run.id] = run.parent
             elif run.parent is not None and run.deleted:
                 self._collected[run.parent] = run.id
-            for change, other in turned:
-                (changes.take_back if gone else changes.make_again)(change, other)
             self._fits.publish(run.id, fit)
         edits = {edit: stood for change in gone for edit, stood in change.about.edits.items()}
         if left := {edit: stood for edit, stood in edits.items() if self._project.stands(edit) == stood}:

@@ -2,9 +2,11 @@
 
 import shutil
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
+import torch
 
 from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
@@ -70,7 +72,39 @@ def assert_only_jobs_run(session: Session) -> None:
     runs = session.project.runs
     assert [run.name for run in runs.all() if run.state == "running"] == []
     for run in runs.all():
+        if run.stored:
+            shown, stored = session.fits.fit(run).last.params, runs.load(run.id).last.params
+            assert torch.equal(shown.body_pose, stored.body_pose), f"{run.name} on show is not the stored one"
         session.delete(run.id)
+
+
+@pytest.mark.parametrize("room", WRITES)
+def test_full_disk_during_an_undo_loses_no_correction(session: Session, tiny_body: BodyModel, room: int):
+    before = newest(session)
+    edited(session)
+    idle(session)
+    corrected = newest(session)
+    with disk() as full:
+        full.room = room
+        with suppress(InputError):
+            session.undo(author="me", shown=corrected)
+            idle(session)
+        full.room = None
+        idle(session)
+    folder = session.project.folder
+    session.close()
+    session.project.close()
+    with session_of(folder, tiny_body) as again:
+        if again.project.undoable is not None:
+            again.undo(author="me", shown=newest(again))
+            idle(again)
+        # The fit may still show the edit, as the notice says; once it is redone and undone it does not.
+        for step in (again.redo, again.undo):
+            assert step(author="me", shown=newest(again)) is not None
+            idle(again)
+            if step == again.redo:
+                assert torch.equal(newest(again).params.body_pose, corrected.params.body_pose)
+        assert torch.equal(newest(again).params.body_pose, before.params.body_pose)
 
 
 @pytest.mark.parametrize("room", WRITES)

@@ -11,6 +11,7 @@ then follows the edit like any other.
 """
 
 import logging
+import os
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -19,6 +20,7 @@ import msgspec
 import numpy as np
 
 from fitting_core.errors import InputError
+from fitting_core.files.atomic import sync
 from fitting_core.files.npz import read_npz, write_npz
 from fitting_core.ground.arrays import grounding_arrays, grounding_from
 from fitting_core.ground.grounding import Grounding
@@ -109,6 +111,14 @@ class Change:
     about: ChangeAbout
 
 
+@dataclass(frozen=True, kw_only=True)
+class Turning:
+    """Changes that are to be undone or redone, and what they are afterwards."""
+
+    changes: list[Change]
+    turned: list[Change]
+
+
 class Changes:
     """The changes of one run, oldest first. For one thread at a time.
 
@@ -123,9 +133,8 @@ class Changes:
         self.taken_back: list[Change] = []
         """The changes undone, the last one undone first; it applies directly after those in `_made`."""
         files = sorted(folder.glob("*.npz")) if folder.is_dir() else []
-        for file in files:
-            about = _about(file)
-            if file.stem.isdigit() and about is not None:
+        for file in [file for file in files if file.stem.isdigit()]:
+            if (about := _about(file)) is not None:
                 change = Change(number=int(file.stem), about=about)
                 (self.taken_back if about.taken_back else self.made).append(change)
 
@@ -151,14 +160,11 @@ class Changes:
             edits_seen=before.edits_seen,
             phase=PhaseRecord.of(before.phase),
         )
-        self._write_last(about, before)
-        self._make_room()
-
-    def _write_last(self, about: ChangeAbout, before: Frames) -> None:
         number = 1 + max((change.number for change in (*self.made, *self.taken_back)), default=0)
         change = Change(number=number, about=about)
-        self._write(change, before)
+        self._write(change, before, self._file(change))
         self.made.append(change)
+        self._make_room()
 
     def frames(self, change: Change) -> Frames | None:
         """What a change replaced, or what it had produced if it was undone; None if it cannot be read."""
@@ -173,18 +179,40 @@ class Changes:
             return None
         return Frames(windows=windows, phase=phase, grounding=grounding, edits_seen=about.edits_seen)
 
-    def take_back(self, change: Change, made: Frames) -> None:
-        """Undo the run's last change, which had produced `made`. Raises InputError as `add`."""
-        about = _turned(change.about, made, taken_back=True)
-        back = Change(number=change.number, about=about)
-        self._write(back, made)
-        self.made.remove(change)
-        self.taken_back.insert(0, back)
+    def turning(self, changes: list[Change], frames: list[Frames]) -> "Turning":
+        """Prepare to undo the run's last changes, the last one first, or to redo the first ones that were undone.
+        Everything that needs room on the disk is written when this returns. Raises InputError as `add`; nothing has
+        changed then.
 
-    def make_again(self, change: Change, before: Frames) -> None:
-        """Redo the first undone change, which replaces `before`. Raises InputError as `add`."""
-        self._write_last(_turned(change.about, before, taken_back=False), before)
-        self.forget([change])
+        Args:
+            changes: Which.
+            frames: For each, what it had produced, or what it replaces again.
+        """
+        free = 1 + max(change.number for change in (*self.made, *self.taken_back))
+        turned = []
+        for place, (change, other) in enumerate(zip(changes, frames, strict=True)):
+            back = not change.about.taken_back
+            about = _turned(change.about, other, taken_back=back)
+            # A change made again is the last one, though others may have been made since it was undone.
+            turned.append(Change(number=change.number if back else free + place, about=about))
+            self._write(turned[-1], other, self._prepared(turned[-1]))
+        return Turning(changes=changes, turned=turned)
+
+    def turn(self, turning: "Turning") -> None:
+        """Do what was prepared."""
+        for change, turned in zip(turning.changes, turning.turned, strict=True):
+            with accessing(self._folder):
+                os.replace(self._prepared(turned), self._file(turned))
+                sync(self._folder)
+            if turned.about.taken_back:
+                self.made.remove(change)
+                self.taken_back.insert(0, turned)
+            else:
+                self.made.append(turned)
+                self.forget([change])
+
+    def _prepared(self, change: Change) -> Path:
+        return self._file(change).with_suffix(".prepared.npz")
 
     def forget(self, changes: list[Change]) -> None:
         """Delete changes that will never be undone or redone."""
@@ -199,12 +227,12 @@ class Changes:
             sizes.pop(0)
             self.forget(self.made[:1])
 
-    def _write(self, change: Change, frames: Frames) -> None:
+    def _write(self, change: Change, frames: Frames, path: Path) -> None:
         arrays = phase_arrays(frames.phase) | grounding_arrays(frames.grounding)
         arrays["about"] = np.array(msgspec.json.encode(change.about).decode())
         with accessing(self._folder):
             self._folder.mkdir(exist_ok=True)
-            write_npz(self._file(change), arrays)
+            write_npz(path, arrays)
 
     def _file(self, change: Change) -> Path:
         return self._folder / file_name(change.number)

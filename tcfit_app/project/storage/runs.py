@@ -6,13 +6,13 @@ is opened, and keeps them.
 """
 
 import os
+import shutil
 import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
-from shutil import rmtree
 from time import time_ns
 from typing import Annotated, Any
 
@@ -256,13 +256,23 @@ class Runs:
         found = self.get(run)
         if found.kind != "corrections" or found.state != "finished":
             raise InputError(f"{found.name} is not a finished run of corrections; it is unchanged.")
-        write_run(self._path(run), fit)
-        now = _now().isoformat()
-        with self._writing() as connection:
-            connection.execute(
-                f"UPDATE runs SET edits_seen = ?, summary = ?, ended = ?, deleted = ?, moment = {_NEXT} WHERE id = ?",
-                (edits_seen, _summary(fit, None), now, now if hidden else None, run),
-            )
+        path, now = self._path(run), _now().isoformat()
+        with accessing(self._folder), drafting(path) as draft:
+            write_run(draft, fit)
+            before = draft.with_name("before.npz")
+            shutil.copyfile(path, before)
+            try:
+                with self._writing() as connection:
+                    connection.execute(
+                        "UPDATE runs SET edits_seen = ?, summary = ?, ended = ?, deleted = ?,"
+                        f" moment = {_NEXT} WHERE id = ?",
+                        (edits_seen, _summary(fit, None), now, now if hidden else None, run),
+                    )
+                    os.replace(draft, path)
+                    sync(self._folder)
+            except BaseException:  # the disk may have had room for the file, and none for the row
+                os.replace(before, path)
+                raise
         return self.get(run)
 
     def end(self, run: int, state: Ended, message: str = "") -> Run:
@@ -341,7 +351,7 @@ class Runs:
     def _remove_files(self, run: int) -> None:
         self._path(run).unlink(missing_ok=True)
         if (changes := self._path(run).with_suffix("")).is_dir():
-            rmtree(changes)
+            shutil.rmtree(changes)
 
     def _expect(self, run: int, state: RunState) -> None:
         found = self.get(run)
