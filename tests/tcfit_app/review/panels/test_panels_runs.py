@@ -485,23 +485,12 @@ def test_run_frames_and_axes_are_chosen(panel_of: Opener):
         assert len(read["trans"]) == FRAMES, "the selection is gone, and with it the wish"
 
 
-def test_a_character_with_fewer_keys(panel_of: Opener):
+def test_a_view_of_pictures_is_chosen(panel_of: Opener):
     tested = panel_of(ExportPanel)
     tested.fit()
-    whole = downloaded(tested, "glb")
-    assert " keys" not in tested.panels[0]._note
-    tested.click("within 5 mm")
-    fewer = downloaded(tested, "glb")
-    found = re.search(
-        r"([\d,]+) of ([\d,]+) keys .*? joints, finger tips and toes at most ([\d.]+) mm off", tested.html()
-    )
-    assert found is not None and float(found[3]) <= 5.0
-    kept, all_keys = (int(number.replace(",", "")) for number in found.groups()[:2])
-    assert kept < all_keys and len(fewer) < len(whole)
-    downloaded(tested, "bvh")
-    assert "BVH has no keys" in tested.html()
-    tested.press("export.keys", "")
-    assert downloaded(tested, "glb") == whole and " keys" not in tested.panels[0]._note
+    for label, views in (("side", ("side",)), ("both", ("camera", "side")), ("camera", ("camera",))):
+        tested.press("export.view", {"camera": ""}.get(label, label))
+        assert tested.panels[0]._source(EXPORTS["picture"]).views == views
 
 
 def test_fbx_waits_for_blender(panel_of: Opener, monkeypatch: pytest.MonkeyPatch):
