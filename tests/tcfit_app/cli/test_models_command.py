@@ -148,7 +148,7 @@ def test_networks_are_taken_from_files_and_shown(
     states = [line.split()[-1] for line in capsys.readouterr().out.splitlines() if line.startswith("pose_")]
     assert states == ["installed", "damaged", "installed"]
     (check,) = check_detector()
-    assert check.status == "warning" and "damaged: pose_landmark_full" in check.found
+    assert check.status == "warning" and "pose_landmark_full.onnx: is damaged" in check.found
     register_models([Path("mediapipe")], agreed=True)
     (check,) = check_detector()
     assert check.status == "ok" and not check.advice

@@ -102,13 +102,13 @@ def test_a_fit_that_is_asked_for_and_cannot_begin_is_told(
         return lines[0] if lines else ""
 
     alone, folder = tmp_path / "alone.tcfit", tmp_path / "wave.tcfit"
-    no_keypoints = "--fit: nothing is fitted, for alone.tcfit has no keypoints. Have them found first"
+    no_keypoints = "--fit: no fit was started, because alone.tcfit has no keypoints. Detect them in the panel Start"
     assert no_keypoints in told(write_video(tmp_path / "a.mp4"), "--keypoints", "none", "--out", alone)
     found = []
     monkeypatch.setattr(Session, "find_and_fit", lambda self, detector, config, person: found.append(detector))
     known = DETECTORS["mediapipe"]
     monkeypatch.setitem(DETECTORS, "mediapipe", replace(known, is_here=lambda: False))
-    assert told(alone).endswith("is not on this computer yet. Fetch it in the panel Start.") and not found
+    assert told(alone).endswith("is not installed. Download it in the panel Start.") and not found
     monkeypatch.setitem(DETECTORS, "mediapipe", replace(known, is_here=lambda: True))
     assert told(alone) == "" and found == ["mediapipe"], "they are found without being asked twice"
     reviewed(*clip_arguments, "--out", folder)
