@@ -139,7 +139,7 @@ def test_ctrl_c_keeps_what_was_found_and_the_same_command_goes_on(
     time.sleep(0.1)
     running.send_signal(signal.SIGINT)
     told = running.communicate(timeout=60)[1]
-    assert f"the keypoints of {KEPT} of {FRAMES} frames are cached; the same command continues." in told
+    assert f"The keypoints of {KEPT} of {FRAMES} frames are cached; the same command continues." in told
     assert running.returncode == 130 and not out.exists(), "a part of the files would read as a shorter clip"
     assert main(command) == 0
     assert f"Continuing after {KEPT} of {FRAMES} frames" in capsys.readouterr().err

@@ -107,7 +107,7 @@ def test_ctrl_c_keeps_what_was_found(
     fake._people = interrupted
     command = ["new", fit_video[1], "--out", str(tmp_path / "a.tcfit")]
     assert main(command) == 130
-    assert f"the keypoints of 4 of {FRAMES} frames are cached; the same command continues." in capsys.readouterr().err
+    assert f"The keypoints of 4 of {FRAMES} frames are cached; the same command continues." in capsys.readouterr().err
     assert main(command) == 0
     assert f"Continuing after 4 of {FRAMES} frames" in capsys.readouterr().err
     assert fake.asked == [0, 1, 2, 3, 4, 5, 4, 5]
