@@ -1,10 +1,11 @@
 """The three phases as a generator of events, and as one call."""
 
+import threading
 import time
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
 from functools import wraps
-from typing import ParamSpec, TypeVar
+from typing import Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 import torch
@@ -52,29 +53,51 @@ Outcome = TypeVar("Outcome")
 PHASE_TITLES = {1: "every frame on its own", 2: "one shape", 3: "consistency over time"}
 
 
-def _on_one_thread(
-    function: Callable[P, Generator[FitEvent, None, Outcome]],
-) -> Callable[P, Generator[FitEvent, None, Outcome]]:
-    """Torch uses one thread while the generator runs, and as many as before between its values.
+class _OneThread:
+    """Torch on one thread inside; outside on as many as before any of several fits, which may overlap.
 
     Its operations are small here: two threads waiting for each other took six times the processor time. The kernels
     distribute frames over threads.
     """
 
+    def __init__(self) -> None:
+        self._lock, self._inside, self._before = threading.Lock(), 0, 1
+
+    def __enter__(self) -> None:
+        with self._lock:
+            if not self._inside:
+                self._before = torch.get_num_threads()
+            self._inside += 1
+            torch.set_num_threads(1)
+
+    def __exit__(self, *error: object) -> None:
+        with self._lock:
+            self._inside -= 1
+            # Of this thread, and of those that start later: in fits of other threads it stays 1.
+            torch.set_num_threads(self._before)
+
+
+_one_thread = _OneThread()
+
+
+def _on_one_thread(
+    function: Callable[Concatenate[Clip, BodyModel, FitConfig, P], Generator[FitEvent, None, Outcome]],
+) -> Callable[Concatenate[Clip, BodyModel, FitConfig, P], Generator[FitEvent, None, Outcome]]:
+    """Torch uses one thread while the generator runs, and as many as before between its values."""
+
     @wraps(function)
-    def run(*args: P.args, **kwargs: P.kwargs) -> Generator[FitEvent, None, Outcome]:
+    def run(
+        clip: Clip, body: BodyModel, config: FitConfig, *args: P.args, **kwargs: P.kwargs
+    ) -> Generator[FitEvent, None, Outcome]:
         say_if_slow()
-        events = function(*args, **kwargs)
+        events = function(clip, body, config, *args, **kwargs)
         try:
             while True:
-                before = torch.get_num_threads()
-                torch.set_num_threads(1)
-                try:
-                    event = next(events)
-                except StopIteration as stop:
-                    return stop.value
-                finally:
-                    torch.set_num_threads(before)
+                with _one_thread:
+                    try:
+                        event = next(events)
+                    except StopIteration as stop:
+                        return stop.value
                 yield event
         finally:
             events.close()

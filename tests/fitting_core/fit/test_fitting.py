@@ -1,6 +1,9 @@
 """Whole fits of short clips with known truth: what is recovered, what is kept, and what no input may break."""
 
+import threading
 import time
+from collections.abc import Callable, Generator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields, replace
 from itertools import pairwise
 
@@ -18,10 +21,10 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS, FitConfig, ShapeSample, SolverSettings, Temporal, Weights
 from fitting_core.errors import InputError
 from fitting_core.fit import fitting
-from fitting_core.fit.events import Finished, FramesFitted, Iteration, PhaseFinished, PhaseStarted
+from fitting_core.fit.events import Finished, FitEvent, FramesFitted, Iteration, PhaseFinished, PhaseStarted
 from fitting_core.fit.evidence.sides import PAIRED
 from fitting_core.fit.evidence.stances import Stances
-from fitting_core.fit.fitting import fit_clip, fit_events, rerun_events
+from fitting_core.fit.fitting import _on_one_thread, fit_clip, fit_events, rerun_events
 from fitting_core.fit.grounded import grounding_of_params
 from fitting_core.fit.phase_figures import evaluated, patched
 from fitting_core.fit.phases import progress
@@ -218,6 +221,44 @@ def test_gradients_are_as_the_caller_left_them(free_body: BodyModel, short_clip:
         assert torch.is_grad_enabled()
         if isinstance(event, PhaseFinished):
             assert not any(getattr(event.result.params, f.name).requires_grad for f in fields(BodyParams))
+
+
+def test_two_fits_that_overlap_give_the_threads_back():
+    """Each in a thread of its own: the second begins while the first runs, and ends after it."""
+    order = [threading.Barrier(2, timeout=30) for _ in range(3)]
+
+    @_on_one_thread
+    def first(*_: object) -> Generator[FitEvent, None, None]:
+        order[0].wait()
+        order[1].wait()
+        yield from ()
+
+    @_on_one_thread
+    def second(*_: object) -> Generator[FitEvent, None, None]:
+        order[1].wait()
+        order[2].wait()
+        yield from ()
+
+    def threads_of_a_new_one() -> int:
+        with ThreadPoolExecutor(1) as pool:
+            return pool.submit(torch.get_num_threads).result()
+
+    def run(fit: Callable[..., Generator[FitEvent, None, None]]) -> None:
+        list(fit(None, None, replace(QUICK, solver="lbfgs")))  # no kernels are compiled for this one
+
+    before = torch.get_num_threads()
+    torch.set_num_threads(2)
+    try:
+        with ThreadPoolExecutor(2) as pool:
+            one = pool.submit(run, first)
+            order[0].wait()
+            other = pool.submit(run, second)
+            one.result(timeout=30)
+            order[2].wait()
+            other.result(timeout=30)
+        assert torch.get_num_threads() == threads_of_a_new_one() == 2
+    finally:
+        torch.set_num_threads(before)
 
 
 def test_what_is_done_never_shrinks(tiny_body: BodyModel, in_torch: None):
