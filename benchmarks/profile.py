@@ -20,7 +20,6 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.points.body_points import BodyPoints
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
-from fitting_core.fit import objective
 from fitting_core.fit.events import PhaseFinished
 from fitting_core.fit.fitting import fit_clip, fit_events
 from fitting_core.fit.objective import FrameObjective
@@ -29,25 +28,16 @@ from fitting_core.fit.solvers.problem import IndependentFrames, SharedShape
 from fitting_core.fit.solvers.sequence import Sequence
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.terms.data import Data
-from fitting_core.fit.terms.temporal import Evenness
-from fitting_core.fit.variables.point_jacobian import PointJacobian
 from tests.samples.excerpts import mirrored
 
 SECTIONS = [
     Section("forward: pose the points", ((BodyPoints, "forward"),)),
-    Section("entries: lever arms x axes", ((BodyPoints, "rotation_entries"),)),
-    Section("entries: shape and expression", ((BodyPoints, "coefficient_jacobian"),)),
-    Section("scatter into the Jacobian", ((PointJacobian, "_scatter"),)),
-    Section("Jacobian: fingers and assembly", ((PointJacobian, "__call__"),)),
-    Section(
-        "pose correctives' gradient", ((BodyPoints, "corrective_gradient"), (PointJacobian, "corrective_gradient"))
-    ),
-    Section("JtJ of E_o", ((objective, "_add"),)),
-    Section("rest of E_o: residuals, priors", ((FrameObjective, "_normal"),)),
-    Section("data term: projection, rows", ((Data, "rows"), (Data, "residual"))),
+    Section("Jacobians by automatic differentiation", ((FrameObjective, "differentiated"),)),
+    Section("rest of E_o in torch: gradient, JtJ", ((FrameObjective, "_normal"),)),
+    Section("data term", ((Data, "residual"),)),
     Section("cost of trial steps", ((FrameObjective, "cost"), (Sequence, "cost"))),
-    Section("E_T: joints' rows", ((Evenness, "rows"),)),
-    Section("E_T: blocks of the matrix", ((sequence._ByStencil, "add"),)),
+    Section("E_T: joints' rows", ((FrameObjective, "joint_jacobian"),)),
+    Section("E_T: blocks of the matrix", ((sequence._EvennessOf, "add"),)),
     Section("solve: dense, per frame", ((IndependentFrames, "solve"),)),
     Section("solve: shared shape", ((SharedShape, "solve"),)),
     Section("solve: block-banded", ((sequence, "solve_block_banded"),)),

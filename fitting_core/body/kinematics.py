@@ -7,6 +7,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from fitting_core.body import rotations
 from fitting_core.body.model import JOINT
 
 
@@ -52,16 +53,23 @@ class Tree:
 
 
 def pose_joints(
-    tree: Tree, rotations: Float[Tensor, "B 55 3 3"], joints: Float[Tensor, "B 55 3"]
+    tree: Tree, local: Float[Tensor, "B 55 3 3"], joints: Float[Tensor, "B 55 3"]
 ) -> tuple[Float[Tensor, "B 55 3 3"], Float[Tensor, "B 55 3"]]:
     """World rotations and positions of the joints, from local rotations and rest positions."""
     bones = joints - joints[:, tree.parents]
-    world, position = [rotations[:, :1]], [joints[:, :1]]
+    world, position = [local[:, :1]], [joints[:, :1]]
     for level, up in zip(tree.levels, tree.parent_in_previous, strict=True):
         parent = world[-1][:, up]
         position.append(position[-1][:, up] + (parent @ bones[:, level, :, None])[..., 0])
-        world.append(parent @ rotations[:, level])
+        world.append(parent @ local[:, level])
     return torch.cat(world, 1)[:, tree.unorder], torch.cat(position, 1)[:, tree.unorder]
+
+
+def turn_axes(tree: Tree, world: Float[Tensor, "B 55 3 3"], pose: Float[Tensor, "B 54 3"]) -> Float[Tensor, "B 55 3 3"]:
+    """Axes in the world, as columns, about which each joint turns with its axis-angle; the root, whose variable is a
+    turn in the tangent of its matrix, about those of the world."""
+    root = torch.eye(3, dtype=world.dtype, device=world.device).expand(len(world), 1, 3, 3)
+    return torch.cat([root, world[:, tree.parents[1:]] @ rotations.left_jacobian(pose)], 1)
 
 
 def contour_bins(world: Float[Tensor, "B 55 3 3"]) -> Tensor:

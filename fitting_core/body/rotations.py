@@ -32,18 +32,16 @@ def exp(v: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b 3 3"]:
     return torch.eye(3, dtype=v.dtype, device=v.device) + a * k + b * (k @ k)
 
 
-def exp_and_left_jacobian(v: Float[Tensor, "*b 3"]) -> tuple[Float[Tensor, "*b 3 3"], Float[Tensor, "*b 3 3"]]:
-    """exp(v) and L with exp(v + dv) = exp(L dv) exp(v) to first order."""
-    a, b, c = _coefficients(v)
+def left_jacobian(v: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b 3 3"]:
+    """L with exp(v + dv) = exp(L dv) exp(v) to first order."""
+    _, b, c = _coefficients(v)
     k = hat(v)
-    k2 = k @ k
-    identity = torch.eye(3, dtype=v.dtype, device=v.device)
-    return identity + a * k + b * k2, identity + b * k + c * k2
+    return torch.eye(3, dtype=v.dtype, device=v.device) + b * k + c * (k @ k)
 
 
-def by_axis_angle(matrix: Float[Tensor, "*b 3 3"], left_jacobian: Float[Tensor, "*b 3 3"]) -> Float[Tensor, "*b 3 9"]:
-    """d R / d axis-angle_k = hat(column k of L) R, row by row, of a rotation R and L of `exp_and_left_jacobian`."""
-    return (hat(left_jacobian.transpose(-1, -2)) @ matrix[..., None, :, :]).flatten(-2)
+def by_axis_angle(matrix: Float[Tensor, "*b 3 3"], v: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b 3 9"]:
+    """d R / d v_k = hat(column k of L) R, row by row, of a rotation R = exp(v) and its left Jacobian L."""
+    return (hat(left_jacobian(v).mT) @ matrix[..., None, :, :]).flatten(-2)
 
 
 def log(matrix: Float[Tensor, "*b 3 3"]) -> Float[Tensor, "*b 3"]:
@@ -63,22 +61,6 @@ def log(matrix: Float[Tensor, "*b 3 3"]) -> Float[Tensor, "*b 3"]:
     small = squared < 1e-6
     sin = torch.where(small, torch.ones_like(squared), squared).sqrt()
     return torch.where(small, 2 + squared / 3, 2 * torch.atan2(sin, cos) / sin) * sines
-
-
-def inverse_left_jacobian(v: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b 3 3"]:
-    """M with log(exp(d) exp(v)) = v + M d to first order, for |v| below a full turn.
-
-    M = 1 - K/2 + (1 - (a/2) cot(a/2)) / a^2 K^2 with K = hat(v), a = |v| (Sola et al., A micro Lie theory, eq. 146). It
-    is smooth at zero and at pi; its transpose takes turns about the body's own axes: log(exp(v) exp(d)) = v + M^T d.
-    """
-    squared = (v * v).sum(-1)
-    small = squared < 1e-3
-    safe = torch.where(small, torch.ones_like(squared), squared)
-    half = safe.sqrt() / 2
-    series = 1 / 12 + squared / 720 + squared**2 / 30240 + squared**3 / 1209600
-    factor = torch.where(small, series, (1 - half / half.tan()) / safe)
-    k = hat(v)
-    return torch.eye(3, dtype=v.dtype, device=v.device) - k / 2 + factor[..., None, None] * (k @ k)
 
 
 def orthonormalised(columns: Float[Tensor, "*b 3 2"]) -> Float[Tensor, "*b 3 3"]:

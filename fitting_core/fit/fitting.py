@@ -26,7 +26,7 @@ from fitting_core.fit.events import (
     drained,
     mapped,
 )
-from fitting_core.fit.fused.ready import say_if_slow
+from fitting_core.fit.fused.ready import prepare_for
 from fitting_core.fit.grounded import grounded, grounding_of_params, holding_feet
 from fitting_core.fit.phase_figures import phase_result
 from fitting_core.fit.phases.consistency import Consistency, coupled
@@ -89,7 +89,7 @@ def _on_one_thread(
     def run(
         clip: Clip, body: BodyModel, config: FitConfig, *args: P.args, **kwargs: P.kwargs
     ) -> Generator[FitEvent, None, Outcome]:
-        say_if_slow()
+        prepare_for(config)
         events = function(clip, body, config, *args, **kwargs)
         try:
             while True:

@@ -1,24 +1,28 @@
 """The objective of a stage: terms summed into costs, gradients and Gauss-Newton matrices of single frames.
 
-These are E_o. Terms that couple frames, or count once for the clip, are kept here for the problems that need them.
+These are E_o. E_T, which couples frames, and terms that count once for the clip are kept here for the problems that
+need them.
 """
 
 from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from fitting_core.body.model import POSE_COLUMNS
 from fitting_core.fit.fused.ready import fused_frames
 from fitting_core.fit.terms.data import Data
 from fitting_core.fit.terms.positions import RelativePosition
-from fitting_core.fit.terms.term import Derivative, Rows, Term
+from fitting_core.fit.terms.temporal import REACH, Evenness, JointPositions
+from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate, SolverView
-from fitting_core.fit.variables.point_jacobian import PointJacobian
 from fitting_core.fit.variables.state import Free, State
+
+if TYPE_CHECKING:
+    from fitting_core.fit.fused.frames import FusedFrames
 
 _EVALUATED = 512
 """Frames whose costs by term are evaluated together: 35 kB per frame."""
@@ -27,9 +31,9 @@ _EVALUATED = 512
 def jacobians_at_once(device: torch.device) -> int:
     """Frames whose Jacobians are formed together.
 
-    On a CPU (frames, 274, 116) float64 must stay in the cache; a GPU takes few large operations, as many as fit.
+    Forward differentiation carries every intermediate value once for each column: 2 MB per frame for the points.
     """
-    return 8 if device.type == "cpu" else 512
+    return 16 if device.type == "cpu" else 128
 
 
 @dataclass(frozen=True)
@@ -52,17 +56,14 @@ class FrameObjective:
 
     def __init__(self, terms: Sequence[Term], view: SolverView, free: Free) -> None:
         self.view, self.free = view, free
-        self.terms = [term for term in terms if not term.reach and not term.once]
+        self.terms = [term for term in terms if not isinstance(term, Evenness) and not term.once]
         """Terms summed in each frame."""
-        self.coupling = [term for term in terms if term.reach]
-        """Terms over time, for problems that fit frames together."""
+        self.evenness = next((term for term in terms if isinstance(term, Evenness)), None)
+        """E_T, for problems that fit frames together."""
         self.shared = [term for term in terms if term.once]
         """Terms that count once for all frames."""
-        assert not any(term.reach for term in self.shared), "what counts once has no reach in time"
         p = view.parametrisation
         self.index = free.index(p.columns).to(p.device)
-        self.jacobian = PointJacobian(view.points, view.pose_columns, free, p.hand_basis)
-        self._pose_index = free.index(view.pose_columns).to(p.device)
         self.fused = fused_frames(self.terms, view, free, self.index)
         """Kernels that evaluate the terms they know; None if there are none."""
 
@@ -96,31 +97,29 @@ class FrameObjective:
         parts = [costs_of(self.terms, Estimate(self.view, state[i], frames[i])) for i in index.split(_EVALUATED)]
         return {name: torch.cat([part[name] for part in parts]) for name in parts[0]}
 
-    def coupled_costs(self, state: State, first: int | None = None) -> dict[str, float]:
-        """Terms over time, each summed over a clip whose frames are all in `state`, or over those residuals that begin
-        in its first frames; 0 if it is too short."""
-        return {
-            term.name: self._coupled_cost(term, state if first is None else state[: first + 2 * term.reach])
-            for term in self.coupling
-        }
-
-    def _coupled_cost(self, term: Term, state: State) -> float:
+    def costs_over_time(self, state: State, first: int | None = None) -> dict[str, float]:
+        """E_T by its name, if it counts, summed over a clip whose frames are all in `state`, or over those residuals
+        that begin in its first frames; 0 if it is too short."""
+        if self.evenness is None:
+            return {}
+        state = state if first is None else state[: first + 2 * REACH]
         frames, total = torch.arange(len(state), device=state.vector.device), 0.0
-        for start in range(0, len(state) - 2 * term.reach, _EVALUATED):
-            i = frames[start : start + _EVALUATED + 2 * term.reach]
-            total += float(term.residual(Estimate(self.view, state[i], i)).square().sum())
-        return total
+        for start in range(0, len(state) - 2 * REACH, _EVALUATED):
+            i = frames[start : start + _EVALUATED + 2 * REACH]
+            total += float(self.evenness.residual(Estimate(self.view, state[i], i)).square().sum())
+        return {self.evenness.name: total}
 
     def shared_costs(self, state: State) -> dict[str, Float[Tensor, "1"]]:
         """Terms that count once, evaluated on any one frame."""
-        return costs_of(self.shared, self._first(state))
+        return costs_of(self.shared, Estimate(self.view, state[:1], self._first))
 
     def shared_normal(self, state: State) -> Normal:
         """Cost and normal equations of the terms that count once, evaluated on any one frame."""
-        return self._normal(self._first(state), self.shared)
+        return self._normal(state[:1], self._first, self.shared)
 
-    def _first(self, state: State) -> Estimate:
-        return Estimate(self.view, state[:1], torch.zeros(1, dtype=torch.long, device=state.vector.device))
+    @property
+    def _first(self) -> Int[Tensor, "1"]:
+        return self.index.new_zeros(1)
 
     def cost(self, state: State, frames: Int[Tensor, "B"]) -> Float[Tensor, "B"]:
         """E of each frame; infinite if a point is behind the camera."""
@@ -147,8 +146,7 @@ class FrameObjective:
     def step(self, move: Float[Tensor, "B d"]) -> Float[Tensor, "B total"]:
         """A step in the free columns as a step of the whole state."""
         full = move.new_zeros(len(move), self.view.parametrisation.columns.total)
-        full[:, self.index] = move
-        return full
+        return full.index_copy(1, self.index, move)
 
     def normal(self, state: State, frames: Int[Tensor, "B"]) -> Normal:
         """Costs and normal equations, in torch in chunks of frames that stay in the cache."""
@@ -162,112 +160,82 @@ class FrameObjective:
 
     def _in_chunks(self, state: State, frames: Tensor, terms: list[Term]) -> Normal:
         index = torch.arange(len(frames), device=frames.device)
-        parts = [
-            self._normal(Estimate(self.view, state[i], frames[i]), terms)
-            for i in index.split(jacobians_at_once(frames.device))
-        ]
+        parts = [self._normal(state[i], frames[i], terms) for i in index.split(jacobians_at_once(frames.device))]
         return Normal(
             torch.cat([p.cost for p in parts]),
             torch.cat([p.gradient for p in parts]),
             torch.cat([p.matrix for p in parts]),
         )
 
-    def _normal(self, e: Estimate, terms: list[Term]) -> Normal:
-        frames, width = len(e.frames), self.jacobian.width
-        cost, gradient = e.body_pose.new_zeros(frames), e.body_pose.new_zeros(frames, width)
-        matrix = e.body_pose.new_zeros(frames, width, width)
-        for term in terms:
-            cost = cost + term.residual(e).square().sum(1)
-            if add := _IN_POSE_SPACE.get(term.derivative):
-                add(self, gradient, matrix, term, e)
-        gradient, matrix = self.to_prior_space(e, gradient, matrix)
-        for term in terms:
-            if add := _IN_PRIOR_SPACE.get(term.derivative):
-                add(self, gradient, matrix, term, e)
-        return Normal(torch.where(e.valid, cost, torch.inf), gradient, matrix)
-
-    def _add_rows(self, gradient: Tensor, matrix: Tensor, term: Term, e: Estimate) -> None:
-        _add(gradient, matrix, term.rows(e, self.jacobian))
-
-    def _add_differentiated(self, gradient: Tensor, matrix: Tensor, term: Term, e: Estimate) -> None:
-        _add(gradient, matrix, self._differentiated(term, e))
-
-    def _add_columns(self, gradient: Tensor, matrix: Tensor, term: Term, e: Estimate) -> None:
-        _add_diagonal(gradient, matrix, term, e, self.index)
-
-    def _add_pose_columns(self, gradient: Tensor, matrix: Tensor, term: Term, e: Estimate) -> None:
-        _add_diagonal(gradient, matrix, term, e, self._pose_index)
-
-    def prior_jacobian(self, e: Estimate) -> Float[Tensor, "B 63 size"] | None:
-        """d axis-angle / d prior's numbers, if the body is free; None for the identity."""
-        p = self.view.parametrisation
-        return p.prior.jacobian(e.state.vector[:, p.columns.body]) if self.free.body else None
-
-    def to_prior_space(self, e: Estimate, gradient: Tensor, matrix: Tensor) -> tuple[Tensor, Tensor]:
-        """Normal equations in the axis-angle pose -> in the prior's own numbers."""
-        decoder = self.prior_jacobian(e)
-        if decoder is None:
-            return gradient, matrix
-        chain = _chain(decoder, gradient.shape[1])
-        return (chain.transpose(1, 2) @ gradient[..., None])[..., 0], chain.transpose(1, 2) @ matrix @ chain
-
-    def rows_in_prior_space(self, e: Estimate, rows: Float[Tensor, "B n width"]) -> Float[Tensor, "B n d"]:
-        """A Jacobian by the columns of the axis-angle pose -> by the prior's own numbers."""
-        decoder = self.prior_jacobian(e)
-        return rows if decoder is None else rows @ _chain(decoder, rows.shape[2])
-
-    def _differentiated(self, term: Term, e: Estimate) -> Rows:
-        """Rows of a term that gives only its residual, by reverse differentiation."""
+    def _normal(self, state: State, frames: Tensor, terms: list[Term]) -> Normal:
+        """The gradient by reverse differentiation of the cost; the matrix J^T J without the pose correctives' part of
+        J, which costs most and only shapes the steps."""
+        move = state.vector.new_zeros(len(frames), len(self.index))
+        matrix = move.new_zeros(*move.shape, len(self.index))
+        if not terms:
+            return Normal(move.sum(1), move, matrix)
         with torch.enable_grad():
-            move = e.body_pose.new_zeros(len(e.frames), len(self.index), requires_grad=True)
-            moved = Estimate(self.view, e.state.moved(self.step(move)), e.frames)
-            residual = term.residual(moved)
-            columns = residual.sum(0)
-            rows = [torch.autograd.grad(c, move, retain_graph=True, allow_unused=True)[0] for c in columns]
-        jacobian = torch.stack([torch.zeros_like(move) if r is None else r for r in rows], 1)
-        return Rows(residual.detach(), jacobian.detach())
+            move.requires_grad_()
+            cost = self._cost(state.moved(self.step(move)), frames, terms)
+            (gradient,) = torch.autograd.grad(cost.sum(), move)
+        estimate, automatic = Estimate(self.view, state, frames), list[Term]()
+        for term in terms:
+            jacobian = term.jacobian(estimate, self.index)
+            if jacobian is None:
+                automatic.append(term)
+            else:
+                matrix.baddbmm_(jacobian.mT, jacobian)
+        if automatic:
+            jacobian = self._differentiated(automatic, state, frames)
+            matrix.baddbmm_(jacobian.mT, jacobian)
+        return Normal(cost.detach(), gradient / 2, matrix)
+
+    def _differentiated(self, terms: list[Term], state: State, frames: Tensor) -> Float[Tensor, "B n d"]:
+        def residuals(state: State) -> Tensor:
+            e = Estimate(self.view, state, frames, correctives_held=True)
+            return torch.cat([term.reweighted(e) for term in terms], 1)
+
+        return self.differentiated(residuals, state)
+
+    def differentiated(self, function: Callable[[State], Float[Tensor, "B n"]], state: State) -> Float[Tensor, "B n d"]:
+        """The Jacobian of a function of single frames by their free columns, by forward differentiation.
+
+        One step moves all frames: as they are independent, its derivative is that of each frame by its own columns.
+        """
+
+        def moved(step: Float[Tensor, "d"]) -> Tensor:
+            return function(state.moved(self.step(step.expand(len(state), -1))))
+
+        return torch.func.jacfwd(moved)(state.vector.new_zeros(len(self.index)))
+
+    def joints(self, which: JointPositions, state: State, frames: Int[Tensor, "B"]) -> Float[Tensor, "B 165"]:
+        """A body's joints."""
+        fused = self._posing(state)
+        if fused is None:
+            return which.of(which.estimate(state, frames)).flatten(1)
+        joints, _ = fused.joints(state, frames, derivatives=False)
+        if which.in_camera:
+            joints += state.vector[:, None, self.view.parametrisation.columns.translation]
+        return which.in_still_space(joints, frames).flatten(1)
+
+    def joint_jacobian(self, which: JointPositions, state: State, frames: Int[Tensor, "B"]) -> Float[Tensor, "B 165 d"]:
+        """Their derivatives by the free columns."""
+        fused = self._posing(state)
+        if fused is None:
+            return self.differentiated(lambda s: which.of(which.estimate(s, frames)).flatten(1), state)
+        _, rows = fused.joints(state, frames, derivatives=True)
+        if which.in_camera and self.free.translation:
+            translation = self.view.parametrisation.columns.translation.start
+            first = int((self.index == translation).nonzero())
+            for axis in range(3):
+                rows[:, axis::3, first + axis] = 1.0
+        return which.rows_in_still_space(rows, frames)
+
+    def _posing(self, state: State) -> "FusedFrames | None":
+        """The kernels if they pose the joints: of a shape that is held, and where nothing is differentiated."""
+        return None if self.free.betas or state.vector.requires_grad else self.fused
 
 
 def costs_of(terms: list[Term], e: Estimate) -> dict[str, Float[Tensor, "B"]]:
     """Sums of squared residuals by term."""
     return {term.name: term.residual(e).square().sum(1) for term in terms}
-
-
-def _chain(decoder: Float[Tensor, "B 63 z"], width: int) -> Float[Tensor, "B w v"]:
-    """blockdiag(I, decoder, I): derivative of the axis-angle columns by the prior's columns."""
-    (frames, _, size), body = decoder.shape, POSE_COLUMNS["body_pose"]
-    start, stop, tail = body.start, body.start + size, width - body.stop
-    chain = decoder.new_zeros(frames, width, stop + tail)
-    chain[:, range(start), range(start)] = 1
-    chain[:, body, start:stop] = decoder
-    chain[:, range(body.stop, width), range(stop, stop + tail)] = 1
-    return chain
-
-
-def _add(gradient: Tensor, matrix: Tensor, rows: Rows) -> None:
-    j = rows.jacobian
-    gradient += (j.transpose(1, 2) @ rows.residual[..., None])[..., 0]
-    matrix.baddbmm_(j.transpose(1, 2), j)
-    if rows.extra_gradient is not None:
-        gradient += rows.extra_gradient
-
-
-def _add_diagonal(gradient: Tensor, matrix: Tensor, term: Term, e: Estimate, index: Tensor) -> None:
-    match = term.columns(e)[:, None] == index
-    used = match.any(1)
-    place = match[used].long().argmax(1)
-    slope = term.slope(e)[:, used]
-    gradient[:, place] += slope * term.residual(e)[:, used]
-    matrix[:, place, place] += slope * slope
-
-
-_Adding = Callable[[FrameObjective, Tensor, Tensor, Term, Estimate], None]
-_IN_POSE_SPACE: dict[Derivative, _Adding] = {
-    Derivative.ROWS: FrameObjective._add_rows,
-    Derivative.POSE_COLUMNS: FrameObjective._add_pose_columns,
-}
-_IN_PRIOR_SPACE: dict[Derivative, _Adding] = {
-    Derivative.COLUMNS: FrameObjective._add_columns,
-    Derivative.AUTOMATIC: FrameObjective._add_differentiated,
-}
-"""How a term enters the normal equations: before they are transformed into the pose prior's own space, or after."""

@@ -86,7 +86,7 @@ def evaluate_objective(
     objective = stages.objective(stage, state, stages.free(stage, betas=True))
     with torch.no_grad():
         costs = objective.costs(state, stages.all_frames)
-        over_time = objective.coupled_costs(state)
+        over_time = objective.costs_over_time(state)
     return ObjectiveValues(frames={name: cost.double().cpu() for name, cost in costs.items()}, over_time=over_time)
 
 

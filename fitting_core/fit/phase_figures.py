@@ -14,7 +14,7 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.grounded import grounding_of_params, holding_feet
 from fitting_core.fit.stages import N_STAGES, Stages
-from fitting_core.fit.terms.table import REACH
+from fitting_core.fit.terms.temporal import REACH
 from fitting_core.fit.uncertainty.calibration import error_bars
 from fitting_core.fit.variables.state import State
 from fitting_core.ground.grounding import Grounding
@@ -143,7 +143,7 @@ def phase_result(
         objective = part.objective(N_STAGES, found, free)
         for name, cost in objective.costs(found[:count], part.all_frames[:count]).items():
             costs.setdefault(name, cost.new_zeros(len(state)))[start : start + count] = cost
-        for name, total in (objective.coupled_costs(found, count) if phase == 3 else {}).items():
+        for name, total in (objective.costs_over_time(found, count) if phase == 3 else {}).items():
             coupled[name] = coupled.get(name, 0.0) + total
     counted = costs
     if sample is not None:

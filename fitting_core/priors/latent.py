@@ -1,6 +1,5 @@
 """A latent pose prior: a network decodes some normally distributed numbers to the body's pose, as VPoser does."""
 
-from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from functools import cached_property
 
@@ -22,11 +21,6 @@ TOGETHER = 8
 """Frames whose derivatives pass through the layers together: (8, 32, 512) float64 is 1 MB and stays in the cache."""
 TOGETHER_ROUGH = 64
 """Poses that are encoded roughly, in float32: 1.1 ms each, 2.3 with eight at a time or in float64."""
-REMEMBERED = 512
-"""Times TOGETHER frames of which the derivative is kept, 16 KB each: in phase 3 E_o and E_T ask for it in turn.
-
-A step took 1.7 instead of 2.1 ms a frame with 256 hidden units, 2.1 instead of 3.0 with 512."""
-
 SPREAD = 1e-6
 """Weight of |z|^2 beside the squared angles when a pose is encoded: it only decides between equal poses."""
 ENCODER_STEPS, ROUGH_STEPS = 30, 5
@@ -126,7 +120,6 @@ class LatentPrior:
         self.neutral = torch.zeros(self.size, dtype=dtype, device=device)
         self._decoder = _Dense(network.decoder, dtype, device)
         self._encoder = _Dense(network.encoder, dtype, device)
-        self._known: OrderedDict[bytes, Tensor] = OrderedDict()
 
     def to(self, *, dtype: torch.dtype, device: torch.device | str) -> "LatentPrior":
         """The same prior in another type or on another device."""
@@ -139,25 +132,6 @@ class LatentPrior:
     def rotations(self, z: Float[Tensor, "B size"]) -> Float[Tensor, "B 21 3 3"]:
         """Rotation matrices of the 21 body joints; these are smooth in z."""
         return rotations.orthonormalised(self._decoder(z).unflatten(-1, (N_JOINTS, 3, 2)))
-
-    def jacobian(self, z: Float[Tensor, "B size"]) -> Float[Tensor, "B 63 size"]:
-        """d decode / dz, in closed form; not differentiable itself."""
-        return torch.cat([self._remembered(part) for part in z.detach().split(TOGETHER)])
-
-    def _remembered(self, z: Tensor) -> Tensor:
-        key = z.cpu().numpy().tobytes()
-        if key not in self._known:
-            self._known[key] = self._jacobian(z)
-        self._known.move_to_end(key)
-        if len(self._known) > REMEMBERED:
-            self._known.popitem(last=False)
-        return self._known[key]
-
-    @torch.no_grad()
-    def _jacobian(self, z: Tensor) -> Tensor:
-        matrices, turn = self._turns(z)
-        inverse = rotations.inverse_left_jacobian(rotations.log(matrices))
-        return (inverse.mT @ turn).flatten(1, 2)
 
     def _turns(self, z: Float[Tensor, "B size"]) -> tuple[Float[Tensor, "B 21 3 3"], Float[Tensor, "B 21 3 size"]]:
         """The rotations, and how they turn about their own axes: R(z + dz) = R(z) exp(turn @ dz) to first order."""

@@ -38,10 +38,6 @@ class PosePrior(Protocol):
         """The z whose decoded pose is nearest; `rough`: near enough for a descent to go on from."""
         ...
 
-    def jacobian(self, z: Float[Tensor, "B size"]) -> Float[Tensor, "B 63 size"] | None:
-        """d decode / dz; None stands for the identity."""
-        ...
-
 
 class AxisAnglePrior:
     """L2 on the axis-angle of the 21 body joints, around a mean pose."""
@@ -63,10 +59,6 @@ class AxisAnglePrior:
     def encode(self, body_pose: Tensor, *, rough: bool = False) -> Tensor:
         """The pose itself."""
         return body_pose
-
-    def jacobian(self, z: Tensor) -> None:
-        """The identity."""
-        return None
 
 
 def relaxed_pose() -> Float[Tensor, "63"]:

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Float32
 from fitting_core.body.geometry import SIDES, Side
 from fitting_core.body.model import JOINT, N_JOINTS
 from fitting_core.errors import InputError
-from fitting_core.fit.terms.temporal import OFF_MEAN
+from fitting_core.fit.terms.temporal import off_mean
 from fitting_core.keypoints import ERROR_GROUPS
 from fitting_core.measure.angles.joint_angles import joint_angle
 from fitting_core.measure.hands.phases import wrist_speed
@@ -92,9 +92,9 @@ def _confidence(fit: PosedFit) -> Float[np.ndarray, "T"]:
 
 
 def _temporal_residual(fit: PosedFit) -> Float[np.ndarray, "T"]:
-    off_mean = OFF_MEAN(torch.tensor(fit.compared_joints.reshape(len(fit), -1)))
+    uneven = off_mean(torch.tensor(fit.compared_joints.reshape(len(fit), -1)))
     residual = np.full(len(fit), np.nan)
-    residual[OFF_MEAN.reach : -OFF_MEAN.reach] = 1e3 * off_mean.norm(dim=1).numpy() / np.sqrt(N_JOINTS)
+    residual[1:-1] = 1e3 * uneven.norm(dim=1).numpy() / np.sqrt(N_JOINTS)
     return residual
 
 

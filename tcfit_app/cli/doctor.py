@@ -124,7 +124,7 @@ def check_torch() -> Iterator[Check]:
         found = f"the solver's kernels are not compiled yet: the first fit does that in about {ready.SECONDS} s"
         yield Check(status="ok", found=found)
     elif why:
-        advice = "run python -m fitting_core.fit.fused: fits take several times as long without kernels"
+        advice = "run python -m fitting_core.fit.fused: fits take many times as long without kernels"
         yield Check(status="warning", found=f"the solver's kernels are not used: {why}", advice=advice)
     else:
         yield Check(status="ok", found="the solver's kernels are compiled")

@@ -18,7 +18,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from fitting_core.body import rotations
-from fitting_core.body.kinematics import Tree, pose_joints
+from fitting_core.body.kinematics import Tree, pose_joints, turn_axes
 from fitting_core.body.model import N_JOINTS, BodyModel
 from fitting_core.body.points.pairs import Contour, Joint, Point, contour_pairs, pairs_of
 
@@ -32,10 +32,10 @@ class Posed:
 
     points: Float[Tensor, "B N 3"]
     """Metres, relative to the camera's axes; the camera translation is not added."""
+    pose: Float[Tensor, "B 54 3"]
+    """Axis-angle of all joints but the root."""
     world: Float[Tensor, "B 55 3 3"]
     local: Float[Tensor, "B 55 3 3"]
-    left_jacobian: Float[Tensor, "B 55 3 3"]
-    """Of the local axis-angles; the identity for the root, which turns in the tangent of its matrix."""
     joints: Float[Tensor, "B 55 3"]
     pairs: Float[Tensor, "B P 3"]
     weight: Float[Tensor, "B P"] | Float[Tensor, "1 P"]
@@ -139,6 +139,8 @@ class BodyPoints:
         pose: Float[Tensor, "B 54 3"],
         coefficients: Float[Tensor, "B 20"],
         contour_bin: Int[Tensor, "B"] | None = None,
+        *,
+        correctives_held: bool = False,
     ) -> Posed:
         """Poses the points.
 
@@ -147,27 +149,26 @@ class BodyPoints:
             pose: axis-angle of the other joints, radians.
             coefficients: betas and expression.
             contour_bin: head yaw table of each frame; needed when contour landmarks are among the points.
+            correctives_held: leave the pose correctives out of automatic derivatives. They take most of the time there,
+                and their share is small: it shapes the steps of a solver, and not where these end.
         """
-        local, left = rotations.exp_and_left_jacobian(pose)
-        identity = torch.eye(3, dtype=self.dtype, device=self.device)
-        local = torch.cat([orient[:, None], local], 1)
-        left = torch.cat([identity.expand(len(pose), 1, 3, 3), left], 1)
+        local = torch.cat([orient[:, None], rotations.exp(pose)], 1)
+        driving = local.detach() if correctives_held else local
         rest = self.rest + (coefficients @ self.rest_directions.flatten(0, 1).T).view(-1, N_JOINTS, 3)
         world, joints = pose_joints(self.tree, local, rest)
-        vectors = torch.cat([t.vectors(coefficients, local, contour_bin) for t in self.tables], 1)
+        vectors = torch.cat([t.vectors(coefficients, driving, contour_bin) for t in self.tables], 1)
         weight = torch.cat([t.weights(contour_bin).expand(len(pose), -1) for t in self.tables], 1)
         offset = joints - (world @ rest[..., None])[..., 0]
         pairs = (world[:, self.bone] @ vectors[..., None])[..., 0] + weight[..., None] * offset[:, self.bone]
         points = torch.cat([joints, self.sum_pairs @ pairs], 1)[:, self.pick]
-        return Posed(points, world, local, left, joints, pairs, weight, contour_bin)
+        return Posed(points, pose, world, local, joints, pairs, weight, contour_bin)
 
     def rotation_entries(self, posed: Posed, by_point: Float[Tensor, "B N R 3"]) -> Float[Tensor, "B E R 3"]:
         """by_point[p] @ d point / d (axis-angle of joint) for every (point, joint) entry that is not zero.
 
         `by_point` is the derivative of the caller's values by each point: of its projection, or the identity.
         """
-        up = posed.world[:, self.tree.parents[1:]]
-        axes = torch.cat([posed.left_jacobian[:, :1], up @ posed.left_jacobian[:, 1:]], 1)
+        axes = turn_axes(self.tree, posed.world, posed.pose)
         arm = self.incidence @ torch.cat([posed.joints, posed.pairs], 1)
         share = posed.weight @ self.subtree_weight.T
         arm = arm - share[..., None] * posed.joints[:, self.entry_joint]
@@ -190,23 +191,6 @@ class BodyPoints:
         surface = (self.sum_pairs @ pairs.flatten(2)).view(frames, -1, 3, count)
         return torch.cat([joints, surface], 1)[:, self.pick]
 
-    def corrective_gradient(self, posed: Posed, by_point: Float[Tensor, "B N 3"]) -> Float[Tensor, "B 55 3"]:
-        """sum over points of by_point . d point / d pose, through the pose correctives alone.
-
-        Their share of the Jacobian is small, and costs many times this adjoint; solvers leave it out of the normal
-        matrix, where it only shapes the step, and put it into the gradient, where it decides where they end.
-        """
-        per_pair = self.sum_pairs.T @ by_point[:, self.surface_rows]
-        in_bone = (posed.world[:, self.bone].transpose(-1, -2) @ per_pair[..., None])[..., 0]
-        gradient = posed.joints.new_zeros(len(by_point), N_JOINTS, 3)
-        start = 0
-        for table in self.tables:
-            part = in_bone[:, start : start + len(table.bone)]
-            start += len(table.bone)
-            if len(table.driving):
-                gradient[:, table.driving] += table.pull_back(part, posed.local, posed.left_jacobian, posed.contour_bin)
-        return gradient
-
     def corrective_jacobian(self, posed: Posed) -> Float[Tensor, "B N 3 55 3"]:
         """d points / d pose through the pose correctives alone, for lists without contour landmarks.
 
@@ -216,7 +200,7 @@ class BodyPoints:
         (table,) = self.tables
         frames, pairs, joints = len(posed.joints), len(table.bone), len(table.driving)
         found = posed.joints.new_zeros(frames, len(self.surface_rows), 3, N_JOINTS, 3)
-        turned = rotations.by_axis_angle(posed.local[:, table.driving], posed.left_jacobian[:, table.driving])
+        turned = rotations.by_axis_angle(posed.local[:, table.driving], posed.pose[:, table.driving - 1])
         at_rest = torch.einsum("pxjf,bjkf->bpxjk", table.correctives[0].view(pairs, 3, joints, 9), turned)
         in_space = (posed.world[:, self.bone] @ at_rest.flatten(3)).unflatten(3, (joints, 3))
         by_point = torch.zeros_like(found[:, :, :, :joints]).index_add_(1, table.point, in_space)

@@ -13,6 +13,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from fitting_core.body import rotations
+from fitting_core.body.kinematics import turn_axes
 from fitting_core.body.mesh import Mesh, Skeleton
 from fitting_core.body.model import N_JOINTS, BodyModel
 
@@ -38,8 +39,8 @@ class PosedVertices:
     rest: Float[Tensor, "B K 3"]
     """The same vertices before skinning, with shape, expression and correctives."""
     skeleton: Skeleton
-    left_jacobian: Float[Tensor, "B 55 3 3"]
-    """Of the local axis-angles; the identity for the root, which turns in the tangent of its matrix."""
+    pose: Float[Tensor, "B 54 3"]
+    """Axis-angle of all joints but the root."""
 
 
 @dataclass(frozen=True)
@@ -79,10 +80,8 @@ class ChosenVertices:
             ids: vertex numbers, which may repeat.
         """
         mesh = self.mesh
-        local, left = rotations.exp_and_left_jacobian(pose)
-        local = torch.cat([orient[:, None], local], 1)
+        local = torch.cat([orient[:, None], rotations.exp(pose)], 1)
         identity = torch.eye(3, dtype=mesh.dtype, device=mesh.device)
-        left = torch.cat([identity.expand(len(pose), 1, 3, 3), left], 1)
         skeleton = mesh.skeleton(local, coefficients)
         shaped = (mesh.directions[ids] @ coefficients[:, None, :, None])[..., 0]
         features = (local[:, self._driving] - identity).flatten(1)
@@ -91,10 +90,10 @@ class ChosenVertices:
         transforms = torch.cat([skeleton.world, skeleton.offset[..., None]], -1)
         blended = (mesh.weights[ids] @ transforms.flatten(2)).view(*ids.shape, 3, 4)
         vertices = (blended[..., :3] @ rest[..., None])[..., 0] + blended[..., 3]
-        return PosedVertices(ids, vertices, rest, skeleton, left)
+        return PosedVertices(ids, vertices, rest, skeleton, pose)
 
     def by_joint(self, posed: PosedVertices, rows: VertexRows) -> Float[Tensor, "R 55 3"]:
-        """The rows' derivatives by the joints' axis-angles, without the way through the pose correctives.
+        """The rows' derivatives by the joints' axis-angles, without those through the pose correctives.
 
         Turning joint a about a world axis e moves a vertex by e x m with m = q_a - W_a t_a (see body_points.py).
         """
@@ -106,8 +105,7 @@ class ChosenVertices:
         turned = arms.new_zeros(len(rows.frame), N_JOINTS, 3)
         for chosen, by_vertex in zip(rows.chosen.unbind(1), rows.by_vertex.unbind(1), strict=True):
             turned += torch.linalg.cross(arms[rows.frame, chosen], by_vertex[:, None].expand_as(turned))
-        up = skeleton.world[:, self.mesh.tree.parents[1:]]
-        axes = torch.cat([posed.left_jacobian[:, :1], up @ posed.left_jacobian[:, 1:]], 1)
+        axes = turn_axes(self.mesh.tree, skeleton.world, posed.pose)
         return (turned[..., None, :] @ axes[rows.frame])[..., 0, :]
 
     def by_coefficient(self, posed: PosedVertices, rows: VertexRows) -> Float[Tensor, "R 20"]:
@@ -120,18 +118,7 @@ class ChosenVertices:
         joints = (self._ancestors @ bones.flatten(2)).view_as(bones)
         offset = joints - skeleton.world @ self.mesh.rest_directions
         weights = self.mesh.weights[posed.ids]
-        moved = self._blended(posed) @ self.mesh.directions[posed.ids]
+        blended = (weights @ skeleton.world.flatten(2)).unflatten(2, (3, 3))
+        moved = blended @ self.mesh.directions[posed.ids]
         moved = moved + (weights @ offset.flatten(2)).view_as(moved)
         return torch.einsum("rcx,rcxk->rk", rows.by_vertex, moved[rows.frame[:, None], rows.chosen])
-
-    def by_correctives(self, posed: PosedVertices, by_vertex: Float[Tensor, "B K 3"]) -> Float[Tensor, "B 55 3"]:
-        """Gradient of sum(by_vertex . vertices) by the joints' axis-angles through the pose correctives alone."""
-        at_rest = (self._blended(posed).transpose(2, 3) @ by_vertex[..., None])[..., 0]
-        by_feature = torch.einsum("bkx,bkxf->bf", at_rest, self._correctives[posed.ids])
-        turned = rotations.by_axis_angle(posed.skeleton.local[:, self._driving], posed.left_jacobian[:, self._driving])
-        gradient = by_vertex.new_zeros(len(by_vertex), N_JOINTS, 3)
-        gradient[:, self._driving] = (turned * by_feature.view(len(by_vertex), -1, 1, 9)).sum(-1)
-        return gradient
-
-    def _blended(self, posed: PosedVertices) -> Float[Tensor, "B K 3 3"]:
-        return (self.mesh.weights[posed.ids] @ posed.skeleton.world.flatten(2)).unflatten(2, (3, 3))

@@ -8,7 +8,6 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from fitting_core import keypoints as kp
-from fitting_core.body import rotations
 from fitting_core.body.model import JOINT, N_JOINTS, BodyModel
 
 
@@ -101,18 +100,6 @@ class PairTable:
             correctives = self._variant(self.correctives, variant)
             moved = (directions @ coefficients[..., None] + correctives @ features[..., None])[..., 0]
         return self._variant(self.template, variant) + moved.view(frames, pairs, 3)
-
-    def pull_back(
-        self, by_pair: Float[Tensor, "B P 3"], local: Tensor, left: Tensor, variant: Tensor | None
-    ) -> Float[Tensor, "B n 3"]:
-        """Gradient by the driving joints' axis-angle of sum(by_pair . vectors), through the correctives."""
-        frames, count = len(by_pair), len(self.driving)
-        if len(self.template) == 1:
-            by_feature = by_pair.flatten(1) @ self.correctives[0]
-        else:
-            by_feature = (by_pair.flatten(1)[:, None] @ self._variant(self.correctives, variant))[:, 0]
-        turned = rotations.by_axis_angle(local[:, self.driving], left[:, self.driving])
-        return (turned * by_feature.view(frames, count, 1, 9)).sum(-1)
 
 
 def pairs_of(

@@ -1,6 +1,6 @@
 """Whether the kernels can be used, and compiling them: the entry point of this folder.
 
-Without numba, or before the kernels are compiled, everything works in torch, several times slower.
+Without kernels everything works in torch by automatic differentiation, some twenty times slower.
 """
 
 import os
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from torch import Tensor
 
+from fitting_core.config.schema import FitConfig
 from fitting_core.fit.terms.data import Data
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import SolverView
@@ -32,8 +33,7 @@ _MARK = "compiled"
 class _Use:
     allowed = True
     compiled = False
-    told = False
-    preparing = False
+    warned = False
     threads = 0
 
 
@@ -66,15 +66,17 @@ def problem() -> str:
     return _missing() or ("" if _compiled() else NOT_YET)
 
 
-def say_if_slow() -> None:
-    """Warn once per process if fits are several times slower than necessary, unless kernels were turned off."""
-    why = problem()
-    if not why or not _Use.allowed or _Use.told or (why == NOT_YET and _Use.preparing):
+def prepare_for(config: FitConfig) -> None:
+    """Compile the kernels before a fit that uses them, with a warning that this takes a while.
+
+    If they cannot be compiled, a warning says so once per process.
+    """
+    if not _Use.allowed or (config.device, config.precision, config.solver) != ("cpu", "float64", "lm"):
         return
-    _Use.told = True
-    if why == NOT_YET:
-        why += f". Compile them once, in about {SECONDS} seconds: python -m fitting_core.fit.fused"
-    warnings.warn(f"Fits take several times as long as they could: {why}.", stacklevel=2)
+    prepare(lambda text: warnings.warn(text, stacklevel=2))
+    if (why := problem()) and _Use.allowed and not _Use.warned:
+        _Use.warned = True
+        warnings.warn(f"Fits take many times as long as they could: {why}.", stacklevel=2)
 
 
 def _compiled() -> bool:
@@ -87,7 +89,6 @@ def _compiled() -> bool:
 
 def prepare(say: Callable[[str], None]) -> None:
     """Compile the kernels unless they already are; `say` is told that this takes a while."""
-    _Use.preparing = True
     if _missing() or _compiled():
         return
     from fitting_core.fit.compiled.jit import kept_in
@@ -97,7 +98,7 @@ def prepare(say: Callable[[str], None]) -> None:
         _compile(say)
     except Exception as error:  # any error of numba or LLVM: torch still works
         _Use.allowed = False
-        say(f"They cannot be compiled ({type(error).__name__}: {error}); fits take several times as long without.")
+        say(f"They cannot be compiled ({type(error).__name__}: {error}); fits take many times as long without.")
         return
     _Use.compiled = True
     say("Compiled: fits take a fraction of the time from now on.")

@@ -11,7 +11,7 @@ from fitting_core.fit.phases.progress import Step, reported, stage_label
 from fitting_core.fit.solvers import Solver
 from fitting_core.fit.solvers.sequence import Sequence
 from fitting_core.fit.stages import Stages
-from fitting_core.fit.terms.table import REACH
+from fitting_core.fit.terms.temporal import REACH
 from fitting_core.fit.variables.state import State
 from fitting_core.results.provenance import Stopped
 

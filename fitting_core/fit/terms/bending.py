@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 import torch
@@ -13,7 +12,7 @@ from fitting_core.fit.compiled.body import add_row, joint_axis_angle
 from fitting_core.fit.compiled.jit import helper
 from fitting_core.fit.compiled.layout import BODY, N_BODY, NUMBER
 from fitting_core.fit.terms.entry import OFF, Entry, Kernel, Weight
-from fitting_core.fit.terms.term import Derivative, Term
+from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
 
 BENDING = tuple(
@@ -34,20 +33,11 @@ class Bending(Term):
 
     weight: float
     name: str = "bending"
-    derivative: ClassVar = Derivative.POSE_COLUMNS
 
     def residual(self, e: Estimate) -> Tensor:
         """One residual for each of the four joints."""
         sign = e.body_pose.new_tensor([s for _, s in BENDING])
         return self.weight * torch.exp(sign * e.body_pose[:, [column for column, _ in BENDING]])
-
-    def columns(self, e: Estimate) -> Tensor:
-        """Of the axis-angle pose."""
-        return 3 + torch.tensor([column for column, _ in BENDING], device=e.body_pose.device)
-
-    def slope(self, e: Estimate) -> Tensor:
-        """s x residual."""
-        return e.body_pose.new_tensor([s for _, s in BENDING]) * self.residual(e)
 
 
 @helper

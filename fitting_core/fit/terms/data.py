@@ -1,7 +1,6 @@
 """The data term E_J: distance of the body's points from the keypoints in the image."""
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import torch
 from jaxtyping import Float
@@ -12,9 +11,8 @@ from fitting_core.fit.compiled.jit import helper
 from fitting_core.fit.compiled.layout import NUMBER
 from fitting_core.fit.terms.entry import Entry, Kernel, Weight, every_stage
 from fitting_core.fit.terms.setting import Looked, Setting
-from fitting_core.fit.terms.term import Derivative, Rows, Term
+from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
-from fitting_core.fit.variables.point_jacobian import PointJacobian
 
 WIDENED = 6.0
 """Factor on the width of the robust function for Levenberg-Marquardt's first pass from a cold start."""
@@ -36,7 +34,6 @@ class Data(Term):
     rho: Float[Tensor, "N 1"]
     """Pixels at which the Geman-McClure function saturates."""
     name: str = "data"
-    derivative: ClassVar = Derivative.ROWS
 
     @staticmethod
     def of(setting: Setting, looked: Looked) -> "Data":
@@ -48,9 +45,12 @@ class Data(Term):
         return Data(o.xy[:, i], looked.weight, o.side[:, i], rho)
 
     def errors(self, e: Estimate) -> Float[Tensor, "B N 2"]:
-        """Pixels from the keypoints; 0 for satisfied one-sided ones."""
+        """Pixels from the keypoints; 0 for satisfied one-sided ones, with the slope of the others.
+
+        So the matrix keeps their rows, and a step is shorter that would leave the side where they are satisfied.
+        """
         error = e.pixels - self.xy[e.frames]
-        return torch.where(error * self.side[e.frames] > 0, 0.0, error)
+        return error - torch.where(error * self.side[e.frames] > 0, error, 0.0).detach()
 
     def softened(self, *, cold: bool) -> "Data":
         """From a cold start with a wider robust function, under which distant points still pull."""
@@ -61,15 +61,15 @@ class Data(Term):
         r = self.errors(e)
         return (self.weight[e.frames][..., None] * self.rho * r / (r * r + self.rho**2).sqrt()).flatten(1)
 
-    def rows(self, e: Estimate, jacobian: PointJacobian) -> Rows:
-        """IRLS: exact gradient; Triggs' correction was no better and left outliers in place."""
-        r = self.errors(e)
-        # Half the gradient of g by r is r rho^4 / (r^2 + rho^2)^2: weight x r and weight x dr, both scaled by this.
-        scale = self.weight[e.frames][..., None] * self.rho**2 / (r * r + self.rho**2)
-        residual, by_point = scale * r, scale[..., None] * e.projection
-        point_gradient = (by_point.transpose(-1, -2) @ residual[..., None])[..., 0]
-        correctives = jacobian.corrective_gradient(e.posed, point_gradient)
-        return Rows(residual.flatten(1), jacobian(e.posed, by_point), correctives)
+    def reweighted(self, e: Estimate) -> Tensor:
+        """IRLS: Triggs' correction was no better and left outliers in place."""
+        return irls(self.errors(e), self.weight[e.frames][..., None], self.rho).flatten(1)
+
+
+def irls(r: Tensor, weight: Tensor, rho: Tensor) -> Tensor:
+    """s r with s = weight rho^2 / (r^2 + rho^2) held: (s r) s is half the slope of weight^2 g(r), which is weight^2 r
+    rho^4 / (r^2 + rho^2)^2, and the matrix gets s^2."""
+    return (weight * rho**2 / (r * r + rho**2)).detach() * r
 
 
 @helper
@@ -88,7 +88,11 @@ def data_cost(c, frame, i, scratch, cost):
 
 @helper
 def set_data_rows(c, frame, i, scratch):
-    """Residual, and its derivative by the point, of x and y: into `s.residual` and `s.by_point`, see `Data.rows`."""
+    """Residual, and its derivative by the point, of x and y: into `s.residual` and `s.by_point`.
+
+    The residual is s e, with s held as in `irls`; e is in pixels, the point (x, y, z) in camera space, and
+    d (f x / z) = (f / z, 0, -f x / z^2).
+    """
     s, clip = scratch.frame, c.clip
     weight, squared, depth = c.keypoints[frame, i].weight, c.points[i].rho * c.points[i].rho, scratch.points[i, 2]
     for d in range(2):

@@ -1,13 +1,13 @@
 """The term of joint limits (beyond the paper): impossible angles cost, possible ones are free.
 
-The angles that have limits are swing and twist of a joint; their derivatives by the axis-angle pose have a closed form.
+The angles that have limits are swing and twist of a joint.
 """
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import torch
@@ -22,9 +22,8 @@ from fitting_core.fit.compiled.layout import INTEGER, N_BODY, N_JOINTS, NUMBER
 from fitting_core.fit.compiled.turns import quaternion as quaternion_of_matrix
 from fitting_core.fit.terms.entry import Entry, Kernel, Weight, every_stage
 from fitting_core.fit.terms.setting import Looked, Setting
-from fitting_core.fit.terms.term import Derivative, Rows, Term
+from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
-from fitting_core.fit.variables.point_jacobian import PointJacobian
 
 _BODY = range(JOINT["left_hip"], JOINT["right_wrist"] + 1)
 _FINGERS = range(JOINT["left_index1"], JOINT["right_thumb3"] + 1)
@@ -49,7 +48,6 @@ class JointLimits(Term):
     fingers: bool
     """Whether any of the joints is a finger's."""
     name: str = "limits"
-    derivative: ClassVar = Derivative.ROWS
 
     @staticmethod
     def of(weight: float, ranges: Mapping[str, JointRange], *, fingers: bool, like: Tensor) -> "JointLimits":
@@ -82,20 +80,6 @@ class JointLimits(Term):
         """Weighted radians beyond the range, 0 inside it."""
         return self.weight * self.excess(self.pose(e)).flatten(1)
 
-    def rows(self, e: Estimate, jacobian: PointJacobian) -> Rows:
-        """Of the angles beyond their range in any frame; most never are."""
-        pose = self.pose(e)
-        excess = self.excess(pose)
-        joint, angle = (excess != 0).any(0).nonzero(as_tuple=True)
-        if not len(joint):
-            return Rows(excess[:, 0, :0], excess.new_zeros(len(pose), 0, jacobian.width))
-        beyond, row = excess[:, joint, angle], torch.arange(len(joint), device=joint.device)
-        slope = self.table[joint].slopes(pose[:, joint], angle)
-        by_joint = pose.new_zeros(len(pose), len(joint), len(JOINT), 3)
-        by_joint[:, row, self.table.joint[joint]] = slope * (self.weight * (beyond != 0))[..., None]
-        rows = jacobian.in_free_columns(by_joint.flatten(0, 1))
-        return Rows(self.weight * beyond, rows.view(*beyond.shape, jacobian.width))
-
 
 @dataclass(frozen=True, eq=False)
 class AngleTable:
@@ -124,30 +108,11 @@ class AngleTable:
         frame, offset = (like.new_tensor(np.array([row[i] for row in rows])) for i in (0, 1))
         return AngleTable(joint, frame, offset, torch.tensor([row[2] for row in rows], device=like.device))
 
-    def __getitem__(self, which: Tensor) -> "AngleTable":
-        return AngleTable(self.joint[which], self.frame[which], self.offset[which], self.order[which])
-
     def angles(self, pose: Float[Tensor, "B n 3"]) -> Float[Tensor, "B n 3"]:
         """Swing, swing and twist (radians) of rotations given as axis-angle."""
-        w, t, p, q = self._turned(pose).unbind(-1)
+        w, t, p, q = (self.frame * quaternion(pose)[..., None, :]).sum(-1).unbind(-1)
         stretch = _stretch(p * p + q * q, w * w + t * t)
         return torch.stack([stretch * (p * w - q * t), stretch * (p * t + q * w), 2 * (t / w).atan()], -1) + self.offset
-
-    def slopes(self, pose: Float[Tensor, "B n 3"], which: Int[Tensor, "n"]) -> Float[Tensor, "B n 3"]:
-        """Derivative of one angle of each joint by its axis-angle; `which`: its index in `angles`."""
-        w, t, p, q = self._turned(pose).unbind(-1)
-        sine2, cosine2 = p * p + q * q, w * w + t * t
-        stretch, rise = _stretch(sine2, cosine2), 2 * _stretch_slope(sine2, cosine2)
-        ahead, aside = rise * (p * w - q * t), rise * (p * t + q * w)
-        turn, zero = 2 / cosine2.clamp(min=_NEARLY_OPPOSITE), torch.zeros_like(w)
-        rows = [stretch * p, -stretch * q, stretch * w + ahead * p, ahead * q - stretch * t]
-        rows += [stretch * q, stretch * p, stretch * t + aside * p, stretch * w + aside * q]
-        rows += [-turn * t, turn * w, zero, zero]
-        picked = torch.stack(rows, -1).view(*w.shape, 3, 4)[:, torch.arange(len(which)), which]
-        return by_axis_angle(pose, (picked[..., None, :] @ self.frame)[..., 0, :])
-
-    def _turned(self, pose: Float[Tensor, "B n 3"]) -> Float[Tensor, "B n 4"]:
-        return (self.frame * quaternion(pose)[..., None, :]).sum(-1)
 
     def named(self, angles: Float[Tensor, "B n 3"]) -> Float[Tensor, "B n 3"]:
         """Flexion, side motion and twist, from the result of `angles`."""
@@ -183,32 +148,15 @@ def quaternion(v: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b 4"]:
     return torch.cat([half.cos(), torch.sinc(half / torch.pi) / 2 * v], -1)
 
 
-def by_axis_angle(v: Float[Tensor, "*b 3"], by_quaternion: Float[Tensor, "*b 4"]) -> Float[Tensor, "*b 3"]:
-    """Derivative of a number by v, from its derivative by `quaternion(v)`."""
-    squared = (v * v).sum(-1, keepdim=True)
-    half = squared.sqrt() / 2
-    length = torch.sinc(half / torch.pi) / 2
-    bend = (half.cos() / 2 - length) / (squared + _TINY)  # the cancellation near zero is small against `length`
-    by_w, by_vector = by_quaternion[..., :1], by_quaternion[..., 1:]
-    along = (v * by_vector).sum(-1, keepdim=True)
-    return length * by_vector + (bend * along - length / 2 * by_w) * v
-
-
 def _stretch(sine2: Float[Tensor, "*b"], cosine2: Float[Tensor, "*b"]) -> Float[Tensor, "*b"]:
     """Swing angle / (sine x cosine of its half), by the squares of these."""
     sine, cosine = (sine2 + _TINY).sqrt(), cosine2.clamp(min=_NEARLY_OPPOSITE).sqrt()
     return 2 * torch.atan2(sine, cosine) / (sine * cosine)
 
 
-def _stretch_slope(sine2: Float[Tensor, "*b"], cosine2: Float[Tensor, "*b"]) -> Float[Tensor, "*b"]:
-    """Derivative of `_stretch` by the squared sine, from (1 - x^2) y' = x y + 1 for y = arcsin(x) / sqrt(1 - x^2)."""
-    above = 2 + (2 * sine2 - 1) * _stretch(sine2, cosine2)
-    return above / (2 * (sine2 + _TINY) * cosine2.clamp(min=_NEARLY_OPPOSITE))
-
-
 @helper
 def _cost(c, frame, orient, x, s, derivatives):
-    """As `AngleTable.angles` and `slopes`, joint by joint."""
+    """As `AngleTable.angles`, joint by joint."""
     cost, clip = 0.0, c.clip
     weight = clip.limit_weight * clip.limit_weight
     for n in range(clip.limited):
@@ -233,6 +181,8 @@ def _cost(c, frame, orient, x, s, derivatives):
                 continue
             cost += weight * excess * excess
             if derivatives and (clip.free_body if joint <= N_BODY else clip.free_hands):
+                # Twice the slope of `stretch` by the squared sine. With x the sine of half the swing it is 2 y / x, for
+                # y = arcsin(x) / sqrt(1 - x^2), and (1 - x^2) y' = x y + 1.
                 rise = (2 + (2 * sine2 - 1) * stretch) / ((sine2 + _TINY) * cosine2)
                 by_turn = _slope(angle, w, t, p, q, stretch, rise, 2 / cosine2, turned, s.q)
                 first, count = joint_row(c, joint, by_turn, s)

@@ -1,7 +1,8 @@
 """The term of joints locked by a person (beyond the paper)."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any
 
 import numpy as np
 import torch
@@ -9,12 +10,15 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from fitting_core.body.model import JOINT
-from fitting_core.fit.terms.entry import Entry
-from fitting_core.fit.terms.limits import by_axis_angle, quaternion
+from fitting_core.fit.compiled.body import add_row, joint_row
+from fitting_core.fit.compiled.jit import helper
+from fitting_core.fit.compiled.layout import N_BODY, NUMBER
+from fitting_core.fit.compiled.turns import quaternion as quaternion_of_matrix
+from fitting_core.fit.terms.entry import Entry, Kernel
+from fitting_core.fit.terms.limits import quaternion
 from fitting_core.fit.terms.setting import Looked, Setting
-from fitting_core.fit.terms.term import Derivative, Rows, Term
+from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
-from fitting_core.fit.variables.point_jacobian import PointJacobian
 from fitting_core.keypoints import LOCKABLE
 
 LOCK_WEIGHT = 6.0 / np.radians(2.0)
@@ -37,38 +41,56 @@ class Locks(Term):
     weight: Float[Tensor, "T n"]
     """Per radian; 0 where the joint is free."""
     name: str = "locks"
-    derivative: ClassVar = Derivative.ROWS
-
-    def _pose(self, e: Estimate) -> Float[Tensor, "B n 3"]:
-        return e.body_pose.view(len(e.body_pose), -1, 3)[:, self.joint - _FIRST]
-
-    def _away(self, e: Estimate) -> Float[Tensor, "B n 3 4"]:
-        """The weighted map from a joint's quaternion to its residual."""
-        w, vector = quaternion(self.target[e.frames]).split([1, 3], -1)
-        x, y, z = vector.unbind(-1)
-        zero = torch.zeros_like(x)
-        cross = torch.stack([zero, -z, y, z, zero, -x, -y, x, zero], -1).view(*x.shape, 3, 3)
-        turn = w[..., None] * torch.eye(3).to(w) - cross
-        return 2 * self.weight[e.frames][..., None, None] * torch.cat([-vector[..., None], turn], -1)
 
     def residual(self, e: Estimate) -> Float[Tensor, "B 3n"]:
         """Weighted, 0 where the joint is free."""
-        return (self._away(e) @ quaternion(self._pose(e))[..., None])[..., 0].flatten(1)
+        pose = e.body_pose.view(len(e.body_pose), -1, 3)[:, self.joint - _FIRST]
+        w, v = quaternion(pose).split([1, 3], -1)
+        w0, v0 = quaternion(self.target[e.frames]).split([1, 3], -1)
+        away = w0 * v - w * v0 - torch.linalg.cross(v0, v)
+        return (2 * self.weight[e.frames][..., None] * away).flatten(1)
 
-    def rows(self, e: Estimate, jacobian: PointJacobian) -> Rows:
-        """Three for each joint that is locked in any frame of the clip."""
-        pose, away = self._pose(e), self._away(e)
-        residual = (away @ quaternion(pose)[..., None])[..., 0]
-        slopes = by_axis_angle(pose[:, :, None].expand(-1, -1, 3, -1), away)
-        each = torch.arange(len(self.joint), device=pose.device)
-        by_joint = pose.new_zeros(*slopes.shape[:3], len(JOINT), 3)
-        by_joint[:, each, :, self.joint] = slopes.transpose(0, 1)
-        rows = jacobian.in_free_columns(by_joint.flatten(0, 2))
-        return Rows(residual.flatten(1), rows.view(len(pose), -1, jacobian.width))
+
+@helper
+def _cost(c, frame, orient, x, s, derivatives):
+    """With p = q_0* q the residual is 2 weight times the vector part of p.
+
+    A turn d of the joint about its own axes changes q by q (0, d) / 2, so p by p (0, d) / 2, whose vector part is
+    (p_w d + p_v x d) / 2.
+    """
+    cost, locked = 0.0, c.frames[frame]
+    for j in range(N_BODY):
+        weight = 2.0 * locked.lock_weight[j]
+        if weight == 0.0:
+            continue
+        quaternion_of_matrix(s.local[j + 1], s.q)
+        t, q, p = locked.lock_target[j], s.q, s.u
+        p[0] = t[0] * q[0] + t[1] * q[1] + t[2] * q[2] + t[3] * q[3]
+        p[1] = t[0] * q[1] - q[0] * t[1] - t[2] * q[3] + t[3] * q[2]
+        p[2] = t[0] * q[2] - q[0] * t[2] - t[3] * q[1] + t[1] * q[3]
+        p[3] = t[0] * q[3] - q[0] * t[3] - t[1] * q[2] + t[2] * q[1]
+        for d in range(3):
+            cost += weight * weight * p[1 + d] * p[1 + d]
+            if derivatives and c.clip.free_body:
+                if d == 0:
+                    by_turn = (0.5 * p[0], -0.5 * p[3], 0.5 * p[2])
+                elif d == 1:
+                    by_turn = (0.5 * p[3], 0.5 * p[0], -0.5 * p[1])
+                else:
+                    by_turn = (-0.5 * p[2], 0.5 * p[1], 0.5 * p[0])
+                first, count = joint_row(c, j + 1, by_turn, s)
+                add_row(s, first, s.wide, count, weight * weight, p[1 + d])
+    return cost
+
+
+def _constants(term: Locks) -> Mapping[str, Any]:
+    weight, target = term.weight.new_zeros(len(term.weight), N_BODY), term.target.new_zeros(len(term.target), N_BODY, 4)
+    weight[:, term.joint - _FIRST], target[:, term.joint - _FIRST] = term.weight, quaternion(term.target)
+    return {"lock_weight": weight, "lock_target": target}
 
 
 def _make(setting: Setting, looked: Looked, s: int) -> Term | None:
-    """In every stage and configuration: whoever locks a joint means it."""
+    """In every stage and configuration: a lock is a person's statement, not evidence to be weighed."""
     names, turn = LOCKABLE.values(), setting.observations.turn[:, list(LOCKABLE)]
     locked = turn.isfinite().all(-1)
     used = locked.any(0)
@@ -78,4 +100,14 @@ def _make(setting: Setting, looked: Looked, s: int) -> Term | None:
     return Locks(joint, turn[:, used].nan_to_num(), LOCK_WEIGHT * locked[:, used].to(turn))
 
 
-ENTRY = Entry(name="locks", kind=Locks, about="a joint that a person has locked keeps its rotation", make=_make)
+ENTRY = Entry(
+    name="locks",
+    kind=Locks,
+    about="a joint that a person has locked keeps its rotation",
+    make=_make,
+    kernel=Kernel(
+        constants=_constants,
+        frame=(("lock_weight", NUMBER, N_BODY), ("lock_target", NUMBER, (N_BODY, 4))),
+        cost=_cost,
+    ),
+)

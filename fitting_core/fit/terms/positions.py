@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import torch
 from jaxtyping import Float
@@ -11,11 +11,11 @@ from torch import Tensor
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.compiled.jit import helper
 from fitting_core.fit.compiled.layout import NUMBER
+from fitting_core.fit.terms.data import irls
 from fitting_core.fit.terms.entry import Entry, Kernel, Weight, every_stage
 from fitting_core.fit.terms.setting import Looked, Setting
-from fitting_core.fit.terms.term import Derivative, Rows, Term
+from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
-from fitting_core.fit.variables.point_jacobian import PointJacobian
 
 _TOLD_WEIGHT = 6.0
 """Weight of a person's statement of depth, in every stage and configuration: the lifter's weight where it is used. An
@@ -42,9 +42,6 @@ class _Positions(Term):
     """Per metre; 0 if nothing is known."""
     rho: Float[Tensor, "T N 3"]
     """Metres at which the Geman-McClure function saturates."""
-    derivative: ClassVar = Derivative.ROWS
-    moves_with_camera: ClassVar[bool]
-    """Whether it depends on the camera's translation."""
 
     def points(self, e: Estimate) -> Float[Tensor, "B N 3"]:
         """Metres, to be compared with the target."""
@@ -59,13 +56,9 @@ class _Positions(Term):
         r, rho = self.errors(e), self.rho[e.frames]
         return (self.weight[e.frames] * rho * r / (r * r + rho**2).sqrt()).flatten(1)
 
-    def rows(self, e: Estimate, jacobian: PointJacobian) -> Rows:
-        """IRLS, as in the data term."""
-        r, rho = self.errors(e), self.rho[e.frames]
-        scale = self.weight[e.frames] * rho**2 / (r * r + rho**2)
-        residual, by_point = scale * r, torch.diag_embed(scale)
-        correctives = jacobian.corrective_gradient(e.posed, scale * residual)
-        return Rows(residual.flatten(1), jacobian(e.posed, by_point, translation=self.moves_with_camera), correctives)
+    def reweighted(self, e: Estimate) -> Tensor:
+        """As in the data term."""
+        return irls(self.errors(e), self.weight[e.frames], self.rho[e.frames]).flatten(1)
 
 
 @dataclass(frozen=True)
@@ -78,7 +71,6 @@ class RelativePosition(_Positions):
     pelvis: Float[Tensor, "3"]
     """Its place in the body's own space, metres: the root rotates about it."""
     name: str = "relative_position"
-    moves_with_camera: ClassVar[bool] = False
 
     @staticmethod
     def of(setting: Setting, looked: Looked, s: int) -> "RelativePosition | None":
@@ -116,7 +108,6 @@ class HeldPosition(_Positions):
     """In camera space: standing feet stay in place."""
 
     name: str = "held_position"
-    moves_with_camera: ClassVar[bool] = True
 
     @staticmethod
     def of(setting: Setting, looked: Looked, s: int) -> "HeldPosition | None":
@@ -154,7 +145,7 @@ def position_cost(c, frame, i, scratch, cost):
 
 @helper
 def set_position_row(weight, rho, e, d, s):
-    """Residual along an axis d and its derivative by the point, see `_Positions.rows`."""
+    """Residual along an axis d and its derivative by the point, see `irls`."""
     squared = rho * rho
     s.by_point[d, 0] = s.by_point[d, 1] = s.by_point[d, 2] = 0.0
     s.by_point[d, d] = weight * squared / (e * e + squared)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import torch
@@ -14,7 +14,7 @@ from fitting_core.fit.compiled.layout import MOST_COLUMNS, NUMBER
 from fitting_core.fit.terms.entry import Entry, Five, Kernel, Weight
 from fitting_core.fit.terms.locks import LOCK_WEIGHT
 from fitting_core.fit.terms.setting import Looked, Setting
-from fitting_core.fit.terms.term import Derivative, Term
+from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.state import Columns, Parametrisation
 from fitting_core.keypoints import FINGER_JOINTS
@@ -33,7 +33,6 @@ class Quadratic(Term):
     weight: Float[Tensor, "n"] | Float[Tensor, "T n"]
     target: Float[Tensor, "n"] | Float[Tensor, "T n"] | None = None
     once: bool = False
-    derivative: ClassVar = Derivative.COLUMNS
 
     def residual(self, e: Estimate) -> Tensor:
         """Weighted distance from the target."""
@@ -41,14 +40,6 @@ class Quadratic(Term):
         if self.target is not None:
             value = value - _of_frames(self.target, e)
         return _of_frames(self.weight, e) * value
-
-    def columns(self, e: Estimate) -> Tensor:
-        """The slice's columns."""
-        return torch.arange(self.where.start, self.where.stop, device=self.weight.device)
-
-    def slope(self, e: Estimate) -> Tensor:
-        """The weights."""
-        return _of_frames(self.weight, e).expand(len(e.frames), -1)
 
 
 def _of_frames(values: Float[Tensor, "n"] | Float[Tensor, "T n"], e: Estimate) -> Tensor:

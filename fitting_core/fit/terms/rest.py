@@ -1,19 +1,18 @@
 """The term of joints without evidence (beyond the paper)."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from fitting_core.body.model import POSE_COLUMNS, POSE_JOINTS
+from fitting_core.body.model import POSE_JOINTS
 from fitting_core.fit.compiled.body import add_row, joint_axis_angle
 from fitting_core.fit.compiled.jit import helper
 from fitting_core.fit.compiled.layout import BODY, N_BODY, NUMBER
 from fitting_core.fit.terms.entry import Entry, Kernel, Weight
 from fitting_core.fit.terms.setting import Looked, Setting
-from fitting_core.fit.terms.term import Derivative, Term
+from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
 
 
@@ -27,20 +26,10 @@ class Rest(Term):
     weight: Float[Tensor, "T 63"]
     target: Float[Tensor, "63"]
     name: str = "rest"
-    derivative: ClassVar = Derivative.POSE_COLUMNS
 
     def residual(self, e: Estimate) -> Tensor:
         """Weighted distance from the target."""
         return self.weight[e.frames] * (e.body_pose - self.target)
-
-    def columns(self, e: Estimate) -> Tensor:
-        """The whole axis-angle pose."""
-        body = POSE_COLUMNS["body_pose"]
-        return torch.arange(body.start, body.stop, device=self.weight.device)
-
-    def slope(self, e: Estimate) -> Tensor:
-        """The weights."""
-        return self.weight[e.frames]
 
 
 @helper

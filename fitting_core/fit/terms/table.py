@@ -37,8 +37,6 @@ TERMS: dict[str, Entry] = {
     )
 }
 """By name, in the order of summation."""
-REACH = max(entry.kind.reach for entry in TERMS.values())
-"""Frames to either side that any term depends on. Frames up to twice as far apart are coupled."""
 
 
 def stage_terms(setting: Setting, looked: Looked, stage: int) -> list[Term]:

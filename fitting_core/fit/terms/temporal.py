@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import ClassVar
 
 import torch
 from jaxtyping import Float, Int
@@ -14,13 +13,18 @@ from fitting_core.body.points.pairs import Joint
 from fitting_core.camera import CameraPath
 from fitting_core.fit.terms.entry import Entry
 from fitting_core.fit.terms.setting import Looked, Setting
-from fitting_core.fit.terms.term import Derivative, Rows, Stencil, Term
+from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate, SolverView
-from fitting_core.fit.variables.point_jacobian import PointJacobian
 from fitting_core.fit.variables.state import Parametrisation, State
 
-OFF_MEAN = Stencil(((-1, -1 / 3), (0, 2 / 3), (1, -1 / 3)))
-"""J_i - mean(J_{i-1}, J_i, J_{i+1}) = (2 J_i - J_{i-1} - J_{i+1}) / 3 (paper, equation of E_T)."""
+REACH = 1
+"""Frames to either side that a residual of E_T depends on: frames up to twice as far apart are coupled."""
+
+
+def off_mean(values: Float[Tensor, "s m"]) -> Float[Tensor, "c m"]:
+    """J_i - mean(J_{i-1}, J_i, J_{i+1}) = (2 J_i - J_{i-1} - J_{i+1}) / 3 (paper, equation of E_T), of each frame of a
+    span that has one before and one after it."""
+    return (2 * values[1:-1] - values[:-2] - values[2:]) / 3
 
 
 class JointPositions:
@@ -78,34 +82,18 @@ def _joints(body: BodyModel, dtype: torch.dtype, device: torch.device) -> BodyPo
 
 @dataclass(frozen=True, eq=False)
 class Evenness(Term):
-    """E_T: weight x distance of each joint from the mean of its places in the frame before, this one and the next."""
+    """E_T: weight x distance of each joint from the mean of its places in the frame before, this one and the next.
+
+    The one term that couples frames: `solvers.sequence` has its derivatives.
+    """
 
     weight: float
     joints: JointPositions
     name: str = "temporal"
-    derivative: ClassVar = Derivative.STENCIL
-    reach: ClassVar[int] = OFF_MEAN.reach
-
-    @property
-    def stencil(self) -> Stencil:
-        """Weighted."""
-        return OFF_MEAN.scaled(self.weight)
-
-    def quantity(self, e: Estimate) -> Float[Tensor, "B 165"]:
-        """The joints, metres."""
-        return self.joints.of(self.joints.estimate(e.state, e.frames)).flatten(1)
 
     def residual(self, e: Estimate) -> Float[Tensor, "c 165"]:
-        """For each frame that has one before and one after it."""
-        return self.stencil(self.quantity(e))
-
-    def rows(self, e: Estimate, jacobian: PointJacobian) -> Rows:
-        """The joints and their derivative. Pose correctives move no joint."""
-        own = self.joints.estimate(e.state, e.frames)
-        identity = torch.eye(3, dtype=e.state.vector.dtype, device=e.state.vector.device)
-        by_point = identity.expand(len(e.state), N_JOINTS, 3, 3)
-        by_columns = jacobian.on(self.joints.view.points)(own.posed, by_point, translation=self.joints.in_camera)
-        return Rows(self.joints.of(own).flatten(1), self.joints.rows_in_still_space(by_columns, e.frames))
+        """Of consecutive frames, for each that has one before and one after it."""
+        return self.weight * off_mean(self.joints.of(self.joints.estimate(e.state, e.frames)).flatten(1))
 
 
 def _make(setting: Setting, looked: Looked, s: int) -> Term | None:

@@ -1,21 +1,18 @@
 """The term of a root that leans or turns if no leg is seen (beyond the paper)."""
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from fitting_core.body.rotations import hat
 from fitting_core.fit.compiled.body import add_row
 from fitting_core.fit.compiled.jit import helper
 from fitting_core.fit.compiled.layout import NUMBER
 from fitting_core.fit.terms.entry import Entry, Kernel, Weight, every_stage
 from fitting_core.fit.terms.setting import Setting
-from fitting_core.fit.terms.term import Derivative, Rows, Term
+from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
-from fitting_core.fit.variables.point_jacobian import PointJacobian
 
 
 @dataclass(frozen=True)
@@ -30,7 +27,6 @@ class Upright(Term):
     lean: Float[Tensor, "T"]
     turn: Float[Tensor, "T"]
     name: str = "upright"
-    derivative: ClassVar = Derivative.ROWS
 
     @staticmethod
     def of(setting: Setting, lean: float, turn: float) -> "Upright | None":
@@ -46,14 +42,6 @@ class Upright(Term):
         up, forward = e.state.orient[:, [0, 2], 1], e.state.orient[:, :1, 2]
         return torch.cat([self.lean[e.frames, None] * up, self.turn[e.frames, None] * forward], 1)
 
-    def rows(self, e: Estimate, jacobian: PointJacobian) -> Rows:
-        """d (R a) = d x (R a) for a turn d about the axes of camera space."""
-        by_up, by_forward = (-hat(e.state.orient[:, :, axis]) for axis in (1, 2))
-        full = e.state.orient.new_zeros(len(by_up), 3, jacobian.width)
-        full[:, :2, :3] = self.lean[e.frames, None, None] * by_up[:, [0, 2]]
-        full[:, 2:, :3] = self.turn[e.frames, None, None] * by_forward[:, :1]
-        return Rows(self.residual(e), full)
-
 
 @helper
 def _cost(c, frame, orient, x, s, derivatives):
@@ -65,7 +53,8 @@ def _cost(c, frame, orient, x, s, derivatives):
     for row in range(3 if derivatives else 0):
         weight, axis = (lean, 1) if row < 2 else (turn, 2)
         y0, y1, y2 = weight * orient[0, axis], weight * orient[1, axis], weight * orient[2, axis]
-        if row == 1:  # row z of -hat(R a), and else row x
+        # A turn d about the axes of camera space moves the axis y = R a by d x y = -hat(y) d: row z, and else row x.
+        if row == 1:
             residual, s.v[0], s.v[1], s.v[2] = y2, y1, -y0, 0.0
         else:
             residual, s.v[0], s.v[1], s.v[2] = y0, 0.0, y2, -y1

@@ -10,11 +10,11 @@ Shape and camera are held; and every error counts as one of a single frame, alth
 """
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from fitting_core.body import rotations
-from fitting_core.body.model import JOINT, POSE_COLUMNS
+from fitting_core.body.model import JOINT
 from fitting_core.body.segment_axes import BONES, rest_axes
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.phases.consistency import overlapping_parts
@@ -98,46 +98,47 @@ def _of_part(stages: Stages, state: State) -> ErrorBars:
     joints = JointPositions(stages.body, stages.parametrisation, in_camera=False)
     covariance = covariance.to(state.vector)
     of_joints = [
-        _of_joints(objective, joints.estimate(state[frames], frames), covariance[frames])
+        _of_joints(objective, joints, state[frames], frames, covariance[frames])
         for frames in stages.all_frames.split(_AT_ONCE)
     ]
-    of_angles = _of_angles(objective, joints.estimate(state), covariance)
+    of_angles = _of_angles(objective, joints, state, covariance)
     return ErrorBars(joints=torch.cat(of_joints).float().cpu().numpy(), angles=of_angles.float().cpu().numpy())
 
 
 def _of_joints(
-    objective: FrameObjective, joints: Estimate, covariance: Float[Tensor, "B d d"]
+    objective: FrameObjective,
+    joints: JointPositions,
+    state: State,
+    frames: Int[Tensor, "B"],
+    covariance: Float[Tensor, "B d d"],
 ) -> Float[Tensor, "B 22 2"]:
     """Metres along the camera's ray through each joint, and across it (root mean square over two directions)."""
-    posed, count = joints.posed, len(JOINTS)
-    identity = torch.eye(3, dtype=covariance.dtype, device=covariance.device).expand(*posed.points.shape, 3)
-    of_all = objective.jacobian.on(joints.view.points)(posed, identity, translation=False)
-    rows = objective.rows_in_prior_space(joints, of_all[:, : 3 * count])
+    count = len(JOINTS)
+    rows = objective.joint_jacobian(joints, state, frames)[:, : 3 * count]
     spread = (rows @ covariance).unflatten(1, (count, 3)) @ rows.unflatten(1, (count, 3)).mT
-    ray = torch.nn.functional.normalize(joints.in_camera[:, :count], dim=-1)
+    ray = torch.nn.functional.normalize(joints.estimate(state, frames).in_camera[:, :count], dim=-1)
     along = (ray[..., None, :] @ spread @ ray[..., None])[..., 0, 0]
     across = (spread.diagonal(dim1=-2, dim2=-1).sum(-1) - along) / 2
     return torch.stack([along, across], -1).clamp_min(0).sqrt()
 
 
 def _of_angles(
-    objective: FrameObjective, joints: Estimate, covariance: Float[Tensor, "B d d"]
+    objective: FrameObjective, joints: JointPositions, state: State, covariance: Float[Tensor, "B d d"]
 ) -> Float[Tensor, "B 13"]:
     with torch.enable_grad():
-        pose = joints.body_pose.detach().requires_grad_()
-        angles = _angles(joints, pose)
-        slopes = [torch.autograd.grad(angle.sum(), pose, retain_graph=True)[0] for angle in angles]
-    rows = pose.new_zeros(len(pose), len(ANGLES), objective.jacobian.width)
-    rows[:, :, POSE_COLUMNS["body_pose"]] = torch.stack(slopes, 1)
-    rows = objective.rows_in_prior_space(joints, rows)
+        move = state.vector.new_zeros(len(state), len(objective.index), requires_grad=True)
+        angles = _angles(joints.estimate(state.moved(objective.step(move))))
+        slopes = [torch.autograd.grad(angle.sum(), move, retain_graph=True)[0] for angle in angles]
+    rows = torch.stack(slopes, 1)
     return ((rows @ covariance) * rows).sum(-1).clamp_min(0).sqrt().rad2deg()
 
 
-def _angles(joints: Estimate, pose: Float[Tensor, "B 63"]) -> list[Float[Tensor, "B"]]:
+def _angles(joints: Estimate) -> list[Float[Tensor, "B"]]:
     """ANGLES, radians."""
     points, coefficients = joints.view.points, joints.view.parametrisation.coefficients(joints.state[:1])
+    pose = joints.body_pose
     rest = points.rest + (coefficients @ points.rest_directions.flatten(0, 1).T).view(-1, 3)
-    axes = {name: pose.new_tensor(at[0]) for name, at in rest_axes(rest[None].cpu().numpy()).items()}
+    axes = {name: pose.new_tensor(at[0]) for name, at in rest_axes(rest[None].detach().cpu().numpy()).items()}
     turns, parents, found = rotations.exp(pose.unflatten(1, (-1, 3))), joints.view.points.tree.parents, []
     for name in ANGLES:
         *side, joint, angle = name.split("_")

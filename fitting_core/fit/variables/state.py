@@ -8,7 +8,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from fitting_core.body import rotations
-from fitting_core.body.model import JOINT, N_BETAS, N_EXPRESSION, BodyModel
+from fitting_core.body.model import JOINT, N_BETAS, N_EXPRESSION, N_JOINTS, POSE_COLUMNS, BodyModel
 from fitting_core.body.params import BodyParams, hand_basis
 from fitting_core.body.points.body_points import whole_pose
 from fitting_core.priors.pose import PosePrior
@@ -195,6 +195,21 @@ class Parametrisation:
     def pose(self, state: State, body_pose: Tensor) -> Float[Tensor, "B 54 3"]:
         """Axis-angle of every joint but the root."""
         return whole_pose(body_pose, state.vector[:, self.columns.jaw], self.hands(state))
+
+    def pose_jacobian(self, state: State) -> Float[Tensor, "B 165 total"]:
+        """Derivatives of the axis-angle of all 55 joints by the columns; the root's are turns in camera space."""
+        c, joints = self.columns, POSE_COLUMNS
+        jacobian = state.vector.new_zeros(len(state), 3 * N_JOINTS, c.total)
+        for name, columns in (("global_orient", c.orient), ("jaw_pose", c.jaw)):
+            jacobian[:, joints[name], columns] = torch.eye(3).to(jacobian)
+        # One step moves all frames, as they are independent.
+        latent = state.vector[:, c.body]
+        decoded = torch.func.jacfwd(lambda step: self.prior.decode(latent + step))(torch.zeros_like(latent[0]))
+        jacobian[:, joints["body_pose"], c.body] = decoded
+        for side, basis in enumerate(self.hand_basis):
+            columns = slice(c.hands.start + side * c.hand, c.hands.start + (side + 1) * c.hand)
+            jacobian[:, joints[("left_hand_pose", "right_hand_pose")[side]], columns] = basis
+        return jacobian
 
     def coefficients(self, state: State) -> Float[Tensor, "B 20"]:
         """Betas, then expression."""

@@ -15,10 +15,7 @@ from fitting_core.body.model import JOINT, N_JOINTS, SURFACE_KEYPOINTS, BodyMode
 from fitting_core.body.params import BodyParams, full_pose
 from fitting_core.body.points.body_points import BodyPoints, Posed
 from fitting_core.body.points.pairs import Contour, Joint, Offset, Point, Surface, keypoint_points, vertex
-from fitting_core.fit.variables.point_jacobian import PointJacobian
-from fitting_core.fit.variables.state import Columns, Free, Parametrisation, State
-from fitting_core.priors.pose import AxisAnglePrior
-from tests.samples.scenes import differentiated, random_params, random_state, without_correctives
+from tests.samples.scenes import random_params, without_correctives
 
 OFFSET = Offset(JOINT["left_knee"], JOINT["left_hip"], (0.01, -0.02, 0.03))
 POINTS: list[Point] = [
@@ -118,87 +115,66 @@ def test_joints_alone_and_nothing(tiny_body: BodyModel):
     assert posed_points(BodyPoints(tiny_body, []), params, tiny_body, None).points.shape == (2, 0, 3)
 
 
-FREES = {
-    "all": Free(),
-    "camera step": Free(body=False, hands=False, face=False, betas=False),
-    "frozen camera": Free(translation=False),
-    "no body": Free(body=False),
-    "hands": Free(face=False, betas=False),
-    "face": Free(hands=False),
-}
-
-
 class Scene:
-    """Points of a body in some state, and the derivatives of their positions by a step in all columns."""
+    """Points of a body in some state, and the derivatives of their positions by a step of joints and coefficients."""
 
-    def __init__(self, body: BodyModel, components: int) -> None:
-        self.p = Parametrisation(body, AxisAnglePrior(), hand_components=components, dtype=torch.float64)
-        self.points = BodyPoints(body, POINTS)
-        self.state = random_state(self.p, 4)
-        self.posed = self._posed(self.state)
-        self.differentiated = differentiated(self._in_camera, self.state, torch.arange(self.p.columns.total))
+    def __init__(self, body: BodyModel) -> None:
+        self.points, params = BodyPoints(body, POINTS), random_params(4)
+        self.orient, self.pose = rotations.exp(params.global_orient), full_pose(body, params)[:, 1:]
+        self.coefficients = torch.cat([params.betas, params.expression], 1)
+        self.posed = self.points.forward(self.orient, self.pose, self.coefficients, BINS)
 
-    def _posed(self, state: State) -> Posed:
-        pose = self.p.pose(state, self.p.body_pose(state))
-        return self.points.forward(state.orient, pose, self.p.coefficients(state), BINS)
+    def by_joint(self, *, correctives_held: bool = False) -> Tensor:
+        """(B, N, 3, 55, 3): by a turn of the root in space, and the axis-angles of the others."""
 
-    def _in_camera(self, state: State) -> Tensor:
-        return self._posed(state).points + state.vector[:, None, self.p.columns.translation]
+        def moved(step: Tensor) -> Tensor:
+            orient, pose = rotations.exp(step[0]) @ self.orient, self.pose + step[1:]
+            posed = self.points.forward(orient, pose, self.coefficients, BINS, correctives_held=correctives_held)
+            return posed.points
 
-    def jacobian(self, free: Free) -> PointJacobian:
-        return PointJacobian(self.points, Columns(63, self.p.columns.hand), free, self.p.hand_basis)
+        return torch.func.jacfwd(moved)(torch.zeros(N_JOINTS, 3, dtype=torch.float64))
+
+    def by_coefficient(self) -> Tensor:
+        """(B, N, 3, 20)."""
+        place = torch.zeros(20, dtype=torch.float64)
+        return torch.func.jacfwd(
+            lambda step: self.points.forward(self.orient, self.pose, self.coefficients + step, BINS).points
+        )(place)
+
+    def entries(self, by_point: Tensor) -> Tensor:
+        """`rotation_entries` with zeros between them, (B, N, R, 55, 3)."""
+        whole = by_point.new_zeros(*by_point.shape[:3], N_JOINTS, 3)
+        at, joint = self.points.entry_point, self.points.entry_joint
+        whole[:, at, :, joint] = self.points.rotation_entries(self.posed, by_point).transpose(0, 1)
+        return whole
 
 
 @pytest.fixture(scope="module")
 def scene(tiny_body: BodyModel) -> Scene:
-    return Scene(tiny_body, 12)
-
-
-@pytest.fixture(scope="module", params=[12, 45])
-def rigid_scene(tiny_body: BodyModel, request: pytest.FixtureRequest) -> Scene:
-    return Scene(without_correctives(tiny_body), request.param)
+    return Scene(tiny_body)
 
 
 EVERY = torch.eye(3, dtype=torch.float64).expand(4, len(POINTS), 3, 3)
 
 
-@pytest.mark.parametrize("free", FREES.values(), ids=FREES.keys())
-def test_jacobian_is_exact_without_correctives(rigid_scene: Scene, free: Free):
-    expected = rigid_scene.differentiated[..., free.index(rigid_scene.p.columns)]
-    rows = rigid_scene.jacobian(free)(rigid_scene.posed, EVERY)
-    torch.testing.assert_close(rows.view_as(expected), expected, rtol=0, atol=1e-12)
+def test_entries_are_the_derivative_with_the_correctives_held(scene: Scene, tiny_body: BodyModel):
+    expected = scene.by_joint(correctives_held=True)
+    torch.testing.assert_close(scene.entries(EVERY), expected, rtol=0, atol=1e-12)
     assert float(expected.abs().max()) > 0.1
+    assert float((scene.by_joint() - expected).abs().max()) > 1e-4  # the correctives do matter
+    plain = Scene(without_correctives(tiny_body))
+    torch.testing.assert_close(plain.entries(EVERY), plain.by_joint(), rtol=0, atol=1e-12)
 
 
 def test_left_factor_is_applied_to_each_point(scene: Scene):
     left = torch.randn(4, len(POINTS), 2, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(1))
-    jacobian = scene.jacobian(Free())
-    expected = left @ jacobian(scene.posed, EVERY).view(4, len(POINTS), 3, -1)
-    torch.testing.assert_close(jacobian(scene.posed, left), expected.flatten(1, 2), rtol=0, atol=1e-12)
+    expected = torch.einsum("bnrx,bnxjk->bnrjk", left, scene.entries(EVERY))
+    torch.testing.assert_close(scene.entries(left), expected, rtol=0, atol=1e-12)
 
 
-def test_without_translation_the_rest_is_the_same(scene: Scene):
-    jacobian, columns = scene.jacobian(Free()), scene.p.columns
-    moving, still = jacobian(scene.posed, EVERY), jacobian(scene.posed, EVERY, translation=False)
-    index = Free().index(columns)
-    where = (index >= columns.translation.start) & (index < columns.translation.stop)
-    assert int(where.sum()) == 3
-    torch.testing.assert_close(still[..., ~where], moving[..., ~where], rtol=0, atol=0)
-    assert float(still[..., where].abs().max()) == 0
-    torch.testing.assert_close(moving[..., where].view(4, -1, 3, 3), EVERY, rtol=0, atol=0)
-
-
-@pytest.mark.parametrize("free", FREES.values(), ids=FREES.keys())
-def test_gradient_is_exact_with_correctives(scene: Scene, free: Free):
-    pull = torch.randn(4, len(POINTS), 3, dtype=torch.float64, generator=torch.Generator().manual_seed(2))
-    exact = scene.differentiated[..., free.index(scene.p.columns)]
-    expected = torch.einsum("bnk,bnkd->bd", pull, exact)
-    jacobian = scene.jacobian(free)
-    by_jacobian = jacobian(scene.posed, pull[:, :, None]).sum(1)
-    gradient = by_jacobian + jacobian.corrective_gradient(scene.posed, pull)
-    torch.testing.assert_close(gradient, expected, rtol=0, atol=1e-11)
-    if free.body:
-        assert float((by_jacobian - expected).abs().max()) > 1e-4  # the correctives do matter
+def test_derivative_by_the_coefficients_is_exact(scene: Scene):
+    found = scene.points.coefficient_jacobian(scene.posed, slice(0, 20))
+    torch.testing.assert_close(found, scene.by_coefficient(), rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("yaw", [-80.0, -39.6, -39.4, -20.0, -0.6, -0.4, 0.0, 0.4, 0.6, 12.3, 38.4, 39.0, 60.0])

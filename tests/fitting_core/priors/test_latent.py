@@ -59,46 +59,36 @@ def test_decodes_as_modules_of_torch_do(activation: Activation):
 
 
 @pytest.mark.parametrize("activation", ACTIVATIONS)
-def test_jacobian_is_the_derivative_of_decode(activation: Activation):
+def test_turns_are_the_derivative_of_the_rotations(activation: Activation):
+    """About their own axes: dR = R hat(turn)."""
     prior = LatentPrior(random_network(activation))
     z = random_latents(11)
-    expected = torch.func.vmap(torch.func.jacrev(lambda one: prior.decode(one[None])[0]))(z)
-    torch.testing.assert_close(prior.jacobian(z), expected, rtol=1e-10, atol=1e-10)
+    expected = torch.func.vmap(torch.func.jacrev(lambda one: prior.rotations(one[None])[0]))(z)
+    matrices, turns = prior._turns(z)
+    found = (matrices[:, :, None] @ rotations.hat(turns.mT)).permute(0, 1, 3, 4, 2)
+    torch.testing.assert_close(found, expected, rtol=1e-10, atol=1e-10)
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-8, 1e-4, 0.03, 1.0, 3.0, math.pi - 1e-4, math.pi - 1e-9, math.pi])
-def test_jacobian_near_rest_and_near_half_turns(angle: float):
-    """The derivative of the rotation matrices by automatic differentiation, of decode by way of exp's left Jacobian."""
+def test_decode_is_differentiable_near_rest_and_near_half_turns(angle: float):
+    """Of the rotation matrices, by way of exp's left Jacobian."""
     axes = torch.nn.functional.normalize(random_latents(21, 3), dim=1)
     network = network_around(angle * axes.flatten())
     prior, modules, z = LatentPrior(network), modules_of(network.decoder), random_latents(5)
     by_matrix = torch.func.vmap(torch.func.jacrev(lambda one: rotations_by_hand(modules(one))[0]))(z)
-    matrices, left = rotations.exp_and_left_jacobian(prior.decode(z).view(5, 21, 3))
-    turn = left @ prior.jacobian(z).view(5, 21, 3, 32)
-    turned = (rotations.hat(turn.mT) @ matrices[:, :, None]).permute(0, 1, 3, 4, 2)
+    pose = prior.decode(z).view(5, 21, 3)
+    by_pose = torch.func.vmap(torch.func.jacfwd(lambda one: prior.decode(one[None])[0]))(z).view(5, 21, 3, 32)
+    turn = rotations.left_jacobian(pose) @ by_pose
+    turned = (rotations.hat(turn.mT) @ rotations.exp(pose)[:, :, None]).permute(0, 1, 3, 4, 2)
     torch.testing.assert_close(turned, by_matrix, rtol=0, atol=1e-9 * float(by_matrix.abs().max()) + 1e-12)
     assert float(by_matrix.abs().max()) > 1e-4
-
-
-def test_jacobian_in_parts_and_again(monkeypatch: pytest.MonkeyPatch):
-    """Neither the parts that pass together nor what is remembered may show."""
-    monkeypatch.setattr(latent, "REMEMBERED", 2)
-    prior, z = LatentPrior(random_network()), random_latents(30)
-    whole = prior.jacobian(z)
-    assert whole.shape == (30, 63, 32)
-    for rows in (slice(0, 30), slice(3, 4), slice(5, 25), slice(3, 4), slice(0, 0)):
-        torch.testing.assert_close(prior.jacobian(z[rows]), whole[rows], rtol=1e-12, atol=1e-13)
-    assert len(prior._known) <= 2
-    moved = z.clone()
-    moved[3, 0] += 1e-7
-    assert not torch.equal(prior.jacobian(moved[3:4]), whole[3:4])
 
 
 def test_types():
     network = random_network()
     prior, z = LatentPrior(network), random_latents(6)
     single = prior.to(dtype=torch.float32, device="cpu")
-    for of in (lambda p, x: p.decode(x), lambda p, x: p.jacobian(x), lambda p, x: p.encode(p.decode(x))):
+    for of in (lambda p, x: p.decode(x), lambda p, x: p.encode(p.decode(x))):
         found = of(single, z.float())
         assert found.dtype == torch.float32
         torch.testing.assert_close(found.double(), of(prior, z), rtol=0, atol=2e-2 if found.shape == z.shape else 1e-4)
@@ -110,7 +100,6 @@ def test_device():
     prior, z = LatentPrior(random_network()), random_latents(6)
     there = prior.to(dtype=torch.float64, device="cuda")
     torch.testing.assert_close(there.decode(z.cuda()).cpu(), prior.decode(z), rtol=0, atol=1e-10)
-    torch.testing.assert_close(there.jacobian(z.cuda()).cpu(), prior.jacobian(z), rtol=0, atol=1e-10)
     torch.testing.assert_close(there.encode(prior.decode(z).cuda()).cpu(), z, rtol=0, atol=1e-2)
 
 

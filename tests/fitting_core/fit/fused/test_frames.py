@@ -50,39 +50,36 @@ def without_kernels() -> Iterator[None]:
         ready.use(kernels=True)
 
 
-@pytest.mark.parametrize("why, mend", [
-    (ready.NOT_YET, "in about 40 seconds: python -m fitting_core.fit.fused"),
-    ("numba cannot be used (no such module); pip install numba", "numba cannot be used .*; pip install numba"),
-])  # fmt: skip
-def test_a_fit_without_kernels_warns_once(monkeypatch: pytest.MonkeyPatch, why: str, mend: str):
-    monkeypatch.setattr(ready, "problem", lambda: why)
-    monkeypatch.setattr(ready._Use, "told", False)
-    monkeypatch.setattr(ready._Use, "preparing", False)
-    with pytest.warns(UserWarning, match=f"several times as long as they could.*{mend}") as told:
-        ready.say_if_slow()
-        ready.say_if_slow()
-    assert len(told) == 1
+def test_a_fit_whose_kernels_cannot_be_compiled_warns_once(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(ready, "_missing", lambda: "numba cannot be used (no such module); pip install numba")
+    monkeypatch.setattr(ready._Use, "warned", False)
+    with pytest.warns(UserWarning, match=r"many times as long as they could: numba .*; pip install numba") as warned:
+        ready.prepare_for(PRESETS["tcfit"])
+        ready.prepare_for(PRESETS["tcfit"])
+    assert len(warned) == 1
 
 
-def test_a_fit_whose_kernels_are_being_compiled_does_not_warn(
-    monkeypatch: pytest.MonkeyPatch, recwarn: pytest.WarningsRecorder
-):
-    monkeypatch.setattr(ready, "problem", lambda: ready.NOT_YET)
-    monkeypatch.setattr(ready._Use, "told", False)
-    monkeypatch.setattr(ready._Use, "preparing", False)
-    monkeypatch.setattr(ready, "_compiled", lambda: True)
-    ready.prepare(str)
-    ready.say_if_slow()
-    assert not recwarn.list
+def test_a_fit_compiles_the_kernels_that_it_uses(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    compiled: list[object] = []
+    monkeypatch.setattr("fitting_core.fit.compiled.jit.kept_in", lambda: tmp_path)
+    monkeypatch.setattr(ready, "_compiled", lambda: bool(compiled))
+    monkeypatch.setattr(ready, "_compile", compiled.append)
+    single = replace(PRESETS["tcfit"], precision="float32")
+    for config in (single, replace(PRESETS["tcfit"], solver="lbfgs"), replace(PRESETS["tcfit"], device="cuda")):
+        ready.prepare_for(config)
+    assert not compiled
+    with pytest.warns(UserWarning, match="happens once"):
+        ready.prepare_for(PRESETS["tcfit"])
+    assert len(compiled) == 1
 
 
 def test_a_fit_whose_kernels_are_turned_off_or_ready_does_not_warn(
     monkeypatch: pytest.MonkeyPatch, recwarn: pytest.WarningsRecorder
 ):
-    monkeypatch.setattr(ready._Use, "told", False)
-    ready.say_if_slow()
+    monkeypatch.setattr(ready._Use, "warned", False)
+    ready.prepare_for(PRESETS["tcfit"])
     with without_kernels():
-        ready.say_if_slow()
+        ready.prepare_for(PRESETS["tcfit"])
     assert not recwarn.list
 
 

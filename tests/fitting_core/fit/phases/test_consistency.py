@@ -12,10 +12,9 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.points.body_points import BodyPoints, Posed
 from fitting_core.config.schema import FitConfig, SolverSettings, Temporal, Weights
 from fitting_core.fit.phases.consistency import Consistency, coupled
-from fitting_core.fit.solvers import make_solver
-from fitting_core.fit.solvers.sequence import Coupling
+from fitting_core.fit.solvers import make_solver, sequence
 from fitting_core.fit.stages import Stages
-from fitting_core.fit.terms.table import REACH
+from fitting_core.fit.terms.temporal import REACH
 from fitting_core.fit.variables.state import State
 from fitting_core.results.provenance import Stopped
 from tests.samples.scenes import CAMERA, finished, hidden, keypoints_of, listed, random_params, random_state, stages_of
@@ -47,20 +46,20 @@ def test_windows_run_their_stages_from_first_to_last(tiny_body: BodyModel):
 
 def test_which_residuals_a_window_counts(tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch):
     """The paper's: those around all its frames but the last."""
-    asked, of, near = [], Coupling.of, []
+    asked, of, near = [], sequence.span_of, []
     within = Stages.within
 
-    def noted(free: range, frames: int, reach: int, *, windowed: bool) -> Coupling:
-        c = of(free, frames, reach, windowed=windowed)
-        centres = range(c.span.start + c.reach, c.span.stop - c.reach)
-        asked.append(tuple(range(r.start + near[-1], r.stop + near[-1]) for r in (c.free, centres)))
-        return c
+    def noted(free: range, frames: int, *, windowed: bool) -> range:
+        span = of(free, frames, windowed=windowed)
+        centres = range(span.start + REACH, span.stop - REACH)
+        asked.append(tuple(range(r.start + near[-1], r.stop + near[-1]) for r in (free, centres)))
+        return span
 
     def part(stages: Stages, frames: range) -> Stages:
         near.append(frames.start)
         return within(stages, frames)
 
-    monkeypatch.setattr(Coupling, "of", noted)
+    monkeypatch.setattr(sequence, "span_of", noted)
     monkeypatch.setattr(Stages, "within", part)
     consistency, state = start_of(tiny_body, replace(CONFIG, temporal=replace(CONFIG.temporal, stages=(5,))))
     finished(consistency.sliding_window(state))
@@ -92,9 +91,9 @@ def test_a_window_poses_no_frame_that_it_is_not_coupled_to(tiny_body: BodyModel,
     """Else the cost of all windows is quadratic in the clip's length."""
     posed, forward = [], BodyPoints.forward
 
-    def counted(self: BodyPoints, orient: Tensor, *rest: Any) -> Posed:
+    def counted(self: BodyPoints, orient: Tensor, *rest: Any, **options: Any) -> Posed:
         posed.append(len(orient))
-        return forward(self, orient, *rest)
+        return forward(self, orient, *rest, **options)
 
     consistency, state = start_of(tiny_body, CONFIG, frames=12)
     monkeypatch.setattr(BodyPoints, "forward", counted)
@@ -111,7 +110,7 @@ def test_a_long_clip_is_fitted_in_parts_that_overlap(tiny_body: BodyModel, monke
 
     def cost(s: State) -> float:
         objective = stages.objective(5, state, stages.free(5, betas=False))
-        return float(objective.cost(s, stages.all_frames).sum()) + sum(objective.coupled_costs(s).values())
+        return float(objective.cost(s, stages.all_frames).sum()) + sum(objective.costs_over_time(s).values())
 
     best = finished(consistency.all_at_once(state))
     state = best.moved(0.01 * torch.randn(best.vector.shape, generator=torch.manual_seed(0), dtype=torch.float64))
@@ -148,7 +147,7 @@ def test_a_rerun_moves_its_frames_alone_and_lowers_the_whole_cost(tiny_body: Bod
 
     def whole(s: State) -> float:
         objective = stages.objective(5, state, stages.free(5, betas=False))
-        return float(objective.cost(s, stages.all_frames).sum()) + sum(objective.coupled_costs(s).values())
+        return float(objective.cost(s, stages.all_frames).sum()) + sum(objective.costs_over_time(s).values())
 
     assert whole(end) < whole(state)
 
@@ -164,7 +163,7 @@ def test_a_rerun_counts_the_residuals_of_the_frames_around_it(tiny_body: BodyMod
     objective = stages.objective(5, state, stages.free(5, betas=False))
 
     def whole(s: State) -> float:
-        return float(objective.cost(s, stages.all_frames).sum()) + sum(objective.coupled_costs(s).values())
+        return float(objective.cost(s, stages.all_frames).sum()) + sum(objective.costs_over_time(s).values())
 
     for frames in (range(2, 4), range(0, 1), range(5, 6)):
         assert whole(finished(consistency.rerun(best, frames))) <= whole(best) * (1 + 1e-12)
@@ -190,7 +189,7 @@ def test_more_weight_makes_smoother(tiny_body: BodyModel):
         consistency, state = start_of(tiny_body, replace(CONFIG, temporal=temporal, settings=settings))
         end, stages = finished(consistency.all_at_once(state)), consistency.stages
         objective = stages.objective(5, end, stages.free(5, betas=False))
-        costs.append(objective.coupled_costs(end)["temporal"] / weight**2)
+        costs.append(objective.costs_over_time(end)["temporal"] / weight**2)
     assert costs[0] > costs[1] > costs[2]
 
 

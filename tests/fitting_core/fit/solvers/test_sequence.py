@@ -1,7 +1,4 @@
-"""E_T by plain loops, derivatives of terms over time by automatic differentiation, and which residuals count where."""
-
-from dataclasses import dataclass
-from typing import ClassVar
+"""E_T by plain loops, its derivatives by automatic differentiation, and which residuals count where."""
 
 import numpy as np
 import pytest
@@ -13,17 +10,14 @@ from fitting_core import keypoints as kp
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.camera import CameraPath, path_of
-from fitting_core.config.schema import FitConfig, SolverSettings
+from fitting_core.config.schema import FitConfig
 from fitting_core.fit.objective import FrameObjective
-from fitting_core.fit.solvers.levenberg_marquardt import LevenbergMarquardt
-from fitting_core.fit.solvers.sequence import Coupling, Sequence
+from fitting_core.fit.solvers.sequence import Sequence, span_of
 from fitting_core.fit.stages import Stages
-from fitting_core.fit.terms.temporal import OFF_MEAN, Evenness, JointPositions
-from fitting_core.fit.terms.term import Derivative, Term
-from fitting_core.fit.variables.estimate import Estimate
+from fitting_core.fit.terms.temporal import Evenness, JointPositions, off_mean
 from fitting_core.fit.variables.state import Free, State
 from fitting_core.least_squares import DIAGONAL_FLOOR
-from tests.samples.scenes import differentiated, finished, hidden, keypoints_of, random_params, random_state, stages_of
+from tests.samples.scenes import differentiated, hidden, keypoints_of, random_params, random_state, stages_of
 
 WEIGHT = 70.0
 
@@ -47,9 +41,9 @@ class Scene:
         self.whole = random_state(self.stages.parametrisation, frames, 4)
         self.joints = JointPositions(body, self.stages.parametrisation, in_camera=camera, path=path)
 
-    def objective(self, groups: Free | None = None, *over_time: Term) -> FrameObjective:
+    def objective(self, groups: Free | None = None) -> FrameObjective:
         objective = self.stages.objective(5, self.whole, groups or Free(betas=False))
-        terms = [*(objective.terms if self.terms else []), *(over_time or [Evenness(WEIGHT, self.joints)])]
+        terms = [*(objective.terms if self.terms else []), Evenness(WEIGHT, self.joints)]
         return FrameObjective(terms, objective.view, objective.free)
 
     def sequence(self, free: range, groups: Free | None = None, *, windowed: bool = False) -> Sequence:
@@ -121,15 +115,15 @@ CASES = {
 """Frames of the clip, those that move, and whether residuals count as in the paper's windows."""
 
 
-def step_of_all(scene: Scene, sequence: Sequence, free: range) -> Tensor:
+def step_of_all(scene: Scene, sequence: Sequence, free: range, *, windowed: bool) -> Tensor:
     """Half the Hessian's Gauss-Newton part, (n d, n d), from the Jacobian of all residuals of E_T by all frames."""
-    local = scene.whole[free.start : free.stop]
-    frames = torch.arange(free.start, free.stop)
+    moving, frames = scene.whole[free.start : free.stop], torch.arange(free.start, free.stop)
     jacobian = differentiated(
-        lambda s: scene.joints.of(scene.joints.estimate(s, frames)).flatten(1), local, sequence.objective.index
+        lambda s: scene.joints.of(scene.joints.estimate(s, frames)).flatten(1), moving, sequence.objective.index
     )
-    coupling = sequence.coupled["temporal"].coupling
-    matrix = written_out(coupling)[:, coupling.local]
+    assert sequence.evenness is not None
+    span, local = span_of(free, len(scene.whole), windowed=windowed), sequence.evenness.local
+    matrix = written_out(span)[:, local]
     rows = WEIGHT * torch.einsum("rn,nkd->rknd", matrix, jacobian)
     rows = rows.flatten(2).flatten(0, 1)
     return rows.mT @ rows
@@ -168,7 +162,7 @@ def test_blocks_and_gradient(
     local, group = scene.whole[free.start : free.stop], torch.tensor([0])
     cost, gradient, *blocks = sequence.normal(local, group)
     torch.testing.assert_close(cost, sequence.cost(local, group), rtol=1e-12, atol=1e-12)
-    expected = step_of_all(scene, sequence, free)
+    expected = step_of_all(scene, sequence, free, windowed=windowed)
     torch.testing.assert_close(dense(tuple(b[0] for b in blocks)), expected, rtol=1e-10, atol=1e-9)
 
     move = torch.zeros(1, sequence.unknowns, dtype=torch.float64, requires_grad=True)
@@ -208,16 +202,16 @@ def test_not_positive_definite_is_reported(tiny_body: BodyModel):
     assert step.solved.tolist() == [False] and float(step.move.abs().max()) == 0
 
 
-def written_out(coupling: Coupling) -> Tensor:
+def written_out(span: range) -> Tensor:
     """L, residuals x frames of the span."""
-    return OFF_MEAN(torch.eye(len(coupling.span), dtype=torch.float64))
+    return off_mean(torch.eye(len(span), dtype=torch.float64))
 
 
-def counted(coupling: Coupling) -> set[int]:
+def counted(span: range) -> set[int]:
     """Frames on which a residual is centred."""
-    matrix = written_out(coupling)
-    centres = {int(row.argmax()) + coupling.span.start for row in matrix}
-    assert len(centres) == len(matrix) == coupling.residuals
+    matrix = written_out(span)
+    centres = {int(row.argmax()) + span.start for row in matrix}
+    assert len(centres) == len(matrix)
     for row in matrix:
         np.testing.assert_allclose(sorted(row[row != 0]), [-1 / 3, -1 / 3, 2 / 3])
         assert abs(float(row.sum())) < 1e-15
@@ -243,16 +237,9 @@ def counted(coupling: Coupling) -> set[int]:
     ],
 )
 def test_which_residuals_count(frames: int, free: range, windowed: bool, expected: set[int]):
-    coupling = Coupling.of(free, frames, OFF_MEAN.reach, windowed=windowed)
-    assert counted(coupling) == expected
-    assert set(free) <= set(coupling.span) <= set(range(frames))
-    assert list(coupling.span)[coupling.local] == list(free)
-    matrix = written_out(coupling)
-    assert torch.allclose(OFF_MEAN.transposed(torch.eye(len(matrix), dtype=matrix.dtype), len(coupling.span)), matrix.T)
-    square = matrix.T @ matrix
-    for k, band in enumerate(OFF_MEAN.square(len(coupling.span), matrix)):
-        below = square.diagonal(-k) if k < len(square) else square[0, :0]
-        assert torch.allclose(band[: len(below)], below) and not band[len(below) :].any()
+    span = span_of(free, frames, windowed=windowed)
+    assert counted(span) == expected
+    assert set(free) <= set(span) <= set(range(frames))
 
 
 def test_cost_of_a_rerun_looks_at_the_frames_around_it(tiny_body: BodyModel):
@@ -267,112 +254,3 @@ def test_cost_of_a_rerun_looks_at_the_frames_around_it(tiny_body: BodyModel):
         moved: State = scene.whole.with_columns(where, pose)
         after = Sequence(scene.objective(), moved, range(5, 7)).cost(local, group)
         assert (float(after) != before) == (frame in (3, 4, 7, 8)), frame
-
-
-@dataclass(frozen=True)
-class Hurry(Term):
-    """A user's own term over time, of which nothing is known but its residual: haste of an arm and of a point."""
-
-    name: str = "hurry"
-    reach: ClassVar[int] = 1
-
-    def residual(self, e: Estimate) -> Tensor:
-        pose, place = e.body_pose[:, 45:48], e.in_camera[:, 3]
-        return torch.cat([torch.tanh(4 * (pose[2:] - pose[:-2])), (place[2:] - place[1:-1]) ** 2], 1)
-
-
-@dataclass(frozen=True)
-class Swing(Term):
-    """One that looks two frames back and one ahead, so that frames four apart are coupled."""
-
-    name: str = "swing"
-    reach: ClassVar[int] = 2
-
-    def residual(self, e: Estimate) -> Tensor:
-        turn, pose = e.state.orient[:, 0], e.body_pose[:, 50:52]
-        return torch.cat([turn[:-4] * turn[3:-1], torch.sin(pose[2:-2] - pose[:-4])], 1)
-
-
-class Unknown(Evenness):
-    """E_T as if nothing were known of its derivatives."""
-
-    derivative: ClassVar = Derivative.AUTOMATIC
-
-
-def all_residuals(objective: FrameObjective, clip: State, free: range, move: Tensor) -> Tensor:
-    """Of the terms over time at all frames of the clip, with the free ones moved."""
-    frames = torch.arange(free.start, free.stop)
-    moved = clip.put(frames, clip[frames].moved(objective.step(move)))
-    e = Estimate(objective.view, moved, torch.arange(len(clip)))
-    terms = [term for term in objective.coupling if len(clip) > 2 * term.reach]
-    return torch.cat([move.new_zeros(0), *(term.residual(e).flatten() for term in terms)])
-
-
-OVER_TIME = {"hurry": (Hurry(),), "swing": (Swing(),), "both": (Hurry(), Swing())}
-
-
-PLACES = [case for case, (_, _, windowed) in CASES.items() if not windowed]
-
-
-@pytest.mark.parametrize(
-    ("terms", "case", "latent"),
-    [
-        *(("both", case, False) for case in PLACES),
-        *((terms, case, False) for terms in ("hurry", "swing") for case in ("all frames", "re-run inside")),
-        *(("both", case, True) for case in ("all frames", "re-run inside")),
-    ],
-)
-def test_a_term_over_time_needs_no_more_than_its_residual(tiny_body: BodyModel, terms: str, case: str, latent: bool):
-    """Gradient and blocks against those of all residuals of the clip, by all free numbers at once."""
-    frames, free, _ = CASES[case]
-    scene = Scene(tiny_body, frames, latent=latent)
-    objective = scene.objective(Free(hands=False, face=False, betas=False), *OVER_TIME[terms])
-    sequence, local = Sequence(objective, scene.whole, free), scene.whole[free.start : free.stop]
-    cost, gradient, *blocks = sequence.normal(local, torch.tensor([0]))
-    assert len(blocks) == 1 + 2 * max(term.reach for term in OVER_TIME[terms])
-    move = torch.zeros(len(free), len(objective.index), dtype=torch.float64)
-    residual = all_residuals(objective, scene.whole, free, move)
-    assert bool(residual.any()) == (frames > 2 * min(term.reach for term in OVER_TIME[terms]))
-    jacobian = residual.new_zeros(0, move.numel())
-    if len(residual):
-        jacobian = torch.func.jacrev(lambda m: all_residuals(objective, scene.whole, free, m))(move).flatten(1)
-    torch.testing.assert_close(gradient.flatten(), jacobian.T @ residual, rtol=1e-9, atol=1e-10)
-    torch.testing.assert_close(dense(tuple(b[0] for b in blocks)), jacobian.T @ jacobian, rtol=1e-9, atol=1e-10)
-    torch.testing.assert_close(cost, sequence.cost(local, torch.tensor([0])))
-    assert bool(jacobian.any()) == bool(residual.any()) == (float(cost) > 0)
-
-
-@pytest.mark.parametrize("case", ["three frames", "inner window"])
-def test_closed_form_is_that_of_automatic_differentiation(tiny_body: BodyModel, case: str):
-    frames, free, windowed = CASES[case]
-    scene, found = Scene(tiny_body, frames, camera=True), []
-    for kind in (Evenness, Unknown):
-        objective = scene.objective(Free(hands=False, face=False, betas=False), kind(WEIGHT, scene.joints))
-        sequence = Sequence(objective, scene.whole, free, windowed=windowed)
-        found.append(sequence.normal(scene.whole[free.start : free.stop], torch.tensor([0])))
-    for known, by_autograd in zip(*found, strict=True):
-        torch.testing.assert_close(known, by_autograd, rtol=1e-9, atol=1e-9)
-
-
-def test_a_term_cannot_declare_what_its_reach_does_not_allow():
-    with pytest.raises(AssertionError, match="Late has a reach of 1: its derivative is one of AUTOMATIC, STENCIL"):
-
-        class Late(Hurry):
-            derivative: ClassVar = Derivative.ROWS
-
-    with pytest.raises(AssertionError, match="Still has a reach of 0"):
-
-        class Still(Evenness):
-            reach: ClassVar[int] = 0
-
-
-def test_terms_of_different_reach_are_minimised_together(tiny_body: BodyModel):
-    """With E_o and E_T beside them, as a term of the table would be."""
-    scene = Scene(tiny_body, 6, terms=True)
-    objective = scene.objective(None, Evenness(WEIGHT, scene.joints), Hurry(), Swing())
-    sequence = Sequence(objective, scene.whole, range(6))
-    solution = finished(LevenbergMarquardt(SolverSettings(iterations=5)).minimise(sequence, scene.whole, final=True))
-    assert float(solution.cost) < 0.5 * float(sequence.cost(scene.whole, torch.tensor([0])))
-    terms = sequence.terms(solution.state)
-    assert set(terms) >= {"temporal", "hurry", "swing"}
-    assert 6 * sum(terms.values()) == pytest.approx(float(solution.cost))

@@ -1,4 +1,5 @@
-"""Every term of E_o: its value written out by hand, its derivatives by automatic differentiation, all in float64."""
+"""Every term of E_o: its value written out by hand; its derivatives, by kernels and in torch, by automatic
+differentiation; all in float64."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,6 +16,7 @@ from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.pairs import Contour, Joint, Surface
 from fitting_core.config.schema import PRESETS, FitConfig, Weights
+from fitting_core.fit.fused import ready
 from fitting_core.fit.objective import FrameObjective, Normal
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.terms.collision import Collision
@@ -25,7 +27,7 @@ from fitting_core.fit.terms.positions import HeldPosition, RelativePosition
 from fitting_core.fit.terms.quadratic import Quadratic
 from fitting_core.fit.terms.table import TERMS
 from fitting_core.fit.terms.temporal import Evenness
-from fitting_core.fit.terms.term import Derivative, Term
+from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.state import Free, State
 from tests.samples.scenes import (
@@ -68,6 +70,11 @@ LOCKED[0, kp.FINGER_JOINTS["left"]] = np.random.default_rng(3).normal(0, 0.5, (1
 """Turns that a person has locked, and a hand whose shape one stated."""
 
 
+@pytest.fixture(scope="module", autouse=True)
+def compiled() -> None:
+    ready.prepare(print)
+
+
 class Huddle(Term):
     """A user's own term, of which nothing is known but its residual: pixels in one place, pose and root at rest."""
 
@@ -100,9 +107,11 @@ class Scene:
         return Estimate(self.objectives["stage 5"].view, state or self.state, FRAMES)
 
     def alone(self, term: Term, free: Free) -> FrameObjective:
-        """An objective of one term, which counts in every frame."""
+        """An objective of one term, which counts in every frame; with a data term of weight 0, which kernels need."""
         term = replace(term, once=False) if isinstance(term, Quadratic) else term
-        return FrameObjective([term], self.objectives["stage 5"].view, free)
+        data = self.objectives["stage 5"].data
+        silent = [] if isinstance(term, Data) else [replace(data, weight=torch.zeros_like(data.weight))]
+        return FrameObjective([*silent, term], self.objectives["stage 5"].view, free)
 
     def _everything(self, state: State) -> dict[str, Tensor]:
         estimate = self.estimate(state)
@@ -395,27 +404,17 @@ def test_every_term_is_written_out_by_hand(scene: Scene):
     assert {t.name for o in scene.objectives.values() for t in (*o.terms, *o.shared)} == set(BY_HAND)
 
 
-NEEDED = {
-    Derivative.AUTOMATIC: (),
-    Derivative.COLUMNS: ("columns", "slope"),
-    Derivative.POSE_COLUMNS: ("columns", "slope"),
-    Derivative.ROWS: ("rows",),
-    Derivative.STENCIL: ("quantity", "rows", "stencil"),
-}
-"""What a term must have that declares how its derivatives are found."""
-
-
 @pytest.mark.parametrize("name", TERMS)
-def test_terms_are_what_the_table_says_and_have_what_they_declare(free_body: BodyModel, name: str):
+def test_terms_are_what_the_table_says(free_body: BodyModel, name: str):
     weights = replace(CONFIG.weights, limits=(37.0,) * 5, collision=(1.0,) * 5)
     detections = replace(hidden(keypoints_of(free_body, random_params(2, 5)), *LEGS), turn=LOCKED[:2])
     stages = with_positions(stages_of(free_body, detections, replace(CONFIG, weights=weights)))
     term = TERMS[name].make(stages.setting, stages._looked_in(5), 4)
     assert type(term) is TERMS[name].kind and term.name == name
-    own = {method for kind in type(term).mro() if kind is not Term for method in vars(kind)}
-    closed = {method for methods in NEEDED.values() for method in methods}
-    assert own & closed == set(NEEDED[term.derivative])
-    assert (term.reach > 0) == (term.derivative is Derivative.STENCIL)
+
+
+def test_every_term_has_a_kernel_but_collision_and_the_one_over_time():
+    assert {name for name, entry in TERMS.items() if entry.kernel is None} == {"collision", "temporal"}
 
 
 @pytest.mark.parametrize("name", ["temporal", "bending", "upright", "limits", "rest", "collision", "held_position"])
@@ -466,32 +465,63 @@ FREES = {
 }
 
 
-@pytest.mark.parametrize("free", FREES.values(), ids=FREES.keys())
+BY_KERNELS = [(free, True) for free in FREES.values()] + [(Free(), False)]
+"""Groups that move, and whether kernels evaluate the term. In torch columns are the same code for all terms."""
+WAYS = [f"{name}, kernels" for name in FREES] + ["all, torch"]
+
+
+def normal_of(scene: Scene, term: Term, free: Free, *, kernels: bool, monkeypatch: pytest.MonkeyPatch) -> Normal:
+    monkeypatch.setattr(ready._Use, "allowed", kernels)
+    objective = scene.alone(term, free)
+    assert (objective.fused is not None) == kernels
+    if kernels:
+        assert objective.fused.others == ([term] if term.name == Huddle.name else [])
+    return objective.normal(scene.state, FRAMES)
+
+
+@pytest.mark.parametrize(("free", "kernels"), BY_KERNELS, ids=WAYS)
 @pytest.mark.parametrize("name", [*BY_HAND, Huddle.name])
 @pytest.mark.parametrize("which", ["scene", "latent_scene"])
-def test_gradient_is_exact(name: str, free: Free, which: str, request: pytest.FixtureRequest):
+def test_gradient_is_exact(
+    name: str, free: Free, kernels: bool, which: str, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
+):
     """Also of the data term on a body with pose correctives, and through a non-linear prior's decoder."""
     scene = request.getfixturevalue(which)
-    gradient = scene.alone(scene.term(name), free).normal(scene.state, FRAMES).gradient
+    gradient = normal_of(scene, scene.term(name), free, kernels=kernels, monkeypatch=monkeypatch).gradient
     expected = (scene.jacobian(name, free).mT @ scene.values[name][..., None])[..., 0]
     scale = max(float(expected.abs().max()), 1.0)
     torch.testing.assert_close(gradient, expected, rtol=1e-9, atol=1e-10 * scale)
 
 
-@pytest.mark.parametrize("free", FREES.values(), ids=FREES.keys())
-@pytest.mark.parametrize("name", [*sorted(set(BY_HAND) - {"data", "relative_position", "held_position"}), Huddle.name])
+@pytest.mark.parametrize(("free", "kernels"), BY_KERNELS, ids=WAYS)
+@pytest.mark.parametrize("name", sorted(set(BY_HAND) - {"data", "relative_position", "held_position"}))
 @pytest.mark.parametrize("which", ["scene", "latent_scene"])
-def test_matrix_is_gauss_newton(name: str, free: Free, which: str, request: pytest.FixtureRequest):
-    """J^T J; Huddle gives no closed form and takes the automatic path."""
+def test_matrix_is_gauss_newton(
+    name: str, free: Free, kernels: bool, which: str, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
+):
+    """J^T J. The kernels have the derivative of a latent prior in float32."""
     scene = request.getfixturevalue(which)
-    matrix = scene.alone(scene.term(name), free).normal(scene.state, FRAMES).matrix
+    matrix = normal_of(scene, scene.term(name), free, kernels=kernels, monkeypatch=monkeypatch).matrix
     jacobian = scene.jacobian(name, free)
-    torch.testing.assert_close(matrix, jacobian.mT @ jacobian, rtol=1e-10, atol=1e-10)
+    close = 1e-6 if kernels and which == "latent_scene" else 1e-10
+    expected = jacobian.mT @ jacobian
+    torch.testing.assert_close(matrix, expected, rtol=close, atol=close * max(1.0, float(expected.max())))
     assert not matrix.requires_grad
 
 
 @pytest.mark.parametrize("free", FREES.values(), ids=FREES.keys())
-def test_matrix_of_the_data_term_is_reweighted_least_squares(rigid_scene: Scene, free: Free):
+def test_matrix_of_a_term_without_a_kernel_is_gauss_newton(
+    rigid_scene: Scene, free: Free, monkeypatch: pytest.MonkeyPatch
+):
+    matrix = normal_of(rigid_scene, Huddle(), free, kernels=True, monkeypatch=monkeypatch).matrix
+    jacobian = rigid_scene.jacobian(Huddle.name, free)
+    torch.testing.assert_close(matrix, jacobian.mT @ jacobian, rtol=1e-10, atol=1e-10)
+
+
+@pytest.mark.parametrize(("free", "kernels"), BY_KERNELS, ids=WAYS)
+def test_matrix_of_the_data_term_is_reweighted_least_squares(
+    rigid_scene: Scene, free: Free, kernels: bool, monkeypatch: pytest.MonkeyPatch
+):
     """IRLS: J^T W J of the projections' Jacobian, W = weight^2 rho^4 / (r^2 + rho^2)^2, which is g'(r) / 2 r.
 
     Exact where the body has no pose correctives: these are left out of the matrix, not of the gradient.
@@ -503,13 +533,15 @@ def test_matrix_of_the_data_term_is_reweighted_least_squares(rigid_scene: Scene,
     weight = data.weight[FRAMES][..., None] ** 2 * data.rho**4 / (error**2 + data.rho**2) ** 2
     jacobian = scene.jacobian("pixels", free)
     expected = torch.einsum("bnrd,bnr,bnre->bde", jacobian, weight, jacobian)
-    matrix = scene.alone(data, free).normal(scene.state, FRAMES).matrix
+    matrix = normal_of(scene, data, free, kernels=kernels, monkeypatch=monkeypatch).matrix
     torch.testing.assert_close(matrix, expected, rtol=1e-9, atol=1e-9 * float(expected.max()))
 
 
 @pytest.mark.parametrize("name", ["relative_position", "held_position"])
-@pytest.mark.parametrize("free", FREES.values(), ids=FREES.keys())
-def test_matrix_of_positions_is_reweighted_least_squares(rigid_scene: Scene, name: str, free: Free):
+@pytest.mark.parametrize(("free", "kernels"), BY_KERNELS, ids=WAYS)
+def test_matrix_of_positions_is_reweighted_least_squares(
+    rigid_scene: Scene, name: str, free: Free, kernels: bool, monkeypatch: pytest.MonkeyPatch
+):
     """As of the data term; relative positions do not move with the camera's translation."""
     scene, term = rigid_scene, rigid_scene.term(name)
     assert isinstance(term, RelativePosition | HeldPosition)
@@ -521,27 +553,22 @@ def test_matrix_of_positions_is_reweighted_least_squares(rigid_scene: Scene, nam
     error, rho = term.errors(scene.estimate()), term.rho[FRAMES]
     weight = term.weight[FRAMES] ** 2 * rho**4 / (error**2 + rho**2) ** 2
     expected = torch.einsum("bnrd,bnr,bnre->bde", moved, weight, moved)
-    matrix = scene.alone(term, free).normal(scene.state, FRAMES).matrix
+    matrix = normal_of(scene, term, free, kernels=kernels, monkeypatch=monkeypatch).matrix
     torch.testing.assert_close(matrix, expected, rtol=1e-9, atol=1e-9 * float(expected.max()))
 
 
-@pytest.mark.usefixtures("in_torch")  # the kernels keep the prior's derivative in float32
-def test_matrix_of_the_data_term_through_a_latent_prior(rigid_scene: Scene, tiny_body: BodyModel):
-    """chain^T H chain, with the decoder's derivative in the place of the pose columns."""
-    latent = make_scene(without_correctives(tiny_body), latent=True)
-    objective = latent.alone(latent.term("data"), Free())
-    p = latent.stages.parametrisation
-    decoder = torch.func.vmap(torch.func.jacfwd(p.prior.decode))(latent.state.vector[:, p.columns.body])
-    decoded = p.prior.decode(latent.state.vector[:, p.columns.body])
-    direct = rigid_scene.alone(rigid_scene.term("data"), Free())
-    vector = torch.cat([latent.state.vector[:, :3], decoded, latent.state.vector[:, p.columns.body.stop :]], 1)
-    view = replace(direct.view, contour_bin=objective.view.contour_bin)
-    plain = FrameObjective([latent.term("data")], view, Free()).normal(State(latent.state.orient, vector), FRAMES)
-    before, after = torch.eye(3, dtype=torch.float64), torch.eye(vector.shape[1] - 66, dtype=torch.float64)
-    chain = torch.stack([torch.block_diag(before, d, after) for d in decoder])
-    expected = chain.mT @ plain.matrix @ chain
-    matrix = objective.normal(latent.state, FRAMES).matrix
-    torch.testing.assert_close(matrix, expected, rtol=1e-9, atol=1e-9 * float(expected.max()))
+def test_the_pose_correctives_are_left_out_of_the_matrix_alike(scene: Scene, monkeypatch: pytest.MonkeyPatch):
+    """Kernels and torch, of a body that has some; with them the matrix is another one."""
+    data = scene.term("data")
+    by_kernels, in_torch = (
+        normal_of(scene, data, Free(), kernels=kernels, monkeypatch=monkeypatch) for kernels in (True, False)
+    )
+    largest = float(in_torch.matrix.abs().max())
+    torch.testing.assert_close(by_kernels.matrix, in_torch.matrix, rtol=1e-9, atol=1e-9 * largest)
+    whole = differentiated(
+        lambda s: data.reweighted(scene.estimate(s)), scene.state, Free().index(scene.stages.parametrisation.columns)
+    )
+    assert float((whole.mT @ whole - in_torch.matrix).abs().max()) > 1e-4 * largest
 
 
 def test_normal_equations_add_up(scene: Scene):
@@ -556,8 +583,9 @@ def test_normal_equations_add_up(scene: Scene):
 
 def test_chunks_change_nothing(scene: Scene, monkeypatch: pytest.MonkeyPatch):
     objective = scene.objectives["stage 5"]
-    whole = objective.normal(scene.state, FRAMES)
+    whole = objective._in_chunks(scene.state, FRAMES, objective.terms)
     monkeypatch.setattr("fitting_core.fit.objective.jacobians_at_once", lambda _: 2)
+    monkeypatch.setattr(objective, "fused", None)
     parts = objective.normal(scene.state, FRAMES)
     for name in ("cost", "gradient", "matrix"):
         expected = getattr(whole, name)
