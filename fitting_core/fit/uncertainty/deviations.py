@@ -24,6 +24,7 @@ from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.terms.temporal import JointPositions
 from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.state import State
+from fitting_core.least_squares import damping_diagonal
 from fitting_core.results.error_bars import ANGLES, JOINTS, ErrorBars
 
 _PART, _SEAM = 200, 20
@@ -92,7 +93,13 @@ def _of_part(stages: Stages, state: State) -> ErrorBars:
     objective = stages.objective(N_STAGES, state, stages.free(N_STAGES, betas=False))
     problem = Sequence(objective, state, range(len(state)))
     _, _, *bands = problem.normal(state, torch.zeros(1, dtype=torch.long, device=stages.device))
-    covariance = diagonal_of_inverse([band[0].double() for band in bands])
+    diagonal, *below = (band[0].double() for band in bands)
+    covariance = diagonal_of_inverse([diagonal, *below])
+    if covariance is None:
+        # Where one frame alone shows the person, E_T leaves free how the body drifts from there: the floor of the
+        # solver's damping bounds that, and changes what the frame itself says by less than a millionth.
+        floor = damping_diagonal(diagonal.diagonal(dim1=1, dim2=2), diagonal.new_zeros(len(diagonal)))
+        covariance = diagonal_of_inverse([diagonal + torch.diag_embed(floor), *below])
     if covariance is None:
         return ErrorBars.unknown(len(state))
     joints = JointPositions(stages.body, stages.parametrisation, in_camera=False)

@@ -99,3 +99,15 @@ def test_a_fit_has_error_bars_of_its_last_phase_and_wide_ones_of_what_is_not_see
     none = (0.0,) * N_STAGES
     without = replace(quick, weights=replace(quick.weights, relative_position=none, held_position=none))
     assert fit_clip(hidden, shipped_body(), without).last.error_bars is None
+
+
+def test_one_usable_frame_in_six_has_error_bars_like_a_clip_of_its_own():
+    """E_T alone holds the place of the others, which may drift evenly: their normal equations have no inverse."""
+    clip = clip_of(motion(6))
+    confidence = clip.keypoints.confidence.copy()
+    confidence[1:] = 0
+    quick = replace(PRESET, relay_rounds=0, limb_flips=False, settings=SolverSettings(iterations=3))
+    lonely = replace(clip, keypoints=replace(clip.keypoints, confidence=confidence))
+    bars = fit_clip(lonely, shipped_body(), quick).last.error_bars
+    assert bars is not None and np.isfinite(bars.joints).all() and np.isfinite(bars.angles).all()
+    assert (bars.joints[0, 1:] < 0.3).all() and bars.joints[0].max() <= bars.joints[1:].max()
