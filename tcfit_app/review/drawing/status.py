@@ -2,11 +2,21 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+import torch
+
+from fitting_core.body.geometry import SIDES
+from fitting_core.camera import project
+from fitting_core.keypoints import BODY, NAMES
+from tcfit_app.analysis.body_regions import spoken
 from tcfit_app.fitting.fit_progress import time_left
+from tcfit_app.fitting.fits import Shown
 from tcfit_app.fitting.job_progress import RunningJob
+from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.review.browser.page_states import Chip, Chips, Notice
 from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.gestures.edit_words import also_here, part_name
+from tcfit_app.review.shared.drawing_data import DrawingData
 from tcfit_app.review.tab.tab import Tab
 
 
@@ -35,11 +45,20 @@ class Status:
         if going := self._finding():
             chips.append(going)
         frame_problem = "" if session.project.media.problem else tab.data.video.problem_of(tab.state.frame)
-        chips += [Chip(text=text, kind="warning") for text in (frame_problem, problem) if text]
+        chips += [Chip(text=text, kind="warning") for text in (frame_problem, problem, self._gap()) if text]
         text, until = tab.message
         if text and now < until:
             chips.append(Chip(text=text, kind="good"))
         return [*chips, *lasting(tab)]
+
+    def _gap(self) -> str:
+        """Which selected correction the body does not reach, and what to move as well; empty if it reaches them all."""
+        tab, session, fit = self._tab, self._tab.session, self._tab.shown.with_body("b")
+        if fit is None or tab.state.playing or session.edit_follower.busy or session.jobs or tab.shown.live is not None:
+            return ""
+        frame, selection = tab.state.frame, tab.state.selection
+        key = frame, selection, fit.version, session.project.keypoints_version
+        return tab.once("gap", key, lambda: gap_words(session.project.corrected, tab.data, fit, frame, selection))
 
     def _again_chips(self) -> list[Chip]:
         """What is being detected again, or what the rectangle to be drawn is for."""
@@ -67,6 +86,37 @@ class Status:
         progress = None if going.share is None else round(going.share, 2)
         left = time_left(going.remaining)
         return Chip(text=f"{going.title}: {going.text}{left and f', {left}'}", kind="busy", progress=progress)
+
+
+GAP = 0.01
+"""Distance from which on a correction counts as not reached, in image diagonals; overlay.js draws the same ones."""
+_WITH = {
+    **{"elbow": "wrist", "wrist": "elbow", "shoulder": "elbow", "knee": "ankle", "ankle": "knee", "hip": "knee"},
+    **{"heel": "ankle", "big_toe": "ankle", "small_toe": "ankle"},
+}
+"""The keypoint that holds back another one of its side."""
+
+
+def gap_words(corrected: Corrected, data: DrawingData, fit: Shown, frame: int, joints: Sequence[int]) -> str:
+    """The largest gap between these keypoints, as far as they were corrected in a frame, and the body, in words; empty
+    without any."""
+    points, camera, worst = data.keypoints(fit, frame, None), fit.camera, ("", 0.0)
+    here = corrected[frame]
+    for joint in joints:
+        if not here.edited[joint] or here.bad[joint] or not np.isfinite(points[joint]).all():
+            continue
+        reached = project(camera, torch.as_tensor(points[joint])).numpy()
+        gap = float(np.linalg.norm(reached - corrected.xy[frame, joint]))
+        if gap > max(worst[1], GAP * float(np.hypot(*camera.size))):
+            worst = (_gap_words(joint, gap), gap)
+    return worst[0]
+
+
+def _gap_words(joint: int, gap: float) -> str:
+    side, _, part = NAMES[joint].partition("_")
+    held = "wrist" if joint >= BODY.stop and side in SIDES else _WITH.get(part, "")
+    also = f"the {side} {held}" if held else "the keypoints around it"
+    return f"The body stays {gap:.0f} px from the {spoken(joint)}: move {also} as well, or reset it"
 
 
 def lasting(tab: Tab) -> list[Chip]:

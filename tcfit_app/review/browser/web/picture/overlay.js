@@ -26,6 +26,7 @@ import {
 import { drawSilhouette } from "./silhouette.js";
 import { drawTrail } from "./trail.js";
 
+const GAP = 0.01; // image diagonals from which on a correction counts as not reached
 const CONFIDENCE_COLORS = [
   [224, 58, 50],
   [242, 197, 61],
@@ -102,6 +103,7 @@ function drawOnPoster(context, map, joints) {
   if (!isPicture(map) || peeking.now) return;
   drawSilhouette(context, map);
   if (known("style").ghosts) drawGhosts(context, map);
+  drawGaps(context, map);
   drawPeople(context, map);
   if (known("style").bones) drawBones(context, map);
   drawTrail(context, map);
@@ -187,6 +189,32 @@ function drawDepth(context, x, y, half) {
 function drawMark(context, path) {
   stroke(context, path, "rgba(8, 10, 14, 0.7)", 3.6);
   stroke(context, path, COLORS.edited, 2);
+}
+
+/** From corrected keypoints to where the body has them, if it cannot reach them.
+ * @param {Context} context @param {PosterMap} map */
+function drawGaps(context, map) {
+  const body = states.bodies?.bodies.find(({ color }) => color === map.poster.color);
+  const { image } = known("layout");
+  if (!body || !image) return;
+  const [fx, fy, cx, cy] = body.camera;
+  const gaps = new Path2D();
+  body.points.forEach((point, joint) => {
+    const corrected = editedJoints.has(joint) || chosen.held?.joints.has(joint);
+    if (!point || point[2] <= 0 || !corrected || badJoints.has(joint) || !shown(joint)) return;
+    /** @type {[number, number]} */
+    const reached = [(fx * point[0]) / point[2] + cx, (fy * point[1]) / point[2] + cy];
+    const [x, y] = position(joint);
+    if (Math.hypot(reached[0] - x, reached[1] - y) < GAP * Math.hypot(...image)) return;
+    gaps.moveTo(...toScreen(map, [x, y]));
+    gaps.lineTo(...toScreen(map, reached));
+    const [u, v] = toScreen(map, reached);
+    gaps.addPath(circle(u, v, 4));
+  });
+  context.setLineDash([5, 4]);
+  stroke(context, gaps, "rgba(8, 10, 14, 0.75)", 4);
+  stroke(context, gaps, COLORS.bad, 2);
+  context.setLineDash([]);
 }
 
 /** Where edited keypoints were detected, and the way from there. @param {Context} context @param {PosterMap} map */

@@ -1,0 +1,41 @@
+"""The status line: what it says of a correction that the body does not reach."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import viser
+
+from fitting_core.body.model import BodyModel
+from fitting_core.keypoints import INDEX
+from tcfit_app.project.edits.kinds import MoveKeypoint
+from tcfit_app.review.panels.review_panel import ReviewPanel
+from tests.drivers.lone_page import tiny_page
+
+
+def test_a_correction_out_of_reach_says_how_far_and_what_to_move_as_well(
+    panel_server: viser.ViserServer, tmp_path: Path, tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch
+):
+    with tiny_page(panel_server, tmp_path / "p", tiny_body, ReviewPanel) as tested:
+        tested.fit()
+        page, elbow = tested.page, INDEX["right_elbow"]
+        tab = page.tab
+        tab.set(selection=(elbow,))
+
+        def said() -> list[str]:
+            tab.look()
+            return [chip.text for chip in page.status.chips(0.0, "") if "px from" in chip.text]
+
+        assert not said(), "nothing was corrected"
+        xy = tab.session.project.corrected.xy[tab.state.frame, elbow]
+        x, y = (xy + np.array([0.0, 300.0])).tolist()
+        monkeypatch.setattr(type(tab.session.edit_follower), "busy", property(lambda self: False))
+        tab.session.project.append(MoveKeypoint(frames=(tab.state.frame,), joints=(elbow,), xy=(((x, y),),)))
+        (text,) = said()
+        assert text.endswith("from the right elbow: move the right wrist as well, or reset it")
+        assert 200 < float(text.split("px")[0].rpartition("stays ")[2]) < 400
+        tab.set(selection=(INDEX["right_wrist"],))
+        assert not said()
+        tab.set(selection=(elbow,))
+        tab.session.project.undo()
+        assert not said()
