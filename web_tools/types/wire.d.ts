@@ -205,6 +205,7 @@ export interface FrameMenus {
 export interface PictureMenus {
   keypoints: MenuItem[][];
   elsewhere: MenuItem[][];
+  nobody: MenuItem | null;
 }
 
 export interface Keyframes {

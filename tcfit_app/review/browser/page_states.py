@@ -376,6 +376,8 @@ class PictureMenus(_State, frozen=True, kw_only=True):
 
     keypoints: tuple[tuple[MenuItem, ...], ...] = ()
     elsewhere: tuple[tuple[MenuItem, ...], ...] = ()
+    nobody: MenuItem | None = None
+    """Offered by a click where no person was detected; None: such a click only clears the selection."""
 
 
 class Keyframes(_State, frozen=True, kw_only=True):

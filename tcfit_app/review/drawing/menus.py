@@ -6,6 +6,7 @@ from fitting_core.keypoints import PARTS
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.browser.page_states import FrameMenus, MenuItem, PictureMenus
 from tcfit_app.review.gestures.actions import ACTIONS, OF_SELECTION, Gestures, Need, frames
+from tcfit_app.review.gestures.detecting_again import missing_parts
 from tcfit_app.review.gestures.edit_words import part_name
 
 _OF_FRAMES = (
@@ -68,7 +69,20 @@ def picture_menus(gestures: Gestures) -> PictureMenus:
     return PictureMenus(
         keypoints=tuple(_group(gestures, *names, but=OF_SELECTION) for names in _OF_KEYPOINTS),
         elsewhere=tuple(_group(gestures, *names) for names in _OF_PICTURE),
+        nobody=_nobody(gestures),
     )
+
+
+def _nobody(gestures: Gestures) -> MenuItem | None:
+    """What a click offers where no person was detected: while the person can be chosen, and in frames without them."""
+    tab = gestures.tab
+    session = tab.session
+    missing = session.project.has_detections and missing_parts(session.project.corrected, tab.state.frame) == (
+        "person",
+    )
+    if not missing and not session.can_choose_person:
+        return None
+    return item(gestures, "frame_person", "Nobody was detected here. Search here?")
 
 
 def _group(gestures: Gestures, *names: str, but: Collection[Need] = ()) -> tuple[MenuItem, ...]:

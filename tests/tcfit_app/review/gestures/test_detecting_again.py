@@ -20,7 +20,8 @@ from tcfit_app.imports.second_looks import filmed_region, known_near
 from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.project.edits.kinds import DetectAgain
 from tcfit_app.project.project import Project
-from tcfit_app.review.browser.page_events import Framed
+from tcfit_app.review.browser.page_events import Framed, Key
+from tcfit_app.review.drawing import menus
 from tcfit_app.review.drawing.menus import frame_menus, picture_menus
 from tcfit_app.review.drawing.status import Status
 from tcfit_app.review.gestures.detecting_again import missing_parts
@@ -293,3 +294,19 @@ def test_somebody_who_was_lost_is_looked_for_where_they_were():
     assert not near[2, :, 2].any(), "too long ago"
     keypoints.confidence[:] = 0
     assert not known_near(keypoints, (4,))[..., 2].any()
+
+
+def test_a_click_offers_a_search_where_the_person_was_not_found(tested: LonePage, monkeypatch: pytest.MonkeyPatch):
+    page, tab = tested.page, tested.page.tab
+    assert picture_menus(page.gestures).nobody is None
+    with monkeypatch.context() as patch:
+        patch.setattr(type(tab.session), "can_choose_person", property(lambda session: True))
+        assert picture_menus(page.gestures).nobody is not None, "while another person can be chosen"
+    monkeypatch.setattr(menus, "missing_parts", lambda corrected, frame: () if frame else ("person",))
+    tab.seek(0)
+    offer = picture_menus(page.gestures).nobody
+    assert offer is not None and offer.label == "Nobody was detected here. Search here?" and not offer.obstacle
+    page.receive(Key(action=offer.action, repeat=False))
+    assert page.gestures.again.framing == "person", "the next drag draws the rectangle"
+    tab.seek(1)
+    assert picture_menus(page.gestures).nobody is None

@@ -6,6 +6,8 @@
 
 import { emit, invalidate, states, watch } from "../connection.js";
 import { element, layer } from "../elements.js";
+import { openMenu } from "../menu.js";
+import { canvas } from "../viser/bridge.js";
 import { peeking } from "./peeking.js";
 import { inBox, toImage, toScreen } from "./projection.js";
 import { stroke } from "./shapes.js";
@@ -67,17 +69,29 @@ export function drawPeople(context, map) {
   context.globalAlpha = 1;
 }
 
-/** Says that the person at a place of a picture is meant, if somebody else's bones are around it.
- * @param {PosterMap} map @param {{ x: number, y: number }} at */
+/** Says that the person at a place of a picture is meant, if somebody else's bones are around it; offers to search
+ * there if nobody was detected. @param {PosterMap} map @param {{ x: number, y: number }} at */
 export function meanPersonAt(map, at) {
-  const [x, y] = toImage(map, at.x, at.y);
-  /** @param {OtherPerson} person */
-  const around = ({ bones }) => {
-    const [xs, ys] = [bones.flatMap((b) => [b[0], b[2]]), bones.flatMap((b) => [b[1], b[3]])];
-    return Math.min(...xs) <= x && x <= Math.max(...xs) && Math.min(...ys) <= y && y <= Math.max(...ys);
-  };
-  const person = others().find(around);
+  const spot = toImage(map, at.x, at.y);
+  const person = others().find(({ bones }) =>
+    surrounded(bones.flatMap(([x0, y0, x1, y1]) => /** @type {Pixel[]} */ ([[x0, y0], [x1, y1]])), spot));
+  const nobody = states.picture_menus?.nobody;
+  const { xy = [], confidence = [] } = states.keypoints ?? {};
   if (person) emit({ type: "go_to_person", person: person.number });
+  else if (nobody && !surrounded(xy.filter((_, joint) => confidence[joint] > 0), spot)) {
+    const { left, top } = canvas().getBoundingClientRect();
+    openMenu("Nobody was detected here", [nobody], left + at.x, top + at.y);
+  }
+}
+
+/** @typedef {readonly [number, number]} Pixel */
+
+/** Whether the rectangle around points contains a pixel. @param {readonly Pixel[]} points @param {Pixel} spot */
+function surrounded(points, spot) {
+  return spot.every((value, axis) => {
+    const values = points.map((point) => point[axis]);
+    return Math.min(...values) <= value && value <= Math.max(...values);
+  });
 }
 
 watch("other_people", () => invalidate("overlay"));
