@@ -227,12 +227,6 @@ export const PANEL_SHEET = `
 .tcfit-table .tcfit-number div { white-space: normal; }
 .tcfit-table tr[data-tcfit] { cursor: pointer; }
 .tcfit-table tr[data-tcfit]:hover td { background: var(--tcfit-pointed); }
-.tcfit-focal { display: block; width: 100%; height: auto; margin: 4px 0; border-radius: 4px; background: var(--tcfit-bed); }
-.tcfit-focal .tcfit-wedge { fill: var(--tcfit-here); }
-.tcfit-focal .tcfit-tick { stroke: var(--tcfit-dim); }
-.tcfit-focal .tcfit-camera { fill: var(--tcfit-text); }
-.tcfit-focal .tcfit-ray { stroke: var(--tcfit-dim); stroke-dasharray: 3 4; }
-.tcfit-focal .tcfit-person { fill: ${COLORS.accent}; }
 .tcfit-panel .tcfit-open { padding: 0; border: 0; background: none; color: inherit; font: inherit; text-align: inherit;
   text-decoration: inherit; white-space: inherit; cursor: pointer; }
 .tcfit-panel .tcfit-open:focus-visible { outline: 2px solid ${COLORS.accent}; outline-offset: 1px; }

@@ -21,8 +21,8 @@ from tcfit_app.review.panels.elements.camera_input import CameraInput
 from tcfit_app.review.panels.elements.field import Dropdown, Field, Number, NumberField, for_writers
 from tcfit_app.review.panels.elements.html import Board, button, joined, paragraph, row, tag, text
 from tcfit_app.review.panels.elements.html import words as marked
-from tcfit_app.review.panels.fit.focal_picture import LENSES, Perspective, focal_of_lens, focal_picture, metre_in_pixels
 from tcfit_app.review.panels.fit.given_inputs import GivenInputs
+from tcfit_app.review.panels.fit.perspective import LENSES, Perspective, focal_of_lens, metre_in_pixels
 from tcfit_app.review.tab.buttons import one_of
 from tcfit_app.review.tab.state import FitSettings
 from tcfit_app.review.tab.tab import Tab
@@ -195,7 +195,7 @@ class FitInputs:
         self._add("gender", genders, lambda v: self._take_body(gender=v), lambda s: s.gender)
 
     def add_camera(self) -> None:
-        """The focal length, with a drawing of its meaning."""
+        """The focal length, and what it means."""
         clip = self._camera.focal[0]
         number = Number(label="Focal length", low=_FOCAL[0], high=_FOCAL[1], of="pixels")
         hint = "For whole fits; a re-run keeps its run's focal length"
@@ -368,7 +368,6 @@ class FitInputs:
         self._focal.show(
             paragraph(self._focal_text(now), "dim"),
             row(*lenses, button("clip's own", "fit.clip_focal", kind="mini", disabled=now.focal is None), wrap=True),
-            focal_picture(seen),
             paragraph(seen.words),
         )
 

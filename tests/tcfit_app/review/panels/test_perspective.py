@@ -1,14 +1,13 @@
-"""What a focal length means, in words and as a picture."""
+"""What a focal length means, in words."""
 
 import numpy as np
 import pytest
 
 from fitting_core.keypoints import COUNT, INDEX, Keypoints
-from tcfit_app.review.panels.fit.focal_picture import (
+from tcfit_app.review.panels.fit.perspective import (
     LENSES,
     Perspective,
     focal_of_lens,
-    focal_picture,
     metre_in_pixels,
 )
 
@@ -49,6 +48,6 @@ def test_what_is_not_known_or_cannot_be():
     nothing = Keypoints(xy=np.zeros((3, COUNT, 2)), confidence=np.zeros((3, COUNT)))
     assert metre_in_pixels(nothing) is None
     alone = Perspective(focal=1000.0, size=SIZE, metre=None)
-    assert alone.words == "20 mm (35 mm equivalent), 88° wide" and "tcfit-person" not in focal_picture(alone)
+    assert alone.words == "20 mm (35 mm equivalent), 88° wide"
     near = Perspective(focal=100.0, size=SIZE, metre=200.0)
-    assert near.words.endswith("about 0.5 m away, which is hardly possible") and "tcfit-person" in focal_picture(near)
+    assert near.words.endswith("about 0.5 m away, which is hardly possible")

@@ -1,4 +1,4 @@
-"""A drawing of what a focal length means: camera, field of view and person from above, to scale."""
+"""What a focal length means in words: lens, field of view, and distance of the person."""
 
 import math
 from dataclasses import dataclass
@@ -7,7 +7,6 @@ import numpy as np
 
 from fitting_core.camera import FULL_FRAME_DIAGONAL_MM, focal_from_35mm
 from fitting_core.keypoints import INDEX, Keypoints
-from tcfit_app.review.panels.elements.html import Html, tag
 
 LENSES = {"wide 24": 24.0, "phone 28": 28.0, "35": 35.0, "50": 50.0, "portrait 85": 85.0}
 """Usual lenses by name: 35 mm equivalents."""
@@ -16,8 +15,6 @@ _TRUNK, _SHOULDERS = 0.5, 0.37
 _REACH = 0.6
 """How far a hand reaches forward, metres."""
 _SURE = 0.3
-_WIDTH, _HEIGHT = 300, 96
-"""Size of the drawing, CSS pixels."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,42 +74,3 @@ def metre_in_pixels(keypoints: Keypoints) -> float | None:
 def focal_of_lens(name: str, size: tuple[int, int]) -> float:
     """Pixels, of one of LENSES in an image of that size."""
     return focal_from_35mm(LENSES[name], size)
-
-
-def focal_picture(perspective: Perspective) -> Html:
-    """An SVG: the camera on the left, its field of view as a wedge, the person in it, a tick every metre."""
-    distance = perspective.distance or 4.0
-    scale = (_WIDTH - 30) / (distance + 1.2)
-    half, middle = math.tan(perspective.angle / 2), _HEIGHT / 2
-    far = _WIDTH - 12
-    rise = min(half * (far - 12), 10 * _HEIGHT)
-    parts = [
-        _svg(
-            "polygon", points=f"12,{middle} {far},{middle - rise:.1f} {far},{middle + rise:.1f}", class_="tcfit-wedge"
-        ),
-        *(
-            _svg("line", x1=x, x2=x, y1=_HEIGHT - 5, y2=_HEIGHT, class_="tcfit-tick")
-            for x in np.arange(12, far, max(scale, 4)).round(1)
-        ),
-        _svg("rect", x=2, y=middle - 6, width=12, height=12, rx=2, class_="tcfit-camera"),
-    ]
-    if perspective.distance is not None:
-        x = 12 + distance * scale
-        parts += [
-            _svg("line", x1=12, x2=f"{x:.1f}", y1=middle, y2=middle, class_="tcfit-ray"),
-            _svg(
-                "ellipse",
-                cx=f"{x:.1f}",
-                cy=middle,
-                rx=f"{0.14 * scale:.1f}",
-                ry=f"{0.24 * scale:.1f}",
-                class_="tcfit-person",
-            ),
-        ]
-    inside = Html("".join(parts))
-    label = f"From above, a tick for each metre. {perspective.words}"
-    return tag("svg", inside, viewBox=f"0 0 {_WIDTH} {_HEIGHT}", class_="tcfit-focal", role="img", aria_label=label)
-
-
-def _svg(name: str, **attributes: object) -> Html:
-    return tag(name, "", **{key: str(value) for key, value in attributes.items()})
