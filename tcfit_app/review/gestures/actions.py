@@ -399,7 +399,7 @@ _KEYPOINTS: tuple[_Row, ...] = (
     ("shape_copied", "Hand shape: the copied one", "", lambda g: g.shaping.give_copied(), _OF_HAND),
     ("shape_last", "Hand shape: the one given last", "Shift+h", lambda g: g.shaping.give_last(), _OF_HAND),
     ("copy_shape", "Copy the hand's shape in the fit", "Shift+c", lambda g: g.shaping.copy(), (hand, fit)),
-    ("free_hand", "Hand shape: take it off", "", lambda g: g.shaping.free(), _OF_HAND),
+    ("free_hand", "Remove hand shape", "", lambda g: g.shaping.free(), _OF_HAND),
     *(
         (
             _nudge(name, pixels),
@@ -451,7 +451,7 @@ _FIT: tuple[_Row, ...] = (
     ("cancel", "Cancel all fitting", "", lambda g: g.tab.session.cancel(), ()),
 )
 _CLIPS: tuple[_Row, ...] = (
-    ("approve", "Approve the clip, or take it back", "Shift+o", lambda g: g.reviewing.approve(), (writable, _finished)),
+    ("approve", "Approve clip / withdraw approval", "Shift+o", lambda g: g.reviewing.approve(), (writable, _finished)),
     ("next_clip", "Next clip of the list", "PageDown", lambda g: g.reviewing.leave("next"), (_listed,)),
     ("previous_clip", "Previous clip of the list", "PageUp", lambda g: g.reviewing.leave("previous"), (_listed,)),
     ("list", "All clips", "Shift+Home", lambda g: g.reviewing.leave("list"), (_listed,)),

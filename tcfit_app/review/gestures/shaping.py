@@ -110,12 +110,12 @@ class ShapingHands:
         self.last = pose
 
     def free(self) -> None:
-        """Take the selected hand's shape off in the chosen frames: it is as it is seen again."""
+        """Remove the selected hand's shape in the selected frames, so that its keypoints count again."""
         tab, joints = self._tab, FINGER_JOINTS[self._of_body()]
         frames = tab.frames_to_change
         if not tab.session.project.corrected[np.ix_(frames, joints)].locked.any():
             where = in_words(frames, tab.first_frame)
-            raise InputError(f"This hand was given no shape in {where}.")
+            raise InputError(f"No hand shape is set in {where}.")
         self._correcting.make(ShapeHand(frames=frames, joints=joints, name="", shape=None))
 
     def _of_body(self) -> Side:
@@ -134,7 +134,7 @@ class ShapingHands:
     def _shown(self) -> Shown:
         shown = self._tab.look().b
         if shown is None or not shown.has(self._tab.state.frame):
-            raise InputError("What a hand is like is taken from the fit on show, and there is none here: fit first.")
+            raise InputError("Hand shapes are copied from the fit. There is no fit in this frame yet.")
         return shown
 
     def _angles(self, shown: Shown, side: Side, frame: int) -> Float[np.ndarray, "15 3"]:

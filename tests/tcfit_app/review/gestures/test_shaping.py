@@ -150,7 +150,7 @@ def test_it_is_taken_off(tested: LonePage):
     tab = tested.page.tab
     tab.session.edit_follower.after_edits = False
     tab.set(frame=4)
-    with pytest.raises(InputError, match="was given no shape in frame 4"):
+    with pytest.raises(InputError, match="No hand shape is set in frame 4"):
         tested.press("action", "free_hand")
     tested.press("action", "shape_claw")
     tested.press("action", "free_hand")
