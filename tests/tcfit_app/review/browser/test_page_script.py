@@ -359,12 +359,12 @@ def test_the_menu_comes_when_the_right_button_is_released_where_it_was_pressed(t
 
 def test_a_click_where_nobody_was_detected_offers_to_search_there(tab: Tab) -> None:
     menu = tab.page.get_by_role("menu")
-    tab.page.mouse.click(*tab.screen(600, 400))
+    tab.page.mouse.click(*tab.screen(20, 20))
     tab.settle()
     assert menu.count() == 0, "with the person in the frame it only clears the selection"
     offer = states.MenuItem(label="Nobody was detected here. Search here?", action="frame_person")
     tab.send("picture_menus", states.PictureMenus(nobody=offer))
-    tab.page.mouse.click(*tab.screen(600, 400))
+    tab.page.mouse.click(*tab.screen(20, 20))
     tab.settle()
     tab.page.get_by_role("menuitem", name="Search here?").click()
     assert tab.await_event(Key) == Key(action="frame_person", repeat=False)
