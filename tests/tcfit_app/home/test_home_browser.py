@@ -203,6 +203,23 @@ def test_axe_finds_no_serious_fault(theme: str, tab: "Tab"):
     assert [f"{fault['id']}: {node['html'][:200]}" for fault in grave for node in fault["nodes"]] == []
 
 
+def test_keys_do_not_sort_the_clips_again(tab: "Tab"):
+    """Which takes most of a second with 10,000; the order is written whenever it is made."""
+    tab.evaluate("""() => {
+      const set = Storage.prototype.setItem;
+      window.sorted = 0;
+      Storage.prototype.setItem = function (name, value) {
+        if (this === localStorage && name === "tcfit-order") window.sorted += 1;
+        set.call(this, name, value);
+      };
+    }""")
+    for key in ("ArrowDown", "End", "Space", "Home", "Escape"):
+        tab.keyboard.press(key)
+    assert tab.evaluate("window.sorted") == 0
+    tab.get_by_role("button", name="Length").click()
+    until(lambda: tab.evaluate("window.sorted") == 1)
+
+
 def test_of_many_clips_only_those_in_sight_are_in_the_page(tab: "Tab"):
     tab.evaluate(
         """async () => {

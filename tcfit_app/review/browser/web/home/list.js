@@ -109,16 +109,35 @@ const nothing = element("p", "nothing", main);
 const searched = (row) =>
   [row.name, row.place, row.reviewer, row.note, row.busy, findingOf(row)].join("\n").toLowerCase();
 
+// A collator that is made once compares ten times as fast as localeCompare.
+const collated = new Intl.Collator("en", { numeric: true }).compare;
+
 /** @param {Row} a @param {Row} b */
 function compared(a, b) {
   const order = COLUMNS.find((column) => column.name === kept.by)?.order ?? ((row) => row.place);
   const [one, other] = [order(a), order(b)];
-  const natural = a.place.localeCompare(b.place, "en", { numeric: true });
+  const natural = collated(a.place, b.place);
   const missing = Number(one === undefined) - Number(other === undefined);
   if (one === undefined || other === undefined) return missing || natural;
-  const difference = typeof one === "number" && typeof other === "number"
-    ? one - other : String(one).localeCompare(String(other), "en", { numeric: true });
+  const difference =
+    typeof one === "number" && typeof other === "number" ? one - other : collated(String(one), String(other));
   return (kept.down ? -difference : difference) || natural;
+}
+
+let version = 0; // of the rows
+let arranged = ""; // what `shown` was last made for
+
+/** Filters and sorts again if that can have changed: with 10,000 clips it takes longer than a key may. */
+function arrange() {
+  const wanted = JSON.stringify([version, kept.state, kept.text, kept.by, kept.down]);
+  if (wanted === arranged) return;
+  arranged = wanted;
+  const text = kept.text.trim().toLowerCase();
+  const found = [...rows.values()].filter((row) => !text || searched(row).includes(text));
+  shown = found.filter((row) => !kept.state || stateOf(row) === kept.state).sort(compared);
+  for (const key of selected) if (!rows.has(key)) selected.delete(key);
+  drawFilters(found);
+  keepOrder();
 }
 
 let drawing = 0;
@@ -130,12 +149,8 @@ function draw() {
 }
 
 function drawNow() {
-  const text = kept.text.trim().toLowerCase();
-  const found = [...rows.values()].filter((row) => !text || searched(row).includes(text));
-  shown = found.filter((row) => !kept.state || stateOf(row) === kept.state).sort(compared);
-  for (const key of selected) if (!rows.has(key)) selected.delete(key);
+  arrange();
   if (!shown.some((row) => row.key === kept.current)) kept.current = shown[0]?.key ?? null;
-  drawFilters(found);
   drawButtons();
   table.show({ rows: shown, selected, current: kept.current, sort: kept });
   nothing.hidden = shown.length > 0 || !arrived;
@@ -201,9 +216,11 @@ function drawButtons() {
   told.textContent = parts.filter(Boolean).join(" · ");
 }
 
-/** The order is for the pages of clips, which go to the next one, and the rest for the way back. */
-function keep() {
-  sessionStorage.setItem(KEPT, JSON.stringify(kept));
+/** For the way back to this page. */
+const keep = () => sessionStorage.setItem(KEPT, JSON.stringify(kept));
+
+/** For the pages of clips, which go to the next one. */
+function keepOrder() {
   const order = shown.filter((row) => row.kind === "project").map((row) => row.key).join(" ");
   sessionStorage.setItem(ORDER, order);
   localStorage.setItem(ORDER, order);
@@ -400,7 +417,10 @@ search.addEventListener("input", () => {
   draw();
 });
 main.addEventListener("scroll", () => void (kept.top = main.scrollTop), { passive: true });
-window.addEventListener("pagehide", keep);
+window.addEventListener("pagehide", () => {
+  keep();
+  keepOrder(); // another tab may have another order
+});
 
 // --- the server ---
 
@@ -429,6 +449,7 @@ function take(message) {
 
 /** @param {{ rows: Row[], gone?: string[], whole?: boolean }} message */
 function takeRows(message) {
+  version += 1;
   if (message.whole) rows.clear();
   for (const key of message.gone ?? []) rows.delete(key);
   for (const row of message.rows) {
