@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable, Collection, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from itertools import takewhile
+from itertools import chain, takewhile
 from pathlib import Path
 
 import msgspec
@@ -77,7 +77,9 @@ class Catalogue:
             before, now, claimed = self._entries, dict[str, Entry](), set[Path]()
             found = find(self.root)
             with ThreadPoolExecutor(_READERS) as pool:
-                read = dict(zip(found, pool.map(lambda one: self._entry(one, before.get(one.key)), found), strict=True))
+                parts = [found[start::_READERS] for start in range(_READERS)]
+                entries = chain.from_iterable(pool.map(lambda part: self._entries_of(part, before), parts))
+                read = {entry.found: entry for entry in entries}
             projects = {one.path: read[one].media for one in found if one.kind == "project"}
             for one in sorted(found, key=lambda one: _ORDER[one.kind]):
                 if one.footage in claimed or (one.kind == "result" and _beside(read[one], projects) is not None):
@@ -105,6 +107,9 @@ class Catalogue:
     def has_length(self, key: str) -> bool:
         """Whether somebody has looked into that video."""
         return key in self._videos
+
+    def _entries_of(self, found: list[Found], before: dict[str, Entry]) -> list[Entry]:
+        return [self._entry(one, before.get(one.key)) for one in found]
 
     def _entry(self, found: Found, before: Entry | None) -> Entry:
         new = _stamp(found)
