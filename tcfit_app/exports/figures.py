@@ -2,6 +2,7 @@
 
 import csv
 import math
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from fitting_core.clip import Clip
 from fitting_core.io.summary import summary
-from fitting_core.measure.report import report_page
+from fitting_core.measure.report import MISSING, report_page
 from fitting_core.motion import Progress
 from tcfit_app.analysis.curves import CURVES
 from tcfit_app.evaluation.evaluated_fits import of_run
@@ -84,6 +85,11 @@ def clip_stated(clip: Clip) -> dict[str, Any]:
 
 SURFACES = 60
 """At most so many frames of a run have their surfaces measured, which takes 0.2 to 0.4 s for each."""
+
+
+def report_missing() -> str:
+    """What to install for a report; empty if it can be written."""
+    return "" if find_spec("plotly") else MISSING
 
 
 def write_report(source: ExportSource, path: Path, progress: Progress) -> None:

@@ -19,7 +19,13 @@ from fitting_core.plugins import Plugin, added, failures
 from fitting_core.render.overlay import ViewName
 from tcfit_app.exports.blender.running import missing, write_fbx
 from tcfit_app.exports.elan import write_elan
-from tcfit_app.exports.figures import write_figures_csv, write_figures_json, write_report, write_summary
+from tcfit_app.exports.figures import (
+    report_missing,
+    write_figures_csv,
+    write_figures_json,
+    write_report,
+    write_summary,
+)
 from tcfit_app.exports.keypoints import write_coco, write_openpose_folder, write_pose_file
 from tcfit_app.exports.laboratory import write_joints_trc, write_marker_c3d, write_markers_trc
 from tcfit_app.exports.motions import (
@@ -186,8 +192,9 @@ EXPORTS: dict[str, Export] = {
     }, needs="run", both=True),
     **_group("Figures", {
         "report": ("Report (HTML)", ".report.html", write_report,
-                   "The chosen run's errors and curves, against the project's reference if it has one; needs "
-                   "tcfit[report]"),
+                   "The chosen run's errors and curves, against the project's reference if it has one"),
+    }, needs="run", missing=report_missing),
+    **_group("Figures", {
         "summary": ("Summary", ".summary.json", write_summary,
                     "Errors, jitter, settings and versions of the chosen run, as JSON"),
     }, needs="run"),

@@ -440,7 +440,7 @@ def test_files_are_downloaded(panel_of: Opener):
     with pytest.raises(InputError, match="no fit to export"):
         tested.panels[0]._begin(EXPORTS["summary"])
     tested.fit()
-    got = {name: downloaded(tested, name) for name in _MADE}
+    got = {name: downloaded(tested, name) for name in _MADE if not EXPORTS[name].missing()}
     with np.load(io.BytesIO(got["fit"]), allow_pickle=False) as fit:
         assert fit["poses"].shape == (FRAMES, 165) and bool(fit["complete"])
     assert json.loads(got["summary"])["frames"] == FRAMES
@@ -449,7 +449,8 @@ def test_files_are_downloaded(panel_of: Opener):
     assert rows[1].startswith("0,0,") and rows[2].startswith("1,40,")
     figures = json.loads(got["figures-json"])
     assert list(figures["figures"]) == next(csv.reader(rows)) and figures["frame_rate"] == 25.0
-    assert got["report"].startswith(b"<!") and b"Reprojection" in got["report"]
+    if "report" in got:  # plotly is an extra
+        assert got["report"].startswith(b"<!") and b"Reprojection" in got["report"]
     assert got["trc"].startswith(b"PathFileType") and got["trc-markers"].startswith(b"PathFileType")
     assert got["c3d"][1:2] == b"\x50" and got["contacts"].startswith(b"side,first_frame")
     assert got["angles"].startswith(b"# Joint angles") and b"nRows=" + str(FRAMES).encode() in got["mot"]
