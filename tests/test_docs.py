@@ -242,7 +242,11 @@ def test_a_command_in_running_text_exists():
 
 def benchmarks() -> list[tuple[str, ...]]:
     """Modules and arguments of benchmarks' command lines, in blocks and in running text."""
-    inline = {tuple(shlex.split(span)[2:]) for _, span in spans() if span.startswith("python -m benchmarks")}
+    inline = {
+        tuple(shlex.split(span)[2:])
+        for _, span in spans()
+        if span.startswith(("python -m benchmarks", "python -m tests.flows"))
+    }
     return sorted(line for line in {*shown("python -m"), *inline} if line[0] != "benchmarks.NAME")
 
 
