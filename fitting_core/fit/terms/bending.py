@@ -11,7 +11,7 @@ from fitting_core.body.model import JOINT
 from fitting_core.fit.compiled.body import add_row, joint_axis_angle
 from fitting_core.fit.compiled.jit import helper
 from fitting_core.fit.compiled.layout import BODY, N_BODY, NUMBER
-from fitting_core.fit.terms.entry import OFF, Entry, Kernel, Weight
+from fitting_core.fit.terms.entry import Entry, Kernel
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
 
@@ -64,15 +64,7 @@ ENTRY = Entry(
     kind=Bending,
     about="elbows and knees do not bend the wrong way",
     make=lambda setting, looked, s: Bending(weight) if (weight := setting.config.weights.bending[s]) else None,
-    weights=(
-        Weight(
-            "bending",
-            "Exponential penalty on elbows and knees that bend the wrong way.",
-            (35.8, 35.8, 13.5, 3.9, 3.9),
-            # Limits cover it: PA-MPJPE with and without 65.7 and 65.8, 56.0 and 55.8 mm on two views.
-            tcfit=OFF,
-        ),
-    ),
+    weights=("bending",),
     kernel=Kernel(
         constants=lambda term: {"bending": term.weight, "bending_sign": _SIGN},
         clip=(("bending", NUMBER), ("bending_sign", NUMBER, 3 * N_BODY)),  # 0 where nothing bends

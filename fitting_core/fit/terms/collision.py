@@ -11,7 +11,7 @@ from fitting_core.body.model import N_BETAS, N_EXPRESSION, N_JOINTS
 from fitting_core.body.points.chosen_vertices import PosedVertices, VertexRows
 from fitting_core.fit.collision.colliding_body import POSES_AT_ONCE, CollidingBody, CollidingPairs
 from fitting_core.fit.collision.distance_field import SIGMA, penetration, residuals_with_jacobian
-from fitting_core.fit.terms.entry import OFF, Entry, Weight
+from fitting_core.fit.terms.entry import Entry
 from fitting_core.fit.terms.setting import Looked, Setting
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
@@ -115,5 +115,5 @@ ENTRY = Entry(
     kind=Collision,
     about="body parts do not go through each other",
     make=_make,
-    weights=(Weight("collision", "Self-intersection of the mesh.", (0.0, 0.0, 0.0, 0.1, 1.0), tcfit=OFF),),
+    weights=("collision",),
 )

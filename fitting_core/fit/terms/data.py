@@ -9,7 +9,7 @@ from torch import Tensor
 from fitting_core import keypoints as kp
 from fitting_core.fit.compiled.jit import helper
 from fitting_core.fit.compiled.layout import NUMBER
-from fitting_core.fit.terms.entry import Entry, Kernel, Weight, every_stage
+from fitting_core.fit.terms.entry import Entry, Kernel
 from fitting_core.fit.terms.setting import Looked, Setting
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
@@ -111,16 +111,9 @@ ENTRY = Entry(
     "(Geman-McClure)",
     make=lambda setting, looked, _: Data.of(setting, looked),
     weights=(
-        Weight("body_keypoints", "BODY_25 keypoints in the data term.", every_stage(1.0)),
-        Weight("hand_keypoints", "Hand keypoints in the data term.", (0.0, 0.0, 0.0, 0.1, 2.0)),
-        Weight(
-            "face_keypoints",
-            "Face keypoints in the data term.",
-            (0.0, 0.0, 0.0, 0.0, 2.0),
-            # 68 landmarks at weight 2 outvoted the body: betas fitted the face's proportions and made a signer's body
-            # thin (beta 3 at -1.0 instead of -0.3); reprojection is the same.
-            tcfit=(0.0, 0.0, 0.0, 0.0, 0.5),
-        ),
+        "body_keypoints",
+        "hand_keypoints",
+        "face_keypoints",
     ),
     kernel=Kernel(
         constants=lambda term: {"xy": term.xy, "side": term.side, "weight": term.weight, "rho": term.rho[:, 0]},

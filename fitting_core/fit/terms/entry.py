@@ -1,4 +1,4 @@
-"""What a term's file declares beside its residuals: weights, the docs' row, its factory, and its kernel."""
+"""What a term's file declares beside its residuals: its weights' names, the docs' row, its factory, and its kernel."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -6,27 +6,6 @@ from typing import Any
 
 from fitting_core.fit.terms.setting import Looked, Setting
 from fitting_core.fit.terms.term import Term
-
-Five = tuple[float, float, float, float, float]
-OFF: Five = (0.0, 0.0, 0.0, 0.0, 0.0)
-
-
-def every_stage(weight: float) -> Five:
-    """The same weight in all stages."""
-    return (weight, weight, weight, weight, weight)
-
-
-@dataclass(frozen=True)
-class Weight:
-    """A setting of `Weights` with its values in the presets, of stages 1 to 5. A term's coefficient is its square."""
-
-    name: str
-    about: str
-    """Its description in the settings' listing."""
-    paper: Five = OFF
-    smplifyx: Five | None = None
-    tcfit: Five | None = None
-    """None: as in the paper and in smplifyx."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,6 +44,7 @@ class Entry:
     """The docs' row: one sentence."""
     make: Callable[[Setting, Looked, int], Term | None]
     """From the constants of a fit, the keypoints used, and the index (0 to 4) of a stage; None: not part of it."""
-    weights: tuple[Weight, ...] = ()
+    weights: tuple[str, ...] = ()
+    """Fields of `config.weights.Weights`."""
     kernel: Kernel | None = None
     """None: evaluated in torch, and added to the kernels' terms."""

@@ -20,7 +20,7 @@ from fitting_core.fit.compiled.body import add_row, joint_row
 from fitting_core.fit.compiled.jit import helper
 from fitting_core.fit.compiled.layout import INTEGER, N_BODY, N_JOINTS, NUMBER
 from fitting_core.fit.compiled.turns import quaternion as quaternion_of_matrix
-from fitting_core.fit.terms.entry import Entry, Kernel, Weight, every_stage
+from fitting_core.fit.terms.entry import Entry, Kernel
 from fitting_core.fit.terms.setting import Looked, Setting
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
@@ -243,13 +243,7 @@ ENTRY = Entry(
     kind=JointLimits,
     about="joints of body and fingers stay within their anatomical range",
     make=_make,
-    weights=(
-        Weight(
-            "limits",
-            "Joints of body and fingers beyond their anatomical range, per radian (beyond the paper).",
-            tcfit=every_stage(100.0),
-        ),
-    ),
+    weights=("limits",),
     kernel=Kernel(
         constants=_constants,
         clip=(

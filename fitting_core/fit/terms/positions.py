@@ -12,7 +12,7 @@ from fitting_core.config.schema import FitConfig
 from fitting_core.fit.compiled.jit import helper
 from fitting_core.fit.compiled.layout import NUMBER
 from fitting_core.fit.terms.data import irls
-from fitting_core.fit.terms.entry import Entry, Kernel, Weight, every_stage
+from fitting_core.fit.terms.entry import Entry, Kernel
 from fitting_core.fit.terms.setting import Looked, Setting
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
@@ -162,8 +162,6 @@ def _kernel(name: str, clip: tuple[tuple, ...], constants: Callable[[Any], dict[
     )
 
 
-# Lifter and standing feet reduce PA-MPJPE by a fifth and MPJPE by a quarter (evaluation/RESULTS/motion_suite.md). More
-# weight biases people who move unlike the lifter's training data.
 ENTRIES = (
     Entry(
         name="relative_position",
@@ -171,14 +169,7 @@ ENTRIES = (
         about="body keypoints have the depth from the pelvis that the [lifter](developing/layout.md) or a person "
         "states; for undetected ones the whole position counts",
         make=RelativePosition.of,
-        weights=(
-            Weight(
-                "relative_position",
-                "Depth of body keypoints, and the whole position of undetected ones, relative to the pelvis "
-                "against the lifter's, per standard deviation (beyond the paper).",
-                tcfit=every_stage(6.0),
-            ),
-        ),
+        weights=("relative_position",),
         kernel=_kernel("relative", (("pelvis", NUMBER, 3),), lambda term: {"pelvis": term.pelvis}),
     ),
     Entry(
@@ -186,14 +177,7 @@ ENTRIES = (
         kind=HeldPosition,
         about="phase 3: a standing foot stays in place",
         make=HeldPosition.of,
-        weights=(
-            Weight(
-                "held_position",
-                "Standing feet, in phase 3, against the place where they stand, per standard deviation (beyond the "
-                "paper).",
-                tcfit=every_stage(10.0),
-            ),
-        ),
+        weights=("held_position",),
         kernel=_kernel("held", (), lambda term: {}),
     ),
 )

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from fitting_core.fit.compiled.jit import helper
 from fitting_core.fit.compiled.layout import MOST_COLUMNS, NUMBER
-from fitting_core.fit.terms.entry import Entry, Five, Kernel, Weight
+from fitting_core.fit.terms.entry import Entry, Kernel
 from fitting_core.fit.terms.locks import LOCK_WEIGHT
 from fitting_core.fit.terms.setting import Looked, Setting
 from fitting_core.fit.terms.term import Term
@@ -88,14 +88,14 @@ def _l2(
     name: str,
     about: str,
     where: Callable[[Columns], slice],
-    *weights: Weight,
+    *weights: str,
     target: Callable[[Parametrisation], Tensor | None] = lambda p: None,
 ) -> Entry:
     """Distance of columns from a target (None: zero). Each of the first has a weight; the last is for all others."""
 
     def make(setting: Setting, looked: Looked, s: int) -> Term:
         p = setting.parametrisation
-        values, columns = [getattr(setting.config.weights, weight.name)[s] for weight in weights], where(p.columns)
+        values, columns = [getattr(setting.config.weights, weight)[s] for weight in weights], where(p.columns)
         values += values[-1:] * (columns.stop - columns.start - len(values))
         return Quadratic(name, columns, p.betas.new_tensor(values), target(p))
 
@@ -109,13 +109,11 @@ def held_depth(setting: Setting, depth: Float[Tensor, "T"]) -> Quadratic:
     return Quadratic("depth", slice(z, z + 1), p.betas.new_tensor([DEPTH_WEIGHT]), depth[:, None])
 
 
-_POSE: Five = (404.0, 404.0, 57.4, 4.78, 4.78)
-_COEFFICIENTS: Five = (100.0, 50.0, 10.0, 5.0, 5.0)
 _SHAPE = _l2(
     "shape",
     "the shape's betas are small",
     lambda columns: columns.betas,
-    Weight("shape", "L2 of betas; in phase 2 also of the shared betas.", _COEFFICIENTS),
+    "shape",
     target=lambda p: p.betas,
 )
 
@@ -131,7 +129,7 @@ _HANDS = _l2(
     "hand_pose",
     "the coefficients of the hands' pose are small, or those of the shape that a person stated",
     lambda columns: columns.hands,
-    Weight("hand_pose", "L2 of the hand components.", _POSE),
+    "hand_pose",
 )
 
 
@@ -155,7 +153,7 @@ ENTRIES = (
         "body_pose",
         "the pose is likely under the [pose prior](bodies.md#pose-priors)",
         lambda columns: columns.body,
-        Weight("body_pose", "Body pose prior.", _POSE),
+        "body_pose",
         target=lambda p: p.prior.neutral.to(p.betas),
     ),
     replace(_HANDS, make=_stated_hands),
@@ -163,24 +161,14 @@ ENTRIES = (
         "jaw",
         "the jaw is not turned far",
         lambda columns: columns.jaw,
-        Weight(
-            "jaw_open",
-            "Jaw about its x axis.",
-            (63.6, 63.6, 24.0, 6.9, 6.9),
-            smplifyx=(4040.0, 4040.0, 574.0, 47.8, 47.8),
-        ),
-        Weight(
-            "jaw_sideways",
-            "Jaw about its y and z axes.",
-            (201.0, 201.0, 75.7, 21.9, 21.9),
-            smplifyx=(40400.0, 40400.0, 5740.0, 478.0, 478.0),
-        ),
+        "jaw_open",
+        "jaw_sideways",
     ),
     _l2(
         "expression",
         "the coefficients of the expression are small",
         lambda columns: columns.expression,
-        Weight("expression", "L2 of the expression.", _COEFFICIENTS),
+        "expression",
     ),
     _SHAPE,
     replace(

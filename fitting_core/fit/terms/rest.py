@@ -10,7 +10,7 @@ from fitting_core.body.model import POSE_JOINTS
 from fitting_core.fit.compiled.body import add_row, joint_axis_angle
 from fitting_core.fit.compiled.jit import helper
 from fitting_core.fit.compiled.layout import BODY, N_BODY, NUMBER
-from fitting_core.fit.terms.entry import Entry, Kernel, Weight
+from fitting_core.fit.terms.entry import Entry, Kernel
 from fitting_core.fit.terms.setting import Looked, Setting
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
@@ -62,13 +62,7 @@ ENTRY = Entry(
     kind=Rest,
     about="joints without evidence stay near the neutral pose",
     make=_make,
-    weights=(
-        Weight(
-            "rest",
-            "Distance of joints without evidence in the image from the prior's neutral pose (beyond the paper).",
-            tcfit=(0.0, 0.0, 0.0, 15.0, 15.0),
-        ),
-    ),
+    weights=("rest",),
     kernel=Kernel(
         constants=lambda term: {"rest_pose": term.target, "rest_weight": term.weight},
         clip=(("rest_pose", NUMBER, 3 * N_BODY),),

@@ -9,7 +9,7 @@ from torch import Tensor
 from fitting_core.fit.compiled.body import add_row
 from fitting_core.fit.compiled.jit import helper
 from fitting_core.fit.compiled.layout import NUMBER
-from fitting_core.fit.terms.entry import Entry, Kernel, Weight, every_stage
+from fitting_core.fit.terms.entry import Entry, Kernel
 from fitting_core.fit.terms.setting import Setting
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
@@ -68,16 +68,8 @@ ENTRY = Entry(
     about="if no leg is seen, the body does not lean or turn away",
     make=lambda setting, looked, s: Upright.of(setting, setting.config.weights.lean[s], setting.config.weights.turn[s]),
     weights=(
-        Weight(
-            "lean",
-            "Lean of the root against the image's vertical, if no leg is seen (beyond the paper).",
-            tcfit=every_stage(30.0),
-        ),
-        Weight(
-            "turn",
-            "Turn of the root away from the camera, if no leg is seen (beyond the paper).",
-            tcfit=every_stage(15.0),
-        ),
+        "lean",
+        "turn",
     ),
     kernel=Kernel(
         constants=lambda term: {"lean": term.lean, "turn": term.turn},
