@@ -231,7 +231,7 @@ def test_summary(tmp_path: Path, result: Callable[..., Result]):
     assert summary["complete"] is True and summary["frames"] == FRAMES and summary["first_frame"] == 7
     assert summary["seconds"] == {"phase1": 0.5, "phase2": 1.0, "phase3": 1.5, "total": 3.0}
     first = summary["reprojection_px"]["phase1"]
-    assert first["median"] == pytest.approx(5) and first["p95"] == pytest.approx(5)
+    assert first["median"] == pytest.approx(5) and first["p95"] == first["body_p95"] == pytest.approx(5)
     assert summary["reprojection_px"]["phase3"]["median"] > 5
     assert set(summary["objective"]) == {"phase1", "phase2", "phase3"}
     joints = Mesh(body, dtype=torch.float64).joints(fit.last.params).numpy()
@@ -267,7 +267,8 @@ def test_only_confident_keypoints_inside_count(tmp_path: Path, result: Callable[
     xy[:, wrist] = [639, 240]  # at the border: cut off
     other = replace(clip, keypoints=Keypoints(xy=xy, confidence=confidence))
     found = write_result(tmp_path, fit, other, body)["reprojection_px"]["phase1"]
-    assert found == {"median": pytest.approx(5), "p95": pytest.approx(5), "keypoints": FRAMES}
+    assert (found["median"], found["p95"], found["keypoints"]) == (pytest.approx(5), pytest.approx(5), FRAMES)
+    assert found["body_median"] is None and found["hands_p95"] is None, "the neck counts in no part"
     none = replace(clip, keypoints=Keypoints(xy=xy, confidence=0 * confidence))
     assert write_result(tmp_path, fit, none, body)["reprojection_px"]["phase1"]["median"] is None
 
