@@ -53,7 +53,7 @@ class Catalogue:
 
     Args:
         root: The folder.
-        work_on: Tells what is done to a clip in the background, by its key.
+        work_on: Returns the job on a clip, by its key.
     """
 
     def __init__(self, root: Path, work_on: Callable[[str], Work | None] = lambda key: None) -> None:
@@ -61,7 +61,7 @@ class Catalogue:
         self._guard = threading.Lock()
         self._entries: dict[str, Entry] = {}
         self._videos: dict[str, tuple[int, float]] = {}
-        """Frames and seconds of those that were looked into."""
+        """Cached frame counts and seconds."""
 
     def get(self, key: str) -> Entry | None:
         """A clip by its key."""
@@ -72,7 +72,7 @@ class Catalogue:
         return [entry.row for entry in self._entries.values()]
 
     def refresh(self) -> tuple[list[Row], list[str]]:
-        """Look at the disk; rows that are other ones than before, and keys of those that are gone."""
+        """Read the disk. Returns the changed rows, and the keys of clips that are gone."""
         with self._guard:
             before, now, claimed = self._entries, dict[str, Entry](), set[Path]()
             found = find(self.root)
@@ -91,7 +91,7 @@ class Catalogue:
             return changed, [key for key in before if key not in self._entries]
 
     def refresh_some(self, keys: Collection[str]) -> list[Row]:
-        """Look at some clips again; rows that are other ones than before."""
+        """Read some clips again. Returns the changed rows."""
         with self._guard:
             changed = []
             for key in keys:
@@ -101,11 +101,11 @@ class Catalogue:
             return changed
 
     def knows_length(self, key: str, frames: int, seconds: float) -> None:
-        """Somebody has looked into a video."""
+        """Report the length of a video."""
         self._videos[key] = (frames, seconds)
 
     def has_length(self, key: str) -> bool:
-        """Whether somebody has looked into that video."""
+        """Whether the length of a video is cached."""
         return key in self._videos
 
     def _entries_of(self, found: list[Found], before: dict[str, Entry]) -> list[Entry]:
@@ -115,7 +115,7 @@ class Catalogue:
         new = _stamp(found)
         entry = before if before is not None and before.stamp == new else _read(found, new)
         work = self._work_on(found.key)
-        # A fit of our own has the project open: that is told already.
+        # A job of ours has the project open, which `work` shows already.
         by = "" if work is not None and not work.ended else entry.by
         row = msgspec.structs.replace(entry.row, work=work, busy=by)
         if found.is_footage and (length := self._videos.get(found.key)):
@@ -215,7 +215,7 @@ def _of_project(row: Row, seen: Glance) -> Row:
 
 
 def busy(holder: Holder | None) -> str:
-    """Who works on a project, for the user. What this process keeps open and nobody looks at is free for all."""
+    """Who has a project open, for the user; empty for a review that this process keeps open without a viewer."""
     if holder is None or holder.names:
         return "" if holder is None else holder.names
     here = holder.computer in ("", platform.node())

@@ -1,5 +1,5 @@
-"""What is done to clips in the background, in a process of its own: whatever happens to it, the list and the reviews go
-on, and it can be stopped at any moment. What it has stored by then stays."""
+"""Jobs on clips, each in a process of its own: a crash does not affect the list and the reviews, and a job can be
+cancelled at any moment. What it has stored by then stays."""
 
 import logging
 import time
@@ -79,7 +79,7 @@ class ExportJob:
 
 
 def serve(pipe: Connection, folder: Path, job: Job) -> None:
-    """What the process does: it sends `Work` through the pipe, and at its end None, or one that has ended."""
+    """Run a job in the process: sends `Work` through the pipe, and in the end None or a `Work` that has ended."""
     child_processes.end_with_parent()
     try:
         said = job.run(folder, _seldom(pipe.send))
@@ -92,7 +92,7 @@ def serve(pipe: Connection, folder: Path, job: Job) -> None:
 
 
 def _seldom(report: Report) -> Report:
-    """The same, told of a step that goes on twice a second."""
+    """The same report, at most twice a second within a step."""
     step, told = "", 0.0
 
     def seldom(work: Work) -> None:

@@ -10,14 +10,14 @@ from tcfit_app.home.found import Kind
 from tcfit_app.project.storage.clip_review import NOTE_CHARACTERS, State
 
 Key = Annotated[str, msgspec.Meta(pattern="^[0-9a-f]{12}$")]
-"""Of a clip; one that is not in the list means nothing."""
+"""Of a clip; unknown ones are refused."""
 Keys = Annotated[tuple[Key, ...], msgspec.Meta(max_length=20_000)]
 
 # --- to the page ---
 
 
 class Work(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """What is done to a clip in the background."""
+    """A job on a clip in the background."""
 
     step: str
     """In words."""
@@ -51,7 +51,7 @@ class Row(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     kind: Kind
     state: State = "new"
     frames: int = 0
-    """0: not known."""
+    """0: unknown."""
     seconds: float = 0.0
     score: float | None = None
     """Of the worst place of the last fit, from 1 on; 0: nothing is suspicious; None: it was not looked for."""
@@ -67,26 +67,26 @@ class Row(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     spent: float = 0.0
     """Seconds of all reviewers."""
     altered: bool = False
-    """Approved once, and changed since."""
+    """Approved, and changed since."""
     note: str = ""
     notes: int = 0
     """On frames."""
     busy: str = ""
-    """Who works on it now."""
+    """Who has it open now."""
     work: Work | None = None
     problem: str = ""
-    """Why nothing is known of it."""
+    """Why it cannot be read."""
 
 
 class Rows(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="rows"):
-    """Clips that are new or others than before."""
+    """New or changed clips."""
 
     rows: list[Row]
     gone: list[str] = []
     whole: bool = False
-    """There are no others."""
+    """These are all clips."""
     me: str = ""
-    """Under what name this page's user is known."""
+    """The name of this page's user."""
 
 
 class Picture(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="picture"):
@@ -97,35 +97,35 @@ class Picture(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="
 
 
 class Opened(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="opened"):
-    """A clip can be gone to."""
+    """A clip is ready to be opened."""
 
     key: str
 
 
 class Told(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="told"):
-    """Something went wrong."""
+    """An error message."""
 
     text: str
 
 
 class Choice(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """Something that can be chosen."""
+    """An option."""
 
     value: str
     title: str
     hint: str = ""
     missing: bool = False
-    """It cannot be chosen on this computer; `hint` says why."""
+    """It is not available on this computer; `hint` says why."""
 
 
 class Formats(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="formats"):
-    """What clips can be exported as."""
+    """The export formats."""
 
     groups: dict[str, list[Choice]]
     axes: list[Choice]
     views: list[Choice]
     chosen: list[str]
-    """Of a page that has not chosen yet."""
+    """The default ones."""
 
 
 ToPage = Rows | Picture | Opened | Told | Formats
@@ -143,7 +143,7 @@ def encode(message: ToPage) -> str:
 
 
 class _Asked(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", forbid_unknown_fields=True):
-    """What a page asks for."""
+    """A request of a page."""
 
 
 class Look(_Asked, frozen=True, kw_only=True, tag="look"):
@@ -153,23 +153,23 @@ class Look(_Asked, frozen=True, kw_only=True, tag="look"):
 
 
 class Open(_Asked, frozen=True, kw_only=True, tag="open"):
-    """Make ready to be gone to; of a result or a video a project is made."""
+    """Prepare to open; a result or a video becomes a project first."""
 
     key: Key
 
 
 class Fit(_Asked, frozen=True, kw_only=True, tag="fit"):
-    """One after the other; where keypoints or a project are missing they are made."""
+    """Fit one after the other; missing projects and keypoints are created."""
 
     keys: Keys
 
 
 class AskFormats(_Asked, frozen=True, kw_only=True, tag="formats"):
-    """What clips can be exported as."""
+    """Ask for the export formats."""
 
 
 class Export(_Asked, frozen=True, kw_only=True, tag="export"):
-    """One after the other, each beside its project."""
+    """Export one after the other, each beside its project."""
 
     keys: Keys
     formats: Annotated[tuple[Annotated[str, msgspec.Meta(max_length=100)], ...], msgspec.Meta(max_length=100)]
@@ -178,13 +178,13 @@ class Export(_Asked, frozen=True, kw_only=True, tag="export"):
 
 
 class Cancel(_Asked, frozen=True, kw_only=True, tag="cancel"):
-    """Their fits and exports, or what is told of those that have ended."""
+    """Cancel fits and exports, and clear messages of finished ones."""
 
     keys: Keys
 
 
 class Approve(_Asked, frozen=True, kw_only=True, tag="approve"):
-    """Say that they are done, or no longer."""
+    """Approve clips, or withdraw the approval."""
 
     keys: Keys
     approved: bool
@@ -202,5 +202,5 @@ _DECODER = msgspec.json.Decoder(FromPage)
 
 
 def decode(message: str | bytes) -> FromPage:
-    """Raises msgspec.DecodeError for what no page of ours sends."""
+    """Raises msgspec.DecodeError for anything that the list's page does not send."""
     return _DECODER.decode(message)

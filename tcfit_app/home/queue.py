@@ -1,4 +1,4 @@
-"""What waits for its turn in the background, one after the other."""
+"""The job queue: fits and exports in the background, one after the other."""
 
 import logging
 import threading
@@ -14,12 +14,12 @@ from tcfit_app.home.messages import Work, failure
 WAITING = Work(step="Waiting")
 _log = logging.getLogger(__name__)
 _LOOK = 0.5
-"""Seconds after which it is looked whether a job is to be cancelled."""
+"""Seconds between two checks whether a job was cancelled."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Entry:
-    """What is done to a clip, and how far it is."""
+    """A job, and its progress."""
 
     job: Job
     work: Work
@@ -29,23 +29,22 @@ class WorkQueue:
     """Thread-safe.
 
     Args:
-        place: Tells, when the turn of a key and a job has come, the project's folder. Raises ValueError, with what the
-            user is told, if it cannot be done now.
-        changed: Is told of keys about which there is news, from a thread of its own.
+        place: Returns the project folder when a job is due. Raises ValueError, with a message for the user, if the job
+            cannot be done now.
+        changed: Called with the keys of jobs that have changed, from the queue's own thread.
     """
 
     def __init__(self, place: Callable[[str, Job], Path], changed: Callable[[Collection[str]], None]) -> None:
         self._place, self._changed = place, changed
         self._guard = threading.Condition()
         self._entries: dict[str, dict[str, _Entry]] = {}
-        """By key and kind of job: those that wait, the one that runs, and what is told of those that have ended; in
-        their order."""
+        """By key and kind of job: pending, running and finished ones, in order."""
         self._closed = False
         self._thread = threading.Thread(target=self._run, name="tcfit works in the background")
         self._thread.start()
 
     def on(self, key: str) -> Work | None:
-        """What is done to a clip: what goes on, or else comes next, or else has ended last."""
+        """The job on a clip: the running one, else the next, else the one that ended last."""
         works = [entry.work for entry in list(self._entries.get(key, {}).values())]
         going = [work for work in works if not work.ended]
         return next((work for work in going if work != WAITING), None) or next(iter(going or works[-1:]), None)
@@ -57,7 +56,7 @@ class WorkQueue:
             return any(not e.work.ended for of_key in self._entries.values() for e in of_key.values())
 
     def add(self, keys: Iterable[str], job: Job) -> None:
-        """Do it to them, after those that wait."""
+        """Append jobs."""
         with self._guard:
             new = [key for key in keys if self._is_new(key, job)]
             for key in new:
@@ -73,13 +72,13 @@ class WorkQueue:
         return known is None or bool(known.work.ended)
 
     def cancel(self, keys: Iterable[str]) -> None:
-        """Do nothing to them; what is told of those that have ended is taken away."""
+        """Cancel jobs, and clear messages of finished ones."""
         with self._guard:
             gone = [key for key in keys if self._entries.pop(key, None) is not None]
         self._changed(gone)
 
     def close(self) -> None:
-        """End the job that runs, and begin no other."""
+        """End the running job, and start no other."""
         with self._guard:
             self._closed = True
             self._entries.clear()
@@ -113,7 +112,7 @@ class WorkQueue:
             _log.exception("News of a job could not be reported")
 
     def _next(self) -> tuple[str, Job] | None:
-        """The one whose turn it is; waits for it. None at the end."""
+        """Wait for the next job; None at the end."""
         with self._guard:
             while not self._closed:
                 for key, of_key in self._entries.items():
@@ -125,12 +124,12 @@ class WorkQueue:
         return None
 
     def _is_on(self, key: str, job: Job) -> bool:
-        """Whether it is still to be done."""
+        """Whether it was not cancelled."""
         entry = self._entries.get(key, {}).get(job.kind)
         return entry is not None and entry.job is job
 
     def _done(self, key: str, job: Job, folder: Path) -> Work | None:
-        """Do it; what remains to be told, None if nothing does, or it was cancelled."""
+        """Do a job. Returns its end, None if there is nothing to report, or it was cancelled."""
         child = Child.started(jobs.serve, folder, job)
         try:
             while True:

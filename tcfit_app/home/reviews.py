@@ -1,6 +1,6 @@
 """The projects that are open: each is reviewed by an app of its own, at a path of its own, behind the one server.
 
-Those that nobody looks at are closed after a while, unless something is being done to them.
+Reviews without a viewer are closed after a while, unless work goes on in them.
 """
 
 import asyncio
@@ -27,8 +27,7 @@ if TYPE_CHECKING:
 PATH = "/clip/"
 """Before the key of a clip in the address of its review."""
 GRACE = 20.0
-"""Seconds after which a review that nobody looks at is closed: a page that is loaded anew, or left for the list for a
-moment, is back by then."""
+"""Seconds after which a review without a viewer is closed. A page that is reloaded is back by then."""
 _END = 30.0
 """Seconds that the end of an app may take."""
 _log = logging.getLogger(__name__)
@@ -48,7 +47,7 @@ class Review:
 
     @property
     def busy(self) -> bool:
-        """Whether somebody looks at it, or something is being done to it."""
+        """Whether it has a viewer, or work goes on in it."""
         session = self.app.session
         return bool(self.tabs or session.jobs or session.tasks.busy or session.edit_follower.busy)
 
@@ -57,8 +56,8 @@ class Reviews:
     """Thread-safe.
 
     Args:
-        folder_of: Tells the project of a key. Raises InputError if there is none.
-        changed: Is told of a key when another one works on it, or nobody.
+        folder_of: Returns the project folder of a key. Raises InputError if there is no such project.
+        changed: Called with a key when its viewers have changed.
         files: As of `ReviewApp`.
         models: Folder of body models.
     """
@@ -78,7 +77,7 @@ class Reviews:
         self._bodies: Bodies | None = None
 
     def serve(self, server: viser.ViserServer) -> None:
-        """Take up the tabs of a server."""
+        """Serve the tabs of a server."""
         self._server = server
         server.on_client_connect(self._connected)
         server.on_client_disconnect(self._disconnected)
@@ -129,7 +128,7 @@ class Reviews:
             yield None if review is None or review.project.read_only else review.project
 
     def viewers(self, key: str) -> str:
-        """Who has a review open, for the user; empty if nobody has."""
+        """Who has a review open, for the user; empty if no one."""
         review = self._open.get(key)
         return "" if review is None else ", ".join(dict.fromkeys(review.tabs.values()))
 
@@ -147,7 +146,7 @@ class Reviews:
             self.release(key, grace=GRACE)
 
     def close(self) -> None:
-        """End them all. What was done is on the disk."""
+        """Close all. Everything is on the disk."""
         with self._guard:
             for key in list(self._open):
                 self._close(key)
@@ -192,7 +191,7 @@ class Reviews:
                 await asyncio.to_thread(self._tell, key, review)
 
     def _tell(self, key: str, review: Review) -> None:
-        """Other processes, and other lists, who works on it."""
+        """Report the viewers to other processes and lists."""
         with suppress(OSError):
             review.project.tell_who_works(self.viewers(key))
         self._changed(key)

@@ -138,7 +138,7 @@ class Project:
             folder: Must not exist, or be empty.
             clip: Its keypoints become the detections, its source the project's media.
             copy_media: Copy the source into the project; otherwise it is linked.
-            begin: Writes into it what it must not be seen without. What this raises is raised.
+            begin: Writes what must be in it before it becomes visible; its errors are raised.
         """
         folder = folder.resolve()
         with accessing(folder):

@@ -44,9 +44,10 @@ _PLACE = re.compile(r"(/|/[a-z]{1,20}/[0-9a-f]{1,64})(\?frame=-?[0-9]{1,15}(&(ru
 "?websocket=" it would take orders from a foreign server."""
 
 _TRIES, _MINUTE = 20, 60.0
-"""Wrong passwords from one place in so many seconds, after which it is asked for none; all others notice nothing."""
+"""Wrong passwords from one address within so many seconds, after which that address is locked out; others are not
+affected."""
 _PLACES = 1000
-"""Of which wrong passwords are remembered, those that came last."""
+"""Addresses whose wrong passwords are remembered, the latest ones."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +87,7 @@ class Site(Protocol):
 
 
 class Gate:
-    """Answers, in viser's place, whatever must not reach it.
+    """Answers the requests that must not reach viser.
 
     The link's token lets in one browser and is void from then on; a cookie stands for it, for as long as the process
     runs. It holds the name with which somebody has signed in by the password, sealed; it is the same for all that came
@@ -102,7 +103,7 @@ class Gate:
         entry: Entry | None = None,
         site: Site | None = None,
     ) -> None:
-        """A gate that is closed to everybody without the link, or the password if there is one.
+        """A gate that is closed to browsers without the link, or the password if there is one.
 
         Args:
             address: Where the server listens.
@@ -188,13 +189,13 @@ class Gate:
             return _page(HTTPStatus.SEE_OTHER, "", {"Location": plain})  # viser adds a query of its own
         if path == "/favicon.ico" and not websocket:  # browsers ask by themselves, and complain of a 404
             return Response(HTTPStatus.NO_CONTENT, HTTPStatus.NO_CONTENT.phrase, Headers({"Connection": "close"}))
-        return _page(HTTPStatus.NOT_FOUND, "There is nothing here. <a href='/'>To the beginning.</a>")
+        return _page(HTTPStatus.NOT_FOUND, "Page not found. <a href='/'>Go to the start page.</a>")
 
     def _has_review(self, path: str) -> bool:
         return path == HOME if self.site is None else self.site.has_review(path)
 
     def name_of(self, headers: Headers) -> str | None:
-        """With what name somebody has signed in, empty for who came by a link; None for who has not come in."""
+        """The name of a signed-in user, empty for one who came by a link; None for a browser that was not let in."""
         cookies = [part.strip().partition("=") for line in headers.get_all("Cookie") for part in line.split(";")]
         for value in (value for name, _, value in cookies if name == self._cookie_name):
             name = _decoded(value.partition(".")[0])
@@ -203,7 +204,7 @@ class Gate:
         return None
 
     def _cookie(self, name: str) -> str:
-        """What stands for somebody who came in, which nobody else can make."""
+        """The cookie of a browser that was let in. Only this process can make it."""
         seal = hmac.new(self._secret, name.encode(), "sha256").hexdigest()
         return f"{base64.urlsafe_b64encode(name.encode()).decode().rstrip('=')}.{seal}"
 

@@ -12,22 +12,22 @@ const LOST = {
   ended: {
     title: "tcfit has ended or cannot be reached",
     text:
-      `${SAVED}\nThis page goes on by itself once it is connected again. ` +
+      `${SAVED}\nThe page reconnects by itself. ` +
       "If tcfit has ended, start it again (tcfit review ...) and open the link that it prints.",
     kind: "error",
     progress: null,
   },
   restarted: {
     title: "tcfit was started again",
-    text: `${SAVED}\nOpen the link that it printed, in this browser: then this page goes on too.`,
+    text: `${SAVED}\nOpen the link that it printed in this browser. Then this page reconnects too.`,
     kind: "error",
     progress: null,
   },
   silent: {
     title: "tcfit does not answer",
     text:
-      `${SAVED}\nEither tcfit is held up, or the connection to it hangs. ` +
-      "This page goes on by itself once it answers; until then it takes nothing. Reloading it may help.",
+      `${SAVED}\nEither tcfit is busy, or the connection to it hangs. ` +
+      "The page reconnects by itself. Until then, input is ignored. Reloading may help.",
     kind: "error",
     progress: null,
   },
