@@ -58,7 +58,7 @@ class _Task:
 
 
 def _done(task: _Task) -> dict[str, Figures] | str:
-    """Its rows by label; a text: why there are none."""
+    """Its rows by label; a text: the reason for having no rows."""
     torch.set_num_threads(task.threads)
     ready.use(threads=task.threads)
     try:
@@ -87,7 +87,7 @@ def run(options: Accuracy) -> None:
 
 
 def _all_done(tasks: Sequence[_Task], workers: int) -> dict[str, Figures]:
-    """The rows of all data sets that are there, by label; each is told as it comes."""
+    """The rows of all data sets that are there, by label; each is reported as it is done."""
     found: dict[str, dict[str, Figures]] = {}
     for task, own in done_tasks(_done, tasks, jobs=workers):
         if isinstance(own, str):

@@ -44,9 +44,9 @@ _OFFSETS = np.arange(-0.1, 0.1001, 0.01)
 """Seconds by which the markers' clock may be off the video's."""
 _COLUMNS = {"turned_mpjpe": "MPJPE mm", "knee_flexion": "knee °", "hip_flexion": "hip °", "elbow_flexion": "elbow °"}
 _PHONES = {"squat": 120, "walk_ts": 80}
-"""By name, frames that a quick run takes: somebody goes down and comes up again, and nearly the whole walk."""
+"""By name, frames that a quick run takes: the person goes down and comes up again, and nearly the whole walk."""
 _PEOPLE, _QUICK_PEOPLE, _QUICK_WINDOWS = 48, 9, 5
-"""Who stand; of a half of the suite, every so many."""
+"""People who stand; the step between the windows of a half of the suite."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,9 +84,9 @@ def _of_limbs(found: Limbs, true: Limbs) -> Figures:
 
 def _of_focal(clip: Clip, true: float) -> Figures:
     """How far off the estimated focal length is, and whether the right one lies outside its bounds."""
-    told = estimate_focal(clip.keypoints.xy, clip.keypoints.confidence, clip.camera, clip.frame_rate)
+    estimate = estimate_focal(clip.keypoints.xy, clip.keypoints.confidence, clip.camera, clip.frame_rate)
     off = {"ln f off": abs(float(np.log(clip.camera.focal[0] / true)))}
-    return off if told is None else off | {"f outside": float(not told.low <= true <= told.high)}
+    return off if estimate is None else off | {"f outside": float(not estimate.low <= true <= estimate.high)}
 
 
 def _smooth(setting: Setting, params: BodyParams) -> Figures:
@@ -219,7 +219,7 @@ def carried(setting: Setting) -> Rows:
 
 
 def signer(setting: Setting, name: str) -> Rows:
-    """Somebody who signs and sits upright: the trunk's lean, pelvis to neck."""
+    """A signer who sits upright: the trunk's lean, pelvis to neck."""
     clip = read(name).clip
     params, seconds = setting.fitted(clip)
     trunk = float(metrics.torso_lean(joints_in_space(setting.body, params)).mean())

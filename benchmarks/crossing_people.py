@@ -1,4 +1,4 @@
-"""Whether people who cross, hide each other, leave and come back are told apart, and exchanges are named.
+"""Tracking of people who cross, hide each other, leave and return: identities, and exchanges that are named.
 
 People of the motion suite on generated ways, as the measured detector finds them; who is who is known.
 """
@@ -21,7 +21,7 @@ class CrossingPeople:
     seeds: tuple[int, int] = (0, 20)
     """From the first on, up to before the second: 0 to 59 were tuned on, 200 to 219 were not."""
     every: int = 1
-    """Of 30 frames per second, keep every so many."""
+    """Step between the frames that are kept, of 30 per second."""
     scenes: tuple[str, ...] = tuple(SCENES)
     common: OmitArgPrefixes[Common] = field(default_factory=Common)
 
@@ -37,7 +37,7 @@ def rows(options: CrossingPeople) -> list[Row]:
 
 
 def row(scene: str, results: list[Told]) -> Row:
-    """How the people of a scene were told apart, over several chances."""
+    """The tracking of a scene, over several seeds."""
     return {
         "scene": scene,
         "right": f"{np.mean([one.right for one in results]):.1%}",

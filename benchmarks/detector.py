@@ -35,7 +35,7 @@ SHOWN = {
     ("signs/gebaerden", "right"): range(63, 106),
     ("signs/psychologie", "right"): range(66, 113),
 }
-"""Frames in which somebody who looks at the video sees a hand."""
+"""Frames in which a viewer of the video sees a hand."""
 EDGES = (0.05, 0.2, 0.4, 0.6, 0.8, 0.95, 1.01)
 SEEN = 0.1
 """Confidence from which a hand counts as found."""
@@ -63,7 +63,7 @@ def run(clip: str, name: str, most: int) -> tuple[Detected, float]:
 
 
 def most_prominent(found: Detected) -> Float[np.ndarray, "T 137 3"]:
-    """In each frame whoever is largest and surest; zeros where nobody is."""
+    """The largest and most confident person of each frame; zeros without one."""
     points = np.zeros((len(found.people), 137, 3))
     for t, people in enumerate(found.people):
         if len(people):

@@ -40,7 +40,7 @@ INSIDE = np.array([0.68, 0.95])
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """Which clips, and whether the table is made anew."""
+    """Clips, and whether the table is written."""
 
     half: Literal["tuning", "untouched"] = "untouched"
     write: bool = False

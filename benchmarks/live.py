@@ -1,6 +1,6 @@
 """What a live correction costs: a drag of one keypoint, re-solved at every move, against a plain re-run at every move.
 
-Both start from the same fit and see the same moves. A re-run converges and prepares everything anew; a re-solve is one
+Both start from the same fit and see the same moves. A re-run converges and prepares everything again; a re-solve is one
 step from where the last one left off. Wall time is what the user feels, CPU time what other programs do not disturb.
 Needs the development data (see clips.py).
 """

@@ -339,7 +339,7 @@ def documentation(review: Reviewing) -> Iterator[str]:
 
 
 def first_look(review: Reviewing) -> Iterator[str]:
-    """Whatever the project shows at first, and what its panels say."""
+    """The project as it opens, and its panels."""
     settle(review)
     yield "view"
     for title in ("Keypoints", "Review", "Fit", "Runs", "Compare", "Export"):

@@ -1,7 +1,7 @@
 """How fast whole fits are: each phase, and the memory, as clips get longer; and ways to fit against each other.
 
 Fits of the demo clip's first frames, played forwards and backwards, so that longer clips differ in their length alone.
-Each fit has a process of its own, whose memory is told, and comes after a small one that loads and compiles. All take
+Each fit has its own process, whose memory is reported, and comes after a small one that loads and compiles. All take
 turns: what slows the computer down for a while slows all of them.
 """
 

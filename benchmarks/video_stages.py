@@ -83,7 +83,7 @@ def decode(video: Path, frames: int) -> int:
 
 
 def fit(video: Path, count: int, detector: Detector, body: BodyModel, config: FitConfig) -> Watch:
-    """Find the keypoints anew, and fit."""
+    """Find the keypoints, without the cache, and fit."""
     with FrameSource(video) as source:
         Detection(source=source, frames=range(count), detector=detector).store().discard()
     watch = Watch()

@@ -33,10 +33,10 @@ def read_checkpoint(path: Path, of: Mapping[str, object], device: torch.device |
         state = torch.load(regular_file(path, most=None), map_location=device, weights_only=True)
         found = state.pop("of")
     except Exception as error:  # torch raises whatever the damage led to
-        raise InputError(f"{path}: is no checkpoint of this training ({error}). Delete it to start anew.") from error
+        raise InputError(f"{path}: not a checkpoint of this training ({error}). Delete it to start again.") from error
     if found != dict(of):
         raise InputError(
             f"{path}: belongs to a training with other settings, {found}; now: {dict(of)}. Give the same settings to "
-            f"go on with it, or delete it to start anew."
+            f"go on with it, or delete it to start again."
         )
     return state

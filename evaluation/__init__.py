@@ -1,1 +1,1 @@
-"""Clips of known truth, and how well the method does on them. Not installed: for whoever works on the method."""
+"""Clips of known truth, and the method measured on them. Not installed."""

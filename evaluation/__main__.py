@@ -1,4 +1,4 @@
-"""`python -m evaluation`: the method on clips of known truth, and the demo clip made anew."""
+"""`python -m evaluation`: the method on clips of known truth, and the generator of the demo clip."""
 
 import shlex
 import sys

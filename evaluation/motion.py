@@ -28,7 +28,7 @@ from tcfit_app.options.preparing import compile_kernels
 
 JSON_NAME, TABLES_NAME = "motion.json", "motion.md"
 _TOLD = "MPJPE, mm"
-"""The figure that is told as fits are done."""
+"""The figure that is printed for each finished fit."""
 Rows = dict[str, dict[str, float | None]]
 
 
@@ -83,8 +83,8 @@ def _done(tasks: Sequence[MotionTask], jobs: int) -> list[DepthRecord]:
     for task, records in done_tasks(run_motion, tasks, jobs=jobs):
         found[task.folder] = records
         value = depth_figures(records[-1:], "")["all"][_TOLD]
-        told = f"{task.sequence}, {task.variant}: {_TOLD.replace(',', f' {_number(value, 1)}')}"
-        print(f"{len(found)} of {len(tasks)}: {told}", file=sys.stderr, flush=True)
+        line = f"{task.sequence}, {task.variant}: {_TOLD.replace(',', f' {_number(value, 1)}')}"
+        print(f"{len(found)} of {len(tasks)}: {line}", file=sys.stderr, flush=True)
     return [record for task in tasks for record in found[task.folder]]
 
 

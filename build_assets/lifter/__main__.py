@@ -27,7 +27,7 @@ from fitting_core.lifting.weights import write_lifter
 from fitting_core.shipped import FREE_FOLDER
 
 _JUDGED = 8
-"""Films of 32 windows of held-out motion, by which progress is told."""
+"""Films of 32 windows of held-out motion, for progress reports."""
 
 
 @dataclass(frozen=True, kw_only=True)

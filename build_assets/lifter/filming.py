@@ -136,7 +136,7 @@ class Studio:
         return torch.as_tensor(self.rng.standard_normal(shape), dtype=torch.float32)
 
     def film(self, count: int) -> Film:
-        """So many windows."""
+        """Film `count` windows."""
         shots = self.shots
         speaking = self.rng.random(count) < shots.speakers
         motion = self.windows.draw(count, upright=speaking)

@@ -177,7 +177,7 @@ class Windows:
         return joints, rotations.exp(torch.as_tensor(drawn, dtype=torch.float32))
 
     def draw(self, count: int, *, upright: Bool[np.ndarray, "B"] | None = None) -> Motion:
-        """So many windows, upright ones where that is asked for."""
+        """Draw `count` windows, upright where requested."""
         if not self.varied:
             return self._captured(count, upright)
         others = np.ones(count, bool) if upright is None else ~upright

@@ -118,7 +118,7 @@ class Training:
         write_checkpoint(path, self._identity(), state)
 
     def load(self, path: Path) -> None:
-        """Go on from a checkpoint; windows are drawn anew from there on.
+        """Continue from a checkpoint, with new windows.
 
         Raises:
             InputError: it belongs to a training with other settings, or is no checkpoint.

@@ -1,1 +1,1 @@
-"""Motion capture as poses of the body: reading, retargeting, and leaving out what nobody can do."""
+"""Motion capture as poses of the body: reading, retargeting, and dropping impossible poses."""

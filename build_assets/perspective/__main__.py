@@ -21,7 +21,7 @@ from fitting_core.lifting.weights import read_lifter
 from fitting_core.shipped import FREE_FOLDER
 
 _JUDGED = 8
-"""Films of 48 windows of held-out motion, by which progress is told."""
+"""Films of 48 windows of held-out motion, for progress reports."""
 
 
 @dataclass(frozen=True, kw_only=True)

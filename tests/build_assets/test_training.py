@@ -185,7 +185,7 @@ def test_a_checkpoint_of_another_training_is_refused(free_body: BodyModel, captu
     with pytest.raises(InputError, match="other settings"):
         training(free_body, captured.body_pose, steps=31).load(tmp_path / "a.pt")
     (tmp_path / "b.pt").write_bytes(b"nothing")
-    with pytest.raises(InputError, match="no checkpoint"):
+    with pytest.raises(InputError, match="not a checkpoint"):
         training(free_body, captured.body_pose).load(tmp_path / "b.pt")
 
 

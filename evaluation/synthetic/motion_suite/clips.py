@@ -32,7 +32,7 @@ from fitting_core.camera import DEFAULT_FOCAL, Camera, FocalFrom, default_focal
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.io.truth import Truth, read_truth, truth_of, write_truth
-from fitting_core.world_camera import WorldCamera, in_camera
+from fitting_core.world_camera import in_camera
 
 Choice = TypeVar("Choice")
 FOCALS = ("true", "default")
@@ -198,8 +198,3 @@ def _cached_truth(sequence: MotionSequence, world: BodyParams, body: BodyModel, 
         folder.mkdir(parents=True, exist_ok=True)
         write_truth(path, _truth(sequence, world, body, view))
     return read_truth(path)
-
-
-def world_of(made: MotionClipMade) -> WorldCamera:
-    """The way from the world (y up, the floor at 0) into the clip's camera."""
-    return made.view.pose()
