@@ -328,11 +328,12 @@ def world() -> Iterator[World]:
     """A world of its own. Raises Broken at the end if closing it leaves something behind."""
     clips()
     before, errors = _alive(), Errors()
-    logging.getLogger().addHandler(errors)
     folder = Path(tempfile.mkdtemp(prefix="flow-"))
     shutil.copytree(clips(), folder / "lab")
     with pytest.MonkeyPatch.context() as patch, disk() as made:
         patch.setattr(platformdirs, "user_data_path", lambda *given, **named: folder)
+        # Others keep errors with their tracebacks, and so everything that these refer to.
+        patch.setattr(logging.getLogger(), "handlers", [errors])
         patch.setattr(edit_follower, "SETTLING", 0.0)
         patch.setattr(worker, "LINGER", 0.05)
         patch.setattr(session_module, "RETRY", 0.0)
@@ -350,7 +351,6 @@ def world() -> Iterator[World]:
                     built.close()
             raise
         finally:
-            logging.getLogger().removeHandler(errors)
             shutil.rmtree(folder, ignore_errors=True)
     del built
     left = _alive() - before
