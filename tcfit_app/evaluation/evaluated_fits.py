@@ -162,7 +162,7 @@ def _of_others(path: Path, models: Path | None, choices: ImportChoices, frame_ra
         rate_known=rate is not None,
         first_frame=motion.numbers[0] if motion.numbered else 0,
         clip=None,
-        placed=motion.placed and not motion.from_corner,
+        placed=motion.placed,
         notes=notes,
     )
 
