@@ -34,7 +34,7 @@ class FocalFrom(StrEnum):
     ESTIMATED = "estimated"
     """From what the person does in the clip."""
     DIAGONAL = "diagonal"
-    """Nobody knows it: the image's diagonal stands in for it."""
+    """Unknown; the image diagonal is used."""
     PROGRAM = "program"
     """Another program assumed it without saying why: most use one value for all cameras."""
 
@@ -94,7 +94,7 @@ class World:
     translation: Vector
     """Metres."""
     up: Up | None = None
-    """None where nobody says it."""
+    """None if unknown."""
 
     @property
     def from_camera(self) -> Float[np.ndarray, "3 3"]:

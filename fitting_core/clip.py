@@ -23,7 +23,7 @@ class Clip:
     """The video file or folder of images, if there is one; frame i of the keypoints is its frame i + first_frame."""
     first_frame: int = 0
     detector: str = ""
-    """Who found the keypoints, by its name in `keypoint_noise.DETECTOR_TITLES`; empty where nobody knows."""
+    """Detector of the keypoints, as named in `keypoint_noise.DETECTOR_TITLES`; empty if unknown."""
     notes: tuple[str, ...] = ()
     """What a user should know about how the input was read: alignment, gaps, the person chosen."""
     silhouettes: Silhouettes | None = None

@@ -14,7 +14,7 @@ PIXELS, UNIT, SIGNED, SHARES = "pixels", "0..1", "-1..1", "shares"
 SCALES: dict[str, tuple[float, float]] = {UNIT: (0.0, 1.0), SIGNED: (-1.0, 1.0)}
 """OpenPose's normalised coordinates: the values of the first and of the last pixel's centre, along x and y."""
 
-# Keypoints can lie outside the image by some of its size, and nobody's clip shows a person of 2 pixels.
+# Keypoints can be outside the image by some of its size, and no clip shows a person of 2 pixels.
 _NORMALISED_LIMIT = 2.0
 _SIGNED_LIMIT = -0.25
 _SAME_SHAPE = 0.03
@@ -41,7 +41,7 @@ class Detections:
     frame_rate: float | None = None
     """Frames per second, where the file tells them."""
     detector: str = ""
-    """Who found them, by its name in `keypoint_noise.DETECTOR_TITLES`; empty where nobody knows."""
+    """The detector, as named in `keypoint_noise.DETECTOR_TITLES`; empty if unknown."""
     notes: tuple[str, ...] = ()
     """What a user should know of how it was read."""
 

@@ -30,7 +30,7 @@ def printable(text: str) -> str:
 
 
 def some_of(names: Iterable[object], *, most: int = 8) -> str:
-    """The first of some names in a file, shortened, with how many more there are; "nothing" where there is none."""
+    """The first of some names in a file, shortened, with the number of the others; "nothing" without names."""
     found = [str(name) for name in names]
     shown = ["".join(c if c.isprintable() else "?" for c in name) for name in found[:most]]
     short = [name if len(name) <= _LONGEST else f"{name[: _LONGEST - 3]}..." for name in shown]

@@ -32,7 +32,7 @@ class Timeline:
     stems: tuple[str, ...] | None = None
     """Per frame the image's name, if frames are image files."""
     source: Path | None = None
-    """The video or the folder of images; None if there is none."""
+    """The video or the folder of images, if any."""
 
 
 def timeline_of_keypoints(detections: Detections) -> Timeline:
@@ -115,7 +115,7 @@ def counted(numbers: tuple[int, ...], frames: range) -> tuple[dict[int, int], st
     past_end = frames[0] if frames[0] + 1 < lowest <= frames[-1] else lowest
     start = fitting[0] if fitting else past_end
     how = next(how for s, how in starts if s == start)
-    # Result lists leave frames out in which nobody was found: without the last one, 1 to 119 fit 120 frames either way.
+    # Result lists leave out frames without people: without the last one, 1 to 119 fit 120 frames either way.
     doubtful = bool(fitting) and start == frames[0] == 0 < lowest
     return {k: number - start for k, number in enumerate(numbers)}, how + _PERHAPS_FROM_1 * doubtful
 

@@ -55,7 +55,7 @@ PARTS: dict[PartOfPerson, slice] = {
 
 NAMES = BODY_25 + [f"left_{n}" for n in HAND_21] + [f"right_{n}" for n in HAND_21] + [f"face_{n}" for n in FACE_70]
 INDEX = {name: i for i, name in enumerate(NAMES)}
-# Wrists are told apart by group: INDEX["left_wrist"] must be the body's point, not the hand's.
+# Wrists are distinguished by group: INDEX["left_wrist"] must be the body's point, not the hand's.
 INDEX.update({name: i for i, name in enumerate(BODY_25)})
 ERROR_GROUPS: dict[str, tuple[int, ...]] = {
     "body": tuple(i for i in range(BODY.stop) if i != INDEX["neck"]),

@@ -63,7 +63,7 @@ class LeastSquares(Protocol[_ContraT]):
         ...
 
     def normal(self, state: _ContraT, groups: Int[Tensor, "g"]) -> tuple[Tensor, ...]:
-        """Cost (g,) and whatever `solve` needs, every tensor with the groups first."""
+        """Cost (g,) and the tensors that `solve` needs, with the groups first."""
         ...
 
     def solve(self, normal: tuple[Tensor, ...], damping: Float[Tensor, "g"]) -> Step:
@@ -116,7 +116,7 @@ class Descent(Generic[PointT]):
         self.evaluations = len(groups)
 
     def run(self, iterations: int, tolerance: float) -> PointT:
-        """Iterates until all groups have ended, or so many times; the point reached."""
+        """Iterate until all groups have ended or the limit is reached; returns the last point."""
         for _ in range(iterations):
             if not len(self.active):
                 break

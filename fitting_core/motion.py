@@ -60,9 +60,9 @@ class Motion:
     axes: str = "camera"
     """A name of AXES, or OWN_WORLD."""
     contacts: Contacts | None = None
-    """Which foot stands in each of the T frames; None where nobody looked."""
+    """Foot contacts per frame; None if not computed."""
     error_bars: ErrorBars | None = None
-    """How far off its joints and angles may be; None where nobody knows."""
+    """Error bars of joints and angles; None if not computed."""
     level: Level | None = None
     """How the camera is held: by it y-up and z-up are upright, and their floor is at 0. None: as if it were level."""
 
@@ -117,7 +117,7 @@ class Motion:
         turn, t' = R (p + t) - p with p the pelvis at rest.
 
         Raises:
-            InputError: The name is not one of these, or nobody said where the camera stands in the world.
+            InputError: The name is unknown, or the camera's pose in the world is not given.
         """
         if axes not in (*AXES, OWN_WORLD):
             raise InputError(f"Axes {axes!r} are not known; expected one of {', '.join(AXES)}, {OWN_WORLD}.")

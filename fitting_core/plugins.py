@@ -1,7 +1,7 @@
 """Plugins: what other installed packages add to tcfit's tables, by the entry points that Python packages declare.
 
-A table asks for its group when it is used, so nothing of a plugin is imported before. What is wrong with one is told
-once, kept in `faults`, and never stops tcfit: it goes on without that plugin.
+A table asks for its group when it is used, so nothing of a plugin is imported before. A fault is reported once,
+recorded in `faults`, and never stops tcfit, which continues without that plugin.
 """
 
 import logging
@@ -43,7 +43,7 @@ class Plugin(Generic[Thing]):
     thing: Thing
 
     def reports(self, reason: object) -> str:
-        """Say, and remember, that it does not work. The same is told once.
+        """Report a fault, once, and record it.
 
         Returns:
             What was said: what, of which package, and what to do.
@@ -91,7 +91,7 @@ def failures() -> tuple[type[BaseException], ...]:
 
 
 def faults() -> tuple[Fault, ...]:
-    """What was found to be wrong with plugins so far. A plugin that nobody asked for was not looked at."""
+    """Faults of plugins so far, without plugins that were not used yet."""
     return tuple(_faults)
 
 
@@ -102,7 +102,7 @@ def added(group: Group, kind: type[Thing], *others: type, taken: Container[str] 
         group: One of GROUPS.
         kind: What they are to be.
         others: Other kinds in the group, which another table takes.
-        taken: Names of tcfit's own, which nobody may have.
+        taken: tcfit's own names, which are reserved.
     """
     found: dict[str, Plugin] = {}
     for plugin in loaded(group):
@@ -142,7 +142,7 @@ def loaded(group: Group) -> tuple[Plugin[object], ...]:
             continue
         try:
             thing = point.load()
-        except failures() as error:  # whatever a stranger's module does when it is imported
+        except failures() as error:  # the import of a plugin may raise anything
             plugin.reports(f"{point.value} cannot be imported ({_in_words(error)})")
             continue
         found.append(replace(plugin, thing=thing))
@@ -158,7 +158,7 @@ def _entry_points(group: str) -> Iterator[tuple[metadata.EntryPoint, Plugin[obje
 
 
 def forget() -> None:
-    """Look for plugins anew when they are asked for next, as after a package was installed."""
+    """Search for plugins again at the next use, as after an installation."""
     loaded.cache_clear()
     _faults.clear()
 

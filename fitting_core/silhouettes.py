@@ -30,7 +30,7 @@ class Silhouettes:
     size: tuple[int, int]
     """Width and height of a mask."""
     known: Bool[np.ndarray, "T"]
-    """Frames with a mask; in others nobody was found."""
+    """Frames with a mask; the others have no person."""
 
     def __post_init__(self) -> None:
         assert self.packed.shape == (len(self.known), -(-self.size[0] * self.size[1] // 8))
@@ -50,7 +50,7 @@ class Silhouettes:
         return Silhouettes(packed=self.packed[frames], size=self.size, known=self.known[frames])
 
     def mask(self, frame: int) -> Bool[np.ndarray, "h w"] | None:
-        """Of a frame; None where nobody was found."""
+        """Of a frame; None without a person."""
         if not self.known[frame]:
             return None
         return (

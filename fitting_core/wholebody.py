@@ -39,7 +39,7 @@ assert set(range(COUNT)) - set(PLACES) == {INDEX[name] for name in (*MEANS, *ABS
 
 
 def from_wholebody(points: Float[np.ndarray, "*p 133 3"]) -> Float[np.ndarray, "*p 137 3"]:
-    """Our 137 points; x, y and confidence, in whatever unit the positions are.
+    """Our 137 points; x, y and confidence, in the unit of the positions.
 
     Neck and mid-hip are the mean of shoulders and hips with the smaller of both confidences, and are not detected where
     one of both is not. Pupils are never detected. A point of confidence 0 becomes (0, 0, 0).

@@ -29,7 +29,7 @@ _FOCAL_OPTIONS: dict[str, tuple[Callable[[float, tuple[int, int]], float], str]]
 }
 """By option name: its value and the image size -> focal length in pixels; and its source in words."""
 _MAX_CENTER = 2.0
-"""Cropped videos have their principal point outside the image, by at most so many image sizes."""
+"""Cropped videos have their principal point outside the image, by at most this many image sizes."""
 
 
 @dataclass(frozen=True, kw_only=True)

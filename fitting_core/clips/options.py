@@ -18,7 +18,7 @@ class ClipOptions:
     """Detector of keypoints in the video if none are given: a name in `DETECTORS`, or the path of an ONNX model of the
     RTMPose family."""
     person: int | None = None
-    """Index of the person, from 0, in the first frame that has so many people; followed from there."""
+    """Index of the person, from 0, in the first frame with at least that many people; tracked from there."""
     first_frame: int | None = None
     """Number of the first frame to fit, from 0."""
     last_frame: int | None = None

@@ -135,7 +135,7 @@ def read_shot(
 
 
 def _empty_shot(video: Path, images: Path, clip: ClipOptions, given: CameraGiven) -> Shot:
-    """A clip whose keypoints are yet to come, with nobody in any frame."""
+    """A clip before detection, without people."""
     footage = Footage.of(images)
     size = footage.known_size(clip.image_size)
     assert size is not None and footage.timeline is not None
@@ -180,7 +180,7 @@ def read_clip(
     If no keypoints are given, they are detected in the video, which takes about as long as a fit. They are cached for
     the user: the same detector never searches the same frames twice, and an interrupted search continues.
 
-    Frames without keypoints get confidence 0 everywhere. Whatever a user should know about how the input was read is in
+    Frames without keypoints get confidence 0 everywhere. Notes for the user on how the input was read are in
     the clip's notes; the source of the focal length is in its camera.
 
     Args:

@@ -3,8 +3,8 @@
 from typing import Literal
 
 FocalRule = Literal["auto", "diagonal"]
-"""What stands in for a focal length that nobody gave: what the images tell, or else an estimate from the clip; or the
-image's diagonal."""
+"""Default for a missing focal length: from the images' metadata or else estimated from the clip; or the image
+diagonal."""
 DEFAULT_RULE: FocalRule = "auto"
 """What commands and the library use where no focal length is given."""
 Up = Literal["x", "y", "z", "-x", "-y", "-z"]

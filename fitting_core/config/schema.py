@@ -144,7 +144,7 @@ PRESETS: dict[str, FitConfig] = {
         key_frames_every=4,
         widened_start=False,
         settings=SolverSettings(camera_tolerance=1e-3, sequence_tolerance=1e-4),
-        # Only neighbours that changed are tried again, so many rounds cost no more time. After 3 of them a bad stretch
+        # Only neighbours that changed are tried again, so more rounds cost no more time. After 3 of them a bad stretch
         # of 14 frames was left: vertex-to-surface 3.67 -> 2.32 cm (suite, complex_1).
         relay_rounds=20,
         # 2.82 -> 2.32 and 2.72 -> 2.31 cm (complex_2, complex_6); every frame 2.44 cm, in twice the time. The balancing

@@ -166,7 +166,7 @@ def changed(config: FitConfig, values: Mapping[str, Any], *, origin: str, texts:
 
 
 def check(config: FitConfig, *, origin: str = "The configuration") -> None:
-    """Raise InputError if a number lies outside its range, or the device is none or cannot take the precision."""
+    """Raise InputError if a number is outside its range, or the device is invalid or lacks the precision."""
     _check_ranges(config, origin, list(settings()))
     # Not where single settings change: one of the two always comes first.
     if config.device == "mps" and config.precision == "float64":

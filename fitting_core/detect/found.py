@@ -13,20 +13,20 @@ from fitting_core.silhouettes import Silhouettes
 from fitting_core.video.frames import FrameSource
 
 Tell = Callable[[DetectionProgress], None]
-"""Is told how far a detection is. What it raises ends it; what was found until then is kept."""
+"""Receives the progress of a detection. An exception raised there ends it; earlier results stay cached."""
 
 
 def find_keypoints(
     video: Path, frames: range, detector: str | Detector, tell: Tell = lambda progress: None
 ) -> Detected:
-    """Everybody in some frames, as they were filmed. What was found in them before is not looked for again. Raises
-    InputError if the detector is not on this computer, what is found cannot be kept, or there is nobody.
+    """All people in some frames, in image coordinates; cached frames are not searched again. Raises InputError if the
+    detector is not installed, results cannot be cached, or no person is found.
 
     Args:
         video: A video file or a folder of images.
         frames: Numbers of consecutive ones.
         detector: A name in `DETECTORS`, the path of a model, or one that is open.
-        tell: Is told how far it is.
+        tell: Receives the progress.
     """
     opened = find_detector(detector) if isinstance(detector, str) else detector
     with FrameSource(video) as source:
@@ -41,7 +41,7 @@ def find_keypoints(
 
 
 def with_somebody(found: Detected, video: Path) -> Detected:
-    """The same. Raises InputError if nobody was found."""
+    """Return the argument. Raises InputError if it has no people."""
     if not any(len(people) for people in found.people):
         count = len(found.frames)
         where = "the only frame" if count == 1 else f"any of the {count} frames"

@@ -37,7 +37,7 @@ class KnownModel:
     size: str
     """Of the download, in words."""
     sha256: str = ""
-    """Of the ONNX file. Empty where nobody vouches for one: the first download then is taken as it comes, and its
+    """Of the ONNX file. Empty if none is published: the first download is then trusted, and its
     checksum remembered."""
 
 

@@ -33,7 +33,7 @@ def look_again(
     near: Float[np.ndarray, "n 137 3"] | None = None,
     tell: Callable[[int], None] = lambda done: None,
 ) -> Float[np.ndarray, "n 137 3"]:
-    """Look for a person or a part again, with lower thresholds than where nobody says that it is there.
+    """Search for a person or part again, with lower thresholds because the user says that it is there.
 
     Args:
         source: Of the frames.

@@ -74,7 +74,7 @@ def open_members(path: Path) -> Iterator[list[Member]]:
 
 
 def files_below(folder: Path, *, depth: int = MAX_DEPTH) -> Iterator[Path]:
-    """Files in a folder and so many levels of subfolders, sorted; hidden ones, pipes and devices are left out."""
+    """Files in a folder and some levels of subfolders, sorted, without hidden ones, pipes and devices."""
     base = len(folder.parts)
     for root, folders, files in os.walk(folder, followlinks=True):
         here = Path(root)

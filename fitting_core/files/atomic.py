@@ -1,7 +1,7 @@
-"""Files and folders that appear whole or not at all, and stay, whatever happens to the process or the computer.
+"""Files and folders that appear whole or not at all, and survive a crash of the process or the computer.
 
-What is not whole yet lies beside its place in a hidden folder, which its process has locked. The system takes back the
-lock of a process that dies: whoever writes to the same place next finds the folder unlocked, and empties it.
+Drafts are in a hidden folder beside their target, locked by the writing process. The system releases the lock of a
+process that dies, so the next writer to the same target finds the folder unlocked and empties it.
 """
 
 import errno
@@ -45,7 +45,7 @@ def replacing(path: Path) -> Iterator[Path]:
 def drafting(path: Path) -> Iterator[Path]:
     """A place for a file or folder of the name of `path`, on the same disk; what is there at the end is deleted.
 
-    What belongs to nobody else may lie beside it: its folder is this process's alone.
+    The folder belongs to this process alone, so other files may be put beside the draft.
     """
     folder, lock = _own_folder(path)
     try:
@@ -58,8 +58,8 @@ def drafting(path: Path) -> Iterator[Path]:
 def put_folder(draft: Path, path: Path) -> None:
     """Move a folder from where `drafting` let it be written to its place; when this returns, it is on the disk.
 
-    What was at `path` is back there unless the new folder is: at the end of `drafting`, or if the process dies before
-    that, when somebody writes there again.
+    Unless the new folder is in place, the old content of `path` is restored at the end of `drafting` or, after a crash,
+    by the next writer.
     """
     for folder, _, files in os.walk(draft):
         for name in (*files, "."):
@@ -114,7 +114,7 @@ def scratch_folder() -> Iterator[Path]:
 
 
 def _own_folder(path: Path) -> tuple[Path, int | None]:
-    """A hidden folder beside `path` that nobody else writes in, and its lock. What a dead process left is gone."""
+    """A hidden folder beside `path` for this process alone, and its lock. Remains of dead processes are deleted."""
     for number in itertools.count(1):
         folder = _hidden(path, number)
         with suppress(FileExistsError):
@@ -122,12 +122,12 @@ def _own_folder(path: Path) -> tuple[Path, int | None]:
         try:
             lock = _taken(folder)
         except FileNotFoundError:
-            continue  # deleted by somebody else between the two
+            continue  # deleted by another process in between
         except OSError as error:
             if error.errno != errno.ENOLCK:
                 raise
             _delete(folder, None)
-            # Without locks nobody can tell whether a folder is still needed: each writer has its own, which stays.
+            # Without locks, a folder may still be in use: each writer has its own, which stays.
             return Path(tempfile.mkdtemp(prefix=".", suffix=_SUFFIX, dir=path.parent)), None
         if lock is not None:
             _restore(folder, path)
@@ -145,8 +145,8 @@ def _hidden(path: Path, number: int) -> Path:
 
 
 def _taken(folder: Path) -> int | None:
-    """The lock of a hidden folder; None if somebody has it, or if it is another program's or another user's. Raises
-    OSError if it is gone, cannot be written, or the file system knows no locks."""
+    """The lock of a hidden folder; None if another process has it, or the folder is another program's or user's. Raises
+    OSError if it is gone or not writable, or the file system has no locks."""
     try:
         if folder.is_symlink() or not ((folder / _LOCK).exists() or not any(folder.iterdir())):
             return None
@@ -162,7 +162,7 @@ def _new_scratch() -> tuple[Path, int | None]:
         try:
             lock = locked(folder / _LOCK)
         except FileNotFoundError:
-            continue  # somebody else took it for a dead process's, and has deleted it
+            continue  # another process took it for a dead process's and deleted it
         except OSError as error:
             if error.errno != errno.ENOLCK:
                 raise
@@ -196,7 +196,7 @@ def _empty(folder: Path) -> None:
 
 
 def _delete(folder: Path, lock: int | None) -> None:
-    """The lock's file goes last: who comes meanwhile waits for it, or makes a folder anew."""
+    """Delete the lock's file last: other processes then wait for it, or make another folder."""
     with suppress(OSError):
         _empty(folder)
     if lock is not None and sys.platform == "win32":

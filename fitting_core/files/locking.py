@@ -9,12 +9,12 @@ import sys
 from pathlib import Path
 
 _HELD = (errno.EWOULDBLOCK, errno.EAGAIN, errno.EACCES, errno.EDEADLK)
-"""What systems answer where somebody has a lock: Unix the first two, Windows the others."""
+"""Error numbers of a lock that is held: the first two of Unix, the others of Windows."""
 
 
 def try_lock(descriptor: int) -> bool:
-    """Lock an open file until its descriptor is closed; False if somebody has the lock. Raises OSError if the file
-    system knows no locks, as some network drives."""
+    """Lock an open file until its descriptor is closed; False if another process has the lock. Raises OSError if the
+    file system has no locks, as some network drives."""
     try:
         _lock(descriptor)
     except OSError as error:
@@ -25,16 +25,16 @@ def try_lock(descriptor: int) -> bool:
 
 
 def locked(path: Path) -> int | None:
-    """Make a file if there is none, and lock it.
+    """Make a file if it is missing, and lock it.
 
     Returns:
-        A descriptor, which is to be closed. None if somebody has the lock.
+        A descriptor for the caller to close. None if another process has the lock.
 
     Raises:
         OSError: The file cannot be opened, or the file system knows no locks.
     """
     while True:
-        # No links: whoever else may write in the folder could have a file made elsewhere.
+        # No links: others who may write in the folder could redirect the file.
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o666)
         try:
             if not try_lock(descriptor):

@@ -1,7 +1,7 @@
 """Whether a path is a file that can be read: a plain one, and not of an absurd size.
 
-Opening a named pipe waits for somebody who writes, and a device like /dev/zero never ends: both are told by their kind,
-without opening them.
+Opening a named pipe waits for a writer, and a device like /dev/zero never ends: both are recognised without opening
+them.
 """
 
 import os

@@ -39,7 +39,7 @@ class Stream:
         """Those that they have had so far."""
 
     def read(self, count: int) -> bytes:
-        """So many bytes, or those that are left. Raises InputError if they are more than are read of a file."""
+        """Read `count` bytes, or the rest. Raises InputError above the limit of a file."""
         if count > _LINE and self._size is not None:
             count = min(count, max(self._size - self._file.tell(), 0))
         if count > self.left:
@@ -55,7 +55,7 @@ class Stream:
         return data
 
     def take(self, count: int) -> Load:
-        """The next so many bytes: in memory where the file is packed, else left in the file until they are wanted.
+        """The next `count` bytes: in memory if the file is packed, otherwise read from the file on demand.
         Raises InputError if the file ends before."""
         if self._size is None:
             data = self.read(count)
@@ -107,8 +107,8 @@ def mapping(entries: object = (), *_: object) -> dict[Any, Any]:
 class RestrictedUnpickler(pickle._Unpickler):
     """Unpickler that makes what `find_class` admits and plain containers, and nothing else.
 
-    It is Python's own in Python: the one in C reads ahead, takes memory for whatever number an object is remembered by,
-    and cannot be told what to refuse. Keys are names, numbers and stand-ins: a tuple could hold itself so often that
+    It is Python's own in Python: the one in C reads ahead, allocates memory for any memo number, and cannot be
+    restricted. Keys are names, numbers and stand-ins: a tuple could hold itself so often that
     its hash takes for ever. Sets, whose elements are hashed too, become a stand-in without them. Nothing of the file
     becomes an attribute of an object that is not a stand-in.
     """

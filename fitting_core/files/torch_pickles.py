@@ -120,7 +120,7 @@ def _shape(value: object) -> tuple[int, ...]:
 
 
 class Foreign(Kept):
-    """Stands in for an object of a class that is not needed: takes whatever the pickle does to it and does nothing."""
+    """Stand-in for an object of a class that is not needed: accepts every operation of the pickle and ignores it."""
 
     def __init__(self, *_: object, **__: object) -> None:
         super().__init__()
@@ -178,7 +178,7 @@ class ResultUnpickler(RestrictedUnpickler):
 
     Args:
         stream: Stands where the pickle begins; stands behind it afterwards.
-        storage: Of tensors, by key, type and count; None: there are none beside the pickle.
+        storage: Of tensors, by key, type and count; None: no storages beside the pickle.
         foreign: Put `Foreign` in the place of everything else, and do not refuse it.
     """
 

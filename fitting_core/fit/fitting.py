@@ -226,7 +226,7 @@ def shape_events(
 
 
 def clip_stages(clip: Clip, body: BodyModel, config: FitConfig, *, start: GivenStart | None = None) -> Stages:
-    """The stages of a clip that shows somebody. Raises InputError if no frame of the clip shows enough of a person.
+    """The stages of a clip. Raises InputError if no frame of the clip shows enough of a person.
 
     Args:
         clip: keypoints and camera.

@@ -65,7 +65,7 @@ class FrameObjective:
         p = view.parametrisation
         self.index = free.index(p.columns).to(p.device)
         self.fused = fused_frames(self.terms, view, free, self.index)
-        """Kernels that evaluate the terms they know; None if there are none."""
+        """Kernels of the terms that have one; None if no term has."""
 
     @property
     def data(self) -> Data:
@@ -134,7 +134,7 @@ class FrameObjective:
         return torch.where(estimate.valid, total, torch.inf)
 
     def softened(self, *, cold: bool) -> "FrameObjective | None":
-        """The same with gentler staircases and, from a cold start, gentler robust terms; None if there are none."""
+        """The same with gentler staircases and, from a cold start, gentler robust terms; None if no term is gentler."""
         terms = [term.softened(cold=cold) for term in self.terms]
         same = all(new is old for new, old in zip(terms, self.terms, strict=True))
         if same:

@@ -28,7 +28,7 @@ class SubjectShape:
 _MOST_SAMPLED = 240
 """Frames over all clips that a shape is estimated from; their normal matrices take 30 MB."""
 _CANDIDATES = 4
-"""Times the frames that are sampled of a clip on average: so many of each are kept in memory until all clips are
+"""Times the frames that are sampled of a clip on average: this many of each are kept in memory until all clips are
 known."""
 
 

@@ -171,7 +171,7 @@ def with_trunk(gravity: Gravity, trunk: Float[np.ndarray, "T 3"]) -> Gravity:
 def robust_mean(vectors: Float[np.ndarray, "T 3"], weights: Float[np.ndarray, "T"]) -> Float[np.ndarray, "3"]:
     """The unit vector that most vectors point along; distant ones have less weight (Cauchy weights).
 
-    If there are none, or they cancel out: upward in the image.
+    Without any, or if they cancel out: upward in the image.
     """
     if np.linalg.norm((vectors * weights[:, None]).sum(0)) < _NOTHING:
         return np.array([0.0, -1.0, 0.0])

@@ -46,7 +46,7 @@ def ground_under(
     gravity: Gravity,
     frame_rate: float,
 ) -> Ground | str:
-    """The floor, or why there is none.
+    """The floor, or why it is missing.
 
     Args:
         feet: Still space, metres: ankle, heel, big and small toe of the left and the right foot.

@@ -73,7 +73,7 @@ def read_motion(
     Args:
         path: An npz, or the folder of a fit by tcfit; or a folder of SMPLify-X results, a zip or tar of one, one of its
             pickles; or a result of a system of `learned.systems`.
-        person: Number of one of several people; None: whoever is in most frames, or 0 in SMPLify-X results.
+        person: Number of one of several people; None: the person in most frames, or 0 in SMPLify-X results.
         gender: Of the body, which SMPLify-X does not record; None: as the files say.
         decode: For SMPLify-X results: from VPoser's numbers to axis-angle; None: VPoser is not available.
     """

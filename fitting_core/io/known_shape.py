@@ -15,7 +15,7 @@ from fitting_core.io.result_files import FIT_NAME
 from fitting_core.results.known_shape import KnownShape
 
 _MOST = 64 * 2**20
-"""Bytes of a JSON file with ten numbers and whatever else."""
+"""Bytes of a JSON file with ten numbers and other content."""
 _LARGEST = 50.0
 """Betas are standard deviations among people; larger values are something else."""
 _EXPECTED = f"expected a result of tcfit, or an npz or JSON file with {N_BETAS} betas"

@@ -28,11 +28,11 @@ phases 1 and 2, of fits without the lifter, and in files of earlier versions |
 of the world: see fitting_core/ground/arrays.py; not there in files of earlier versions |
 | camera_*, image_size, lens_*, world_*, path_* | | the camera: see fitting_core/io/camera_arrays.py |
 | first_frame, frames | (), (N,) | numbers in the video, from 0 |
-| detector | () | who found the keypoints: openpose, mediapipe or coco-wholebody; empty where nobody knows, not there \
+| detector | () | detector of the keypoints: openpose, mediapipe or coco-wholebody; empty if unknown, missing \
 in files of earlier versions |
 | body_kind, body_hash, axes, last_phase, complete, format | () | what it is, and how far the fit went |
 
-The arrays have SMPL-X's layout whatever the body's kind was, so surface_model_type is always "smplx".
+The arrays have SMPL-X's layout for any kind of body, so surface_model_type is always "smplx".
 """
 
 import os

@@ -33,7 +33,7 @@ def summary(fit: FitResult, clip: Clip, body: BodyModel, *, complete: bool, comm
     """The content of summary.json; numbers that are not finite become null in JSON.
 
     The reprojection error is over keypoints of all groups that the body has, with a confidence above CONFIDENT.
-    Whatever the configuration, detections of parts that the image cuts off (image_border.cut_off) are left out, as
+    In any configuration, detections of parts that the image cuts off (image_border.cut_off) are left out, as
     their true place is unknown. So fits of one clip are always measured on the same keypoints.
     """
     measured = [p for p in fit.phases if p.phase in _MEASURED]

@@ -58,7 +58,7 @@ def estimate_focal(
 ) -> FocalEstimate | None:
     """The focal length in pixels, from how near the camera seems to have stood.
 
-    The person's height would not help: somebody twice as tall, twice as far away, gives the same pictures.
+    The person's height would not help: a person twice as tall, twice as far away, gives the same pictures.
 
     Args:
         xy: Pixels; BODY_25 are the first 25 of K.

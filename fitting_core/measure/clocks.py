@@ -1,7 +1,7 @@
-"""When a reference was taken, if its clock is not the video's: found by what moves in both.
+"""The clock offset of a reference and a video, from the movement in both.
 
-Distances between points tell how a body moves, whatever world it stands in and however the camera moves. Those that
-change most in the fit are correlated with the reference's at every offset (normalised, over what is known of both;
+Distances between points show how a body moves, independently of world and camera. Those that change most in the fit are
+correlated with the reference's at every offset (normalised, over what is known of both;
 Padfield, 2012, "Masked object registration in the Fourier domain"), and the best offset is refined between frames.
 """
 
@@ -20,19 +20,19 @@ from fitting_core.measure.references.resampling import interpolated
 _DISTANCES = 60
 """Those that change most."""
 _STILL = 0.01
-"""Metres: where none changes by more (standard deviation), nothing can be told."""
+"""Metres: least standard deviation of the distance that changes most."""
 _LEAST_SHARE, _LEAST_SECONDS = 0.5, 1.0
-"""Of the shorter of both, and of time, that must lie in both."""
+"""Minimum overlap: fraction of the shorter recording, and seconds."""
 _ALIKE = 0.7
 """Correlation below which it is another movement."""
 _APART, _MARGIN = 1.5, 0.02
-"""What is not explained by the second best offset must be so many times that of the best one, and this more."""
+"""The runner-up's unexplained variance must exceed the best one's by this factor and this margin."""
 _STEPS = 10
 """Into which a frame is divided before the parabola through the best three."""
 _SHIFTS = np.arange(-2 * _STEPS, 2 * _STEPS + 1) / _STEPS
 """Frames from the best whole one."""
 _BLOCKS = 4
-"""Parts of what lies in both, whose own offsets tell how sure the offset is."""
+"""Sub-intervals whose separate offsets give the standard error."""
 
 
 @dataclass(frozen=True, kw_only=True)

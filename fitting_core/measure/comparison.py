@@ -95,7 +95,7 @@ class Comparison:
 
     first_frame: int
     curves: dict[str, list[float | None]]
-    """By name in CURVES, a number for each frame; None where there is none."""
+    """By name in CURVES, a number for each frame; None if not measured."""
     figures: dict[str, float | None]
     """By name: of CURVES with the statistic behind it (`vertex_to_surface_mean`), and of FIGURES."""
     compared_frames: int | None = None
@@ -135,7 +135,7 @@ def compare(
         reference: What it is compared with; None: only what needs no reference is measured.
         truth_body: The body of a reference that is a body (`reference_bodies.body_of`).
         meshes: Whether to measure surfaces, which takes some 0.4 s a frame.
-        every: Surfaces are measured in every so many frames.
+        every: Interval of the frames in which surfaces are measured.
         done: Called with the number of frames whose surfaces have just been measured.
     """
     pair = _paired(estimate, reference, truth_body)

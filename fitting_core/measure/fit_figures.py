@@ -33,7 +33,7 @@ def evaluate_fit(
         reference: What it is compared with: a file as `read_reference` takes it, or what that has read. None: only
             smoothness, reprojection and volume are measured.
         phase: 1 to 3; None: the last.
-        every: Surfaces are measured in every so many frames, some 0.4 s each.
+        every: Interval of the frames in which surfaces are measured, in some 0.4 s each.
         surfaces: Whether to measure surfaces, where the reference is a body.
 
     Returns:

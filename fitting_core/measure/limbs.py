@@ -29,7 +29,7 @@ def pa_mpjpe(estimate: Limbs, truth: Limbs) -> Float[np.ndarray, "T"]:
 def turned_mpjpe(estimate: Limbs, truth: Limbs) -> float | None:
     """Mean joint error, the middle of the hips aligned, after the one rotation of the whole clip that is best.
 
-    For a truth in a laboratory whose place before the camera nobody knows. Millimetres; None where no frame is known.
+    For a truth in a laboratory with an unknown camera. Millimetres; None without a known frame.
     """
     both = _known(estimate, truth)
     if not both.any():

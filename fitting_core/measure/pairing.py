@@ -24,7 +24,7 @@ BODY_JOINTS = list(range(JOINT["right_wrist"] + 1))
 LIMB_JOINTS = [JOINT[kp.NAMES[i]] for i in kp.LIMBS]
 """SMPL-X's joints of the same names as `keypoints.LIMBS`."""
 _FINE = set(JOINTS[JOINT["right_wrist"] + 1 :])
-"""Joints of fingers and face, which do not count where joints are compared, whatever has them."""
+"""Joints of fingers and face, which are left out of comparisons of joints."""
 _HIPS = [kp.INDEX["left_hip"], kp.INDEX["right_hip"]]
 _PELVIS = (("pelvis",), ("left_hip", "right_hip"), ("LASI", "RASI", "LPSI", "RPSI"), ("LASI", "RASI", "SACR"))
 """What stands for the root where a reference has no keypoints of the hips: the first of these that it has."""
@@ -127,7 +127,7 @@ class Pair:
 
     @cached_property
     def frames(self) -> Int[np.ndarray, "T"]:
-        """The reference's frame for each of the fit's, -1 where there is none."""
+        """The reference's frame for each of the fit's, -1 if missing."""
         fit = self.estimate
         count = len(fit.params)
         if self.reference is None:
@@ -143,7 +143,7 @@ class Pair:
         return estimated, self.matched(true), roots
 
     def matched(self, values: np.ndarray) -> np.ndarray:
-        """The reference's values at the fit's frames; NaN where there are none."""
+        """The reference's values at the fit's frames; NaN if missing."""
         found = values[self.frames].astype(np.float64)
         found[self.frames < 0] = np.nan
         return found

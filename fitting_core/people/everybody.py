@@ -32,7 +32,7 @@ class FoundPerson:
     entries: tuple[int | None, ...]
     """Per frame, the person's index in the frame's list of people; None if not found."""
     uncertain: tuple[range, ...]
-    """Stretches of frames after which this may be somebody else, counted from the clip's first as 0."""
+    """Stretches of frames after which this may be another person, counted from the clip's first as 0."""
 
     prominence: float
     """Sum of size times confidence over all frames."""
@@ -54,7 +54,7 @@ class Everybody:
 
 
 def find_everybody(detections: Detections, *, frame_rate: float, first_frame: int = 0, most: int = _MOST) -> Everybody:
-    """Follow everybody through a clip. Raises InputError if nobody is seen for a quarter of a second.
+    """Track all people of a clip. Raises InputError if no person is visible for a quarter of a second.
 
     Args:
         detections: In pixels.
@@ -131,7 +131,7 @@ def _found(person: FollowedPerson, detections: Detections, kept: frozenset[Follo
 
 
 def _uncertain(person: FollowedPerson, kept: frozenset[Followed], frame_rate: float) -> tuple[range, ...]:
-    """Where it could be somebody else from then on: near others, and across absences."""
+    """Frames after which it could be another person: near others, and across absences."""
     frames: set[int] = set()
     own = set(person.parts)
     for part in person.parts:

@@ -1,6 +1,6 @@
 """Everybody followed from frame to frame by optimal assignment, and their possible confusions.
 
-Costs are squared distances as shares of how far somebody can move: 1 is the limit. An unmatched one costs as much, so
+Costs are squared distances relative to a person's reach: 1 is the limit. An unmatched one costs as much, so
 that one sure match and one left out beat two doubtful ones.
 """
 
@@ -13,13 +13,13 @@ from jaxtyping import Bool, Float, Int
 from fitting_core.people.sightings import Sighting
 
 OUT_OF_SIGHT = 1.0
-"""Seconds after which nobody is followed any more; whoever appears is new or returns (returning.py)."""
+"""Seconds after which an invisible person is no longer tracked; one who appears is new or returns (returning.py)."""
 MOST_FOLLOWED = 300
 """Most at a time: the last seen. Without it, false detections all over each frame took 2 s per frame."""
 _REACH, _REACH_GROWTH = 1.0, 1.5
 """In sizes of the person: how far keypoints may be from where they are expected, and more per second unseen."""
 _MOVES_ON = 0.7
-"""Seconds for which somebody unseen is assumed to keep moving."""
+"""Seconds for which an invisible person is assumed to keep moving."""
 _VELOCITY_SECONDS = 0.35
 """Period for a velocity: most of a step, so that a swinging limb does not look like one."""
 _COMMON_POINTS = 4
@@ -145,7 +145,7 @@ def _note_doubts(
             seen = taken.get(int(i))
             dearer = prices[k, i] - own + (0.0 if seen is None else prices[seen, j] - prices[seen, i])
             if dearer < (_DOUBT_UNSEEN if seen is None or unseen[j] or unseen[i] else _DOUBT):
-                # Somebody who comes back may have been swapped at any time since.
+                # A person who comes back may have been swapped at any time since.
                 since = lost_at[j] if seen is None else min(lost_at[j], lost_at[i])
                 alive[j].doubt(alive[i], range(since, frame + 1))
         for who, stranger in zip(unmatched, new, strict=True):
@@ -184,7 +184,7 @@ def apart(
 ) -> tuple[Float[np.ndarray, "P T"], Float[np.ndarray, "P T"]]:
     """Distances between sightings in sizes of the larger, and differences of log scale (0 if unknown).
 
-    The median over common keypoints, which ignores those that a detector placed on somebody in front.
+    The median over common keypoints, which ignores those that a detector placed on a person in front.
     """
     a = np.array([one.body for one in people])[:, None]
     b = np.array([one.body for one in others])[None]

@@ -25,7 +25,7 @@ _MOST_REACH = 2.5
 _RIVAL = 0.7
 """Share of the chosen track's score above which another person is worth a warning."""
 _JUMP = 0.5
-"""Near others, somebody who comes back so far from where they were last seen may be one of those."""
+"""A person who comes back near others, at least this far from the last position, may be one of them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +39,7 @@ class PersonChoice:
     note: str
     """The choice in words for the user; empty if there was none to make."""
     doubtful: tuple[range, ...] = ()
-    """Frames, counted from the clip's first as 0, between which the person may have become somebody else."""
+    """Frames, counted from the clip's first as 0, between which the track may have switched to another person."""
 
 
 _Track = Track[Sighting]
@@ -54,18 +54,18 @@ def choose_person(
     frame_rate: float = 30.0,
 ) -> PersonChoice:
     """Choose one person over the clip. Raises InputError if there is no detection in the whole clip, or no frame with
-    so many people.
+    enough people.
 
     Without an option, everybody is followed from frame to frame by the distances between keypoints relative to the
     person's size (the nearest match first), also through frames without a detection; the track with the largest sum of
-    size times mean confidence is taken. Nobody else fills its gaps. Where that may have gone over to somebody else is
+    size times mean confidence is taken. Other tracks do not fill its gaps. Possible switches to another person are
     noted: in generated scenes of two or three, 17 of 17 exchanges, by less than 1 % of the frames.
 
     Args:
         detections: In pixels.
-        person: Take whoever has this index (from 0) in the first frame with so many people instead. Detectors do not
-            keep their order, so others can have this index in other frames.
-        seen: Take whoever is at an index (from 0) in the list of people of one of these frames instead.
+        person: Take the person with this index (from 0) in the first frame with enough people. Detectors do not keep
+            their order, so others can have this index in other frames.
+        seen: Take the person at an index (from 0) in the list of people of one of these frames.
         first_frame: Number of the first frame, for the note.
         frame_rate: Frames per second.
     """
@@ -94,7 +94,7 @@ def choose_person(
 def _doubtful(
     chosen: _Track, detections: Detections, entries: tuple[int | None, ...], frame_rate: float
 ) -> tuple[range, ...]:
-    """Where the person comes back near others and far off, or is somebody else by the other way of following."""
+    """Frames in which the person comes back near others and far off, or the other tracker switches person."""
     frames: set[int] = set()
     for before, after in pairwise(chosen.sightings):
         beside = any(len(detections.frames[t]) > 1 for t in (before, after))
@@ -104,7 +104,7 @@ def _doubtful(
                 frames |= set(range(before, after + 1))
     try:
         people = find_everybody(detections, frame_rate=frame_rate).people
-    except InputError:  # nobody is seen for long enough
+    except InputError:  # no person is visible for long enough
         people = ()
     who = {(t, entry): one for one in people for t, entry in enumerate(one.entries) if entry is not None}
     told = [(t, who[t, entry]) for t, entry in enumerate(entries) if entry is not None and (t, entry) in who]
@@ -128,7 +128,7 @@ def _asked(detections: Detections, tracks: list[_Track], person: int) -> tuple[_
 
 
 def _first_with(detections: Detections, place: int) -> int | None:
-    """The first frame whose list has somebody at this index."""
+    """The first frame whose list has this index."""
     frames = enumerate(detections.frames)
     return next((t for t, people in frames if place < len(people) and (people[place, :, 2] > 0).any()), None)
 
@@ -179,7 +179,7 @@ def _describe(tracks: list[_Track], detections: Detections, first_frame: int) ->
         )
     if others and others[0].score > _RIVAL * chosen.score:
         start, seen = next(iter(others[0].sightings.items()))
-        # If somebody else had that index before, the clip must begin later for it to mean this person.
+        # If another person had that index before, the clip must begin later for it to mean this person.
         cut = "" if _first_with(detections, seen.entry) == start else f"first_frame={first_frame + start} and "
         sentences.append(
             f"Another person is nearly as prominent, in frame {first_frame + start} at place {seen.entry} of the list: "

@@ -12,7 +12,7 @@ _ENDS_SECONDS = 2.0
 _SCALE = 0.15
 """Standard deviation of a person's log size over an absence, as poses change it."""
 _OTHER = 0.7
-"""With a larger change it is somebody else."""
+"""With a larger change it is another person."""
 _PLACE, _SPEED = 1.0, 8.0
 """In sizes: how far from where they were last seen people can come back, at once and more per second."""
 _TELLS = 4.0
@@ -42,7 +42,7 @@ def joined(followed: Sequence[Followed], frame_rate: float) -> list[FollowedPers
 
     If exactly one person is away who could be there by then and has that size, the newcomer is that person. If several
     are away, it is the one whose size clearly fits best; if none does, it is a new person rather than a guess. The side
-    on which somebody left means nothing: people walk round a camera.
+    on which a person left means nothing: people walk round a camera.
 
     Args:
         followed: In the order in which they appear.

@@ -22,8 +22,8 @@ class Sighting:
     body: Float[np.ndarray, "25 3"]
     centre: Float[np.ndarray, "2"]
     size: float
-    """The weighted root mean square distance of the keypoints from their centre: about a quarter of the body height for
-    somebody upright. Distances are in units of it."""
+    """The weighted root mean square distance of the keypoints from their centre: about a quarter of the body height of
+    an upright person. Distances are in units of it."""
     confidence: float
 
     @classmethod

@@ -49,7 +49,7 @@ class FitResult:
     grounding: Grounding | None = None
     """Gravity, contacts of the feet and the floor; None where it is not known, as for files of earlier versions."""
     start: GivenStart | None = None
-    """What another system found, with which phase 1 began; whatever goes on from this fit has the same evidence."""
+    """Another system's result from which phase 1 started; fits that continue this one use the same evidence."""
 
     @property
     def last(self) -> PhaseResult:

@@ -74,13 +74,13 @@ def read_start(
         clip: What is fitted.
         body: The fitted body.
         person: Of several people in the result, the number; None: the one who follows the keypoints. Of SMPLify-X the
-            number of the pickle, by default 0: its numbers follow nobody from frame to frame.
+            number of the pickle, by default 0: its numbers are not tracks.
         first_frame: Number in the video of the result's first frame; None: as it says, or the clip's first.
         find_body: Where the result's own body comes from.
         decode: For SMPLify-X results, see `read_motion`.
 
     Raises:
-        InputError: It cannot be read, has nothing for this clip, or nobody in it follows the keypoints.
+        InputError: It cannot be read, has nothing for this clip, or no person in it matches the keypoints.
     """
     path = Path(path)
     motion = _posed(read_motion(path, person=person, decode=decode), body)
@@ -93,7 +93,7 @@ def read_start(
         try:
             motion = _posed(read_motion(path, person=number, decode=decode), body)
             found[number] = _Candidate.of(motion, clip, body, first_frame)
-        except InputError as error:  # Somebody of another part of the video.
+        except InputError as error:  # A person in another part of the video.
             refused.append(error)
     if not found:
         raise refused[0]

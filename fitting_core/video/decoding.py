@@ -1,4 +1,4 @@
-"""A video file: what its container says, and the frame that is asked for, whatever is read before it."""
+"""Random access to a video's frames, and its container's metadata."""
 
 import itertools
 import struct
@@ -114,7 +114,7 @@ def _packets(container: InputContainer, stream: VideoStream) -> Iterator[av.Pack
 def ends_early(path: Path) -> bool:
     """Whether an AVI, MP4, MOV, MKV or WebM file has fewer bytes than its own parts say.
 
-    Other containers, and streams written without lengths, cannot be told: False. The number of frames in the header is
+    Other containers, and streams written without lengths, are unknown: False. The number of frames in the header is
     no sign: whole files of variable rate, cut without encoding again, or in FLV, have fewer.
     """
     size = path.stat().st_size
@@ -148,7 +148,7 @@ def _riff(file: BinaryIO) -> int | None:
 
 
 def _box(file: BinaryIO) -> int | None:
-    """Bytes of the MP4 box that starts here; a length of 1 stands for a longer number, 0 for the rest: not told."""
+    """Bytes of the MP4 box that starts here; 1: a 64-bit size follows; 0: to the end of the file (returns None)."""
     head = file.read(16)
     if len(head) < 8:
         return None
@@ -266,7 +266,7 @@ class VideoFile:
         count = self._last + 1
         if self._early and len(self._times):
             count = next(place for place in itertools.count(min(seen)) if place not in seen)
-        self._last = count  # Past the end: whatever is read next is behind.
+        self._last = count  # Past the end: any next read is behind.
         return count
 
     def _reach(self, index: int) -> bool:
@@ -296,7 +296,7 @@ class VideoFile:
         return True
 
     def _seek(self, index: int) -> None:
-        """Go to a frame or to one before it; back to the start if its place cannot be told."""
+        """Go to a frame or to one before it; back to the start if its position is unknown."""
         for seconds in _EARLIER if index < len(self._times) else ():
             earlier = round(seconds / float(self._stream.time_base or 1))
             try:

@@ -50,7 +50,7 @@ class FrameSource:
         self.count = self._decoder.count
         """Number of frames that can be decoded."""
         self.declared_count = self._decoder.declared_count
-        """Number of frames that a truncated file says it has; count for a whole one, whatever its header says."""
+        """Number of frames that a truncated file's header states; the real count for a whole file."""
         self.frame_rate = self._decoder.frame_rate
         """Frames per second, on average where they are uneven; None for images and for files that do not say it."""
         self.declared_frame_rate = self._decoder.declared_frame_rate

@@ -40,7 +40,7 @@ class Form:
     joints: tuple[int, ...]
     """For each of the file's joints the one of the 55 that takes over its skin."""
     kept: int
-    """The first so many joints of the file are joints of the 55 themselves; the others merge into theirs."""
+    """Number of leading joints of the file that are joints of the 55; the others merge into theirs."""
     vertices: int
     """Vertices of the official mesh; keypoint vertices need at least these."""
     keypoint_vertices: tuple[int, ...]

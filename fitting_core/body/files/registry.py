@@ -25,7 +25,7 @@ from fitting_core.shipped import FREE_FOLDER
 ENVIRONMENT = "TCFIT_BODY_MODELS"
 """Environment variable with folders of body models, separated as in PATH."""
 GENDERS = ("neutral", "male", "female", "child")
-"""A child is listed among them, for that is how bodies' files are told apart; only the free bodies have one."""
+"""Includes the child, because files are distinguished by gender; only the free bodies have one."""
 
 _NAMED = re.compile(r"(smplx|smplh|smpl)_(?:neutral|male|female|child)", re.IGNORECASE)
 _SMPL_NAMED = re.compile(r"basicmodel_(?:neutral|m|f)_lbs_.*", re.IGNORECASE)
@@ -73,7 +73,7 @@ def find_body(*, model: str = "smplx", gender: str = "neutral", search: StrPath 
             for by its place is never replaced by another. None: `search_folders`.
 
     Raises:
-        InputError: There is none; the message names the file, the folders searched and what to do.
+        InputError: Not found; the message names the file, the folders searched and what to do.
     """
     search = None if search is None else Path(search)
     _check_choice("body model", model, tuple(KINDS))

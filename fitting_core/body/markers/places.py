@@ -2,8 +2,8 @@
 
 The names are those of Vicon's Plug-in Gait for the whole body, and on the medial side those of CGM2 (KNM, MED, FMH,
 VMH), with ELM for the elbow. A rule is a ray from between two joints of the rest pose to where it leaves the skin, so
-that it holds for any body of the SMPL family, whatever its mesh. What bones a hand would feel under the skin is not
-known to a body model; the rules place them by the usual shares of the body's lengths.
+it holds for any mesh of the SMPL family. A body model has no palpable bones; the rules place them by the usual shares
+of the body's lengths.
 """
 
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""A few vertices of a body, chosen anew for every frame, with the closed-form derivatives of what is built on them.
+"""A few vertices of a body, different in every frame, with closed-form derivatives.
 
 For lists that stay the same over a fit, `BodyPoints` is faster; compiling one takes a second, though, and which
 vertices collide changes with every step.

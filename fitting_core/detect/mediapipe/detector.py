@@ -88,7 +88,7 @@ class MediaPipe:
             followers.start_from(people, found)
         pool = ThreadPoolExecutor(1, "tcfit: hands and faces")
         waiting: _Waiting | None = None
-        """For the next stretch: somebody in it may have come in here."""
+        """For the next stretch: its people may have entered in this one."""
         coming: Future[Part] | None = None
         try:
             for frames in parts:
@@ -118,8 +118,8 @@ class MediaPipe:
 
         Args:
             image: RGB.
-            harder: Look in small parts of it, too, if nobody is found otherwise: for people who are less than a seventh
-                of it high. It takes as long as 20 images.
+            harder: If no person is found, search small parts too, for people less than a seventh of the image high.
+                Takes as long as 20 images.
         """
         width, height = image.shape[1::-1]
         found = self._found(image, [None, *_ends(width, height)])
@@ -163,7 +163,7 @@ class _Waiting:
 
 
 class _Stopped(Exception):
-    """Nobody waits for the part."""
+    """The part is not needed any more."""
 
 
 class _Clip:

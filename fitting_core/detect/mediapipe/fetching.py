@@ -240,7 +240,7 @@ def _turn(place: Path) -> Generator[FetchProgress, None, tuple[int | None, bool]
     """Wait until no other process works on the folder.
 
     Returns:
-        The lock, None where the file system knows none; and whether there was somebody to wait for.
+        The lock, None if the file system has no locks; and whether another process held it.
     """
     waited = False
     while True:

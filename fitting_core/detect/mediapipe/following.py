@@ -10,11 +10,11 @@ from fitting_core.detect.mediapipe.body import Body
 from fitting_core.detect.mediapipe.squares import Image, Square
 
 LOOK_EVERY = 10
-"""Frames between two looks for people who have come in; where nobody is followed, every frame is looked at."""
+"""Frames between two searches for new people; without tracked people, every frame is searched."""
 MOST_PEOPLE = 8
 """Who are followed at once."""
 _MOST_MISSED = 15
-"""Frames after which a person found where another was lost counts as somebody new."""
+"""Frames after which a person found where another was lost is a new person."""
 _SAME_PLACE, _SAME_SIZE = 0.25, 3.0
 """Distance of centres in sides of the smaller square, and ratio of sides, up to which two squares are of one person."""
 _SAME_BODY = 0.06
@@ -56,7 +56,7 @@ class Followers:
 
     Args:
         find_body: The body in a square of an image.
-        find_people: Squares of an image that may show somebody; told whether it is to look harder.
+        find_people: Squares of an image that may show a person; the flag asks for a thorough search.
     """
 
     def __init__(
@@ -134,7 +134,7 @@ class Followers:
         return new
 
     def _lost_at(self, square: Square, t: int) -> Followed | None:
-        """Whoever was lost there a moment ago."""
+        """The person lost there recently."""
         lost = [person for person in self.people if t not in person.bodies]
         at = [person for person in lost if _is_same_square(square, person.bodies[person.last].square)]
         return max(at, key=lambda person: person.last, default=None)

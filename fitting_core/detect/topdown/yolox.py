@@ -1,6 +1,7 @@
 """YOLOX (Ge et al. 2021, arXiv:2107.08430): boxes around people.
 
-Exports of it that are in use, told apart by their outputs: one (N, cells, 5 + classes), the grid as it is (the authors'
+Exports of it that are in use, distinguished by their outputs: one (N, cells, 5 + classes), the grid as it is (the
+authors'
 own, and DWPose's yolox_l.onnx); or dets (N, n, 5) and labels (N, n), with non-maximum suppression in the model
 (MMDeploy's). Both take BGR images of 0 to 255.
 """

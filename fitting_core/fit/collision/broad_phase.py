@@ -1,6 +1,6 @@
 """Pairs of triangles whose bounding boxes overlap, found in a tree of boxes.
 
-Whatever the tree's topology, the answer is exact: it is the same as that of testing every pair of boxes.
+The answer is exact for any topology of the tree: it equals that of testing every pair of boxes.
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""What kernels read but never change: of the body, the camera, and whatever terms declare (`terms.entry.Kernel`).
+"""Constants of the kernels: of the body, the camera, and as declared by terms (`terms.entry.Kernel`).
 
 Arrays of records instead of an array per field: this compiles in a third of the time.
 """

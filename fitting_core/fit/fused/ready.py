@@ -88,7 +88,7 @@ def _compiled() -> bool:
 
 
 def prepare(say: Callable[[str], None]) -> None:
-    """Compile the kernels unless they already are; `say` is told that this takes a while."""
+    """Compile the kernels unless they are compiled; `say` announces that this takes a while."""
     if _missing() or _compiled():
         return
     from fitting_core.fit.compiled.jit import kept_in
@@ -109,7 +109,7 @@ def prepare(say: Callable[[str], None]) -> None:
 
 
 def _compile(say: Callable[[str], None]) -> None:
-    """Compile all kernels; `say` is told after each quarter of the functions."""
+    """Compile all kernels; `say` reports each quarter of the functions."""
     from numba.core import event
 
     from fitting_core.fit.fused.frames import compile_all

@@ -97,7 +97,7 @@ class LineSearches:
 
 
 def _interpolated(low: Tensor, high: Tensor, *, halve: Tensor) -> Tensor:
-    """A step within the bracket: the minimum of the cubic, or the middle if there is none or `halve` asks for it."""
+    """A step within the bracket: the minimum of the cubic, or the middle if it has no minimum or `halve` is set."""
     a, b = torch.minimum(low, high)[:, STEP], torch.maximum(low, high)[:, STEP]
     step = _cubic_minimum(low, high)
     step = torch.where(step.isfinite() & ~halve, step, (a + b) / 2)

@@ -42,7 +42,7 @@ class Problem(LeastSquares[State], Protocol):
         ...
 
     def softened(self) -> "Problem | None":
-        """A problem that is easier to descend, with its minima in about the same places; None if there is none."""
+        """A problem that is easier to descend, with its minima in about the same places; None if not available."""
         ...
 
 
@@ -67,7 +67,7 @@ class OnFrames:
 
 
 def mean_costs(costs: dict[str, Float[Tensor, "B"]]) -> dict[str, float]:
-    """For each term over the frames where it is finite; infinite if there are none."""
+    """For each term over the frames where it is finite; infinite without such frames."""
     finite = {name: cost[cost.isfinite()] for name, cost in costs.items()}
     return {name: float(cost.mean()) if len(cost) else float("inf") for name, cost in finite.items()}
 

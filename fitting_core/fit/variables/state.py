@@ -167,7 +167,7 @@ class Parametrisation:
         return self.prior.decode(state.vector[:, self.columns.body])
 
     def with_seat(self, state: State) -> State:
-        """The same states with the legs of somebody sitting: thighs forward, shanks down."""
+        """The same states with seated legs: thighs forward, shanks down."""
         pose = self.body_pose(state).clone()
         for side in ("left", "right"):
             pose[:, 3 * (JOINT[f"{side}_hip"] - 1)] = -1.4

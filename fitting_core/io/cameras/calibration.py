@@ -69,7 +69,7 @@ def calibration(
         poses: Of a moving camera, checked, in place of rotation and translation.
         has_unit: As of `Calibration`.
         first_pixel: What the file's principal point counts as the middle of the first pixel: OPENCV_FIRST_PIXEL, or 0.5
-            in COLMAP and whatever counts from the image's corner, as tcfit does.
+            in COLMAP and others that count from the image's corner, as tcfit does.
     """
     k = finite_numbers("the camera matrix", matrix, 9).reshape(3, 3)
     if not (min(k[0, 0], k[1, 1]) > 0 and np.allclose(k[2], (0, 0, 1)) and abs(k[1, 0]) < 1e-6):
@@ -148,7 +148,7 @@ def _rotation(value: Any) -> Float[np.ndarray, "3 3"]:
 
 
 def finite_numbers(what: str, value: Any, count: int | None = None) -> Float[np.ndarray, "n"]:
-    """So many finite numbers in a row. Raises ValueError, which says `what` they are."""
+    """A row of finite numbers of the given length. Raises ValueError that names them `what`."""
     try:
         found = np.asarray(value)
     except ValueError:  # rows of different lengths

@@ -67,7 +67,7 @@ def read_camera(
         file: Which camera of which file.
         size: Width and height in pixels.
         frames: What a moving camera filmed; None: the images with poses in the file.
-        scale_of: Estimates the metres of one unit from the camera in units, if it moves and nobody states it.
+        scale_of: Estimates the metres of one unit of a moving camera without a stated unit.
     """
     if file.unit is not None and not 1e-6 <= file.unit <= 1e6:
         raise InputError(

@@ -74,7 +74,7 @@ class ImportedMotion:
     focal_rule: tuple[Callable[[tuple[int, int]], float], str] | None = None
     """Instead of `focal`, if the program computes it from the image's width and height."""
     people: tuple[PersonTrack, ...] = ()
-    """In the file, if it distinguishes them; whoever is in most frames first."""
+    """In the file, if it distinguishes them; the person in most frames first."""
     notes: tuple[str, ...] = field(default=())
     """What a user should know about how it was read."""
 

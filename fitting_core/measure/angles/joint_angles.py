@@ -143,7 +143,7 @@ def joint_angles(motion: Motion) -> dict[str, Float[np.ndarray, "T"]]:
 
 
 def joint_angle(motion: Motion, name: str) -> Float[np.ndarray, "T"]:
-    """One of `error_bars.ANGLES`, degrees from -180 to 180: each frame by itself, whatever those before it are."""
+    """One of `error_bars.ANGLES`, degrees from -180 to 180: each frame independently of those before it."""
     *side, joint, angle = name.split("_")
     known = next(one for one in ANATOMICAL_JOINTS if one.name == joint)
     i, own = next((i, own) for i, own in enumerate(known.angles) if own and own.name == angle)

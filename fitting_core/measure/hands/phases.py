@@ -1,9 +1,9 @@
 """When a hand moves, is held and rests, by the speed of its wrist against the trunk.
 
 What linguists call phases of movement (Kita, van Gijn and van der Hulst, "Movement phases in signs and co-speech
-gestures, and their transcription by human coders", 1998) are told apart by what they mean: preparation, stroke,
-retraction. A speed knows only movement and hold, as in Liddell and Johnson's "American Sign Language: The phonological
-base" (1989), and where an unmoved hand lies. So these are the three that are told.
+gestures, and their transcription by human coders", 1998) are distinguished by meaning: preparation, stroke, retraction.
+A speed shows only movement and hold, as in Liddell and Johnson's "American Sign Language: The phonological
+base" (1989), and a position shows rest. Only these three are distinguished.
 """
 
 import math

@@ -139,7 +139,7 @@ def mesh_errors(
     Args:
         estimate: T frames.
         truth: The same T frames; its body may be another one.
-        every: Measure the first frame and every so many frames after it.
+        every: Interval of the measured frames, from the first.
         done: Called with the number of frames that have just been measured.
     """
     frames = np.arange(0, len(estimate.params), every)

@@ -1,4 +1,4 @@
-"""Reading a reference, of whatever form: the form is told by what is in the file."""
+"""Reading a reference of any form, recognised by content."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -42,7 +42,7 @@ _UNEVEN = 0.05
 _ALONG = 0.8
 """Cosine to an axis along which a trunk is."""
 FARTHEST = 300.0
-"""Metres from the camera at which nobody is filmed: a camera's place in mm or cm puts people there."""
+"""Implausible distance from the camera, metres: a camera position in mm or cm puts people there."""
 
 
 def _plain(name: str) -> str:
@@ -209,7 +209,7 @@ def trunk_axis(found: Reference) -> Float[np.ndarray, "3"] | None:
 def _check_metres(
     path: Path, placed: Float[np.ndarray, "T 137 3"], markers: MarkerSet, places: Float[np.ndarray, "T M 3"]
 ) -> None:
-    """Raises InputError for limbs that no person has; where no limb has both its ends, nothing can be told."""
+    """Raises InputError for implausible limb lengths; limbs without both ends are not checked."""
     found = _limb_lengths(_ends(placed, markers, places))
     share = float(np.median([length / _LIMBS[limb] for (limb, _), length in found.items()])) if found else 1.0
     if _GROWN[0] <= share <= _GROWN[1]:

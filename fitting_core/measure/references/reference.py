@@ -91,7 +91,7 @@ class Reference:
 
         Raises:
             InputError: They have no moment in common; or both last as long, the fit begins later than the video, and
-                nobody said where the reference does.
+                the start of the reference is not given.
         """
         ratio = self._frames_for_one(frame_rate)
         if first_frame and not self.first_frame_known and round(len(self) / ratio) == count:

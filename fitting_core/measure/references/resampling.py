@@ -1,4 +1,4 @@
-"""References of points at other moments than their own: at a video's frames, whatever their clock and rate."""
+"""Resampling of reference points at a video's frames, for any clock and rate."""
 
 import math
 from dataclasses import replace

@@ -174,7 +174,7 @@ def _is_person(value: Any) -> bool:
 
 
 def _kept_images(content: Any) -> list[tuple[str, list[Any]]] | None:
-    """Names and people of all images: from a dictionary or list of them, or one image; None if it is none of these."""
+    """Names and people of all images: from a dictionary or list of them, or one image; None for other content."""
     if not isinstance(content, dict | list) or not content:
         return None
     entries = list(content.items()) if isinstance(content, dict) else [("", one) for one in content]

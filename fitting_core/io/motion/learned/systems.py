@@ -51,7 +51,7 @@ def read_learned(path: Path, *, person: int | None = None, gender: str | None = 
 
     Args:
         path: Its file, or the folder that contains it.
-        person: Number of the one to take, as in the file; None: whoever is in most frames.
+        person: Number in the file; None: the person in most frames.
         gender: Of the body; None: neutral, which all these systems assume.
     """
     with _checked(path), _content(path) as content:
@@ -120,7 +120,7 @@ def _system_of(content: Any) -> System | None:
 
 
 def _people(system: System, content: Any) -> tuple[PersonTrack, ...]:
-    """Whoever is in most frames first."""
+    """The person in most frames first."""
     found: Mapping[int, Sequence[int]] = system.people(content)
     if not found:
         raise InputError(f"is a result of {system.title} with nobody in it")

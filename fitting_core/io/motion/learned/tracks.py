@@ -90,7 +90,7 @@ def rows(values: object, key: str, width: int, frames: int | None = None) -> Flo
 
 
 def flat(values: object, key: str, count: int) -> Float[np.ndarray, "count"]:
-    """So many numbers in any shape. Raises InputError as `rows` does."""
+    """Numbers of the given count in any shape. Raises InputError as `rows` does."""
     array = _numbers(values, key)
     if array.size != count:
         raise InputError(f"'{key}' has the shape {array.shape}, expected {count} numbers")
@@ -149,7 +149,7 @@ def by_person(people: object) -> dict[int, Any]:
 
 
 def people_by(people: object, key: str) -> dict[int, list[int]]:
-    """For each person in a dictionary, the frames under one of their keys. Raises InputError if there are none."""
+    """For each person in a dictionary, the frames under one of their keys. Raises InputError if they are missing."""
     return {number: frame_numbers(values, key).tolist() for number, values in by_person(people).items()}
 
 
