@@ -103,7 +103,7 @@ def _speed(side: Side) -> Callable[[PosedFit], Float[np.ndarray, "T"]]:
 
 
 def _height(joint: str) -> Callable[[PosedFit], Float[np.ndarray, "T"]]:
-    """Above the floor; NaN where there is none."""
+    """Above the floor; NaN without a floor."""
 
     def values(fit: PosedFit) -> Float[np.ndarray, "T"]:
         if fit.grounding is None or fit.grounding.ground is None:

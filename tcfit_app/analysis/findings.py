@@ -27,7 +27,7 @@ _MOST = 3.0
 """Multiple of the least distance up to which a clip's own median and spread can excuse a value. The neck is 90 mm from
 the body's in every frame, which is nothing to review; a fit that is far off in half of the clip is."""
 _OFF_MM = {"body": 45.0, "hands": 30.0, "face": 40.0}
-"""Smaller reprojection errors are not worth reviewing, whatever the median; as lengths at the pelvis' distance."""
+"""Smaller reprojection errors are not worth reviewing, for any median; as lengths at the pelvis' distance."""
 _STEADY_MM, _STEADY_MOST = 15.0, 2.0
 """Mean distance of a part from its keypoints over some time that is worth reviewing, and its largest score."""
 _STEADY_SECONDS, _STEADY_FRAMES = 0.5, 9
@@ -50,7 +50,7 @@ _LEAST_JUMP_MM = 12.0
 WHOLE = "whole body"
 """What a finding without keypoints, or about many limbs, is about."""
 _MANY_LIMBS = 4
-"""Of the six limbs, head and torso among them: from so many on it is the whole body."""
+"""From this many of the six limbs (with head and torso), a finding is of the whole body."""
 _HANDS = JOINT["left_index1"]
 """The first of the fingers' joints."""
 LIMB_OF_BONE = {bone: "torso" if joint is None else LIMB_OF[joint] for bone, joint in enumerate(KEYPOINT_OF_JOINT)}
@@ -81,7 +81,7 @@ _ONLY_UNSURE = 0.8
 _ENDS = [kp.INDEX[f"{side}_{name}"] for name in ("elbow", "wrist", "knee", "ankle") for side in ("left", "right")]
 """Limb keypoints, whose depth and loss matter individually: the others are constrained by their neighbours."""
 _LEG_ENDS = [joint for joint in _ENDS if LIMB_OF[joint].endswith("leg")]
-"""All still: somebody stands. So does a foot that is still without its knee: a limb is frozen with both its ends."""
+"""All still: the person stands, as with a still foot under a moving knee. A limb is frozen if both its ends are."""
 _FEWEST = 25
 """Minimum number of frames for usual values."""
 _ERROR_GROUPS = [list(group) for group in kp.ERROR_GROUPS.values()]
@@ -233,7 +233,7 @@ def _low_confidence(fit: PosedFit) -> Iterator[Finding]:
             continue
         confidence = fit.clip.keypoints.confidence[:, tracked].mean(1)
         usual = median_filter(confidence, _AROUND, mode="nearest")
-        # Whoever marked keypoints as bad knows that they are.
+        # Keypoints marked bad need no finding.
         most = SEEN if region in alone else np.inf
         low = (usual > _USUAL) & (confidence < np.minimum(_LOW * usual, most)) & ~fit.bad[:, tracked].any(1)
         for frame in np.flatnonzero(low).tolist():

@@ -23,7 +23,7 @@ _LIMIT = 96 * 2**20
 class Meshes:
     """All vertices of one body in any pose, with a cache; its joints and keypoints. Thread-safe.
 
-    A version identifies a BodyParams value: whoever changes parameters (a new run, a live correction) passes another
+    A version identifies a BodyParams value: a change of parameters (a new run, a live correction) needs another
     version, any hashable value; old ones are evicted when memory is needed.
 
     Args:

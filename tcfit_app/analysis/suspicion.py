@@ -112,7 +112,7 @@ def review_queue(
         kind, finding = one
         if finding.frame in checked:
             return False
-        if kind == _SYMPTOM:  # whoever found a limb fine has seen the pose
+        if kind == _SYMPTOM:  # a reviewer who confirmed a limb has seen the pose
             return finding.frame not in looked_at
         return any(finding.frame not in fine.get(limb, ()) for limb in finding.about)
 

@@ -301,7 +301,7 @@ def _added(work: Work, project: Project, clip: Clip, fit: FitResult) -> Content:
 
 
 def _given(options: FitOptions) -> Given:
-    """What the fit was told, as the app remembers it with a run."""
+    """The fit's inputs, as the app stores them with a run."""
     begin = options.begin
     start = Source(path=str(begin.start), person=begin.start_person, first_frame=begin.start_first_frame)
     return Given(

@@ -140,7 +140,7 @@ def _died(index: int, how: str, work: _Work) -> Iterator[News]:
 
 
 def _serve(pipe: Connection, folder: Path) -> None:
-    """What a process does: fits whatever comes through the pipe until it is closed."""
+    """Fit the clips that come through the pipe until it is closed."""
     child_processes.end_with_parent()
     one_thread()
     with suppress(EOFError, OSError):

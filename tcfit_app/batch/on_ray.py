@@ -85,7 +85,7 @@ def _silent(address: str | None, error: Exception) -> InputError:
 
 @contextmanager
 def _connected(address: str | None, jobs: int | None) -> Iterator[Any]:
-    # Ray reports its usage unless told not to; this matters only where it is started here.
+    # Ray reports its usage by default; this matters only if it is started here.
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     try:
         import ray

@@ -179,8 +179,8 @@ _PAUSE = 0.1
 
 
 def patient_lock(folder: Path, *, seconds: float, wanted: str) -> ProjectLock:
-    """Take the lock of a folder, which is made if it does not exist. Raises InputError if somebody still has it, or the
-    folder cannot be written.
+    """Take the lock of a folder, which is made if it does not exist. Raises InputError if another process keeps it, or
+    the folder cannot be written.
 
     Args:
         folder: What only one process may work on.

@@ -1,8 +1,8 @@
 """The order in which a list is worked through: rounds of tasks that do not depend on each other.
 
 A clip without a subject is one task. The clips of a subject share one shape, so each takes three: its first phase, the
-shape from the first phases of all of them, and the rest. Each task is done, kept and left alone like any other, so
-whatever has changed is all that is done again.
+shape from the first phases of all of them, and the rest. Results of tasks are cached one by one, so only changed tasks
+are repeated.
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,7 +20,7 @@ from tcfit_app.options.fit import FitOptions
 FIRST, SUBJECTS = "first", "subjects"
 """Folders in the batch's."""
 MOST_CLIPS = 40
-"""A subject's shape is found from its first so many clips: those that come after them in the list change nothing."""
+"""Number of a subject's first clips that determine its shape; later clips do not affect it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

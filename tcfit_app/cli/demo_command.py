@@ -29,7 +29,7 @@ _COLUMNS = ("in the camera", "pelvis aligned", "PA", "jitter mm/frame²")
 
 
 def review_demo(options: DemoOptions) -> None:
-    """Make a project of the demo clip if there is none, and review that until Ctrl-C. Raises InputError as `review`
+    """Make a project of the demo clip if it is missing, and review it until Ctrl-C. Raises InputError as `review`
     does, or if the project cannot be written."""
     # viser, which a fit in the terminal does not need
     from tcfit_app.cli.review_command import check_folders, review

@@ -71,7 +71,7 @@ def _found(detection: Detection, *, restart: bool) -> Detected:
 
 
 def _frames(source: FrameSource, first: int | None, last: int | None) -> range:
-    """The frames from one to another, both included. Raises InputError where there are none."""
+    """The frames from one to another, both included. Raises InputError if no frame is in between."""
     start, stop = first or 0, source.count if last is None else last + 1
     if not 0 <= start < stop <= source.count:
         raise InputError(
@@ -115,7 +115,7 @@ def detector_table() -> str:
 
 def _fetch(name: str, *, agreed: bool) -> None:
     """Download what a detector needs, or a known model, after the user has seen what it is and agreed. Raises
-    InputError if there is no such detector or model, nobody agreed, or it cannot be fetched."""
+    InputError if the detector or model is unknown, the user did not agree, or it cannot be fetched."""
     known = DETECTORS.get(name)
     if known is not None and not known.models:
         fetch_networks(agreed=agreed)

@@ -23,8 +23,8 @@ _TOGETHER = "glb"
 
 
 def run_export_people(folder: Path, options: ExportOptions) -> None:
-    """Write what the options ask for of everybody, and say on the standard output what was written. Raises InputError
-    as `run_export` does, or if nobody is there in the frames that are asked for."""
+    """Write the selected exports of all people, and list the files on standard output. Raises InputError as
+    `run_export` does, or if no person is in the selected frames."""
     torch.set_num_threads(1)
     formats = formats_of(options.formats)
     people = read_people_file(folder)

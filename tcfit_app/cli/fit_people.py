@@ -64,7 +64,7 @@ def run_fit_people(options: FitOptions, *, command: str = "") -> list[Outcome]:
             outcomes.append(fitted)
     except BaseException:
         if listed and not is_result(options.out / listed[-1].about.folder):
-            with suppress(InputError):  # what stopped the fit is told; whoever has no folder is passed over
+            with suppress(InputError):  # the reason is reported; people without a folder are skipped
                 _list(options.out, listed[:-1])
         tell([f"{len(outcomes)} of {len(people)} people are fitted."])
         raise
@@ -86,7 +86,7 @@ def _check_out(folder: Path, *, overwrite: bool) -> list[Path]:
     folder holds something else, and `overwrite` is not given."""
     old = [folder / one.folder for one in read_people_file(folder).people] if holds_people(folder) else []
     for path in (folder, *old):
-        sweep(path)  # what a killed process has left is nobody's
+        sweep(path)  # delete the remains of killed processes
     if overwrite or not folder.is_dir():
         check_out(folder, overwrite=overwrite)
         return old
@@ -104,7 +104,7 @@ def _check_out(folder: Path, *, overwrite: bool) -> list[Path]:
 
 
 def _remove(folder: Path, old: Sequence[Path]) -> None:
-    """Take an earlier fit of several people away, so that nobody of it stays among those of the next."""
+    """Delete an earlier fit of several people, so that the next fit has no person of it."""
     try:
         for path in (folder / PEOPLE_NAME, folder / GLB_NAME, *(one / name for one in old for name in _RESULT)):
             path.unlink(missing_ok=True)
@@ -118,8 +118,8 @@ def _remove(folder: Path, old: Sequence[Path]) -> None:
 def _started(
     options: FitOptions, people: list[PersonInClip], body: BodyModel
 ) -> tuple[list[PersonInClip], list[GivenStart | None]]:
-    """What each fit begins with, whoever in the given result follows that person's keypoints; for others, notes. Raises
-    InputError if the result cannot be read, or has nobody of these."""
+    """The start of each fit: the person in the given result who matches the keypoints, otherwise a note. Raises
+    InputError if the result cannot be read, or matches no person."""
     if options.begin == StartOptions():
         return people, [None] * len(people)
     bodies = Bodies(options.body.models)

@@ -40,7 +40,7 @@ def run_review(options: ReviewOptions) -> None:
     """Serve the review until Ctrl-C. Raises InputError if there is no such project, it cannot be made, or nothing can
     listen at the address."""
     check_folders(options.server, models=options.models)
-    entry_of(options.server)  # told before a project is made
+    entry_of(options.server)  # report errors before a project is made
     if options.video is None and options.keypoints is None:
         raise InputError("Nothing to review; expected a project, a video, keypoints or a folder of clips.")
     if options.video is not None and options.video.suffix == PROJECT_SUFFIX and not options.video.exists():
@@ -101,7 +101,7 @@ def review(
 
 
 def check_folders(options: ServerOptions, *, models: Path | None = None) -> None:
-    """Raise InputError for folders that are none, before anything is made or fitted. Arguments as of `review`."""
+    """Raise InputError for paths that are not folders, before anything is made or fitted. Arguments as of `review`."""
     if options.files is not None and not options.files.is_dir():
         raise InputError(f"--files {options.files}: is not a folder.")
     if models is not None and not models.is_dir():
@@ -165,7 +165,7 @@ def _served(name: str, options: ServerOptions, site: TalkingSite | None = None) 
 
 def entry_of(options: ServerOptions) -> Entry:
     """How browsers on other computers come in. Raises InputError if the password cannot be read or is too short, or the
-    public address is none."""
+    public address is invalid."""
     public = (options.public or "").rstrip("/").lower()
     parts = urlsplit(public)
     if public and (
@@ -260,7 +260,7 @@ def _take(project: "Project", options: ReviewOptions) -> None:
 
 
 def opened(options: ReviewOptions) -> "Project":
-    """The project that the options name: opened, made of a clip, or read-only if somebody else has it."""
+    """The project that the options name: opened, made of a clip, or read-only if another process has it open."""
     from tcfit_app.options.clip_input import clip_options, refusal
 
     if options.video is not None and is_project(options.video):
@@ -299,9 +299,9 @@ def _people(options: ReviewOptions) -> AbstractContextManager["OpenPeople"]:
 
 
 def body_ahead(project: Path) -> Future[BodyModel | None]:
-    """The body of a project's newest run, read by a thread; None if there is none, or if it cannot be read.
+    """The body of a project's newest run, read by a thread; None if it is missing or cannot be read.
 
-    Whoever needs it then reads it again, and is told why that fails.
+    Its user then reads it again and reports the error.
     """
     pool = ThreadPoolExecutor(1, "tcfit reads ahead")
     try:

@@ -28,7 +28,7 @@ def evaluation_of(
     moment in common, or the reference's body is not there.
 
     Args:
-        every: Surfaces are measured in every so many frames.
+        every: Interval of the frames in which surfaces are measured.
         models: Folder with body models, which alone is searched for the reference's.
         done: Takes how many frames' surfaces were measured; what it raises ends the measuring.
     """

@@ -73,7 +73,7 @@ def write_evaluation(folder: Path, evaluation: Evaluation) -> tuple[Path, ...]:
 
 
 def as_csv(records: Sequence[Record]) -> str:
-    """A line for each record, a column for each figure with its unit; empty where there is none."""
+    """A line for each record, a column for each figure with its unit; empty if not measured."""
     titles = figure_titles()
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")

@@ -22,7 +22,7 @@ def file_name(export: Export, name: str, *, zipped: bool) -> str:
 
 
 def write_export(export: Export, source: ExportSource, path: Path, progress: Progress, *, zipped: bool) -> str | None:
-    """Write an export; it appears when it is whole, and whatever is raised leaves nothing. What one should know of it.
+    """Write an export, atomically; return a note for the user.
 
     The file or folder is replaced; `zipped` packs a folder into one file.
 

@@ -84,7 +84,7 @@ def clip_stated(clip: Clip) -> dict[str, Any]:
 
 
 SURFACES = 60
-"""At most so many frames of a run have their surfaces measured, which takes 0.2 to 0.4 s for each."""
+"""Maximum number of frames of a run with measured surfaces, in 0.2 to 0.4 s each."""
 
 
 def report_missing() -> str:

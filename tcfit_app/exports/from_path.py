@@ -150,7 +150,7 @@ def target(name: str, source: ExportSource, options: ExportOptions) -> Path:
     if reason := export.missing():
         raise InputError(f"--formats {name}: {reason}")
     if source.known_motion is None and export.needs != "keypoints":
-        source.fit  # noqa: B018 - told before anything is written
+        source.fit  # noqa: B018 - raises before anything is written
     path = options.out / file_name(export, source.name, zipped=options.zip)
     if path.exists() and not options.overwrite:
         raise InputError(f"{path}: is there already. Give --overwrite to replace it, or another --out.")

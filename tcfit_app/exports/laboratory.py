@@ -43,7 +43,7 @@ def write_marker_c3d(source: ExportSource, path: Path, progress: Progress) -> No
 
 
 def _screen(motion: Motion) -> tuple[str, str] | None:
-    """The axes of its world to the right and up, None where nobody says what is up."""
+    """The axes of its world to the right and up; None if up is unknown."""
     if motion.axes != OWN_WORLD:
         return _SCREENS[motion.axes]
     up = None if motion.camera.world is None else motion.camera.world.up

@@ -32,7 +32,7 @@ def write_everybody(sources: Sequence[ExportSource], path: Path, progress: Progr
     """The characters of a clip's people, whose frames are numbered in one video, in one GLB; see `write_together`.
 
     Raises:
-        InputError: Somebody has no fit.
+        InputError: A person has no fit.
         OSError: It cannot be written; nothing is left of it.
     """
     motions = [replace(replace(source, axes=None).motion("camera"), name=source.name) for source in sources]

@@ -150,14 +150,14 @@ class ExportSource:
 
     @property
     def fit(self) -> ExportedFit:
-        """The run that is exported. Raises InputError if there is none."""
+        """The exported run. Raises InputError without a run."""
         if self.chosen is None:
             raise InputError("There is no fit to export yet: fit everything first.")
         return self.chosen
 
     @property
     def grounding(self) -> Grounding | None:
-        """Of the fit; None where nobody looked."""
+        """Of the fit; None if not computed."""
         return self.known_grounding if self.known_motion is not None else self.fit.fit.grounding
 
     @property

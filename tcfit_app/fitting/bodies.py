@@ -32,7 +32,7 @@ class Bodies:
         self._lock = threading.Lock()
 
     def find(self, *, kind: str = "smplx", gender: str = "neutral") -> BodyModel:
-        """The body for a new fit. Raises InputError if there is none; the message says which file to put where."""
+        """The body for a new fit. Raises InputError if it is missing; the message says which file to put where."""
         return self._read(find_body(model=kind, gender=gender, search=self._search))
 
     def check(self, *, kind: str, gender: str) -> None:

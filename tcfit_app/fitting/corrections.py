@@ -76,7 +76,7 @@ class Corrections:
         self._collected.pop(run, None)
 
     def of(self, run: int) -> Run:
-        """The run that collects a run's corrections, or the run itself if there is none yet."""
+        """The run that collects a run's corrections, or the run itself before the first one."""
         return self._fits.run(self._collected.get(run, run)) or self._project.runs.get(run)
 
     def keep_drag(self, correction: Correction, target: Target, refit: Refit) -> None:

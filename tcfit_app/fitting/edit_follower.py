@@ -70,7 +70,7 @@ class EditFollower:
 
     @property
     def live(self) -> LiveWindow | None:
-        """The newest window of any drag; None if there is none."""
+        """The newest window of any drag, if any."""
         return max(self._windows_of.values(), key=lambda window: window.revision, default=None)
 
     def window(self, run: int, frame: int) -> LiveWindow | None:
@@ -91,7 +91,7 @@ class EditFollower:
 
     @staticmethod
     def obstacle(shown: Shown | None) -> str:
-        """Why a fit does not follow edits, for users; empty if it does, or if there is none."""
+        """Why a fit does not follow edits, for users; empty if it does, or without a fit."""
         if shown is None or (shown.phase == 3 and shown.result is not None):
             return ""
         if shown.run.kind == "imported":

@@ -46,7 +46,7 @@ class Job(Protocol):
 Fresh = tuple[range, Keypoints] | Clip | None
 """Keypoints of some frames, from the clip's first; at the end the whole clip; None: nothing new."""
 _AWAY = 4.0
-"""Metres, of somebody who can be seen from head to foot."""
+"""Metres, of a person visible from head to foot."""
 _NAP = 0.1
 """Seconds between polls for keypoints being detected."""
 

@@ -11,7 +11,7 @@ Milliseconds of CPU time of a move on one thread, window of 7 frames, medians:
     body                    9                  20
     A drag in depth takes 1 ms more, in which the kernels reload the term of relative positions.
 
-A drag in depth takes 1 ms more, in which the kernels take up the term of relative positions anew.
+A drag in depth takes 1 ms more, in which the kernels reload the term of relative positions.
 """
 
 from collections.abc import Callable, Generator

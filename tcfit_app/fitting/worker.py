@@ -52,7 +52,7 @@ class LiveDrag:
         self.released = self.abandoned = False
         self.edit: int | None = None
         self.failed = False
-        """Set by whoever began it: the fit no longer follows."""
+        """Set by the caller: the fit no longer follows."""
 
     def move(self, target: Target) -> None:
         """Move the keypoints to `target`, in the order of the correction's."""

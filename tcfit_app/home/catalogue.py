@@ -132,7 +132,7 @@ def project_beside(result: Found) -> Path | None:
 def _media(project: Path) -> tuple[Path, ...]:
     try:
         return glance(project).media
-    except InputError:  # which is told when it is opened
+    except InputError:  # reported when it is opened
         return ()
 
 

@@ -41,7 +41,7 @@ def export_project(
 
     Args:
         folder: Of the project.
-        report: Is told how far it is.
+        report: Receives the progress.
         formats: Of `exports`.
         axes: Of AXES_CHOICES.
         view: Of VIEW_CHOICES.

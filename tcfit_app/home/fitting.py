@@ -55,12 +55,12 @@ def _free_place(clip: Found) -> Path:
 
 
 def fit_project(folder: Path, report: Report, *, models: Path | None = None, config: FitConfig | None = None) -> None:
-    """Fit a project with the default preset; keypoints are found if it has none. Raises InputError if somebody has it
-    open, nobody is found, the body is missing, or it cannot be read or written.
+    """Fit a project with the default preset; keypoints are found if it has none. Raises InputError if it is open
+    elsewhere, no person is found, the body is missing, or it cannot be read or written.
 
     Args:
         folder: Of the project.
-        report: Is told how far it is.
+        report: Receives the progress.
         models: Folder of body models.
         config: In place of the default.
     """

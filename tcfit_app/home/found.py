@@ -77,7 +77,7 @@ class Found:
 
 def find(root: Path) -> list[Found]:
     """All clips below a folder, by their places. Hidden folders and links are not followed, and nothing is looked for
-    in projects and results. What cannot be read is told in the terminal, once in a process, and left out."""
+    in projects and results. Unreadable ones are reported in the terminal, once in a process, and left out."""
     found: list[Found] = []
     of_people: set[Path] = set()
     folders = [root]

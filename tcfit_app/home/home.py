@@ -53,7 +53,7 @@ from tcfit_app.server.serving import ReviewServer
 SOCKET = "/list"
 """Where the page's websocket is."""
 EVERY = 3.0
-"""Seconds between two looks at the disk, while somebody sees the list."""
+"""Seconds between two scans of the disk, while a browser shows the list."""
 _SHARE = 0.05
 """Of the time that looks at the disk may take: a slow one is followed by a longer rest."""
 _GONE = "This clip is no longer there: it was moved or deleted."
@@ -160,7 +160,7 @@ class Home:
             self._drawing.submit(self._draw, watcher)
 
     def _draw(self, watcher: _Watcher) -> None:
-        """Send the pictures that are wanted now: whoever scrolls on does not wait for those that went by."""
+        """Send the pictures that are visible now; those scrolled past are dropped."""
         while watcher.wanted and watcher in self._watchers and not self._stop:
             key, *rest = watcher.wanted
             watcher.wanted = tuple(rest)
@@ -180,7 +180,7 @@ class Home:
         watcher.send(Opened(key=key))
 
     def _as_project(self, entry: Entry) -> Entry:
-        """A clip's project, which is made beside it where there is none yet."""
+        """A clip's project, made beside it if it is missing."""
         if entry.found.kind == "project":
             return entry
         from tcfit_app.home.fitting import make_project

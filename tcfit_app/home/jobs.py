@@ -22,17 +22,17 @@ class Job(Protocol):
     kind: ClassVar[str]
     """A clip waits for one job of a kind at most."""
     writes: ClassVar[bool]
-    """Whether it writes into the project, which nobody may have open then."""
+    """Whether it writes into the project, which must then be closed."""
 
     def run(self, folder: Path, report: Report) -> str:
         """Do it, in the process.
 
         Args:
             folder: Of the project.
-            report: Is told how far it is.
+            report: Receives the progress.
 
         Returns:
-            What remains to be told when it has been done; empty: nothing.
+            The final message; may be empty.
 
         Raises:
             InputError: It cannot be done.
@@ -42,7 +42,7 @@ class Job(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class FitJob:
-    """Find keypoints where there are none, and fit."""
+    """Find missing keypoints, and fit."""
 
     kind: ClassVar[str] = "fit"
     writes: ClassVar[bool] = True

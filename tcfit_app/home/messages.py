@@ -90,7 +90,7 @@ class Rows(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="row
 
 
 class Picture(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="picture"):
-    """A JPEG in base64; empty if there is none."""
+    """A JPEG in base64; empty without a picture."""
 
     key: str
     data: str

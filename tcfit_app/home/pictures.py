@@ -21,7 +21,7 @@ from tcfit_app.home.found import RESULT
 from tcfit_app.project.picture import NAME, SIZE, as_jpeg, keep
 
 _MOST_BYTES = 1 << 20
-"""Of a picture that somebody else may have put into a project."""
+"""Of a picture from another author of the project."""
 _DETECTIONS = "detections.npz"
 _CONFIDENT = 0.3
 _MARGIN = 1.25
@@ -31,7 +31,7 @@ _LEAST = 40
 
 
 def picture_of(entry: Entry, catalogue: Catalogue) -> bytes:
-    """A JPEG; empty if there is none. Takes some 0.1 s where it is made. Thread-safe."""
+    """A JPEG, or empty. Takes some 0.1 s if it is made. Thread-safe."""
     kind, path = entry.found.kind, entry.found.path
     kept = path / NAME if kind == "project" else _in_cache(path)
     with suppress(OSError, InputError, ValueError):

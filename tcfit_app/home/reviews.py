@@ -169,7 +169,7 @@ class Reviews:
         key = whose.path.removeprefix(PATH)
         try:
             review = await asyncio.to_thread(self._entered, key, client.client_id, whose.reviewer)
-        except Exception as error:  # whatever it is, the list has a place where it is told
+        except Exception as error:  # any error: the list reports it
             if not isinstance(error, ValueError):
                 _log.exception("A review could not be opened")
             run_javascript(client, f"location.replace('/#{key}');")

@@ -75,8 +75,8 @@ def _shape(source: Source, project: Project, body: BodyModel) -> KnownShape:
 
 
 def start_of(options: StartOptions, clip: Clip, body: BodyModel, bodies: Bodies) -> GivenStart | None:
-    """The start chosen by the options; None if there is none. The result's own body may be among `bodies`. Raises
-    InputError if it cannot be read, has nothing for this clip, or nobody in it matches the keypoints; or there are
+    """The start selected by the options, if any. The result's own body may be among `bodies`. Raises
+    InputError if it cannot be read, has nothing for this clip, or no person in it matches the keypoints; or there are
     other start options without a start."""
     if options.start is None:
         said = {"--start-person": options.start_person, "--start-first-frame": options.start_first_frame}

@@ -1,6 +1,6 @@
 """Jobs that provide a project's keypoints: each runs on its own thread and reports its progress.
 
-Uploaded files are stored under our own names, whatever they are called.
+Uploaded files are stored under our own names.
 """
 
 import io

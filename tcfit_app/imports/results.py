@@ -47,7 +47,7 @@ class ImportChoices:
     first_frame: int | None = None
     """Video frame number of the result's first frame; None: as its files are numbered, or the clip's first."""
     person: int | None = None
-    """The number, if a result has several people; None: whoever is in most frames, or for SMPLify-X 0."""
+    """The number, if a result has several people; None: the person in most frames, or for SMPLify-X 0."""
     gender: str | None = None
     """Of the body; None: as in the file, otherwise neutral."""
     body_model: str | None = None
@@ -146,7 +146,7 @@ def _name(path: Path) -> str:
 
 
 def vposer_decoder(given: Path | None = None) -> "Decode | None":
-    """A decoder of VPoser's latent numbers, loaded on first use; None if there is none."""
+    """A decoder of VPoser's latent numbers, loaded on first use; None if VPoser is missing."""
     if given is None and not user_file().is_file():
         return None
 

@@ -34,7 +34,7 @@ class SecondLook:
         `report` receives the current step and the progress (0 to 1, or unknown); it raises to end the search.
 
         Returns:
-            The edit for those frames in which anything was found; None if there are none.
+            The edit for the frames with detections; None without any.
 
         Raises:
             InputError: The video or the networks are missing.

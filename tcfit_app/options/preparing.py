@@ -67,7 +67,7 @@ def compile_kernels(config: FitConfig) -> None:
 
 
 def body_file(options: BodyOptions) -> Path:
-    """The body model's file. Raises InputError if there is none, or --models is given beside a path."""
+    """The body model's file. Raises InputError if it is missing, or --models is given beside a path."""
     given = at_home(options.body_model)
     if not (given.suffix or given.exists() or len(given.parts) > 1):
         try:

@@ -9,7 +9,7 @@ from jaxtyping import UInt8
 from fitting_core.files.atomic import replacing
 
 NAME = "picture.jpg"
-"""In a project's folder: it may be missing or old, and is made again by whoever wants it."""
+"""In a project's folder: it may be missing or old, and is made again on demand."""
 SIZE = (96, 120)
 """Width and height in pixels: some 3 kB, of which 10,000 are 30 MB."""
 GROUND = (128, 132, 138)

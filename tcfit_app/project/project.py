@@ -405,7 +405,7 @@ class Project:
 
     @property
     def reference(self) -> Reference | None:
-        """The reference for fits, None if there is none. Raises InputError if its file is damaged."""
+        """The reference for fits, if any. Raises InputError if its file is damaged."""
         with self._guard:
             if not self._looked:
                 self._reference, self._looked = stored_reference(self.folder), True
@@ -501,7 +501,7 @@ class Project:
             return self._history.redoable
 
     def undo(self, *, author: str = "") -> LogEntry | None:
-        """Undo the last edit or remark; returns it, or None if there is none. Raises InputError as `append`."""
+        """Undo the last edit or remark; returns it, if any. Raises InputError as `append`."""
         with self._guard:
             if edit := self._history.undoable:
                 self.append(Undo(edit=edit.id), author=author)

@@ -48,7 +48,7 @@ class ReviewApp:
         server: behind its gate.
         files: the only folder whose files pages may name; None: see `PageFiles`.
         group: all people, if there are several.
-        listen: to all of the server's tabs; else whoever serves several apps calls `connected` and `disconnected`.
+        listen: to all of the server's tabs; otherwise the server of several apps calls `connected` and `disconnected`.
     """
 
     def __init__(
@@ -186,7 +186,7 @@ class ReviewApp:
 
     def close(self) -> None:
         """End all work. Finished work is on disk."""
-        with suppress(InputError):  # where nothing can be written the tabs were told
+        with suppress(InputError):  # write errors are reported to the tabs
             self._keeping.keep(self.people, last=True)
         for client in list(self._pages):
             self._close(client)

@@ -13,7 +13,7 @@ _log = logging.getLogger(__name__)
 
 
 class Faults:
-    """Does things repeatedly, whatever errors they raise.
+    """Runs steps repeatedly, in spite of any errors.
 
     Args:
         tell: reports an error to users, once until it changes or is gone.

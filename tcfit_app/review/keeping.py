@@ -12,7 +12,7 @@ from tcfit_app.review.shared.drawing_data import DrawingData
 from tcfit_app.review.tab.people import Someone
 
 PAUSE = 60.0
-"""Seconds: between two actions that are farther apart nobody has worked."""
+"""Seconds between two actions above which the time does not count as work."""
 EVERY = 20.0
 """Seconds between two times that something is written."""
 _LEAST = 1.0
@@ -33,7 +33,7 @@ class Keeping:
         self._next = time.monotonic() + EVERY
 
     def acted(self, page: Page) -> None:
-        """Somebody does something in a tab."""
+        """Record an action in a tab."""
         whose, now = (page.tab.session.project, page.tab.browser.reviewer), time.monotonic()
         passed = now - self._acted.get(whose, now)
         self._acted[whose] = now

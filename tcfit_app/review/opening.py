@@ -51,14 +51,14 @@ def prepare_fits() -> None:
 
 
 def log_warnings() -> None:
-    """Warnings and errors to the terminal, of all loggers, whatever their own level."""
+    """Warnings and errors of all loggers to the terminal, at any level of their own."""
     handler = logging.StreamHandler()
     handler.setLevel(logging.WARNING)
     logging.basicConfig(format="tcfit: %(message)s", handlers=[handler])
 
 
 def open_project(folder: Path, *, read_only: bool = False) -> "Project":
-    """Open a project, read-only if somebody else has it, and say so. Raises InputError as `Project.open`."""
+    """Open a project, read-only with a message if another process has it. Raises InputError as `Project.open`."""
     from tcfit_app.project.project import Project
 
     try:

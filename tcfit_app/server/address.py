@@ -36,7 +36,7 @@ class Address:
     def accepts(self, host_header: str) -> bool:
         """Whether a request's Host names this server.
 
-        Any name could be made to point here by whoever owns it (DNS rebinding), so only known names pass. An address
+        The owner of any name could point it here (DNS rebinding), so only known names pass. An address
         is no name: where other computers may connect, every address passes, because behind a container's or a router's
         translation it is not ours. The port is free, so that it may be another one at the end of an SSH tunnel.
         """
@@ -81,7 +81,7 @@ def _in_url(host: str) -> str:
 
 
 def ip_in(text: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
-    """The IP address that a text is, without its zone; None if it is none."""
+    """The IP address in a text, without its zone; None for other texts."""
     try:
         return ipaddress.ip_address(text.partition("%")[0])
     except ValueError:

@@ -1,8 +1,8 @@
 """Who may talk to the review app: browsers let in by a one-time link or a password, and only from the app's own page.
 
-viser itself answers everybody, also a foreign web page that is open in a browser on the same computer. The gate is
-asked first about each request, whether for the page or for the websocket. What it cannot hold off is somebody who reads
-this user's terminal, memory or cookies; between computers everything travels unencrypted.
+viser itself answers any client, even a foreign web page in a browser on the same computer. The gate checks each request
+first, for the page or the websocket. It cannot stop a reader of this user's terminal, memory or cookies; connections
+between computers are not encrypted.
 """
 
 import base64
@@ -32,19 +32,19 @@ PROTECTION = {
     "Referrer-Policy": "no-referrer",
     "X-Content-Type-Options": "nosniff",
 }
-"""Headers of every answer: it is not stored, framed or embedded, and its address goes to nobody else."""
+"""Headers of every answer: it is not stored, framed or embedded, and its address is not passed on."""
 
 HOME = "/"
 """viser's page, which is a single file; of a site its own first page."""
 NAME_CHARACTERS = 40
-"""Of a name with which somebody signs in, at most."""
+"""Maximum length of a sign-in name."""
 _TOKEN_BYTES = 32
 _PLACE = re.compile(r"(/|/[a-z]{1,20}/[0-9a-f]{1,64})(\?frame=-?[0-9]{1,15}(&(run|phase|person)=[0-9]{1,15})*)?")
 """A review's page, as it is or at a frame and a fit, as its links have it. No other query is for viser's page: with
 "?websocket=" it would take orders from a foreign server."""
 
 _TRIES, _MINUTE = 20, 60.0
-"""Wrong passwords from one address within so many seconds, after which that address is locked out; others are not
+"""Wrong passwords from one address within this many seconds, after which that address is locked out; others are not
 affected."""
 _PLACES = 1000
 """Addresses whose wrong passwords are remembered, the latest ones."""
@@ -55,9 +55,9 @@ class Entry:
     """How browsers on other computers come in."""
 
     password: str = ""
-    """Lets any number of browsers in; empty: there is none."""
+    """Lets any number of browsers in; may be empty."""
     public: str = ""
-    """The address under which a proxy offers the server, such as https://fits.example.org; empty: there is none."""
+    """The address under which a proxy offers the server, such as https://fits.example.org; may be empty."""
 
     @property
     def for_others(self) -> bool:
@@ -74,7 +74,7 @@ class Site(Protocol):
     """Several reviews at paths of their own, and pages around them. All methods may be called from any thread."""
 
     def page(self, path: str) -> bytes | None:
-        """The HTML page at a path; None if there is none."""
+        """The HTML page at a path, if any."""
         ...
 
     def has_review(self, path: str) -> bool:
@@ -90,8 +90,8 @@ class Gate:
     """Answers the requests that must not reach viser.
 
     The link's token lets in one browser and is void from then on; a cookie stands for it, for as long as the process
-    runs. It holds the name with which somebody has signed in by the password, sealed; it is the same for all that came
-    by a link. There always is one unused link. Safe to use from several threads.
+    runs. It holds the sign-in name of a password user, sealed; it is the same for all that came by a link. There always
+    is one unused link. Safe to use from several threads.
     """
 
     def __init__(

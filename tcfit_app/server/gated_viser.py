@@ -43,13 +43,13 @@ class Visitor:
     here: bool = False
     """It runs on this computer."""
     name: str = ""
-    """With which somebody has signed in; empty: nobody has given one."""
+    """The sign-in name; may be empty."""
     path: str = HOME
     """Of the page."""
 
     @property
     def reviewer(self) -> str:
-        """Under what name work and approvals are kept: on this computer that of the user, if nobody has signed in."""
+        """The name for work and approvals: on this computer that of the user, without a sign-in."""
         return self.name or (_user() if self.here else "somebody")
 
 
@@ -64,8 +64,8 @@ class TalkingSite(Site, Protocol):
     """A site whose pages have websockets."""
 
     async def talk(self, connection: ServerConnection, visitor: Visitor) -> None:
-        """Serve such a websocket until it ends, in viser's event loop. Whatever comes is from a browser that was let
-        in, and may be anything."""
+        """Serve such a websocket until it ends, in viser's event loop. Messages come from an admitted browser, and may
+        be anything."""
         ...
 
 
@@ -116,7 +116,7 @@ def gated_viser(listening: socket.socket, gate: Gate, site: TalkingSite | None =
         _know_clients(server)
         yield server
     finally:
-        with suppress(RuntimeError):  # somebody stopped viser before: its loop is closed
+        with suppress(RuntimeError):  # viser was stopped before: its loop is closed
             for network in started:
                 server.get_event_loop().call_soon_threadsafe(_hang_up, network)
         with _quiet():
@@ -167,7 +167,7 @@ def _whose(gate: Gate, connection: ServerConnection) -> Visitor:
 
 
 def _know_clients(server: viser.ViserServer) -> None:
-    """Tell screens their clients, and keep whose they are. Nobody has a link yet, so none is missed."""
+    """Register each screen's client and its visitor. No link exists yet, so none is missed."""
     known = _visitors.setdefault(server, {})
 
     def connected(client: int) -> None:

@@ -1,7 +1,7 @@
 """Which files of this computer a page may name.
 
-Whoever came through the gate is let in to one project, not to everything that the user may read. So a path that was
-typed into a page counts only if the browser runs on this computer, or if the server was started with a folder for such
+The gate admits browsers to one project, not to everything that the user may read. A path typed into a page counts only
+if the browser runs on this computer, or if the server was started with a folder for such
 paths.
 """
 
@@ -27,7 +27,7 @@ def on_this_computer(address: str, headers: Headers) -> bool:
 
     Args:
         address: The other end of its connection. What headers say of that is not believed: anybody can send them.
-        headers: The request's; one from a proxy counts as somebody else's.
+        headers: The request's; one from a proxy counts as remote.
     """
     ip = ip_in(address)
     if isinstance(ip, ipaddress.IPv6Address) and ip.ipv4_mapped is not None:
@@ -65,7 +65,7 @@ class PageFiles:
             special = _is_special(path)
         except InputError:  # is a ValueError, too
             raise
-        except (OSError, RuntimeError, ValueError) as error:  # a name too long, ~ of nobody, a circle of links
+        except (OSError, RuntimeError, ValueError) as error:  # a name too long, ~ of an unknown user, a circle of links
             raise InputError(f"{given[:200]!r} cannot be looked for: {error}.") from error
         if special:
             raise InputError(f"{path}: is neither a file nor a folder; expected a file or a folder.")
@@ -82,7 +82,7 @@ def _is_special(path: Path) -> bool:
 
 
 def _below(root: Path, given: Path) -> Path:
-    """A path in a folder, links followed; of what lies outside it is not even told whether it exists."""
+    """A path in a folder, links followed; the existence of paths outside is not revealed."""
     path = (root / given).resolve()
     if not (path.is_relative_to(root) and all(place.is_relative_to(root) for place in _links_in(path))):
         raise InputError(f"{given}: does not lie in {root}. Put it there, or upload it.")

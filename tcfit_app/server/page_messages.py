@@ -122,7 +122,7 @@ _encoder = msgspec.msgpack.Encoder()
 
 
 def read(sent: bytes | str) -> PageMessage:
-    """The message in what came through a websocket. Raises ValueError if it is none that tcfit's page sends."""
+    """Decode a websocket message. Raises ValueError if tcfit's page does not send it."""
     if isinstance(sent, str):
         raise ValueError("a text")
     try:

@@ -117,7 +117,7 @@ class Screen:
 
     def _check_value(self, message: GuiUpdateMessage) -> None:
         widget, value = self._widget(message.uuid, FITS), message.updates.value
-        # The script's events are the value of a text field that nobody sees.
+        # The script's events are the value of a hidden text field.
         seen = isinstance(widget, viser.GuiTextHandle) or viser_bridge.is_on_show(widget)
         if not seen or not FITS[type(widget)](widget, value):
             raise ValueError(f"{str(value)[:100]!r} for {type(widget).__name__}")

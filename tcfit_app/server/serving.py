@@ -60,7 +60,7 @@ def review_server(
 
     Args:
         title: Above the panels and in the browser's tab.
-        host: Name or address of this computer to listen at; whatever other computers reach brings a warning.
+        host: Name or address of this computer to listen at; one reachable from other computers gives a warning.
         port: From here upwards the first that is free is taken; 0 takes any.
         open_browser: Open the link in a browser, where there is one to see it.
         scripts: JavaScript modules for the page, by their paths.

@@ -1,4 +1,4 @@
-"""Limits uploads: viser keeps all parts of a file in memory, and joins whatever it is sent."""
+"""Limits on uploads, because viser keeps all parts of a file in memory and joins any of them."""
 
 from dataclasses import dataclass, field
 
@@ -15,13 +15,13 @@ _LEAST_PART = 64 << 10
 
 
 def too_large(size: int) -> str:
-    """What a user is told about a file of that many bytes."""
+    """The message about a file of that many bytes."""
     most = f"It has {size / 2**20:,.1f} MB; expected at most {UPLOAD_BYTES >> 20} MB."
     return f"{most} Copy it to the computer that runs tcfit, and give its path."
 
 
 class NoRoom(ValueError):
-    """A sound page may ask for this, but not now, or not for so much: its user should be told."""
+    """A valid request that is refused now or at this size; reported to the user."""
 
 
 @dataclass
@@ -68,7 +68,7 @@ class Uploads:
             self._going[message.transfer_uuid] = _Transfer(message.source_component_uuid, size, parts)
 
     def take(self, message: FileTransferPart) -> None:
-        """A part has come. Raises ValueError if it is none of what was announced."""
+        """Receive a part. Raises ValueError if it was not announced."""
         going, index, length = self._going.get(message.transfer_uuid), message.part_index, len(message.content)
         if going is None or message.source_component_uuid != going.source:
             raise ValueError("a part of no upload")

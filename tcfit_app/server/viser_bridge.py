@@ -104,7 +104,7 @@ def place_camera(
     least_distance: float,
     most_distance: float,
 ) -> None:
-    """Move the viewer's camera, whatever its last report was.
+    """Move the viewer's camera, regardless of its last report.
 
     viser's own setters leave out what equals the last report, which may be older than the last command.
     """
@@ -165,7 +165,7 @@ def is_on_show(field: viser.GuiInputHandle[Any] | None) -> bool:
 def watch_connections(
     server: viser.ViserServer, connected: Callable[[int], None], disconnected: Callable[[int], None]
 ) -> None:
-    """Be told the numbers of tabs that come and go, in their own connection's context, before viser's tabs are made."""
+    """Receive the numbers of tabs that come and go, in their own connection's context, before viser's tabs are made."""
 
     async def come(client: _infra.WebsockClientConnection) -> None:
         connected(client.client_id)
@@ -218,7 +218,7 @@ _starting = Lock()
 
 @contextmanager
 def network_server(serve: Callable[..., Any]) -> Iterator[None]:
-    """Within the block viser, and nobody else, gets `serve` in place of websockets' function.
+    """Within the block only viser gets `serve` instead of websockets' function.
 
     viser takes neither a socket nor a check of requests, and a proxy in front would leave its own port open to
     everybody on this computer.
@@ -252,6 +252,6 @@ def icon(name: str) -> str:
 
 
 def keep_icons_open() -> None:
-    """viser opens its archive of 5000 icons anew for each icon: 60 ms, for each of seven in front of every tab."""
+    """viser opens its archive of 5000 icons again for each icon: 60 ms, for each of seven in front of every tab."""
     for user in (_gui_api, _gui_handles):
         setattr(user, "svg_from_icon", icon)  # noqa: B010

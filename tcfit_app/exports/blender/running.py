@@ -61,7 +61,7 @@ def write_fbx(source: ExportSource, path: Path, progress: Progress) -> None:
 
 
 def _run(command: list[str], folder: Path, seconds: float, progress: Progress) -> None:
-    """Until it has ended. Whatever `progress` raises ends it as well."""
+    """Wait for its end. An exception of `progress` ends it too."""
     with (folder / "said.txt").open("wb") as said:
         try:
             process = subprocess.Popen(

@@ -92,7 +92,7 @@ class Corrected:
 
     @property
     def shift(self) -> Float[np.ndarray, "F K 2"]:
-        """Its displacement by keyframes, pixels: `xy - shift` is the position without them, (0, 0) if there is none."""
+        """Its displacement by keyframes, pixels: `xy - shift` is the position without them, (0, 0) if it is missing."""
         return self.records["shift"]
 
     def at(self, frames: tuple[int, ...], joints: tuple[int, ...]) -> "Corrected":

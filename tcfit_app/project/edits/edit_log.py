@@ -3,7 +3,7 @@
 The log is append-only. Besides edits and remarks (marks and notes) it has Undo and Redo, which name the entry they undo
 or redo:
 
-- An edit or a remark is done; whatever was undone before it can no longer be redone.
+- An edit or a remark is done; entries undone before it can no longer be redone.
 - Undo reverts the last one done. Redo restores the one undone last.
 - The keypoints are the detections with all edits done, in order. Keypoints taken over from another person, or found by
 a second look, count as detected from then on.
@@ -198,7 +198,7 @@ class KeypointsNews:
 class EditHistory:
     """The state that a log produces: the corrected keypoints, and what can be undone and redone.
 
-    Adding an entry costs as much as the frames it changes, whatever the lengths of clip and log. Not thread-safe.
+    The cost of adding an entry depends on the frames it changes, not on the lengths of clip and log. Not thread-safe.
     Returned keypoints never change; `corrected` and `detected` are views of the current state.
     """
 

@@ -110,7 +110,7 @@ def _follow(one: Corrected, found: Corrected, there: Bool[np.ndarray, "n"], base
         one: Its current state, with keyframes.
         found: As detected.
         there: Whether it has a position without keyframes.
-        base: That position, pixels; (0, 0) if there is none.
+        base: That position, pixels; (0, 0) if it is missing.
     """
     keys, between = np.flatnonzero(one.key), ~one.key
     if len(keys):

@@ -490,7 +490,7 @@ class PlaceKey(_KeyEdit, frozen=True, tag="key"):
 
 
 class RemoveKey(_KeyEdit, frozen=True, tag="remove_key"):
-    """Delete a keyframe: its frame is interpolated from those before and after, or reset if there are none."""
+    """Delete a keyframe: its frame is interpolated from those before and after, or reset without any."""
 
     def values(self, now: Corrected, detections: Corrected) -> Corrected:
         return keyed(now, detections, self._span, self.joints, removed=self.at)

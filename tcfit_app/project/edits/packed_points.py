@@ -21,7 +21,7 @@ def unpacked(content: bytes, frames: int, joints: int, numbers: int) -> Float[np
     """
     size = frames * joints * numbers * _NUMBER.itemsize
     try:
-        plain = zlib.decompressobj().decompress(content, size + 1)  # no more than expected, whatever it contains
+        plain = zlib.decompressobj().decompress(content, size + 1)  # no more than expected, for any content
     except zlib.error as error:
         raise ValueError("its keypoints cannot be unpacked") from error
     if len(plain) != size:

@@ -287,7 +287,7 @@ def _read_detections(folder: Path, expected: str) -> tuple[Keypoints, str, Silho
 
 
 def _silhouettes(found: dict[str, np.ndarray], keypoints: Mapping[str, np.ndarray]) -> Silhouettes | None:
-    """None if there are none. Raises ValueError if they do not match the clip's keypoints."""
+    """None if missing. Raises ValueError if they do not match the clip's keypoints."""
     if not found:
         return None
     packed, size, known = (found[name] for name in _SILHOUETTES)

@@ -21,7 +21,7 @@ State = Literal["new", "fitted", "in review", "approved"]
 NOTE_CHARACTERS = 500
 """Of a note on a clip, at most; it is one line."""
 TOUCHED = 30.0
-"""Seconds of work from which on a clip is in review; whoever only looks in has not begun."""
+"""Seconds of work after which a clip is in review; looking does not count."""
 _REMARKS = ("mark", "note", "notes")
 """Kinds of entries of the log that leave keypoints alone, and so what was approved."""
 Rows = Callable[..., list[sqlite3.Row]]
@@ -66,7 +66,7 @@ class ClipReview:
 
     @property
     def reviewer(self) -> str:
-        """Who has approved it, or else has worked on it last; empty if nobody has, or nobody knows the name."""
+        """Name of the approver, or else of the last reviewer; empty if unknown."""
         return self.approved_by if self.approved is not None else next(iter(self.seconds), "")
 
 
@@ -154,7 +154,7 @@ class ReviewOfClip:
         return read_clip_review(self._database.rows, self._database.damage)
 
     def approve(self, reviewer: str) -> None:
-        """Somebody says that the clip is done, as it is now."""
+        """Approve the clip in its present state."""
         edit, moment = self._last_edit(), self._database.rows(f"SELECT {LAST_MOMENT}")[0][0]
         self._set("approved = ?, approved_by = ?, last_edit = ?, last_moment = ?", _now(), reviewer, edit, moment)
 
@@ -171,7 +171,7 @@ class ReviewOfClip:
         self._set("worst = ?", msgspec.json.encode(worst).decode())
 
     def add_time(self, reviewer: str, seconds: float) -> None:
-        """Somebody has worked so long on it."""
+        """Add a reviewer's working time."""
         with self._database.transaction() as connection:
             connection.execute(
                 "INSERT INTO review_time VALUES (?, ?, ?) ON CONFLICT (reviewer) DO UPDATE "
@@ -191,10 +191,10 @@ def _now() -> str:
 
 @contextmanager
 def reviewed(folder: Path) -> Iterator[ReviewOfClip]:
-    """The review of a clip whose project nobody has open, within the `with` block.
+    """The review of a clip with a closed project, within the `with` block.
 
     Raises:
-        ProjectLocked: Somebody has it open.
+        ProjectLocked: Another process has it open.
         InputError: It cannot be read or written.
     """
     with accessing(folder):

@@ -33,7 +33,7 @@ class ProjectLock:
         self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
         try:
             free = try_lock(self._descriptor)
-            if not free:  # somebody may only have looked who has it
+            if not free:  # another process may only have asked for the holder
                 time.sleep(_LOOK)
                 free = try_lock(self._descriptor)
         except OSError as error:
@@ -51,8 +51,8 @@ class ProjectLock:
         self.tell("")
 
     def tell(self, names: str) -> None:
-        """Write down, for whoever finds it locked, which people work on it; one line."""
-        with suppress(OSError):  # on a full disk nobody is named
+        """Record the people who work on it, in one line, for processes that find it locked."""
+        with suppress(OSError):  # on a full disk no name is recorded
             os.ftruncate(self._descriptor, 0)
             os.lseek(self._descriptor, 0, os.SEEK_SET)
             os.write(self._descriptor, f"{os.getpid()}\n{platform.node()}\n{names}\n".encode())
@@ -78,13 +78,13 @@ class Holder:
     """Its number; empty if it has written none down."""
     computer: str = ""
     names: str = ""
-    """Of the people who work on it; empty if nobody is known by name."""
+    """Of the people who work on it; empty if unknown."""
 
 
 def holder(folder: Path) -> Holder | None:
-    """Who writes to a project now; None if nobody does."""
+    """The process that writes to a project now, if any."""
     try:
-        # Whoever has let go has left nothing written. All others may be gone, and are not disturbed by a look.
+        # A released lock has no content. Other processes may be dead, and are not disturbed by a look.
         if not os.stat(folder / NAME).st_size:
             return None
         descriptor = os.open(folder / NAME, os.O_RDWR)

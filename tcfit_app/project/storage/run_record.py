@@ -93,8 +93,8 @@ def newest(runs: Sequence[Run]) -> Run:
 
 
 def named(runs: Sequence[Run], name: str) -> Run:
-    """The run that a user refers to by name or by number ("3" or "#3"). Raises InputError if there is none, or there
-    are several with this name."""
+    """The run that a user refers to by name or by number ("3" or "#3"). Raises InputError if it is missing, or several
+    have this name."""
     found = [run for run in runs if name == run.name] or [run for run in runs if name.lstrip("#") == str(run.id)]
     if len(found) == 1:
         return found[0]
@@ -113,7 +113,7 @@ def newest_body(database: Database) -> str:
 
 
 def largest(column: str, table: str) -> str:
-    """The largest of some moments that are none the worse for damage, 0 without any, in SQL."""
+    """The largest of the undamaged moments, 0 without any, in SQL."""
     sound = f"typeof(m) = 'integer' AND m BETWEEN 0 AND {2**52}"
     return f"(SELECT coalesce(max(m), 0) FROM (SELECT {column} AS m FROM {table}) WHERE {sound})"
 

@@ -138,7 +138,7 @@ class Runs:
         name: str,
         frames: range | None = None,
     ) -> int:
-        if self.refusal:  # asked within the transaction: whoever sets it then sees this run, or this sees it
+        if self.refusal:  # asked within the transaction, so that either its setter sees this run, or this sees it
             raise InputError(self.refusal)
         if parent is not None:
             self.get(parent)
@@ -305,7 +305,7 @@ class Runs:
         self._set_deleted(run, _now().isoformat())
 
     def undelete(self, run: int) -> None:
-        """Restore a deleted run. Raises InputError if there is none, or the project cannot be written."""
+        """Restore a deleted run. Raises InputError if it is missing, or the project cannot be written."""
         self.get(run)
         self._set_deleted(run, None)
 
@@ -332,7 +332,7 @@ class Runs:
         return [run for row in rows if (run := self._run(row)) is not None]
 
     def get(self, run: int) -> Run:
-        """A run by its number, deleted or not. Raises InputError if there is none."""
+        """A run by its number, deleted or not. Raises InputError if it is missing."""
         rows = self._database.rows("SELECT * FROM runs WHERE id = ?", run)
         found = self._run(rows[0]) if rows else None
         if found is None:

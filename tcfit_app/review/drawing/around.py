@@ -102,7 +102,7 @@ def in_image(points: Float[np.ndarray, "n 3"], camera: Camera) -> Float[np.ndarr
 
 
 def followed(xy: Float[np.ndarray, "t K 2"], there: Bool[np.ndarray, "t K"], now: int) -> Float[np.ndarray, "2"] | None:
-    """The centre of keypoints at one frame, smoothed over frames; None if there are none."""
+    """The centre of keypoints at one frame, smoothed over frames; None without keypoints."""
     seen = np.flatnonzero(there.any(1))
     if not len(seen):
         return None

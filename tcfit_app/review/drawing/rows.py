@@ -83,7 +83,7 @@ class _Found:
     curves: tuple[tuple[Slot, Curve], ...] = ()
     levels: LevelSpans | None = None
     empty: str = ""
-    """Why there are none; empty: they are being computed, or there is no fit yet."""
+    """Why they are missing; empty: they are being computed, or there is no fit yet."""
 
 
 class Rows:

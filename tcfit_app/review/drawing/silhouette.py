@@ -32,7 +32,7 @@ class SilhouettePart:
 
 
 def silhouette(mask: Bool[np.ndarray, "h w"] | None, camera: Camera) -> Silhouette | None:
-    """A mask's outlines for the page; None if there are none."""
+    """A mask's outlines for the page, if any."""
     found = [] if mask is None else outlines(mask, camera.size, camera.lens)
     return Silhouette(lines=tuple(map(pixel_pairs, found))) if found else None
 

@@ -59,7 +59,7 @@ class _Dragging:
     in_depth: bool = False
     shown: Shown | None
     drag: LiveDrag | None = None
-    """The live fit that follows; None if there is none."""
+    """The live fit that follows, if any."""
 
 
 class Correcting:
@@ -323,7 +323,7 @@ class Correcting:
         tab.say(f"{verb}: {describe(edit, tab.first_frame)}{made}")
 
     def selected(self) -> tuple[int, ...]:
-        """The selected keypoints. Raises InputError if there are none."""
+        """The selected keypoints. Raises InputError if no keypoint is selected."""
         if not self._tab.state.selection:
             raise InputError("Select keypoints first: click one, or draw a rectangle with Shift.")
         return self._tab.state.selection
@@ -352,7 +352,7 @@ class Correcting:
         self.keep(edit)
 
     def keep(self, edit: Edit, remark: str = "") -> None:
-        """The same for an edit begun earlier, whatever else is going on; `remark` is appended to the message."""
+        """The same for an edit begun earlier, during any other work; `remark` is appended to the message."""
         tab, shown = self._tab, self._tab.look().b
         tab.session.edit(edit, author=tab.author, shown=shown)
         self._saved(edit, shown, remark)

@@ -107,7 +107,7 @@ class CorrectingDepth:
         self._correcting.make(Unlock(frames=frames, joints=joints))
 
     def lockable(self) -> tuple[int, ...]:
-        """The selected joints that can be locked. Raises InputError if there are none."""
+        """The selected joints that can be locked. Raises InputError without any."""
         found = tuple(joint for joint in self._correcting.selected() if joint in LOCKABLE)
         if not found:
             raise InputError("Neck, head (the nose), and joints of arms and legs can be locked: select one of them.")
@@ -186,7 +186,7 @@ class CorrectingDepth:
 
 
 def _stated_with(joints: tuple[int, ...]) -> tuple[int, ...]:
-    """The keypoints that state the rotations of these keypoints' limbs; all of them if there are none. A hand's
+    """The keypoints that state the rotations of these keypoints' limbs; all of them without any. A hand's
     keypoints stand for the hand alone."""
     limbs = LIMB_OF | {INDEX["neck"]: "head"}
     chosen = {REGION_OF[joint] if BODY.stop <= joint < FACE.start else limbs[joint] for joint in joints}

@@ -39,7 +39,7 @@ limb's depth, only its length in the image does."""
 
 
 def limbs_of(joints: Collection[int]) -> tuple[LimbPoints, ...]:
-    """The arms and legs with any keypoint but the root among these. Raises InputError if there are none."""
+    """The arms and legs with any keypoint but the root among these. Raises InputError without any."""
     chosen = {_FEET.get(joint, joint) for joint in joints}
     found = tuple(limb for limb in _LIMBS if chosen & set(limb[1:]))
     if not found:
@@ -66,7 +66,7 @@ class SeenBody:
 
         Each bone then has two solutions, nearer or farther. "mirror" takes the other one of both; the other ways take,
         among the poses on the requested side, the one closest to the current distances of elbow and wrist from the
-        root; whatever would still be on the wrong side is put at the root's depth.
+        root; keypoints still on the wrong side are put at the root's depth.
         """
         ends = [[other_side(joint, pairs) for joint in limb[1:]] for pairs in self.swapped]
         roots = np.array([[_ROOT[middle]] for middle, _ in ends])

@@ -19,7 +19,7 @@ _LEAST = 2.0
 
 
 def missing_parts(corrected: Corrected, frame: int) -> tuple[PartOfPerson, ...]:
-    """What was not found in a frame; only "person" if nobody was."""
+    """Missing parts of a frame; only "person" without a person."""
     there = corrected.confidence[frame] > 0
     if not there[BODY].any():
         return ("person",)

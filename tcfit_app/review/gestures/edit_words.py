@@ -37,7 +37,7 @@ from tcfit_app.review.gestures.keyframing import HANDS_OF
 from tcfit_app.review.tab.browser_tab import BROWSER
 
 FEW = 3
-"""Up to so many keypoints are named individually."""
+"""Maximum number of keypoints that are named individually."""
 SHORT_TEXT = 40
 """Characters of a note shown in the history."""
 

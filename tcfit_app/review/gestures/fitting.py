@@ -79,15 +79,15 @@ class Fitting:
         self._rerun((self.selected_frames(),))
 
     def selected_frames(self) -> range:
-        """The frames selected in the timeline. Raises InputError if there are none."""
+        """The frames selected in the timeline. Raises InputError without a selection."""
         frames = self._tab.state.frames
         if frames is None:
             raise InputError("Select frames first: Shift-drag in the timeline, or set both ends with [ and ].")
         return frames
 
     def edited(self) -> None:
-        """Refit B around flagged frames and those edited since the run. Raises InputError as `everything`, and if there
-        are none.
+        """Refit B around flagged frames and those edited since the run. Raises InputError as `everything`, and without
+        such frames.
         """
         self._rerun(self.edited_windows())
 
@@ -107,7 +107,7 @@ class Fitting:
             self._read(session.reading_shape(settings.given, before), begin)
 
     def edited_windows(self) -> tuple[range, ...]:
-        """The frames that `edited` refits. Raises InputError if there are none, or as `base`."""
+        """The frames that `edited` refits. Raises InputError without any, or as `base`."""
         tab, shown, project = self._tab, self.base(), self._tab.session.project
         reach = tab.state.settings.reach
         key = shown.run, reach, project.keypoints_version, project.marks_version

@@ -62,7 +62,7 @@ def filled(
 
 
 def keys_in(corrected: Corrected, joints: Iterable[int], frame: int) -> tuple[int, ...]:
-    """Those with a keyframe in this frame. Raises InputError if there are none."""
+    """Those with a keyframe in this frame. Raises InputError without any."""
     found = tuple(joint for joint in joints if corrected.key[frame, joint])
     if not found:
         raise InputError("None of the selected keypoints has a keyframe in this frame.")

@@ -107,7 +107,7 @@ class Reviewing:
 
     @property
     def approved(self) -> str:
-        """Who has approved the clip as it is now; empty if nobody has."""
+        """Approver of the clip's present state; empty if not approved."""
         project = self._tab.session.project
         versions = project.review.version, project.keypoints_version, project.runs.version
         now = self._tab.once("review of the clip", versions, lambda: project.review.now)
@@ -133,7 +133,7 @@ class Reviewing:
             raise InputError("There is no finished fit that could be approved.")
 
     def leave(self, to: Literal["list", "next", "previous"]) -> None:
-        """Have the page go to the list of clips, or to another one of them. Raises InputError if there is none."""
+        """Have the page go to the list of clips, or to another clip. Raises InputError if it is missing."""
         self.refuse_without_list()
         self._tab.channel.ask("leaving", Leaving(to=to))
 

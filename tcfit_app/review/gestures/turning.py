@@ -50,7 +50,7 @@ class Turning:
         """The body is drawn as it was turned, in place of the fit."""
 
     def rings(self, on_show: OnShow) -> Rings | None:
-        """Where they are; None if there are none."""
+        """Their positions, if any."""
         found = self._joint(on_show)
         if found is None:
             return None

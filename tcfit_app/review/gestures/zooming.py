@@ -101,7 +101,7 @@ def next_close_up(tab: Tab) -> None:
 
 
 def usual_size(xy: Float[np.ndarray, "T K 2"], there: Bool[np.ndarray, "T K"]) -> float | None:
-    """Median longer side of the bounding box of keypoints, pixels; None if there are none."""
+    """Median longer side of the bounding box of keypoints, pixels; None without keypoints."""
     seen = there.sum(1) > 1
     if not seen.any():
         return None

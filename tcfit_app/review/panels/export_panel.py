@@ -90,7 +90,7 @@ class ExportPanel:
         self._refuse_second()
         source = self._source(export)
         if export.needs != "keypoints":
-            source.fit  # noqa: B018 - told before anything begins
+            source.fit  # noqa: B018 - raises before anything begins
         if (frames := self._frames) is not None and export.group != "Project":
             source = source[slice(frames.start, frames.stop)]
         name = file_name(export, "-".join([source.name, *self._parts(export)]), zipped=True)

@@ -107,7 +107,7 @@ class KeypointsPanel:
         session.edit_follower.after_edits = not session.edit_follower.after_edits
 
     def _edit_of(self, number: str) -> Said:
-        """The edit with this number in the log; raises ValueError if there is none."""
+        """The edit with this number in the log; raises ValueError if it is missing."""
         found = [entry.action for entry in self._tab.session.project.log if entry.id == int(number)]
         if not found or isinstance(found[0], Undo | Redo):
             raise ValueError(number)

@@ -61,7 +61,7 @@ KIND_WORDS = {
 }
 """Kinds of findings, as users read them."""
 _FEW = 5
-"""So many entries need no filters."""
+"""Number of entries that need no filters."""
 _CLIPS = {"next_clip": "Next clip", "previous_clip": "Previous clip", "list": "All clips"}
 """What their buttons say."""
 _FLAGS = 24

@@ -118,8 +118,8 @@ class BodyNode:
             layer: What to draw.
             vertices: World units, compared by identity.
             position: Of the node; None keeps it.
-            solid: Opaque, whatever the layer's opacity.
-            ghost: Faint, whatever the layer's opacity, and over bodies that it must not hide.
+            solid: Opaque, regardless of the layer's opacity.
+            ghost: Faint, regardless of the layer's opacity, and over bodies that it must not hide.
             lines: It may be drawn as an outline, because the view is along z.
         """
         self._position = position or self._position

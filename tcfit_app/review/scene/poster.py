@@ -73,7 +73,7 @@ class Posters:
     """What the 2D modes show: one or two pictures, with the side view to the right."""
 
     camera: Camera
-    """The clip's. Pictures have its size, whatever the resolution of the encoded images."""
+    """The clip's. Pictures have its size for any resolution of the encoded images."""
     posters: tuple[Poster, ...]
     side: SidePoster | None = None
     arrangement: Arrangement | None = None
@@ -223,7 +223,7 @@ class _Slot:
             others: Of other people.
             how: Identifies `project`.
             project: The projection.
-            solid: Opaque, whatever the layers' opacity.
+            solid: Opaque, regardless of the layers' opacity.
         """
         shown, problems = drawable(bodies)
         besides, _ = drawable(others)

@@ -49,7 +49,7 @@ def divide(
         canvas: The available space, except for its covered part.
         pictures: One or two.
         width: Of a picture, in image heights.
-        side: Width of the side view's plate on the right, in image heights; None: there is none.
+        side: Width of the side view's plate on the right, in image heights, if any.
         arrangement: Of two pictures; None: side by side, or stacked if that makes them clearly larger.
     """
     if pictures == 1:

@@ -66,7 +66,7 @@ class Group:
         self._doubts: tuple[object, list[list[Doubt]]] = (), []
         """What they were found from, and they."""
         self._next_try: float | None = None
-        """When to try again to undo half an exchange; None: there is none that could not be undone."""
+        """When to retry undoing half an exchange, if one is pending."""
         self.undo_halves()
 
     def doubts(self, number: int) -> list[Doubt]:

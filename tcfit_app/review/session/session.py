@@ -94,7 +94,7 @@ class Session:
         return entry
 
     def undo(self, *, author: str, shown: Shown | None = None) -> LogEntry | None:
-        """Undo the project's last edit or remark, whoever made it; None if there is none. Raises as `edit`."""
+        """Undo the project's last edit or remark, by any author; returns it, if any. Raises as `edit`."""
         return self._went_back(self.project.undo(author=author), shown)
 
     def redo(self, *, author: str, shown: Shown | None = None) -> LogEntry | None:
@@ -295,7 +295,7 @@ class Session:
     ) -> Run:
         self.project.refuse_read_only()
         seen, parent = self.project.last_edit, None if given.start is None else given.start.run
-        if start is not None:  # same evidence, but a re-estimated shape is given anew
+        if start is not None:  # same evidence, but a re-estimated shape is given again
             before, parent = start.run.given, start.run.id
             given = Given(start=before.start, shape=before.shape if windows else given.shape)
         if start is not None and windows:

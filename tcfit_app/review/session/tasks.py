@@ -113,7 +113,7 @@ def reason_of(error: Exception) -> str:
 
 
 class _Made:
-    """A value, or why there is none."""
+    """A value, or why it is missing."""
 
     def __init__(self, compute: Callable[[], Any]) -> None:
         self._compute: Callable[[], Any] | None = compute
@@ -258,7 +258,7 @@ class Tasks:
         for waiting in self._waiting.values():
             waiting.put(None)
         for made in self.known.values():
-            made.asked = -math.inf  # nobody will look at it
+            made.asked = -math.inf  # not needed any more
         for task in self._running:
             task.cancel()
         end = time.monotonic() + _PATIENCE

@@ -58,7 +58,7 @@ class DrawingData:
     Args:
         session: the project.
         wake: called when something requested is ready.
-        videos: shared with the clip's other people; None: there are none.
+        videos: shared with the clip's other people, if any.
     """
 
     def __init__(self, session: Session, wake: Callable[[], None], videos: Videos | None = None) -> None:

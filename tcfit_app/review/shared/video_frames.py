@@ -64,7 +64,7 @@ class VideoFrames:
     """Frames of one clip. Thread-safe.
 
     Args:
-        source: A video or a folder of images; None if there is none.
+        source: A video or a folder of images, if any.
         first_frame: The source's frame number of the clip's frame 0.
         count: Number of frames in the clip.
         size: Width and height in pixels of the clip's camera: the placeholder's shape.

@@ -65,7 +65,7 @@ class BrowserTab:
     def greet(self, name: str, browser: str, size: tuple[int, int]) -> None:
         """The page's script has started, and gives its name.
 
-        Edits are attributed to whoever signed in, or else to the browser, so that a new tab after a restart of tcfit
+        Edits are attributed to the signed-in user, or else to the browser, so that a new tab after a restart of tcfit
         still has the same author.
         """
         self.name, self.size = name, size

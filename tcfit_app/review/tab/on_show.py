@@ -21,7 +21,7 @@ class OnShow:
 
     frame: int
     a: Shown | None
-    """None: there is none yet, or it cannot be read."""
+    """None: missing or unreadable."""
     b: Shown | None
     """The one that corrections apply to."""
     live_a: LiveWindow | None

@@ -79,7 +79,8 @@ class Tab:
             title: What it is.
             work: See `Tasks.submit`.
             then: Receives the result, on the drawing thread.
-            writes: It changes the project: it outlives the tab, and everyone is told; anything else ends with the tab.
+            writes: It changes the project: it outlives the tab, and all tabs report it; anything else ends with the
+                tab.
         """
 
         def ended(task: Task[Value]) -> None:

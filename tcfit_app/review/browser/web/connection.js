@@ -148,7 +148,7 @@ function browserName() {
 /** Bytes of the largest file that the server takes. */
 export let largestUpload = Infinity;
 
-/** Begins anew with an empty page: the first time, and whenever viser has connected again.
+/** Starts with an empty page: the first time, and whenever viser has connected again.
  * @param {string} uuid @param {boolean} strip whether there will be a timeline @param {number} largest upload */
 export function connect(uuid, strip, largest) {
   largestUpload = largest;
@@ -185,7 +185,7 @@ watch("rows", (state) => {
 
 const connected = () => (field ?? resting ?? greeting) !== null;
 
-/** Nothing more goes out, for nobody would take it, until `connect`. */
+/** Sends nothing until `connect`, because there is no receiver. */
 function loseConnection() {
   if (!connected()) return;
   field = resting = greeting = null;
@@ -202,7 +202,7 @@ let asking = 0; // the timer of that
 
 /** Looks whether there is a server again: one that was started since knows this page only once its link was opened.
  * One that has answered before, and still is not connected, will not be: after many failures browsers hold connections
- * back for seconds, and viser gives each of them up after one. A page that is loaded anew gets through.
+ * back for seconds, and viser gives each of them up after one. A reloaded page gets through.
  * @param {boolean} answered before */
 async function askAgain(answered) {
   const answer = await fetch("/favicon.ico", { cache: "no-store" }).catch(() => null);

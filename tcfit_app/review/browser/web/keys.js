@@ -64,7 +64,7 @@ function keyDown(event) {
   if (binding?.held) hold(event.code);
   else if (binding) emit({ type: "key", action: binding.action, repeat: event.repeat });
   if (!binding && !(plain && CAMERA_KEYS.includes(event.code))) return;
-  if (event.target === reachedByKeyboard) keepFromOthers(event); // whoever goes by Tab stays where they are
+  if (event.target === reachedByKeyboard) keepFromOthers(event); // keyboard users keep their focus
   else swallow(event);
 }
 

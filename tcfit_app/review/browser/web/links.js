@@ -3,7 +3,7 @@
 
 import { emit, watch } from "./connection.js";
 
-/** What a number in the address says; undefined if it is none. @param {string | null} text */
+/** A number in the address; undefined if it is not a number. @param {string | null} text */
 const whole = (text) => (text !== null && /^-?\d{1,15}$/.test(text) ? Number(text) : undefined);
 
 /** Goes where the address says, once: later the frame on show is another one. */

@@ -55,7 +55,7 @@ class Listed:
 
 
 def seconds_of(run: Run) -> float | None:
-    """Total of its own phases, or from start to end; None while it runs, or if there are none."""
+    """Total of its own phases, or from start to end; None while it runs, or without phases."""
     if run.kind in ("imported", "corrections"):
         return None
     phases = run.summary.get("seconds", {})

@@ -1,4 +1,4 @@
-// The page with the list of clips: filtered, sorted and searched here, told by the server what has changed.
+// The page with the list of clips: filtered, sorted and searched here; the server sends changes.
 
 import { element } from "../element.js";
 import { ORDER } from "../order.js";
@@ -245,7 +245,7 @@ function fit() {
 
 /** The chosen clips that may have a fit. */
 const exportable = () => chosen().filter((row) => ["project", "result"].includes(row.kind));
-/** Clips for the export window, which is about them whatever is selected later. @type {Row[]} */
+/** Clips of the export window, independent of later selections. @type {Row[]} */
 let exported = [];
 
 function askExport() {

@@ -23,7 +23,7 @@ export class Table {
     this.view = { rows: [], selected: new Set(), current: null, sort: { by: "name", down: false } };
     /** @type {Map<string, { line: HTMLTableRowElement, shows: string }>} */
     this.lines = new Map();
-    /** By key; empty: there is none. @type {Map<string, string>} */
+    /** By key; may be empty. @type {Map<string, string>} */
     this.pictures = new Map();
     this.asked = "";
     this.table = element("table", "", box);
@@ -94,7 +94,7 @@ export class Table {
     this.lines.delete(key);
   }
 
-  /** The row's line, made anew if it shows something else. @param {Row} row @param {number} place */
+  /** The row's line, made again if it shows something else. @param {Row} row @param {number} place */
   line(row, place) {
     const { selected, current, rows } = this.view;
     const isCurrent = row.key === (current ?? rows[0]?.key);

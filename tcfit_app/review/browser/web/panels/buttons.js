@@ -1,4 +1,4 @@
-// The buttons in the panels' own HTML. Whatever carries data-tcfit is one: a command, with data-value.
+// The buttons in the panels' own HTML. Each element with data-tcfit is one: a command, with data-value.
 
 import { emit } from "../connection.js";
 import { DROPDOWN_INPUT, WINDOW_SURROUNDINGS } from "../viser/bridge.js";
@@ -6,7 +6,7 @@ import { DROPDOWN_INPUT, WINDOW_SURROUNDINGS } from "../viser/bridge.js";
 /** @import { Press } from "../wire" */
 
 /** @type {Press | null} */
-let pressedFirst = null; // what the pointer went down on: the panel may be drawn anew before it goes up
+let pressedFirst = null; // what the pointer went down on: the panel may be redrawn before it goes up
 
 /** What a button says when it is pressed. @param {HTMLElement} button @returns {Press} */
 export function commandOf({ dataset }) {

@@ -1,4 +1,4 @@
-// The panel on show stays on show over a reload and a new connection, for which viser makes all of them anew.
+// The panel on show stays on show over a reload and a new connection, for which viser makes all of them again.
 
 import { watch } from "../connection.js";
 import { TEXT_INPUT } from "../viser/bridge.js";

@@ -185,7 +185,7 @@ function drawDepth(context, x, y, half) {
   drawMark(context, new Path2D(`M${left} ${y - 5}l-6 5l6 5M${right} ${y - 5}l6 5l-6 5`));
 }
 
-/** What was told of a keypoint besides its place. @param {Context} context @param {Path2D} path */
+/** Attributes of a keypoint other than its position. @param {Context} context @param {Path2D} path */
 function drawMark(context, path) {
   stroke(context, path, "rgba(8, 10, 14, 0.7)", 3.6);
   stroke(context, path, COLORS.edited, 2);

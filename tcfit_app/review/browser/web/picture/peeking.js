@@ -24,7 +24,7 @@ window.addEventListener("keydown", (event) => {
   if (["Enter", " "].includes(event.key) && overButton(event)) peek(true);
 }, true);
 
-// The key's release is not told to a page that has lost the focus meanwhile.
+// A page that has lost the focus does not receive the key's release.
 window.addEventListener("blur", () => peek(false));
 document.addEventListener("visibilitychange", () => peek(false));
 watch("lost", () => peek(false));

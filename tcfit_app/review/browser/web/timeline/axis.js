@@ -132,7 +132,7 @@ export function bandPath(values, bars, y) {
   return path;
 }
 
-/** Those from one on, up to the first that is none. @param {(Column | null)[]} found @param {number} start */
+/** Those from one on, up to the first null. @param {(Column | null)[]} found @param {number} start */
 function upTo(found, start) {
   const run = [];
   for (let i = start, column = found[i]; column; column = found[++i]) run.push(column);
@@ -144,7 +144,7 @@ const shifted = (value, bar, side) => (value === null || bar === null ? null : v
 
 /** @typedef {{ x: number, low: number, high: number }} Column */
 
-/** For each pixel (or frame, where these are wider) its extreme values, null where there are none.
+/** For each pixel (or frame, where these are wider) its extreme values, null without values.
  * @param {Curve["values"]} values @returns {Generator<Column | null>} */
 function* columns(values) {
   const perColumn = Math.max(Math.floor(shownCount() / plotWidth()), 1);

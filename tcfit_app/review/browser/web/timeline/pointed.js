@@ -18,7 +18,7 @@ export const pointed = {
   x: null, // of the pointer over the strip
   y: 0,
   /** @type {{ x: number, y: number } | null} */
-  clicked: null, // where, as long as the pointer stays there: what it points at is known, and need not be told
+  clicked: null, // where, as long as the pointer stays there: what it points at is known, and need not be shown
 };
 
 /** @param {boolean} collapsed */

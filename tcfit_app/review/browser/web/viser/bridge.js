@@ -112,7 +112,7 @@ export const canvasBox = () => /** @type {HTMLElement} */ (boxOf(canvas()));
 
 let room = 0;
 
-/** Leaves free so many CSS pixels below the canvas. @param {number} height */
+/** Leaves CSS pixels free below the canvas. @param {number} height */
 export function leaveRoomBelow(height) {
   room = height;
   canvasBox().style.height = height ? `calc(100% - ${height}px)` : "100%";

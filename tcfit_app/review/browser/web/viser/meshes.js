@@ -100,7 +100,7 @@ function dressMesh(name, wish, tries) {
   redrawScene();
 }
 
-/** viser's own way to colours at vertices is a GLB file, built and parsed anew for each frame; this adds an attribute.
+/** viser's own way to colours at vertices is a GLB file, built and parsed for each frame; this adds an attribute.
  * @param {Mesh} mesh @param {Dress} dress */
 function paint(mesh, { colors }) {
   const old = mesh.userData.tcfitColors;
