@@ -131,8 +131,8 @@ def _resized(detections: Detections, size: tuple[int, int] | None) -> tuple[Dete
     if detections.size is None or size is None or detections.size == size:
         return detections, ()
     shares = np.array(size) / detections.size
-    told, known = (f"{width} x {height}" for width, height in (detections.size, size))
-    says = f"{detections.source.name} says that the image is {told} pixels, and it is {known}"
+    stated, known = (f"{width} x {height}" for width, height in (detections.size, size))
+    says = f"{detections.source.name} says that the image is {stated} pixels, and it is {known}"
     if abs(shares[0] / shares[1] - 1) > _SAME_SHAPE:
         return detections, (f"{says}, which is of another shape: the keypoints are taken as they are.",)
     # Coordinates count from the first pixel's centre.

@@ -72,6 +72,6 @@ def keypoint_weights(noise: str, detector: str) -> Float[np.ndarray, "137"]:
     """
     if noise == "equal":
         return np.ones(len(NAMES))
-    told = detector if noise == "auto" else noise
-    own = deviations(told if told in DETECTOR_TITLES else OPENPOSE)
+    row = detector if noise == "auto" else noise
+    own = deviations(row if row in DETECTOR_TITLES else OPENPOSE)
     return np.sqrt(np.minimum(1.0, deviations(OPENPOSE) / own))

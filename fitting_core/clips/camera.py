@@ -99,10 +99,10 @@ def _camera_of(size: tuple[int, int], center: tuple[float, float] | None, focal:
     """The camera of an image of this size; without a focal length, that of the image diagonal. Raises InputError if its
     field of view is implausible, or its principal point is far from the image."""
     if focal is None:
-        pixels, told, source = default_focal(size), FocalFrom.DIAGONAL, DEFAULT_FOCAL
+        pixels, origin, source = default_focal(size), FocalFrom.DIAGONAL, DEFAULT_FOCAL
     else:
         to_focal, words = _FOCAL_OPTIONS[focal[0]]
-        pixels, told, source = to_focal(focal[1], size), FocalFrom.GIVEN, f"{words.format(focal[1])}, as given"
+        pixels, origin, source = to_focal(focal[1], size), FocalFrom.GIVEN, f"{words.format(focal[1])}, as given"
         _check_angle(pixels, size, words.format(focal[1]))
     middle = (size[0] / 2, size[1] / 2)
     if center is not None and not all(
@@ -112,7 +112,7 @@ def _camera_of(size: tuple[int, int], center: tuple[float, float] | None, focal:
             f"`center` is ({center[0]:g}, {center[1]:g}); expected the principal point in pixels of an image of "
             f"{size[0]} x {size[1]}, usually near ({middle[0]:g}, {middle[1]:g})."
         )
-    return Camera(focal=(pixels, pixels), center=center or middle, size=size, focal_from=told, source=source)
+    return Camera(focal=(pixels, pixels), center=center or middle, size=size, focal_from=origin, source=source)
 
 
 def _check_angle(focal: float, size: tuple[int, int], words: str) -> None:

@@ -21,11 +21,11 @@ def told_by_files(camera: Camera, images: Path | None) -> Camera | None:
     if images.is_dir() or images.suffix.lower() in IMAGE_SUFFIXES:
         files, who = image_files(images) or (images,), "stated by the images"
         # The first and the last: a zoom between them, or a folder put together from several cameras, is not one lens.
-        told = {focal_35mm(file) for file in (files[0], files[-1])}
+        lengths = {focal_35mm(file) for file in (files[0], files[-1])}
     else:
-        told, who = {told_35mm(images)}, "stated by the video"
-    millimetres = told.pop()
-    if told or millimetres is None or not _LENSES_MM[0] <= millimetres <= _LENSES_MM[1]:
+        lengths, who = {told_35mm(images)}, "stated by the video"
+    millimetres = lengths.pop()
+    if lengths or millimetres is None or not _LENSES_MM[0] <= millimetres <= _LENSES_MM[1]:
         return None
     focal = focal_from_35mm(millimetres, camera.size)
     source = f"35 mm equivalent of {millimetres:g} mm, {who}"

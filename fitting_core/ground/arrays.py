@@ -8,7 +8,7 @@ the camera space of the first frame |
 | ground | (4,) | unit normal (up) and offset in metres of the floor: normal · x + offset = 0 in camera space, so that \
 the offset is the camera's height; NaN where nothing stands in view |
 | ground_deviation | () | standard deviation of its height under the person, metres; NaN as well |
-| ground_text | () | why there is none, in English; else empty |
+| ground_text | () | why the floor is missing, in English; else empty |
 | contacts | (N, 2) | whether the left and the right foot stand |
 | contact_probability | (N, 2) | that they do; 0 where the foot is not in the image |
 | contacts_let_go | (N, 2) | whether a foot seems to stand and goes on in the image, so that it does not; files of \

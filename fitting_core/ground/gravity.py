@@ -1,8 +1,8 @@
 """Which way is up in a clip.
 
-The lifter expects level cameras, as hardly any was rolled in its training: for a rolled camera it sees somebody
-leaning. But leaning people are rare to it, so it is less sure of them. So it runs again on the image rotated about its
-centre: the rotations at which it is surest tell the camera's roll.
+The lifter was trained on level cameras, so a rolled camera looks to it like a leaning person. Leaning people were rare
+in training, so it is less certain of them. It therefore runs again on the image rotated about its centre: the rotations
+with the highest certainty give the camera's roll.
 """
 
 from collections.abc import Sequence

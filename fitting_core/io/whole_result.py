@@ -50,7 +50,7 @@ def read_whole_result(folder: Path) -> WholeResult:
         InputError: It is missing, damaged, or of an earlier version, which did not keep the keypoints; or its video is
             not where it was.
     """
-    stored, told, content = read_fit(folder), *_read_summary(folder / SUMMARY_NAME)
+    stored, about, content = read_fit(folder), *_read_summary(folder / SUMMARY_NAME)
     costs = (stored.phase1_frame_cost, stored.frame_cost)
     if stored.keypoints is None or costs[0] is None or costs[1] is None:
         raise InputError(
@@ -61,18 +61,18 @@ def read_whole_result(folder: Path) -> WholeResult:
         keypoints=stored.keypoints,
         camera=stored.camera,
         frame_rate=stored.frame_rate,
-        name=told.clip or folder.resolve().name,
-        source=None if told.video is None else _video(folder, told.video),
+        name=about.clip or folder.resolve().name,
+        source=None if about.video is None else _video(folder, about.video),
         first_frame=stored.first_frame,
         detector=stored.detector,
     )
     fit = FitResult(
-        phases=_phases(stored, told, costs[0], costs[1]),
+        phases=_phases(stored, about, costs[0], costs[1]),
         camera=stored.camera,
-        config=told.config,
+        config=about.config,
         observed=stored.observed,
-        warnings=told.warnings,
-        pose_prior=told.pose_prior,
+        warnings=about.warnings,
+        pose_prior=about.pose_prior,
         grounding=stored.grounding,
     )
     return WholeResult(clip=clip, fit=fit, stored=stored, summary=content)
@@ -105,16 +105,16 @@ def _video(folder: Path, relative: str) -> Path:
 
 
 def _phases(
-    stored: StoredFit, told: _Summary, first_cost: Float[np.ndarray, "T"], last_cost: Float[np.ndarray, "T"]
+    stored: StoredFit, about: _Summary, first_cost: Float[np.ndarray, "T"], last_cost: Float[np.ndarray, "T"]
 ) -> tuple[PhaseResult, ...]:
     def phase(number: int, params: BodyParams, frame_cost: Float[np.ndarray, "T"]) -> PhaseResult:
-        known = told.objective.get(f"phase{number}", {})
+        known = about.objective.get(f"phase{number}", {})
         return PhaseResult(
             phase=number,
             params=params,
             objective={term: np.nan if cost is None else cost for term, cost in known.items()},
             frame_cost=frame_cost,
-            seconds=told.seconds.get(f"phase{number}", 0.0),
+            seconds=about.seconds.get(f"phase{number}", 0.0),
         )
 
     last = phase(stored.last_phase, stored.params, last_cost)

@@ -103,8 +103,8 @@ def _seen(
     some = torch.as_tensor(given)
     with torch.no_grad():
         features, extent = hidden_extent(some[..., :2], some[..., 2])
-        told = torch.softmax(network(features), 1).double().numpy()
-    likelihood = np.log(told + _DOUBT[1]) - np.log(share + _DOUBT[0])
+        probabilities = torch.softmax(network(features), 1).double().numpy()
+    likelihood = np.log(probabilities + _DOUBT[1]) - np.log(share + _DOUBT[0])
     bins, own = LOG_EXTENTS.double().numpy(), extent.double().numpy()
     return np.array([np.interp(e - log_factor, bins, row) for e, row in zip(own, likelihood, strict=True)])
 

@@ -83,8 +83,8 @@ def found_offset(estimate: PosedMotion, reference: Reference) -> ClockOffset:
         there = interpolated(theirs[..., None], (moments - found - shift) * own_rate)[..., 0]
         scores.append([_correlation(ours[stretch], there[stretch]) for stretch in stretches])
     whole, *parts = (_peak(course) for course in np.array(scores).T)
-    told = [part.shift / rate for part in parts if part.correlation >= _ALIKE and part.inside]
-    deviation = float(np.std(told, ddof=1) / np.sqrt(len(told))) if len(told) > 1 else None
+    shifts = [part.shift / rate for part in parts if part.correlation >= _ALIKE and part.inside]
+    deviation = float(np.std(shifts, ddof=1) / np.sqrt(len(shifts))) if len(shifts) > 1 else None
     return ClockOffset(
         seconds=found + whole.shift / rate, deviation=deviation, correlation=whole.correlation, second=second
     )
@@ -180,8 +180,8 @@ def _correlations(
         most = np.maximum(most, count)
     least = max(_LEAST_SHARE * min(len(x), len(y)), _LEAST_SECONDS * rate)
     scale = np.sqrt(ours_square * theirs_square)
-    told = (most > least - 0.5) & (scale > 1e-6 * max(float(scale.max()), 1e-12))
-    return np.where(told, product / np.where(told, scale, 1.0), np.nan), lags
+    valid = (most > least - 0.5) & (scale > 1e-6 * max(float(scale.max()), 1e-12))
+    return np.where(valid, product / np.where(valid, scale, 1.0), np.nan), lags
 
 
 def _on_peak(scores: Float[np.ndarray, "L"], place: int) -> Bool[np.ndarray, "L"]:

@@ -137,4 +137,4 @@ CURVES: dict[str, CurveKind] = {
     "true_volume": CurveKind(title="Volume of the truth", unit="dm³", values=lambda p: p.true_volumes, better=""),
 }
 """By name. Joints are the 22 of trunk and limbs; for a reference that is not a body, the 12 keypoints of the limbs and
-whatever joints and markers it has."""
+its joints and markers."""

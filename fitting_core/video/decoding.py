@@ -340,10 +340,10 @@ def _decoded(container: InputContainer, stream: VideoStream, *, early: bool) -> 
 
 def _pixel_aspect(stream: VideoStream, *, lies: bool) -> float:
     """Width by height of a pixel of the upright image, which is turned by quarters and not stretched."""
-    told = stream.sample_aspect_ratio
-    if not told:
+    ratio = stream.sample_aspect_ratio
+    if not ratio:
         return 1.0
-    return float(1 / told if lies else told)
+    return float(1 / ratio if lies else ratio)
 
 
 def _uneven(times: Float[np.ndarray, "T"]) -> bool:

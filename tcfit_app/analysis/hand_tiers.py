@@ -50,7 +50,7 @@ def _tiers(fit: PosedFit, shapes: HandshapeSet, side: Side) -> Iterator[Tier]:
     phases = hand_phases(fit.joints, side, rate)
     found = handshapes(fit, shapes, side, phases, seen)
     named = [Span(frames=frames, label=near.name if near.near else UNCLEAR) for frames, near in found]
-    told = [Span(frames=frames, label=_in_words(near)) for frames, near in found]
+    distances = [Span(frames=frames, label=_in_words(near)) for frames, near in found]
     meanings = {name: "" for name in shapes.names} | {UNCLEAR: f"More than {FARTHEST:g}° from every shape of the set"}
     yield Tier(
         name=visible,
@@ -60,7 +60,7 @@ def _tiers(fit: PosedFit, shapes: HandshapeSet, side: Side) -> Iterator[Tier]:
     )
     yield Tier(name=phase, kind="hand phase", annotations=annotations(fit, phases), vocabulary=_PHASES)
     yield Tier(name=handshape, kind="handshape", annotations=annotations(fit, named), vocabulary=meanings)
-    yield Tier(name=distance, kind="handshape distance", annotations=annotations(fit, told), parent=handshape)
+    yield Tier(name=distance, kind="handshape distance", annotations=annotations(fit, distances), parent=handshape)
 
 
 def annotations(fit: PosedFit, spans: Sequence[Span]) -> tuple[Annotation, ...]:

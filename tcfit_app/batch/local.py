@@ -150,12 +150,12 @@ def _serve(pipe: Connection, folder: Path) -> None:
 
 
 def _fitted(index: int, task: ClipTask, folder: Path, pipe: Connection) -> Record:
-    told = time.monotonic()
+    reported = time.monotonic()
 
     def report(event: FitEvent | DetectionProgress) -> None:
-        nonlocal told
-        if isinstance(event, Iteration | DetectionProgress) and time.monotonic() > told + _BETWEEN:
-            told = time.monotonic()
+        nonlocal reported
+        if isinstance(event, Iteration | DetectionProgress) and time.monotonic() > reported + _BETWEEN:
+            reported = time.monotonic()
             phase = event.phase if isinstance(event, Iteration) else 0
             pipe.send(TaskUnderway(index=index, phase=phase, share=event.share))
 

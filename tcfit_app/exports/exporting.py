@@ -35,18 +35,18 @@ def write_export(export: Export, source: ExportSource, path: Path, progress: Pro
     progress(0.0)
     if not export.many:
         with replacing(path) as draft:
-            told = export.write(source, draft, progress)
+            note = export.write(source, draft, progress)
     elif not zipped:
         with _replacing_folder(path) as folder:
-            told = export.write(source, folder, progress)
+            note = export.write(source, folder, progress)
     else:
         with replacing(path) as draft:
             folder = draft.with_name(f"{draft.name}.files")
             folder.mkdir()
-            told = export.write(source, folder, lambda share: progress((1 - _ZIPPING) * share))
+            note = export.write(source, folder, lambda share: progress((1 - _ZIPPING) * share))
             _zip(folder, draft, lambda share: progress(1 - _ZIPPING + _ZIPPING * share))
     progress(1.0)
-    return told
+    return note
 
 
 @contextmanager
@@ -88,5 +88,5 @@ def content_of(export: Export, source: ExportSource, progress: Progress) -> tupl
     """
     with scratch_folder() as folder:
         path = folder / f"export{export.suffix}"
-        told = write_export(export, source, path, progress, zipped=True)
-        return path.read_bytes(), told
+        note = write_export(export, source, path, progress, zipped=True)
+        return path.read_bytes(), note

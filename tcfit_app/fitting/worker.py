@@ -176,7 +176,7 @@ class Worker:
             reason = ""
             try:
                 errand()
-            except Exception as error:  # any error: the user is told, and the worker continues
+            except Exception as error:  # any error: reported to the user, and the worker continues
                 reason = _reason(error)
                 _log.warning("An errand failed", exc_info=not isinstance(error, InputError))
             self.reports.tell(ErrandEnded(errand=number, reason=reason))
@@ -191,7 +191,7 @@ class Worker:
         except InputError as error:
             ended = JobEnded(job=number, how="failed", reason=_reason(error))
             _log.warning("%s failed: %s", job.title, error)
-        except Exception as error:  # any error: the user is told, and the worker continues
+        except Exception as error:  # any error: reported to the user, and the worker continues
             ended = JobEnded(job=number, how="failed", reason=_reason(error))
             _log.exception("Job %d (%s) failed", number, job.title)
         with self._changed:
@@ -266,7 +266,7 @@ class Worker:
         except InputError as error:
             _log.warning("Following drag %d failed: %s", drag.number, error)
             return DragEnded(drag=drag.number, how="failed", reason=_reason(error))
-        except Exception as error:  # any error: the user is told, and a running job continues
+        except Exception as error:  # any error: reported to the user, and a running job continues
             _log.exception("Following drag %d failed", drag.number)
             return DragEnded(drag=drag.number, how="failed", reason=_reason(error))
         self.reports.show(DragMoved(drag=drag.number, frames=drag.correction.frames, params=params))

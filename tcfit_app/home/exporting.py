@@ -57,7 +57,7 @@ def export_project(
     out, names = exports_beside(folder), formats_of(formats)
     wished: dict[str, Any] = {"axes": axes or None, "view": VIEW_CHOICES[view][1]}
     options = ExportOptions(path=folder, out=out, overwrite=True, models=models, **wished)
-    told: list[str] = []
+    notes: list[str] = []
     with source_of(folder, options) as source:
         paths = {name: target(name, source, options) for name in names}
         for done, (name, path) in enumerate(paths.items()):
@@ -72,8 +72,8 @@ def export_project(
                 note = write_export(export, source, path, advance, zipped=False)
             except OSError as error:
                 raise InputError(f"{path}: cannot be written ({error.strerror or error}). Free space.") from error
-            told += [f"{path.name}: {note}"] * bool(note)
-    return ". ".join([f"Exported to {out.name}", *told])
+            notes += [f"{path.name}: {note}"] * bool(note)
+    return ". ".join([f"Exported to {out.name}", *notes])
 
 
 def _refuse_links(out: Path) -> None:

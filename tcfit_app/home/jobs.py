@@ -93,12 +93,12 @@ def serve(pipe: Connection, folder: Path, job: Job) -> None:
 
 def _seldom(report: Report) -> Report:
     """The same report, at most twice a second within a step."""
-    step, told = "", 0.0
+    step, reported = "", 0.0
 
     def seldom(work: Work) -> None:
-        nonlocal step, told
-        if work.step != step or time.monotonic() > told + _BETWEEN:
-            step, told = work.step, time.monotonic()
+        nonlocal step, reported
+        if work.step != step or time.monotonic() > reported + _BETWEEN:
+            step, reported = work.step, time.monotonic()
             report(work)
 
     return seldom

@@ -59,10 +59,10 @@ def import_notes(project: Project, path: Path, tiers: Sequence[str] = (), *, aut
         tiers: Names; empty: all except those that tcfit derives from other data.
         author: Who imports.
     """
-    action, told = notes_of(path, project, tiers)
+    action, counted = notes_of(path, project, tiers)
     if action is not None:
         project.append(action, author=author)
-    return told
+    return counted
 
 
 def notes_of(path: Path, project: Project, tiers: Sequence[str] = ()) -> tuple[WriteNotes | None, ElanNotes]:
@@ -101,10 +101,10 @@ def notes_of(path: Path, project: Project, tiers: Sequence[str] = ()) -> tuple[W
             texts.add((inside, text))
             wanted.append(NoteText(first=inside.start, last=inside.stop - 1, text=text, replaces=replaces))
     names = tuple(tier.name for tier in chosen)
-    told = ElanNotes(new=len(wanted) - changed, changed=changed, known=known, outside=outside, tiers=names)
+    counted = ElanNotes(new=len(wanted) - changed, changed=changed, known=known, outside=outside, tiers=names)
     if not (wanted or known):
         raise InputError(f"{path}: has no annotations in this clip's frames (tiers: {some_of(names)}).")
-    return (WriteNotes(notes=tuple(wanted)) if wanted else None), told
+    return (WriteNotes(notes=tuple(wanted)) if wanted else None), counted
 
 
 def _chosen(found: Sequence[Tier], wished: Sequence[str], path: Path) -> list[Tier]:

@@ -63,5 +63,5 @@ def _is_of_an_event(error: RuntimeError) -> bool:
 
 
 def _notice(what: str, text: str) -> Notice:
-    told = f"Could not {what}: {text}. Nothing is lost, and tcfit keeps trying; its terminal has the details."
-    return Notice(title="Something went wrong in tcfit", text=told, kind="error")
+    message = f"Could not {what}: {text}. Nothing is lost, and tcfit keeps trying; its terminal has the details."
+    return Notice(title="Something went wrong in tcfit", text=message, kind="error")

@@ -219,11 +219,11 @@ def _surface_keypoints(raw: RawFile, form: Form, vertices: int) -> dict[str, int
 
 
 def _gender(raw: RawFile) -> str | None:
-    told = raw.values.get("gender")
-    if told is None:
+    stored = raw.values.get("gender")
+    if stored is None:
         return gender_of_name(raw.path)
-    value = as_array(told).reshape(-1)
-    word = (value.astype(str)[0] if value.dtype.kind in "SU" and len(value) else str(told)).lower()
+    value = as_array(stored).reshape(-1)
+    word = (value.astype(str)[0] if value.dtype.kind in "SU" and len(value) else str(stored)).lower()
     if word not in _GENDERS:
         raise raw.error(f"has the gender '{word}', expected neutral, male, female or child")
     return _GENDERS[word]

@@ -1,7 +1,7 @@
 """Bringing MediaPipe's networks to this computer: fetched on the user's demand, or out of a given file.
 
 They come as `.tflite` files in published packages, are known by their checksums, made ONNX files, and tried. The folder
-of networks appears as a whole or stays as it was, whatever happens.
+of networks is replaced atomically.
 """
 
 import errno

@@ -258,8 +258,8 @@ def _reason(name: str, said: str) -> str:
     if "No space left on device" in said or "ENOSPC" in said:
         return "the disk of the temporary files is full. Free space there, or name another folder in TMPDIR."
     lines = [line.strip() for line in said.splitlines() if line.strip()]
-    told = [line for line in lines if line.startswith(_ERRORS)] or lines[-1:]
-    return f"{name} says: {' '.join(told[:2])[:400] or 'nothing'}."
+    errors = [line for line in lines if line.startswith(_ERRORS)] or lines[-1:]
+    return f"{name} says: {' '.join(errors[:2])[:400] or 'nothing'}."
 
 
 def _size(path: Path) -> int:

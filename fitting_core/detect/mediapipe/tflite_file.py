@@ -163,9 +163,9 @@ def _operator_name(code: _Table) -> str:
 
 
 def _operator(operator: _Table, codes: list[str]) -> Operator:
-    name, told = codes[operator.number(0, _OFFSET)], operator.table(4)
+    name, table = codes[operator.number(0, _OFFSET)], operator.table(4)
     options = {
-        option: told.number(index, form, usual) if told else usual
+        option: table.number(index, form, usual) if table else usual
         for option, (index, form, usual) in _OPTIONS.get(name, {}).items()
     }
     return Operator(name=name, inputs=operator.numbers(1), outputs=operator.numbers(2), options=options)

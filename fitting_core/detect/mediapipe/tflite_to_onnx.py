@@ -138,10 +138,10 @@ def _depthwise_convolution(graph: _Graph, operator: Operator) -> None:
 
 
 def _convolve(graph: _Graph, operator: Operator, kernels: np.ndarray, *, groups: int) -> None:
-    told = operator.options
+    options = operator.options
     size = list(kernels.shape[2:])
-    strides = (told["stride_height"], told["stride_width"])
-    dilations = (told["dilation_height"], told["dilation_width"])
+    strides = (options["stride_height"], options["stride_width"])
+    dilations = (options["dilation_height"], options["dilation_width"])
     inputs = [graph.names[operator.inputs[0]], graph.weight(kernels), *_bias(graph, operator)]
     graph.emit(
         "Conv",
@@ -153,7 +153,7 @@ def _convolve(graph: _Graph, operator: Operator, kernels: np.ndarray, *, groups:
         dilations=dilations,
         pads=_pads(graph, operator, size, strides, dilations),
     )
-    graph.activate(operator.outputs[0], told["activation"])
+    graph.activate(operator.outputs[0], options["activation"])
 
 
 def _bias(graph: _Graph, operator: Operator) -> list[str]:
@@ -173,12 +173,12 @@ def _pads(
 
 
 def _largest(graph: _Graph, operator: Operator) -> None:
-    told = operator.options
-    kernel, strides = (told["height"], told["width"]), (told["stride_height"], told["stride_width"])
+    options = operator.options
+    kernel, strides = (options["height"], options["width"]), (options["stride_height"], options["stride_width"])
     pads = _pads(graph, operator, kernel, strides, (1, 1))
     inputs = [graph.names[operator.inputs[0]]]
     graph.emit("MaxPool", inputs, operator.outputs[0], kernel_shape=kernel, strides=strides, pads=pads)
-    graph.activate(operator.outputs[0], told["activation"])
+    graph.activate(operator.outputs[0], options["activation"])
 
 
 def _fully_connected(graph: _Graph, operator: Operator) -> None:
@@ -199,8 +199,8 @@ def _padded(graph: _Graph, operator: Operator) -> None:
 
 
 def _resized(graph: _Graph, operator: Operator) -> None:
-    told = operator.options
-    mode = "align_corners" if told["align_corners"] else "half_pixel" if told["half_pixels"] else "asymmetric"
+    options = operator.options
+    mode = "align_corners" if options["align_corners"] else "half_pixel" if options["half_pixels"] else "asymmetric"
     _, *before, _ = graph.shape(operator.inputs[0])
     scales = graph.weight(np.array([1, 1, *graph.known(operator.inputs[1]) / before], np.float32))
     inputs = [graph.names[operator.inputs[0]], "", scales]
@@ -265,12 +265,12 @@ def _concatenated(graph: _Graph, operator: Operator) -> None:
 
 
 def _sliced(graph: _Graph, operator: Operator) -> None:
-    told, rank = operator.options, len(graph.shape(operator.inputs[0]))
+    options, rank = operator.options, len(graph.shape(operator.inputs[0]))
     begin, end, strides = (graph.known(tensor).tolist() for tensor in operator.inputs[1:4])
-    begin = [0 if told["begin_mask"] >> axis & 1 else value for axis, value in enumerate(begin)]
-    end = [_END if told["end_mask"] >> axis & 1 else value for axis, value in enumerate(end)]
+    begin = [0 if options["begin_mask"] >> axis & 1 else value for axis, value in enumerate(begin)]
+    end = [_END if options["end_mask"] >> axis & 1 else value for axis, value in enumerate(end)]
     begin[0], end[0] = 0, _END  # all images
-    gone = [axis for axis in range(rank) if told["shrink_mask"] >> axis & 1]
+    gone = [axis for axis in range(rank) if options["shrink_mask"] >> axis & 1]
     inside = rank == 4 and not gone
     images = graph.names[operator.inputs[0]] if inside else graph.channels_last(operator.inputs[0])
     axes = [_AXES[axis] if inside else axis for axis in range(rank)]

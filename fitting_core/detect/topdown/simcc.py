@@ -27,8 +27,8 @@ _MEAN = np.array([123.675, 116.28, 103.53], dtype=np.float32)
 _DEVIATION = np.array([58.395, 57.12, 57.375], dtype=np.float32)
 """Of ImageNet's channels, red first."""
 _HIGH = 3.0
-"""A peak that stands so high above the rest is none of a model whose certain peaks have height 1 (1.1 was the highest
-that MMPose's users report of those), but one of height 10."""
+"""A peak at least this high comes from a model whose certain peaks have height 10, not 1 (MMPose's users report at most
+1.1 for those)."""
 _SCALES = (1.0, 10.0)
 
 

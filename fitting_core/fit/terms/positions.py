@@ -23,7 +23,7 @@ elbow or wrist 10 cm off costs as much as some 30 px in the image without the ro
 _TOLD_RHO = 200.0
 """rho for that, in standard deviations: 4 m, so that it pulls from any distance. A person is never an outlier."""
 _START_RHO = 4.0
-"""rho for a given start combined with the lifter: with 2, as for the lifter alone, a fit left a good start of somebody
+"""rho for a given start combined with the lifter: with 2, as for the lifter alone, a fit left a good start of a person
 cut off at the chest (PA-MPJPE 52.7 -> 57.5 mm instead of 53.6)."""
 _HELD_RHO = 30.0
 """rho for held feet, in their standard deviations: phase 3 starts some 0.2 m from where they will stand."""

@@ -137,8 +137,8 @@ def read_eaf(path: Path, video: str = "") -> tuple[Tier, ...]:
     cannot be read, is not an .eaf file, or is inconsistent; or it links videos that begin at different times, and none
     of this name.
 
-    ELAN counts from each medium's origin (TIME_ORIGIN): that of the linked file whose name is the video's, whatever its
-    suffix, otherwise that of all linked videos.
+    ELAN counts from each medium's origin (TIME_ORIGIN): that of the linked file with the video's name (any suffix),
+    otherwise that of all linked videos.
 
     Annotations that only refer to others take the time of those; several that refer to the same one share it evenly, as
     in ELAN. So do consecutive annotations whose inner time slots have no time.

@@ -133,13 +133,13 @@ def stray_confidences(path: Path, confidences: Float[np.ndarray, "n"]) -> tuple[
     return (f"{path.name} has confidences outside 0 to 1 ({found}); they count as 0 or 1.",)
 
 
-def told_detector(path: Path, told: Any) -> tuple[str, tuple[str, ...]]:
+def told_detector(path: Path, stated: Any) -> tuple[str, tuple[str, ...]]:
     """The name in `keypoint_noise.DETECTOR_TITLES` that a file states, and a note if the detector is unknown."""
-    name = told.strip().lower() if isinstance(told, str) else ""
+    name = stated.strip().lower() if isinstance(stated, str) else ""
     if name in DETECTOR_TITLES:
         return name, ()
     known = ", ".join(DETECTOR_TITLES)
     return "", (
-        f"{path.name} states the detector {short(told)}; known are {known}. Its keypoints are weighted "
+        f"{path.name} states the detector {short(stated)}; known are {known}. Its keypoints are weighted "
         "as if they were OpenPose's.",
     )

@@ -326,9 +326,9 @@ def _forbid_mixed_layouts(found: Sequence[_Frame]) -> None:
 
 def _forbid_mixed(what: str, found: Sequence[_Frame]) -> None:
     """All frames of a clip must have the same detector and canvas."""
-    told = [one.content.get(DETECTOR, OPENPOSE) if what == "detectors" else one.canvas for one in found]
-    if other := next((k for k, one in enumerate(told) if one != told[0]), None):
+    stated = [one.content.get(DETECTOR, OPENPOSE) if what == "detectors" else one.canvas for one in found]
+    if other := next((k for k, one in enumerate(stated) if one != stated[0]), None):
         raise InputError(
-            f"Different {what} in one clip: {found[0].name} says {short(told[0])}, {found[other].name} says "
-            f"{short(told[other])}. Keep the files of one detector run only."
+            f"Different {what} in one clip: {found[0].name} says {short(stated[0])}, {found[other].name} says "
+            f"{short(stated[other])}. Keep the files of one detector run only."
         )

@@ -129,10 +129,10 @@ class _Bytes:
 
 
 def _parsed(content: _Bytes) -> PoseFile:
-    (told,) = content.numbers("f", "its version")
-    version = next((v for v in VERSIONS if math.isclose(told, v, abs_tol=1e-6)), None)
+    (stated,) = content.numbers("f", "its version")
+    version = next((v for v in VERSIONS if math.isclose(stated, v, abs_tol=1e-6)), None)
     if version is None:
-        raise _Damaged(f"starts with the version {told:g}, expected 0.1 or 0.2")
+        raise _Damaged(f"starts with the version {stated:g}, expected 0.1 or 0.2")
     width, height, _, count = content.numbers("HHHH", "its header")
     components = tuple(_component(content, k) for k in range(count))
     if not components:

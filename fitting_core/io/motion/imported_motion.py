@@ -102,15 +102,15 @@ class ImportedMotion:
     def _own_camera(self, camera: Camera, focal_length: float | None) -> Camera:
         if self.camera is not None:
             return self._scaled(self.camera, camera.size)
-        focal, told = self.focal_for(camera.size), FocalFrom.PROGRAM
+        focal, origin = self.focal_for(camera.size), FocalFrom.PROGRAM
         if focal_length is not None:
             if not (np.isfinite(focal_length) and focal_length > 0):
                 raise InputError(f"The focal length is {focal_length:g}; expected pixels, above 0.")
-            focal, told = (focal_length, "as given when it was imported"), FocalFrom.GIVEN
+            focal, origin = (focal_length, "as given when it was imported"), FocalFrom.GIVEN
         if focal is None:
             return camera
         middle = (camera.size[0] / 2, camera.size[1] / 2)
-        return Camera(focal=(focal[0], focal[0]), center=middle, size=camera.size, focal_from=told, source=focal[1])
+        return Camera(focal=(focal[0], focal[0]), center=middle, size=camera.size, focal_from=origin, source=focal[1])
 
     def _scaled(self, camera: Camera, size: tuple[int, int]) -> Camera:
         x, y = size[0] / camera.size[0], size[1] / camera.size[1]

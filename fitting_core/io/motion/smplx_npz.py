@@ -245,6 +245,6 @@ def _camera(arrays: dict[str, np.ndarray]) -> Camera | None:
     if not (min(fx, fy) > 0 and min(width, height) >= 1):
         raise _Wrong(f"the camera has a focal length of {fx:g} x {fy:g} and an image of {width:g} x {height:g} pixels")
     source = _text(arrays, "camera_source", "told by the file")
-    told = _text(arrays, "camera_focal_from", focal_from_words(source))
-    focal_from = next((one for one in FocalFrom if one == told), FocalFrom.PROGRAM)
+    stated = _text(arrays, "camera_focal_from", focal_from_words(source))
+    focal_from = next((one for one in FocalFrom if one == stated), FocalFrom.PROGRAM)
     return Camera(focal=(fx, fy), center=(cx, cy), size=(int(width), int(height)), focal_from=focal_from, source=source)

@@ -47,15 +47,15 @@ def continuous(
         determined: which angles are; None: all.
     """
     found, origin = np.full_like(angles, np.nan), np.zeros(angles.shape[1]) if start is None else np.array(start)
-    told = np.ones(angles.shape, bool) if determined is None else determined
+    known = np.ones(angles.shape, bool) if determined is None else determined
     before = origin
     for t, one in enumerate(angles):
-        near = np.where(told[t] & ~told[t - 1], origin, before) if t else before
+        near = np.where(known[t] & ~known[t - 1], origin, before) if t else before
         triples = [one, one * (1, -1, 1) + 180] if len(set(sequence)) == 3 else [one]
         choices = [triple + 360 * np.round((near - triple) / 360) for triple in triples]
         nearest = choices[np.argmin([abs(choice - near).sum() for choice in choices])]
-        found[t, told[t]] = nearest[told[t]]
-        before = np.where(told[t], nearest, before)
+        found[t, known[t]] = nearest[known[t]]
+        before = np.where(known[t], nearest, before)
     return found
 
 

@@ -300,13 +300,13 @@ def _silhouettes(found: dict[str, np.ndarray], keypoints: Mapping[str, np.ndarra
     return Silhouettes(packed=packed, size=(width, height), known=known)
 
 
-def _detector(told: np.ndarray | None) -> str:
+def _detector(value: np.ndarray | None) -> str:
     """The detector's name; empty in files of earlier versions. Raises ValueError if invalid."""
-    if told is None:
+    if value is None:
         return ""
-    if told.dtype.kind != "U" or told.shape != () or len(str(told)) > _LONGEST:
-        raise ValueError(f"{_DETECTOR} is {told.dtype} of the shape {told.shape}, expected a name")
-    return legible(str(told))
+    if value.dtype.kind != "U" or value.shape != () or len(str(value)) > _LONGEST:
+        raise ValueError(f"{_DETECTOR} is {value.dtype} of the shape {value.shape}, expected a name")
+    return legible(str(value))
 
 
 def _check_detections(arrays: Mapping[str, np.ndarray]) -> None:

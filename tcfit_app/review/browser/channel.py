@@ -74,7 +74,7 @@ class Channel:
             self._dropped.note(f"number {envelope.number} after {self._last}")
             return
         self._last = envelope.number
-        if isinstance(envelope.event, Stranger):  # the page has told its user
+        if isinstance(envelope.event, Stranger):  # the page reports it
             self._dropped.note(envelope.event)
             return
         self._receive(envelope.event)

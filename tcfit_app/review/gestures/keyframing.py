@@ -43,21 +43,21 @@ def placed(
 
 
 def filled(
-    told: Float[ndarray, "F n"], frames: tuple[int, ...], depths: Float[ndarray, "m n"]
+    depths_set: Float[ndarray, "F n"], frames: tuple[int, ...], depths: Float[ndarray, "m n"]
 ) -> tuple[tuple[int, ...], Float[ndarray, "M n"]]:
     """Depths of some frames, and interpolated ones up to the nearest frames in which depths were already set.
 
     Args:
-        told: Depths set in the whole clip, metres; NaN where none.
+        depths_set: Depths set in the whole clip, metres; NaN where none.
         frames: Ascending.
         depths: The new depths of these frames.
     """
-    known = np.flatnonzero(np.isfinite(told).all(1))
+    known = np.flatnonzero(np.isfinite(depths_set).all(1))
     before = max((f for f in known.tolist() if frames[0] - LONGEST_GAP <= f < frames[0]), default=frames[0])
     after = min((f for f in known.tolist() if frames[-1] < f <= frames[-1] + LONGEST_GAP), default=frames[-1])
     every = np.array(sorted({*frames, *range(before + 1, frames[0]), *range(frames[-1] + 1, after)}))
     ends = [*([before] if before < frames[0] else []), *frames, *([after] if after > frames[-1] else [])]
-    values = np.stack([depths[frames.index(f)] if f in frames else told[f] for f in ends])
+    values = np.stack([depths[frames.index(f)] if f in frames else depths_set[f] for f in ends])
     return tuple(every.tolist()), np.stack([np.interp(every, ends, column) for column in values.T], 1)
 
 

@@ -40,10 +40,10 @@ class ElanImport:
         self._reading = tab.begin("Notes from ELAN", lambda report: session.read_elan(name, content, tiers), self._keep)
 
     def _keep(self, found: _Found) -> None:
-        notes, told = found
+        notes, counts = found
         if notes is not None:
             self._tab.session.keep_notes(notes, author=self._tab.author)
-        self._tab.say(f"Imported: {told.in_words()}")
+        self._tab.say(f"Imported: {counts.in_words()}")
 
     def draw(self) -> None:
         """Send what changed."""

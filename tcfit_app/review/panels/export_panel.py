@@ -315,8 +315,8 @@ def _said(going: Task[tuple[bytes, str | None]], size: int, note: str) -> list[H
         return [paragraph(joined(name, text(" could not be written"))), paragraph(going.reason, "bad")]
     if going.state == "finished":
         sent = words("downloaded", "good")
-        told = [paragraph(note, "dim")] if note else []
-        return [paragraph(joined(name, text(": "), sent, text(f" ({_size(size)})"))), *told]
+        remark = [paragraph(note, "dim")] if note else []
+        return [paragraph(joined(name, text(": "), sent, text(f" ({_size(size)})"))), *remark]
     if going.state == "cancelled":
         return [paragraph(joined(name, text(": cancelled")))]
     doing = " is stopping …" if going.stopping else f" in progress … {going.share or 0.0:.0%}"

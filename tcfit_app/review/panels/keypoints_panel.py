@@ -153,9 +153,9 @@ class KeypointsPanel:
         """What can be detected again, or the progress of that."""
         again = self._gestures.again
         if again.busy and (going := again.going) is not None:
-            told = going.title if going.stopping else f"{going.title}: {going.text}"
+            words = going.title if going.stopping else f"{going.title}: {going.text}"
             stop = self._action("cancel_detecting", "Cancel", disabled=going.stopping, kind="danger")
-            self._again.show(heading("Detect again"), paragraph(told), progress_bar(going.share or 0.0), row(stop))
+            self._again.show(heading("Detect again"), paragraph(words), progress_bar(going.share or 0.0), row(stop))
         elif looks:
             self._again.show(
                 heading("Detect again", where),

@@ -313,8 +313,8 @@ class ReviewPanel:
             self._media.show()
             self._relink.show()
             return
-        told = problem.replace(RELINK, "Type its new location.")
-        self._media.show(heading("Video", first=True), paragraph(told, "warn"))
+        words = problem.replace(RELINK, "Type its new location.")
+        self._media.show(heading("Video", first=True), paragraph(words, "warn"))
         off = tab.session.project.read_only
         self._relink.show(row(button("Relink the video", "review.relink", disabled=off, enter=True)))
 

@@ -167,10 +167,10 @@ def _fetchable(detector: _DetectorChoice) -> list[Html]:
         ]
     from fitting_core.detect.mediapipe.fetching import announced
 
-    told = announced().splitlines()
+    announcement = announced().splitlines()
     return [
         paragraph("The detector's networks are not on this computer. They can be fetched once:"),
-        *(paragraph(line.strip(), "dim") for line in told),
+        *(paragraph(line.strip(), "dim") for line in announcement),
     ]
 
 

@@ -95,7 +95,7 @@ class Task(Generic[Value]):
             self.value, self.state = work(self.report), "finished"
         except _Cancelled:
             self.state = "cancelled"
-        except Exception as error:  # any error: the user is told
+        except Exception as error:  # any error: reported to the user
             if not isinstance(error, InputError):
                 _log.exception("%s failed", self.title)
             self.reason = reason_of(error)

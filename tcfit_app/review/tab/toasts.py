@@ -36,7 +36,7 @@ class Toasts:
     def show(self, notice: Notice) -> None:
         """Show a notice, for its full time even if it was already shown."""
         now = self._clock()
-        self._shown = {told: toast for told, toast in self._shown.items() if toast.until > now}
+        self._shown = {text: toast for text, toast in self._shown.items() if toast.until > now}
         before = self._shown.pop(notice, None)
         if before is not None:
             before.handle.remove()  # rather than updated: the user may have closed it

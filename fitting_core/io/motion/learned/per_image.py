@@ -88,8 +88,8 @@ def _json(path: Path) -> Any:
 
 def _numbers(stems: Sequence[str]) -> list[int]:
     """Numbers in the images' names if all have one, otherwise their indices."""
-    told = {t: number for number, t in image_numbers(list(stems)).items()}
-    return [told[t] if len(told) == len(stems) else t for t in range(len(stems))]
+    numbers = {t: number for number, t in image_numbers(list(stems)).items()}
+    return [numbers[t] if len(numbers) == len(stems) else t for t in range(len(stems))]
 
 
 # fmt: off

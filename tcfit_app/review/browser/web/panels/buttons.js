@@ -46,7 +46,7 @@ window.addEventListener("pointerdown", ({ target }) => {
   if (target instanceof Element && target.matches(WINDOW_SURROUNDINGS)) closeWindow();
 }, true);
 
-// viser's dropdowns open as soon as they have the focus. Not for whoever comes by Tab, as the list would lie over the
+// viser's dropdowns open as soon as they have the focus. Not after Tab, because the list would cover the
 // next field: an arrow or a letter opens it.
 let byTab = false;
 window.addEventListener("keydown", ({ key }) => {

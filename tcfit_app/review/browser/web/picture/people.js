@@ -69,8 +69,8 @@ export function drawPeople(context, map) {
   context.globalAlpha = 1;
 }
 
-/** Says that the person at a place of a picture is meant, if somebody else's bones are around it; offers to search
- * there if nobody was detected. @param {PosterMap} map @param {{ x: number, y: number }} at */
+/** Reports that the user means the person at a place of a picture, if another person's bones are around it; offers to
+ * search there if no person was detected. @param {PosterMap} map @param {{ x: number, y: number }} at */
 export function meanPersonAt(map, at) {
   const spot = toImage(map, at.x, at.y);
   const person = others().find(({ bones }) =>
