@@ -303,7 +303,8 @@ class Fits:
         self._project.runs.end(run, state, message)
         with self._lock:
             version = self._versions.pop(run, None)
-            if version is not None and version.fit is not None and self._project.runs.get(run).stored:
+            # A write that failed may have replaced the file: what is stored is read again then.
+            if state != "failed" and version and version.fit and self._project.runs.get(run).stored:
                 self.publish(run, version.fit)
 
     def forget(self, run: int) -> None:

@@ -7,6 +7,7 @@ import torch
 
 from fitting_core.body.geometry import SIDES
 from fitting_core.camera import project
+from fitting_core.errors import InputError
 from fitting_core.keypoints import BODY, NAMES
 from tcfit_app.analysis.body_regions import spoken
 from tcfit_app.fitting.fit_progress import time_left
@@ -54,11 +55,15 @@ class Status:
     def _gap(self) -> str:
         """Which selected correction the body does not reach, and what to move as well; empty if it reaches them all."""
         tab, session, fit = self._tab, self._tab.session, self._tab.shown.with_body("b")
-        if fit is None or tab.state.playing or session.edit_follower.busy or session.jobs or tab.shown.live is not None:
+        moving = tab.state.playing or session.edit_follower.busy or session.jobs or tab.shown.live is not None
+        if fit is None or moving or tab.data.warming:
             return ""
         frame, selection = tab.state.frame, tab.state.selection
         key = frame, selection, fit.version, session.project.keypoints_version
-        return tab.once("gap", key, lambda: gap_words(session.project.corrected, tab.data, fit, frame, selection))
+        try:
+            return tab.once("gap", key, lambda: gap_words(session.project.corrected, tab.data, fit, frame, selection))
+        except InputError:  # the body is missing, which `problem` says
+            return ""
 
     def _again_chips(self) -> list[Chip]:
         """What is being detected again, or what the rectangle to be drawn is for."""
