@@ -212,9 +212,9 @@ def test_fit(finished: FinishedRun):
     assert "Focal length 800.0 px: focal length of 800 pixels, as given" in finished.err
     assert "30 frames per second are assumed. Give --frame-rate." in finished.err
     assert [line for line in finished.err.splitlines() if line.startswith("Phase ")] == [
-        "Phase 1: every frame on its own",
+        "Phase 1: first pass",
         "Phase 2: one shape",
-        "Phase 3: consistency over time",
+        "Phase 3: final fit",
     ]
     assert f"Wrote fit.npz, summary.json into {finished.folder}" in finished.out and "phase 3" in finished.out
     stored = read_fit(finished.folder)
@@ -410,7 +410,7 @@ def test_missing_opengl_does_not_fail_the_fit(
     monkeypatch.setattr(fit_command, "write_comparison", nothing)
     assert main([*fit_arguments, "--overlay", "--set", "last_phase=1"]) == 0
     told = capsys.readouterr()
-    assert "No overlay.mp4 was written, but the fit is complete. No off-screen OpenGL" in told.err
+    assert "overlay.mp4 was not written, but the fit is complete. No off-screen OpenGL" in told.err
     assert "Wrote fit.npz, summary.json into" in told.out
 
 

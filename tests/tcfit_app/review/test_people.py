@@ -113,8 +113,8 @@ def test_going_to_somebody_keeps_the_moment_and_the_looks_and_not_what_is_the_ot
 def test_rows_that_a_browser_remembers_are_those_that_there_are(folder: Path, panel_server: viser.ViserServer):
     with reviewed(folder, panel_server) as app:
         usual = app.pages[1].tab.state.plots
-        app.pages[1].receive(Hello(tab="a", width=1000, height=700, plots=("volume", "gone", "volume", "video")))
-        assert app.pages[1].tab.state.plots == ("volume", "video")
+        app.pages[1].receive(Hello(tab="a", width=1000, height=700, plots=("volume", "gone", "volume", "reprojection")))
+        assert app.pages[1].tab.state.plots == ("volume", "reprojection")
         app.pages[1].receive(Hello(tab="b", width=1000, height=700, plots=(*PLOTS,)))
         assert app.pages[1].tab.state.plots == (*PLOTS,)[:MOST_ROWS] != usual
 
@@ -240,8 +240,8 @@ def test_who_cannot_be_opened_is_told_and_left_out(folder: Path, capsys: pytest.
     ("options", "told"),
     [
         (["--keypoints", "x"], "leave out --keypoints"),
-        (["--reference", "x.npz"], "a reference is of one"),
-        (["--fov", "60"], "--fov counts for a new project"),
+        (["--reference", "x.npz"], "a reference is for one"),
+        (["--fov", "60"], "--fov can only be given for a new project"),
         (["--person", "3"], "people 1 to 2"),
     ],
 )
@@ -346,8 +346,8 @@ def test_half_an_exchange_is_told_where_more_was_done_after_it(folder: Path, pan
         (told,) = gestures.exchanging.halves
         assert told.startswith("Frames 9–11 were taken over from person 2")
         assert app.people[1].uncertain == ((9, FRAMES - 1),), "not settled by half an exchange"
-        gestures.correcting.undo()
-        gestures.correcting.undo()
+        for _ in range(4):  # each edit of another author asks first
+            gestures.correcting.undo()
         assert gestures.exchanging.halves == []
 
 
@@ -571,10 +571,9 @@ def test_everybody_is_exported_in_one_glb(folder: Path, panel_server: viser.Vise
         apart = pelvis(player, 1, LATE) - pelvis(player, 0, LATE)
         assert apart == pytest.approx([PLACES[1] - PLACES[0], 0.0, 0.0], abs=1e-4)
         app.pages[1].tab.set(frames=range(2, 6))
-        name, note, player = tested.read(frames="selected", keys="5")
+        name, note, player = tested.read(frames="selected")
         assert name == "talk-2-5.glb"
         assert people_of(player) == [("talk person 1", 4), ("talk person 2", 2)], "by number in the video"
-        assert note.count("keys (") == 2 and "talk person 2: " in note
         app.pages[1].tab.set(frames=range(LATE))
         name, note, player = tested.read()
         assert note.endswith("person 2 is not present in these frames") and len(player.document.skins) == 1

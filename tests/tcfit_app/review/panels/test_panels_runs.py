@@ -630,7 +630,7 @@ def test_an_export_ends_with_its_tab(panel_of: Opener, monkeypatch: pytest.Monke
     running = tested.panels[0].running
     tested.page.close()
     tested.until(lambda: running.state == "cancelled")
-    assert not tested.page.tab.session.tasks._running
+    tested.until(lambda: not tested.page.tab.session.tasks.busy)
 
 
 def test_files_are_handed_to_viser_on_the_thread_that_draws(panel_of: Opener, monkeypatch: pytest.MonkeyPatch):

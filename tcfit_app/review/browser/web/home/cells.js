@@ -6,8 +6,9 @@ import { element } from "../element.js";
  * @typedef {{ step: string, share?: number, ended?: "failed" | "done" }} Work
  * @typedef {{ key: string, name: string, place: string, group?: string,
  *   kind: "project" | "result" | "video" | "images", state?: State, frames?: number, seconds?: number,
- *   score?: number, left?: number, words?: string, frame?: number, off?: Object<string, number>, reviewer?: string, spent?: number,
- *   altered?: boolean, note?: string, notes?: number, busy?: string, work?: Work, problem?: string }} Row
+ *   score?: number, left?: number, words?: string, frame?: number, off?: Object<string, number>,
+ *   reviewer?: string, spent?: number, altered?: boolean, note?: string, notes?: number, busy?: string,
+ *   work?: Work, problem?: string }} Row
  * @typedef {"new" | "fitted" | "in review" | "approved"} State
  * @typedef {{ title: string, name: string, number?: boolean, order?: (row: Row) => string | number | undefined,
  *   fill?: (cell: HTMLElement, row: Row) => void }} Column
