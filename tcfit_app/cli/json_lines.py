@@ -196,8 +196,9 @@ def json_lines() -> Iterator[Callable[[int], int]]:
 def discard(stream: TextIO) -> None:
     """Discard buffered output, which Python would try to write at exit."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, stream.fileno())
-    os.close(nowhere)
+    if nowhere != stream.fileno():  # equal if the stream's descriptor was closed: the lowest free one is taken
+        os.dup2(nowhere, stream.fileno())
+        os.close(nowhere)
 
 
 def version() -> str:

@@ -86,7 +86,7 @@ def test_a_folder_that_is_gone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, 
     monkeypatch.chdir(tmp_path / "gone")
     (tmp_path / "gone").rmdir()
     assert main(["fit", "--out", "x"]) == FAILED
-    assert "the folder in which tcfit was started is gone" in capsys.readouterr().err
+    assert "the current folder no longer exists" in capsys.readouterr().err
 
 
 def _raising(error: BaseException) -> Callable[[], None]:
@@ -105,7 +105,7 @@ def _raising(error: BaseException) -> Callable[[], None]:
         (MemoryError(), FAILED, "not enough memory (MemoryError)"),
         (ImportError("libavcodec.so: failed to map segment from shared object"), FAILED, "tcfit needs 1.5 GB"),
         (ImportError("x.so: cannot allocate memory in static TLS block"), FAILED, "to load a library (x.so: cannot"),
-        (OverflowError("int too large"), FAILED, "too large to compute with (int too large)"),
+        (OverflowError("int too large"), FAILED, "a number is too large (int too large)"),
         (UnicodeEncodeError("utf-8", "\udce4", 0, 1, "surrogates"), INPUT_ERROR, "not UTF-8"),
         (KeyboardInterrupt(), CANCELLED, "cancelled."),
         (BrokenPipeError(), PIPE_CLOSED, ""),

@@ -359,6 +359,7 @@ def test_the_menu_comes_when_the_right_button_is_released_where_it_was_pressed(t
 
 def test_a_click_where_nobody_was_detected_offers_to_search_there(tab: Tab) -> None:
     menu = tab.page.get_by_role("menu")
+    menu.wait_for(state="detached")
     tab.page.mouse.click(*tab.screen(20, 20))
     tab.settle()
     assert menu.count() == 0, "with the person in the frame it only clears the selection"
