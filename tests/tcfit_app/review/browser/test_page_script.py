@@ -70,8 +70,10 @@ def opened(server: ReviewServer, browser: "Browser") -> Tab:
 @pytest.fixture
 def tab(opened: Tab) -> Iterator[Tab]:
     """The page with its states as at the start."""
+    opened.page.keyboard.press("Escape")  # a menu that a failed test left open
     for name in ("notice", "chips", "legend", "marks", "suspicions", "fit", "provenance", "range", "selection"):
         opened.send(name, None)
+    opened.send("picture_menus", None)
     opened.send("skeleton", states.Skeleton())
     opened.send("style", states.Style(bones=False))
     opened.send("layout", POSTER)
@@ -585,6 +587,7 @@ def test_keys_are_told_and_kept_from_the_camera(tab: Tab) -> None:
 
 def test_keys_in_a_field_are_the_field_s(tab: Tab) -> None:
     field = tab.page.get_by_text("a field").locator("xpath=following::input[1]")
+    field.fill("")
     field.click()
     tab.page.keyboard.press("b")
     tab.page.keyboard.press("Space")
