@@ -24,9 +24,8 @@ from fitting_core.errors import InputError
 from fitting_core.io.result_files import read_fit
 from fitting_core.keypoints import BODY, BONES
 from fitting_core.render.renderer import Renderer
-from fitting_core.render.sheets import Cell, beside, write_sheet
+from fitting_core.render.sheets import Cell, View, beside, write_sheet
 from fitting_core.shipped import FREE_FOLDER
-from tests.samples.body_pictures import body_picture, fitted_views
 
 _HEIGHT = 300
 """Of a picture, pixels."""
@@ -68,8 +67,12 @@ def _cell(made: MotionClipMade, frame: int, fits: Sequence[Path]) -> Cell:
         found = shared_mesh(body)(read_fit(folder / made.sequence.name).params[[frame]])[0].double().numpy()
         bodies.append((found, (0.9, 0.65, 0.5)))
     for vertices, color in bodies:
-        views = fitted_views(vertices * _UPRIGHT, (0.0, 90.0), size=(200, _HEIGHT), extent=1.9)
-        pictures += [body_picture(vertices * _UPRIGHT, made.body.faces, view, color=color) for view in views]
+        points = vertices * _UPRIGHT
+        center = tuple((points.min(axis=0) + points.max(axis=0)) / 2)
+        for degrees in (0.0, 90.0):
+            view = View(center=center, extent=1.9, degrees=degrees, size=(200, _HEIGHT))
+            drawn = Renderer(view.camera).render(view.camera_space(points), made.body.faces, color=color)
+            pictures.append(drawn)
     shot = made.sequence.shot
     told = f"{made.sequence.name} {made.directions[frame]} {shot.elevation:.0f} deg, {shot.lens:.0f} mm, {shot.cut}"
     return Cell(picture=beside(pictures), caption=f"{told}, frame {frame}: camera, truth, fits")

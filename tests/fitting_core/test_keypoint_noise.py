@@ -1,13 +1,10 @@
 """The table of detectors' noise, and the weights that follow from it."""
 
-from typing import get_args, get_type_hints
-
 import numpy as np
 import pytest
 
-from fitting_core.config.schema import PRESETS, FitConfig
 from fitting_core.keypoint_noise import DETECTOR_TITLES, NOISE, deviations, keypoint_weights, part
-from fitting_core.keypoints import BODY, COUNT, HANDS, INDEX, NAMES
+from fitting_core.keypoints import COUNT
 
 
 def test_every_keypoint_of_every_detector_has_its_noise():
@@ -16,25 +13,6 @@ def test_every_keypoint_of_every_detector_has_its_noise():
     for detector, table in NOISE.items():
         assert set(table) == parts, detector
         assert ((deviations(detector) > 1) & (deviations(detector) < 100)).all()
-
-
-def test_keypoints_are_found_by_their_names():
-    names = ("nose", "left_ear", "mid_hip", "right_hip", "left_big_toe", "left_wrist")
-    assert [part(INDEX[name]) for name in names] == ["nose", "ear", "mid_hip", "hip", "toe", "wrist"]
-    assert {part(keypoint) for keypoint in range(COUNT)[HANDS]} == {"hand"}
-    assert part(NAMES.index("face_contour8")) == "face"
-
-
-def test_sides_are_alike():
-    for detector in DETECTOR_TITLES:
-        found = deviations(detector)
-        for name in NAMES[BODY]:
-            if name.startswith("left_"):
-                assert found[INDEX[name]] == found[INDEX["right_" + name.removeprefix("left_")]]
-
-
-def test_the_setting_knows_the_detectors_and_two_more():
-    assert get_args(get_type_hints(FitConfig)["keypoint_noise"]) == ("auto", *DETECTOR_TITLES, "equal")
 
 
 @pytest.mark.parametrize(
@@ -57,12 +35,3 @@ def test_what_is_noisier_than_openposes_weighs_less_beside_the_rest():
         grown, weights = deviations(detector) / deviations("openpose"), keypoint_weights(detector, "")
         order = np.argsort(grown, kind="stable")
         assert (np.diff(weights[order]) <= 1e-12).all()
-
-
-def test_nothing_weighs_more_than_openposes():
-    for detector in DETECTOR_TITLES:
-        assert (keypoint_weights(detector, "") <= 1).all()
-
-
-def test_presets_weigh_all_the_same():
-    assert {preset.keypoint_noise for preset in PRESETS.values()} == {"equal"}

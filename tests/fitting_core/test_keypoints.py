@@ -27,13 +27,6 @@ def test_index_prefers_the_body_wrist():
     assert all(kp.INDEX[name] == i for i, name in enumerate(kp.NAMES) if i not in (25, 46))
 
 
-def test_face_is_contour_then_51_landmarks_then_pupils():
-    assert range(137)[kp.CONTOUR] == range(67, 84)
-    assert (
-        kp.INDEX["face_right_brow0"] == kp.CONTOUR.stop and kp.CONTOUR.stop + 51 == kp.INDEX["face_right_pupil"] == 135
-    )
-
-
 def test_bones_stay_in_their_group_and_connect_it():
     for name in ("body", "left_hand", "right_hand"):
         members = set(range(137)[kp.GROUPS[name]])
@@ -56,14 +49,6 @@ def test_bones_and_limbs_are_symmetric():
     assert body == {frozenset((mirrored(a), mirrored(b))) for a, b in kp.BONES if max(a, b) < 67}
     assert {mirrored(i) for i in kp.LIMBS} == {kp.NAMES[i] for i in kp.LIMBS}
     assert len(set(kp.LIMBS)) == 12
-
-
-def test_slice_takes_frames():
-    xy = np.arange(5 * 137 * 2, dtype=float).reshape(5, 137, 2)
-    keypoints = Keypoints(xy=xy, confidence=np.full((5, 137), 0.5))
-    part = keypoints[1:3]
-    assert len(keypoints) == 5 and len(part) == 2
-    np.testing.assert_array_equal(part.xy, xy[1:3])
 
 
 @pytest.mark.parametrize("broken", ["xy", "confidence"])

@@ -72,17 +72,6 @@ def test_one_shape_leaves_the_pelvis_where_it_is_in_any_world(tiny_body: BodyMod
     assert np.allclose(said["translation"], varied.one_shape.params.camera_translation)
 
 
-def test_all_that_users_miss_elsewhere_is_stated(tiny_body: BodyModel):
-    said = stated(swinging(tiny_body).in_axes("y-up"))
-    assert said["axes"] == "y-up" and "y up" in said["axes_text"] and "metres" in said["axes_text"]
-    assert said["intrinsics"]["focal_px"] == [900.0, 910.0] and said["gender"] == "neutral"
-
-
-def test_unknown_axes_are_named(tiny_body: BodyModel):
-    with pytest.raises(InputError, match="camera, y-up, z-up"):
-        swinging(tiny_body).in_axes("x-up")
-
-
 TILT = np.radians(20)
 UP = np.array([0.0, -np.cos(TILT), -np.sin(TILT)])
 """In a camera that looks down by 20 degrees."""

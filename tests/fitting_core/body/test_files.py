@@ -14,7 +14,7 @@ import scipy.sparse
 
 from fitting_core.body.files.forms import FORMS, KINDS, PARENTS, plain_hand_components
 from fitting_core.body.files.reading import load_body
-from fitting_core.body.model import JOINT, SURFACE_KEYPOINTS
+from fitting_core.body.model import SURFACE_KEYPOINTS
 from fitting_core.errors import InputError
 from tests.samples.body_files import (
     VERTICES,
@@ -121,31 +121,6 @@ def test_posed_body_is_that_of_the_file(tmp_path: Path, kind: str):
         body.template, body.pose_directions, body.joint_regressor, body.skinning_weights, body.parents, rotations
     )
     np.testing.assert_allclose(found, expected, atol=1e-12)
-
-
-def test_joints_that_smplh_lacks_sit_on_the_head_without_skin(tmp_path: Path):
-    arrays = body_arrays("smplh")
-    body = load_body(write_npz(tmp_path / "model.npz", arrays | {"gender": np.array("female")}))
-    lacking = [JOINT["jaw"], JOINT["left_eye"], JOINT["right_eye"]]
-    assert (body.kind, body.gender) == ("smplh", "female")
-    assert not body.skinning_weights[:, lacking].any()
-    for joint in lacking:
-        np.testing.assert_array_equal(body.joint_regressor[joint], arrays["J_regressor"][15])
-        assert not body.pose_directions[:, :, 9 * (joint - 1) : 9 * joint].any()
-    np.testing.assert_array_equal(body.joint_regressor[JOINT["left_index1"]], arrays["J_regressor"][22])
-    np.testing.assert_array_equal(body.pose_directions[:, :, 9 * 24 :], arrays["posedirs"][:, :, 9 * 21 :])
-    assert not body.expression_directions.any()
-    assert body.landmark_vertices.shape == (0, 3) and body.contour_weights.shape == (0, 17, 3)
-
-
-def test_smpl_hands_merge_into_wrists(tmp_path: Path):
-    arrays = body_arrays("smpl")
-    body = load_body(write_npz(tmp_path / "SMPL_NEUTRAL.npz", arrays))
-    left, right = JOINT["left_wrist"], JOINT["right_wrist"]
-    np.testing.assert_allclose(body.skinning_weights[:, left], arrays["weights"][:, [20, 22]].sum(axis=1))
-    np.testing.assert_allclose(body.skinning_weights[:, right], arrays["weights"][:, [21, 23]].sum(axis=1))
-    assert not body.skinning_weights[:, 22:].any()
-    np.testing.assert_array_equal(body.joint_regressor[JOINT["right_thumb3"]], arrays["J_regressor"][21])
 
 
 def test_plain_hands_bend_fingers_first():
@@ -427,11 +402,6 @@ def test_npz_that_unpacks_too_large_is_refused_before_unpacking(tmp_path: Path, 
 )
 def test_gender_comes_from_the_name(tmp_path: Path, name: str, gender: str):
     assert load_body(write_npz(tmp_path / name, body_arrays())).gender == gender
-
-
-def test_gender_of_the_file_wins(tmp_path: Path):
-    path = write_npz(tmp_path / "SMPLX_NEUTRAL.npz", body_arrays() | {"gender": np.array("male")})
-    assert load_body(path).gender == "male"
 
 
 def test_a_body_in_use_is_not_read_again_and_a_changed_file_is(tmp_path: Path):

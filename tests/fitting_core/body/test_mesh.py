@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from fitting_core.body import rotations
 from fitting_core.body.mesh import Mesh
-from fitting_core.body.model import JOINT, JOINTS, N_JOINTS, POSE_COLUMNS, POSE_JOINTS, BodyModel
+from fitting_core.body.model import JOINT, N_JOINTS, BodyModel
 from fitting_core.body.params import BodyParams, full_pose, hand_basis
 from tests.samples.scenes import random_params
 
@@ -65,10 +65,6 @@ def test_batch_is_single_frames(tiny_body: BodyModel, chunk: int):
         torch.testing.assert_close(together[i : i + 1], mesh(params[i : i + 1]), rtol=0, atol=1e-13)
 
 
-def test_no_frames(tiny_body: BodyModel):
-    assert Mesh(tiny_body)(random_params(0)).shape == (0, len(tiny_body.template), 3)
-
-
 def test_turning_and_moving_the_whole_body(tiny_body: BodyModel):
     params, mesh = random_params(2), Mesh(tiny_body, dtype=torch.float64)
     turn, shift = rotations.exp(torch.tensor([0.4, -1.1, 0.2]).double()), torch.tensor([0.3, -0.2, 1.0]).double()
@@ -108,12 +104,6 @@ def test_full_hands_are_added_to_the_mean(tiny_body: BodyModel):
     assert float(pose[: JOINT["left_index1"]].abs().max()) == 0
 
 
-def test_float32_is_close(free_body: BodyModel):
-    params = random_params(1)
-    difference = Mesh(free_body, dtype=torch.float32)(params).double() - Mesh(free_body, dtype=torch.float64)(params)
-    assert float(difference.abs().max()) < 1e-5
-
-
 def test_a_shaped_body_is_the_body_with_these_betas(tiny_body: BodyModel):
     betas = np.random.default_rng(3).normal(size=10)
     shaped, params = tiny_body.with_shape(betas), BodyParams.neutral(1)
@@ -123,13 +113,3 @@ def test_a_shaped_body_is_the_body_with_these_betas(tiny_body: BodyModel):
     upright = mesh.joints(given)[0, :25]  # fingers are bent by the mean hand
     assert torch.allclose(torch.as_tensor(shaped.rest_joints[:25]), upright, atol=1e-12)
     assert np.allclose(tiny_body.with_shape(list(betas)).with_shape(-betas).template, tiny_body.template)
-
-
-def test_the_parts_of_a_pose_are_all_joints_in_order():
-    joints = [name for part in POSE_JOINTS.values() for name in JOINTS[part]]
-    assert joints == list(JOINTS)
-    assert JOINTS[POSE_JOINTS["body_pose"]][-1] == "right_wrist" and JOINTS[POSE_JOINTS["jaw_pose"]] == ["jaw"]
-    assert all(name.startswith("right_") for name in JOINTS[POSE_JOINTS["right_hand_pose"]])
-    assert POSE_COLUMNS["body_pose"] == slice(3, 66) and POSE_COLUMNS["right_hand_pose"].stop == 165
-    widths = {name: part.stop - part.start for name, part in POSE_COLUMNS.items()}
-    assert widths.items() <= {n: t.shape[1] for n, t in vars(BodyParams.neutral(1, hand_components=45)).items()}.items()

@@ -94,27 +94,6 @@ def test_keypoints_of_the_free_body_lie_on_its_mesh(free_body: BodyModel):
         np.testing.assert_allclose(posed.points[i], np.array(expected), rtol=0, atol=1e-12)
 
 
-def test_batch_is_single_frames(tiny_body: BodyModel):
-    params, points = random_params(4), BodyPoints(tiny_body, POINTS)
-    together = posed_points(points, params, tiny_body, BINS).points
-    for i in range(4):
-        alone = posed_points(points, params[i : i + 1], tiny_body, BINS[i : i + 1]).points
-        torch.testing.assert_close(together[i : i + 1], alone, rtol=0, atol=1e-13)
-
-
-def test_contour_needs_its_tables(tiny_body: BodyModel):
-    with pytest.raises(AssertionError, match="yaw table"):
-        posed_points(BodyPoints(tiny_body, [Contour(0)]), random_params(2), tiny_body, None)
-
-
-def test_joints_alone_and_nothing(tiny_body: BodyModel):
-    params = random_params(2)
-    posed = posed_points(BodyPoints(tiny_body, [Joint(j) for j in range(N_JOINTS)]), params, tiny_body, None)
-    expected = Mesh(tiny_body, dtype=torch.float64).joints(params) - params.camera_translation[:, None]
-    torch.testing.assert_close(posed.points, expected, rtol=0, atol=1e-13)
-    assert posed_points(BodyPoints(tiny_body, []), params, tiny_body, None).points.shape == (2, 0, 3)
-
-
 class Scene:
     """Points of a body in some state, and the derivatives of their positions by a step of joints and coefficients."""
 
@@ -207,14 +186,6 @@ def test_contour_tables_are_those_of_the_cheek_that_is_seen(free_body: BodyModel
         x = posed_points(points, params, free_body, tables).points[..., 0]
         width[name] = x.amax(1) - x.amin(1)
     assert (width["right"] > width["wrong"] + 0.01).all()
-
-
-def test_world_rotations_are_those_of_the_forward_pass(tiny_body: BodyModel):
-    params, points = random_params(3), BodyPoints(tiny_body, [Joint(5)])
-    posed = posed_points(points, params, tiny_body, None)
-    pose = full_pose(tiny_body, params)
-    world = points.world_rotations(rotations.exp(params.global_orient), pose[:, 1:])
-    torch.testing.assert_close(world, posed.world, rtol=0, atol=1e-13)
 
 
 def test_keypoint_points_follow_the_keypoints_order(tiny_body: BodyModel):

@@ -1,7 +1,6 @@
 """Where bodies are found, and how downloads become registered bodies."""
 
 import io
-import os
 import shutil
 import tarfile
 import zipfile
@@ -84,14 +83,6 @@ def test_order_of_places(user: Path, tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert [body.origin for body in list_bodies()] == ["user", "user", "free"]
 
 
-def test_several_folders_in_the_variable(user: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    first = write_npz(tmp_path / "a" / "SMPLX_MALE.npz", body_arrays())
-    second = write_npz(tmp_path / "b" / "SMPLX_FEMALE.npz", body_arrays())
-    monkeypatch.setenv(ENVIRONMENT, os.pathsep.join([str(tmp_path / "a"), str(tmp_path / "b")]))
-    assert find_body(gender="male") == first
-    assert find_body(gender="female") == second
-
-
 def test_variable_that_names_no_folder_is_refused(user: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv(ENVIRONMENT, str(tmp_path / "nowhere"))
     with pytest.raises(InputError, match=f"nowhere: is not a folder, but {ENVIRONMENT} names it"):
@@ -104,29 +95,6 @@ def test_given_folder_is_never_replaced_by_another(user: Path, tmp_path: Path):
         find_body(search=tmp_path / "mine")
     message = str(error.value)
     assert "SMPLX_NEUTRAL.npz" in message and str(tmp_path / "mine") in message and str(user) not in message
-
-
-def test_missing_body_names_the_file_the_folders_and_what_to_do(user: Path, tmp_path: Path):
-    with pytest.raises(InputError) as error:
-        find_body(model="smplh", gender="neutral")
-    message = str(error.value)
-    for part in (
-        "SMPLH_NEUTRAL.npz",
-        f"{user} (does not exist)",
-        str(tmp_path / "free"),
-        "There is: SMPLX_NEUTRAL.",
-        "tcfit models add",
-        ENVIRONMENT,
-    ):
-        assert part in message
-
-
-@pytest.mark.parametrize(
-    ("options", "message"), [({"model": "flame"}, "smplx, smplh, smpl"), ({"gender": "x"}, "neutral, male, female")]
-)
-def test_unknown_choices_are_refused(user: Path, options: dict[str, str], message: str):
-    with pytest.raises(InputError, match=message):
-        find_body(**options)
 
 
 def test_given_path_must_be_a_model(user: Path, downloads: Path):

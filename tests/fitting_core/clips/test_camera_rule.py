@@ -76,11 +76,6 @@ def test_a_video_that_says_nothing_of_use_tells_nothing(tmp_path: Path, told: st
     assert read_footage(movie(tmp_path / "phone.mov", told)).camera == CAMERA
 
 
-def test_no_person_no_estimate():
-    nobody = Keypoints(xy=np.zeros((20, COUNT, 2)), confidence=np.zeros((20, COUNT)))
-    assert estimated(CAMERA, nobody, 30.0) == CAMERA
-
-
 def test_an_estimate_says_how_sure_it_is(monkeypatch: pytest.MonkeyPatch):
     found = replace_estimate(monkeypatch)
     camera = estimated(CAMERA, found, 30.0)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fitting_core import InputError, read_people
+from fitting_core import read_people
 from fitting_core.clips.options import CameraOptions, ClipOptions
 from fitting_core.clips.people import people_of
 from tests.fitting_core.io.cameras.camera_files import moving_npz
@@ -92,12 +92,3 @@ def test_who_may_have_been_exchanged_is_noted(figure: Figure, write_people: Call
         assert any("confused with another" in note for note in one.clip.notes)
         first, last = one.about.frames
         assert all(first <= start <= end <= last for start, end in one.about.uncertain)
-
-
-def test_errors_are_those_of_one_person(keypoints: Path, tmp_path: Path):
-    with pytest.raises(InputError, match="Frames 90 to 42"):
-        read_people(None, keypoints, clip=ClipOptions(image_size=SIZE, first_frame=90))
-    with pytest.raises(InputError, match="of the keypoints lie outside the image"):
-        read_people(None, keypoints, clip=ClipOptions(image_size=(100, 100)))
-    with pytest.raises(InputError, match="Neither a video nor keypoints"):
-        read_people(None)

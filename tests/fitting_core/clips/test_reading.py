@@ -4,8 +4,6 @@ import json
 import math
 import re
 import struct
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -181,13 +179,6 @@ def test_without_video_or_size_the_size_is_guessed_and_noted(walk):
     assert any("30 frames per second are assumed" in note for note in clip.notes)
 
 
-def test_one_image_with_one_file(tmp_path, write_people, figure):
-    file = write_people({"photo": [figure(101, 120, height=100)]}) / "photo_keypoints.json"
-    cv2.imwrite(str(tmp_path / "photo.png"), np.zeros((240, 320, 3), dtype=np.uint8))
-    clip = read_clip(tmp_path / "photo.png", file)
-    assert neck_numbers(clip) == [1] and clip.name == "photo" and alignment_note(clip) == ""
-
-
 def test_part_of_a_clip(video, walk):
     clip = read_clip(video(10), walk([0, 1, 2, 5, 6]), clip=ClipOptions(first_frame=2, last_frame=6))
     assert neck_numbers(clip) == [2, None, None, 5, 6]
@@ -302,22 +293,6 @@ def test_a_truncated_video_is_used_as_far_as_it_goes(video, walk):
     assert f"There are 20 keypoint files, walk.avi has {len(clip)} frames" in alignment_note(clip)
 
 
-def test_unevenly_spaced_frames_are_noted(video, walk, monkeypatch):
-    opened = FrameSource.__init__
-
-    def open_uneven(self, path):
-        opened(self, path)
-        self.uneven, self.frame_rate = True, 14.98765
-
-    monkeypatch.setattr(FrameSource, "__init__", open_uneven)
-    clip = read_clip(video(1), walk([0]))
-    assert clip.frame_rate == 14.98765
-    assert clip.notes[0].startswith(
-        "The frames of walk.avi are not evenly spaced in time, but are taken as if they were: 14.99 per second on "
-        "average (its header states 25)."
-    )
-
-
 @pytest.mark.parametrize(("aspect", "words"), [(1.45, "1.45 times.* too thin"), (0.8, "0.8 times.* too wide")])
 def test_pixels_that_are_not_square_are_noted(aspect, words, video, walk, monkeypatch):
     opened = FrameSource.__init__
@@ -352,11 +327,6 @@ def test_nothing_detected_in_the_whole_clip(video, write_people):
         read_clip(None, folder)
 
 
-def test_nothing_detected_in_the_part(video, walk):
-    with pytest.raises(InputError, match="No keypoint is detected in any of the 2 frames"):
-        read_clip(video(6), walk(range(3)), clip=ClipOptions(first_frame=4))
-
-
 def test_keypoints_of_several_clips(video, walk):
     walk([0, 1], "run_")
     with pytest.raises(InputError, match=r"holds keypoint files of 2 clips \(run_\.\.\., walk_\.\.\.\)"):
@@ -376,11 +346,6 @@ def test_keypoints_of_images_of_another_size(video, write_people, figure):
     folder = write_people({"walk_0": [figure(900, 500, height=300)]})
     with pytest.raises(InputError, match=r"100% of the keypoints lie outside the image: .* the image is 320 x 240"):
         read_clip(video(1), folder)
-
-
-def test_keypoints_partly_outside_are_noted(video, write_people, figure):
-    clip = read_clip(video(1), write_people({"walk_0": [figure(160, 200, height=100)]}))
-    assert any("of the keypoints lie outside the image of 320 x 240" in note for note in clip.notes)
 
 
 def test_keypoints_without_their_images(tmp_path):
@@ -407,11 +372,6 @@ def test_broken_parts_are_named(tmp_path, video, walk, broken):
              "no video": "walk.avi does not exist", "no images": "No images in"}  # fmt: skip
     with pytest.raises(InputError, match=names[broken]):
         read_clip(path, folder)
-
-
-def test_reading_a_clip_does_not_load_torch():
-    code = "import fitting_core.clips.reading, sys; sys.exit('torch' in sys.modules)"
-    subprocess.run([sys.executable, "-c", code], check=True, cwd=Path(__file__).parents[3])
 
 
 REAL = [

@@ -127,11 +127,6 @@ def test_more_frames_than_the_memory_holds(video, walker: FakeDetector, monkeypa
     assert len(read_clip(video(7), clip=ClipOptions(last_frame=5))) == 6
 
 
-def test_one_frame(video, walker: FakeDetector):
-    clip = read_clip(video(1))
-    assert len(clip) == 1 and clip.keypoints.confidence.any()
-
-
 def test_a_picture_and_a_folder_in_smplifyx_layout_without_keypoints(tmp_path: Path, walker: FakeDetector):
     (tmp_path / "clip" / "images").mkdir(parents=True)
     for t in range(6):

@@ -7,9 +7,9 @@ from typing import Any
 import msgspec
 import pytest
 
-from fitting_core.config.schema import PRESETS, FitConfig, SolverSettings, fits_as_smplifyx, without_collisions
-from fitting_core.config.settings import changed, check, nearest, settings, value_of
-from fitting_core.config.toml import as_plain, as_toml, preset, read_config
+from fitting_core.config.schema import PRESETS, FitConfig, fits_as_smplifyx, without_collisions
+from fitting_core.config.settings import changed, check, settings, value_of
+from fitting_core.config.toml import as_plain, as_toml, read_config
 from fitting_core.errors import InputError
 
 
@@ -160,23 +160,6 @@ def test_wrong_texts_are_refused(text: str):
 @pytest.mark.parametrize("name", PRESETS)
 def test_presets_lie_within_the_ranges(name: str):
     check(PRESETS[name])
-
-
-def test_check_looks_at_every_setting():
-    with pytest.raises(InputError, match=r"The configuration: settings\.rounds is 0; expected 1 or more"):
-        check(FitConfig(settings=SolverSettings(rounds=0)))
-
-
-def test_nearest_names():
-    known = list(settings())
-    assert nearest("temporal-weight", known)[0] == "temporal.weight"
-    assert nearest("weights.bodypose", known)[0] == "weights.body_pose"
-    assert nearest("zebra", known) == []
-
-
-def test_unknown_preset():
-    with pytest.raises(InputError, match=r"--preset: there is no preset 'tcfitt'.*Did you mean tcfit\?"):
-        preset("tcfitt")
 
 
 def test_a_device_that_lacks_the_precision_is_refused():

@@ -2,11 +2,7 @@
 
 import hashlib
 import io
-import json
-import socket
 import threading
-import urllib.error
-import urllib.request
 import zipfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
@@ -15,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from fitting_core.detect.download import Downloaded, DownloadProgress, _note, announced, download
-from fitting_core.detect.known_models import KNOWN_MODELS, KnownModel, find_model, is_here, model_path
+from fitting_core.detect.download import Downloaded, DownloadProgress, download
+from fitting_core.detect.known_models import KNOWN_MODELS, KnownModel, find_model, is_here
 from fitting_core.errors import InputError
 from tests.fitting_core.detect.onnx_files import brightest_model
 
@@ -222,39 +218,6 @@ def test_servers_that_are_not_there_or_refuse(known: KnownModel, served: Served,
     served.status = 404
     with pytest.raises(InputError, match="answers 404"):
         list(download(known, tmp_path))
-
-
-@pytest.mark.parametrize(
-    ("reason", "words"),
-    [
-        (socket.gaierror(-2, "Name or service not known"), "the server's address cannot be found; check the internet"),
-        (TimeoutError("timed out"), "the server does not answer"),
-        (ConnectionResetError(104, "Connection reset by peer"), r"the connection failed \(Connection reset by peer\)"),
-    ],
-)
-def test_what_keeps_a_server_away_is_told_in_words(
-    known: KnownModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, reason: OSError, words: str
-):
-    def fail(*_: object, **__: object) -> None:
-        raise urllib.error.URLError(reason)
-
-    monkeypatch.setattr(urllib.request, "urlopen", fail)
-    with pytest.raises(InputError, match=f"cannot be fetched: .*{words}.*Or download it in a browser") as told:
-        list(download(known, tmp_path))
-    assert "Errno" not in str(told.value) and "continues from there" not in str(told.value)
-    part = tmp_path / f".{known.name}.part"
-    part.write_bytes(bytes(2_500_000))
-    _note(part).write_text(json.dumps({"url": known.url, "tag": '"1"'}))
-    with pytest.raises(InputError, match=r"The first 2\.5 MB have arrived; another attempt continues from there"):
-        list(download(known, tmp_path))
-
-
-def test_what_users_are_told_before_a_download():
-    for model in KNOWN_MODELS.values():
-        said = announced(model)
-        assert model.url in said and model.licence in said and (model.sha256 or "none is known") in said
-        assert model.url.startswith("https://download.openmmlab.com/") and len(model.sha256) in (0, 64)
-        assert str(model_path(model.name)) in said
 
 
 def test_names_that_are_no_models(tmp_path: Path):

@@ -14,7 +14,6 @@ from fitting_core.clips.reading import read_footage
 from fitting_core.config.toml import read_config
 from fitting_core.detect.onnx_model import OnnxModel, consumers
 from fitting_core.errors import InputError
-from fitting_core.files.npz import npz_names, read_npz
 from fitting_core.files.regular import regular_file
 from fitting_core.io import read_detections, read_motion
 from fitting_core.io.keypoints.coco_wholebody import read_coco_wholebody
@@ -77,13 +76,6 @@ def test_what_is_no_plain_file_is_refused_at_once(
     with pytest.raises(InputError) as error:
         read(path)
     assert str(path.parent) in str(error.value)
-
-
-@pytest.mark.parametrize("read", [read_npz, npz_names])
-def test_archives_of_arrays_say_why(tmp_path: Path, read: Callable[[Path], Any]):
-    pipe(tmp_path / "a.npz")
-    with pytest.raises(ValueError, match="is a named pipe, expected a file"):
-        read(tmp_path / "a.npz")
 
 
 KINDS = {

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fitting_core.ground.contacts import FOOT_POINTS, Contacts, contacts_of, decided
+from fitting_core.ground.contacts import FOOT_POINTS, Contacts, decided
 from fitting_core.ground.gravity import gravity_before_fit
 from tests.samples.before_fit import contacts_before_fit
 from tests.samples.walkers import CAMERA, RATE, Walker, walker
@@ -67,12 +67,6 @@ def test_a_foot_held_up_still_stands_less():
     assert (found.probability[:, 0] < found.probability[:, 1] - 0.1).all()
 
 
-def test_one_frame_is_no_evidence_of_speed():
-    made = walker(1)
-    found = contacts(made)
-    assert found.probability.shape == (1, 2) and np.isfinite(found.probability).all()
-
-
 def test_short_gaps_are_closed_and_flicker_left_out():
     probability = np.full((40, 2), 0.1)
     probability[5:20, 0] = probability[22:30, 0] = 0.9
@@ -87,20 +81,6 @@ def test_a_foot_that_leaves_the_image_does_not_stand_meanwhile():
     probability = np.full((40, 2), 0.9)
     probability[20:22] = 0.0
     assert not decided(probability, 30.0)[20:22].any()
-
-
-def test_between_the_thresholds_things_stay_as_they_are():
-    rising, falling = np.full((30, 2), 0.5), np.full((30, 2), 0.5)
-    falling[:5] = 0.9
-    assert not decided(rising, 30.0).any() and decided(falling, 30.0).all()
-
-
-def test_feet_behind_the_camera_give_numbers():
-    made = walker()
-    lifted = made.lifted()
-    gravity = gravity_before_fit(lifted, made.confidence, CAMERA)
-    found = contacts_of(made.xy, made.confidence, lifted, gravity, CAMERA, RATE, made.feet - (0.0, 0.0, 50.0))
-    assert np.isfinite(found.probability).all()
 
 
 @pytest.mark.parametrize("noise", [0.0, 2.0])

@@ -4,19 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 from scipy.spatial.transform import Rotation
 
-from fitting_core.body.model import JOINT, BodyModel
-from fitting_core.body.params import BodyParams
-from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
+from fitting_core.body.model import BodyModel
 from fitting_core.frame_runs import runs_where
 from fitting_core.ground.contacts import FOOT_POINTS, Contacts
-from fitting_core.ground.feet import has_feet, sole_heights, stance_of
+from fitting_core.ground.feet import sole_heights
 from fitting_core.ground.gravity import Gravity, angles
 from fitting_core.ground.grounding import Grounding, grounding_of
 from fitting_core.ground.plane import Ground, ground_under
-from tests.samples.before_fit import USUAL_SOLES, contacts_before_fit, grounding_before_fit
+from tests.samples.before_fit import USUAL_SOLES, grounding_before_fit
 from tests.samples.walkers import CAMERA, HEIGHT, RATE, SOLES, Walker, walker
 
 
@@ -96,33 +93,11 @@ def test_half_a_body_has_gravity_and_no_ground():
     assert found.text.startswith("Ground: none, the feet are not in the image; camera tilted 15° down")
 
 
-def test_contacts_are_those_of_the_function_of_their_own():
-    made = walker()
-    found, lifted = grounding(made), made.lifted()
-    alone = contacts_before_fit(made.xy, made.confidence, lifted, found.gravity, CAMERA, RATE)
-    assert np.array_equal(alone.probability, found.contacts.probability)
-
-
 def test_a_part_has_its_own_contacts_and_the_same_floor():
     whole = grounding(walker())
     part = whole[10:25]
     assert np.array_equal(part.contacts.standing, whole.contacts.standing[10:25])
     assert part.ground is whole.ground and part.gravity is whole.gravity
-
-
-def test_feet_are_the_bodys_keypoints(free_body: BodyModel):
-    generator = torch.Generator().manual_seed(2)
-    params = BodyParams(
-        **{
-            n: 0.3 * torch.randn(t.shape, generator=generator, dtype=t.dtype)
-            for n, t in vars(BodyParams.neutral(3)).items()
-        }
-    )
-    assert has_feet(free_body)
-    expected = keypoints_in_space(free_body, params)[0][:, FOOT_POINTS]
-    stance, joints = stance_of(free_body, params), joints_in_space(free_body, params)
-    assert np.allclose(stance.feet, expected, atol=1e-12)
-    assert np.allclose(stance.trunk, joints[:, JOINT["neck"]] - joints[:, JOINT["pelvis"]], atol=1e-12)
 
 
 def test_soles_are_below_the_feet(free_body: BodyModel):

@@ -68,11 +68,6 @@ def test_page_of_one_sequence_has_curves_and_the_true_volume():
     assert '"name":"truth"' in page and page.count('id="plot-') == 2, "surface error, and volume"
 
 
-def test_page_without_records():
-    pytest.importorskip("plotly", reason="the report needs tcfit[report]")
-    assert "How this was measured" in report_page(Evaluation(title="x", records=()))
-
-
 def test_report_without_plotly_says_what_to_install(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(sys.modules, "plotly.graph_objects", None)
     with pytest.raises(InputError, match=r"pip install tcfit\[report\]"):

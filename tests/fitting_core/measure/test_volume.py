@@ -43,7 +43,3 @@ def test_a_body_with_a_hole_has_nearly_the_same_volume(free_body: BodyModel, los
     some = Enclosed.of(free_body.faces[lost:])
     assert len(some.edges)
     np.testing.assert_allclose(some(vertices), Enclosed.of(free_body.faces)(vertices), rtol=1e-3)
-
-
-def test_no_frames(free_body: BodyModel):
-    assert Enclosed.of(free_body.faces)(np.zeros((0, len(free_body.template), 3))).shape == (0,)

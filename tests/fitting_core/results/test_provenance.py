@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from fitting_core.fit.phases.limb_flips import LIMBS
-from fitting_core.results.provenance import STARTS, STOPS, Provenance, Start, Stopped
+from fitting_core.results.provenance import Provenance, Start, Stopped
 
 
 def test_numbers_that_files_hold_keep_their_meaning():
@@ -15,16 +14,6 @@ def test_numbers_that_files_hold_keep_their_meaning():
     assert {s.name: int(s) for s in Stopped} == {
         "UNKNOWN": 0, "CONVERGED": 1, "ITERATIONS": 2, "STALLED": 3, "FAILED": 4, "EMPTY": 5,
     }  # fmt: skip
-
-
-def test_every_number_has_a_text_of_its_own():
-    for codes, texts in ((Start, STARTS), (Stopped, STOPS)):
-        assert set(texts) == set(codes) and len(set(texts.values())) == len(texts)
-
-
-def test_a_limb_that_is_mirrored_is_told_by_its_name():
-    for name, limb in LIMBS.items():
-        assert name.replace("_", " ") in STARTS[limb.start]
 
 
 def test_sentences_name_each_frame_s_own():

@@ -316,13 +316,6 @@ def test_frames_are_missing_in_the_middle(write_video):
                 assert np.array_equal(frames.frame_or_grey(index), frames.frame(index))
 
 
-def test_frames_are_rgb(write_video):
-    with FrameSource(write_video(1)) as frames:
-        frame = frames.frame(0)
-    assert frame.dtype == np.uint8 and frame.shape == (48, 64, 3)
-    assert red_corner(frame) == ("upper", "left")
-
-
 def test_a_folder_of_images_is_in_natural_order(write_images):
     folder = write_images(["f1.png", "f2.jpg", "f10.PNG", "F11.jpeg"])
     (folder / "notes.txt").touch()
@@ -416,11 +409,6 @@ def test_files_that_hold_no_frames(tmp_path, name, content, message):
         FrameSource(tmp_path / name)
 
 
-def test_a_missing_file(tmp_path):
-    with pytest.raises(InputError, match=r"gone.mp4 does not exist; expected a video file or a folder of images"):
-        FrameSource(tmp_path / "gone.mp4")
-
-
 def test_a_video_without_its_index(write_video):
     """An MP4 keeps its index at the end; a copy that stopped early lacks it."""
     file = write_video(30, "walk.mp4", "mp4v")
@@ -455,17 +443,6 @@ def test_a_truncated_video_says_both_numbers(write_video):
 def test_a_frame_that_is_not_there(write_video, index):
     with FrameSource(write_video(5)) as frames, pytest.raises(InputError, match=f"no frame {index} .*frames 0 to 4"):
         frames.frame(index)
-
-
-def test_an_empty_folder(tmp_path):
-    with pytest.raises(InputError, match=r"No images in .*found an empty folder; expected files in .png, .jpg"):
-        FrameSource(tmp_path)
-
-
-def test_a_folder_of_other_files(tmp_path):
-    (tmp_path / "a.json").touch()
-    with pytest.raises(InputError, match=r"No images in .*found 1 other files, such as a.json"):
-        FrameSource(tmp_path)
 
 
 def test_images_of_different_sizes_are_scaled_to_the_first(write_images):

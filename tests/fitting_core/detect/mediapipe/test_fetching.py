@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from fitting_core.detect.mediapipe import fetching, networks, packages
-from fitting_core.detect.mediapipe.fetching import Fetched, FetchProgress, add, announced, fetch
+from fitting_core.detect.mediapipe.fetching import Fetched, FetchProgress, add, fetch
 from fitting_core.detect.mediapipe.networks import NEEDED, NETWORKS
 from fitting_core.detect.mediapipe.packages import Programs
 from fitting_core.errors import InputError
@@ -198,15 +198,6 @@ def test_the_folder_cannot_be_written(source: Path, place: Path, tmp_path: Path,
     assert finished(fetch(place)).added == (), "where all are there, nothing needs to be written"
 
 
-@pytest.mark.skipif(sys.platform == "win32" or os.geteuid() == 0, reason="the superuser may write everywhere")
-def test_a_folder_without_permission(source: Path, place: Path):
-    place.parent.mkdir()
-    place.parent.chmod(0o500)
-    with pytest.raises(InputError, match=r"cannot be written .Permission denied"):
-        finished(fetch(place, using=fake_programs(source)))
-    place.parent.chmod(0o700)
-
-
 def test_without_locks(source: Path, place: Path, monkeypatch: pytest.MonkeyPatch):
     def none(path: Path) -> None:
         raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
@@ -320,15 +311,3 @@ def test_given_files_that_are_none(source: Path, place: Path, tmp_path: Path):
         finished(add(tmp_path, place))
     assert not packages.holds_networks(tmp_path) and not packages.holds_networks(tmp_path / "nothing.tgz")
     assert not place.exists()
-
-
-def test_what_users_are_told_before(source: Path, place: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(packages, "programs", lambda: Programs(pip=["pip"], npm=["npm"]))
-    said = announced(place)
-    for words in ("36 MB", "53 MB", "mediapipe 0.10.21", "@mediapipe/holistic", "Apache-2.0", f"49 MB in {place}"):
-        assert words in said
-    assert "for npm" not in said
-    monkeypatch.setattr(packages, "programs", lambda: Programs(pip=["pip"], npm=None))
-    assert "for npm; then deleted" in announced(place)
-    finished(add(next(source.glob("*.whl")), place))
-    assert "36 MB" not in announced(place) and "53 MB" in announced(place), "only what is to be fetched"

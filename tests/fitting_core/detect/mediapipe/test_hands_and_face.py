@@ -63,13 +63,6 @@ def test_a_hand_that_points_at_the_camera_gets_no_tiny_square():
     assert square.side == pytest.approx(0.14 * 400)
 
 
-def test_where_to_look_next_is_around_the_hand():
-    hand = hand_at(300, 200)
-    square = hand.next_square
-    assert square.side > 60 and np.hypot(square.x - 300, square.y - 180) < 30
-    assert abs(square.angle) < 0.2  # the fingers point up
-
-
 class FakeNetworks:
     """In place of all networks: finds a left hand where `there` says so, and keeps the frames that were searched."""
 

@@ -51,17 +51,6 @@ def test_a_network_runs_on_any_number_of_images(place: Path):
     np.testing.assert_allclose(np.concatenate([network(image[None])[0] for image in images]), all_at_once, atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("name", "file", "size"), [("pose_detection", ".whl", "36"), ("pose_landmark_heavy", ".tgz", "53")]
-)
-def test_one_that_is_missing(place: Path, name: str, file: str, size: str):
-    with pytest.raises(InputError) as raised:
-        Network(name)
-    ways = ("tcfit models add mediapipe", "make install", f"tcfit models add FILE{file}")
-    for words in (name, str(place), "Apache-2.0", f"{size} MB", *ways):
-        assert words in str(raised.value)
-
-
 def test_one_that_is_damaged(place: Path):
     path = networks.onnx_path("hand_recrop", place)
     path.write_bytes(path.read_bytes()[:-1])

@@ -14,7 +14,6 @@ from fitting_core.detect.detecting import Detected, Detection, FramesDetected
 from fitting_core.detect.detectors import find_detector
 from fitting_core.detect.found import found_detections, silhouettes_of
 from fitting_core.detect.mediapipe import networks
-from fitting_core.detect.mediapipe.detector import Effort, MediaPipe
 from fitting_core.detect.second_look import look_again
 from fitting_core.detect.stored import StoredDetection
 from fitting_core.keypoints import BODY, FACE, INDEX, LEFT_HAND, RIGHT_HAND, Keypoints
@@ -170,9 +169,3 @@ def test_two_people_beside_each_other_are_two(source: FrameSource, tmp_path: Pat
     for person in (0, 1):
         middles = np.array([people[person, INDEX["neck"], 0] for people in found.people])
         assert len({middle < source.size[0] for middle in middles}) == 1
-
-
-def test_the_heavy_network_serves_where_it_is(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(networks, "is_installed", lambda name, place=None: "heavy" not in name)
-    full = MediaPipe("mediapipe", Effort(body="heavy", mirrored=True))
-    assert " full mirrored" in full.version

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fitting_core.detect.mediapipe.squares import Square, around, of_box, picture, turn_from
+from fitting_core.detect.mediapipe.squares import Square, around, picture
 
 numbers = st.floats(-300, 300)
 
@@ -67,17 +67,3 @@ def test_the_smallest_square_around_points_holds_them(points: list[tuple[float, 
     own = (xy - [square.x, square.y]) @ np.array([[c, -s], [s, c]])
     assert np.abs(own).max() <= square.side / 2 + 1e-6
     assert np.isclose((own.max(0) - own.min(0)).max(), square.side)
-
-
-def test_directions():
-    assert turn_from(np.array([0.0, 10]), np.array([0.0, 0]), should_be=90) == pytest.approx(0)
-    assert turn_from(np.array([0.0, 0]), np.array([10.0, 0]), should_be=90) == pytest.approx(np.pi / 2)
-    up = Square(0, 0, 10, np.pi / 2).scaled(1, up=0.5)
-    assert (up.x, up.y) == pytest.approx((5, 0))
-
-
-def test_shares_of_the_image():
-    image = np.zeros((100, 200, 3), np.uint8)
-    assert Square(100, 50, 100).share_inside(image) == 1
-    assert Square(200, 50, 100).share_inside(image) == pytest.approx(0.5)
-    assert of_box(np.array([0.0, 0, 40, 10])) == Square(20, 5, 40)

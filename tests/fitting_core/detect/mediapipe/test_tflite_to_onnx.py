@@ -1,6 +1,5 @@
-"""Conversion to ONNX: operators beside their definitions, and networks beside TensorFlow Lite where it is installed."""
+"""Conversion to ONNX: operators beside their definitions."""
 
-import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,17 +9,12 @@ import onnx
 import pytest
 
 from fitting_core.detect.mediapipe import tflite_file, tflite_to_onnx
-from fitting_core.detect.mediapipe.networks import NETWORKS, Network, is_installed, open_session
-from fitting_core.detect.mediapipe.packages import tflite_path, unpack
+from fitting_core.detect.mediapipe.networks import open_session
 from fitting_core.detect.mediapipe.tflite_to_onnx import convert
 from tests.fitting_core.detect.mediapipe.tflite_files import IMAGES, Level, Sparsity, TfliteWriter
-from tests.samples import network_answers
 
 RNG = np.random.default_rng(4)
 HEIGHT, WIDTH, CHANNELS = SIZE = (6, 8, 3)
-PACKAGES = "TCFIT_MEDIAPIPE_PACKAGES"
-"""Environment variable with the wheel and the npm package, separated as in PATH: their networks are compared, too."""
-litert = pytest.mark.skipif(not network_answers.has_tflite(), reason="the package ai-edge-litert is not installed")
 
 Expected = Callable[[np.ndarray], np.ndarray]
 Case = Callable[[TfliteWriter], tuple[int, Expected]]
@@ -220,9 +214,6 @@ def test_operators_do_what_they_are_defined_to_do(case: Case, tmp_path: Path):
     onnx.checker.check_model(str(target), full_check=True)
     found = np.asarray(open_session(target.read_bytes()).run(None, {"image": images})[0])
     np.testing.assert_allclose(found, expected(images), rtol=1e-5, atol=1e-5)
-    if network_answers.has_tflite():
-        theirs = network_answers.tflite_answers(source, images).by_output
-        np.testing.assert_allclose(found, next(iter(theirs.values())), rtol=1e-5, atol=1e-5)
 
 
 def test_every_operator_is_tried():
@@ -258,21 +249,3 @@ def test_files_that_are_none(tmp_path: Path):
         with pytest.raises(ValueError, match=words):
             convert(path, tmp_path / "a.onnx")
     assert not (tmp_path / "a.onnx").exists()
-
-
-@litert
-@pytest.mark.parametrize("name", NETWORKS)
-def test_installed_networks_give_what_tflite_gives(name: str, tmp_path: Path):
-    packages = [Path(part) for part in os.environ.get(PACKAGES, "").split(os.pathsep) if part]
-    for package in packages:
-        unpack(package, tmp_path)
-    path = tflite_path(name, tmp_path)
-    if not is_installed(name) or not path.is_file():
-        pytest.skip(f"{name} is not installed, or in no package that {PACKAGES} names")
-    images = network_answers.crops([], Network(name).size, 3)
-    found = network_answers.onnxruntime_answers(name, images).by_output
-    plain = network_answers.tflite_answers(path, images, plain=True).by_output
-    for output, expected in network_answers.tflite_answers(path, images).by_output.items():
-        # TFLite's own kernels differ by that much: networks make more of a rounding error where there is nobody.
-        own = network_answers.difference(plain[output], expected)
-        assert network_answers.difference(found[output], expected) < 2e-5 + 10 * own, output

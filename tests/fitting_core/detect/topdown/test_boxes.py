@@ -5,12 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fitting_core.detect.onnx_model import OnnxModel, consumers
+from fitting_core.detect.onnx_model import OnnxModel
 from fitting_core.detect.topdown import rtmdet
 from fitting_core.detect.topdown.boxes import (
     Boxes,
     BoxModel,
-    grid,
     intersection_over_union,
     letterboxed,
     non_maximum_suppressed,
@@ -95,13 +94,6 @@ def test_numbers_beyond_all_bounds_are_no_boxes(tmp_path: Path):
     assert (found.corners >= 0).all() and (found.corners <= [128, 96, 128, 96]).all()
 
 
-def test_the_grid_runs_row_by_row_from_the_finest():
-    cells, strides = grid((64, 32))
-    assert len(cells) == 8 * 4 + 4 * 2 + 2 * 1
-    assert cells[9].tolist() == [1, 1] and strides[9] == 8
-    assert cells[32 + 5].tolist() == [1, 1] and strides[32 + 5] == 16
-
-
 def test_the_image_keeps_its_aspect_ratio_and_turns_blue_green_red():
     image = np.zeros((50, 200, 3), np.uint8)
     image[..., 0] = 200
@@ -125,14 +117,6 @@ def test_every_family_recognises_its_models_alone(tmp_path: Path):
     with pytest.raises(InputError, match="unknown kind: input image 1 x 3 x 64 x 64"):
         load_box_model(path, threads=1)
     assert {family.finds for family in FAMILIES.values()} == {"points", "boxes"}
-
-
-def test_which_operators_take_the_image(tmp_path: Path):
-    path = constant_model(tmp_path / "m.onnx", {"y": np.zeros((1, 3))}, focus=True)
-    assert consumers(path, "image") == ("Slice",) and consumers(path, "nothing at all") == ()
-    (tmp_path / "cut.onnx").write_bytes(path.read_bytes()[:-7])
-    with pytest.raises(InputError, match="not an ONNX model"):
-        consumers(tmp_path / "cut.onnx", "image")
 
 
 # Read off the video by eye, at frame 60: the man on the wall, and the woman who walks.

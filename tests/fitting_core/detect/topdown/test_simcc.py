@@ -58,12 +58,6 @@ def test_the_order_of_the_outputs_and_the_bins_of_a_pixel_are_read_from_the_mode
         assert np.linalg.norm(points[:, :2] - expected(), axis=1).max() < 1.0, changes
 
 
-def test_the_region_keeps_the_aspect_ratio_and_the_centre():
-    left, top, width, height = simcc.region(np.array([100.0, 200, 300, 260]), (192, 256))
-    assert (width, height) == (250.0, pytest.approx(250 * 256 / 192))
-    assert (left + width / 2, top + height / 2) == (200.0, pytest.approx(230.0))
-
-
 def test_peaks_between_bins():
     bins = np.arange(40.0)
     curves = np.stack([np.exp(-((bins - c) ** 2) / 18) for c in (10.0, 17.3, 0.0, 39.0)])

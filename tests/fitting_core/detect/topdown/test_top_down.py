@@ -11,7 +11,6 @@ from fitting_core.detect.detecting import Detected, Detection
 from fitting_core.detect.topdown.boxes import Boxes
 from fitting_core.detect.topdown.detector import PART, TopDown, to_points
 from fitting_core.detect.topdown.families import load_pose_model
-from fitting_core.errors import InputError
 from fitting_core.keypoints import INDEX
 from fitting_core.video.frames import FrameSource
 from fitting_core.wholebody import WHOLEBODY_COUNT
@@ -143,8 +142,3 @@ def test_points_outside_the_image_are_not_detected():
     points[0, :4] = [[10, 10, 0.9], [-1, 10, 0.9], [10, 240, 0.9], [20, 20, 0.01]]
     confidence = to_points(points, 0.9, SIZE)[0, :, 2]
     assert confidence[INDEX["nose"]] == 0.9 and (confidence > 0).sum() == 1
-
-
-def test_a_batch_of_nothing_is_refused(video: Path, model: Path):
-    with pytest.raises(InputError, match="batch=0"):
-        detection(video, model, batch=0)

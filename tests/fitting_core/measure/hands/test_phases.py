@@ -95,13 +95,6 @@ def test_the_signing_motion_does_what_its_script_says():
         assert {span.label for span in found} == {"rest", "movement", "hold"}
 
 
-def test_agreement():
-    truth = ["hold"] * 10 + ["movement"] * 10 + ["rest"] * 10
-    spans = [Span(frames=range(12), label="hold"), Span(frames=range(12, 30), label="movement")]
-    found = agreement(truth, spans, 20.0)
-    assert (found.same, found.off, found.missed, found.extra) == (pytest.approx(18 / 30), (100.0,), 1, 0)
-
-
 def test_spans():
     assert spans_of(["a", "a", "", "b"]) == [Span(frames=range(2), label="a"), Span(frames=range(3, 4), label="b")]
     assert spans_of([]) == [] == spans_of([""])
