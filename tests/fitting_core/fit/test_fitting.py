@@ -1,7 +1,6 @@
 """Whole fits of short clips with known truth: what is recovered, what is kept, and what no input may break."""
 
 import threading
-import time
 from collections.abc import Callable, Generator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields, replace
@@ -27,7 +26,6 @@ from fitting_core.fit.evidence.stances import Stances
 from fitting_core.fit.fitting import _on_one_thread, fit_clip, fit_events, rerun_events
 from fitting_core.fit.grounded import grounding_of_params
 from fitting_core.fit.phase_figures import evaluated, patched
-from fitting_core.fit.phases import progress
 from fitting_core.keypoints import Keypoints
 from fitting_core.results.fit_result import FitResult
 from fitting_core.results.provenance import Start, Stopped
@@ -162,15 +160,6 @@ def test_same_seed_same_result(free_body: BodyModel, short_clip: Clip, quick: Fi
         assert same(a.params, b.params) and a.objective == b.objective and np.array_equal(a.frame_cost, b.frame_cost)
 
 
-def test_another_seed_samples_other_frames(free_body: BodyModel, short_clip: Clip, quick: FitResult):
-    other = fit_clip(
-        short_clip, free_body, replace(QUICK, last_phase=2, shape_sample=replace(QUICK.shape_sample, seed=5))
-    )
-    assert other.phases[1].notes != quick.phases[1].notes
-    assert same(other.phases[0].params, quick.phases[0].params)
-    assert not torch.equal(other.phases[1].params.betas, quick.phases[1].params.betas)
-
-
 def test_phase_2_gives_phase_1_one_shape_and_phase_3_keeps_it(quick: FitResult):
     first, second, third = (p.params for p in quick.phases)
     assert float((first.betas - first.betas[:1]).abs().max()) > 1e-3
@@ -259,32 +248,6 @@ def test_two_fits_that_overlap_give_the_threads_back():
         assert torch.get_num_threads() == threads_of_a_new_one() == 2
     finally:
         torch.set_num_threads(before)
-
-
-def test_what_is_done_never_shrinks(tiny_body: BodyModel, in_torch: None):
-    """Torch tells every iteration, of each of the ways that are tried."""
-    config = replace(QUICK, last_phase=1, yaws="four")
-    events = list(fit_events(clip_of(body_only(tiny_body, 1)), tiny_body, config))
-    shares = [event.share for event in events if isinstance(event, Iteration)]
-    assert shares == sorted(shares) and len(set(shares)) > 5
-
-
-def test_torch_computes_on_one_thread_and_gives_the_others_back(tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch):
-    inside, told = [], progress.TermSampling.terms
-
-    def terms(self: progress.TermSampling, step: progress.Step) -> dict[str, float]:
-        inside.append(torch.get_num_threads())
-        return told(self, step)
-
-    monkeypatch.setattr(progress.TermSampling, "terms", terms)
-    torch.set_num_threads(2)
-    try:
-        events = fit_events(clip_of(body_only(tiny_body, 1)), tiny_body, QUICK)
-        outside = [torch.get_num_threads() for _ in zip(range(4), events, strict=False)]
-        events.close()
-        assert set(inside) == {1} and {*outside, torch.get_num_threads()} == {2}
-    finally:
-        torch.set_num_threads(1)
 
 
 @pytest.mark.parametrize("last", [1, 2])
@@ -526,39 +489,3 @@ def test_phase_3_tells_what_its_solver_minimised(
     told = events[-1].result.last.objective
     assert minimised.phase == 3 and told["held_position"] > 0.01 * told["total"]
     assert told["total"] == pytest.approx(minimised.cost, rel=1e-6)
-
-
-def test_seconds_are_of_the_phase(free_body: BodyModel, short_clip: Clip):
-    start = time.perf_counter()
-    result = fit_clip(short_clip, free_body, replace(QUICK, last_phase=2))
-    assert sum(p.seconds for p in result.phases) <= time.perf_counter() - start
-
-
-@pytest.mark.thorough
-@pytest.mark.usefixtures("in_torch")  # where every step of a solver is told
-def test_costs_by_term_are_told_now_and_then_and_change_no_bit(tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch):
-    """Every time, never, and by the clock, with both solvers; the terms of a step add up to its cost."""
-    keypoints = body_only(tiny_body, 3)
-    for solver in ("lm", "lbfgs"):
-        config = replace(QUICK, solver=solver, settings=SolverSettings(iterations=3, rounds=1))
-        results = {}
-        for name, wait in (("every", 0.0), ("never", None), ("clock", progress.TERMS_EVERY)):
-            monkeypatch.setattr(progress, "TERMS_EVERY", wait or 0.0)
-            monkeypatch.setattr(progress, "_SHARE", 0.03 if name == "clock" else 1e9)
-            sampled = (lambda self, step: {}) if wait is None else TERMS
-            monkeypatch.setattr(progress.TermSampling, "terms", sampled)
-            events = list(fit_events(clip_of(keypoints), tiny_body, config))
-            told = [e for e in events if isinstance(e, Iteration) and e.terms]
-            assert isinstance(events[-1], Finished)
-            results[name] = (events[-1].result, told, sum(isinstance(e, Iteration) for e in events))
-        every, told, steps = results["every"]
-        assert len(told) == steps > 20 and {e.phase for e in told} == {1, 2, 3}
-        assert not results["never"][1] and 3 <= len(results["clock"][1]) < steps
-        for other, *_ in (results["never"], results["clock"]):
-            for a, b in zip(every.phases, other.phases, strict=True):
-                assert all(torch.equal(x, getattr(b.params, n)) for n, x in vars(a.params).items())
-        assert all(sum(e.terms.values()) == pytest.approx(e.cost, rel=1e-6) for e in told if e.phase > 1)
-        assert all("temporal" in e.terms for e in told if e.phase == 3)
-
-
-TERMS = progress.TermSampling.terms

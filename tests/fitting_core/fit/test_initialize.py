@@ -21,7 +21,6 @@ from fitting_core.fit.phases.initialize import (
     seen_from_side,
     starting_state,
     thighs_foreshortened,
-    turned,
 )
 from fitting_core.fit.stages import Stages
 from fitting_core.keypoints import Keypoints
@@ -50,19 +49,6 @@ def test_depth_from_the_torso(tiny_body: BodyModel):
     torch.testing.assert_close(guess.depth, DEPTHS, rtol=0.02, atol=0)
     assert guess.from_torso.all() and not guess.from_limbs.any()
     assert guess.note() == "depth was first guessed from the torso in 3 frames"
-
-
-def test_depth_by_hand(tiny_body: BodyModel):
-    """focal x metres of both edges / pixels of both edges."""
-    keypoints = keypoints_of(tiny_body, standing(), CAMERA)
-    stages = stages_for(tiny_body, keypoints)
-    rest = tiny_body.joint_regressor @ tiny_body.template
-    metres = pixels = 0.0
-    for side in ("left", "right"):
-        metres += np.linalg.norm(rest[JOINT[f"{side}_shoulder"]] - rest[JOINT[f"{side}_hip"]])
-        edge = keypoints.xy[:, kp.INDEX[f"{side}_shoulder"]] - keypoints.xy[:, kp.INDEX[f"{side}_hip"]]
-        pixels = pixels + np.linalg.norm(edge, axis=1)
-    np.testing.assert_allclose(guess_depth(stages).depth, 1000.0 * metres / pixels, rtol=1e-12)
 
 
 def test_without_hips_the_limbs_tell(tiny_body: BodyModel):
@@ -134,21 +120,6 @@ def test_start_is_upright_turned_and_on_its_keypoints(tiny_body: BodyModel, yaw:
     joints = Mesh(tiny_body, dtype=torch.float64).joints(start)[:, JOINT["spine3"]]
     truth = Mesh(tiny_body, dtype=torch.float64).joints(standing(yaw))[:, JOINT["spine3"]]
     assert float((joints - truth)[:, :2].norm(dim=1).max()) < 0.06
-
-
-def test_start_without_anchors_is_on_the_axis(tiny_body: BodyModel):
-    keypoints = hidden(keypoints_of(tiny_body, standing(), CAMERA), slice(None))
-    state = starting_state(stages_for(tiny_body, keypoints), DEPTHS, 0.0)
-    place = state.vector[:, -13:-10]
-    torch.testing.assert_close(place, torch.stack([0 * DEPTHS, 0 * DEPTHS, DEPTHS], 1), rtol=0, atol=0)
-
-
-def test_turned_keeps_the_vertical(tiny_body: BodyModel):
-    state = starting_state(stages_for(tiny_body, keypoints_of(tiny_body, standing(), CAMERA)), DEPTHS, 30.0)
-    other = turned(state)
-    torch.testing.assert_close(other.orient[:, :, 1], state.orient[:, :, 1], rtol=0, atol=1e-12)
-    torch.testing.assert_close(other.orient[:, :, [0, 2]], -state.orient[:, :, [0, 2]], rtol=0, atol=1e-12)
-    assert torch.equal(other.vector, state.vector)
 
 
 @pytest.mark.parametrize(

@@ -170,11 +170,6 @@ def test_stage_must_exist(stage):
         values_of(still(), stage=stage)
 
 
-def test_preset_must_exist():
-    with pytest.raises(InputError, match=r"no preset 'papper'.*smplifyx, paper, tcfit"):
-        values_of(still(), "papper")
-
-
 def test_parameters_must_fit_to_the_keypoints_and_the_hands():
     params, clip = still(), clip_of(still())
     with pytest.raises(InputError, match="2 frames and the keypoints 3"):

@@ -12,9 +12,8 @@ from fitting_core.config.schema import PRESETS, SolverSettings
 from fitting_core.errors import InputError
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.refitting import refit
-from fitting_core.io.motion_files import motion_of, write_motion
+from fitting_core.io.motion_files import motion_of
 from fitting_core.keypoints import INDEX
-from fitting_core.measure.fit_figures import evaluate_fit
 from fitting_core.results.error_bars import DIRECTIONS
 from fitting_core.results.fit_result import FitResult
 from tests.samples.posed_clips import clip_of, motion, shipped_body
@@ -95,15 +94,3 @@ def test_what_cannot_be_fitted_again_is_refused(clip: Clip, body: BodyModel, fit
         refit(clip, body, fit, range(5, 9))
     with pytest.raises(InputError, match="ended after phase 1, in which each frame has a shape of its own"):
         refit(clip, body, replace(fit, phases=fit.phases[:1]), range(1, 2))
-
-
-def test_phases_that_are_not_there_and_endings_that_nobody_knows(clip: Clip, body: BodyModel, fit: FitResult, tmp_path):
-    with pytest.raises(InputError, match="no phase 4; expected one of 1, 2, 3"):
-        motion_of(fit, clip, body, phase=4)
-    with pytest.raises(InputError, match="no phase 0"):
-        evaluate_fit(fit, clip, body, phase=0)
-    with pytest.raises(InputError, match=r"\.fbx is not known; expected \.glb, \.bvh, \.npz"):
-        write_motion(tmp_path / "walk.fbx", motion_of(fit, clip, body))
-    with pytest.raises(InputError, match="cannot be written"):
-        write_motion(tmp_path / "nowhere" / "walk.bvh", motion_of(fit, clip, body))
-    assert evaluate_fit(fit, clip, body, phase=1).figures["jitter"] != evaluate_fit(fit, clip, body).figures["jitter"]

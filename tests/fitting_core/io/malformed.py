@@ -169,6 +169,11 @@ KEYPOINTS: dict[str, Case] = {
     "openpose NaN": openpose(_body_with(12, float("nan")), r"right_wrist .*position \(nan"),
     "openpose huge": openpose(_body_with(12, 1e300), r"right_wrist .*position \(1e\+300.*up to 1e\+06"),
     "openpose negative confidence": openpose(_body_with(14, -0.1), r"right_wrist .*confidence -0.1; expected 0 "),
+    "openpose people null": openpose('{"people": null}', "expected an object with a list 'people'"),
+    "openpose person a list": openpose('{"people": [[1, 2]]}', "person 0 is a list; expected an object"),
+    "openpose person without lists": openpose('{"people": [{"person_id": [-1]}]}', "person 0 has no list of keypoints"),
+    "openpose text for a number": openpose(_body_with(12, "14"), "right_wrist .*found '14'; expected a number"),
+    "openpose hand of 20": openpose(_person(hand_left_keypoints_2d=[1.0] * 60), "found 60 values; expected 63"),
     "openpose another object": openpose('{"annotations": []}', "is not OpenPose JSON: found an object with annot"),
     "openpose a folder for a file": Case(
         lambda f: directory(f"keypoints/{OPENPOSE}")(f) if (f / "keypoints").mkdir() is None else f,

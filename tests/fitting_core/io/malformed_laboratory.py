@@ -89,6 +89,7 @@ LABORATORY: dict[str, Case] = {
     "trc a time beyond all": trc("line 6 cannot be read", rows=["1\t1e300" + "\t0.5" * 15]),
     "trc numbers of nobody": trc("line 6 .* more than 15 numbers", rows=[row + "\t0.5" for row in _ROWS]),
     "trc decimal commas": trc("line 6 .*could not convert", rows=[row.replace(".", ",") for row in _ROWS]),
+    "trc two names of a point": trc("are both right_knee", names=("RKnee", "right_knee", "Nose", "Neck", "LKnee")),
     "trc of spaces": Case(content("walk.trc", "PathFileType 4 (X/Y/Z)\n" * 9), read_reference, "do not give a rate"),
     "trc 100000 markers": trc("names 100000; expected .* up to 2000", names=_WIDE, rows=["1\t0"] * 1000),
     "c3d empty": Case(content("walk.c3d", b""), read_reference, "does not begin like such a file"),

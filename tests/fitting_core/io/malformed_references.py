@@ -1,14 +1,8 @@
-"""Malformed references of fits, and ONNX models that are none or of another kind."""
-
-from collections.abc import Callable
-from pathlib import Path
+"""Malformed references of fits."""
 
 import numpy as np
-import onnx
 
-from fitting_core.detect.topdown.families import load_box_model, load_pose_model
 from fitting_core.measure.references.files import read_reference
-from tests.fitting_core.detect.onnx_files import constant_model
 from tests.fitting_core.io.malformed import PICKLE_BOMB, Case, content, directory, endless_npz, npz, zip_bomb
 
 _NAMES = np.array(["LShoulder", "RShoulder", "LHip", "RHip"])
@@ -46,30 +40,6 @@ def amass(says: str, **changed: np.ndarray) -> Case:
     return reference(npz(**{**sound, "mocap_frame_rate": np.array(25.0), **changed}), says, "amass.npz")
 
 
-def model(make: Callable[[Path], Path], says: str, *, boxes: bool = False) -> Case:
-    """A file that is to be a model of points, or of boxes."""
-    return Case(make, load_box_model if boxes else load_pose_model, says)
-
-
-def _landmarks(folder: Path) -> Path:
-    """A model of 21 hand points, as landmark models have them."""
-    return constant_model(folder / "hand.onnx", {"landmarks": np.zeros((1, 63), np.float32)}, image=(1, 3, 224, 224))
-
-
-def _cut_off(folder: Path) -> Path:
-    path = _landmarks(folder)
-    path.write_bytes(path.read_bytes()[:-40])
-    return path
-
-
-def _without_outputs(folder: Path) -> Path:
-    path = _landmarks(folder)
-    loaded = onnx.load(path)
-    del loaded.graph.output[:]
-    path.write_bytes(loaded.SerializeToString())
-    return path
-
-
 REFERENCES: dict[str, Case] = {
     "reference empty": reference(b"", "is not an npz archive"),
     "reference a text": reference("points", "is not an npz archive"),
@@ -84,6 +54,9 @@ REFERENCES: dict[str, Case] = {
     "reference of words": reference(npz(points=np.array(["a"]), names=_NAMES), "damaged"),
     "reference unknown names": reference(npz(points=_POINTS, names=np.array(list("abcd"))), "names 0 known points"),
     "reference all NaN": reference(npz(points=_POINTS * np.nan, names=_NAMES), "no point|finite|no frame"),
+    "reference from half a frame on": reference(
+        npz(points=_POINTS, names=_NAMES, first_frame=0.5), "first_frame is 0.5; expected a whole number"
+    ),
     "reference a folder": Case(directory("reference.npz"), read_reference, "folder without truth.npz"),
     "trc a text": reference("walk", "does not begin like such a file", "walk.trc"),
     "trc wrong encoding": reference("PathFileType".encode("utf-16"), "does not begin like such a file", "walk.trc"),
@@ -100,12 +73,5 @@ REFERENCES: dict[str, Case] = {
     "amass rate 0": amass("is 0, expected frames per second", mocap_frame_rate=np.array(0.0)),
     "amass NaN": amass("holds nan, expected finite", poses=np.full((3, 165), np.nan)),
     "amass short translation": amass("trans", trans=np.zeros((2, 3))),
-    "onnx empty": model(content("pose.onnx", b""), "cannot be opened as an ONNX model"),
-    "onnx a text": model(content("pose.onnx", "pose"), "cannot be opened as an ONNX model"),
-    "onnx a folder": model(directory("pose.onnx"), "is a folder, expected an ONNX model"),
-    "onnx truncated": model(_cut_off, "cannot be opened as an ONNX model"),
-    "onnx without outputs": model(_without_outputs, "a model of an unknown kind"),
-    "onnx hand as whole body": model(_landmarks, "Expected a whole-body model|133"),
-    "onnx hand as boxes": model(_landmarks, "Expected a detector of people", boxes=True),
 }
 """By name."""

@@ -1,7 +1,6 @@
 """A shape that is known: the files that may say it, and those that do not."""
 
 import json
-import os
 from pathlib import Path
 
 import numpy as np
@@ -59,11 +58,3 @@ def test_what_is_no_shape_is_told(tmp_path: Path, name: str):
     with pytest.raises(InputError, match=said) as refused:
         read_known_shape(path)
     assert str(path) in str(refused.value) and "10 betas" in str(refused.value)
-
-
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
-@pytest.mark.parametrize("name", ["pipe.json", "pipe.npz"])
-def test_a_pipe_is_not_waited_for(tmp_path: Path, name: str):
-    os.mkfifo(tmp_path / name)
-    with pytest.raises(InputError):
-        read_known_shape(tmp_path / name)

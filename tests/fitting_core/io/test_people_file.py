@@ -25,18 +25,6 @@ def test_what_is_written_is_read_again(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == [PEOPLE_NAME]
 
 
-def test_the_file_is_as_the_documentation_has_it(tmp_path: Path) -> None:
-    write_people_file(tmp_path, TWO)
-    content = json.loads((tmp_path / PEOPLE_NAME).read_text(encoding="utf-8"))
-    assert content["tcfit_people"] == 1 and content["name"] == "a talk"
-    assert content["people"][1] == {
-        "name": "Zoë",
-        "folder": "person-2",
-        "frames": [10, 80],
-        "uncertain": [[10, 12], [40, 80]],
-    }
-
-
 def content(**changes: object) -> dict[str, object]:
     return {"tcfit_people": 1, "name": "a talk", "people": [one()]} | changes
 

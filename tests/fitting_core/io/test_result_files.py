@@ -219,11 +219,6 @@ def test_where_frames_came_from_is_told_in_numbers_and_in_english(tmp_path: Path
         assert file["stopped_texts"][file["stopped"]][2] == "the limit of iterations was reached"
 
 
-def test_mean_shape_stands_in_where_only_phase_1_has_run(result: Callable[..., Result]):
-    fit, clip, body = result(1)
-    assert np.allclose(fit_arrays(fit, clip, body)["betas"], fit.last.params.betas.mean(0).numpy())
-
-
 def test_summary(tmp_path: Path, result: Callable[..., Result]):
     fit, clip, body = result()
     write_result(tmp_path, fit, clip, body, command="tcfit fit x")
@@ -341,17 +336,3 @@ def test_broken_files_are_named(
     np.savez(path, **change(fit_arrays(*result(1))))
     with pytest.raises(InputError, match=message):
         read_fit(path)
-
-
-def test_files_that_are_no_archive(tmp_path: Path, result: Callable[..., Result]):
-    with pytest.raises(InputError, match="does not exist"):
-        read_fit(tmp_path)
-    write_result(tmp_path, *result(1))
-    whole = (tmp_path / "fit.npz").read_bytes()
-    for content in (b"", b"text", whole[: len(whole) // 2]):
-        (tmp_path / "fit.npz").write_bytes(content)
-        with pytest.raises(InputError, match="not a complete npz archive"):
-            read_fit(tmp_path)
-    np.save(tmp_path / "fit.npy", np.zeros(3))
-    with pytest.raises(InputError, match="not a complete npz archive"):
-        read_fit(tmp_path / "fit.npy")

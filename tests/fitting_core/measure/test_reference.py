@@ -137,25 +137,6 @@ def test_trc(tmp_path: Path, unit: str):
     np.testing.assert_allclose(found.points[:, kp.INDEX["nose"]], points[:, 3], atol=1e-8)
 
 
-BAD_TRC = {
-    "unit": (trc(POINTS).replace("\tmm", "\tinch"), "in inch"),
-    "no header": ("1\t2\t3\n" * 8, "does not begin"),
-    "markers": (trc(POINTS).replace("\t5\tmm", "\t7\tmm"), "says 7 markers"),
-    "text": (trc(POINTS).replace("\t0.0200\t", "\t0.0200\tx"), "line 7 cannot be read"),
-    "empty": ("\n".join(trc(POINTS).splitlines()[:5]) + "\n\n\n", "no frames"),
-    "unknown": (trc(POINTS, names=["a", "b", "c", "d", "e"]), "names 0 known points"),
-    "twice": (trc(POINTS, names=["RKnee", "right_knee", "Nose", "Neck", "LKnee"]), "are both right_knee"),
-}
-
-
-@pytest.mark.parametrize("kind", BAD_TRC)
-def test_bad_trc(tmp_path: Path, kind: str):
-    content, said = BAD_TRC[kind]
-    (tmp_path / "x.trc").write_text(content)
-    with pytest.raises(InputError, match=said):
-        read_reference(tmp_path / "x.trc")
-
-
 def test_the_truth_of_a_generated_clip(tmp_path: Path, free_body: BodyModel):
     params = random_params(3)
     truth = Truth(
@@ -392,28 +373,6 @@ def test_other_systems_results_lie_beside_the_truth(tmp_path: Path):
     np.savez(tmp_path / "p.npz", points=points, names=np.array(NAMES), time=seconds**2)
     with pytest.raises(InputError, match="not evenly spaced; expected a second of the video for each of"):
         read_reference(tmp_path / "p.npz")
-
-
-def test_what_is_no_reference(tmp_path: Path):
-    (tmp_path / "x.npz").write_bytes(b"PK broken")
-    np.savez(tmp_path / "other.npz", a=np.zeros(3))
-    np.savez(tmp_path / "objects.npz", points=np.array([{}], dtype=object), names=NAMES)
-    np.savez(tmp_path / "shape.npz", points=np.zeros((3, 4, 3)), names=np.array(["Nose"]))
-    np.savez(tmp_path / "half.npz", points=POINTS, names=np.array(NAMES), first_frame=np.array(0.5))
-    said = {"half.npz": "first_frame is 0.5; expected a whole number"}
-    said |= {
-        "x.npz": "not an npz archive",
-        "other.npz": "holds a",
-        "objects.npz": "Python objects",
-        "shape.npz": "1 names",
-    }
-    for name, words in said.items():
-        with pytest.raises(InputError, match=words):
-            read_reference(tmp_path / name)
-    with pytest.raises(InputError, match="does not exist"):
-        read_reference(tmp_path / "none.npz")
-    with pytest.raises(InputError, match=r"without truth\.npz"):
-        read_reference(tmp_path)
 
 
 def test_bad_cameras(tmp_path: Path):

@@ -71,32 +71,6 @@ def test_orientation_decides_what_floats_cannot():
     assert orientation(a, b, c, d).tolist() == [1, 0, -1]
 
 
-@pytest.mark.parametrize(
-    ("second", "expected"),
-    [
-        ([[0.2, 0.2, -1], [0.2, 0.2, 1], [0.2, 3, 1]], True),
-        ([[0.2, 0.2, 0], [0.2, 0.2, 1], [0.3, 0.2, 1]], True),
-        ([[0.2, 0.2, 1e-300], [0.2, 0.2, 1], [0.3, 0.2, 1]], False),
-        ([[1, 0, 0], [2, 0, 1], [2, 1, 1]], True),
-        ([[0.1, 0.1, 0], [0.2, 0.1, 0], [0.1, 0.2, 0]], True),
-        ([[2, 2, 0], [3, 2, 0], [2, 3, 0]], False),
-        ([[0.2, 0.2, -1], [0.2, 0.2, 1], [0.2, 0.2, 2]], False),
-    ],
-    ids=[
-        "pierces",
-        "corner inside",
-        "corner just above",
-        "corners touch",
-        "coplanar inside",
-        "coplanar apart",
-        "no area",
-    ],
-)
-def test_known_configurations(second, expected):
-    first = np.array([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]])
-    assert triangles_intersect(first, np.array([second], dtype=float))[0] == expected
-
-
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(0, 60), st.sampled_from([0.01, 0.1, 1.0]), st.integers(1, 4))
 def test_broad_phase_finds_what_all_pairs_find(seed, count, size, n_groups):
@@ -148,13 +122,6 @@ def test_ignored_parts_do_not_count():
     np.testing.assert_array_equal(
         collision_finder(vertices, faces, parts=parts, ignored=ignored).find(vertices), pairs[kept]
     )
-
-
-def test_finder_refuses_vertices_that_are_not_finite():
-    vertices, faces = soup(0, 4, 0.1)
-    finder = collision_finder(vertices, faces)
-    with pytest.raises(AssertionError, match="finite"):
-        finder.find(np.where(np.arange(12)[:, None] == 5, np.nan, vertices))
 
 
 def tube(start, end, radius):
@@ -229,13 +196,6 @@ def test_hand_through_torso_collides_with_the_torso_only(tubes):
     assert names == {frozenset(("spine1", "left_wrist"))}
 
 
-def test_a_part_is_the_group_of_joints_that_moves_a_triangle_most():
-    weights = np.zeros((3, N_JOINTS))
-    weights[:, JOINT["left_elbow"]] = 0.4
-    weights[:, [JOINT["left_index1"], JOINT["left_index3"]]] = 0.3
-    assert parts_of_faces(weights, np.array([[0, 1, 2]])).tolist() == [JOINT["left_index1"]]
-
-
 @pytest.mark.parametrize(
     ("a", "b", "expected"),
     [
@@ -253,12 +213,6 @@ def test_a_part_is_the_group_of_joints_that_moves_a_triangle_most():
 def test_neighbouring_parts(tubes, a, b, expected):
     ignored = neighbouring_parts(SMPLX_PARENTS, body_parts(tubes), tubes.faces)
     assert ignored[JOINT[a], JOINT[b]] == ignored[JOINT[b], JOINT[a]] == expected
-
-
-def test_parts_that_share_a_vertex_are_neighbours():
-    faces, parts = np.array([[0, 1, 2], [2, 1, 3], [4, 5, 6]]), np.array([JOINT["head"], JOINT["left_knee"], 0])
-    ignored = neighbouring_parts(SMPLX_PARENTS, parts, faces)
-    assert ignored[JOINT["head"], JOINT["left_knee"]] and not ignored[JOINT["head"], 0]
 
 
 def pose_body(body, rotations):

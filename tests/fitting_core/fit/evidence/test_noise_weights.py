@@ -27,23 +27,11 @@ def observed(detector: str, config: FitConfig = WEIGHED, keypoints: Keypoints | 
     )
 
 
-@pytest.mark.parametrize("detector", ["", "openpose", "somebody"])
-def test_openposes_keypoints_count_as_they_were_detected(detector: str):
-    assert np.array_equal(observed(detector).confidence.numpy(), standing().confidence)
-
-
 def test_mediapipes_count_by_their_weights():
     found = observed("mediapipe")
     expected = standing().confidence * keypoint_weights("mediapipe", "")
     np.testing.assert_allclose(found.confidence.numpy(), expected, rtol=1e-15)
     assert not np.array_equal(found.confidence.numpy(), standing().confidence)
-
-
-def test_the_setting_says_whose_noise_it_is():
-    equal = observed("mediapipe", replace(TCFIT, keypoint_noise="equal"))
-    assert np.array_equal(equal.confidence.numpy(), standing().confidence)
-    told = observed("openpose", replace(TCFIT, keypoint_noise="mediapipe"))
-    assert torch.equal(told.confidence, observed("mediapipe").confidence)
 
 
 @pytest.mark.parametrize("confidence", [0.02, 0.11, 0.24, 0.3, 0.8])

@@ -1,6 +1,6 @@
 """Which detections are taken at their word: parts that the image cuts off."""
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.camera import Camera, Lens
 from fitting_core.config.schema import PRESETS, FitConfig
-from fitting_core.fit.evidence.observations import _OF_CLIP, Observations
+from fitting_core.fit.evidence.observations import Observations
 from fitting_core.fit.variables.state import Free
 from fitting_core.image_border import cut_off
 from fitting_core.keypoints import Keypoints
@@ -20,35 +20,6 @@ from tests.samples.scenes import keypoints_of, random_params, stages_of
 from tests.samples.standing import by_hand, standing
 
 CAMERA = Camera(focal=(800.0, 800.0), center=(320.0, 240.0), size=(640, 480))
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class MoreObservations(Observations):
-    """With an array of later days, and a number of the whole clip that is as long as the clip."""
-
-    weight: np.ndarray
-    table: np.ndarray = field(metadata=_OF_CLIP)
-
-
-def test_a_part_slices_every_field_by_itself():
-    """Whatever is added, unless it is declared as the whole clip's."""
-    turned = replace(standing(), turn=np.arange(20 * 137 * 3.0).reshape(20, 137, 3))
-    clip = Observations.of(turned, CAMERA, PRESETS["tcfit"], dtype=torch.float64, device=torch.device("cpu"))
-    more = MoreObservations(**vars(clip), weight=np.arange(20.0), table=np.arange(20))
-    part = more[3:7]
-    assert type(part) is MoreObservations and len(part) == 4 and part.keypoints.xy.shape[0] == 4
-    for f in fields(more):
-        whole, sliced = getattr(more, f.name), getattr(part, f.name)
-        if f.name in ("shown", "table"):
-            assert sliced is whole
-        elif f.name != "keypoints":
-            assert np.array_equal(np.asarray(sliced), np.asarray(whole)[3:7]), f.name
-
-
-def test_a_field_of_another_length_is_no_field_of_frames():
-    clip = Observations.of(standing(), CAMERA, PRESETS["tcfit"], dtype=torch.float64, device=torch.device("cpu"))
-    with pytest.raises(AssertionError, match="weight"):
-        MoreObservations(**vars(clip), weight=np.arange(19.0), table=np.arange(20))
 
 
 def test_frames_that_were_swapped_back_are_those_of_the_part():
@@ -69,10 +40,6 @@ def changed(keypoints: Keypoints, name: str, *, xy=None, confidence=None) -> Key
     if confidence is not None:
         new_confidence[:, kp.INDEX[name]] = confidence
     return Keypoints(xy=new_xy, confidence=new_confidence)
-
-
-def test_points_inside_the_image_are_taken_as_they_are():
-    assert not cut_off(standing(), CAMERA).any()
 
 
 @pytest.mark.parametrize(

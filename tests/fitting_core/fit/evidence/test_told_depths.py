@@ -17,7 +17,6 @@ from fitting_core.fit.phases.limb_flips import LIMBS, LimbFlips, mirrored_as_tol
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.terms.positions import RelativePosition
 from fitting_core.fit.variables.state import Free
-from fitting_core.keypoints import Keypoints
 from fitting_core.lifting.clip_lifting import LiftedClip
 from tests.samples.posed_clips import clip_of, motion, shipped_body
 from tests.samples.scenes import finished
@@ -136,15 +135,6 @@ def test_without_a_word_nothing_changes(clip: Clip):
     part = Stages.of(said.keypoints, said.camera, shipped_body(), config_of("paper")).within(range(2, 6))
     objective = part.objective(5, part.parametrisation.neutral(4), Free())
     assert not any(isinstance(term, RelativePosition) for term in objective.terms)
-
-
-def test_depths_are_sliced_with_their_frames(clip: Clip):
-    said = told(clip, [2, 5], [WRIST], np.array([[0.1], [0.2]])).keypoints
-    assert said[1:4].told_depth[:, WRIST].tolist()[1] == 0.1 and np.isfinite(said[1:4].told_depth).sum() == 1
-    assert said[np.array([5, 2])].told_depth[:, WRIST].tolist() == [0.2, 0.1]
-    assert clip.keypoints[1:4].depth is None and np.isnan(clip.keypoints.told_depth).all()
-    with pytest.raises(AssertionError):
-        Keypoints(xy=said.xy, confidence=said.confidence, depth=said.told_depth[:3])
 
 
 def test_a_limb_that_bends_the_other_way_is_found(clip: Clip, params: BodyParams):

@@ -300,21 +300,3 @@ def test_threads_change_no_bit_and_progress_is_told(tiny_body: BodyModel, monkey
         ends.append(steps[-1].cost)
     ready.use(threads=1)
     assert torch.equal(*ends)
-
-
-def test_a_descent_that_nobody_waits_for_ends(tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch):
-    made = stages(tiny_body, config_of("tcfit"))
-    state = random_state(made.parametrisation, len(FRAMES))
-    monkeypatch.setattr("fitting_core.fit.fused.frames._PIECE", 1)
-    ready.use(threads=2)
-    fused = objective(made, 5, state).fused
-    ready.use(threads=1)
-    assert fused is not None
-    descents = fused.descend(state, FRAMES, iterations=3, tolerance=0.0)
-    next(descents)
-    descents.close()
-
-
-def test_other_types_of_numbers_stay_in_torch(tiny_body: BodyModel):
-    made = stages(tiny_body, replace(config_of("tcfit"), precision="float32"))
-    assert objective(made, 0, made.parametrisation.neutral(len(FRAMES))).fused is None

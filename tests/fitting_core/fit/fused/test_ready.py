@@ -73,26 +73,3 @@ def test_what_cannot_be_compiled_is_told_and_fits_go_on(monkeypatch: pytest.Monk
     ready.prepare(said.append)
     assert "no such instruction" in said[-1] and ready.problem() == "the kernels are turned off"
     ready.use(kernels=True)
-
-
-def test_each_quarter_is_told(monkeypatch: pytest.MonkeyPatch):
-    import numba
-
-    from fitting_core.fit.fused import frames
-
-    def compile_four() -> None:
-        for k in range(4):
-            numba.njit(lambda x: x + k)(1)  # noqa: B023 - called at once
-
-    said: list[str] = []
-    monkeypatch.setattr(frames, "compile_all", compile_four)
-    monkeypatch.setattr(ready, "_FUNCTIONS", 4)
-    ready._compile(said.append)
-    assert said == ["25 % compiled ...", "50 % compiled ...", "75 % compiled ..."]
-
-
-def test_turned_off():
-    ready.use(kernels=False)
-    assert ready.problem() == "the kernels are turned off"
-    ready.use(kernels=True)
-    assert "turned off" not in ready.problem()

@@ -12,7 +12,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.points.body_points import BodyPoints, Posed
 from fitting_core.config.schema import FitConfig, SolverSettings, Temporal, Weights
 from fitting_core.fit.phases.consistency import Consistency, coupled
-from fitting_core.fit.solvers import make_solver, sequence
+from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.terms.temporal import REACH
 from fitting_core.fit.variables.state import State
@@ -42,28 +42,6 @@ def test_windows_run_their_stages_from_first_to_last(tiny_body: BodyModel):
     assert labels == [f"window {w} of 4, stage {s} of 5" for w in (1, 2, 3, 4) for s in (4, 5)]
     shares = [s.share for s in steps]
     assert shares == sorted(shares) and shares[-1] == 1.0
-
-
-def test_which_residuals_a_window_counts(tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch):
-    """The paper's: those around all its frames but the last."""
-    asked, of, near = [], sequence.span_of, []
-    within = Stages.within
-
-    def noted(free: range, frames: int, *, windowed: bool) -> range:
-        span = of(free, frames, windowed=windowed)
-        centres = range(span.start + REACH, span.stop - REACH)
-        asked.append(tuple(range(r.start + near[-1], r.stop + near[-1]) for r in (free, centres)))
-        return span
-
-    def part(stages: Stages, frames: range) -> Stages:
-        near.append(frames.start)
-        return within(stages, frames)
-
-    monkeypatch.setattr(sequence, "span_of", noted)
-    monkeypatch.setattr(Stages, "within", part)
-    consistency, state = start_of(tiny_body, replace(CONFIG, temporal=replace(CONFIG.temporal, stages=(5,))))
-    finished(consistency.sliding_window(state))
-    assert asked == [(range(k, k + 3), range(max(k, 1), k + 2)) for k in range(4)]
 
 
 def test_a_finished_frame_is_never_touched_again(tiny_body: BodyModel):
@@ -127,14 +105,6 @@ def test_a_long_clip_is_fitted_in_parts_that_overlap(tiny_body: BodyModel, monke
         torch.testing.assert_close(params.body_pose, last.body_pose, rtol=0, atol=1e-12)
     assert cost(end) < 1.001 * cost(best) < 0.9 * cost(state)
     assert (consistency.stopped != Stopped.UNKNOWN).all()
-
-
-def test_betas_and_unfree_groups_stay(tiny_body: BodyModel):
-    consistency, state = start_of(tiny_body, CONFIG)
-    end, c = finished(consistency.all_at_once(state)), consistency.stages.parametrisation.columns
-    for columns in (c.betas, c.hands, c.jaw, c.expression):  # no hand and no face is in the clip
-        assert torch.equal(end.vector[:, columns], state.vector[:, columns])
-    assert not torch.equal(end.vector[:, c.translation], state.vector[:, c.translation])
 
 
 @pytest.mark.parametrize("frames", [range(0, 2), range(2, 4), range(3, 4), range(5, 6), range(0, 6)])

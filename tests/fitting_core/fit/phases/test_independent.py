@@ -19,14 +19,13 @@ from fitting_core.fit.fused import ready
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.phases import independent
 from fitting_core.fit.phases.frame_fits import FrameFits, filled
-from fitting_core.fit.phases.independent import _Frames, _key_frames, _with_fresh_neighbour, fit_frames
-from fitting_core.fit.phases.initialize import guess_depth, turned
+from fitting_core.fit.phases.independent import _Frames, fit_frames
+from fitting_core.fit.phases.initialize import turned
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.variables.state import Free, State
 from fitting_core.keypoints import Keypoints
 from fitting_core.results.provenance import Start, Stopped
-from fitting_core.video.frame_names import spans
 from tests.samples.scenes import FACING, arms_in_motion, finished, hidden, keypoints_of, listed, noisy, stages_of
 from tests.samples.told_twist import with_told_twist
 
@@ -64,36 +63,6 @@ def test_filled_frames_lie_between_good_ones(good: list[bool]):
         torch.testing.assert_close(result.vector[i], expected, rtol=0, atol=1e-12)
         turn = Slerp([0, 1], Rotation.from_matrix(state.orient[[before, after]].numpy()))(share).as_matrix()
         torch.testing.assert_close(result.orient[i], torch.as_tensor(turn), rtol=0, atol=1e-7)
-
-
-def test_filled_without_any_good_frame_changes_nothing():
-    state = bodies(3)
-    assert torch.equal(filled(state, torch.zeros(3, dtype=torch.bool)).vector, state.vector)
-
-
-@pytest.mark.parametrize(
-    ("numbers", "text"),
-    [([4], "4"), ([0, 1], "0-1"), ([1, 2, 3, 7], "1-3, 7"), ([0, 2, 4], "0, 2, 4"), ([3, 4, 8, 9], "3-4, 8-9")],
-)
-def test_frames_are_named_in_ranges(numbers: list[int], text: str):
-    assert spans(numbers) == text
-
-
-@pytest.mark.parametrize(("offset", "targets", "sources"), [(1, [0, 3], [2, 5]), (-1, [3], [2])])
-def test_only_fresh_neighbours_are_tried(offset: int, targets: list[int], sources: list[int]):
-    """Those among the frames themselves: of key frames, the next key frame."""
-    fresh = torch.tensor([False, True, True, False, True, True])
-    found = _with_fresh_neighbour(torch.tensor([0, 2, 3, 5]), fresh, offset)
-    assert [one.tolist() for one in found] == [targets, sources]
-
-
-@pytest.mark.parametrize(
-    ("frames", "every", "expected"),
-    [([0, 1, 2, 3, 4, 5], 1, [0, 1, 2, 3, 4, 5]), ([0, 1, 2, 3, 4, 5], 4, [0, 4, 5]), ([2, 5, 6, 7, 9], 2, [2, 6, 9])],
-)
-def test_key_frames_are_some_and_the_last(frames: list[int], every: int, expected: list[int]):
-    assert _key_frames(torch.tensor(frames), every).tolist() == expected
-    assert _key_frames(torch.tensor([3]), every).tolist() == [3]
 
 
 @pytest.mark.parametrize("rounds", [0, 1])
@@ -152,16 +121,6 @@ def test_a_long_clip_is_restarted_a_few_frames_at_a_time_with_the_same_result(
     torch.testing.assert_close(found[2].state.vector, found[100].state.vector, rtol=0, atol=1e-7)
     torch.testing.assert_close(found[2].cost, found[100].cost, rtol=1e-9, atol=0)
     assert torch.equal(found[2].start, found[100].start) and torch.equal(found[2].stopped, found[100].stopped)
-
-
-def test_the_camera_step_has_its_own_tolerance(free_body: BodyModel, clip: Keypoints):
-    costs = {}
-    for tolerance in (1e-6, 0.5):
-        config = replace(QUICK, settings=replace(QUICK.settings, camera_tolerance=tolerance))
-        stages = stages_of(free_body, clip, config)
-        run = _Frames(stages, solver_of(stages), torch.arange(5))
-        costs[tolerance] = finished(run.camera_step(guess_depth(stages).depth)).cost.sum()
-    assert costs[1e-6] < costs[0.5]
 
 
 def solver_of(stages: Stages):

@@ -13,7 +13,6 @@ from fitting_core.config.schema import FitConfig, SolverSettings, Weights
 from fitting_core.fit.phases.frame_fits import FrameFits
 from fitting_core.fit.phases.independent import _Frames, _LastStage
 from fitting_core.fit.phases.limb_flips import FLIPS, LIMBS, LimbFlips
-from fitting_core.fit.phases.progress import mirrored_label
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.variables.state import State
@@ -130,17 +129,3 @@ def test_the_relay_carries_a_limb_that_was_turned_back(scene: tuple[Stages, Stat
     run = _Frames(stages, make_solver("lm", config.settings), FRAMES)
     freed = finished(run.relay(stuck, stuck.state, run)).cost
     assert (freed < 1.02 * lowest).all() if every else (freed > 0.99 * stuck.cost).any()
-
-
-def test_frames_that_failed_are_left_alone(scene: tuple[Stages, State]):
-    stages, truth = scene
-    run = _Frames(stages, make_solver("lm", CONFIG.settings), FRAMES)
-    failed = FrameFits.at(truth, Start.UNKNOWN)
-    left = finished(run.flip_limbs(_LastStage(stages, truth), failed))
-    assert torch.equal(left.state.vector, truth.vector) and torch.equal(left.cost, failed.cost)
-
-
-def test_what_is_tried_is_named_in_plain_words():
-    labels = [mirrored_label(start) for limb in LIMBS.values() for start in (limb.start, limb.mirrored_hand) if start]
-    assert "trying the right arm mirrored in depth" in labels and len(labels) == 6
-    assert not [label for label in labels if "_" in label or not label.startswith("trying the ")]

@@ -32,12 +32,6 @@ def test_samples_are_frames_of_the_clip_each_once(frames: int, size: int, seed: 
     assert np.array_equal(chosen, sample_frames(confidence, sample))
 
 
-def test_seed_decides_the_random_sample():
-    confidence = np.ones((100, 25))
-    samples = {tuple(sample_frames(confidence, ShapeSample(seed=seed))) for seed in range(5)}
-    assert len(samples) == 5
-
-
 def test_confident_takes_the_highest_mean():
     confidence = np.full((20, 25), 0.3)
     confidence[[4, 11, 17]] = 0.9

@@ -49,18 +49,6 @@ def test_agrees_with_dense(n: int, size: int, bandwidth: int):
 
 
 @settings(max_examples=60, deadline=None)
-@given(n=st.integers(1, 9), size=st.integers(1, 6), seed=st.integers(0, 2**31), damping=st.sampled_from([1e-3, 1, 1e4]))
-def test_solution_satisfies_the_system(n: int, size: int, seed: int, damping: float):
-    bands, g = system(n, size, seed, damping)
-    x = solve_block_banded(bands, g)
-    assert x is not None
-    matrix = dense(bands)
-    # Backward stability of Cholesky: the residual is small relative to |H| |x|, whatever the condition number.
-    residual = (matrix @ x.flatten() - g.flatten()).norm()
-    assert residual <= 1e-13 * n * size * (matrix.norm() * x.norm() + g.norm())
-
-
-@settings(max_examples=60, deadline=None)
 @given(n=st.integers(1, 7), size=st.integers(1, 5), seed=st.integers(0, 2**31), shift=st.floats(-30.0, 30.0))
 def test_none_exactly_where_an_eigenvalue_is_negative(n: int, size: int, seed: int, shift: float):
     bands, g = system(n, size, seed, damping=shift)
@@ -102,23 +90,6 @@ def test_float32_and_arguments_unchanged():
     assert x is not None and expected is not None and x.dtype == torch.float32
     torch.testing.assert_close(x.double(), expected, rtol=0, atol=1e-4 * float(expected.abs().max()))
     assert all(torch.equal(part, copy) for part, copy in zip(singles, copies, strict=True))
-
-
-def test_no_blocks():
-    empty = torch.zeros(0, 3, 3)
-    x = solve_block_banded([empty, empty, empty], torch.zeros(0, 3))
-    assert x is not None and x.shape == (0, 3)
-
-
-@pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a CUDA device")
-def test_cuda_agrees_with_cpu():
-    bands, g = system(30, 20)
-    x = solve_block_banded([band.cuda() for band in bands], g.cuda())
-    expected = solve_block_banded(bands, g)
-    assert x is not None and expected is not None
-    torch.testing.assert_close(x.cpu(), expected, rtol=1e-9, atol=1e-10)
-    bands[0][3] -= 1e4 * torch.eye(20, dtype=torch.float64)
-    assert solve_block_banded([band.cuda() for band in bands], g.cuda()) is None
 
 
 @pytest.mark.parametrize(("size", "bandwidth"), [(1, 2), (7, 2), (63, 2), (7, 0), (7, 1), (7, 4)])

@@ -120,13 +120,6 @@ def test_quadratics_reach_their_optimum(n: int):
     assert float(result.cost.max()) <= 1e-17 * n
 
 
-def test_quadratics_by_the_default_tolerances():
-    function, optimum = bowls(20)
-    result = minimise_lbfgs(function, optimum + 10 * random(4, 20, seed=2))
-    assert result.reasons == (Reason.CONVERGED,) * 4
-    assert float(result.cost.max()) <= 1e-9
-
-
 @pytest.mark.parametrize("n", [2, 4, 10, 30])
 def test_rosenbrock_reaches_a_stationary_point(n: int):
     classic = torch.tensor([-1.2, 1.0], dtype=torch.float64).repeat(n // 2)[None]
@@ -147,14 +140,6 @@ def test_no_worse_than_pytorch(name: str):
     theirs = [torch_lbfgs(COSTS[name], starts, row) for row in range(6)]
     for row, (cost, _) in enumerate(theirs):
         assert float(result.cost[row]) <= cost + 1e-6 * max(abs(cost), 1), row
-    assert int(result.evaluations.sum()) <= 1.1 * sum(evaluations for _, evaluations in theirs)
-
-
-def test_no_worse_than_pytorch_on_average_where_there_are_many_minima():
-    starts = 2 * random(30, 6, seed=5)
-    result = minimise_lbfgs(with_gradient(robust), starts)
-    theirs = [torch_lbfgs(robust, starts, row) for row in range(30)]
-    assert float(result.cost.mean()) <= 1.02 * sum(cost for cost, _ in theirs) / 30
     assert int(result.evaluations.sum()) <= 1.1 * sum(evaluations for _, evaluations in theirs)
 
 
@@ -244,21 +229,6 @@ def test_failed_line_search_is_tried_again_along_the_steepest_descent():
     torch.testing.assert_close(result.x, torch.ones_like(result.x), rtol=0, atol=1e-5)
 
 
-@pytest.mark.parametrize("slope", [torch.nan, torch.inf, -torch.inf])
-def test_slope_that_overflows_is_too_long(slope: float):
-    row, one = torch.tensor([0]), torch.ones(1, dtype=torch.float64)
-    lines = LineSearches(one[:, None], evaluations=25, smallest_move=0.0)
-    lines.begin(row, step=one, cost=0 * one, gradient=-one[:, None], direction=one[:, None])
-    found, failed = lines.advance(row, cost=-one, gradient=one[:, None], slope=slope * one)
-    assert not found[0] and not failed[0]
-    assert lines.low.tolist() == [[0, 0, -1]] and 0 < float(lines.step[0]) < 1
-
-
-def test_unbounded_cost_ends_finite():
-    result = minimise_lbfgs(lambda x, rows: (x.sum(-1), torch.ones_like(x)), torch.zeros(1, 3), rounds=2)
-    assert bool(result.x.isfinite().all()) and -torch.inf < float(result.cost[0]) < -1e6
-
-
 def test_finished_rows_leave_and_no_call_is_empty():
     sizes: list[int] = []
     starts = torch.tensor([[1.0, 1.0], [-1.2, 1.0], [1.1, 1.2]], dtype=torch.float64)
@@ -272,11 +242,6 @@ def test_finished_rows_leave_and_no_call_is_empty():
     result = minimise_lbfgs(function, starts)
     assert sizes[0] == 3 and min(sizes) == 1 and sizes == sorted(sizes, reverse=True)
     assert torch.equal(calls, result.evaluations) and len(sizes) == int(calls.max())
-
-
-def test_no_rows():
-    result = minimise_lbfgs(with_gradient(rosenbrock), torch.zeros(0, 3))
-    assert result.x.shape == (0, 3) and result.cost.shape == (0,) and result.reasons == ()
 
 
 def test_float32_and_start_unchanged():
@@ -369,12 +334,3 @@ def two_loops(pairs: list[tuple[Tensor, Tensor]], gradient: Tensor) -> Tensor:
     for (s, y), alpha in zip(pairs, reversed(alphas), strict=True):
         q += s * (alpha - (y @ q) / (s @ y))
     return -q
-
-
-@pytest.mark.skipif(not torch.cuda.is_available(), reason="needs a CUDA device")
-def test_cuda_agrees_with_cpu():
-    starts = random(4, 6)
-    result = minimise_lbfgs(with_gradient(rosenbrock), starts.cuda())
-    expected = minimise_lbfgs(with_gradient(rosenbrock), starts)
-    assert result.x.is_cuda
-    torch.testing.assert_close(result.cost.cpu(), expected.cost, rtol=1e-9, atol=1e-9)

@@ -19,7 +19,7 @@ from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.solvers.problem import IndependentFrames
 from fitting_core.fit.solvers.solution import Solution
 from fitting_core.fit.stages import Stages
-from fitting_core.fit.terms.collision import SOFT_SIGMA, Collision
+from fitting_core.fit.terms.collision import Collision
 from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.state import State
 from tests.samples.posed_clips import clip_of, motion, shipped_body
@@ -75,13 +75,6 @@ def test_value_is_the_penalty_of_the_whole_mesh(objective, state, params):
     cost = objective.costs(state, torch.arange(3))["collision"]
     assert expected[0] == 0 and min(expected[1:]) > 1
     torch.testing.assert_close(cost, torch.stack(expected), rtol=1e-6, atol=0)
-
-
-def test_frames_do_not_see_each_other(objective, state):
-    together = objective.costs(state, torch.arange(3))["collision"]
-    for i in (2, 0, 1):
-        alone = objective.costs(state[i : i + 1], torch.tensor([i]))["collision"]
-        torch.testing.assert_close(alone[0], together[i])
 
 
 def test_pairs_found_last_do_not_outlive_their_state(objective, state):
@@ -161,16 +154,6 @@ def test_normal_matrix_is_that_of_automatic_differentiation_but_for_the_correcti
     )
 
 
-@pytest.mark.parametrize("free", ["hands", "face", "betas", "body", "translation"])
-def test_columns_of_groups_that_rest_are_left_out(objective, state, free):
-    fewer = replace(objective.free, **{free: False})
-    bare = FrameObjective(objective.terms, objective.view, fewer)
-    kept = torch.isin(objective.index, bare.index)
-    full, part = (o.normal(state[2:], torch.tensor([2])) for o in (objective, bare))
-    torch.testing.assert_close(part.gradient, full.gradient[:, kept])
-    torch.testing.assert_close(part.matrix, full.matrix[:, kept][:, :, kept])
-
-
 def test_rest_pose_does_not_collide(objective):
     rest = objective.view.parametrisation.neutral(1)
     assert objective.costs(rest, torch.tensor([0]))["collision"] == 0
@@ -185,21 +168,6 @@ def test_bodies_that_are_none_cost_infinitely_much(objective, state, wild):
     cost = objective.cost(broken, torch.arange(3))
     assert cost[1] == torch.inf
     torch.testing.assert_close(cost[[0, 2]], objective.cost(state, torch.arange(3))[[0, 2]])
-
-
-def test_float32_sees_the_same(objective, state, stages, params):
-    clip = clip_of(params)
-    single = Stages.of(
-        clip.keypoints, clip.camera, shipped_body(), FitConfig(pose_prior="axis_angle", precision="float32")
-    )
-    start = single.parametrisation.from_params(params)
-    term = Collision(0.7, single.fitted.colliding)
-    cost = FrameObjective([term], single.objective(5, start, objective.free).view, objective.free).costs(
-        start, torch.arange(3)
-    )
-    torch.testing.assert_close(
-        cost["collision"].double(), objective.costs(state, torch.arange(3))["collision"], rtol=0.02, atol=0
-    )
 
 
 def minimised(solver: str, problem: IndependentFrames, start: State) -> Solution:
@@ -271,17 +239,6 @@ def test_softened_term_frees_what_the_faithful_one_leaves_inside(hands_in_thighs
     assert freed_by_lm.cost < 0.6 * stuck.cost < 0.6 * problem.cost(start, problem.frames)
 
 
-def test_a_softened_end_that_is_worse_is_not_taken(hands_in_thighs, freed_by_lm):
-    """From where the faithful cost is lowest, minimising it again raises nothing."""
-    _, problem = hands_in_thighs
-    assert (minimised("lm", problem, freed_by_lm.state).cost <= freed_by_lm.cost).all()
-
-
-def test_softened_term_has_higher_cones(body):
-    assert Collision(0.7, body).softened(cold=False) == Collision(0.7, body, SOFT_SIGMA)
-    assert Collision(0.7, body, 0.01).softened(cold=False).sigma == 0.01
-
-
 def test_stages_take_the_term_in_when_its_weight_says_so(stages, state):
     def names(stage: int) -> list[str]:
         return [t.name for t in stages.objective(stage, state, stages.free(stage, betas=True)).terms]
@@ -289,8 +246,3 @@ def test_stages_take_the_term_in_when_its_weight_says_so(stages, state):
     assert [("collision" in names(stage)) for stage in range(1, 6)] == [False, False, False, True, True]
     depth = stages.xy.new_full((3,), 3.5)
     assert "collision" not in [t.name for t in stages.camera_objective(depth).terms]
-
-
-def test_faithful_presets_contain_it():
-    for name in ("paper", "smplifyx"):
-        assert PRESETS[name].weights.collision == (0.0, 0.0, 0.0, 0.1, 1.0)

@@ -14,7 +14,7 @@ from fitting_core import keypoints as kp
 from fitting_core.body.handshapes import HANDSHAPES, finger_angles
 from fitting_core.body.joint_ranges import JointRange, joint_ranges
 from fitting_core.body.model import JOINT, BodyModel
-from fitting_core.config.schema import PRESETS, FitConfig, Weights
+from fitting_core.config.schema import FitConfig, Weights
 from fitting_core.fit.fused import ready
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.stages import Stages
@@ -174,14 +174,6 @@ def test_every_joint_has_a_range_that_holds_its_rest(ranges: dict[str, JointRang
         assert (joint.bounds[:, 0] < 0).all() and (joint.bounds[:, 1] > 0).all()
 
 
-def test_a_body_without_fingers_has_no_ranges_for_them(tiny_body: BodyModel):
-    regressor = tiny_body.joint_regressor.copy()
-    for side in ("left", "right"):
-        regressor[JOINT[f"{side}_index1"] :][:15] = regressor[JOINT[f"{side}_wrist"]]
-    names = joint_ranges(replace(tiny_body, joint_regressor=regressor))
-    assert max(JOINT[name] for name in names) == JOINT["right_wrist"]
-
-
 @settings(max_examples=40)
 @given(st.data())
 def test_angles_are_those_that_a_rotation_was_made_of(ranges: dict[str, JointRange], data: st.DataObject):
@@ -302,10 +294,3 @@ def test_fingers_that_no_image_shows_are_left_out(tiny_body: BodyModel):
     estimate = Estimate(objective.view, state, torch.arange(3))
     (limits,) = (term for term in objective.terms if term.name == "limits")
     assert limits.residual(estimate).shape == (3, 3 * 21)
-
-
-@pytest.mark.parametrize("preset", ["paper", "smplifyx"])
-def test_the_papers_have_no_limits(tiny_body: BodyModel, preset: str):
-    weights = replace(CONFIG.weights, limits=PRESETS[preset].weights.limits)
-    setting = stages_of(tiny_body, keypoints_of(tiny_body, random_params(3, 5)), replace(CONFIG, weights=weights))
-    assert "limits" not in {t.name for t in setting.objective(5, wild(setting), Free()).terms}

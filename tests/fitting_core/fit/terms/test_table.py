@@ -3,7 +3,6 @@
 import dataclasses
 
 from fitting_core.config.schema import PRESETS
-from fitting_core.fit.fused.constants import KERNELS
 from fitting_core.fit.terms.table import TERMS
 from tests.drivers.written_terms import written
 
@@ -16,8 +15,3 @@ def test_the_docs_table_is_as_written_from_the_terms():
 def test_a_weight_belongs_to_one_term():
     names = [weight for entry in TERMS.values() for weight in entry.weights]
     assert sorted(names) == sorted(field.name for field in dataclasses.fields(PRESETS["paper"].weights))
-
-
-def test_no_two_kernels_have_a_field_of_the_same_name():
-    names = [field[0] for k in KERNELS.values() for field in (*k.clip, *k.frame, *k.point, *k.keypoint)]
-    assert len(names) == len(set(names)) > 20

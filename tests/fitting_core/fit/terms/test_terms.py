@@ -404,19 +404,6 @@ def test_every_term_is_written_out_by_hand(scene: Scene):
     assert {t.name for o in scene.objectives.values() for t in (*o.terms, *o.shared)} == set(BY_HAND)
 
 
-@pytest.mark.parametrize("name", TERMS)
-def test_terms_are_what_the_table_says(free_body: BodyModel, name: str):
-    weights = replace(CONFIG.weights, limits=(37.0,) * 5, collision=(1.0,) * 5)
-    detections = replace(hidden(keypoints_of(free_body, random_params(2, 5)), *LEGS), turn=LOCKED[:2])
-    stages = with_positions(stages_of(free_body, detections, replace(CONFIG, weights=weights)))
-    term = TERMS[name].make(stages.setting, stages._looked_in(5), 4)
-    assert type(term) is TERMS[name].kind and term.name == name
-
-
-def test_every_term_has_a_kernel_but_collision_and_the_one_over_time():
-    assert {name for name, entry in TERMS.items() if entry.kernel is None} == {"collision", "temporal"}
-
-
 @pytest.mark.parametrize("name", ["temporal", "bending", "upright", "limits", "rest", "collision", "held_position"])
 def test_terms_of_weight_zero_are_not_made(tiny_body: BodyModel, name: str):
     zero = dict.fromkeys(("lean", "turn", "rest", "limits", "bending", "collision", "held_position"), (0.0,) * 5)
@@ -579,17 +566,6 @@ def test_normal_equations_add_up(scene: Scene):
     for name in ("cost", "gradient", "matrix"):
         expected = torch.stack([getattr(p, name) for p in parts]).sum(0)
         torch.testing.assert_close(getattr(whole, name), expected, rtol=1e-10, atol=1e-9 * float(expected.abs().max()))
-
-
-def test_chunks_change_nothing(scene: Scene, monkeypatch: pytest.MonkeyPatch):
-    objective = scene.objectives["stage 5"]
-    whole = objective._in_chunks(scene.state, FRAMES, objective.terms)
-    monkeypatch.setattr("fitting_core.fit.objective.jacobians_at_once", lambda _: 2)
-    monkeypatch.setattr(objective, "fused", None)
-    parts = objective.normal(scene.state, FRAMES)
-    for name in ("cost", "gradient", "matrix"):
-        expected = getattr(whole, name)
-        torch.testing.assert_close(getattr(parts, name), expected, rtol=1e-11, atol=1e-10 * float(expected.abs().max()))
 
 
 def test_what_counts_once_is_apart_from_what_counts_in_every_frame(scene: Scene):

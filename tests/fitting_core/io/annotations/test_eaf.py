@@ -66,11 +66,6 @@ def test_another_program_reads_the_same(written: Path):
     assert linked["MEDIA_URL"] == (written.parent / "a film.mp4").as_uri()
 
 
-def test_time_slots_are_in_the_order_of_time(written: Path):
-    times = [int(slot.get("TIME_VALUE", "")) for slot in plain(written).iter("TIME_SLOT")]
-    assert times == [0, 40, 80, 120]
-
-
 def test_it_comes_back(written: Path):
     back = read_eaf(written)
     assert [(t.name, t.annotations, t.parent) for t in back] == [(t.name, t.annotations, t.parent) for t in TIERS]
@@ -168,11 +163,6 @@ def test_broken_files(tmp_path: Path, name: str):
     path.write_text(content)
     with pytest.raises(InputError, match=rf"broken\.eaf: is not a readable \.eaf file: .*({says})"):
         read_eaf(path)
-
-
-def test_a_file_that_is_not_there(tmp_path: Path):
-    with pytest.raises(InputError, match=r"none\.eaf: cannot be read"):
-        read_eaf(tmp_path / "none.eaf")
 
 
 @given(

@@ -16,7 +16,7 @@ from fitting_core.clips.reading import read_clip
 from fitting_core.errors import InputError
 from fitting_core.io import read_detections
 from fitting_core.io.keypoints.coco_wholebody import write_coco_wholebody
-from fitting_core.keypoints import FACE, INDEX, LEFT_HAND, NAMES, RIGHT_HAND, Keypoints
+from fitting_core.keypoints import FACE, INDEX, LEFT_HAND, RIGHT_HAND, Keypoints
 from tests.fitting_core.io.keypoints.keypoint_samples import SIZE, as_points, by_frame, keypoints
 
 LACKING = [INDEX[name] for name in (*layout.MEANS, *layout.ABSENT)]
@@ -131,11 +131,6 @@ def test_visibilities_are_no_confidences(tmp_path: Path):
     assert "visibilities" in found.notes[0]
 
 
-def test_pupils_are_never_detected():
-    found = layout.from_wholebody(whole())
-    assert [NAMES[k] for k in np.flatnonzero(found[:, 2] == 0)] == ["face_right_pupil", "face_left_pupil"]
-
-
 def instances(*seeds: int) -> list[dict[str, Any]]:
     """People as mmpose's inferencer writes them: positions and scores in two lists, a box in a list."""
     return [
@@ -197,13 +192,6 @@ def test_points_are_taken_by_the_names_of_their_category(tmp_path: Path, spellin
         assert np.allclose(found[INDEX["nose"]], points[0]) and np.allclose(found[INDEX["right_ankle"]], points[16])
 
 
-def test_names_of_the_whole_body_may_be_those_of_any_program(tmp_path: Path):
-    body = list(layout.COCO_17)
-    for names in (body, [*body, *(f"face-{k}" for k in range(116))]):
-        found = read_detections(written(tmp_path, annotated(names, whole()))).frames[0][0]
-        assert np.allclose(found, layout.from_wholebody(whole()))
-
-
 H36M = "root right_hip right_knee right_foot left_hip left_knee left_foot spine thorax neck_base head left_shoulder " \
     "left_elbow left_wrist right_shoulder right_elbow right_wrist"  # fmt: skip
 
@@ -222,15 +210,3 @@ def test_points_of_other_names_are_refused(tmp_path: Path):
         read_detections(written(tmp_path, annotated(["nose"] * 17, points)))
     with pytest.raises(InputError, match="the names of its keypoints are a text"):
         read_detections(written(tmp_path, annotated("nose", points)))  # pyright: ignore[reportArgumentType]
-
-
-def test_single_image_results_of_sapiens_and_mmpose_in_a_folder(tmp_path: Path):
-    """Their demos write an object for each image; nobody is in the first."""
-    for k, seeds in enumerate(FOUND):
-        content = {"meta_info": {"dataset_name": "coco_wholebody"}, "instance_info": instances(*seeds)}
-        (tmp_path / f"walk_{k}.json").write_text(json.dumps(content))
-    (tmp_path / "walk_0.json").write_text(json.dumps({"meta_info": {}, "instance_info": []}))
-    found = read_detections(tmp_path)
-    assert found.numbers == (0, 1, 2, 3)
-    for people, seeds in zip(found.frames, [(), *FOUND[1:]], strict=True):
-        np.testing.assert_allclose(people, expected(*seeds))

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fitting_core.clip import Clip
 from fitting_core.clips.options import ClipOptions
 from fitting_core.clips.people import read_people
 from fitting_core.clips.reading import read_clip, read_keypoints
@@ -49,12 +48,6 @@ def test_files_that_say_nothing_are_of_those_whose_format_it_is(tmp_path: Path):
     assert read_detections(holistic(tmp_path)[0]).detector == "mediapipe"
 
 
-def test_results_of_mmpose_are_of_coco_wholebody(tmp_path: Path):
-    file = tmp_path / "results.json"
-    file.write_text(json.dumps([{"image_id": 0, "category_id": 1, "keypoints": [100.0, 90.0, 0.9] * 133}]))
-    assert read_detections(file).detector == "coco-wholebody"
-
-
 @pytest.mark.parametrize("detector", DETECTOR_TITLES)
 def test_what_was_written_says_who_it_was(tmp_path: Path, detector: str):
     write_openpose(tmp_path / "walk", SEEN, name="walk", detector=detector)
@@ -89,7 +82,3 @@ def test_a_clip_and_its_people_know_it(tmp_path: Path):
     assert clip.detector == "mediapipe" and clip.corrected(0, {"nose": (1.0, 2.0)}).detector == "mediapipe"
     assert [one.clip.detector for one in read_people(None, folder, clip=ClipOptions(image_size=SIZE))] == ["mediapipe"]
     assert read_keypoints(folder, clip)[2] == "mediapipe"
-
-
-def test_a_clip_of_nobody_in_particular():
-    assert Clip.__dataclass_fields__["detector"].default == ""

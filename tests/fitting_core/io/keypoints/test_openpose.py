@@ -42,20 +42,6 @@ def test_numbers_start_above_zero_and_have_gaps(write_people):
     assert detections.stems[0] == "walk_000000000007"
 
 
-def test_numbers_without_leading_zeros_are_in_natural_order(write_people):
-    folder = write_people({f"f{n}": [{"pose_keypoints_2d": triples(25, start=n)}] for n in (2, 10, 1)})
-    detections = read_openpose(folder)
-    assert detections.numbers == (1, 2, 10)
-    assert [people[0, 0, 0] for people in detections.frames] == [1, 2, 10]
-
-
-@pytest.mark.parametrize("count", [0, 1, 2, 7])
-def test_people_per_frame(write_people, count):
-    detections = read_openpose(write_people({"a_0": [PERSON] * count}))
-    assert detections.frames[0].shape == (count, 137, 3)
-    assert detections.most_people == count
-
-
 @pytest.mark.parametrize("suffix", ["_2d", ""])
 @pytest.mark.parametrize(
     "key, part, count",
@@ -71,22 +57,6 @@ def test_each_list_alone_goes_to_its_part(write_people, key, part, count, suffix
     points = read_openpose(write_people({"a_0": [person]})).frames[0][0]
     assert points[part].ravel().tolist() == triples(count)
     assert points[:, 2].sum() == pytest.approx(0.5 * count)
-
-
-def test_empty_lists_count_as_not_detected(write_people):
-    empty = {f"{part}_keypoints_2d": [] for part in ("face", "hand_left", "hand_right")}
-    points = read_openpose(write_people({"a_0": [PERSON | empty]})).frames[0][0]
-    assert (points[25:] == 0).all() and (points[BODY, 2] == 0.5).all()
-
-
-@pytest.mark.parametrize("identity", [{"person_id": [-1]}, {"person_id": 3}, {"person_id": [2]}, {}])
-def test_person_id_in_any_form(write_people, identity):
-    assert read_openpose(write_people({"a_0": [identity | PERSON]})).most_people == 1
-
-
-def test_3d_lists_and_unknown_keys_are_not_used(write_people):
-    extra = {"pose_keypoints_3d": [], "gender_pd": "female", "id": "x"}
-    assert read_openpose(write_people({"a_0": [PERSON | extra]})).most_people == 1
 
 
 @pytest.mark.parametrize("key", ["pose_keypoints_2d", "pose_keypoints"])
@@ -111,12 +81,6 @@ def test_a_single_file_is_one_frame(write_people):
     file = write_people({"photo": [PERSON]}) / "photo_keypoints.json"
     detections = read_detections(file)
     assert len(detections) == 1 and detections.stems == ("photo",) and detections.numbers is None
-
-
-def test_a_single_file_of_another_name_is_known_by_its_content(tmp_path):
-    file = tmp_path / "pose.json"
-    file.write_text(json.dumps({"people": [PERSON]}))
-    assert read_detections(file).most_people == 1
 
 
 def test_byte_order_mark_and_hidden_files(write_people):
@@ -164,66 +128,6 @@ def test_names_that_differ_in_two_numbers(write_people):
         timeline_of_keypoints(found)
 
 
-def test_an_empty_file_among_files_of_plain_names_is_named(tmp_path: Path):
-    (tmp_path / "0.json").write_text(json.dumps({"people": [PERSON]}))
-    (tmp_path / "1.json").touch()
-    with pytest.raises(InputError, match=r"1\.json is not readable as JSON"):
-        read_detections(tmp_path)
-
-
-def test_position_of_an_undetected_point_is_dropped(write_people):
-    values = changed(BODY_LIST, 2, 0.0)
-    assert read_openpose(write_people({"a_0": [{"pose_keypoints_2d": values}]})).frames[0][0, 0].tolist() == [0, 0, 0]
-
-
-def test_overshooting_confidence_is_one(write_people):
-    values = changed(BODY_LIST, 2, 1.006)
-    assert read_openpose(write_people({"a_0": [{"pose_keypoints_2d": values}]})).frames[0][0, 0, 2] == 1.0
-
-
-def with_value(index: int, value: object) -> list:
-    return [{"pose_keypoints_2d": changed(BODY_LIST, index, value)}]
-
-
-MALFORMED_PEOPLE = {
-    "people is an object": ({}, "found an object with version, people; expected an object with a list 'people'"),
-    "people is null": (None, "expected an object with a list 'people'"),
-    "person is a list": ([[1, 2]], "person 0 is a list; expected an object"),
-    "person without lists": (
-        [{"person_id": [-1]}],
-        "person 0 has no list of keypoints; expected at least one of pose_key",
-    ),
-    "second person": ([PERSON, {"pose_keypoints_2d": [1, 2]}], "person 1, pose_keypoints: found 2 values"),
-    "74 values": ([{"pose_keypoints_2d": BODY_LIST[:-1]}], r"found 74 values; expected 75 \(25 points\) or 54"),
-    "MPI's 45 values": ([{"pose_keypoints_2d": triples(15)}], r"found 45 values; expected 75 \(25 points\) or 54"),
-    "hand of 20": ([{"hand_left_keypoints_2d": triples(20)}], r"hand_left_keypoints: found 60 values; expected 63"),
-    "face of 69": ([{"face_keypoints_2d": triples(69)}], r"found 207 values; expected 210 .* or 204"),
-    "list is a text": ([{"pose_keypoints_2d": "1,2,3"}], "pose_keypoints: found a text; expected a list of numbers"),
-    "list is an object": ([{"pose_keypoints_2d": {"0": 1}}], "pose_keypoints: found an object; expected a list"),
-    "list is an empty text": ([{"pose_keypoints_2d": ""}], "pose_keypoints: found a text; expected a list"),
-    "list is false": ([{"pose_keypoints_2d": False}], "pose_keypoints: found a truth value; expected a list"),
-    "x is NaN": (with_value(12, float("nan")), r"right_wrist \(pose_keypoints\): found position \(nan"),
-    "y is infinite": (with_value(13, float("inf")), r"right_wrist .*found position \(14, inf\)"),
-    "x is huge": (with_value(12, 1e7), r"right_wrist .*found position \(1e\+07, 18\); expected numbers up to 1e\+06"),
-    "x has 400 digits": (with_value(12, -(10**400)), r"right_wrist .*found position"),
-    "x is a text": (with_value(12, "14"), r"right_wrist \(pose_keypoints\): found '14'; expected a number"),
-    "x is null": (with_value(12, None), r"right_wrist .*found None; expected a number"),
-    "x is a list": (with_value(12, [1]), r"right_wrist .*found \[1\]; expected a number"),
-    "x is true": (with_value(12, True), r"right_wrist .*found True; expected a number"),
-    "confidence is negative": (with_value(14, -0.25), r"right_wrist .*found confidence -0.25; expected 0 "),
-    "confidence is percent": (with_value(14, 87.0), r"right_wrist .*found confidence 87; expected 0 "),
-    "confidence is NaN": (with_value(14, float("nan")), r"right_wrist .*found confidence nan"),
-}
-
-
-@pytest.mark.parametrize("people, message", MALFORMED_PEOPLE.values(), ids=MALFORMED_PEOPLE)
-def test_malformed_people_are_named(write_people, people, message):
-    folder = write_people({"walk_4": [PERSON], "walk_5": people})
-    with pytest.raises(InputError, match=message) as error:
-        read_openpose(folder)
-    assert "walk_5_keypoints.json" in str(error.value)
-
-
 _NUMBERS = st.one_of(st.floats(), st.integers(), st.none(), st.text(max_size=2), st.floats(0, 1))
 _LISTS = st.one_of(st.lists(_NUMBERS, max_size=3), st.lists(st.floats(0, 1), min_size=54, max_size=54), _NUMBERS)
 _KEYS = st.sampled_from(["pose_keypoints_2d", "pose_keypoints", "face_keypoints_2d", "person_id", "x"])
@@ -243,58 +147,11 @@ def test_whatever_a_file_holds_is_read_or_refused_in_words(tmp_path_factory, peo
         assert np.isfinite(points).all() and (points[..., 2] <= 1).all() and (points[..., 2] >= 0).all()
 
 
-MALFORMED_TEXT = {
-    "truncated": (json.dumps({"people": [PERSON]})[:90].encode(), "not readable as JSON .*cut off"),
-    "empty": (b"", "not readable as JSON"),
-    "not JSON": (b"x,y,c\n1,2,3\n", "not readable as JSON"),
-    "binary": (bytes(range(256)), "not readable as JSON"),
-    "nested without end": (b"[" * 100_000, "not readable as JSON"),
-    "a list": (b"[1, 2]", "found a list; expected an object with a list 'people'"),
-    "a number": (b"3", "found the number 3; expected an object"),
-    "null": (b"null", "found null; expected an object"),
-    "another object": (b'{"annotations": []}', "found an object with annotations; expected"),
-    "an empty object": (b"{}", "found an object with nothing; expected"),
-}
-
-
-@pytest.mark.parametrize("content, message", MALFORMED_TEXT.values(), ids=MALFORMED_TEXT)
-def test_malformed_files_are_named(tmp_path, content, message):
-    (tmp_path / "walk_0_keypoints.json").write_bytes(content)
-    with pytest.raises(InputError, match=message) as error:
-        read_detections(tmp_path)
-    assert "walk_0_keypoints.json" in str(error.value)
-
-
-def test_a_missing_path_is_named(tmp_path):
-    with pytest.raises(InputError, match=r"No keypoints at .*gone: there is no such file or folder"):
-        read_detections(tmp_path / "gone")
-    with pytest.raises(InputError, match="gone does not exist"):
-        read_openpose(tmp_path / "gone")
-
-
-def test_a_folder_in_place_of_a_file_is_named(tmp_path):
-    (tmp_path / "a_0_keypoints.json").mkdir()
-    with pytest.raises(InputError, match=r"a_0_keypoints.json: is a folder, expected a file"):
-        read_openpose(tmp_path)
-
-
-def test_an_empty_folder(tmp_path):
-    with pytest.raises(InputError, match=r"No keypoint files in .*found an empty folder; expected one JSON file per"):
-        read_detections(tmp_path)
-
-
 def test_a_folder_without_keypoint_files(tmp_path):
     for name in ("0001.png", "0002.png"):
         (tmp_path / name).touch()
     with pytest.raises(InputError, match=r"found 2 other files, such as 0001.png; expected"):
         read_detections(tmp_path)
-
-
-@pytest.mark.parametrize("name", ["clip.csv", "coco.json"])
-def test_an_unknown_format(tmp_path, name):
-    (tmp_path / name).write_text('{"frames": []}')
-    with pytest.raises(InputError, match=f"{name} is not a readable keypoint format: it starts as none"):
-        read_detections(tmp_path / name)
 
 
 def test_two_body_layouts_in_one_clip(write_people):
@@ -342,11 +199,6 @@ def test_normalised_coordinates_need_the_image_size(write_people, figure):
     detections = read_openpose(write_people({"a_0": [scaled(figure(100.0, 200.0), "0..1")]}))
     with pytest.raises(InputError, match=r"normalised to 0..1 \(judged by their range\), so the image size is needed"):
         to_pixels(detections, None)
-
-
-def test_an_unknown_scale(write_people):
-    with pytest.raises(InputError, match=r"`keypoint_scale` is '0-1'; expected one of auto, pixels, 0..1, -1..1"):
-        to_pixels(read_openpose(write_people({"a_0": [PERSON]})), SIZE, keypoint_scale="0-1")
 
 
 CANVAS = (512, 288)

@@ -8,8 +8,7 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from fitting_core.animation.morphs import corrective_morphs
-from fitting_core.animation.rig import four_weights, same_hemisphere
+from fitting_core.animation.rig import four_weights
 from fitting_core.body.model import JOINTS, BodyModel
 from fitting_core.ground.level import Level
 from fitting_core.ground.level import upright as make_upright
@@ -110,18 +109,6 @@ def test_expressions_are_named_and_animated(played: Player, upright: Motion):
         assert np.allclose(found, upright.params.expression[frame], atol=1e-5)
 
 
-def test_weights_lie_between_0_and_1(played: Player):
-    weights = np.stack([played.values(1, "weights", float(t)) for t in played.times])
-    assert weights.min() >= 0 and weights.max() <= 1 and (weights.max(0) > 0).all()
-
-
-def test_linear_skinning_alone_is_not_enough(upright: Motion):
-    """Without the correctives' shapes the deviation would be centimetres: so the millimetre is theirs."""
-    local = corrective_morphs(upright)
-    shapes = np.tensordot(local.weights, local.directions, 1)
-    assert np.linalg.norm(shapes, axis=-1).max() > 0.01
-
-
 def test_a_body_without_correctives_and_expressions(tiny_body: BodyModel, tmp_path: Path):
     plain = replace(
         tiny_body,
@@ -150,12 +137,6 @@ def test_the_four_largest_weights_are_kept():
     bones, kept = four_weights(weights)
     assert sorted(bones[0].tolist()) == [0, 1, 3, 4] and bones[1].tolist() == [0, 0, 0, 0]
     assert np.allclose(kept.sum(1), 1) and kept[1].tolist() == [1, 0, 0, 0]
-
-
-def test_signs_of_quaternions_do_not_jump():
-    turns = np.array([[[0, 0, 0, 1.0]], [[0, 0, 0.1, -0.99]], [[0, 0, 0.2, -0.98]]])
-    even = same_hemisphere(turns)
-    assert ((even[1:] * even[:-1]).sum(-1) > 0).all() and np.array_equal(abs(even), abs(turns))
 
 
 def test_what_stops_the_writing_leaves_nothing(upright: Motion, tmp_path: Path):

@@ -21,8 +21,7 @@ from fitting_core.camera import Camera, project
 from fitting_core.errors import InputError
 from fitting_core.io import read_motion
 from fitting_core.io.motion.imported_motion import ImportedMotion
-from fitting_core.io.motion.learned import per_image
-from fitting_core.io.motion.learned.systems import SYSTEMS, people_in
+from fitting_core.io.motion.learned.systems import people_in
 from tests.fitting_core.io.motion.learned_files import (
     DIAGONAL,
     FRAMES,
@@ -113,11 +112,6 @@ def test_a_result_reads_back(name: str, tmp_path: Path, tiny_body: BodyModel):
     assert torch.allclose(found.params.body_pose, params.body_pose, atol=1e-5)
 
 
-def test_all_systems_are_written():
-    by_image = {system.title for system in per_image.SYSTEMS}
-    assert {title for title, *_ in CASES.values()} | by_image == {system.title for system in SYSTEMS}
-
-
 @pytest.mark.parametrize("name", [name for name in CASES if name not in ALONE])
 def test_of_several_people_the_one_in_most_frames(name: str, tmp_path: Path, tiny_body: BodyModel):
     _, write, _, _ = CASES[name]
@@ -175,18 +169,6 @@ def test_tensors_of_every_kind(kind: torch.dtype, new: bool, tmp_path: Path):
     path = written(tmp_path / "a.pt", torch_bytes(content, _use_new_zipfile_serialization=new))
     error = float((read_motion(path).params.body_pose - params.body_pose).abs().max())
     assert error < {torch.float16: 1e-3, torch.bfloat16: 1e-2}.get(kind, 1e-6)
-
-
-def test_a_parameter_and_a_pickled_tensor(tmp_path: Path):
-    params = truth()
-    content = gvhmr(params, incam={"transl": torch.nn.Parameter(params.camera_translation.float())})
-    for name, data in (
-        ("a.pt", torch_bytes(content)),
-        ("a.pkl", joblib_bytes(content)),
-        ("b.pkl", pickle.dumps(content)),
-    ):
-        found = read_motion(written(tmp_path / name, data))
-        assert torch.allclose(found.params.camera_translation, params.camera_translation, atol=1e-5)
 
 
 def test_a_systems_folder_holds_its_file(tmp_path: Path, tiny_body: BodyModel):

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
 
 from fitting_core.body.model import BodyModel
 from fitting_core.camera import path_of
@@ -62,12 +61,6 @@ def test_it_says_who_is_in_it(played: Player):
     assert [one["name"] for one in extras["people"]] == ["person 1", "person 2"]
     assert [one["first_frame"] for one in extras["people"]] == [12, 15]
     assert len(played.document.cameras) == 1 and len(played.document.materials) == 2
-
-
-def test_another_program_reads_it(people: list[Motion], tmp_path: Path):
-    write_people_glb(tmp_path / "two.glb", people, name="two")
-    scene = trimesh.load(tmp_path / "two.glb")
-    assert [len(mesh.vertices) for mesh in scene.geometry.values()] == [len(people[0].body.template)] * 2
 
 
 def test_a_camera_that_moves_goes_on_while_anybody_is_there(people: list[Motion], tmp_path: Path):

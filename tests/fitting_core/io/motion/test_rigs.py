@@ -86,11 +86,6 @@ def test_they_are_those_of_the_fit_s_own_joints(upright: Motion):
     assert np.allclose(PosedSkeleton.of(calm).places, calm.joints(), atol=1e-5)
 
 
-def test_time_is_the_video_s(files: dict[str, Path], upright: Motion):
-    assert np.allclose(Player.of(files["glb"]).times, np.arange(7) / 29.97)
-    assert Bvh.of(files["bvh"]).frame_time == pytest.approx(1 / 29.97, abs=1e-8)
-
-
 def test_the_surface_is_the_fit_s_as_far_as_it_says(files: dict[str, Path], upright: Motion, rig: str):
     player = Player.of(files["glb"])
     extras = player.document.asset.extras
