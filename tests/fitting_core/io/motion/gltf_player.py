@@ -59,20 +59,23 @@ class Player:
             return Slerp([0, 1], Rotation.from_quat(keys[[before, after]]))(share).as_quat()
         return (1 - share) * keys[before] + share * keys[after]
 
-    def matrices(self, time: float) -> np.ndarray:
-        """Every node's transform into the world."""
+    def matrices(self, time: float | None) -> np.ndarray:
+        """Every node's transform into the world, with the scale of what is above it; None: at rest."""
         nodes = self.document.nodes
         found = np.tile(np.eye(4), (len(nodes), 1, 1))
         waiting = [(n, np.eye(4)) for n in self.document.scenes[self.document.scene].nodes]
         while waiting:
             n, above = waiting.pop()
+            rest = {
+                "translation": nodes[n].translation or (0, 0, 0),
+                "rotation": nodes[n].rotation or (0, 0, 0, 1),
+                "scale": nodes[n].scale or (1, 1, 1),
+            }
+            played = {} if time is None else {path: self.values(n, path, time) for path in rest}
+            now = rest | {path: value for path, value in played.items() if value is not None}
             local = np.eye(4)
-            moved, turned = self.values(n, "translation", time), self.values(n, "rotation", time)
-            local[:3, 3] = (nodes[n].translation or (0, 0, 0)) if moved is None else moved
-            quaternion = (nodes[n].rotation or (0, 0, 0, 1)) if turned is None else turned
-            local[:3, :3] = Rotation.from_quat(quaternion).as_matrix()
-            scaled = self.values(n, "scale", time)
-            local[:3, :3] *= 1.0 if scaled is None else scaled
+            local[:3, :3] = Rotation.from_quat(now["rotation"]).as_matrix() * now["scale"]
+            local[:3, 3] = now["translation"]
             found[n] = above @ local
             waiting += [(child, found[n]) for child in nodes[n].children or []]
         return found

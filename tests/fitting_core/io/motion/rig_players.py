@@ -10,30 +10,9 @@ from tests.fitting_core.io.motion.gltf_player import Player
 
 
 def glb_joints(path: Path, time: float) -> dict[str, np.ndarray]:
-    """4 x 4 of every node by its name, with the scale of what is above it, at a time in seconds."""
+    """4 x 4 of every node by its name, at a time in seconds."""
     player = Player.of(path)
-    return dict(zip((node.name for node in player.document.nodes), scaled(player, time), strict=True))
-
-
-def scaled(player: Player, time: float | None) -> np.ndarray:
-    """As `Player.matrices`, with the nodes' scales; None: at rest."""
-    nodes = player.document.nodes
-    found = np.tile(np.eye(4), (len(nodes), 1, 1))
-    waiting = [(n, np.eye(4)) for n in player.document.scenes[player.document.scene].nodes]
-    while waiting:
-        n, above = waiting.pop()
-        node, local = nodes[n], np.eye(4)
-        if node.matrix:
-            local = np.array(node.matrix).reshape(4, 4).T
-        moved = None if time is None else player.values(n, "translation", time)
-        turned = None if time is None else player.values(n, "rotation", time)
-        if not node.matrix or moved is not None or turned is not None:
-            local[:3, :3] = Rotation.from_quat(node.rotation or (0, 0, 0, 1) if turned is None else turned).as_matrix()
-            local[:3, :3] *= node.scale or (1, 1, 1)
-            local[:3, 3] = (node.translation or (0, 0, 0)) if moved is None else moved
-        found[n] = above @ local
-        waiting += [(child, found[n]) for child in node.children or []]
-    return found
+    return dict(zip((node.name for node in player.document.nodes), player.matrices(time), strict=True))
 
 
 @dataclass(frozen=True)

@@ -17,71 +17,28 @@ from fitting_core.io.motion.bvh import continuous_euler, write_bvh
 from fitting_core.io.motion.mesh_sequence import file_stem, write_obj_sequence, write_ply_sequence
 from fitting_core.motion import AXES, Motion
 from tests.fitting_core.io.motion.motions import meshes, swinging
+from tests.fitting_core.io.motion.rig_players import Bvh
 
 
-def read_bvh(path: Path) -> tuple[list[str], np.ndarray, float]:
-    """Names, positions (T, J, 3) and frame time of a BVH file, posed by the letters of its channels."""
-    words = path.read_text().split()
-    names, parents, offsets, channels, stack, at = [], [], [], [], [], 0
-    while words[at] != "MOTION":
-        word = words[at]
-        if word in ("ROOT", "JOINT", "End"):
-            if word != "End":
-                names.append(words[at + 1])
-                parents.append(stack[-1] if stack else -1)
-                offsets.append(None)
-            stack.append(len(names) - 1 if word != "End" else None)
-            at += 2
-        elif word == "OFFSET":
-            if stack[-1] is not None:
-                offsets[stack[-1]] = [float(w) for w in words[at + 1 : at + 4]]
-            at += 4
-        elif word == "CHANNELS":
-            count = int(words[at + 1])
-            channels.append(words[at + 2 : at + 2 + count])
-            at += 2 + count
-        else:
-            if word == "}":
-                stack.pop()
-            at += 1
-    frames, seconds = int(words[at + 2]), float(words[at + 5])
-    values = np.array(words[at + 6 :], float).reshape(frames, -1)
-    places = np.zeros((frames, len(names), 3))
-    turns = np.zeros((frames, len(names), 3, 3))
-    column = 0
-    for j, given in enumerate(channels):
-        local = np.tile(np.eye(3), (frames, 1, 1))
-        moved = np.tile(np.array(offsets[j]), (frames, 1))
-        for channel in given:
-            if channel.endswith("position"):
-                moved[:, "XYZ".index(channel[0])] = values[:, column]
-            else:
-                local = local @ Rotation.from_euler(channel[0], values[:, column, None], degrees=True).as_matrix()
-            column += 1
-        if parents[j] < 0:
-            places[:, j], turns[:, j] = moved, local
-        else:
-            above = turns[:, parents[j]]
-            places[:, j] = places[:, parents[j]] + (above @ moved[..., None])[..., 0]
-            turns[:, j] = above @ local
-    assert column == values.shape[1]
-    return names, places, seconds
+def played(bvh: Bvh) -> np.ndarray:
+    """Places of JOINTS, (T, 55, 3)."""
+    frames = [bvh.joints(t) for t in range(len(bvh.frames))]
+    return np.array([[frame[name][:3, 3] for name in JOINTS] for frame in frames])
 
 
 @pytest.mark.parametrize("axes", AXES)
 def test_bvh_gives_the_joints_back(tiny_body: BodyModel, tmp_path: Path, axes: str):
     motion = still_face(swinging(tiny_body)).in_axes(axes)
     write_bvh(tmp_path / "x.bvh", motion)
-    names, places, seconds = read_bvh(tmp_path / "x.bvh")
-    assert sorted(names) == sorted(JOINTS) and seconds == pytest.approx(1 / 29.97, abs=1e-8)
-    assert np.allclose(places[:, [names.index(name) for name in JOINTS]], motion.joints(), atol=1e-5)
+    bvh = Bvh.of(tmp_path / "x.bvh")
+    assert sorted(bvh.names) == sorted(JOINTS) and bvh.frame_time == pytest.approx(1 / 29.97, abs=1e-8)
+    assert np.allclose(played(bvh), motion.joints(), atol=1e-5)
 
 
 def test_bvh_of_a_moving_face_is_within_a_millimetre(free_body: BodyModel, tmp_path: Path):
     motion = swinging(free_body).in_axes("y-up")
     write_bvh(tmp_path / "x.bvh", motion)
-    names, places, _ = read_bvh(tmp_path / "x.bvh")
-    off = np.linalg.norm(places[:, [names.index(name) for name in JOINTS]] - motion.joints(), axis=-1)
+    off = np.linalg.norm(played(Bvh.of(tmp_path / "x.bvh")) - motion.joints(), axis=-1)
     assert off.max() < 1e-3
 
 

@@ -19,7 +19,7 @@ from fitting_core.io.motion.rig_glb import write_standard_glb
 from fitting_core.motion import Motion
 from tests.fitting_core.io.motion.gltf_player import Player
 from tests.fitting_core.io.motion.motions import CAMERA, meshes, swinging
-from tests.fitting_core.io.motion.rig_players import Bvh, glb_joints, scaled
+from tests.fitting_core.io.motion.rig_players import Bvh, glb_joints
 
 RIGS = {"mixamo": MIXAMO, "unreal": UNREAL, "vrm": VRM}
 FRAMES = (0, 3, 6)
@@ -98,7 +98,7 @@ def test_the_surface_is_the_fit_s_as_far_as_it_says(files: dict[str, Path], upri
 def directions(path: Path, pairs: dict[str, tuple[str, str]]) -> dict[str, np.ndarray]:
     """Where bones point at rest, by the nodes of a GLB."""
     player = Player.of(path)
-    rest = dict(zip((node.name for node in player.document.nodes), scaled(player, None)[:, :3, 3], strict=True))
+    rest = dict(zip((node.name for node in player.document.nodes), player.matrices(None)[:, :3, 3], strict=True))
     return {name: (rest[b] - rest[a]) / np.linalg.norm(rest[b] - rest[a]) for name, (a, b) in pairs.items()}
 
 
@@ -151,7 +151,7 @@ def test_axes_run_along_the_bones(
     """`axis` 0 or 1 is x or y along the bone; -1 is x against it."""
     write_standard_glb(tmp_path / "x.glb", neutral(free_body), standard)
     player = Player.of(tmp_path / "x.glb")
-    rest = dict(zip((node.name for node in player.document.nodes), scaled(player, None), strict=True))
+    rest = dict(zip((node.name for node in player.document.nodes), player.matrices(None), strict=True))
     along = rest[name][:3, max(axis, 0)] * (-1 if axis < 0 else 1)
     bone = rest[towards][:3, 3] - rest[name][:3, 3]
     assert along @ bone / np.linalg.norm(bone) > 0.999

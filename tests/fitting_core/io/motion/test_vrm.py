@@ -16,7 +16,7 @@ from fitting_core.io.motion.vrm import UNITS, meta_of, write_vrm, write_vrm_anim
 from fitting_core.motion import Motion
 from tests.fitting_core.io.motion.gltf_player import Player
 from tests.fitting_core.io.motion.motions import swinging
-from tests.fitting_core.io.motion.rig_players import glb_joints, scaled
+from tests.fitting_core.io.motion.rig_players import glb_joints
 
 SIDES = ("left", "right")
 REQUIRED = {
@@ -84,7 +84,7 @@ def test_the_avatar_has_the_bones_that_are_required_in_their_order(avatar: Path)
 
 def test_it_stands_in_a_t_pose_on_the_floor_and_looks_along_z(avatar: Path):
     player = Player.of(avatar)
-    rest = dict(zip((node.name for node in player.document.nodes), scaled(player, None), strict=True))
+    rest = dict(zip((node.name for node in player.document.nodes), player.matrices(None), strict=True))
     at = {name: matrix[:3, 3] for name, matrix in rest.items()}
     assert at["leftHand"][0] > 0.5 > -0.5 > at["rightHand"][0], "its left is +x"
     assert np.allclose(at["leftUpperArm"][1:], at["leftHand"][1:], atol=1e-4), "arms are level"
