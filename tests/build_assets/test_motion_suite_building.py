@@ -55,13 +55,6 @@ def test_windows_do_not_bridge_dropped_frames(plan: None):
         picked([replace(gap, frames=frames)])
 
 
-def test_clips_that_are_missing_or_trained_on_are_refused(plan: None):
-    with pytest.raises(InputError, match="needs the clip walk"):
-        picked([])
-    with pytest.raises(InputError, match="needs the clip walk"):
-        picked([replace(clip(), source="cmu", subject="cmu01")])
-
-
 def test_feet_rest_that_hardly_move_for_some_frames():
     left = np.array([0.0] * 10 + [0.1] * 1 + [0.1] * 3 + list(0.1 + 0.02 * np.arange(1, 12)))
     feet = np.zeros((25, 2, 3))

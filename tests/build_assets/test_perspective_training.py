@@ -10,10 +10,10 @@ from build_assets.lifter.figure import Figure
 from build_assets.lifter.filming import Shots, Studio
 from build_assets.lifter.motions import Corpus, Windows
 from build_assets.perspective.__main__ import Options, main
-from build_assets.perspective.training import SHOTS, Training, mean_error, shown, targets
+from build_assets.perspective.training import SHOTS, Training, mean_error, shown
 from fitting_core.body.model import BodyModel
 from fitting_core.lifting.network import Lifter, LifterSize
-from fitting_core.lifting.perspective import LOG_EXTENTS, read_perspective
+from fitting_core.lifting.perspective import read_perspective
 from tests.build_assets.captured import deepmimic_frames, write_deepmimic
 from tests.build_assets.test_lifter_training import KNEE, swinging
 
@@ -31,12 +31,6 @@ def test_the_right_answer_does_not_know_the_assumed_focal_length(free_body: Body
     assert np.log(0.06) < float(given.log_extent.mean()) < np.log(0.13)
     extents = given.features[:, 0, 75]
     assert bool((extents == extents[0]).all()), "told"
-
-
-def test_targets_lie_about_the_truth():
-    wanted = targets(torch.tensor([-2.0, -3.33]))
-    torch.testing.assert_close(wanted.sum(1), torch.ones(2))
-    torch.testing.assert_close(wanted @ LOG_EXTENTS, torch.tensor([-2.0, -3.33]), rtol=0, atol=0.01)
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from build_assets.motion_capture.mocap import read_motions
 from build_assets.motion_capture.plausible import plausible
-from build_assets.motion_capture.retarget import collar_rotation, load, mirrored, retarget
+from build_assets.motion_capture.retarget import load, mirrored, retarget
 from build_assets.motion_capture.rigs import RIGS, SIDES
 from build_assets.motion_capture.skeleton import SourceMotion
 from fitting_core.body.mesh import Mesh
@@ -97,33 +97,6 @@ def test_a_mirrored_source_gives_the_mirrored_pose(random_motion: SourceMotion):
     np.testing.assert_allclose(retarget(image), mirrored(retarget(random_motion)), atol=1e-9)
 
 
-def test_mirrored_poses_are_mirror_images(free_body: BodyModel):
-    pose = np.random.default_rng(2).normal(0, 0.4, (5, 63))
-    ours, image = posed(free_body, pose), posed(free_body, mirrored(pose))
-    left, right = (JOINT[f"{side}_wrist"] for side in SIDES)
-    # The free body's joints are symmetric to a millimetre.
-    np.testing.assert_allclose(image[:, left], ours[:, right] * [-1, 1, 1], atol=4e-3)
-    np.testing.assert_allclose(image[:, JOINT["head"]], ours[:, JOINT["head"]] * [-1, 1, 1], atol=4e-3)
-    np.testing.assert_array_equal(mirrored(mirrored(pose)), pose)
-    assert abs(mirrored(pose) - pose).max() > 0.1
-
-
-@pytest.mark.parametrize("side, sign", SIGNS)
-def test_the_scapula_takes_a_third_beyond_thirty_degrees(side: str, sign: float):
-    elevation = np.radians([0.0, 60.0, 90.0, 120.0, 180.0])
-    arm = np.stack([sign * np.sin(elevation), -np.cos(elevation), np.zeros(5)], -1)
-    lift = sign * np.degrees(Rotation.from_matrix(collar_rotation(arm, side)).as_rotvec()[:, 2])
-    assert lift[3] - lift[1] == pytest.approx(20, abs=0.2)
-    np.testing.assert_allclose(lift[[0, 2, 4]], [-20, 0, 30], atol=0.2)
-
-
-@pytest.mark.parametrize("side, sign", SIGNS)
-def test_reaching_forward_and_across_protracts(side: str, sign: float):
-    arm = np.array([[0, 0, 1], [-sign * 0.6, 0, 0.8], [sign * 0.6, 0, -0.8]])
-    shoulder = collar_rotation(arm, side) @ [sign, 0, 0]
-    assert (shoulder[:2, 2] > 0.19).all() and shoulder[2, 2] < -0.1
-
-
 def test_the_t_pose_stays_one(tmp_path: Path):
     (motion,) = read_motions(write_cmu(tmp_path, {"07_01": cmu_channels()}))
     pose = retarget(motion)
@@ -144,16 +117,6 @@ def test_cmu_elbows_bend_forward_even_where_the_clip_bends_them_backward(tmp_pat
     elbow = Rotation.from_rotvec(joint(pose, "left_elbow")[0])
     untwisted = elbow * Rotation.from_euler("x", 15, degrees=True).inv()
     np.testing.assert_allclose(np.degrees(untwisted.as_rotvec()), [0, -70, 0], atol=1e-6)
-
-
-def test_pronation_is_shared_by_elbow_and_wrist(tmp_path: Path):
-    turn = euler(Rotation.from_euler("x", 40, degrees=True))
-    (motion,) = read_motions(write_cmu(tmp_path, {"07_01": cmu_channels({"lHand": turn, "rHand": turn})}))
-    pose = retarget(motion)
-    for side in SIDES:
-        expected = [(RIGS["cmu"].pronation + 40) / 2, 0, 0]
-        for name in ("elbow", "wrist"):
-            np.testing.assert_allclose(np.degrees(joint(pose, f"{side}_{name}")[0]), expected, atol=1e-6)
 
 
 def crouching(*knees: float) -> np.ndarray:
@@ -181,22 +144,12 @@ def test_legs_too_long_are_straightened(tmp_path: Path):
     )
 
 
-def test_legs_that_reach_stay_as_they_are(tmp_path: Path):
-    (motion,) = read_motions(write_cmu(tmp_path, {"13_09": crouching(*[4.0] * 10, 60.0)}))
-    np.testing.assert_allclose(np.degrees(joint(retarget(motion), "left_knee")[[0, -1], 0]), [4, 60], atol=1e-6)
-
-
 def still(frames: int = 6) -> Float[np.ndarray, "T 63"]:
     pose = np.zeros((frames, 63))
     for side, sign in SIGNS:
         joint(pose, f"{side}_shoulder")[:] = [0, 0, -1.1 * sign]
         joint(pose, f"{side}_elbow")[:] = [0, -0.6 * sign, 0]
     return pose
-
-
-def test_a_quiet_clip_is_kept_whole():
-    assert plausible(still(), 30).all()
-    assert plausible(still(1), 30).all()
 
 
 @pytest.mark.parametrize(

@@ -83,12 +83,6 @@ def training(body: BodyModel, poses: np.ndarray, steps: int = 30) -> Training:
     return Training(poses, body, size=SMALL, precision=Precision(), schedule=schedule)
 
 
-def test_the_groups_hold_every_joint_once():
-    rows = [row for group in synthesis.GROUPS for row in synthesis.group_rows(group)]
-    assert sorted(rows) == list(range(21))
-    assert sorted(group for groups in synthesis.SYNTHESIS for group in groups) == sorted(synthesis.GROUPS)
-
-
 def test_the_skeleton_is_the_body(free_body: BodyModel, skeleton: Skeleton):
     from fitting_core.body.mesh import Mesh
     from fitting_core.body.params import BodyParams
@@ -128,14 +122,6 @@ def test_synthesised_limbs_keep_to_the_joints_ranges(free_body: BodyModel):
     beyond = (angles - angles.clamp(bounds[..., 0], bounds[..., 1])).abs()
     assert (beyond < 10).double().mean() > 0.99
     assert beyond.max() < 45
-
-
-def test_balancing_draws_rare_poses_more_often(captured: dataset.Poses):
-    raised = np.abs(captured.body_pose.reshape(-1, 21, 3)[:, JOINT["left_shoulder"] - 1, 2] - np.radians(60)) < 1.2
-    assert raised.mean() == pytest.approx(0.1)
-    assert captured.weight.sum() == pytest.approx(1)
-    assert captured.weight[raised].sum() > 0.4
-    assert len(captured.body_pose) == 2000  # with the mirror images
 
 
 def test_the_pool_is_seeded_and_free_of_collisions(captured: dataset.Poses, contact: Contact):

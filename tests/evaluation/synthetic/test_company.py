@@ -45,9 +45,3 @@ def test_every_exchange_is_named(scene: str):
     # Three in a row are near each other for much of their way; who is near nobody is named while away alone.
     named = float(np.mean([one.uncertain for one in told]))
     assert named < (0.03 if scene in ("leaving", "rounding") else 0.25)
-
-
-def test_the_same_seed_makes_the_same_scene():
-    one, again = film("three", 4, every=10), film("three", 4, every=10)
-    assert one.owners == again.owners
-    assert all(np.array_equal(a, b) for a, b in zip(one.detections.frames, again.detections.frames, strict=True))
