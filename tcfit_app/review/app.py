@@ -14,25 +14,23 @@ import viser
 
 from fitting_core.errors import InputError
 from tcfit_app.fitting.reports import Notice
+from tcfit_app.review.browser.page_events import Hello, PageEvent
 from tcfit_app.review.faults import Faults
 from tcfit_app.review.keeping import Keeping
-from tcfit_app.review.page import Page
+from tcfit_app.review.page import REST, Page
 from tcfit_app.review.session.group import Group
 from tcfit_app.review.session.session import Session
 from tcfit_app.review.shared.drawing_data import DrawingData
 from tcfit_app.review.shared.shared_video import Videos
-from tcfit_app.review.tab.browser_tab import BrowserTab
 from tcfit_app.review.tab.people import Someone, alone, together
-from tcfit_app.review.tab.tab import REMEMBERED
+from tcfit_app.review.tab.tab import REMEMBERED, Tab
 from tcfit_app.server.gated_viser import visitor
 from tcfit_app.server.page_files import PageFiles
 
 TICK = 1 / 60
-"""Seconds between two drawings while something moves."""
-REST = 0.25
-"""Seconds between two drawings otherwise: tasks report progress, messages expire."""
+"""Seconds between two drawings while a clip plays; a drag's bodies wake the loop."""
 IDLE = 1.0
-"""Seconds between two drawings once nothing was requested for LATELY and nothing is running."""
+"""As REST, once nothing was requested for LATELY and nothing is running."""
 LATELY = 5.0
 """Seconds."""
 MOST_COMMANDS = 5000
@@ -116,14 +114,32 @@ class ReviewApp:
         if self._commands.qsize() < MOST_COMMANDS:
             self.post(obey)
 
+    def _receive(self, client: int, event: PageEvent) -> None:
+        """Give an event to the page that is on show by then: the first one may come before there is any."""
+
+        def take() -> None:
+            if (page := self.pages.get(client)) is None:
+                return
+            page.tab.guarded(lambda: page.receive(event))()
+            if isinstance(event, Hello):
+                self._go_back(client)
+
+        self._take(client, take)
+
     def _open(self, client: viser.ClientHandle) -> None:
         number = client.client_id
         whose = visitor(self._server, number)
-        browser = BrowserTab(client, partial(self._take, number), PageFiles(here=whose.here, root=self._files), whose)
-        browser.go_to = lambda someone: self._go_to(number, someone)
-        browser.has_come = lambda: self._go_back(number)
-        browser.authors = lambda: [page.tab.author for page in self.pages.values()]
-        self.pages[number] = Page(browser, self._first)
+        tab = Tab(
+            client,
+            self._first,
+            do=partial(self._take, number),
+            receive=partial(self._receive, number),
+            files=PageFiles(here=whose.here, root=self._files),
+            visitor=whose,
+        )
+        tab.go_to = partial(self._go_to, number)
+        tab.authors = lambda: [page.tab.author for page in self.pages.values()]
+        self.pages[number] = Page(tab)
         self._pages[number] = {self._first.number: self.pages[number]}
 
     def _go_to(self, client: int, someone: Someone) -> None:
@@ -133,15 +149,15 @@ class ReviewApp:
             return
         page.leave()
         if someone.number not in known:
-            known[someone.number] = Page(page.tab.browser, someone)
+            known[someone.number] = Page(page.tab.beside(someone))
         self.pages[client] = known[someone.number]
         self.pages[client].come_from(page)
-        self._remember(page.tab.browser.name, someone)
+        self._remember(page.tab.name, someone)
 
     def _go_back(self, client: int) -> None:
         """After a reload, show the person the tab showed before."""
         page = self.pages.get(client)
-        if page is not None and (known := self._shown.get(page.tab.browser.name or "")) is not None:
+        if page is not None and (known := self._shown.get(page.tab.name or "")) is not None:
             self._go_to(client, self.people[known])
 
     def _remember(self, name: str | None, someone: Someone) -> None:
@@ -197,10 +213,11 @@ class ReviewApp:
 
     def _patience(self) -> float:
         """Seconds until the next drawing if nothing is requested."""
-        if any(page.tab.state.playing or page.behind for page in self.pages.values()):
+        if any(page.tab.state.playing for page in self.pages.values()):
             return TICK
         busy = any(someone.session.tasks.busy for someone in self.people)
-        return REST if busy or time.monotonic() - self._obeyed < LATELY else IDLE
+        rest = REST if busy or time.monotonic() - self._obeyed < LATELY else IDLE
+        return min([rest, *(page.behind for page in self.pages.values() if page.behind)])
 
     def _obey(self, patience: float) -> None:
         """Do what was requested, waiting a while for the first command."""

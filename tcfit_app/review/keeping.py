@@ -34,7 +34,7 @@ class Keeping:
 
     def acted(self, page: Page) -> None:
         """Record an action in a tab."""
-        whose, now = (page.tab.session.project, page.tab.browser.reviewer), time.monotonic()
+        whose, now = (page.tab.session.project, page.tab.reviewer), time.monotonic()
         passed = now - self._acted.get(whose, now)
         self._acted[whose] = now
         if passed < PAUSE and not whose[0].read_only:

@@ -4,7 +4,8 @@ In a clip with several people, a tab has a page for each person it has shown, on
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -16,28 +17,34 @@ from tcfit_app.fitting.reports import Notice
 from tcfit_app.review.browser import page_events
 from tcfit_app.review.browser.page_events import PageEvent
 from tcfit_app.review.browser.page_states import Beat, Cursor, Framing, Keys, Selection, Skeleton
-from tcfit_app.review.drawing.first_steps import first_steps
 from tcfit_app.review.drawing.menus import frame_menus, picture_menus
 from tcfit_app.review.drawing.picture import Picture
 from tcfit_app.review.drawing.rows import MOST_ROWS, PLOTS
 from tcfit_app.review.drawing.status import Status
 from tcfit_app.review.drawing.timeline import Timeline
 from tcfit_app.review.faults import Faults
-from tcfit_app.review.gestures.actions import ACTIONS, BINDINGS, Action, Gestures, key_text
+from tcfit_app.review.gestures.actions import (
+    ACTIONS,
+    BINDINGS,
+    Action,
+    Gestures,
+    key_text,
+)
 from tcfit_app.review.gestures.edit_words import part_name
 from tcfit_app.review.gestures.keyframing import HANDS_OF
 from tcfit_app.review.panels import PANELS, WITHOUT_KEYPOINTS, Panel
 from tcfit_app.review.panels.key_list import KeyWindow
 from tcfit_app.review.panels.person_choice import PersonChoice
-from tcfit_app.review.tab.browser_tab import BrowserTab
-from tcfit_app.review.tab.people import Someone
 from tcfit_app.review.tab.tab import Tab
 from tcfit_app.server.serving import set_theme
 from tcfit_app.server.uploads import too_large
 
+REST = 0.25
+"""Seconds after which everything is drawn again if something may have changed unnoticed: tasks report progress, and
+messages expire."""
 _BEAT = 5.0
 """Seconds between two heartbeats."""
-_REST = 10.0
+_PAUSE = 10.0
 """Menus and panels pause for this many times as long as drawing them took: they are rebuilt whole each time, and must
 not take time from bodies that play or follow a drag."""
 SKELETON = Skeleton(
@@ -47,11 +54,10 @@ SKELETON = Skeleton(
 
 
 class Page:
-    """Builds the parts of a tab that shows one person, gives them the page's events, and draws them. Arguments as in
-    `Tab`."""
+    """The parts of a tab, which get the page's events and are drawn."""
 
-    def __init__(self, browser: BrowserTab, someone: Someone) -> None:
-        self.tab = Tab(browser, someone)
+    def __init__(self, tab: Tab) -> None:
+        self.tab = tab
         self.gestures = Gestures(self.tab)
         self.tab.buttons.on("action", self._run, ACTIONS.__getitem__)
         self.picture = Picture(self.tab, self.gestures.turning.rings)
@@ -60,25 +66,27 @@ class Page:
         self._faults = Faults(lambda notice: self.tab.notify(notice))
         self._followed: int | None = None
         """The dragged body sent last."""
-        self.behind = False
-        """Menus and panels are due to be drawn."""
+        self._pictured: tuple[int, int | None] | None = None
+        """Frame and dragged body of the picture drawn last."""
+        self._drawn: Hashable = None
+        """What everything else was drawn for: the state without its frame, and the keypoints."""
+        self._next_rest = 0.0
+        self.behind = 0.0
+        """Seconds until menus and panels that are out of date may be drawn; 0: they are up to date."""
         self._next_panels = 0.0
         """When menus and panels may be drawn again."""
         self._begin()
 
     def _begin(self) -> None:
         """Show this page in the browser tab."""
-        browser = self.tab.browser
-        browser.take = lambda event: self.tab.guarded(lambda: self.receive(event))()
-        browser.scene.rings.turned = lambda *turned: self.tab.do(lambda: self.gestures.turning.take(*turned))
-        browser.show_first_steps = lambda: browser.channel.ask("hints", first_steps())
+        self.tab.scene.rings.turned = lambda *turned: self.tab.do(lambda: self.gestures.turning.take(*turned))
         self.tab.channel.send("skeleton", SKELETON)
         self.tab.channel.send("keys", Keys(bindings=BINDINGS))
 
     def come_from(self, other: "Page") -> None:
         """Replace another person's page in the same tab."""
         self.tab.come_from(other.tab)
-        self.picture.resized(*self.tab.browser.size)
+        self.picture.resized(*self.tab.size)
         self._begin()
         self._show_panels(True)
 
@@ -110,15 +118,14 @@ class Page:
         return made
 
     def _add_commands(self) -> None:
-        browser = self.tab.browser
-        if browser.commands:
-            return
+        """Add the actions to the command palette, which all people's pages of a browser share."""
+        tab = self.tab
         for name, action in ACTIONS.items():
-            if not action.held:
-                command = browser.client.gui.add_command(action.title, description=key_text(name) or None)
+            if not action.held and name not in tab.commands:
+                command = tab.client.gui.add_command(action.title, description=key_text(name) or None)
                 chosen = page_events.Key(action=name, repeat=False)
-                command.on_trigger(lambda _, chosen=chosen: browser.receive(chosen))
-                browser.commands[name] = command
+                command.on_trigger(lambda _, chosen=chosen: tab.receive(chosen))
+                tab.commands.add(name)
 
     # --- events of the page ---
 
@@ -127,18 +134,15 @@ class Page:
         RECEIVERS[type(event)](self, event)
 
     def _hello(self, event: page_events.Hello) -> None:
-        browser = self.tab.browser
-        browser.greet(event.tab, event.browser, (event.width, event.height))
         set_theme(self.tab.client.gui, dark=event.dark)
         self.picture.resized(event.width, event.height)
         rows = None if event.plots is None else tuple(dict.fromkeys(name for name in event.plots if name in PLOTS))
-        self.tab.greet(plots=rows and rows[:MOST_ROWS])
+        self.tab.greet(event, plots=rows and rows[:MOST_ROWS])
         if not event.hinted and self.tab.session.project.has_detections:
-            self.tab.show_first_steps()
-        browser.has_come()
+            self.gestures.show_first_steps()
 
     def _resized(self, event: page_events.Resized) -> None:
-        self.tab.browser.size = (event.width, event.height)
+        self.tab.size = (event.width, event.height)
         self.picture.resized(event.width, event.height)
 
     def _go_to(self, event: page_events.GoToPerson) -> None:
@@ -146,7 +150,7 @@ class Page:
         if session.can_choose_person:
             session.source.choose(self.tab.state.frame, event.person)
         elif event.person < len(everybody):
-            self.tab.browser.go_to(everybody[event.person])
+            self.tab.go_to(everybody[event.person])
 
     def _key(self, event: page_events.Key) -> None:
         action = ACTIONS.get(event.action)
@@ -186,8 +190,8 @@ class Page:
     def _open_link(self, event: page_events.OpenLink) -> None:
         self.tab.doing = "Open the link"
         if event.person is not None:
-            self.tab.browser.go_to(self.tab.someone.numbered(event.person))
-            return self.tab.browser.receive(msgspec.structs.replace(event, person=None))
+            self.tab.go_to(self.tab.someone.numbered(event.person))
+            return self.tab.receive(msgspec.structs.replace(event, person=None))
         self.gestures.noting.open_link(event.frame, event.run, event.phase)
 
     def _select(self, event: page_events.Select) -> None:
@@ -205,7 +209,9 @@ class Page:
     def draw(self, now: float) -> None:
         """Send what has changed since the last time, once the page is ready for it.
 
-        An error in one part is shown in the tab once, and the other parts are drawn all the same.
+        While the clip plays or the fit follows a drag, the picture alone is drawn, once for each state and body; all
+        else is drawn when something else has changed, and every REST seconds. An error in one part is shown in the tab
+        once, and the other parts are drawn all the same.
         """
         if not self.tab.ready:
             return
@@ -213,18 +219,23 @@ class Page:
         if self.tab.state.playing and not self.tab.advance(now):
             return
         self._attempt("resolve what is on show", self.tab.look, now)
-        revision = self.tab.shown.revision
+        state, revision = self.tab.state, self.tab.shown.revision
         if revision not in (None, self._followed) and self.tab.playback.waits(now):
             return  # bodies queued for a busy browser would lag more and more
-        self._attempt("draw the picture", lambda: self._draw_picture(now), now)
-        self._attempt("draw the selection", self._draw_selection, now)
-        if self.tab.data.warming:
+        moving = state.playing or revision is not None
+        asked = replace(state, frame=0), self.tab.session.project.keypoints_version
+        due = not moving or now >= self._next_rest or asked != self._drawn
+        if due or (state.frame, revision) != self._pictured:
+            self._attempt("draw the picture", lambda: self._draw_picture(now), now)
+        if self.tab.data.warming or not due:
             return  # the first body appears half a second sooner if nothing else is drawn
+        self._drawn, self._next_rest = asked, now + REST
+        self._attempt("draw the selection", self._draw_selection, now)
         self._attempt("draw the timeline", self.timeline.draw, now)
         problem = self.picture.problem or self.tab.shown.problem
         self._attempt("draw the status line", lambda: self.status.draw(now, problem), now)
         self._attempt("show the keys", self._key_window.draw, now)
-        self.behind = time.monotonic() < self._next_panels
+        self.behind = max(0.0, self._next_panels - time.monotonic())
         if not self.behind:
             self._draw_panels(now)
 
@@ -234,7 +245,7 @@ class Page:
         self._attempt("draw the choice of the person", self._person.draw, now)
         for panel in panels:
             self._attempt(f"draw the panel {panel.title}", panel.draw, now)
-        self._next_panels = time.monotonic() + _REST * (time.thread_time() - begun)
+        self._next_panels = time.monotonic() + _PAUSE * (time.thread_time() - begun)
 
     def _draw_menus(self) -> None:
         self.tab.channel.send("frame_menus", frame_menus(self.gestures))
@@ -251,6 +262,7 @@ class Page:
             if tab.state.playing or following:
                 tab.playback.sent(now, tab.state.frame)
             self._followed = revision if following else self._followed
+            self._pictured = tab.state.frame, revision
         tab.channel.send("cursor", Cursor(frame=tab.state.frame, playing=tab.state.playing, live=self._followed))
 
     def _draw_selection(self) -> None:

@@ -20,11 +20,10 @@ from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.fitting.reports import Notice
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_record import Run
-from tcfit_app.review.browser.page_events import Key, Press
+from tcfit_app.review.browser.page_events import Key, PageEvent, Press
 from tcfit_app.review.page import Page
 from tcfit_app.review.session.session import Session
 from tcfit_app.review.shared.drawing_data import DrawingData
-from tcfit_app.review.tab.browser_tab import BrowserTab
 from tcfit_app.review.tab.people import alone
 from tcfit_app.review.tab.state import FitSettings
 from tcfit_app.review.tab.tab import Tab
@@ -214,7 +213,9 @@ def lone_page(
         for stored in session.fits.showable():
             with suppress(InputError):
                 session.fits.fit(stored)  # which the drawing thread would not wait for
-        page = Page(BrowserTab(cast(viser.ClientHandle, client), run, PageFiles(here=True)), alone(data))
+        files = PageFiles(here=True)
+        receive: Callable[[PageEvent], None] = lambda event: run(page.tab.guarded(lambda: page.receive(event)))  # noqa: E731
+        page = Page(Tab(cast(viser.ClientHandle, client), alone(data), do=run, receive=receive, files=files))
         yield LonePage(page, sent)
     finally:
         server.gui._websock_interface.queue_message = queue

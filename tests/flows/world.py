@@ -147,7 +147,7 @@ class World:
         _finish(self.app.connected(client))
         self.turn()
         hello = page_events.Hello(tab=name, width=960, height=640, browser=name[:8])
-        self.page(name).tab.browser.receive(hello)
+        self.page(name).tab.receive(hello)
         if name != TABS[0]:  # half of a flow's time would go into the panels of the other tab
             self.page(name)._draw_panels = lambda now: None
         self.turn()
@@ -167,7 +167,7 @@ class World:
     def send(self, name: str, *events: page_events.PageEvent) -> None:
         """Let a tab's page send events, and the app take and answer them."""
         for event in events:
-            self.page(name).tab.browser.receive(event)
+            self.page(name).tab.receive(event)
         self.turn()
 
     def turn(self) -> None:

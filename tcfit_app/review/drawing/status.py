@@ -128,7 +128,7 @@ def lasting(tab: Tab) -> list[Chip]:
     """The messages that stay until something is done about them; pictures leave room for these."""
     session, chips = tab.session, []
     project = session.project
-    if others := also_here(tab.browser.authors(), tab.author):
+    if others := also_here(tab.authors(), tab.author):
         chips.append(Chip(text=others))
     if project.read_only:
         chips.append(Chip(text="Read-only: nothing can be changed", kind="warning"))

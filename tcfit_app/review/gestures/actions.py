@@ -7,7 +7,7 @@ from typing import ParamSpec
 from fitting_core.body.handshapes import HANDSHAPES
 from fitting_core.errors import InputError
 from fitting_core.keypoints import PARTS
-from tcfit_app.review.browser.page_states import KeyBinding
+from tcfit_app.review.browser.page_states import Hint, Hints, KeyBinding
 from tcfit_app.review.gestures.correcting import NUDGES, Correcting
 from tcfit_app.review.gestures.correcting_depth import CorrectingDepth
 from tcfit_app.review.gestures.depths import limbs_of
@@ -40,6 +40,24 @@ class Gestures:
         self.noting, self.exchanging = Noting(tab), Exchanging(tab, self.correcting)
         self.again = DetectingAgain(tab, self.correcting)
 
+    def show_first_steps(self) -> None:
+        """Have the page show what someone who opens the app for the first time needs, each step with its key."""
+        keys = {name: next(map(str, ACTIONS[name].keys), "") for _, name in _FIRST_STEPS if name}
+        self.tab.set(keys=False)
+        steps = tuple(Hint(text=text, keys=keys.get(name, "")) for text, name in _FIRST_STEPS)
+        self.tab.channel.ask("hints", Hints(steps=steps))
+
+
+_FIRST_STEPS = (
+    ("Play the clip. The arrow keys go frame by frame.", "play"),
+    ("Fit everything, if there is no fit yet.", "fit"),
+    ("Go to the next suspicious frame.", "next_suspect"),
+    ("Drag a wrong keypoint: the fit follows, and the correction is saved. Undo reverts it.", "undo"),
+    ("Drag in the timeline's ruler to select frames, and fit them again.", "rerun"),
+    ("Compare: A | B shows the fit before beside the new one, and the panel Compare has the figures.", "ab"),
+    ("Your own video: keypoints are detected automatically. In the terminal: tcfit review VIDEO --fit", ""),
+    ("All keys. These first steps are there too.", "help"),
+)
 
 Need = Callable[[Gestures], object]
 """Raises InputError saying what is missing, and what to do."""
@@ -141,7 +159,7 @@ def _turn_side(gestures: Gestures) -> None:
 def _go_to_next_person(gestures: Gestures) -> None:
     someone = gestures.tab.someone
     everybody = someone.everybody
-    gestures.tab.browser.go_to(everybody[(someone.number + 1) % len(everybody)])
+    gestures.tab.go_to(everybody[(someone.number + 1) % len(everybody)])
 
 
 def _escape(gestures: Gestures) -> None:
@@ -347,7 +365,7 @@ _VIEW: tuple[_Row, ...] = (
     ),
     ("trail", "Trail of the selected keypoints on or off", "j", _toggle("trail"), ()),
     ("save_picture", "Save the picture", "", lambda g: g.tab.save_picture(), ()),
-    ("first_steps", "Show the first steps", "", lambda g: g.tab.show_first_steps(), ()),
+    ("first_steps", "Show the first steps", "", lambda g: g.show_first_steps(), ()),
     ("help", "Show all keys", "h", _toggle("keys"), ()),
     *(
         (

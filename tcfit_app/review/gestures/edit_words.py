@@ -34,7 +34,7 @@ from tcfit_app.project.edits.kinds import (
 )
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.gestures.keyframing import HANDS_OF
-from tcfit_app.review.tab.browser_tab import BROWSER
+from tcfit_app.review.tab.tab import BROWSER
 
 FEW = 3
 """Maximum number of keypoints that are named individually."""

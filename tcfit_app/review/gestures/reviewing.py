@@ -124,8 +124,8 @@ class Reviewing:
         if tab.session.jobs or tab.session.edit_follower.busy:
             raise InputError("The clip is being fitted: wait for that, look at it, and approve it then.")
         self.refuse_unfinished()
-        project.review.approve(tab.browser.reviewer)
-        tab.say(f"Approved by {tab.browser.reviewer}. Shift+O takes it back")
+        project.review.approve(tab.reviewer)
+        tab.say(f"Approved by {tab.reviewer}. Shift+O takes it back")
 
     def refuse_unfinished(self) -> None:
         """Raise InputError if no fit of the clip is finished."""
@@ -139,7 +139,7 @@ class Reviewing:
 
     def refuse_without_list(self) -> None:
         """Raise InputError if this is no clip of a list."""
-        if not self._tab.browser.in_list:
+        if not self._tab.in_list:
             raise InputError(
                 "One clip was opened, so there is no other one: tcfit review FOLDER opens all in a folder."
             )

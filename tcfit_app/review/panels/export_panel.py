@@ -152,7 +152,7 @@ class ExportPanel:
         tab, side = self._tab, self._wishes.side
         if someone is tab.someone:
             return _fits(tab.shown).get(side)
-        state = someone.remembered.get(tab.browser.name or "", TabState())
+        state = someone.remembered.get(tab.name or "", TabState())
         choice = state.a if side == "A" else state.b
         run = someone.session.fits.meant(choice)
         if run is not None and someone.session.stored.reading(run):

@@ -20,7 +20,7 @@ class PersonChoice:
             self._handle: Any = tab.client.gui.add_dropdown(
                 "Person", tuple(self._names), initial_value=here, hint=_HINT
             )
-            self._choice = Dropdown(tab, self._handle, lambda name: tab.browser.go_to(self._names[name]))
+            self._choice = Dropdown(tab, self._handle, lambda name: tab.go_to(self._names[name]))
 
     def show(self, on: bool) -> None:
         """Hide it while another person's page, which has its own, is drawn."""

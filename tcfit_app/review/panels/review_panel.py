@@ -208,7 +208,7 @@ class ReviewPanel:
 
     def _clips(self, *names: str) -> list[Html]:
         """Buttons that lead to other clips, if the clip was opened from a list."""
-        return [action(self._gestures, name, _CLIPS[name]) for name in names if self._tab.browser.in_list]
+        return [action(self._gestures, name, _CLIPS[name]) for name in names if self._tab.in_list]
 
     def _applies(self) -> str:
         """Which frames "Looks fine" and "Flag" apply to."""

@@ -1,47 +1,89 @@
-"""One browser tab: what its gestures, panels and picture share. For the drawing thread only."""
+"""A browser's page: what its gestures, panels and picture share. For the drawing thread only."""
 
 import logging
 import time
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence
+from copy import copy
 from dataclasses import replace
 from typing import Any
+
+import viser
 
 from fitting_core.errors import InputError
 from tcfit_app.fitting.reports import Notice
 from tcfit_app.project.frame_words import in_words
+from tcfit_app.review.browser.channel import Channel
+from tcfit_app.review.browser.page_events import Hello, PageEvent
 from tcfit_app.review.browser.page_states import Saving, Typing
+from tcfit_app.review.scene.scene import SceneView
 from tcfit_app.review.scene.side_view import usual_width
 from tcfit_app.review.scene.windows import Arrangement, divide
 from tcfit_app.review.session.tasks import Task, Value, Work
-from tcfit_app.review.tab.browser_tab import BrowserTab
 from tcfit_app.review.tab.buttons import Buttons
 from tcfit_app.review.tab.on_show import OnShow, on_show
 from tcfit_app.review.tab.people import Someone
 from tcfit_app.review.tab.playback import Playback
 from tcfit_app.review.tab.state import SIDE_WIDTHS, FitSettings, TabState, seen_alike
-from tcfit_app.review.tab.toasts import SHORT
+from tcfit_app.review.tab.toasts import SHORT, Toasts
+from tcfit_app.server.gate import HOME
+from tcfit_app.server.gated_viser import Visitor
+from tcfit_app.server.page_files import PageFiles
 
 REMEMBERED = 256
 """Number of tabs whose states are kept after they were closed."""
+BROWSER = "browser "
+"""The start of authors' names in edits; earlier versions used "tab "."""
+NO_ONE = Visitor()
 _log = logging.getLogger(__name__)
 
 
 class Tab:
-    """A tab that shows the project of one person.
+    """A browser's page that shows one person of the clip.
 
     Args:
-        browser: what the tab has whichever person it shows.
-        someone: the person it shows.
+        client: viser's client.
+        someone: The person.
+        do: Runs a command of a callback on the drawing thread, soon.
+        receive: Passes an event on to the page of the person on show, on the drawing thread.
+        files: The files on this computer that the page may name.
+        visitor: The page's user, as the gate knows them.
     """
 
-    def __init__(self, browser: BrowserTab, someone: Someone) -> None:
-        self.browser, self.someone, self.data, self.session = browser, someone, someone.data, someone.session
-        self.client, self.files, self.channel, self.scene = (
-            browser.client,
-            browser.files,
-            browser.channel,
-            browser.scene,
-        )
+    def __init__(
+        self,
+        client: viser.ClientHandle,
+        someone: Someone,
+        *,
+        do: Callable[[Callable[[], None]], None],
+        receive: Callable[[PageEvent], None],
+        files: PageFiles,
+        visitor: Visitor = NO_ONE,
+    ) -> None:
+        self.client, self.files, self.receive, self._do = client, files, receive, do
+        self.channel = Channel(client, receive, timeline=True)
+        self.scene = SceneView(client)
+        self.toasts = Toasts(client)
+        self.reviewer = visitor.reviewer
+        """The name that approvals are kept under."""
+        self.in_list = visitor.path != HOME
+        """Its clip is one of a folder that was opened."""
+        self._signed_in = visitor.name
+        self.name: str | None = None
+        """Chosen by the page; None until its script has said hello."""
+        self.author = visitor.name or f"{BROWSER}{client.client_id}"
+        """The author of its edits."""
+        self.size = (0, 0)
+        """Canvas size in CSS pixels, as last reported by the page."""
+        self.commands = set[str]()
+        """The actions in the command palette."""
+        self.go_to: Callable[[Someone], None] = lambda someone: None
+        """Show another person."""
+        self.authors: Callable[[], Sequence[str]] = lambda: ()
+        """Return the authors of all pages that are open."""
+        self._show(someone)
+
+    def _show(self, someone: Someone) -> None:
+        self.someone, self.data, self.session = someone, someone.data, someone.session
         self.length = self.data.length
         self.first_frame = self.session.project.footage.first_frame
         """The number shown for frame 0."""
@@ -59,16 +101,17 @@ class Tab:
         self._made: dict[str, tuple[Hashable, Any]] = {}
         """By name: the result of `once`, and its key."""
 
-    @property
-    def author(self) -> str:
-        """The author of its edits."""
-        return self.browser.author
+    def beside(self, someone: Someone) -> "Tab":
+        """The same page, showing another person in a state of its own."""
+        tab = copy(self)
+        tab._show(someone)
+        return tab
 
     # --- doing things ---
 
     def do(self, command: Callable[[], None]) -> None:
         """Run a command on the drawing thread; for callbacks. Errors are shown in the tab."""
-        self.browser.do(self.guarded(command))
+        self._do(self.guarded(command))
 
     def begin(
         self, title: str, work: Work[Value], then: Callable[[Value], None], *, writes: bool = False
@@ -108,7 +151,7 @@ class Tab:
 
     def notify(self, notice: Notice) -> None:
         """Show a notice to the user."""
-        self.browser.toasts.show(notice)
+        self.toasts.show(notice)
 
     def say(self, text: str, seconds: float = SHORT) -> None:
         """Show a passing message about what was done."""
@@ -124,11 +167,6 @@ class Tab:
         """Show the panel of this title, and let the user type into the field of this label, if any."""
         self.channel.ask("typing", Typing(panel=title, field=field))
 
-    def show_first_steps(self) -> None:
-        """Have the page show the first steps."""
-        self.set(keys=False)
-        self.browser.show_first_steps()
-
     def refuse_read_only(self) -> None:
         """Raises InputError if nothing can be changed."""
         self.session.project.refuse_read_only()
@@ -138,15 +176,21 @@ class Tab:
     @property
     def ready(self) -> bool:
         """Whether the page's script has said hello."""
-        return self.browser.name is not None
+        return self.name is not None
 
-    def greet(self, *, plots: tuple[str, ...] | None = None) -> None:
+    def greet(self, event: Hello, *, plots: tuple[str, ...] | None = None) -> None:
         """The page's script has started; a known name restores its state.
 
+        Edits are attributed to the signed-in user, or else to the browser, so that a new page after a restart of tcfit
+        still has the same author.
+
         Args:
+            event: Its name and size.
             plots: The timeline's rows for an unknown one; None: the default ones.
         """
-        known = self._remembered.get(self.browser.name or "")
+        self.name, self.size = event.tab, (event.width, event.height)
+        self.author = self._signed_in or f"{BROWSER}{(event.browser or event.tab)[:8]}"
+        known = self._remembered.get(self.name or "")
         if known is not None:
             self.state = replace(
                 known, playing=False, keys=False, close_up=None, frame=min(known.frame, self.length - 1)
@@ -157,7 +201,8 @@ class Tab:
 
     def come_from(self, other: "Tab") -> None:
         """Show this person instead of another: the same moment, displayed in the same way."""
-        known = self._remembered.get(self.browser.name or "", self.state)
+        self.name, self.author, self.size = other.name, other.author, other.size
+        known = self._remembered.get(self.name or "", self.state)
         self.state = seen_alike(known, other.state)
         self._shown = None
         self.seek(other.state.frame + other.first_frame - self.first_frame)
@@ -171,7 +216,7 @@ class Tab:
         elif frames is not None and changes.get("frame", self.state.frame) not in frames:
             changes |= {"frames": None, "frames_suggested": False}
         self.state = replace(self.state, **(suggested | changes))
-        name = self.browser.name
+        name = self.name
         if name is not None:
             self._remembered.pop(name, None)  # so that the newest is last
             self._remembered[name] = self.state

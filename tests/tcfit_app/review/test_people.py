@@ -77,7 +77,8 @@ def reviewed(folder: Path, server: viser.ViserServer) -> Iterator[ReviewApp]:
 
 
 def hello(app: ReviewApp, tab: str) -> None:
-    app.pages[1].receive(Hello(tab=tab, width=1000, height=700))
+    app._receive(1, Hello(tab=tab, width=1000, height=700))
+    app._obey(0.0)
 
 
 def test_each_person_counts_frames_from_the_own_first(folder: Path, panel_server: viser.ViserServer):
@@ -128,7 +129,7 @@ def test_what_to_do_first_is_told_once_and_not_with_every_person(folder: Path, p
             app.pages[1].receive(GoToPerson(person))
             app.pages[1].draw(0.0)
         assert [call.args[0] for call in told.call_args_list].count("hints") == 1
-        app.pages[1].tab.show_first_steps()
+        app.pages[1].gestures.show_first_steps()
         assert told.call_args.args[0] == "hints"
 
 
@@ -164,11 +165,11 @@ def test_a_link_leads_to_its_person(folder: Path, panel_server: viser.ViserServe
 
         def follow(link: OpenLink) -> list[str]:
             """What is told."""
-            app.pages[1].tab.browser.toasts.show = MagicMock()
-            app.pages[1].tab.browser.receive(link)
+            app.pages[1].tab.toasts.show = MagicMock()
+            app.pages[1].tab.receive(link)
             app._obey(0.0)
             app._obey(0.0)
-            return [call.args[0].text for call in app.pages[1].tab.browser.toasts.show.call_args_list]
+            return [call.args[0].text for call in app.pages[1].tab.toasts.show.call_args_list]
 
         def place() -> tuple[str, int]:
             return app.pages[1].tab.someone.name, app.pages[1].tab.state.frame

@@ -49,7 +49,7 @@ def names(review: Reviewing) -> list[str]:
 
 def back(review: Reviewing) -> None:
     """To the first person, from the first frame on."""
-    review.app.post(lambda: review.page.tab.browser.go_to(review.app.people[0]))
+    review.app.post(lambda: review.page.tab.go_to(review.app.people[0]))
     until(lambda: person(review) == "person 1")
     review.app.post(lambda: review.page.tab.set(frame=0, selection=(), mode="edit", others=True))
     until(lambda: state(review, "cursor")["frame"] == 0)
@@ -121,7 +121,7 @@ def test_each_tab_shows_whom_it_wants_and_does_again_after_a_reload(review: Revi
 def test_a_link_of_one_person_opens_that_one_for_others(review: Reviewing, browser: "Browser"):
     back(review)
     review.tab.context.grant_permissions(["clipboard-read", "clipboard-write"])
-    review.app.post(lambda: review.page.tab.browser.go_to(review.app.people[1]))
+    review.app.post(lambda: review.page.tab.go_to(review.app.people[1]))
     until(lambda: person(review) == "person 2")
     review.app.post(lambda: review.page.tab.seek(3))
     review.rest()

@@ -330,11 +330,11 @@ def test_selecting_by_name(tested: LonePage):
 def test_an_undo_of_an_edit_of_someone_else_asks_first(tested: LonePage):
     tab = tested.page.tab
     me, project = tab.author, tab.session.project
-    tab.browser.author = "anna"
+    tab.author = "anna"
     tab.set(selection=(4,))
     tab.seek(2)
     tested.press("action", "bad")
-    tab.browser.author = me
+    tab.author = me
     tab.seek(0)
     tested.press("action", "undo")
     question = f"Undo an edit of anna? right wrist marked bad, frame {FIRST + 2}. Press Ctrl+Z again"
@@ -357,7 +357,7 @@ def test_an_undo_of_an_edit_of_someone_else_asks_first(tested: LonePage):
 def test_who_else_has_the_clip_open_is_shown(tested: LonePage):
     tab = tested.page.tab
     assert not [chip for chip in lasting(tab) if chip.text.startswith("Also here")]
-    tab.browser.authors = lambda: [tab.author, "browser 1", tab.author, "anna", "browser 2", "browser 1"]
+    tab.authors = lambda: [tab.author, "browser 1", tab.author, "anna", "browser 2", "browser 1"]
     assert "Also here: anna, 2 other browsers" in [chip.text for chip in lasting(tab)]
 
 
@@ -370,7 +370,7 @@ def test_history(tested: LonePage):
     tested.press("action", "undo")
     assert page.tab.message[0] == f"Undone: right wrist marked bad, frame {FIRST}"
     tested.press("action", "redo")
-    page.tab.browser.author = "another"
+    page.tab.author = "another"
     tested.press("action", "undo")
     tested.press("action", "undo")
     assert page.tab.message[0].endswith("(made in another browser)")

@@ -249,7 +249,7 @@ def test_nothing_is_sent_when_nothing_changed(tested: LonePage):
 def test_typing_on_is_not_overwritten(tested: LonePage):
     """Two values come in before the drawing thread takes the first."""
     waiting: list = []
-    tested.page.tab.browser.do = waiting.append
+    tested.page.tab._do = waiting.append
     tested.enter("w_T", "1")
     tested.enter("w_T", "12")
     waiting.pop(0)()
