@@ -86,7 +86,6 @@ class Page:
     def come_from(self, other: "Page") -> None:
         """Replace another person's page in the same tab."""
         self.tab.come_from(other.tab)
-        self.picture.resized(*self.tab.size)
         self._begin()
         self._show_panels(True)
 
@@ -135,7 +134,6 @@ class Page:
 
     def _hello(self, event: page_events.Hello) -> None:
         set_theme(self.tab.client.gui, dark=event.dark)
-        self.picture.resized(event.width, event.height)
         rows = None if event.plots is None else tuple(dict.fromkeys(name for name in event.plots if name in PLOTS))
         self.tab.greet(event, plots=rows and rows[:MOST_ROWS])
         if not event.hinted and self.tab.session.project.has_detections:
@@ -143,7 +141,6 @@ class Page:
 
     def _resized(self, event: page_events.Resized) -> None:
         self.tab.size = (event.width, event.height)
-        self.picture.resized(event.width, event.height)
 
     def _go_to(self, event: page_events.GoToPerson) -> None:
         everybody, session = self.tab.someone.everybody, self.tab.session
@@ -226,7 +223,7 @@ class Page:
         asked = replace(state, frame=0), self.tab.session.project.keypoints_version
         due = not moving or now >= self._next_rest or asked != self._drawn
         if due or (state.frame, revision) != self._pictured:
-            self._attempt("draw the picture", lambda: self._draw_picture(now), now)
+            self._attempt("draw the picture", lambda: self._draw_picture(now, whole=due), now)
         if self.tab.data.warming or not due:
             return  # the first body appears half a second sooner if nothing else is drawn
         self._drawn, self._next_rest = asked, now + REST
@@ -254,11 +251,11 @@ class Page:
     def _attempt(self, what: str, draw: Callable[[], object], now: float) -> None:
         self._faults.attempt(what, draw, now)
 
-    def _draw_picture(self, now: float) -> None:
+    def _draw_picture(self, now: float, *, whole: bool) -> None:
         self.gestures.turning.settle()
         tab, revision = self.tab, self.tab.shown.revision
         following = revision not in (None, self._followed)
-        if self.picture.draw():
+        if self.picture.draw(whole=whole):
             if tab.state.playing or following:
                 tab.playback.sent(now, tab.state.frame)
             self._followed = revision if following else self._followed

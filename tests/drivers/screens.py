@@ -60,9 +60,9 @@ class Screen:
     channel: Channel
     laid_out: Layout | None = None
 
-    def show(self, snapshot: Posters | Space) -> tuple[str, ...]:
-        """Shows it, and has the page draw posters in their windows; what cannot be shown, and why."""
-        problems = self.view.show(snapshot)
+    def show(self, snapshot: Posters | Space) -> None:
+        """Shows it, and has the page draw posters in their windows."""
+        self.view.show(snapshot)
         layout = Layout(mode="space")
         if isinstance(snapshot, Posters):
             names = (("", "#ffffff"),) * (len(snapshot.posters) + (snapshot.side is not None))
@@ -70,7 +70,6 @@ class Screen:
         if layout != self.laid_out:
             self.laid_out = layout
             self.channel.send("layout", layout)
-        return problems
 
     def settle(self, size: tuple[int, int] | None = None) -> None:
         """Waits until all is drawn, at another window size if one is given."""

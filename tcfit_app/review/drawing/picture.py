@@ -1,286 +1,208 @@
-"""The canvas of one tab: video, bodies and keypoints of the frame on show."""
+"""Draws one tab's frames: into viser's scene, and as states of the page."""
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable
 
 import numpy as np
-from jaxtyping import Bool
 
-from fitting_core.errors import InputError
-from fitting_core.keypoints import BODY
-from tcfit_app.analysis.curves import vertex_distances
-from tcfit_app.analysis.seen import seen_joints
+from fitting_core.keypoints import BODY, GROUPS, NAMES
+from fitting_core.results.error_bars import JOINTS
+from tcfit_app.analysis.seen import unseen_keypoints
 from tcfit_app.fitting.fits import Shown
-from tcfit_app.review.browser.page_states import Keypoints, Layout, Legend, Style, pixel_pairs, shares, triple
+from tcfit_app.review.browser.page_states import (
+    Bodies,
+    FitBody,
+    Layout,
+    Legend,
+    SidePlate,
+    Triple,
+    pixel_pairs,
+    points_in_space,
+    triple,
+)
 from tcfit_app.review.browser.page_states import Poster as PosterPlace
 from tcfit_app.review.browser.page_states import Space as SpaceState
-from tcfit_app.review.drawing.around import AroundPart
-from tcfit_app.review.drawing.found import FoundPart
-from tcfit_app.review.drawing.joints import JointsPart
-from tcfit_app.review.drawing.others import OthersPart
-from tcfit_app.review.drawing.side import SidePart
-from tcfit_app.review.drawing.silhouette import SilhouettePart
+from tcfit_app.review.drawing.frame import COLORS, PLAIN_COLOR, Frame, Frames
+from tcfit_app.review.drawing.overlays import draw_overlays, draw_trail
 from tcfit_app.review.drawing.status import lasting
-from tcfit_app.review.scene.layers import DISTANCE_LIMIT, RGB, RUN_COLORS, BodyLayer, FrameImage, color_table, css
+from tcfit_app.review.scene.layers import DISTANCE_LIMIT, BodyLayer, color_table, css
 from tcfit_app.review.scene.poses import Window
-from tcfit_app.review.scene.poster import PICTURE_NODES, PLATE, SIDE_NODE, Poster, Posters, body_nodes
-from tcfit_app.review.scene.rings import Rings
+from tcfit_app.review.scene.poster import PICTURE_NODES, SIDE_NODE, Poster, Posters, SidePoster, body_nodes
 from tcfit_app.review.scene.room import Room
-from tcfit_app.review.scene.side_view import direction_text
-from tcfit_app.review.scene.space import Space, offsets
-from tcfit_app.review.shared.drawing_data import Drawn
-from tcfit_app.review.tab.on_show import SLOTS, OnShow, Slot
-from tcfit_app.review.tab.playback import coming
+from tcfit_app.review.scene.side_view import SideView, direction_text
+from tcfit_app.review.scene.space import Rings, Space, offsets
+from tcfit_app.review.shared.drawing_data import FrameBody
+from tcfit_app.review.tab.on_show import SLOTS, OnShow
+from tcfit_app.review.tab.state import HELD_BY
 from tcfit_app.review.tab.tab import Tab
 
-_AHEAD = 24
-"""Frames decoded ahead of playback."""
 _LEGEND_COLORS = 9
 _BELOW = 34.0
 """CSS pixels below the posters kept free for the colour bar, and for messages that last."""
 _APART = 1.2
 """Metres between A and B side by side in 3D: two bodies with outstretched arms do not touch."""
-_PLAIN_COLOR = "#8a94a3"
-"""Colour of the names that are not those of fits."""
-_COLORS: dict[Slot, RGB] = dict(zip(SLOTS, RUN_COLORS, strict=True))
-_OTHER: dict[Slot, Slot] = {"a": "b", "b": "a"}
+_OTHERWISE_NAMED = {"nose": "head", "left_big_toe": "left_foot", "right_big_toe": "right_foot"}
+_JOINTS = [
+    JOINTS.index(joint) if (joint := _OTHERWISE_NAMED.get(name, name)) in JOINTS else None for name in NAMES[BODY]
+]
+"""For each BODY_25 keypoint, the joint whose error bars it uses."""
 
 
 class Picture:
     """Draws one tab's picture; called repeatedly, it sends only changes."""
 
     def __init__(self, tab: Tab, rings: Callable[[OnShow], Rings | None]) -> None:
-        """For a tab; `rings` says where those are that turn a joint in 3D."""
-        self._tab, self._data, self._rings = tab, tab.data, rings
-        self._size = (0, 0)
-        self._image: FrameImage | None = None
-        self._side, self._joints, self._around = SidePart(tab), JointsPart(tab), AroundPart(tab)
-        self._others, self._found, self._silhouette = OthersPart(tab), FoundPart(tab), SilhouettePart(tab)
-        self._room: Room | None = None
-        """Of the fit on show; the previous one while another is computed."""
-        self._layers: dict[Hashable, BodyLayer] = {}
-        self._compared = False
-        """Whether colours show the distance between A and B."""
-        self.problem = ""
+        """For a tab; `rings` returns those that turn a joint in 3D, if any."""
+        self._tab = tab
+        self._frames = Frames(tab, rings)
+        self._frame: Frame | None = None
+        """The one drawn last."""
+
+    @property
+    def problem(self) -> str:
         """What cannot be shown, and why; empty if all can."""
+        return "" if self._frame is None else self._frame.problem
 
-    def resized(self, width: int, height: int) -> None:
-        """The canvas was resized, in CSS pixels."""
-        self._size = (width, height)
+    def draw(self, *, whole: bool = True) -> bool:
+        """Send what changed; False if the frame is not decoded yet, and nothing was sent.
 
-    def draw(self) -> bool:
-        """Send what changed; False if the frame is not decoded yet, and nothing was sent."""
-        tab, shown = self._tab, self._tab.shown
-        image = self._frame_image()
-        if image is None:
+        Args:
+            whole: Something else than the body that follows a drag may have changed.
+        """
+        tab, last = self._tab, self._frame
+        moved = None if whole or last is None else self._frames.moved(last, tab.shown)
+        frame = moved or self._frames.of(tab.shown)
+        if frame is None:
             return False
-        self.problem = ""
-        bodies = self._bodies(shown)
-        self._compared = self._tab.state.bodies and any(body.values is not None for body in bodies.values())
+        self._frame = frame
         with tab.client.atomic():
-            self._draw_scene(image, shown, bodies)
-            self._around.draw(shown)
-            self._draw_keypoints()
-        tab.once("flushed", (shown.frame, shown.revision), tab.client.flush)  # viser would wait 16 ms for more
-        tab.channel.send("legend", LEGEND if self._compared else None)
+            if moved is not None:
+                tab.scene.move(self._snapshot(frame))
+            else:
+                self._draw_scene(frame)
+                draw_overlays(tab, frame)
+            self._send_bodies(frame)
+            draw_trail(tab, frame)
+        tab.once("flushed", frame.shown.version, tab.client.flush)  # viser would wait 16 ms for more
         return True
 
-    def _frame_image(self) -> FrameImage | None:
-        """The video frame; the previous one while a paused frame is being decoded."""
-        tab, state, video = self._tab, self._tab.state, self._data.video
-        if not state.video:
-            return PLATE
-        if state.playing:
-            frames = coming(state.frame, tab.played, _AHEAD, loop=state.loop)
-            video.prefetch([state.frame, *frames], reader=tab)
-            data = video.get(state.frame, "playing")
+    def _draw_scene(self, frame: Frame) -> None:
+        """Show all of a frame, where the page has room for it."""
+        tab, snapshot = self._tab, self._snapshot(frame)
+        compared = any(body.values is not None for body in frame.visible.values())
+        tab.channel.send("legend", LEGEND if compared else None)
+        covered = _BELOW if isinstance(snapshot, Posters) and (compared or lasting(tab)) else 0.0
+        tab.scene.cameras.follow(tab.size if tab.size[0] else None, covered)
+        tab.scene.show(snapshot)
+        if isinstance(snapshot, Posters):
+            beside = () if frame.side is None else ((direction_text(tab.state.side_from), PLAIN_COLOR),)
+            window = tab.scene.cameras.window
+            layout = poster_layout(snapshot, (*frame.labels, *beside), window, clipped=tab.clipped)
         else:
-            data = video.nearest(state.frame)
-        if data is None:
-            return None
-        if self._image is None or self._image.data is not data:
-            self._image = FrameImage(data=data)
-        return self._image
+            places = tuple(PosterPlace(width=0.0, label=label, color=color) for label, color in frame.labels)
+            layout = Layout(mode="space", posters=places)
+            x, y, z = (triple(row) for row in snapshot.turn)
+            shifts = offsets(len(frame.bodies), snapshot.apart)
+            tab.channel.send("space", SpaceState(turn=(x, y, z), place=triple(snapshot.place), offsets=shifts))
+        tab.channel.send("layout", layout)
 
-    # --- bodies ---
-
-    def _bodies(self, shown: OnShow) -> dict[Slot, BodyLayer]:
-        """The bodies on show; if they are hidden, those whose keypoints the side view or 3D shows."""
-        state = self._tab.state
-        if self._data.warming or not (state.bodies or self._side.wanted(shown) or state.mode == "space"):
-            return {}
-        sides: list[Slot] = [side for place in shown.places for side in place]
-        try:
-            return {side: self._body(shown, side, fit) for side in sides if (fit := shown.with_body(side)) is not None}
-        except InputError as error:
-            self.problem = str(error)
-            return {}
-
-    def _body(self, shown: OnShow, side: Slot, fit: Shown) -> BodyLayer:
-        state, data = self._tab.state, self._data
-        drawn = data.body(fit, shown.frame, shown.live_of(side))
-        compared = self._compared_with(shown, _OTHER[side], drawn) if state.difference else None
-        present = self._present(shown.frame)
-        opacities = None if present is None else data.meshes(fit).opacities(seen_joints(present))
-        against = compared.version if compared else None
-        look = (_COLORS[side], state.opacity, state.outline, against, id(opacities))
-        key = (drawn.version, fit.camera, *look)
-        if key not in self._layers:
-            values = None if compared is None else vertex_distances(drawn.vertices, compared.vertices) / 1e3
-            if len(self._layers) > 4:
-                self._layers.clear()
-            self._layers[key] = BodyLayer(
-                vertices=drawn.vertices,
-                faces=data.meshes(fit).faces,
-                color=_COLORS[side],
-                camera=fit.camera,
-                opacity=state.opacity,
-                opacities=opacities,
-                outline=state.outline,
-                values=values,
-            )
-        return self._layers[key]
-
-    def _present(self, frame: int) -> Bool[np.ndarray, "137"] | None:
-        key = frame, self._tab.session.project.keypoints_version
-        return self._tab.once("present", key, lambda: self._data.present(frame))
-
-    def _seen(self, frame: int) -> bool:
-        present = self._present(frame)
-        return present is None or bool(present.any())
-
-    def _compared_with(self, shown: OnShow, other: Slot, drawn: Drawn) -> Drawn | None:
-        """The other side's body, if it has the same topology."""
-        fit = shown.with_body(other)
-        found = None if fit is None else self._data.body(fit, shown.frame, shown.live_of(other))
-        return found if found is not None and found.vertices.shape == drawn.vertices.shape else None
-
-    # --- the scene ---
-
-    def _draw_scene(self, image: FrameImage, shown: OnShow, bodies: dict[Slot, BodyLayer]) -> None:
-        tab, mode = self._tab, self._tab.state.mode
-        if bodies and shown.held is not None:  # without bodies the model may be missing, which is reported
-            self._room = self._data.room(shown.held, shown.held) or self._room
-        room = None if self._room is None else self._before(shown, self._room)
-        self._joints.tell(shown, bodies, room)
-        drawn, others = bodies if tab.state.bodies else {}, self._others.layers()
-        layers = [tuple(drawn[side] for side in place if side in drawn) for place in shown.places]
-        labels = tuple(
-            (self._label(shown, side), css(_COLORS[side])) if side else ("Video", _PLAIN_COLOR)
-            for place in shown.places
-            for side in place or (None,)
-        )
-        if mode == "space":
-            self._show(space := self._space(image, shown, layers[0], others, room))
-            self._tell_space(space, bodies)
-            places = tuple(PosterPlace(width=0.0, label=label, color=color) for label, color in labels)
-            tab.channel.send("layout", Layout(mode="space", posters=places))
-            return
-        side = self._side.poster(shown, drawn, others, self._room) if self._side.wanted(shown) else None
+    def _snapshot(self, frame: Frame) -> Posters | Space:
+        """A frame as viser's scene has it."""
+        others = tuple(one.layer for one in frame.others)
+        if frame.state.mode == "space":
+            return self._space(frame, others)
+        side = None
+        if frame.side is not None:  # empty until the extent over the clip is known
+            bodies = () if frame.room is None else tuple(frame.visible[side] for side in sorted(frame.visible))
+            side = SidePoster(view=frame.side, bodies=bodies, others=others if bodies else ())
         posters = tuple(
-            Poster(image=image, bodies=made, others=others) if place else Poster(image=image, plain=True)
-            for place, made in zip(shown.places, layers, strict=True)
+            Poster(image=frame.image, bodies=made, others=others) if place else Poster(image=frame.image, plain=True)
+            for place, made in zip(frame.shown.places, frame.places, strict=True)
         )
-        snapshot = Posters(
-            camera=tab.session.project.footage.camera, posters=posters, side=side, arrangement=tab.arrangement
-        )
-        self._show(snapshot)
-        named = labels if side is None else (*labels, (direction_text(tab.state.side_from), _PLAIN_COLOR))
-        tab.channel.send("layout", poster_layout(snapshot, named, tab.scene.cameras.window, clipped=tab.clipped))
-        if side is not None:
-            self._side.tell(shown, side.view, bodies if self._room is not None else {})
+        camera = self._tab.session.project.footage.camera
+        return Posters(camera=camera, posters=posters, side=side, arrangement=self._tab.arrangement)
 
-    def _before(self, shown: OnShow, room: Room) -> Room:
-        """The room relative to the camera of the frame on show; the same object while it is unchanged."""
-        camera, frame = shown.camera, shown.frame
-        return self._tab.once("room", (room, camera, frame), lambda: room.before(camera, frame))
-
-    def _space(
-        self,
-        image: FrameImage,
-        shown: OnShow,
-        layers: tuple[BodyLayer, ...],
-        others: tuple[BodyLayer, ...],
-        room: Room | None,
-    ) -> Space:
-        there = [fit for side in shown.places[0] if (fit := shown.with_body(side)) is not None] if layers else []
-        rooms = [self._data.room(fit, shown.held or fit) for fit in there]
+    def _space(self, frame: Frame, others: tuple[BodyLayer, ...]) -> Space:
+        shown, room, data = frame.shown, frame.room, self._tab.data
+        (bodies,) = frame.places
+        fits = [shown.fit(side) for side in shown.places[0] if side in frame.visible]
+        rooms = [fit and data.room(fit, shown.held or fit) for fit in fits]
         return Space(
             camera=shown.camera,
-            bodies=layers,
+            bodies=bodies,
             others=others,
-            others_extents=self._others.extents(shown),
-            extents=tuple(None if room is None else room.extent for room in rooms),
-            image=image,
+            others_extents=self._frames.extents(frame),
+            extents=tuple(None if own is None else own.extent for own in rooms),
+            image=frame.image,
             turn=np.eye(3) if room is None else room.turn,
             place=np.zeros(3) if room is None else room.place,
             ground=None if room is None else room.floor,
-            apart=_APART if self._tab.state.beside == "apart" else 0.0,
-            ghost=self._tab.state.beside == "ghost" and len(layers) == len(SLOTS),
-            rings=self._rings(shown) if layers and "b" in shown.places[0] else None,
+            apart=_APART if frame.state.beside == "apart" else 0.0,
+            ghost=frame.state.beside == "ghost" and len(bodies) == len(SLOTS),
+            rings=frame.rings if "b" in frame.visible else None,
         )
 
-    def _tell_space(self, space: Space, bodies: dict[Slot, BodyLayer]) -> None:
-        count = sum(body.problem is None for body in bodies.values())
-        x, y, z = (triple(row) for row in space.turn)
-        state = SpaceState(turn=(x, y, z), place=triple(space.place), offsets=offsets(count, space.apart))
-        self._tab.channel.send("space", state)
+    # --- bodies as states of the page ---
 
-    def _show(self, snapshot: Posters | Space) -> None:
-        below = isinstance(snapshot, Posters) and (self._compared or lasting(self._tab))
-        covered = _BELOW if below else 0.0
-        scene = self._tab.scene
-        scene.cameras.follow(self._size if self._size[0] else None, covered)
-        for problem in scene.show(snapshot):
-            self.problem = problem
+    def _send_bodies(self, frame: Frame) -> None:
+        """Send the keypoints of the bodies in space, and how the side view maps them; not until the floor is known."""
+        tab, room, view = self._tab, frame.room, frame.side
+        if room is not None:
+            tab.channel.send("bodies", tab.once("bodies", frame.key, lambda: self._bodies(frame, room)))
+        if view is not None:
+            tab.channel.send("side", tab.once("side", frame.key, lambda: self._side(frame, view)))
 
-    def _label(self, shown: OnShow, side: Slot) -> str:
-        fit = shown.fit(side)
-        if fit is None:
-            title = "no fit yet"
-        elif not fit.has(shown.frame):
-            title = f"{fit.title}: {'not fitted yet' if fit.result is None else 'no pose in this frame'}"
-        else:
-            title = fit.title if self._seen(shown.frame) else f"{fit.title}: no keypoints here"
-        return f"{side.upper()}   {title}"
+    def _bodies(self, frame: Frame, room: Room) -> Bodies | None:
+        made, present = [], frame.present
+        for side, body in frame.fitted.items():
+            made.append(
+                FitBody(
+                    color=css(COLORS[side]),
+                    points=points_in_space(self._tab.data.body_points(body)),
+                    pelvis=round(self._tab.data.pelvis_depth(body), 4),
+                    error_bars=() if body.live is not None else error_bars_of(body.shown, body.frame),
+                    unseen=() if present is None else unseen_keypoints(present),
+                    camera=(*body.shown.camera.focal, *body.shown.camera.center),
+                    followed=self._followed(body),
+                )
+            )
+        down = triple(np.round(room.turn[1], 5))
+        floor = round(room.floor - float(room.place[1]), 4)
+        return Bodies(bodies=tuple(made), down=down, floor=floor) if made else None
 
-    def _draw_keypoints(self) -> None:
-        tab, state, project = self._tab, self._tab.state, self._tab.session.project
-        style = Style(
-            groups=tuple(sorted(state.groups)),
-            color_by=state.color_by,
-            points=state.keypoints,
-            bones=state.keypoints and state.bones,
-            minimum=state.minimum,
-            ghosts=state.detections,
-            hand_along=state.hand_along,
-            error_bars=state.error_bars,
+    def _followed(self, body: FrameBody) -> Triple | None:
+        """The middle of the part that the close-up follows; of its wrist or nose if the body has no points of it."""
+        if (part := self._tab.state.close_up) is None:
+            return None
+        points = self._tab.data.keypoints(body)
+        known = [group for group in (points[GROUPS[part]], points[[HELD_BY[part]]]) if np.isfinite(group).any()]
+        return points_in_space(np.nanmean(known[0], 0)[None])[0] if known else None
+
+    def _side(self, frame: Frame, view: SideView) -> SidePlate | None:
+        """How the plate maps the bodies."""
+        fitted = list(frame.fitted.values())
+        if frame.room is None or not fitted:
+            return None
+        height, camera = self._tab.session.project.footage.camera.size[1], fitted[-1].shown.camera
+        shifts = view.shifts([frame.bodies[side].vertices for side in frame.fitted])
+        origins = pixel_pairs(np.stack([view.pixels(np.zeros(3), shift, height) for shift in shifts]))
+        metre, plate, sight = view.scale * height, view.plate(height), view.sight(camera, height)
+        return SidePlate(
+            plate=(triple(plate[0]), triple(plate[1])),
+            shifts=origins,
+            metre=metre,
+            zero=origins[-1][0],
+            floor=None if view.floor is None else float((view.floor - view.middle[1]) * metre + height / 2),
+            sight=(triple(sight[0]), triple(sight[1])),
         )
-        tab.channel.send("style", style)
-        self._found.draw()
-        self._silhouette.draw()
-        if project.has_detections:
-            key = state.frame, project.keypoints_version
-            tab.channel.send("keypoints", tab.once("keypoints", key, self._keypoints))
 
-    def _keypoints(self) -> Keypoints:
-        """Corrected keypoints of the frame on show."""
-        project, frame = self._tab.session.project, self._tab.state.frame
-        corrected, found = project.corrected, project.detected
-        here, ignored = corrected[frame], corrected[[frame]].keypoints().overruled[0]
-        edited = np.flatnonzero(here.edited)
-        detected = [int(j) for j in edited if found.confidence[frame, j] > 0]
-        return Keypoints(
-            frame=frame,
-            xy=pixel_pairs(corrected.xy[frame]),
-            confidence=shares(corrected.confidence[frame]),
-            bad=tuple(np.flatnonzero(here.bad).tolist()),
-            edited=tuple(edited.tolist()),
-            pinned=tuple(np.flatnonzero(here.pinned).tolist()),
-            locked=tuple(np.flatnonzero(here.locked[BODY]).tolist()),
-            deep=tuple(np.flatnonzero(np.isfinite(here.told_depth) & ~here.pinned).tolist()),
-            ignored=tuple(np.flatnonzero(ignored).tolist()),
-            detections=tuple((j, *pixel_pairs(found.xy[frame, [j]])[0]) for j in detected),
-        )
+
+def error_bars_of(fit: Shown, frame: int) -> tuple[tuple[float, float] | None, ...]:
+    """For BODY_25 keypoints; empty if unknown."""
+    known = None if fit.result is None else fit.result.error_bars
+    if known is None or not np.isfinite(known.joints[frame]).all():
+        return ()
+    bars = [(round(float(along), 4), round(float(across), 4)) for along, across in known.joints[frame]]
+    return tuple(None if joint is None else bars[joint] for joint in _JOINTS)
 
 
 def poster_layout(snapshot: Posters, named: tuple[tuple[str, str], ...], canvas: Window, *, clipped: bool) -> Layout:

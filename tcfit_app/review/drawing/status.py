@@ -11,13 +11,12 @@ from fitting_core.errors import InputError
 from fitting_core.keypoints import BODY, NAMES
 from tcfit_app.analysis.body_regions import spoken
 from tcfit_app.fitting.fit_progress import time_left
-from tcfit_app.fitting.fits import Shown
 from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.review.browser.page_states import Chip, Chips, Notice
 from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.gestures.edit_words import also_here, part_name
-from tcfit_app.review.shared.drawing_data import DrawingData
+from tcfit_app.review.shared.drawing_data import DrawingData, FrameBody
 from tcfit_app.review.tab.tab import Tab
 
 
@@ -54,14 +53,13 @@ class Status:
 
     def _gap(self) -> str:
         """Which selected correction the body does not reach, and what to move as well; empty if it reaches them all."""
-        tab, session, fit = self._tab, self._tab.session, self._tab.shown.with_body("b")
+        tab, session, body = self._tab, self._tab.session, self._tab.shown.body("b")
         moving = tab.state.playing or session.edit_follower.busy or session.jobs or tab.shown.live is not None
-        if fit is None or moving or tab.data.warming:
+        if body is None or moving or tab.data.warming:
             return ""
-        frame, selection = tab.state.frame, tab.state.selection
-        key = frame, selection, fit.version, session.project.keypoints_version
+        key = tab.state.selection, body.version, session.project.keypoints_version
         try:
-            return tab.once("gap", key, lambda: gap_words(session.project.corrected, tab.data, fit, frame, selection))
+            return tab.once("gap", key, lambda: gap_words(session.project.corrected, tab.data, body, key[0]))
         except InputError:  # the body is missing, which `problem` says
             return ""
 
@@ -102,16 +100,15 @@ _WITH = {
 """The keypoint that holds back another one of its side."""
 
 
-def gap_words(corrected: Corrected, data: DrawingData, fit: Shown, frame: int, joints: Sequence[int]) -> str:
-    """The largest gap between these keypoints, as far as they were corrected in a frame, and the body, in words; empty
-    without any."""
-    points, camera, worst = data.keypoints(fit, frame, None), fit.camera, ("", 0.0)
-    here = corrected[frame]
+def gap_words(corrected: Corrected, data: DrawingData, body: FrameBody, joints: Sequence[int]) -> str:
+    """The largest gap between these keypoints, as far as they were corrected in a body's frame, and the body, in words;
+    empty without any."""
+    points, camera, worst, here = data.keypoints(body), body.shown.camera, ("", 0.0), corrected[body.frame]
     for joint in joints:
         if not here.edited[joint] or here.bad[joint] or not np.isfinite(points[joint]).all():
             continue
         reached = project(camera, torch.as_tensor(points[joint])).numpy()
-        gap = float(np.linalg.norm(reached - corrected.xy[frame, joint]))
+        gap = float(np.linalg.norm(reached - here.xy[joint]))
         if gap > max(worst[1], GAP * float(np.hypot(*camera.size))):
             worst = (_gap_words(joint, gap), gap)
     return worst[0]

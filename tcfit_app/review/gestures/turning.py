@@ -12,7 +12,7 @@ from fitting_core.keypoints import LOCKABLE
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.project.edits.kinds import Lock
 from tcfit_app.review.gestures.correcting import Correcting
-from tcfit_app.review.scene.rings import Quaternion, Rings, TurnPhase
+from tcfit_app.review.scene.space import Quaternion, Rings, TurnPhase
 from tcfit_app.review.tab.on_show import OnShow
 from tcfit_app.review.tab.tab import Tab
 
@@ -60,15 +60,14 @@ class Turning:
         return Rings(position=(x, y, z), wxyz=(w, i, j, k))
 
     def _joint(self, on_show: OnShow) -> "_Joint | None":
-        tab, fit = self._tab, on_show.with_body("b")
+        tab, there = self._tab, on_show.body("b")
         chosen, project = tab.state.selection, tab.session.project
         wanted = tab.state.mode == "space" and tab.state.bodies and not tab.state.playing and len(chosen) == 1
-        if not wanted or chosen[0] not in LOCKABLE or fit is None or project.read_only or not project.has_detections:
+        if not wanted or chosen[0] not in LOCKABLE or there is None or project.read_only or not project.has_detections:
             return None
-        live, frame = on_show.live_b, on_show.frame
-        params = fit.params[[frame]] if live is None else live.params[[frame - live.frames.start]]
         # In 3D keypoints are those of the fit: no sides are exchanged, as they are where detections are selected.
-        return _Joint(joint=chosen[0], fit=fit, body=tab.session.bodies.of(fit.run.body), params=params)
+        fit = there.shown
+        return _Joint(joint=chosen[0], fit=fit, body=tab.session.bodies.of(fit.run.body), params=there.params)
 
     def take(self, phase: TurnPhase, wxyz: Quaternion) -> None:
         """The user takes hold of the rings, turns them, or lets go. Raises InputError if the joint cannot be locked."""

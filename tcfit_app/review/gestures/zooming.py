@@ -40,8 +40,8 @@ def zoom_to_selection(tab: Tab) -> None:
 
 def _zoom_in_space(tab: Tab) -> None:
     shown, joints = tab.look(), list(tab.state.selection)
-    bodies = [(fit, shown.live_of(side)) for side in SLOTS if (fit := shown.with_body(side)) is not None]
-    points = [tab.data.keypoints(fit, shown.frame, live)[joints] for fit, live in bodies]
+    bodies = [body for side in SLOTS if (body := shown.body(side)) is not None]
+    points = [tab.data.keypoints(body)[joints] for body in bodies]
     if not any(np.isfinite(found).all(-1).any() for found in points):
         raise InputError("No fit on show has one of the selected keypoints: there is nothing to zoom to.")
     tab.scene.zoom_in_space(points)

@@ -1,6 +1,5 @@
 """What both modes draw, bodies and video frames, as values. No viser here."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 
@@ -101,10 +100,3 @@ def color_table() -> UInt8[np.ndarray, "256 3"]:
 def color_index(values: Float[np.ndarray, "V"]) -> UInt8[np.ndarray, "V"]:
     """The row of `color_table` for each value; NaN and infinity as 0."""
     return (np.clip(np.nan_to_num(values) / DISTANCE_LIMIT, 0, 1) * 255).astype(np.uint8)
-
-
-def drawable(bodies: Sequence[BodyLayer]) -> tuple[list[BodyLayer | None], list[str]]:
-    """The bodies, with None for those that cannot be drawn, and the reasons."""
-    problems = [body.problem for body in bodies]
-    shown = [None if problem else body for body, problem in zip(bodies, problems, strict=True)]
-    return shown, [problem for problem in problems if problem]

@@ -16,7 +16,7 @@ import viser
 from jaxtyping import Float
 
 from fitting_core.camera import Camera
-from tcfit_app.review.scene.layers import MOST_OTHERS, NEAREST, BodyLayer, FrameImage, drawable
+from tcfit_app.review.scene.layers import MOST_OTHERS, NEAREST, BodyLayer, FrameImage
 from tcfit_app.review.scene.nodes import BodyNode, ImageNode, MeshDressing
 from tcfit_app.review.scene.poses import Window
 from tcfit_app.review.scene.side_view import SideView
@@ -135,14 +135,14 @@ class PosterNodes:
         self._slots = [_Slot(client, name, dressing, PLATE) for name in PICTURE_NODES]
         self._side = _Slot(client, SIDE_NODE, dressing, SIDE_PLATE)
 
-    def draw(self, snapshot: Posters) -> list[str]:
-        """Send what changed; returns what cannot be shown, and why."""
-        camera, problems = snapshot.camera, []
+    def draw(self, snapshot: Posters) -> None:
+        """Send what changed."""
+        camera = snapshot.camera
         for i, slot in enumerate(self._slots):
             if i < len(snapshot.posters):
                 poster = snapshot.posters[i]
                 slot.show(poster.image or PLATE, snapshot.width)
-                problems += slot.draw(poster.bodies, poster.others, camera, partial(_on_picture, camera))
+                slot.draw(poster.bodies, poster.others, camera, partial(_on_picture, camera))
             else:
                 slot.hide()
         side = snapshot.side
@@ -152,25 +152,25 @@ class PosterNodes:
             self._side.show(SIDE_PLATE, side.view.width)
             # No video would be visible through them.
             self._side.draw(side.bodies, side.others, side.view, partial(_on_side, side.view), solid=True)
-        return problems
 
     def set_visible(self, visible: bool) -> None:
         """Show or hide all of them."""
         self._root.visible = visible
 
 
-Project = Callable[[list[BodyLayer], list[BodyLayer]], list[Float[np.ndarray, "V 3"] | None]]
-"""Maps bodies, and those of other people, to their vertices on a poster; None for those outside it."""
+Reliefs = list[Float[np.ndarray, "V 3"] | None]
+"""Vertices on a poster of bodies, and of those of other people; None for those outside it."""
+Project = Callable[[Sequence[BodyLayer], Sequence[BodyLayer]], Reliefs]
 
 
-def _on_picture(
-    camera: Camera, bodies: list[BodyLayer], others: list[BodyLayer]
-) -> list[Float[np.ndarray, "V 3"] | None]:
+def _on_picture(camera: Camera, bodies: Sequence[BodyLayer], others: Sequence[BodyLayer]) -> Reliefs:
     everybody = [*bodies, *others]
     return [*relief([body.vertices for body in everybody], camera, [body.camera for body in everybody])]
 
 
-def _on_side(view: SideView, bodies: list[BodyLayer], others: list[BodyLayer]) -> list[Float[np.ndarray, "V 3"] | None]:
+def _on_side(
+    view: SideView, bodies: Sequence[BodyLayer], others: Sequence[BodyLayer]
+) -> list[Float[np.ndarray, "V 3"] | None]:
     vertices, besides = [body.vertices for body in bodies], [body.vertices for body in others]
     shifts = view.shifts(vertices)
     # Other people keep their places relative to the corrected body, but neither move nor hide it: two people standing
@@ -215,8 +215,8 @@ class _Slot:
         project: Project,
         *,
         solid: bool = False,
-    ) -> list[str]:
-        """Draw bodies on it; returns which of the fits cannot be shown, and why.
+    ) -> None:
+        """Draw bodies on it.
 
         Args:
             bodies: Of the fits.
@@ -225,22 +225,18 @@ class _Slot:
             project: The projection.
             solid: Opaque, regardless of the layers' opacity.
         """
-        shown, problems = drawable(bodies)
-        besides, _ = drawable(others)
-        there, beside = [body for body in shown if body], [body for body in besides if body]
-        everybody = (*there, *beside)
-        source = how, len(there), *(body.camera for body in everybody), *(body.vertices for body in everybody)
+        everybody = (*bodies, *others)
+        source = how, len(bodies), *(body.camera for body in everybody), *(body.vertices for body in everybody)
         if not _same(source, self._source):
-            self._reliefs = project(there, beside)
+            self._reliefs = project(bodies, others)
             self._source = source
         reliefs = iter(self._reliefs)
-        for node, body in zip_longest(self._bodies, (*shown, *[None] * (_SLOTS - len(shown)), *besides)):
+        for node, body in zip_longest(self._bodies, (*bodies, *[None] * (_SLOTS - len(bodies)), *others)):
             vertices = next(reliefs) if body else None
             if body is None or vertices is None:
                 node.hide()
             else:
                 node.draw(body, vertices, solid=solid, lines=not solid)
-        return problems
 
 
 def _same(a: tuple[object, ...], b: tuple[object, ...]) -> bool:

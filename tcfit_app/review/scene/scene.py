@@ -246,19 +246,24 @@ class SceneView:
         self.cameras = Cameras(client)
         self._last: Snapshot | None = None
 
-    def show(self, snapshot: Snapshot) -> tuple[str, ...]:
-        """Show it, and hide the other mode. Returns what cannot be shown, and why, in words for users."""
+    def show(self, snapshot: Snapshot) -> None:
+        """Show it, and hide the other mode."""
         with self._client.atomic():
+            self.move(snapshot)
             if isinstance(snapshot, Posters):
-                problems = self._posters.draw(snapshot)
                 self.cameras.show_posters(snapshot.divide(self.cameras.window))
             else:
-                problems = self._space.draw(snapshot)
                 self.cameras.show_space(snapshot.bounds(), snapshot.place)
             self._posters.set_visible(isinstance(snapshot, Posters))
             self._space.set_visible(isinstance(snapshot, Space))
+
+    def move(self, snapshot: Snapshot) -> None:
+        """Draw what has moved since the last one, of the same mode and with the same view."""
+        if isinstance(snapshot, Posters):
+            self._posters.draw(snapshot)
+        else:
+            self._space.draw(snapshot)
         self._last = snapshot
-        return tuple(problems)
 
     def look_from(self, name: str) -> None:
         """In 3D: look from one of SPACE_FROM, or as the video's "camera"."""

@@ -3,8 +3,10 @@
 Its world is level space (room.py): bodies are sent in camera space, under a node that turns them upright.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import zip_longest
+from typing import Literal
 
 import numpy as np
 import viser
@@ -12,12 +14,16 @@ from jaxtyping import Float
 from viser.transforms import SO3
 
 from fitting_core.camera import Camera
-from tcfit_app.review.scene.layers import MOST_OTHERS, RGB, BodyLayer, FrameImage, drawable
+from tcfit_app.review.scene.layers import MOST_OTHERS, RGB, BodyLayer, FrameImage
 from tcfit_app.review.scene.nodes import BodyNode, ImageNode, MeshDressing
 from tcfit_app.review.scene.poster import PLATE
-from tcfit_app.review.scene.rings import Rings, RingsNode
 from tcfit_app.review.scene.room import extent
 
+TurnPhase = Literal["start", "update", "end"]
+Quaternion = tuple[float, float, float, float]
+"""w, x, y, z."""
+_RINGS_SIZE = 0.22
+"""Radius of the rings, metres: beyond a hand, and well within an arm's length."""
 FRUSTUM_DEPTH = 0.9
 """Metres from the video camera to its image."""
 _SLOTS = 2
@@ -29,6 +35,16 @@ _SHIFTED = f"{_FILMED}/shifted"
 _CELL_COLOR: RGB = (62, 66, 74)
 _SECTION_COLOR: RGB = (104, 110, 122)
 _FRUSTUM_COLOR: RGB = (190, 196, 206)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rings:
+    """Rings around a joint, by which the user turns it; in camera space."""
+
+    position: tuple[float, float, float]
+    """The joint, metres."""
+    wxyz: Quaternion
+    """How the joint is turned."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,7 +100,6 @@ class Space:
             (extent((body.vertices @ self.turn.T + self.place)[None]) if known is None else known)
             + np.array([x, 0.0, 0.0])
             for body, known, x in zip(self.bodies, extents, self.offsets, strict=True)
-            if body.problem is None
         ]
         corners += self.others_extents if corners else ()
         return np.stack([np.min(corners, (0, 1)), np.max(corners, (0, 1))]) if corners else None
@@ -93,6 +108,38 @@ class Space:
 def offsets(count: int, apart: float) -> tuple[float, ...]:
     """Shifts of several bodies along x, metres, that put them this far apart."""
     return tuple(apart * (i - (count - 1) / 2) for i in range(count))
+
+
+class RingsNode:
+    """The rings in one browser tab, viser's transform controls. Created when first shown."""
+
+    def __init__(self, client: viser.ClientHandle, name: str) -> None:
+        self._client, self._name = client, name
+        self._node: viser.TransformControlsHandle | None = None
+        self._held = False
+        self.turned: Callable[[TurnPhase, Quaternion], None] = lambda phase, wxyz: None
+        """Called as the user turns them, on viser's thread."""
+
+    def draw(self, rings: Rings | None) -> None:
+        """Show or hide them. While they are held, they are where the pointer has turned them."""
+        if rings is None:
+            if self._node is not None:
+                self._node.visible = False
+            return
+        if self._node is None:
+            self._node = self._client.scene.add_transform_controls(
+                self._name, _RINGS_SIZE, disable_axes=True, disable_sliders=True, depth_test=False
+            )
+            self._node.on_update(self._updated)
+        self._node.visible = True
+        if not self._held:
+            self._node.position, self._node.wxyz = rings.position, rings.wxyz
+
+    async def _updated(self, event: viser.TransformControlsEvent) -> None:
+        # A coroutine: viser calls these in order of arrival.
+        self._held = event.phase != "end"
+        w, x, y, z = (float(value) for value in event.target.wxyz)
+        self.turned(event.phase, (w, x, y, z))
 
 
 class SpaceNodes:
@@ -109,13 +156,13 @@ class SpaceNodes:
         self._camera: Camera | None = None
         self._grid: viser.GridHandle | None = None
 
-    def draw(self, snapshot: Space) -> list[str]:
-        """Send what changed; returns what cannot be shown, and why."""
-        shown, problems = drawable(snapshot.bodies)
+    def draw(self, snapshot: Space) -> None:
+        """Send what changed."""
+        shown = snapshot.bodies
         self._filmed.wxyz = SO3.from_matrix(snapshot.turn).wxyz
         self._filmed.position = snapshot.place
         offsets = (*snapshot.offsets, *[0.0] * (_SLOTS - len(shown) + MOST_OTHERS))
-        everybody = (*shown, *[None] * (_SLOTS - len(shown)), *drawable(snapshot.others)[0])
+        everybody = (*shown, *[None] * (_SLOTS - len(shown)), *snapshot.others)
         for i, (node, body, offset) in enumerate(zip_longest(self._bodies, everybody, offsets)):
             if body:
                 x, y, z = offset * snapshot.turn[0]
@@ -130,7 +177,6 @@ class SpaceNodes:
         size, middle = corners[2] - corners[0], (corners[0] + corners[2]) / 2
         self._image.draw(snapshot.image or PLATE, (size[0], size[1]), tuple(middle))
         self._draw_ground(snapshot.ground)
-        return problems
 
     def set_visible(self, visible: bool) -> None:
         """Show or hide all of it."""

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32
 
 from fitting_core.body.model import JOINT
+from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.errors import InputError
 from fitting_core.ground.level import Level, level_of
@@ -43,13 +44,33 @@ _POINTS_KEPT = 500
 _log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Drawn:
-    """A body in one frame."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FrameBody:
+    """A fit's body in one frame, or what a drag makes of it."""
 
-    vertices: Float32[np.ndarray, "V 3"]
-    version: Hashable
-    """Identifies the vertices."""
+    shown: Shown
+    frame: int
+    live: LiveWindow | None = None
+
+    @property
+    def version(self) -> Hashable:
+        """Identifies it."""
+        return self.shown.version if self.live is None else ("live", self.live.revision), self.frame
+
+    @property
+    def window(self) -> tuple[BodyParams, int]:
+        """Parameters of some frames, and its place among them."""
+        return (
+            (self.shown.params, self.frame)
+            if self.live is None
+            else (self.live.params, self.frame - self.live.frames.start)
+        )
+
+    @property
+    def params(self) -> BodyParams:
+        """Of this frame alone."""
+        params, place = self.window
+        return params[[place]]
 
 
 class DrawingData:
@@ -96,7 +117,7 @@ class DrawingData:
         try:
             shown = self.session.fits.show(FitChoice())
             if shown is not None:
-                self.body(shown, 0)
+                self.vertices(FrameBody(shown=shown, frame=0))
         except InputError as error:  # reported when it is shown
             _log.info("Nothing to show yet: %s", error)
         finally:
@@ -113,14 +134,9 @@ class DrawingData:
             self._meshes[body.hash] = Meshes(body)
         return self._meshes[body.hash]
 
-    def body(self, shown: Shown, frame: int, live: LiveWindow | None = None) -> Drawn:
-        """A run's body, or that of a live correction if given. Raises InputError without its body model."""
-        meshes = self.meshes(shown)
-        if live is not None:
-            version, place = ("live", live.revision), frame - live.frames.start
-            return Drawn(vertices=meshes.vertices(version, live.params, place), version=(version, frame))
-        vertices = meshes.vertices(shown.version, shown.params, frame)
-        return Drawn(vertices=vertices, version=(shown.version, frame))
+    def vertices(self, body: FrameBody) -> Float32[np.ndarray, "V 3"]:
+        """Camera space, metres; the same array for the same body. Raises InputError without its body model."""
+        return self.meshes(body.shown).vertices(body.version, *body.window)
 
     def posed(self, shown: Shown) -> Callable[[], PosedFit]:
         """A function that poses a run together with the current keypoints, for another thread. Raises InputError if the
@@ -182,31 +198,26 @@ class DrawingData:
         level = holder.level(held)
         return self.tasks.get(("room", _stage(shown), id(holder), _stage(held)), made)
 
-    def body_points(self, shown: Shown, frame: int, live: LiveWindow | None = None) -> Float[np.ndarray, "25 3"]:
-        """A body's BODY_25 keypoints in camera space, metres, NaN for missing ones; arguments as in `body`."""
-        params = shown.params[[frame]] if live is None else live.params[[frame - live.frames.start]]
-        return self.meshes(shown).body_points(params)[0]
+    def body_points(self, body: FrameBody) -> Float[np.ndarray, "25 3"]:
+        """A body's BODY_25 keypoints in camera space, metres, NaN for missing ones."""
+        return self.meshes(body.shown).body_points(body.params)[0]
 
-    def pelvis_depth(self, shown: Shown, frame: int, live: LiveWindow | None = None) -> float:
-        """z of a body's pelvis in camera space, metres, from which depths of edits count; arguments as in `body`."""
-        params = shown.params[[frame]] if live is None else live.params[[frame - live.frames.start]]
-        return float(joints_in_space(self.meshes(shown).body, params)[0, JOINT["pelvis"], 2])
+    def pelvis_depth(self, body: FrameBody) -> float:
+        """z of a body's pelvis in camera space, metres, from which depths of edits count."""
+        return float(joints_in_space(self.meshes(body.shown).body, body.params)[0, JOINT["pelvis"], 2])
 
     def present(self, frame: int) -> Bool[np.ndarray, "137"] | None:
         """Keypoints that are `told` in a frame; None if the project has none, so that fits do not depend on them."""
         project = self.session.project
         return told(project.corrected[[frame]].keypoints())[0] if project.has_detections else None
 
-    def keypoints(self, shown: Shown, frame: int, live: LiveWindow | None = None) -> Float[np.ndarray, "137 3"]:
-        """A body's keypoints in camera space, metres, NaN for missing ones; arguments as in `body`."""
-        version = shown.version if live is None else ("live", live.revision)
-        key = (*version, frame)
-        if key not in self._points:
+    def keypoints(self, body: FrameBody) -> Float[np.ndarray, "137 3"]:
+        """A body's keypoints in camera space, metres, NaN for missing ones."""
+        if body.version not in self._points:
             if len(self._points) > _POINTS_KEPT:
                 self._points.clear()
-            params = shown.params[[frame]] if live is None else live.params[[frame - live.frames.start]]
-            self._points[key] = self.meshes(shown).points(params)[0]
-        return self._points[key]
+            self._points[body.version] = self.meshes(body.shown).points(body.params)[0]
+        return self._points[body.version]
 
     def metrics(self, shown: Shown, frames: range | None = None) -> tuple[Metric, ...] | None:
         """Figures of a run, or of some of its frames; None while they are computed."""

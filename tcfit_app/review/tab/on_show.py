@@ -1,6 +1,7 @@
 """What a tab shows, resolved once per drawing from the tab's state and the project."""
 
-from dataclasses import dataclass
+from collections.abc import Hashable
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from fitting_core.camera import Camera
@@ -9,6 +10,7 @@ from tcfit_app.fitting.edit_follower import LiveWindow
 from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.review.session.session import Session
 from tcfit_app.review.session.stored_fits import StoredFits
+from tcfit_app.review.shared.drawing_data import FrameBody
 from tcfit_app.review.tab.state import TabState
 
 Slot = Literal["a", "b"]
@@ -44,14 +46,13 @@ class OnShow:
         """The fit that determines the camera's tilt and the floor; stays the same when A is shown in B's place."""
         return self.b or self.a
 
-    def with_body(self, side: Slot) -> Shown | None:
-        """A or B, if it has a body in this frame."""
-        fit = self.fit(side)
-        return fit if fit is not None and fit.has(self.frame) else None
-
-    def live_of(self, side: Slot) -> LiveWindow | None:
-        """The live window that this side's body is drawn from, if any."""
-        return self.live_a if side == "a" else self.live_b
+    def body(self, side: Slot, frame: int | None = None) -> FrameBody | None:
+        """The body of A or B in a frame, by default the one on show; None without one."""
+        frame, fit = self.frame if frame is None else frame, self.fit(side)
+        if fit is None or not fit.has(frame):
+            return None
+        live = self.live_a if side == "a" else self.live_b
+        return FrameBody(shown=fit, frame=frame, live=live if frame == self.frame else None)
 
     @property
     def live(self) -> LiveWindow | None:
@@ -63,6 +64,17 @@ class OnShow:
     def revision(self) -> int | None:
         """Changes whenever a drag has changed a body on show; None without a drag."""
         return None if self.live is None else self.live.revision
+
+    @property
+    def version(self) -> Hashable:
+        """Identifies the frame and the bodies of both fits."""
+        fits = tuple(None if fit is None else fit.version for fit in (self.a, self.b))
+        return self.frame, fits, tuple(None if live is None else live.revision for live in (self.live_a, self.live_b))
+
+    def follows(self, other: "OnShow") -> bool:
+        """Whether it is another one on show, but for bodies that a drag has changed."""
+        still = replace(self, live_a=other.live_a, live_b=other.live_b)
+        return self.revision is not None and self.version != other.version and still == other
 
 
 def on_show(state: TabState, session: Session) -> OnShow:

@@ -5,7 +5,7 @@ import numpy as np
 from fitting_core.detect.detecting import FramesDetected
 from fitting_core.keypoints import BODY, COUNT
 from tcfit_app.imports.found_people import FoundPeople
-from tcfit_app.review.drawing.found import in_the_same_place
+from tcfit_app.review.drawing.overlays import in_the_same_place
 
 
 def somebody(x: float, size: float) -> np.ndarray:

@@ -19,6 +19,7 @@ from tcfit_app.project.edits.edit_log import Undo
 from tcfit_app.project.edits.kinds import SwapSides
 from tcfit_app.project.packed import unpack
 from tcfit_app.project.project import Project
+from tcfit_app.review.shared.drawing_data import FrameBody
 from tests.drivers.lone_page import lone_page
 from tests.samples.project_samples import FRAMES, assert_same_fit, random_edit, same_keypoints, sample_fit
 
@@ -92,7 +93,7 @@ def test_it_is_reviewed(panel_server: viser.ViserServer, project: Project):
         tab = tested.page.tab
         shown = tab.session.fits.show(FitChoice(run=2))
         assert shown is not None and shown.phase == 3
-        assert np.isfinite(tab.data.body(shown, 0).vertices).all()
+        assert np.isfinite(tab.data.vertices(FrameBody(shown=shown, frame=0))).all()
         html = tested.html()
         assert "fit 1 corrected" in html and "interrupted" in html
 

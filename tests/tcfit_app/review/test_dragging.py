@@ -61,8 +61,9 @@ def test_the_old_body_does_not_come_back_when_a_drag_ends(tested: LonePage, chos
         """As the next drawing has it, after the worker's news."""
         session.take_news()
         shown = tab.look()
-        assert shown.b is not None
-        return tab.data.body(shown.b, FRAME, shown.live_of("b")).vertices
+        drawn = shown.body("b")
+        assert drawn is not None
+        return tab.data.vertices(drawn)
 
     old = body()
     drag(tested, "start", 0.0)
@@ -118,7 +119,7 @@ def test_a_drag_of_another_frame_or_run_leaves_this_body_alone(tested: LonePage)
     tested.until(lambda: tab.session.edit_follower.live is not None)
     shown = tab.look()
     assert shown.b is not None and shown.b.run.id == second.id
-    assert shown.live_of("b") is not None and shown.live_of("a") is None
+    assert shown.live_b is not None and shown.live_a is None
     tab.set(frame=0)
     assert tab.look().live is None and tab.look().revision is None
     drag(tested, "cancel", 0.0)

@@ -15,7 +15,7 @@ from fitting_core.keypoints import GROUPS, INDEX
 from tcfit_app.project.project import Project
 from tcfit_app.review.browser.page_events import Hello, Key
 from tcfit_app.review.browser.page_states import Focus, Trail
-from tcfit_app.review.drawing.around import TRAIL_REACH, followed, in_image
+from tcfit_app.review.drawing.overlays import TRAIL_REACH, followed, in_image
 from tcfit_app.review.gestures.zooming import show_close_up, usual_size
 from tcfit_app.review.panels.view_panel import ViewPanel
 from tcfit_app.review.tab.state import CLOSE_UPS, HELD_BY, Part

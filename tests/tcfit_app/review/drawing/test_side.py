@@ -17,8 +17,9 @@ from tcfit_app.project.project import Project
 from tcfit_app.review.browser.page_events import Hello, Key, Widen
 from tcfit_app.review.browser.page_states import Bodies, Chip, Layout, SidePlate
 from tcfit_app.review.drawing import picture
-from tcfit_app.review.drawing.joints import error_bars_of
+from tcfit_app.review.drawing.picture import error_bars_of
 from tcfit_app.review.panels.view_panel import ViewPanel
+from tcfit_app.review.shared.drawing_data import FrameBody
 from tcfit_app.review.tab.state import CLOSE_UPS, HELD_BY, SIDE_WIDTHS
 from tests.drivers.lone_page import LonePage, lone_page
 from tests.samples.project_samples import sample_error_bars
@@ -117,7 +118,8 @@ def test_keypoints_are_told_in_space_and_how_the_plate_shows_them(tested: LonePa
     shown = tab.look().b
     assert shown is not None
     points = tab.data.meshes(shown).keypoints(shown.params)[tab.state.frame, :25]
-    np.testing.assert_allclose(tab.data.body_points(shown, tab.state.frame), points, atol=1e-6)
+    drawn = FrameBody(shown=shown, frame=tab.state.frame)
+    np.testing.assert_allclose(tab.data.body_points(drawn), points, atol=1e-6)
     joints = joints_in_space(tab.data.meshes(shown).body, shown.params)[tab.state.frame]
     assert body.pelvis == pytest.approx(joints[JOINT["pelvis"], 2], abs=1e-4), "from which edits of depth count"
     known = np.isfinite(points).all(1)

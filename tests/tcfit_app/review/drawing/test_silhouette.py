@@ -14,7 +14,7 @@ from fitting_core.keypoints import COUNT, Keypoints
 from fitting_core.lens import filmed
 from fitting_core.silhouettes import Silhouettes, silhouette_size
 from tcfit_app.project.project import Project
-from tcfit_app.review.drawing.silhouette import SilhouettePart, outlines
+from tcfit_app.review.drawing.overlays import outlines
 from tcfit_app.review.panels.view_panel import ViewPanel
 from tests.drivers.lone_page import LonePage, lone_page, told
 from tests.samples.spot_clips import FRAMES, SIZE, empty_project, spot_video
@@ -74,19 +74,25 @@ def page(panel_server: viser.ViserServer, tmp_path: Path, request: pytest.Fixtur
 
 
 def test_it_is_sent_where_it_is_wanted_and_known(page: LonePage):
-    tab, part = page.page.tab, SilhouettePart(page.page.tab)
-    with told(tab) as found:
-        part.draw()
+    tab = page.page.tab
+    tab.set(video=False)
+
+    def draw() -> None:
+        tab.look()
+        page.page.picture.draw()
+
+    with told(tab) as sent:
+        draw()
         page.press("action", "silhouette")
-        part.draw()
-        assert not found, "of the first frame there is none"
+        draw()
+        assert "silhouette" not in dict(sent), "of the first frame there is none"
         tab.seek(3)
-        part.draw()
-        part.draw()
+        draw()
+        draw()
         tab.set(mode="space")
-        part.draw()
-    (name, shown), (_, gone) = found
-    assert name == "silhouette" and len(shown.lines) == 1 and gone is None
+        draw()
+    shown, gone = (state for name, state in sent if name == "silhouette")
+    assert len(shown.lines) == 1 and gone is None
 
 
 def test_the_button_is_off_where_none_is_known(page: LonePage):

@@ -22,6 +22,7 @@ from tcfit_app.review.browser.page_events import Drag, DragDepth
 from tcfit_app.review.gestures.edit_words import describe
 from tcfit_app.review.gestures.keyframing import filled, with_hands
 from tcfit_app.review.panels.keypoints_panel import KeypointsPanel
+from tcfit_app.review.shared.drawing_data import FrameBody
 from tests.drivers.lone_page import LonePage, lone_page
 from tests.samples.sessions import OneBody, small_clip
 
@@ -202,7 +203,7 @@ def test_a_keypoint_is_dragged_in_depth_and_the_body_follows(tested: LonePage):
     def depth(frame: int) -> float:
         shown = tab.look().b
         assert shown is not None
-        points = tab.data.body_points(shown, frame)
+        points = tab.data.body_points(FrameBody(shown=shown, frame=frame))
         return float(points[WRIST, 2] - points[INDEX["mid_hip"], 2])
 
     before, xy = depth(3), corrected(tested).xy.copy()

@@ -19,7 +19,7 @@ from fitting_core.keypoints import INDEX
 from tcfit_app.project.edits.kinds import Lock
 from tcfit_app.project.project import Project
 from tcfit_app.review.panels.keypoints_panel import KeypointsPanel
-from tcfit_app.review.scene.rings import Quaternion, Rings, TurnPhase
+from tcfit_app.review.scene.space import Quaternion, Rings, TurnPhase
 from tests.drivers.lone_page import LonePage, lone_page
 from tests.samples.sessions import OneBody, small_clip
 

@@ -34,6 +34,7 @@ from tcfit_app.project.packed import unpack
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_record import Given, Source
 from tcfit_app.review.browser.page_events import Press
+from tcfit_app.review.drawing.frame import Frames
 from tcfit_app.review.panels import compare_panel as compare
 from tcfit_app.review.panels.compare_panel import ComparePanel
 from tcfit_app.review.panels.export_panel import ExportPanel
@@ -129,7 +130,7 @@ def test_a_run_is_corrected_as_long_as_a_correction_stands(panel_of: Opener):
 def test_what_keypoints_do_not_show_is_fainter(panel_of: Opener):
     tested = panel_of(RunsPanel)
     tested.fit()
-    tab, picture = tested.page.tab, tested.page.picture
+    tab = tested.page.tab
     tab.session.edit(MarkBad(frames=(2, 3), joints=(kp.INDEX["left_wrist"],)), author="me")
     tab.session.edit(MarkBad(frames=(3,), joints=tuple(range(kp.COUNT))), author="me")
     tested.until(lambda: not tab.session.jobs and not tab.session.edit_follower.busy)
@@ -140,10 +141,12 @@ def test_what_keypoints_do_not_show_is_fainter(panel_of: Opener):
         """The mean opacity of what the joints move, and the label."""
         tab.seek(frame)
         shown = tab.look()
-        layer, fit = picture._bodies(shown)["b"], shown.with_body("b")
-        assert fit is not None and layer.opacities is not None and layer.opacity == tab.state.opacity
+        drawn = Frames(tab, lambda shown: None).of(shown)
+        assert drawn is not None and shown.b is not None
+        layer, fit = drawn.bodies["b"], shown.b
+        assert layer.opacities is not None and layer.opacity == tab.state.opacity
         weights = tab.data.meshes(fit).body.skinning_weights[:, joints]
-        return (weights.T @ layer.opacities / (255 * weights.sum(0))).tolist(), picture._label(shown, "b")
+        return (weights.T @ layer.opacities / (255 * weights.sum(0))).tolist(), drawn.labels[0][0]
 
     (usual, title), (partly, _), (faint, told) = seen(1), seen(2), seen(3)
     assert partly[0] < usual[0] - 0.2 and partly[1:] == pytest.approx(usual[1:], abs=0.02)

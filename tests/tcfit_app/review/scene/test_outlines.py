@@ -3,7 +3,7 @@
 import numpy as np
 import trimesh
 
-from tcfit_app.review.scene.outlines import edges_of, outline
+from tcfit_app.review.scene.nodes import edges_of, outline
 
 
 def test_the_outline_of_a_ball_is_its_circle():

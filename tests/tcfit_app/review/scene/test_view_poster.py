@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fitting_core.camera import Camera
-from tcfit_app.review.scene.layers import BodyLayer, color_index, color_table, drawable
+from tcfit_app.review.scene.layers import BodyLayer, color_index, color_table
 from tcfit_app.review.scene.poster import relief, world_of_pixels
 from tcfit_app.review.scene.room import extent
 from tcfit_app.review.scene.space import Space, frustum
@@ -69,12 +69,11 @@ def test_vertices_behind_the_camera_stay_within_reach():
     assert np.isfinite(drawn).all() and abs(drawn[:, :2]).max() <= 8.0
 
 
-def test_bodies_that_cannot_be_drawn_are_left_out_with_a_reason():
+def test_bodies_that_cannot_be_drawn_have_a_reason():
     good, broken = points(), points()
     broken[3, 1] = np.nan
-    shown, problems = drawable([layer(good), layer(-good), layer(broken)])
-    assert [body is not None for body in shown] == [True, False, False]
-    assert "behind the camera" in problems[0] and "not finite" in problems[1]
+    assert layer(good).problem is None
+    assert "behind the camera" in (layer(-good).problem or "") and "not finite" in (layer(broken).problem or "")
 
 
 def test_colours_run_from_zero_to_the_limit():
@@ -95,7 +94,7 @@ def test_bounds_of_bodies_side_by_side():
     bounds, aside = space.bounds(), np.array([1.0, 0.0, 0.0])
     assert bounds is not None
     np.testing.assert_allclose(bounds, np.stack([vertices.min(0) - aside, vertices.max(0) + aside]), rtol=1e-6)
-    assert Space(camera=CAMERA, bodies=(layer(-vertices),)).bounds() is None
+    assert Space(camera=CAMERA).bounds() is None
 
 
 def test_the_camera_in_space_is_for_the_whole_clip_without_frames_that_are_thrown_away():

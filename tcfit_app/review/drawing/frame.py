@@ -1,0 +1,262 @@
+"""What a tab shows of one frame: video, bodies, room and side view, worked out once from fits, frame, state and edits.
+
+`picture.py` draws such a `Frame`, and decides nothing. While the fit follows a drag, only its bodies are worked out
+again.
+"""
+
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from fitting_core.camera import Camera
+from fitting_core.errors import InputError
+from tcfit_app.analysis.curves import vertex_distances
+from tcfit_app.analysis.seen import seen_joints
+from tcfit_app.fitting.fits import FitChoice
+from tcfit_app.review.scene.layers import (
+    MOST_OTHERS,
+    OTHER_COLOR,
+    OTHER_OPACITY,
+    RGB,
+    RUN_COLORS,
+    BodyLayer,
+    FrameImage,
+    css,
+)
+from tcfit_app.review.scene.poster import PLATE
+from tcfit_app.review.scene.room import Room
+from tcfit_app.review.scene.side_view import SideView, side_view
+from tcfit_app.review.scene.space import Rings
+from tcfit_app.review.shared.drawing_data import FrameBody
+from tcfit_app.review.tab.on_show import SLOTS, OnShow, Slot, live_window
+from tcfit_app.review.tab.people import Someone
+from tcfit_app.review.tab.playback import coming
+from tcfit_app.review.tab.state import TabState
+from tcfit_app.review.tab.tab import Tab
+
+_AHEAD = 24
+"""Frames decoded ahead of playback."""
+PLAIN_COLOR = "#8a94a3"
+"""Colour of the names that are not those of fits."""
+COLORS: dict[Slot, RGB] = dict(zip(SLOTS, RUN_COLORS, strict=True))
+Present = Bool[np.ndarray, "137"] | None
+_OTHER: dict[Slot, Slot] = {"a": "b", "b": "a"}
+_UNKNOWN = Room(turn=np.eye(3), floor=1.0, boxes=np.array([[(-1.0, -1.0, 2.0), (1.0, 1.0, 4.0)]]))
+"""While the side view is empty."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Other:
+    """The body of another person of the clip."""
+
+    someone: Someone
+    body: FrameBody
+    layer: BodyLayer
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Frame:
+    """What a tab shows of one frame."""
+
+    state: TabState
+    shown: OnShow
+    edits: int
+    """`Project.keypoints_version`."""
+    present: Present
+    """See `DrawingData.present`."""
+    image: FrameImage
+    bodies: dict[Slot, BodyLayer]
+    """Those of the fits that can be drawn; also hidden ones whose keypoints the side view or 3D shows."""
+    problem: str
+    """What cannot be shown, and why; empty if all can."""
+    others: tuple[Other, ...]
+    room: Room | None
+    """Of the fit on show, relative to the camera of the frame; the previous one while another is computed."""
+    side: SideView | None
+    """If there is a side view."""
+    labels: tuple[tuple[str, str], ...]
+    """Name and colour of each body's place."""
+    rings: Rings | None
+
+    @property
+    def visible(self) -> dict[Slot, BodyLayer]:
+        """The bodies that are drawn."""
+        return self.bodies if self.state.bodies else {}
+
+    @property
+    def places(self) -> list[tuple[BodyLayer, ...]]:
+        """The bodies drawn in each place."""
+        return [tuple(self.visible[side] for side in place if side in self.visible) for place in self.shown.places]
+
+    @property
+    def fitted(self) -> dict[Slot, FrameBody]:
+        """What the bodies were drawn from, the one being corrected last."""
+        return {side: body for side in sorted(self.bodies) if (body := self.shown.body(side)) is not None}
+
+    @property
+    def key(self) -> Hashable:
+        """Equal if all but the image and other people is."""
+        return self.state, self.edits, self.shown.version, tuple(self.bodies), self.room, self.side
+
+
+class Frames:
+    """Works out the frames of one tab.
+
+    Args:
+        tab: the tab.
+        rings: returns those that turn a joint in 3D, if any.
+    """
+
+    def __init__(self, tab: Tab, rings: Callable[[OnShow], Rings | None]) -> None:
+        self._tab, self._data, self._rings = tab, tab.data, rings
+        self._room: Room | None = None
+        """Of the fit on show, in the first frame."""
+
+    def of(self, shown: OnShow) -> Frame | None:
+        """The frame on show; None while its image is being decoded."""
+        tab, state, data = self._tab, self._tab.state, self._data
+        if (image := self._image()) is None:
+            return None
+        beside = state.side and state.mode != "space" and shown.held is not None
+        edits = tab.session.project.keypoints_version
+        present = tab.once("present", (edits, shown.frame), lambda: data.present(shown.frame))
+        bodies, problem = self._bodies(shown, present, hidden=beside or state.mode == "space")
+        if bodies and shown.held is not None:  # without bodies the model may be missing, which is reported
+            self._room = data.room(shown.held, shown.held) or self._room
+        room, camera, frame = self._room, shown.camera, shown.frame
+        return Frame(
+            state=state,
+            shown=shown,
+            edits=edits,
+            present=present,
+            image=image,
+            bodies=bodies,
+            problem=problem,
+            others=self._others(),
+            room=room and tab.once("room", (room, camera, frame), lambda: room.before(camera, frame)),
+            side=self._side(shown.held.camera, frame) if beside and shown.held is not None else None,
+            labels=tuple(_label(shown, side, present) for place in shown.places for side in place or (None,)),
+            rings=self._rings(shown) if state.mode == "space" and state.bodies and bodies else None,
+        )
+
+    def moved(self, frame: Frame, shown: OnShow) -> Frame | None:
+        """A frame whose bodies a drag has changed; None if anything else has changed too."""
+        if frame.state is not self._tab.state or not shown.follows(frame.shown):
+            return None
+        hidden = frame.side is not None or frame.state.mode == "space"
+        bodies, problem = self._bodies(shown, frame.present, hidden=hidden)
+        rings = None if frame.rings is None else self._rings(shown)
+        return replace(frame, shown=shown, bodies=bodies, problem=problem, rings=rings)
+
+    def _image(self) -> FrameImage | None:
+        """The video frame; the previous one while a paused frame is being decoded."""
+        tab, state, video = self._tab, self._tab.state, self._data.video
+        if not state.video:
+            return PLATE
+        if state.playing:
+            frames = coming(state.frame, tab.played, _AHEAD, loop=state.loop)
+            video.prefetch([state.frame, *frames], reader=tab)
+            data = video.get(state.frame, "playing")
+        else:
+            data = video.nearest(state.frame)
+        return None if data is None else tab.once("image", data, lambda: FrameImage(data=data))
+
+    def _bodies(self, shown: OnShow, present: Present, *, hidden: bool) -> tuple[dict[Slot, BodyLayer], str]:
+        """The bodies on show that can be drawn, and why another one cannot.
+
+        Args:
+            shown: The fits.
+            present: Of the frame.
+            hidden: Keypoints of bodies are shown even if the bodies are not.
+        """
+        if self._data.warming or not (self._tab.state.bodies or hidden):
+            return {}, ""
+        there: list[Slot] = [side for place in shown.places for side in place if shown.body(side) is not None]
+        try:
+            bodies: dict[Slot, BodyLayer] = {side: self._body(shown, side, present) for side in there}
+        except InputError as error:
+            return {}, str(error)
+        problems = [body.problem for body in bodies.values() if body.problem]
+        return {side: body for side, body in bodies.items() if not body.problem}, problems[-1] if problems else ""
+
+    def _body(self, shown: OnShow, side: Slot, present: Present) -> BodyLayer:
+        tab, state, data = self._tab, self._tab.state, self._data
+        body, other = shown.body(side), shown.body(_OTHER[side]) if state.difference else None
+        assert body is not None
+        vertices, values = data.vertices(body), None
+        theirs = None if other is None else data.vertices(other)
+        if other is not None and theirs is not None and theirs.shape == vertices.shape:
+            key = body.version, other.version  # sent once for the same bodies
+            values = tab.once(f"distances {side}", key, lambda: vertex_distances(vertices, theirs) / 1e3)
+        meshes = data.meshes(body.shown)
+        return BodyLayer(
+            vertices=vertices,
+            faces=meshes.faces,
+            color=COLORS[side],
+            camera=body.shown.camera,
+            opacity=state.opacity,
+            opacities=None if present is None else meshes.opacities(seen_joints(present)),
+            outline=state.outline,
+            values=values,
+        )
+
+    def _side(self, camera: Camera, frame: int) -> SideView:
+        tab, room, direction, width = self._tab, self._room or _UNKNOWN, self._tab.state.side_from, self._tab.side_width
+        key = room, camera, direction, width
+        view = tab.once("side view", key, lambda: side_view(room, camera, direction, width))
+        return tab.once("side view of the frame", (view, frame), lambda: view.before(camera, frame))
+
+    # --- other people ---
+
+    def _others(self) -> tuple[Other, ...]:
+        """The clip's other people: their newest fits, dimmed."""
+        tab = self._tab
+        if not (tab.someone.others and tab.state.others and tab.state.bodies) or self._data.warming:
+            return ()
+        found = (self._other(someone) for someone in tab.someone.others[:MOST_OTHERS])
+        return tuple(one for one in found if one is not None and one.layer.problem is None)
+
+    def _other(self, someone: Someone) -> Other | None:
+        """A person's newest fit; None without one, or without its body model."""
+        state = self._tab.state
+        frame = someone.frame_of(state.frame + self._tab.first_frame)
+        try:
+            fit = None if frame is None else someone.session.stored.show(FitChoice())
+            if frame is None or fit is None or not fit.has(frame):
+                return None
+            body = FrameBody(shown=fit, frame=frame, live=live_window(someone.session, fit, frame))
+            vertices, faces = someone.data.vertices(body), someone.data.meshes(fit).faces
+        except InputError:  # reported when their page is opened
+            return None
+        layer = BodyLayer(
+            vertices=vertices,
+            faces=faces,
+            color=OTHER_COLOR,
+            camera=fit.camera,
+            opacity=min(state.opacity, OTHER_OPACITY),
+            outline=state.outline,
+        )
+        return Other(someone=someone, body=body, layer=layer)
+
+    def extents(self, frame: Frame) -> tuple[Float[np.ndarray, "2 3"], ...]:
+        """Extents over the clip of the other people, in the space of the fit on show, as far as known."""
+        if (held := frame.shown.held) is None:
+            return ()
+        rooms = [one.someone.data.room(one.body.shown, held, self._data) for one in frame.others]
+        return tuple(room.extent for room in rooms if room is not None)
+
+
+def _label(shown: OnShow, side: Slot | None, present: Present) -> tuple[str, str]:
+    """Name and colour of a fit; of the video for no side."""
+    if side is None:
+        return "Video", PLAIN_COLOR
+    fit = shown.fit(side)
+    if fit is None:
+        title = "no fit yet"
+    elif not fit.has(shown.frame):
+        title = f"{fit.title}: {'not fitted yet' if fit.result is None else 'no pose in this frame'}"
+    else:
+        title = fit.title if present is None or present.any() else f"{fit.title}: no keypoints here"
+    return f"{side.upper()}   {title}", css(COLORS[side])

@@ -1,0 +1,278 @@
+"""What the page draws over the picture besides bodies: keypoints, people found, silhouette, close-up and trails.
+
+Each state is made again only when what it depends on has changed.
+"""
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float
+
+from fitting_core.camera import Camera, Lens
+from fitting_core.keypoints import BODY, BONES, COUNT, GROUPS
+from fitting_core.lens import straightened
+from tcfit_app.imports.found_people import FoundInFrame
+from tcfit_app.review.browser.page_states import (
+    Focus,
+    Keypoints,
+    OtherPeople,
+    OtherPerson,
+    Path,
+    Silhouette,
+    Style,
+    Trail,
+    pixel_pairs,
+    shares,
+)
+from tcfit_app.review.drawing.frame import Frame, Other
+from tcfit_app.review.scene.layers import NEAREST, RUN_COLORS, BodyLayer, css
+from tcfit_app.review.tab.on_show import SLOTS, OnShow, Slot
+from tcfit_app.review.tab.state import HELD_BY, Part
+from tcfit_app.review.tab.tab import Tab
+
+TRAIL_REACH = 5
+"""Frames on a path before and after the one on show."""
+_STEADIED = 2.0
+"""Standard deviation in frames of the smoothing that steadies a close-up: detections jitter."""
+_SEEN = 8
+"""Frames before and after that the smoothing uses."""
+_APART = 0.25
+"""Minimum distance of another person's centre, relative to the chosen person's size, to be offered."""
+_BODY_BONES = [pair for pair in BONES if max(pair) < BODY.stop]
+_SMOOTHED = 0.8
+"""Tolerance of an outline in mask pixels: the mask's border is stepped."""
+_FEWEST = 3
+"""Minimum number of an outline's corners."""
+
+
+def draw_overlays(tab: Tab, frame: Frame) -> None:
+    """Send what a drag does not change, as far as it has changed."""
+    state, project, send = tab.state, tab.session.project, tab.channel.send
+    style = Style(
+        groups=tuple(sorted(state.groups)),
+        color_by=state.color_by,
+        points=state.keypoints,
+        bones=state.keypoints and state.bones,
+        minimum=state.minimum,
+        ghosts=state.detections,
+        hand_along=state.hand_along,
+        error_bars=state.error_bars,
+    )
+    send("style", style)
+    key, clip, part = (state.frame, frame.edits), project.footage, state.close_up
+    masks = clip.silhouettes if state.silhouette and state.mode != "space" else None
+    if masks is None:
+        send("silhouette", None)
+    else:
+        send("silhouette", tab.once("silhouette", key, lambda: silhouette(masks.mask(state.frame), clip.camera)))
+    focus = None if part is None else tab.once("focus", (part, *key), lambda: _focus(tab, part))
+    if focus is not None or part is None:  # otherwise it stays put
+        send("focus", focus)
+    _draw_people(tab, frame)
+    if project.has_detections:
+        send("keypoints", tab.once("keypoints", key, lambda: _keypoints(tab)))
+
+
+def _keypoints(tab: Tab) -> Keypoints:
+    """Corrected keypoints of the frame on show."""
+    project, frame = tab.session.project, tab.state.frame
+    corrected, found = project.corrected, project.detected
+    here, ignored = corrected[frame], corrected[[frame]].keypoints().overruled[0]
+    edited = np.flatnonzero(here.edited)
+    detected = [int(j) for j in edited if found.confidence[frame, j] > 0]
+    return Keypoints(
+        frame=frame,
+        xy=pixel_pairs(corrected.xy[frame]),
+        confidence=shares(corrected.confidence[frame]),
+        bad=tuple(np.flatnonzero(here.bad).tolist()),
+        edited=tuple(edited.tolist()),
+        pinned=tuple(np.flatnonzero(here.pinned).tolist()),
+        locked=tuple(np.flatnonzero(here.locked[BODY]).tolist()),
+        deep=tuple(np.flatnonzero(np.isfinite(here.told_depth) & ~here.pinned).tolist()),
+        ignored=tuple(np.flatnonzero(ignored).tolist()),
+        detections=tuple((j, *pixel_pairs(found.xy[frame, [j]])[0]) for j in detected),
+    )
+
+
+# --- close-ups and trails ---
+
+
+def _focus(tab: Tab, part: Part) -> Focus | None:
+    corrected, frames = tab.session.project.corrected, _frames(tab, _SEEN)
+    near = slice(frames.start, frames.stop)
+    for group in (GROUPS[part], [HELD_BY[part]]):
+        there = corrected.confidence[near, group] > 0
+        found = followed(corrected.xy[near, group], there, tab.state.frame - frames.start)
+        if found is not None:
+            return Focus(x=float(found[0]), y=float(found[1]))
+    return None
+
+
+def followed(xy: Float[np.ndarray, "t K 2"], there: Bool[np.ndarray, "t K"], now: int) -> Float[np.ndarray, "2"] | None:
+    """The centre of keypoints at one frame, smoothed over frames; None without keypoints."""
+    seen = np.flatnonzero(there.any(1))
+    if not len(seen):
+        return None
+    middles = np.array([xy[t][there[t]].mean(0) for t in seen])
+    weights = np.exp(-0.5 * ((seen - now) / _STEADIED) ** 2) + 1e-9
+    return weights @ middles / weights.sum()
+
+
+def draw_trail(tab: Tab, frame: Frame) -> None:
+    """Send the paths of the selected keypoints around the frame."""
+    state = tab.state
+    joints = state.selection if state.trail and state.mode != "space" else ()
+    tab.channel.send(
+        "trail", tab.once("trail", frame.key, lambda: _trail(tab, frame.shown, joints)) if joints else None
+    )
+
+
+def _trail(tab: Tab, shown: OnShow, joints: tuple[int, ...]) -> Trail:
+    frames, corrected = _frames(tab, TRAIL_REACH), tab.session.project.corrected
+    part, chosen = slice(frames.start, frames.stop), list(joints)
+    there = corrected.confidence[part][:, chosen, None] > 0
+    detected = np.where(there, corrected.xy[part][:, chosen].astype(float), np.nan)
+    fitted = [_fitted(tab, shown, place[0], frames)[:, chosen] if place else None for place in shown.places]
+    return Trail(
+        now=shown.frame - frames.start,
+        detected=_paths(detected),
+        fitted=tuple(() if points is None else _paths(points) for points in fitted),
+        colors=tuple(css(RUN_COLORS[SLOTS.index(place[0])]) if place else "" for place in shown.places),
+    )
+
+
+def _fitted(tab: Tab, shown: OnShow, side: Slot, frames: range) -> Float[np.ndarray, "t 137 2"]:
+    """Pixels of a body's keypoints, NaN where missing."""
+    pixels = np.full((len(frames), COUNT, 2), np.nan)
+    for frame in frames:
+        body = shown.body(side, frame)
+        if body is not None:
+            pixels[frame - frames.start] = in_image(tab.data.keypoints(body), body.shown.camera)
+    return pixels
+
+
+def _frames(tab: Tab, reach: int) -> range:
+    return range(max(tab.state.frame - reach, 0), min(tab.state.frame + reach + 1, tab.length))
+
+
+def _paths(xy: Float[np.ndarray, "t n 2"]) -> tuple[Path, ...]:
+    """The path of each point, with None where it is missing."""
+    known = np.asarray(np.isfinite(xy).all(-1))
+    pairs = [pixel_pairs(np.nan_to_num(points)) for points in xy.swapaxes(0, 1)]
+    return tuple(
+        tuple(pair if there else None for pair, there in zip(path, known[:, i].tolist(), strict=True))
+        for i, path in enumerate(pairs)
+    )
+
+
+def in_image(points: Float[np.ndarray, "n 3"], camera: Camera) -> Float[np.ndarray, "n 2"]:
+    """Pixels of points in camera space; NaN behind the camera."""
+    z = np.where(points[:, 2:] > 0.01, points[:, 2:], np.nan)
+    return points[:, :2] / z * np.array(camera.focal) + np.array(camera.center)
+
+
+# --- people found by a detection, and the clip's other people ---
+
+
+def _draw_people(tab: Tab, frame: Frame) -> None:
+    """Send the chosen person's keypoints until the project has them, and the people who can be clicked on instead."""
+    people, fresh = tab.session.source.people, not tab.session.project.has_detections
+    looking = people if fresh or tab.session.can_choose_person else None
+    now = tab.state.frame
+    key = now, looking, looking and looking.version
+    chosen, others = tab.once("found", key, lambda: found_in(now, looking and looking.at(now)))
+    if fresh:
+        tab.channel.send("keypoints", chosen)
+    if tab.someone.others:
+        flat = tab.state.mode != "space"
+        key = flat, tuple((one.someone.number, one.body.version) for one in frame.others)
+        named = tab.once("other people", key, lambda: tuple(_named(one, flat=flat) for one in frame.others))
+        others = OtherPeople(people=named)
+    tab.channel.send("other_people", others)
+
+
+def found_in(frame: int, found: FoundInFrame | None) -> tuple[Keypoints, OtherPeople]:
+    """The chosen person's keypoints in a frame, and the others who can be chosen instead."""
+    nobody = np.zeros((COUNT, 3))
+    points = nobody if found is None or found.chosen is None else found.points[found.chosen]
+    people = (
+        ()
+        if found is None
+        else tuple(
+            _offered(place, found.points[place])
+            for place in found.others
+            if not in_the_same_place(found.points[place], points)
+        )
+    )
+    shown = Keypoints(frame=frame, xy=pixel_pairs(points[:, :2]), confidence=shares(points[:, 2]))
+    return shown, OtherPeople(people=people)
+
+
+def in_the_same_place(points: Float[np.ndarray, "137 3"], meant: Float[np.ndarray, "137 3"]) -> bool:
+    """Whether a person is in the same place as the chosen one: a press would be ambiguous, and such a detection is
+    often a part of the chosen person."""
+    one, other = (of[BODY][of[BODY, 2] > 0, :2] for of in (points, meant))
+    if not len(one) or not len(other):
+        return False
+    size = float(np.linalg.norm(np.ptp(other, axis=0)))
+    return float(np.linalg.norm(one.mean(0) - other.mean(0))) < _APART * size
+
+
+def _offered(place: int, points: Float[np.ndarray, "137 3"]) -> OtherPerson:
+    """A person who was not chosen."""
+    sure = points[BODY][points[BODY, 2] > 0, :2]
+    bones = [
+        (*points[a, :2].round(1).tolist(), *points[b, :2].round(1).tolist())
+        for a, b in _BODY_BONES
+        if points[a, 2] > 0 and points[b, 2] > 0
+    ]
+    return OtherPerson(
+        number=place, name="This one?", hint="Choose this person instead", at=_top(sure), bones=tuple(bones)
+    )
+
+
+def _named(one: Other, *, flat: bool) -> OtherPerson:
+    """A person of the clip, whose name leads to them; in the 2D modes it is above the head."""
+    someone = one.someone
+    at = _top(_pixels(one.layer)) if flat else None
+    return OtherPerson(number=someone.number, name=someone.name, hint=f"Show and correct {someone.name}", at=at)
+
+
+def _pixels(layer: BodyLayer) -> Float[np.ndarray, "n 2"]:
+    assert layer.camera is not None
+    return in_image(layer.vertices[layer.vertices[:, 2] > NEAREST], layer.camera)
+
+
+def _top(xy: Float[np.ndarray, "n 2"]) -> tuple[float, float] | None:
+    """The highest of some points."""
+    return pixel_pairs(xy[[xy[:, 1].argmin()]])[0] if len(xy) else None
+
+
+# --- the silhouette ---
+
+
+def silhouette(mask: Bool[np.ndarray, "h w"] | None, camera: Camera) -> Silhouette | None:
+    """A mask's outlines for the page, if any."""
+    found = [] if mask is None else outlines(mask, camera.size, camera.lens)
+    return Silhouette(lines=tuple(map(pixel_pairs, found))) if found else None
+
+
+def outlines(mask: Bool[np.ndarray, "h w"], size: tuple[int, int], lens: Lens | None) -> list[Float[np.ndarray, "n 2"]]:
+    """The borders of a mask and of its holes, in pixels of the undistorted picture.
+
+    Args:
+        mask: Of the distorted picture, see `Silhouettes`.
+        size: Width and height of the picture.
+        lens: Of its camera.
+    """
+    borders, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    scale = np.array(size) / mask.shape[::-1]
+    lines = []
+    for border in borders:
+        corners = cv2.approxPolyDP(border, _SMOOTHED, True)[:, 0].astype(float)
+        points = (corners + 0.5) * scale - 0.5
+        if lens is not None:
+            points, there = straightened(lens, points)
+            points = points[there]
+        if len(points) >= _FEWEST:
+            lines.append(points)
+    return lines
