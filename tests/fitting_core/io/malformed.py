@@ -71,7 +71,7 @@ HOSTILE: dict[str, tuple[bytes, str]] = {
         b"(" + _ENDLESS + b"Nd.",
         "an entry under a tuple, expected names",
     ),
-    "a key of many tuples": (b"\x80\x04}(" + b")" + b"\x85" * 10**6 + b"Nu.", "an entry under a tuple"),
+    "a key of many tuples": (b"\x80\x04}(" + b")" + b"\x85" * 10**5 + b"Nu.", "an entry under a tuple"),
     "a key of an ordered dictionary": (
         b"\x80\x02ccollections\nOrderedDict\n(](" + _ENDLESS + b"N\x86etR.",
         "an entry under a tuple",

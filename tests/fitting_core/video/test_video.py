@@ -94,10 +94,9 @@ def test_video_in_sequence_and_at_random(write_video, name, codec):
         assert [shown(frames.frame(index)) for index in order] == order
 
 
-@pytest.mark.parametrize("name, codec", [
-    ("walk.avi", "MPG2"), ("walk.avi", "PIM1"), ("walk.mpg", "MPG2"), ("walk.mpg", "PIM1"), ("walk.m2v", "MPG2"),
-    ("walk.ts", "MPG2"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "name, codec", [("walk.avi", "MPG2"), ("walk.mpg", "PIM1"), ("walk.m2v", "MPG2"), ("walk.ts", "MPG2")]
+)
 def test_frames_that_are_stored_in_another_order(write_video, name, codec):
     """MPEG with B-frames: AVI has no times of presentation, program streams have wrong ones, .m2v is no container."""
     with FrameSource(write_video(30, name, codec)) as frames:
@@ -257,7 +256,7 @@ def test_interlaced_frames_are_pictures(tmp_path, name):
         assert frames.pixel_aspect == pytest.approx(16 / 15 if name == "dv.avi" else 1)
 
 
-@pytest.mark.parametrize("name, codec", [("a.mp4", "libx264"), ("a.mkv", "libx265"), ("a.mov", "prores_ks")])
+@pytest.mark.parametrize("name, codec", [("a.mp4", "libx264"), ("a.mov", "prores_ks")])
 def test_ten_bits_a_channel(tmp_path, name, codec):
     encode(tmp_path / name, 12, codec, pixels="yuv422p10le")
     with FrameSource(tmp_path / name) as frames:
@@ -279,7 +278,7 @@ def test_odd_names(write_video, tmp_path, name):
         assert frames.count == 5 and shown(frames.frame(3)) == 3
 
 
-@pytest.mark.parametrize("part", np.linspace(0.55, 0.95, 9))
+@pytest.mark.parametrize("part", [0.55, 0.75, 0.95])
 def test_a_file_that_ends_among_frames_that_wait_for_others(tmp_path, part):
     """B-frames are stored after a frame that is shown later: what is counted can be decoded, without a gap."""
     file = tmp_path / "walk.mp4"

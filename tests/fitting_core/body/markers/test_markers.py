@@ -30,7 +30,7 @@ def body(request: pytest.FixtureRequest) -> BodyModel:
 REST = BodyParams(**{name: torch.zeros_like(value) for name, value in vars(random_params(1)).items()})
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def resting(body: BodyModel) -> dict[str, np.ndarray]:
     """Where the markers are in the rest pose: x to the body's left, y up, z forward."""
     return dict(zip(PLACES, marker_places(body, REST, STANDARD)[0], strict=True))
@@ -88,8 +88,8 @@ def test_markers_are_off_the_skin_by_their_radius(body: BodyModel, resting: dict
 
 def test_vertices_are_where_the_ray_leaves_the_skin(free_body: BodyModel):
     """The same with other triangles: each vertex as a body of its own, and a mesh turned inside out."""
-    turned = replace(free_body, faces=free_body.faces[:, ::-1].copy())
-    assert standard_vertices(turned) == standard_vertices(free_body)
+    expected = standard_vertices(free_body)
+    assert standard_vertices(replace(free_body, faces=free_body.faces[:, ::-1].copy())) == expected
     order = np.random.default_rng(0).permutation(len(free_body.template))
     place = np.argsort(order)
     mixed = replace(
@@ -100,8 +100,7 @@ def test_vertices_are_where_the_ray_leaves_the_skin(free_body: BodyModel):
         faces=place[free_body.faces],
         surface_keypoints={name: int(place[v]) for name, v in free_body.surface_keypoints.items()},
     )
-    found = {name: int(order[v]) for name, v in standard_vertices(mixed).items()}
-    assert found == standard_vertices(free_body)
+    assert {name: int(order[v]) for name, v in standard_vertices(mixed).items()} == expected
 
 
 def test_markers_move_with_the_body(free_body: BodyModel):

@@ -7,8 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from evaluation.synthetic.demo_clip import make_demo
-from fitting_core.clips.demo import DemoClip
+from fitting_core.clips.demo import demo_clip
 from fitting_core.clips.reading import read_clip
 from fitting_core.detect.detecting import Detected, Detection, FramesDetected
 from fitting_core.detect.detectors import find_detector
@@ -25,21 +24,25 @@ pytestmark = [
 ]
 
 
-@pytest.fixture(scope="module")
-def demo(tmp_path_factory: pytest.TempPathFactory) -> DemoClip:
-    return make_demo(tmp_path_factory.mktemp("demo") / "demo", frame_rate=6.0)
+EVERY = 12
+"""Of the demo clip's frames one in so many is looked at."""
 
 
 @pytest.fixture(scope="module")
-def source(demo: DemoClip) -> Iterator[FrameSource]:
-    with FrameSource(demo.video) as frames:
+def source(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FrameSource]:
+    folder = tmp_path_factory.mktemp("demo")
+    with FrameSource(demo_clip().video) as whole:
+        for t in range(0, len(whole), EVERY):
+            cv2.imwrite(str(folder / f"{t:03}.png"), whole.frame(t)[..., ::-1])
+    with FrameSource(folder) as frames:
         yield frames
 
 
 @pytest.fixture(scope="module")
-def drawn(demo: DemoClip) -> Keypoints:
+def drawn() -> Keypoints:
     """What the demo's keypoint files say, with a simulated detector's faults."""
-    return read_clip(demo.video, demo.keypoints).keypoints
+    points = read_clip(demo_clip().video, demo_clip().keypoints).keypoints
+    return Keypoints(xy=points.xy[::EVERY], confidence=points.confidence[::EVERY])
 
 
 @pytest.fixture(scope="module")

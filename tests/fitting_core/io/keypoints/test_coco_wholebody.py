@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 
 from fitting_core import wholebody as layout
 from fitting_core.clips.options import ClipOptions
@@ -56,6 +56,7 @@ def test_neck_and_mid_hip_are_means_with_the_smaller_confidence():
     assert not found[INDEX["mid_hip"]].any() and not found[INDEX["left_hip"]].any()
 
 
+@settings(max_examples=20)
 @given(keypoints())
 def test_what_was_written_reads_back(clip: Keypoints):
     with tempfile.TemporaryDirectory() as folder:

@@ -134,7 +134,7 @@ _KEYS = st.sampled_from(["pose_keypoints_2d", "pose_keypoints", "face_keypoints_
 _PEOPLE = st.one_of(st.lists(st.one_of(st.dictionaries(_KEYS, _LISTS, max_size=3), _NUMBERS), max_size=3), _NUMBERS)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(people=_PEOPLE)
 def test_whatever_a_file_holds_is_read_or_refused_in_words(tmp_path_factory, people):
     file = tmp_path_factory.getbasetemp() / "any_0_keypoints.json"
@@ -279,7 +279,7 @@ def clips(draw: st.DrawFn) -> Keypoints:
     return Keypoints(xy=draw(arrays(float, (count, 137, 2), elements=sizes)), confidence=confidence)
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
+@settings(max_examples=10, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
 @given(clip=clips(), first=st.integers(0, 10**12 - 10))
 def test_what_is_written_reads_back_the_same(tmp_path_factory, clip, first):
     folder = tmp_path_factory.mktemp("written")

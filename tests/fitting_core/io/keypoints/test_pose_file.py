@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 
 from fitting_core.clips.reading import read_clip
 from fitting_core.io import read_detections
@@ -45,6 +45,7 @@ def holistic(folder: Path, *, face: list[int] | None = None, frames: int = 3) ->
     return folder / "clip.pose", pose
 
 
+@settings(max_examples=20)
 @given(keypoints())
 def test_what_was_written_reads_back(clip: Keypoints):
     with tempfile.TemporaryDirectory() as folder:
