@@ -22,8 +22,3 @@ def mirrored(clip: Clip, base: int, frames: int) -> Clip:
     """
     there_and_back = np.concatenate([np.arange(base), np.arange(base)[::-1]])
     return picked(clip, np.resize(there_and_back, frames))
-
-
-def spread(frames: Int[np.ndarray, "n"], count: int) -> Int[np.ndarray, "count"]:
-    """`count` of the frames, evenly spread, the first and the last among them."""
-    return frames[np.linspace(0, len(frames) - 1, min(count, len(frames))).round().astype(int)]

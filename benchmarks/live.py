@@ -16,6 +16,7 @@ from jaxtyping import Float
 from tyro.conf import OmitArgPrefixes
 
 from benchmarks.clips import read
+from benchmarks.excerpts import mirrored
 from benchmarks.profile import SECTIONS
 from benchmarks.report import Common, Row, progress, repeated, report, start
 from benchmarks.sections import Stopwatch
@@ -28,7 +29,6 @@ from fitting_core.config.schema import PRESETS, FitConfig
 from fitting_core.fit.events import drained
 from fitting_core.fit.fitting import fit_clip, rerun_events
 from tcfit_app.fitting.live import LIVE_REACH, Correction, LiveCorrection
-from tests.samples.excerpts import mirrored
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,6 +13,7 @@ from torch.overrides import TorchFunctionMode
 from tyro.conf import OmitArgPrefixes
 
 from benchmarks.clips import read
+from benchmarks.excerpts import mirrored
 from benchmarks.real_clips import config_of
 from benchmarks.report import Common, Row, progress, report, start
 from benchmarks.sections import Section, Spent, Stopwatch
@@ -28,7 +29,6 @@ from fitting_core.fit.solvers.problem import IndependentFrames, SharedShape
 from fitting_core.fit.solvers.sequence import Sequence
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.terms.data import Data
-from tests.samples.excerpts import mirrored
 
 SECTIONS = [
     Section("forward: pose the points", ((BodyPoints, "forward"),)),

@@ -16,6 +16,7 @@ from statistics import median
 
 from tyro.conf import OmitArgPrefixes
 
+from benchmarks.excerpts import mirrored, picked
 from benchmarks.real_clips import config_of
 from benchmarks.report import Common, Row, progress, report, start
 from fitting_core.clip import Clip
@@ -29,7 +30,6 @@ from fitting_core.fit.fused import ready
 from tcfit_app.cli.demo_command import read_demo
 from tcfit_app.fitting.child_processes import CONTEXT
 from tcfit_app.options.preparing import compile_kernels
-from tests.samples.excerpts import mirrored, picked
 
 _STATUS = Path("/proc/self/status")
 

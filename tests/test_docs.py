@@ -18,6 +18,7 @@ import cv2
 import numpy as np
 import pytest
 
+import fitting_core
 from fitting_core.config.schema import PRESETS, SolverSettings
 from fitting_core.detect.detectors import DETECTORS
 from fitting_core.io.keypoints.openpose import write_openpose
@@ -360,8 +361,9 @@ def test_the_page_of_several_people_runs(
     assert "person 1 (0, 7) ()" in capsys.readouterr().out
 
 
-def test_the_readme_has_the_example_that_runs():
-    assert examples(ROOT / "README.md") == examples(DOCS / "library.md")[:1]
+def test_the_readme_and_the_package_have_the_example_that_runs():
+    of_package = [block for _, block in _FENCED.findall(fitting_core.__doc__ or "")]
+    assert examples(ROOT / "README.md") == examples(DOCS / "library.md")[:1] == of_package
 
 
 def test_every_documented_name_of_the_library_exists():

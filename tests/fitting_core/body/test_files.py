@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import scipy.sparse
 
-from fitting_core.body.files.forms import FORMS, KINDS, PARENTS, plain_hand_components
+from fitting_core.body.files.forms import KINDS, plain_hand_components
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.model import SURFACE_KEYPOINTS
 from fitting_core.errors import InputError
@@ -77,16 +77,6 @@ def test_official_meshes_have_their_keypoint_vertices(tmp_path: Path, kind: str)
     assert body.surface_keypoints["nose"] == nose
     assert body.surface_keypoints["right_big_toe"] == right_big_toe
     assert body.surface_keypoints["left_thumb"] == left_thumb
-
-
-def test_parents_of_the_forms():
-    """Against the trees as SMPL and SMPL-H publish them."""
-    assert FORMS[24].parents == (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21)
-    fingers = tuple(
-        w if k == 0 else 22 + 15 * s + 3 * f + k - 1 for s, w in enumerate((20, 21)) for f in range(5) for k in range(3)
-    )
-    assert FORMS[52].parents == FORMS[24].parents[:22] + fingers
-    assert FORMS[55].parents == PARENTS
 
 
 def _posed(template, directions, regressor, weights, parents, rotations):

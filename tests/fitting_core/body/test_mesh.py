@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from fitting_core.body import rotations
 from fitting_core.body.mesh import Mesh
-from fitting_core.body.model import JOINT, N_JOINTS, BodyModel
-from fitting_core.body.params import BodyParams, full_pose, hand_basis
+from fitting_core.body.model import N_JOINTS, BodyModel
+from fitting_core.body.params import BodyParams, full_pose
 from tests.samples.scenes import random_params
 
 
@@ -57,14 +57,6 @@ def test_neutral_pose_is_the_template(tiny_body: BodyModel):
     np.testing.assert_allclose(vertices, tiny_body.template, rtol=0, atol=1e-13)
 
 
-@pytest.mark.parametrize("chunk", [1, 2, 5, 32])
-def test_batch_is_single_frames(tiny_body: BodyModel, chunk: int):
-    params, mesh = random_params(5), Mesh(tiny_body, dtype=torch.float64)
-    together = mesh(params, chunk=chunk)
-    for i in range(5):
-        torch.testing.assert_close(together[i : i + 1], mesh(params[i : i + 1]), rtol=0, atol=1e-13)
-
-
 def test_turning_and_moving_the_whole_body(tiny_body: BodyModel):
     params, mesh = random_params(2), Mesh(tiny_body, dtype=torch.float64)
     turn, shift = rotations.exp(torch.tensor([0.4, -1.1, 0.2]).double()), torch.tensor([0.3, -0.2, 1.0]).double()
@@ -73,15 +65,6 @@ def test_turning_and_moving_the_whole_body(tiny_body: BodyModel):
     pelvis = mesh.joints(params)[:, :1]
     expected = (mesh(params) - pelvis) @ turn.T + pelvis + shift
     torch.testing.assert_close(mesh(moved), expected, rtol=0, atol=1e-12)
-
-
-def test_a_joint_moves_only_what_hangs_on_it(tiny_body: BodyModel):
-    params, mesh = random_params(1), Mesh(tiny_body, dtype=torch.float64)
-    pose = params.body_pose.clone()
-    pose[:, 3 * (JOINT["left_elbow"] - 1)] += 0.5
-    moved = (mesh.joints(replace(params, body_pose=pose)) - mesh.joints(params))[0].norm(dim=1) > 1e-9
-    below = {"left_wrist", *(f"left_{f}{k}" for f in ("index", "middle", "ring", "pinky", "thumb") for k in (1, 2, 3))}
-    assert {name for name, j in JOINT.items() if moved[j]} == below
 
 
 @pytest.mark.parametrize("components", [1, 6, 12, 44])
@@ -93,15 +76,6 @@ def test_hand_components_and_full_hands_are_one_pose(tiny_body: BodyModel, compo
     )
     assert full.left_hand_pose.shape == (2, 45)
     torch.testing.assert_close(full_pose(tiny_body, params), full_pose(tiny_body, full), rtol=0, atol=1e-13)
-
-
-def test_full_hands_are_added_to_the_mean(tiny_body: BodyModel):
-    basis, mean = hand_basis(tiny_body, 45, torch.zeros(0, dtype=torch.float64))
-    torch.testing.assert_close(basis, torch.eye(45, dtype=torch.float64).expand(2, 45, 45), rtol=0, atol=0)
-    pose = full_pose(tiny_body, BodyParams.neutral(1, hand_components=45))[0]
-    np.testing.assert_array_equal(pose[JOINT["left_index1"] :].reshape(2, 45), tiny_body.hand_mean)
-    np.testing.assert_array_equal(mean, tiny_body.hand_mean)
-    assert float(pose[: JOINT["left_index1"]].abs().max()) == 0
 
 
 def test_a_shaped_body_is_the_body_with_these_betas(tiny_body: BodyModel):

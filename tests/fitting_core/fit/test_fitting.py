@@ -74,8 +74,15 @@ def short_clip(free_body: BodyModel) -> Clip:
 
 
 @pytest.fixture(scope="module")
-def quick(free_body: BodyModel, short_clip: Clip) -> FitResult:
-    return fit_clip(short_clip, free_body, QUICK)
+def events(free_body: BodyModel, short_clip: Clip) -> list[FitEvent]:
+    return list(fit_events(short_clip, free_body, QUICK))
+
+
+@pytest.fixture(scope="module")
+def quick(events: list[FitEvent]) -> FitResult:
+    last = events[-1]
+    assert isinstance(last, Finished)
+    return last.result
 
 
 def vertex_errors(body: BodyModel, params: BodyParams, truth: BodyParams) -> Tensor:
@@ -108,14 +115,6 @@ def test_known_parameters_are_recovered_from_exact_keypoints(free_body: BodyMode
     assert result.observed[:, JOINT["left_pinky3"]].all()
 
 
-def test_window_over_the_whole_clip_is_global(free_body: BodyModel, short_clip: Clip, quick: FitResult):
-    """The same residuals over the same frames: nothing may differ, not even the last bit."""
-    for size in (8, 20):
-        window = replace(QUICK.temporal, mode="sliding_window", window_size=size)
-        result = fit_clip(short_clip, free_body, replace(QUICK, temporal=window))
-        assert same(result.last.params, quick.last.params)
-
-
 def test_sliding_window_gives_every_frame_once_and_smooths(free_body: BodyModel, short_clip: Clip, quick: FitResult):
     window = replace(QUICK.temporal, mode="sliding_window", window_size=4)
     events = list(fit_events(short_clip, free_body, replace(QUICK, temporal=window)))
@@ -136,8 +135,7 @@ def test_sliding_window_gives_every_frame_once_and_smooths(free_body: BodyModel,
     assert acceleration(quick.last.params) < 0.5 * before
 
 
-def test_events_come_in_order(free_body: BodyModel, short_clip: Clip, quick: FitResult):
-    events = list(fit_events(short_clip, free_body, QUICK))
+def test_events_come_in_order(events: list[FitEvent], quick: FitResult):
     frame = [e for e in events if not isinstance(e, Iteration)]
     expected = [PhaseStarted, FramesFitted, PhaseFinished] + [PhaseStarted, PhaseFinished] * 2 + [Finished]
     assert [type(e) for e in frame] == expected
@@ -150,8 +148,7 @@ def test_events_come_in_order(free_body: BodyModel, short_clip: Clip, quick: Fit
     for phase in (1, 2, 3):
         shares = [e.share for e in events if isinstance(e, Iteration) and e.phase == phase]
         assert len(shares) > 1 and all(a <= b for a, b in pairwise(shares))
-    assert isinstance(events[-1], Finished)
-    assert [p.phase for p in events[-1].result.phases] == [1, 2, 3]
+    assert [p.phase for p in quick.phases] == [1, 2, 3]
 
 
 def test_same_seed_same_result(free_body: BodyModel, short_clip: Clip, quick: FitResult):
@@ -250,12 +247,11 @@ def test_two_fits_that_overlap_give_the_threads_back():
         torch.set_num_threads(before)
 
 
-@pytest.mark.parametrize("last", [1, 2])
-def test_stops_after_the_chosen_phase(free_body: BodyModel, short_clip: Clip, quick: FitResult, last: int):
-    result = fit_clip(short_clip, free_body, replace(QUICK, last_phase=last))
-    assert [p.phase for p in result.phases] == list(range(1, last + 1))
-    assert same(result.last.params, quick.phases[last - 1].params)
-    assert result.phase(last) is result.last and result.phase(3) is None
+def test_stops_after_the_chosen_phase(free_body: BodyModel, short_clip: Clip, quick: FitResult):
+    result = fit_clip(short_clip, free_body, replace(QUICK, last_phase=2))
+    assert [p.phase for p in result.phases] == [1, 2]
+    assert same(result.last.params, quick.phases[1].params)
+    assert result.phase(2) is result.last and result.phase(3) is None
 
 
 def test_empty_frames_are_filled_and_reported(free_body: BodyModel, short_clip: Clip):
@@ -348,15 +344,6 @@ def test_a_rerun_leaves_other_frames_alone_and_makes_no_seam(free_body: BodyMode
     assert (seam(returned) < seam(optimum) + 0.003).all()
 
 
-@pytest.mark.parametrize("frames", [range(0, 1), range(7, 8), range(0, 8), range(6, 8)])
-def test_any_range_can_be_rerun(free_body: BodyModel, short_clip: Clip, quick: FitResult, frames: range):
-    best = quick.last.params
-    again = finished(rerun_events(short_clip, free_body, QUICK, best, frames)).params
-    outside = [i for i in range(8) if i not in frames]
-    assert same(again[outside], best[outside])
-    assert bool(again.body_pose.isfinite().all())
-
-
 @pytest.mark.parametrize("frames", [range(-1, 3), range(5, 9), range(4, 4), range(6, 3)])
 def test_ranges_outside_the_clip_are_refused(free_body: BodyModel, short_clip: Clip, quick: FitResult, frames: range):
     with pytest.raises(InputError, match="frames 0 to 7"):
@@ -387,8 +374,9 @@ def test_costs_of_changed_frames_are_those_of_the_whole_clip(tiny_body: BodyMode
     assert np.isnan(np.delete(after.frame_cost, range(window.start, window.stop))).all()
 
 
-@pytest.mark.parametrize("frames", [1, 2, 3])
-@pytest.mark.parametrize("mode", ["global", "sliding_window"])
+@pytest.mark.parametrize(
+    ("mode", "frames"), [("global", 1), ("global", 2), ("sliding_window", 1), ("sliding_window", 3)]
+)
 def test_the_shortest_clips(free_body: BodyModel, mode: str, frames: int):
     config = replace(QUICK, temporal=replace(QUICK.temporal, mode=mode), relay_rounds=1)
     result = fit_clip(clip_of(body_only(free_body, frames)), free_body, config)
@@ -436,16 +424,14 @@ def test_absurd_keypoints_give_numbers(tiny_body: BodyModel, preset: str, kind: 
     assert all(np.isfinite(list(p.objective.values())).all() for p in result.phases)
 
 
-@pytest.mark.parametrize("spread", [8e2, 1e5])
-def test_one_senseless_frame_stops_no_phase(free_body: BodyModel, short_clip: Clip, spread: float):
+def test_one_senseless_frame_stops_no_phase(free_body: BodyModel, short_clip: Clip):
     """Once it froze phases 2 and 3 for the whole clip: its start lay behind the camera, at infinite cost."""
-    for seed in range(2):
-        xy = short_clip.keypoints.xy.copy()
-        xy[4, kp.BODY] = np.random.default_rng(seed).uniform(-spread, spread, (25, 2))
-        result = fit_clip(clip_of(replace(short_clip.keypoints, xy=xy)), free_body, QUICK)
-        first, second, third = (p.params for p in result.phases)
-        assert not torch.equal(second.body_pose, third.body_pose)
-        assert float((second.betas[0] - first.betas.mean(0)).abs().max()) > 1e-6
+    xy = short_clip.keypoints.xy.copy()
+    xy[4, kp.BODY] = np.random.default_rng(0).uniform(-1e5, 1e5, (25, 2))
+    result = fit_clip(clip_of(replace(short_clip.keypoints, xy=xy)), free_body, QUICK)
+    first, second, third = (p.params for p in result.phases)
+    assert not torch.equal(second.body_pose, third.body_pose)
+    assert float((second.betas[0] - first.betas.mean(0)).abs().max()) > 1e-6
 
 
 def test_one_outlier_moves_little(free_body: BodyModel, short_clip: Clip, quick: FitResult):

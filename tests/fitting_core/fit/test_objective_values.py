@@ -2,18 +2,14 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 import torch
 
 from fitting_core import keypoints as kp
-from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT
 from fitting_core.body.params import BodyParams
 from fitting_core.config.schema import PRESETS, Temporal
 from fitting_core.errors import InputError
-from fitting_core.fit.collision.detection import body_collision_finder
-from fitting_core.fit.collision.distance_field import penetration
 from fitting_core.fit.objective_values import evaluate_objective
 from fitting_core.fit.phase_figures import evaluated
 from tests.samples.posed_clips import CAMERA, clip_of, motion, shipped_body
@@ -88,17 +84,6 @@ def test_jaw_is_where_the_two_sources_differ():
 
 
 @pytest.mark.parametrize(
-    ("joint", "axis", "natural"),
-    [("left_elbow", 1, -1), ("right_elbow", 1, 1), ("left_knee", 0, 1), ("right_knee", 0, 1)],
-)
-def test_bending_the_wrong_way_costs_exponentially(joint, axis, natural):
-    for angle in (0.8, -0.8):
-        params = with_column(still(), "body_pose", 2, 3 * (JOINT[joint] - 1) + axis, angle)
-        cost = values_of(params, stage=3, clip=clip_of(still())).frames["bending"][2]
-        assert cost == pytest.approx(13.5**2 * (3 + np.exp(-2 * natural * angle)))
-
-
-@pytest.mark.parametrize(
     ("point", "stage", "weight"),
     [("left_knee", 1, 1.0), ("neck", 5, 0.0), ("left_hip", 5, 0.0), ("left_index4", 4, 0.1), ("left_index4", 5, 2.0)],
 )
@@ -130,21 +115,6 @@ def test_temporal_term_is_the_squared_distance_from_the_mean_of_three_frames():
     assert values.total == pytest.approx(sum(float(cost.sum()) for cost in values.frames.values()) + expected)
     assert values.terms["temporal"] == values.temporal
     assert values_of(params).temporal == pytest.approx(0, abs=1e-12)
-
-
-def test_collision_is_the_intrusion_penalty():
-    params = still()
-    for side, sign in (("left", -1.0), ("right", 1.0)):
-        params = with_column(params, "body_pose", 1, 3 * (JOINT[f"{side}_shoulder"] - 1) + 2, 1.5 * sign)
-    vertices = Mesh(shipped_body(), dtype=torch.float64)(params)[1]
-    pairs = torch.as_tensor(body_collision_finder(shipped_body()).find(vertices.numpy()))
-    penalty = float(penetration(vertices, torch.as_tensor(shipped_body().faces.astype(np.int64)), pairs).square().sum())
-    assert penalty > 10
-    clip = clip_of(params)
-    for stage, weight in ((4, 0.1), (5, 1.0)):
-        cost = values_of(params, stage=stage, clip=clip).frames["collision"]
-        assert cost.tolist() == pytest.approx([0, weight**2 * penalty, 0], rel=1e-6)
-    assert "collision" not in values_of(params, stage=3, clip=clip).frames
 
 
 def test_it_is_what_a_fit_reports():

@@ -77,6 +77,12 @@ def test_short_gaps_are_closed_and_flicker_left_out():
     assert not found[:, 1].any()
 
 
+def test_between_the_thresholds_things_stay_as_they_are():
+    rising, falling = np.full((30, 2), 0.5), np.full((30, 2), 0.5)
+    falling[:5] = 0.9
+    assert not decided(rising, 30.0).any() and decided(falling, 30.0).all()
+
+
 def test_a_foot_that_leaves_the_image_does_not_stand_meanwhile():
     probability = np.full((40, 2), 0.9)
     probability[20:22] = 0.0

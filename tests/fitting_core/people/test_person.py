@@ -109,23 +109,23 @@ def test_a_nearly_equal_rival_is_named(figure):
     assert "Another person is nearly as prominent, in frame 0 at place 0 of the list: use person=0" in choice.note
 
 
-def _after_a_gap(figure, moved: int, *, beside: bool) -> list[list[np.ndarray]]:
-    """Somebody of 200 pixels who is not seen in frames 20 to 26, and who is then that many pixels off."""
-    others = [figure(900, 300, height=120)] if beside else []
-    walked = [figure(300, 300)] * 20, [figure(300 + moved, 300)] * 20
-    return [[one, *others] for one in walked[0]] + [others] * 7 + [[one, *others] for one in walked[1]]
+def _after_a_gap(figure, moved: int, beside: range) -> list[list[np.ndarray]]:
+    """Somebody of 200 pixels who is not seen in frames 20 to 26, and who is then that many pixels off; another one is
+    there in some frames."""
+    frames = [[figure(300, 300)]] * 20 + [[]] * 7 + [[figure(300 + moved, 300)]] * 20
+    return [people + [figure(900, 300, height=120)] * (t in beside) for t, people in enumerate(frames)]
 
 
 def test_who_comes_back_far_off_beside_others_may_be_one_of_them(figure):
-    choice = choose_person(clip(*_after_a_gap(figure, 90, beside=True)), first_frame=100)
+    choice = choose_person(clip(*_after_a_gap(figure, 90, range(47))), first_frame=100)
     assert all(entry == 0 for t, entry in enumerate(choice.entries) if not 20 <= t < 27)
     assert choice.doubtful == (range(19, 28),)
     assert "Over frames 119-127 the person may be confused with another" in choice.note
 
 
-@pytest.mark.parametrize("moved, beside", [(5, True), (90, False)])
-def test_who_comes_back_where_he_was_or_was_alone_is_the_same(figure, moved: int, beside: bool):
-    choice = choose_person(clip(*_after_a_gap(figure, moved, beside=beside)))
+@pytest.mark.parametrize("moved, beside", [(5, range(47)), (90, range(0)), (90, range(12))])
+def test_who_comes_back_where_he_was_or_was_alone_is_the_same(figure, moved: int, beside: range):
+    choice = choose_person(clip(*_after_a_gap(figure, moved, beside)))
     assert not choice.doubtful and "may be confused" not in choice.note and "not in frames 20-26" in choice.note
 
 

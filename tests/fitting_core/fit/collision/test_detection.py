@@ -1,5 +1,6 @@
 """Finding colliding triangles: the exact test, the broad phase, body parts, and posed bodies."""
 
+from dataclasses import replace
 from fractions import Fraction
 from itertools import combinations, product
 
@@ -9,16 +10,15 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from scipy.spatial.transform import Rotation
 
 from fitting_core.body.bounding_tree import build_tree
-from fitting_core.body.files.registry import find_body
-from fitting_core.body.model import JOINT, JOINTS, N_JOINTS, BodyModel
+from fitting_core.body.mesh import Mesh
+from fitting_core.body.model import JOINT, JOINTS
+from fitting_core.body.params import BodyParams
 from fitting_core.fit.collision.broad_phase import LEAF_SIZE, overlapping_triangles
 from fitting_core.fit.collision.detection import body_collision_finder, collision_finder
 from fitting_core.fit.collision.intersection import orientation, triangles_intersect
-from fitting_core.fit.collision.parts import body_parts, neighbouring_parts, parts_of_faces
-from fitting_core.shipped import FREE_FOLDER
+from fitting_core.fit.collision.parts import body_parts, neighbouring_parts
 
 grid_pairs = hnp.arrays(np.int64, (2, 3, 3), elements=st.integers(-2, 2))
 
@@ -124,78 +124,6 @@ def test_ignored_parts_do_not_count():
     )
 
 
-def tube(start, end, radius):
-    return trimesh.creation.cylinder(radius=radius, segment=[start, end], sections=24).subdivide()
-
-
-def model_of(pieces, parents):
-    """A body model with one rigid mesh per joint name."""
-    names, meshes = zip(*pieces, strict=True)
-    mesh = trimesh.util.concatenate(meshes)
-    weights = np.zeros((len(mesh.vertices), N_JOINTS))
-    weights[np.arange(len(weights)), np.repeat([JOINT[n] for n in names], [len(m.vertices) for m in meshes])] = 1
-    count = len(weights)
-    return BodyModel(
-        kind="smplx",
-        gender="neutral",
-        template=np.array(mesh.vertices),
-        shape_directions=np.broadcast_to(0.0, (count, 3, 10)),
-        expression_directions=np.broadcast_to(0.0, (count, 3, 10)),
-        pose_directions=np.broadcast_to(0.0, (count, 3, 486)),
-        joint_regressor=np.broadcast_to(0.0, (N_JOINTS, count)),
-        skinning_weights=weights,
-        parents=parents,
-        faces=np.array(mesh.faces),
-        hand_components=np.zeros((2, 45, 45)),
-        hand_mean=np.zeros((2, 45)),
-        surface_keypoints={},
-        landmark_vertices=np.zeros((51, 3), dtype=int),
-        landmark_weights=np.zeros((51, 3)),
-        contour_vertices=np.zeros((79, 17, 3), dtype=int),
-        contour_weights=np.zeros((79, 17, 3)),
-    )
-
-
-_BODY_PARENTS = [-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 15, 15, 15]
-_FINGER_PARENTS = [
-    wrist if k == 0 else joint - 1
-    for wrist, first in ((20, 25), (21, 40))
-    for joint, k in ((first + i, i % 3) for i in range(15))
-]
-SMPLX_PARENTS = np.array(_BODY_PARENTS + _FINGER_PARENTS)
-
-
-@pytest.fixture(scope="module")
-def tubes():
-    """Torso, forearm, hand and a finger as tubes; a box rests inside the torso, as eyes rest inside a head."""
-    pieces = [
-        ("spine1", tube([0, 0, 0], [0, 0.5, 0], 0.15)),
-        ("left_elbow", tube([0.4, 0.25, 0], [0.6, 0.25, 0], 0.04)),
-        ("left_wrist", tube([0.59, 0.25, 0], [0.7, 0.25, 0], 0.05)),
-        ("left_index3", tube([0.69, 0.25, 0.02], [0.76, 0.25, 0.02], 0.01)),
-        ("left_foot", trimesh.creation.box([0.4, 0.05, 0.05]).apply_translation([0, 0.05, 0.0])),
-    ]
-    return model_of(pieces, SMPLX_PARENTS)
-
-
-def test_triangles_that_intersect_at_rest_never_count(tubes):
-    parts = body_parts(tubes)
-    ignored = neighbouring_parts(tubes.parents, parts, tubes.faces)
-    every = collision_finder(tubes.template, tubes.faces, parts=parts, ignored=ignored)
-    assert len(every.find(tubes.template)) > 0
-    assert len(body_collision_finder(tubes).find(tubes.template)) == 0
-
-
-def test_hand_through_torso_collides_with_the_torso_only(tubes):
-    arm = tubes.template[:, 0] > 0.35
-    turned = tubes.template.copy()
-    turned[arm] = (turned[arm] - [0.4, 0.25, 0]) * [-1, 1, -1] + [0.4, 0.25, 0]
-    parts = body_parts(tubes)
-    pairs = body_collision_finder(tubes).find(turned)
-    names = {frozenset((JOINTS[parts[s]], JOINTS[parts[t]])) for s, t in pairs}
-    assert names == {frozenset(("spine1", "left_wrist"))}
-
-
 @pytest.mark.parametrize(
     ("a", "b", "expected"),
     [
@@ -210,35 +138,18 @@ def test_hand_through_torso_collides_with_the_torso_only(tubes):
         ("left_knee", "right_knee", False),
     ],
 )
-def test_neighbouring_parts(tubes, a, b, expected):
-    ignored = neighbouring_parts(SMPLX_PARENTS, body_parts(tubes), tubes.faces)
+def test_neighbouring_parts(free_body, a, b, expected):
+    ignored = neighbouring_parts(free_body.parents, body_parts(free_body), free_body.faces)
     assert ignored[JOINT[a], JOINT[b]] == ignored[JOINT[b], JOINT[a]] == expected
 
 
-def pose_body(body, rotations):
-    """Linear blend skinning without correctives; rotations are axis-angle by joint name."""
-    joints, parents = body["J_regressor"] @ body["v_template"], body["kintree_table"][0]
-    transforms = np.tile(np.eye(4), (N_JOINTS, 1, 1))
-    for j in range(N_JOINTS):
-        transforms[j, :3, :3] = Rotation.from_rotvec(rotations.get(JOINTS[j], (0.0, 0.0, 0.0))).as_matrix()
-        transforms[j, :3, 3] = joints[j] - (joints[parents[j]] if j else 0)
-        transforms[j] = (transforms[parents[j]] if j else np.eye(4)) @ transforms[j]
-    transforms[:, :3, 3] -= np.einsum("jab,jb->ja", transforms[:, :3, :3], joints)
-    blended = np.tensordot(body["weights"], transforms, axes=1)
-    return np.einsum("vab,vb->va", blended[:, :3, :3], body["v_template"]) + blended[:, :3, 3]
-
-
-def test_free_body_with_its_hand_in_its_thigh():
-    with np.load(find_body(search=FREE_FOLDER), allow_pickle=False) as body:
-        body = dict(body)
-    faces, parents = body["f"].astype(np.int64), body["kintree_table"][0].astype(np.int64)
-    parts = parts_of_faces(body["weights"], faces)
-    ignored = neighbouring_parts(parents, parts, faces)
-    finder = collision_finder(body["v_template"], faces, parts=parts, ignored=ignored).without_resting(
-        body["v_template"]
-    )
-    assert len(finder.find(pose_body(body, {}))) == 0
-    pairs = finder.find(pose_body(body, {"left_shoulder": (0, 0, -1.5)}))
-    names = {JOINTS[part] for part in parts[pairs].reshape(-1)}
+def test_hands_in_the_thighs_collide_with_these_only_and_nothing_does_at_rest(free_body):
+    """What touches in the rest pose never counts."""
+    rest, finder = BodyParams.neutral(1), body_collision_finder(free_body)
+    lowered = rest.body_pose.clone()
+    lowered[0, 3 * (JOINT["left_shoulder"] - 1) + 2] = -1.5
+    still, posed = (Mesh(free_body)(params)[0].numpy() for params in (rest, replace(rest, body_pose=lowered)))
+    assert len(finder.find(free_body.template)) == len(finder.find(still)) == 0
+    names = {JOINTS[part] for part in body_parts(free_body)[finder.find(posed)].reshape(-1)}
     arm = {"left_elbow", "left_wrist", *(f"left_{finger}1" for finger in ("thumb", "index", "middle", "ring", "pinky"))}
     assert "left_hip" in names and names & arm and names <= arm | {"left_hip", "pelvis"}

@@ -74,7 +74,7 @@ def detected(truth: Truth, happened: Sequence[Failure] = (), detector: Detector 
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("step", [1, 2, 4, 8, 12, 20, 30])
+@pytest.mark.parametrize("step", [1, 4, 12, 30])
 @pytest.mark.parametrize("pose", POSES)
 def test_people_who_turn_keep_their_sides(free_body: BodyModel, pose: str, step: int):
     for height in (0.3, 1.4, 3.2):

@@ -44,17 +44,6 @@ def test_windows_run_their_stages_from_first_to_last(tiny_body: BodyModel):
     assert shares == sorted(shares) and shares[-1] == 1.0
 
 
-def test_a_finished_frame_is_never_touched_again(tiny_body: BodyModel):
-    consistency, state = start_of(tiny_body, CONFIG)
-    steps, end = listed(consistency.sliding_window(state))
-    params = consistency.stages.parametrisation.to_params(end)
-    told = [s.fitted for s in steps if s.fitted is not None]
-    assert [list(frames) for frames, _ in told] == [[0], [1], [2], [3, 4, 5]]
-    for frames, final in told:
-        # Decoded among other frames the last digits differ.
-        torch.testing.assert_close(final.body_pose, params.body_pose[list(frames)], rtol=0, atol=1e-12)
-
-
 @pytest.mark.parametrize("size", [FRAMES, FRAMES + 5])
 def test_a_window_as_long_as_the_clip_is_all_at_once(tiny_body: BodyModel, size: int):
     config = replace(CONFIG, temporal=replace(CONFIG.temporal, window_size=size))

@@ -13,7 +13,6 @@ from scipy.spatial.transform import Rotation, Slerp
 from fitting_core import keypoints as kp
 from fitting_core.body import rotations
 from fitting_core.body.model import BodyModel
-from fitting_core.body.params import BodyParams
 from fitting_core.config.schema import FitConfig, SolverSettings, Weights
 from fitting_core.fit.fused import ready
 from fitting_core.fit.objective import FrameObjective
@@ -153,14 +152,6 @@ def test_relay_never_raises_a_cost_and_frees_a_stuck_frame(free_body: BodyModel,
     assert fits.start[2] in (Start.FRAME_BEFORE, Start.FRAME_AFTER), "what freed it is told"
 
 
-def test_frames_are_independent_without_relay(free_body: BodyModel, clip: Keypoints):
-    """What other frames show changes nothing."""
-    whole = finished(fit_frames(stages_of(free_body, clip, QUICK), make_solver("lm", QUICK.settings)))
-    part = finished(fit_frames(stages_of(free_body, clip[1:3], QUICK), make_solver("lm", QUICK.settings)))
-    torch.testing.assert_close(part.cost, whole.cost[1:3], rtol=1e-6, atol=0)
-    torch.testing.assert_close(part.state.vector, whole.state.vector[1:3], rtol=0, atol=1e-4)
-
-
 def profile(body: BodyModel) -> Keypoints:
     """A walking pose seen from the side, to the left and to the right."""
     params = arms_in_motion(2, depth=3.5)
@@ -215,12 +206,3 @@ def test_a_frame_that_fails_is_filled_and_told(free_body: BodyModel, clip: Keypo
     torch.testing.assert_close(fits.state.vector[2], between, rtol=0, atol=1e-12)
     assert fits.start.tolist() == [Start.TURNED_0, Start.TURNED_0, Start.FILLED, Start.TURNED_0, Start.TURNED_0]
     assert fits.stopped[2] == Stopped.FAILED and not set(fits.stopped.tolist()) & {Stopped.UNKNOWN, Stopped.EMPTY}
-
-
-def test_nobody_at_all(tiny_body: BodyModel):
-    blank = Keypoints(xy=np.zeros((3, kp.COUNT, 2)), confidence=np.zeros((3, kp.COUNT)))
-    stages = stages_of(tiny_body, blank, QUICK)
-    fits = finished(fit_frames(stages, solver_of(stages)))
-    assert fits.cost.isinf().all() and fits.notes == ("no frame shows four body keypoints",)
-    params: BodyParams = stages.parametrisation.to_params(fits.state)
-    assert bool(params.camera_translation.isfinite().all())

@@ -90,26 +90,13 @@ def test_start_is_the_mean_of_the_sampled_betas(tiny_body: BodyModel):
     assert torch.equal(sampled.vector[:, frame], start.vector[chosen][:, frame])  # poses start from phase 1
 
 
-def test_only_usable_frames_are_sampled(tiny_body: BodyModel):
-    *_, chosen = fitted_shape(tiny_body, replace(CONFIG, settings=SolverSettings(iterations=1)), usable=[0, 2, 5])
-    assert chosen.tolist() == [0, 2, 5]
-
-
-def test_the_prior_of_the_shared_shape_pulls_it_to_the_mean_body(tiny_body: BodyModel):
-    strong = replace(CONFIG, weights=replace(CONFIG.weights, shape=(1e5,) * 5))
-    stages, *_, sampled, _ = fitted_shape(tiny_body, strong)
-    assert float(sampled.vector[:, stages.parametrisation.columns.betas].abs().max()) < 1e-3
-
-
-@pytest.mark.parametrize("stages", [(5,), (1, 3), (1, 2, 3, 4, 5)])
-def test_the_configured_stages_run_in_order(tiny_body: BodyModel, stages: tuple[int, ...]):
-    config = replace(
-        CONFIG, shape_sample=replace(CONFIG.shape_sample, stages=stages), settings=SolverSettings(iterations=2)
-    )
+def test_the_configured_stages_run_in_order(tiny_body: BodyModel):
+    sample = replace(CONFIG.shape_sample, stages=(1, 3))
+    config = replace(CONFIG, shape_sample=sample, settings=SolverSettings(iterations=2))
     built = stages_of(tiny_body, hidden(keypoints_of(tiny_body, random_params(3)), kp.HANDS, kp.FACE), config)
     sight = Sight(stages=built, state=random_state(built.parametrisation, 3, 0), usable=torch.arange(3))
     labels = [s.label for s in fit_shape([sight], make_solver("lm", config.settings), config.shape_sample)]
-    assert list(dict.fromkeys(labels)) == [f"stage {s} of 5" for s in stages]
+    assert list(dict.fromkeys(labels)) == ["stage 1 of 5", "stage 3 of 5"]
 
 
 @pytest.mark.thorough

@@ -99,17 +99,6 @@ def test_known_optima():
     assert set(solution.reason) == {"converged"}
 
 
-def test_nonzero_residual_at_the_optimum():
-    """x fitted to 1, 2 and 6 ends at their mean, with cost 14."""
-
-    def distances(x: Tensor) -> Tensor:
-        return torch.cat([x - 1, x - 2, x - 6], -1)
-
-    solution, _ = minimised(Toy(distances, torch.tensor([[100.0]], dtype=torch.float64)))
-    assert float(solution.state.vector[0, 3]) == pytest.approx(3, abs=1e-6)
-    assert float(solution.cost) == pytest.approx(14)
-
-
 def test_cost_never_rises():
     _, progress = minimised(Toy(rosenbrock, STARTS))
     costs = torch.stack([p.cost for p in progress])
@@ -278,17 +267,6 @@ def test_a_shape_of_several_clips_is_that_of_one_with_all_their_frames(objective
     gentle, known = cut.softened(), whole.softened()
     assert gentle is not None and known is not None
     torch.testing.assert_close(gentle.cost(state, everyone), known.cost(state, everyone))
-
-
-def test_batched_frames_end_as_single_ones(objective):
-    e, state = objective
-    solver = LevenbergMarquardt(SolverSettings(iterations=6))
-    together = finished(solver.minimise(IndependentFrames(e, torch.arange(5)), state, final=True))
-    for i in (0, 3):
-        problem = IndependentFrames(e, torch.tensor([i]))
-        alone = finished(solver.minimise(problem, state[i : i + 1], final=True))
-        torch.testing.assert_close(alone.cost, together.cost[i : i + 1], rtol=1e-8, atol=0)
-        torch.testing.assert_close(alone.state.vector, together.state.vector[i : i + 1], rtol=0, atol=1e-6)
 
 
 def test_whole_descents_find_their_way_back_from_rejected_steps(either):

@@ -105,16 +105,6 @@ def test_unknowns_are_the_steps_that_a_normal_matrix_would_solve_for(stages, nea
     torch.testing.assert_close(spread.T @ coordinates, target.T, rtol=0, atol=1e-9)
 
 
-def test_frame_behind_the_camera_is_returned_as_it_came(stages, near_truth):
-    where = stages.parametrisation.columns.translation
-    start = near_truth.put(torch.tensor([3]), near_truth[3:4].with_columns(where, torch.tensor([[0.0, 0.0, -2.0]])))
-    solution = minimise("lbfgs", every_frame(stages, start), start)
-    assert solution.reason[3] == "failed" and solution.cost[3] == torch.inf
-    assert torch.equal(solution.state.vector[3], start.vector[3])
-    assert torch.equal(solution.state.orient[3], start.orient[3])
-    assert solution.cost[[0, 1, 2, 4]].isfinite().all() and solution.state.vector.isfinite().all()
-
-
 def test_overflowing_bend_does_not_leave_a_trace(stages, near_truth):
     """A knee bent by 400 rad overflows the exponential prior: METHOD tells of a run that it killed."""
     start = near_truth.put(torch.tensor([1]), near_truth[1:2].with_columns(slice(12, 13), torch.tensor([[-400.0]])))

@@ -95,38 +95,10 @@ def test_one_frame_in_several_poses_has_the_pairs_of_each(objective, state):
     assert together.cost[1] == 0 and min(together.cost[[0, 2]]) > 1
 
 
-def test_pairs_are_searched_once_for_each_pose(objective, state, monkeypatch):
-    """The normal equations at a point come after its cost; the search takes most of a term's time."""
-    searched, find = [], CollidingBody._find
-    monkeypatch.setattr(CollidingBody, "_find", lambda self, vertices: searched.append(1) or find(self, vertices))
-    shifted = state.with_columns(slice(3, 4), state.vector[:, 3:4] + 1e-3)
-    objective.cost(shifted, torch.arange(3))
-    objective.normal(shifted, torch.arange(3))
-    assert len(searched) == 3
-
-
 def gradient_by_autograd(objective: FrameObjective, state: State) -> Tensor:
     move = torch.zeros(len(state), len(objective.index), dtype=torch.float64, requires_grad=True)
     cost = objective.cost(state.moved(objective.step(move)), torch.arange(len(state)))
     return torch.autograd.grad(cost.sum(), move)[0]
-
-
-def test_gradient_is_that_of_finite_differences(objective, state):
-    """Where no triangle begins or ceases to touch, the cost is smooth."""
-    gradient = gradient_by_autograd(objective, state)[1:]
-    draw = torch.Generator().manual_seed(0)
-    frames = torch.arange(1, 3)
-    contacts = objective.terms[0].body.pairs(Estimate(objective.view, state[1:], frames))
-    for _ in range(3):
-        direction = torch.randn(2, gradient.shape[1], generator=draw, dtype=torch.float64)
-        costs = []
-        for step in (1e-8, -1e-8):
-            moved = state[1:].moved(objective.step(step * direction))
-            pairs = objective.terms[0].body.pairs(Estimate(objective.view, moved, frames))
-            assert all(a.equal(b) for a, b in zip(pairs, contacts, strict=True))
-            costs.append(objective.cost(moved, frames))
-        slope = (costs[0] - costs[1]) / 2e-8
-        torch.testing.assert_close((gradient * direction).sum(1), slope, rtol=1e-4, atol=1e-3)
 
 
 def test_closed_form_gradient_is_that_of_automatic_differentiation(objective, state):
@@ -154,12 +126,7 @@ def test_normal_matrix_is_that_of_automatic_differentiation_but_for_the_correcti
     )
 
 
-def test_rest_pose_does_not_collide(objective):
-    rest = objective.view.parametrisation.neutral(1)
-    assert objective.costs(rest, torch.tensor([0]))["collision"] == 0
-
-
-@pytest.mark.parametrize("wild", [torch.nan, torch.inf, 1e4])
+@pytest.mark.parametrize("wild", [torch.nan, 1e4])
 def test_bodies_that_are_none_cost_infinitely_much(objective, state, wild):
     betas = objective.view.parametrisation.columns.betas
     broken = state.put(

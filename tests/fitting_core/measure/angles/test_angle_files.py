@@ -13,7 +13,6 @@ from fitting_core.camera import World
 from fitting_core.ground.level import level_of
 from fitting_core.measure.angles.angle_files import write_angles_csv, write_mot
 from fitting_core.measure.angles.joint_angles import ANGLES, joint_angles
-from fitting_core.measure.angles.opensim import nearest_turns
 from fitting_core.measure.angles.segments import Segments
 from fitting_core.results.error_bars import ANGLES as BARRED
 from tests.fitting_core.io.motion.motions import swinging
@@ -187,24 +186,6 @@ def test_a_walker_from_the_side_looks_along_x(free_body: BodyModel, tmp_path: Pa
         assert degrees_between(pelvis, (turned("Y", off) * turned("Z", -20)).as_matrix()[None]) < WRITTEN
         # The model turns last, about a pelvis that leans: 5 degrees off one of the four make 0.07 degrees of tilt.
         assert columns["pelvis_tilt"][0] == pytest.approx(-20, abs=0.08)
-
-
-def test_nearest_turns_are_the_nearest():
-    """Against a search of all pairs."""
-    first, second = CHAIN["talus"][1]["ankle_angle"][0], CHAIN["calcn"][1]["subtalar_angle"][0]
-    draw = np.random.default_rng(1)
-    matrices = Rotation.from_euler("ZXY", draw.uniform(-40, 40, (12, 3)), degrees=True).as_matrix()
-    found = np.radians(nearest_turns(matrices, first, second))
-
-    def nearness(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-        made = Rotation.from_rotvec(one[:, None] * np.array(first)) * Rotation.from_rotvec(
-            other[:, None] * np.array(second)
-        )
-        return np.einsum("tij,tij->t", matrices, made.as_matrix())
-
-    grid = np.radians(np.arange(-180, 180, 6.0))
-    best = np.max([nearness(np.full(12, a), np.full(12, b)) for a in grid for b in grid], axis=0)
-    assert (nearness(*found) >= best - 1e-9).all()
 
 
 def test_a_calibrated_world_is_named(free_body: BodyModel, tmp_path: Path):

@@ -11,12 +11,11 @@ from fitting_core.body.geometry import MIRROR, MIRROR_ROTATION
 from fitting_core.body.model import JOINT, JOINTS, BodyModel, other_side
 from fitting_core.body.params import BodyParams
 from fitting_core.ground.level import Level, upright
-from fitting_core.measure.angles.cardan import angles_of, continuous, held
+from fitting_core.measure.angles.cardan import held
 from fitting_core.measure.angles.joint_angles import ANGLES, joint_angles
-from fitting_core.measure.angles.segments import Segments
 from fitting_core.motion import Motion
 from tests.fitting_core.io.motion.motions import CAMERA, swinging
-from tests.fitting_core.measure.angles.anatomy import PARENTS, bone, frames, mirrored, posed, turned
+from tests.fitting_core.measure.angles.anatomy import mirrored, posed, turned
 
 TOLERANCE = 1e-6
 """Degrees. Angles and the axes built here are computed in double precision, and off by 1e-12 at most."""
@@ -131,43 +130,6 @@ def test_the_pelvis_s_signs(free_body: BodyModel):
     assert angles["pelvis_rotation"][3] == pytest.approx(30, abs=TOLERANCE)
 
 
-def test_against_frames_built_otherwise(free_body: BodyModel):
-    """Of the posed body: long axes from joints in the world, and the angles by other formulas."""
-    motion = swinging(free_body, 30).in_axes("y-up")
-    angles = joint_angles(motion)
-    rest = frames(motion.rest_joints[0].numpy())
-    bones = Segments(motion)._posed[0]
-    joints = motion.joints()
-    for side, sign in (("right", 1.0), ("left", -1.0)):
-        thigh, shank = (bones[:, bone(f"{side}_{s}")] @ rest[f"{side}_{s}"] for s in ("thigh", "shank"))
-        hip, knee, ankle = (joints[:, JOINT[f"{side}_{name}"]] for name in ("hip", "knee", "ankle"))
-        assert np.allclose(thigh[:, :, 1], (hip - knee) / np.linalg.norm(hip - knee, axis=1)[:, None], atol=1e-5)
-        assert np.allclose(shank[:, :, 1], (knee - ankle) / np.linalg.norm(knee - ankle, axis=1)[:, None], atol=1e-5)
-        # Grood & Suntay 1983: e1 the thigh's flexion axis, e3 the shank's length, e2 across both
-        e1, e3 = thigh[:, :, 2], shank[:, :, 1]
-        e2 = np.cross(e3, e1)
-        e2 /= np.linalg.norm(e2, axis=1)[:, None]
-        flexion = np.degrees(np.arctan2((e2 * thigh[:, :, 1]).sum(1), (e2 * thigh[:, :, 0]).sum(1)))
-        adduction = sign * (90 - np.degrees(np.arccos((e1 * e3).sum(1))))
-        rotation = sign * np.degrees(np.arctan2((e2 * shank[:, :, 2]).sum(1), (e2 * shank[:, :, 0]).sum(1)))
-        assert np.allclose(-flexion, angles[f"{side}_knee_flexion"], atol=TOLERANCE)
-        assert np.allclose(adduction, angles[f"{side}_knee_adduction"], atol=TOLERANCE)
-        assert np.allclose(rotation, angles[f"{side}_knee_rotation"], atol=TOLERANCE)
-        for joint in ("hip", "ankle", "elbow", "wrist"):
-            parent, child = PARENTS[joint]
-            above, below = (bones[:, bone(s)] @ rest[s] for s in (
-                parent if parent in rest else f"{side}_{parent}", f"{side}_{child}"))  # fmt: skip
-            turns = Rotation.from_matrix(np.swapaxes(above, 1, 2) @ below).as_euler("ZXY", degrees=True)
-            first, second, third = (values for name, values in angles.items() if name.startswith(f"{side}_{joint}_"))
-            second = -second if joint == "elbow" else second
-            for value, expected in ((first, turns[:, 0]), (sign * second, turns[:, 1]), (sign * third, turns[:, 2])):
-                assert abs((value - expected + 180) % 360 - 180).max() < TOLERANCE, joint
-        # the arm's elevation is the angle between the trunk and the upper arm
-        thorax, humerus = bones[:, JOINT["spine3"]] @ rest["thorax"], bones[:, bone(f"{side}_humerus")]
-        cosine = (thorax[:, :, 1] * (humerus @ rest[f"{side}_humerus"])[:, :, 1]).sum(1)
-        assert np.allclose(np.degrees(np.arccos(cosine)), angles[f"{side}_shoulder_elevation"], atol=TOLERANCE)
-
-
 def test_a_mirrored_motion_has_the_other_side_s_angles(free_body: BodyModel):
     motion = swinging(free_body, 8).in_axes("y-up")
     swapped = [JOINT[other_side(name)] for name in JOINTS]
@@ -193,7 +155,7 @@ def test_angles_run_on_over_many_turns(free_body: BodyModel):
     assert np.allclose(joint_angles(motion)["pelvis_rotation"], turning, atol=TOLERANCE)
 
 
-@pytest.mark.parametrize("step", [0.75, 4.0, 20.0])
+@pytest.mark.parametrize("step", [4.0, 20.0])
 def test_cartwheels_run_on_where_rotation_and_tilt_are_not_determined(free_body: BodyModel, step: float):
     turning = np.arange(0, 1100, step)
     angles = joint_angles(posed(free_body, {}, root=[turned("YXZ", 30, -angle, 5) for angle in turning]))
@@ -243,13 +205,6 @@ def test_held_angles_play_the_rotation_where_axes_coincide():
     assert np.degrees((again.inv() * turns).magnitude()).max() < 1e-9
     assert angles[1, 0] == angles[0, 0], "the first axis waits"
     assert abs(np.diff(angles, axis=0)).max() < 40
-
-
-def test_the_nearer_triple_is_taken():
-    turns = [[10.0, angle, -20.0] for angle in range(40, 150, 10)]
-    matrices = Rotation.from_euler("ZXY", turns, degrees=True).as_matrix()
-    assert abs(angles_of(matrices, "ZXY")[-1] - turns[-1]).max() > 100
-    assert np.allclose(continuous(angles_of(matrices, "ZXY"), "ZXY")[[0, -1]], [turns[0], turns[-1]])
 
 
 def test_a_body_without_fingers_has_straight_wrists(free_body: BodyModel):
