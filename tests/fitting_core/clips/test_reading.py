@@ -265,18 +265,26 @@ def test_a_truncated_video_is_used_as_far_as_it_goes(video, walk):
     assert f"There are 20 keypoint files, walk.avi has {len(clip)} frames" in alignment_note(clip)
 
 
-@pytest.mark.parametrize(("aspect", "words"), [(1.45, "1.45 times.* too thin"), (0.8, "0.8 times.* too wide")])
-def test_pixels_that_are_not_square_are_noted(aspect, words, video, walk, monkeypatch):
+@pytest.mark.parametrize(
+    ("found", "words"),
+    [
+        ({"pixel_aspect": 1.45}, "1.45 times.* too thin.*ffmpeg -i walk.avi -vf scale=iw.sar:ih,setsar=1"),
+        ({"pixel_aspect": 0.8}, "0.8 times.* too wide"),
+        ({"uneven": True, "frame_rate": 14.98765}, "not evenly spaced in time.* 14.99 per second .*header states 25"),
+    ],
+)
+def test_pixels_that_are_not_square_and_uneven_frames_are_noted(found, words, video, walk, monkeypatch):
     opened = FrameSource.__init__
 
-    def open_anamorphic(self, path):
+    def open_odd(self, path):
         opened(self, path)
-        self.pixel_aspect = aspect
+        vars(self).update(found)
 
-    assert not any("pixels" in note for note in read_clip(video(1), walk([0])).notes)
-    monkeypatch.setattr(FrameSource, "__init__", open_anamorphic)
-    (note,) = (note for note in read_clip(video(1), walk([0])).notes if "pixels" in note)
-    assert re.search(words, note) and "ffmpeg -i walk.avi -vf scale=iw*sar:ih,setsar=1 walk-square.mp4" in note
+    assert not read_clip(video(1), walk([0])).notes
+    monkeypatch.setattr(FrameSource, "__init__", open_odd)
+    clip = read_clip(video(1), walk([0]))
+    (note,) = clip.notes
+    assert re.search(words, note) and clip.frame_rate == found.get("frame_rate", 25)
 
 
 def test_a_whole_video_is_not_called_truncated(video, walk):
@@ -318,6 +326,11 @@ def test_keypoints_of_images_of_another_size(video, write_people, figure):
     folder = write_people({"walk_0": [figure(900, 500, height=300)]})
     with pytest.raises(InputError, match=r"100% of the keypoints lie outside the image: .* the image is 320 x 240"):
         read_clip(video(1), folder)
+
+
+def test_keypoints_partly_outside_are_noted(video, write_people, figure):
+    clip = read_clip(video(1), write_people({"walk_0": [figure(160, 200, height=100)]}))
+    assert any("lie outside the image" in note for note in clip.notes)
 
 
 def test_keypoints_without_their_images(tmp_path):

@@ -48,7 +48,7 @@ def soup(seed, count, size):
     return vertices, np.arange(3 * count).reshape(count, 3)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(grid_pairs)
 def test_intersection_is_exact_where_triangles_touch_or_are_coplanar(pair):
     expected = intersect_by_separating_axes(*pair)
@@ -56,7 +56,7 @@ def test_intersection_is_exact_where_triangles_touch_or_are_coplanar(pair):
     assert triangles_intersect(*pair[::-1, None].astype(float))[0] == expected
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(grid_pairs, st.sampled_from([0.1, 1 / 3, 1e-7, 1e7]), st.integers(-3, 3))
 def test_intersection_is_exact_for_rounded_coordinates(pair, scale, shift):
     pair = pair * scale + shift / 7
@@ -93,7 +93,7 @@ def test_broad_phase_finds_what_all_pairs_find(seed, count, size, n_groups):
     assert set(found) == expected
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=6, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.02, 0.1, 0.3]))
 def test_collisions_of_a_soup(seed, size):
     vertices, faces = soup(seed, 15, size)

@@ -123,9 +123,9 @@ def test_quadratics_reach_their_optimum(n: int):
 @pytest.mark.parametrize("name", COSTS)
 def test_no_worse_than_pytorch(name: str):
     # "robust" has many minima: starts close to one another's basin, so that both solvers look for the same one.
-    starts = (0.2 if name == "robust" else 2) * random(6, 12, seed=5)
+    starts = (0.2 if name == "robust" else 2) * random(4, 12, seed=5)
     result = minimise_lbfgs(with_gradient(COSTS[name]), starts)
-    theirs = [torch_lbfgs(COSTS[name], starts, row) for row in range(6)]
+    theirs = [torch_lbfgs(COSTS[name], starts, row) for row in range(4)]
     for row, (cost, _) in enumerate(theirs):
         assert float(result.cost[row]) <= cost + 1e-6 * max(abs(cost), 1), row
     assert int(result.evaluations.sum()) <= 1.1 * sum(evaluations for _, evaluations in theirs)
@@ -133,9 +133,9 @@ def test_no_worse_than_pytorch(name: str):
 
 @pytest.mark.parametrize("name", COSTS)
 def test_rows_are_independent(name: str):
-    starts = random(5, 8, seed=6)
+    starts = random(3, 8, seed=6)
     together = minimise_lbfgs(with_gradient(COSTS[name]), starts)
-    for row in range(5):
+    for row in range(3):
         alone = minimise_lbfgs(
             with_gradient(lambda x, rows, row=row: COSTS[name](x, torch.full_like(rows, row))), starts[row : row + 1]
         )
@@ -143,7 +143,7 @@ def test_rows_are_independent(name: str):
         torch.testing.assert_close(alone.x[0], together.x[row], rtol=1e-6, atol=1e-7)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(seed=st.integers(0, 2**31), name=st.sampled_from(sorted(COSTS)), spread=st.floats(0.1, 3))
 def test_never_above_the_start_and_always_the_best_point_seen(seed: int, name: str, spread: float):
     starts = spread * random(3, 5, seed=seed)

@@ -269,9 +269,9 @@ def test_a_shape_of_several_clips_is_that_of_one_with_all_their_frames(objective
     torch.testing.assert_close(gentle.cost(state, everyone), known.cost(state, everyone))
 
 
-def test_whole_descents_find_their_way_back_from_rejected_steps(either):
+def test_whole_descents_find_their_way_back_from_rejected_steps(objective):
     """Where a step too long is not made shorter, a descent goes on proposing it until its iterations are over."""
-    e, state = either
+    e, state = objective
     problem = IndependentFrames(e, torch.arange(5))
     solution = finished(LevenbergMarquardt(SolverSettings()).minimise(problem, state, final=True))
     assert set(solution.reason) == {"converged"}

@@ -197,6 +197,7 @@ class Faithful(Collision):
         return self
 
 
+@pytest.mark.thorough
 def test_softened_term_frees_what_the_faithful_one_leaves_inside(hands_in_thighs, freed_by_lm):
     """Levenberg-Marquardt on the faithful term alone stops on its staircase."""
     start, problem = hands_in_thighs
