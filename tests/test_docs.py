@@ -143,7 +143,7 @@ def test_the_version_of_torch_that_is_named_is_the_tested_one(page: Path):
 def docstrings() -> list[tuple[str, str]]:
     """Each file of the packages with each of its docstrings."""
     found: list[tuple[str, str]] = []
-    for package in ("fitting_core", "tcfit_app", "benchmarks", "build_assets", "web_tools", "tests"):
+    for package in ("fitting_core", "tcfit_app", "benchmarks", "build_assets", "web_tools"):
         for path in sorted((ROOT / package).rglob("*.py")):
             nodes = ast.walk(ast.parse(text_of(path)))
             texts = (
@@ -324,6 +324,7 @@ def test_the_page_for_engineers_runs(walk: None, monkeypatch: pytest.MonkeyPatch
     assert "4 frames; the right wrist moves at up to" in said and "(4, 63) (10,)\n[0 1]" in said and "y up" in said
 
 
+@pytest.mark.thorough
 def test_a_program_that_starts_tcfit_hears_of_it(
     walk: None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ):

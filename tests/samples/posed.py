@@ -15,9 +15,6 @@ from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.analysis.posed_fit import PosedFit
 from tests.samples.scenes import CAMERA, clip_of, noisy, random_params
 
-PIXELS_PER_METRE = 300.0
-"""About: focal length 900 px, 3 m away."""
-
 
 def keypoints_of(body: BodyModel, params: BodyParams) -> Keypoints:
     """Exact projections with confidence 1: as `tests.samples.scenes.keypoints_of`, which takes a second."""
