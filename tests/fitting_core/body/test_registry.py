@@ -1,6 +1,7 @@
 """Where bodies are found, and how downloads become registered bodies."""
 
 import io
+import os
 import shutil
 import tarfile
 import zipfile
@@ -81,6 +82,13 @@ def test_order_of_places(user: Path, tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert find_body(search=given, gender="female") == given
     assert [body.path for body in list_bodies()] == [variable, registered, tmp_path / "free" / "SMPLX_NEUTRAL.npz"]
     assert [body.origin for body in list_bodies()] == ["user", "user", "free"]
+
+
+def test_several_folders_in_the_variable(user: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    first = write_npz(tmp_path / "a" / "SMPLX_MALE.npz", body_arrays())
+    second = write_npz(tmp_path / "b" / "SMPLX_FEMALE.npz", body_arrays())
+    monkeypatch.setenv(ENVIRONMENT, os.pathsep.join([str(tmp_path / "a"), str(tmp_path / "b")]))
+    assert find_body(gender="male") == first and find_body(gender="female") == second
 
 
 def test_variable_that_names_no_folder_is_refused(user: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

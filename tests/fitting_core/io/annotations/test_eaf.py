@@ -50,6 +50,7 @@ def test_it_keeps_the_rules_of_the_schema(written: Path):
     for name in ("xmlns:xsi", "xsi:noNamespaceSchemaLocation"):
         root.set(name, root.attrib.pop(name.replace(":", "_")))
     assert not list(problems(root))
+    assert [slot.get("TIME_VALUE") for slot in root.iter("TIME_SLOT")] == ["0", "40", "80", "120"]
     root.find("TIER").set("TIER_ID", "Left phase")
     root.insert(0, root.find("CONTROLLED_VOCABULARY"))
     assert len(list(problems(root))) >= 2  # the rules can be broken
