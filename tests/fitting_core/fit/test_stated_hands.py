@@ -85,6 +85,7 @@ def test_a_whole_fit_has_it_and_wrists_stay_where_they_are_seen(clip: Clip):
     assert (pixels[1] - pixels[0]).abs().max() < 1
 
 
+@pytest.mark.thorough
 def test_hands_move_where_none_was_detected(params: BodyParams):
     clip = with_shape(clip_of(params, noise=0.5), "fist")
     found = fit_clip(clip, shipped_body(), PRESETS["tcfit"]).last.params

@@ -54,10 +54,11 @@ def test_time_is_the_video_s(played: Player, upright: Motion):
 
 
 def test_half_way_between_two_frames_is_between_them(played: Player, upright: Motion):
-    before, after = meshes(upright)[2:4]
-    shown = played.vertices(float(played.times[2:4].mean()))
-    farthest = np.linalg.norm(after - before, axis=1).max()
-    assert np.linalg.norm(shown - (before + after) / 2, axis=1).max() < 0.15 * farthest
+    """Signs of quaternions would show: the root turns by more than half a turn."""
+    posed = meshes(upright)
+    for time, before, after in zip((played.times[1:] + played.times[:-1]) / 2, posed, posed[1:], strict=False):
+        farthest = np.linalg.norm(after - before, axis=1).max()
+        assert np.linalg.norm(played.vertices(float(time)) - (before + after) / 2, axis=1).max() < 0.3 * farthest
 
 
 def test_the_camera_sees_what_the_fit_s_camera_sees(played: Player, upright: Motion):
