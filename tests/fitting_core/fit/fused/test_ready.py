@@ -41,6 +41,7 @@ def test_another_folder(tmp_path: Path):
     run(ELSEWHERE, str(tmp_path / "kernels"), TCFIT_KERNELS=str(tmp_path / "kernels"))
 
 
+@pytest.mark.thorough
 def test_a_folder_that_cannot_be_made(tmp_path: Path):
     (tmp_path / "file").touch()
     run(ELSEWHERE, str(tmp_path / "file"), TCFIT_KERNELS=str(tmp_path / "file" / "kernels"))
