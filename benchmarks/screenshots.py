@@ -248,9 +248,9 @@ def given(review: Reviewing) -> Iterator[str]:
     review.tab.get_by_text("Start, person").scroll_into_view_if_needed()
     settle(review)
     yield "start"
-    wrong = (("start", "Path of the result is empty; expected the path of a file or folder."),)
-    show(review, settings=replace(tab.state.settings, given=Given(start=Source()), problems=wrong))
-    yield "start-file"
+    wrong = (("shape", "Path of the shape is empty; expected the path of a file or folder."),)
+    show(review, settings=replace(tab.state.settings, given=Given(shape=Source()), problems=wrong))
+    yield "shape-file"
     show(review, settings=replace(tab.state.settings, given=Given(), problems=()))
     use = review.tab.get_by_role("button", name="Use this camera")
     if not use.is_visible():
@@ -357,10 +357,7 @@ def starting(review: Reviewing) -> Iterator[str]:
     yield "groups"
     review.tab.get_by_text("How keypoints are found", exact=True).click()
     settle(review)
-    review.tab.locator("xpath=//*[normalize-space(text())='Detector']/following::input[1]").click()
-    review.tab.get_by_role("option", name="Your own ONNX file").click()
-    settle(review)
-    yield "own-model"
+    yield "detectors"
     review.app.post(lambda: review.session.source.begin(ImportFiles(path=Path("no/such/folder"))))
     until(lambda: not review.session.source.busy, "the failure")
     settle(review)

@@ -10,8 +10,8 @@ import viser
 from tcfit_app.cli.review_command import review
 from tcfit_app.options.fit import ServerOptions
 from tcfit_app.project.project import Project
-from tcfit_app.review import page
 from tcfit_app.review.gestures.actions import Gestures
+from tcfit_app.review.panels import add_panel
 from tcfit_app.review.panels.elements.html import Board, button, paragraph
 
 
@@ -23,8 +23,6 @@ class WayPanel:
 
     def __init__(self, gestures: Gestures) -> None:
         self._tab, self._board = gestures.tab, Board(gestures.tab)
-        self._tab.buttons.on("way.fastest", lambda _: self._tab.seek(self._fastest))
-        self._fastest = 0
 
     def draw(self) -> None:
         fit = self._tab.shown.b
@@ -32,13 +30,13 @@ class WayPanel:
             self._board.show(paragraph("There is no fit yet."))
             return
         steps = np.linalg.norm(np.diff(fit.params.camera_translation.numpy(), axis=0), axis=1)
-        self._fastest = int(steps.argmax()) + 1
-        text = f"{fit.title}: {steps.sum():.2f} m, fastest in frame {self._fastest}"
-        self._board.show(paragraph(text), button("Go there", "way.fastest"))
+        fastest = int(steps.argmax()) + 1
+        text = f"{fit.title}: {steps.sum():.2f} m, fastest in frame {fastest}"
+        self._board.show(paragraph(text), button("Go there", "way.fastest", do=lambda: self._tab.seek(fastest)))
 
 
 def main(folder: str) -> None:
-    page.PANELS = (*page.PANELS, WayPanel)
+    add_panel(WayPanel)
     with Project.open(Path(folder)) as project:
         review(project, ServerOptions())
 

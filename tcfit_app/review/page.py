@@ -23,16 +23,10 @@ from tcfit_app.review.drawing.rows import MOST_ROWS, PLOTS
 from tcfit_app.review.drawing.status import Status
 from tcfit_app.review.drawing.timeline import Timeline
 from tcfit_app.review.faults import Faults
-from tcfit_app.review.gestures.actions import (
-    ACTIONS,
-    BINDINGS,
-    Action,
-    Gestures,
-    key_text,
-)
+from tcfit_app.review.gestures.actions import ACTIONS, Gestures, bindings, key_text
 from tcfit_app.review.gestures.edit_words import part_name
 from tcfit_app.review.gestures.keyframing import HANDS_OF
-from tcfit_app.review.panels import PANELS, WITHOUT_KEYPOINTS, Panel
+from tcfit_app.review.panels import Panel, panels_of
 from tcfit_app.review.panels.key_list import KeyWindow
 from tcfit_app.review.panels.person_choice import PersonChoice
 from tcfit_app.review.tab.tab import Tab
@@ -59,10 +53,9 @@ class Page:
     def __init__(self, tab: Tab) -> None:
         self.tab = tab
         self.gestures = Gestures(self.tab)
-        self.tab.buttons.on("action", self._run, ACTIONS.__getitem__)
         self.picture = Picture(self.tab, self.gestures.turning.rings)
         self.timeline, self.status = Timeline(self.tab), Status(self.gestures)
-        self._key_window = KeyWindow(self.tab)
+        self._key_window = KeyWindow(self.gestures)
         self._faults = Faults(lambda notice: self.tab.notify(notice))
         self._followed: int | None = None
         """The dragged body sent last."""
@@ -81,7 +74,7 @@ class Page:
         """Show this page in the browser tab."""
         self.tab.scene.rings.turned = lambda *turned: self.tab.do(lambda: self.gestures.turning.take(*turned))
         self.tab.channel.send("skeleton", SKELETON)
-        self.tab.channel.send("keys", Keys(bindings=BINDINGS))
+        self.tab.channel.send("keys", Keys(bindings=bindings()))
 
     def come_from(self, other: "Page") -> None:
         """Replace another person's page in the same tab."""
@@ -111,7 +104,7 @@ class Page:
         gui, made = self.tab.client.gui, []
         self._person = PersonChoice(self.tab)
         self._tabs = gui.add_tab_group()
-        for kind in PANELS if self.tab.session.project.has_detections else WITHOUT_KEYPOINTS:
+        for kind in panels_of(self.tab.session.project):
             with self._tabs.add_tab(kind.title, kind.icon):
                 made.append(kind(self.gestures))
         return made
@@ -152,12 +145,7 @@ class Page:
     def _key(self, event: page_events.Key) -> None:
         action = ACTIONS.get(event.action)
         if action is not None and (action.repeats or not event.repeat):
-            self._run(action)
-
-    def _run(self, action: Action) -> None:
-        self.tab.doing = action.title
-        self.tab.look()
-        action.do(self.gestures)
+            self.gestures.run(event.action)
 
     def _seek(self, event: page_events.Seek) -> None:
         self.tab.pause()

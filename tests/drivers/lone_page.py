@@ -120,7 +120,7 @@ class LonePage:
         self.draw()
         if command == "action":
             return self.page.receive(Key(action=value, repeat=False))
-        assert self.page.tab.buttons.on_show(command, value), f"{command} {value} is not on show"
+        assert self.page.tab.buttons.find(command, value), f"{command} {value} is not on show"
         self.page.receive(Press(command, value))
 
     def click(self, label: str) -> None:

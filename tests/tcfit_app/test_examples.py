@@ -11,7 +11,8 @@ import viser
 from fitting_core.config.schema import PRESETS
 from fitting_core.keypoints import INDEX
 from tcfit_app.cli import review_command
-from tcfit_app.review import page
+from tcfit_app.review import panels
+from tcfit_app.review.gestures.actions import ACTIONS
 from tests.drivers.lone_page import lone_page, sample_project
 from tests.samples.posed_clips import CAMERA, clip_of, motion
 from tests.test_docs import QUICK, ROOT, filmed
@@ -55,14 +56,16 @@ def test_a_panel_of_one_s_own(tmp_path: Path, panel_server: viser.ViserServer, m
 
     def review(project, options) -> None:
         with lone_page(panel_server, project) as tested:
-            (own,) = [panel for panel in page.PANELS if panel.title == "Way"]
+            (own,) = [panel for panel in panels.PANELS if panel.title == "Way"]
             tested.only(own)
             tested.draw()
             shown.append(tested.html())
             tested.click("Go there")
             shown.append(f"now in frame {tested.page.tab.state.frame}")
 
-    monkeypatch.setattr(page, "PANELS", page.PANELS)
+    monkeypatch.setattr(panels, "PANELS", [*panels.PANELS])
+    for name in (*ACTIONS, "panel_way"):
+        monkeypatch.setitem(ACTIONS, name, ACTIONS.get(name))
     monkeypatch.setattr(review_command, "review", review)
     run("own_panel", [str(tmp_path / "walk.tcfit")], monkeypatch)
     fastest = shown[0].split("fastest in frame ")[1].split("<")[0]

@@ -37,7 +37,7 @@ _OF_PICTURE = (
     ("all", "undo", "redo"),
     ("detect", "frame"),
     ("fine", "flag", "note"),
-    ("bodies", "bones", "outline", "side"),
+    ("bodies", "keypoints", "outline", "side"),
     ("fit_view", "save_picture", "copy_link"),
 )
 _BY_PART = {"detect": "Detect again", "frame": "Detect in a rectangle"}

@@ -1,6 +1,6 @@
 """Everything that a key or the command palette can do, in one table."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ParamSpec
 
@@ -22,7 +22,8 @@ from tcfit_app.review.gestures.shaping import ShapingHands
 from tcfit_app.review.gestures.turning import Turning
 from tcfit_app.review.gestures.zooming import next_close_up, show_whole, zoom_to_selection
 from tcfit_app.review.scene.windows import ARRANGEMENTS
-from tcfit_app.review.tab.state import MODES, OPACITIES, PANEL_TITLES, SIDES_SEEN
+from tcfit_app.review.tab.state import CONTROLS, MODES, OPACITIES, SIDES_SEEN, Section, Switch
+from tcfit_app.review.tab.state import Need as StateNeed
 from tcfit_app.review.tab.tab import Tab
 
 P = ParamSpec("P")
@@ -47,6 +48,13 @@ class Gestures:
         steps = tuple(Hint(text=text, keys=keys.get(name, "")) for text, name in _FIRST_STEPS)
         self.tab.channel.ask("hints", Hints(steps=steps))
 
+    def run(self, name: str) -> None:
+        """Do one of ACTIONS on what is on show."""
+        action = ACTIONS[name]
+        self.tab.doing = action.title
+        self.tab.look()
+        action.do(self)
+
 
 _FIRST_STEPS = (
     ("Play the clip. The arrow keys go frame by frame.", "play"),
@@ -58,6 +66,7 @@ _FIRST_STEPS = (
     ("Your own video: keypoints are detected automatically. In the terminal: tcfit review VIDEO --fit", ""),
     ("All keys. These first steps are there too.", "help"),
 )
+
 
 Need = Callable[[Gestures], object]
 """Raises InputError saying what is missing, and what to do."""
@@ -255,6 +264,13 @@ def picture(g: Gestures) -> None:
         raise InputError("3D has no picture for that: go to Edit (1) or A | B (2) first.")
 
 
+def error_bars(g: Gestures) -> None:
+    """Requires a fit with error bars."""
+    shown = g.tab.shown.held
+    if shown is None or shown.result is None or shown.result.error_bars is None:
+        raise InputError("This fit has no error bars: only phase 3 with the lifter has.")
+
+
 def silhouettes(g: Gestures) -> None:
     """Requires a detector that provides silhouettes."""
     if g.tab.session.project.footage.silhouettes is None:
@@ -265,6 +281,19 @@ def others(g: Gestures) -> None:
     """Requires other people in the clip."""
     if not g.tab.someone.others:
         raise InputError("This project has only one person.")
+
+
+NEEDS: Mapping[StateNeed, Need] = {
+    "bodies": bodies,
+    "error_bars": error_bars,
+    "keypoints": keypoints,
+    "others": others,
+    "picture": picture,
+    "silhouettes": silhouettes,
+    "video": video,
+    "writable": writable,
+}
+"""What the rows of TabState need."""
 
 
 def _undoable(g: Gestures) -> None:
@@ -320,6 +349,18 @@ def _nudge(name: str, pixels: int) -> str:
 
 _Row = tuple[str, str, str, Callable[[Gestures], object], tuple[Need, ...]]
 """By action: its name, title, keys as "Shift+m Delete", what does it, and its needs."""
+
+
+def _switches(*sections: Section) -> tuple[_Row, ...]:
+    """The rows of TabState's switches."""
+    return tuple(
+        (name, row.title, row.keys, _toggle(name), tuple(NEEDS[need] for need in row.needs))
+        for section in sections
+        for name, row in CONTROLS.items()
+        if isinstance(row, Switch) and row.section == section
+    )
+
+
 _PLAYING: tuple[_Row, ...] = (
     ("play", "Play or pause", "Space", lambda g: g.tab.toggle_playing(), ()),
     ("previous", "Previous frame", "ArrowLeft", lambda g: g.tab.step(-1), ()),
@@ -328,7 +369,7 @@ _PLAYING: tuple[_Row, ...] = (
     ("next10", "10 frames forward", "Shift+ArrowRight", lambda g: g.tab.step(10), ()),
     ("first", "First frame", "Home", lambda g: g.tab.step(-g.tab.length), ()),
     ("last", "Last frame", "End", lambda g: g.tab.step(g.tab.length), ()),
-    ("loop", "Loop on or off", "l", _toggle("loop"), ()),
+    *_switches("playing"),
 )
 _VIEW: tuple[_Row, ...] = (
     *(
@@ -341,18 +382,12 @@ _VIEW: tuple[_Row, ...] = (
         )
         for number, (mode, name) in enumerate(MODES.items(), 1)
     ),
-    ("blink", "Blink: A in B's place", "b", _toggle("blinked"), (bodies,)),
+    *_switches("fits", "bodies", "side", "picture"),
     ("arrangement", "A | B: side by side, stacked or wipe", "w", _rearrange, (bodies,)),
-    ("bodies", "Bodies on or off", "m", _toggle("bodies"), (bodies,)),
-    ("bones", "Keypoints on or off", "k", _toggle("keypoints"), ()),
     ("next_person", "Next person of the clip", "q", _go_to_next_person, (others,)),
     ("peek", "Video only, while held", "p", lambda g: None, (video,)),
     ("fainter", "Less opacity", ",", lambda g: _change_opacity(g.tab, -0.1), ()),
     ("denser", "More opacity", ".", lambda g: _change_opacity(g.tab, 0.1), ()),
-    ("outline", "Outline on or off", "u", _toggle("outline"), (bodies, picture)),
-    ("silhouette", "Silhouette on or off", "Shift+u", _toggle("silhouette"), (silhouettes, picture)),
-    ("difference", "Colour by distance between A and B", "d", _toggle("difference"), (bodies,)),
-    ("side", "Side view on or off", "v", _toggle("side"), (bodies,)),
     ("turn_side", "Side view from the next side", "Shift+v", _turn_side, (bodies,)),
     ("fit_view", "Whole picture", "f", lambda g: show_whole(g.tab), ()),
     ("zoom", "Zoom to the selected keypoints", "z", lambda g: zoom_to_selection(g.tab), (joints,)),
@@ -363,27 +398,16 @@ _VIEW: tuple[_Row, ...] = (
         lambda g: next_close_up(g.tab),
         (picture,),
     ),
-    ("trail", "Trail of the selected keypoints on or off", "j", _toggle("trail"), ()),
     ("save_picture", "Save the picture", "", lambda g: g.tab.save_picture(), ()),
     ("first_steps", "Show the first steps", "", lambda g: g.show_first_steps(), ()),
     ("help", "Show all keys", "h", _toggle("keys"), ()),
-    *(
-        (
-            f"panel_{title.lower()}",
-            f"Panel: {title}",
-            f"Shift+Digit{number}",
-            lambda g, title=title: g.tab.show_panel(title),
-            (),
-        )
-        for number, title in enumerate(PANEL_TITLES, 1)
-    ),
 )
 _KEYPOINTS: tuple[_Row, ...] = (
     ("bad", "Mark bad, or restore", "x", lambda g: g.correcting.toggle_bad(), _OF_JOINTS),
     ("reset", "Reset to the detection", "Backspace Delete", lambda g: g.correcting.reset(), _OF_JOINTS),
     ("copy", "Copy from the previous frame", "c", lambda g: g.correcting.copy_previous(), _OF_JOINTS),
     ("interpolate", "Interpolate", "i", lambda g: g.correcting.interpolate(), _OF_JOINTS),
-    ("keyframes", "Keyframes on or off", "a", _toggle("keyframes"), (writable, keypoints)),
+    *_switches("keyframes"),
     (
         "delete_key",
         "Delete the keyframe",
@@ -391,7 +415,6 @@ _KEYPOINTS: tuple[_Row, ...] = (
         lambda g: g.correcting.delete_key(),
         (writable, keypoints, some_key, joints, key),
     ),
-    ("hand_along", "Hand follows its wrist, on or off", "", _toggle("hand_along"), (writable, keypoints)),
     ("swap_body", "Swap left and right of the body", "s", lambda g: g.correcting.swap_sides("body"), _EDIT),
     ("swap_hands", "Swap the hands", "Shift+s", lambda g: g.correcting.swap_sides("hands"), _EDIT),
     ("mirror_depth", "Mirror in depth", "Shift+m", lambda g: g.depth.send("mirror"), (*_EDIT, limbs, fit)),
@@ -479,7 +502,6 @@ _FAMILIES = {
     "10 frames back, forward": ("previous10", "next10"),
     "First, last frame": ("first", "last"),
     f"Mode {', '.join(MODES.values())}": tuple(MODES),
-    f"Panel {', '.join(PANEL_TITLES)}": tuple(f"panel_{title.lower()}" for title in PANEL_TITLES),
     "Less, more opacity": ("fainter", "denser"),
     **{f"Nudge by {pixels} px": tuple(_nudge(name, pixels) for name in _WAYS) for pixels in _NUDGES},
     "Select frames from here on, up to here": ("range_start", "range_end"),
@@ -514,13 +536,30 @@ ACTIONS: dict[str, Action] = {
     for group, rows in _GROUPS.items()
     for name, title, keys, run, needs in rows
 }
-"""By the name that the page sends."""
-BINDINGS = tuple(
-    KeyBinding(key=key.key, action=name, shift=key.shift, ctrl=key.ctrl, held=action.held)
-    for name, action in ACTIONS.items()
-    for key in action.keys
-)
-"""All keys, in the page's form."""
+"""By the name that the page sends. The panels' own are added by `add_panel`."""
+
+
+def panel_actions(titles: Sequence[str]) -> dict[str, Action]:
+    """The actions that show the panels with these titles."""
+    return {
+        f"panel_{title.lower()}": Action(
+            title=f"Panel: {title}",
+            run=lambda g, title=title: g.tab.show_panel(title),
+            keys=(Key(key=f"Digit{number}", shift=True),) if number < 10 else (),
+            group="View",
+            family=f"Panel {', '.join(titles)}",
+        )
+        for number, title in enumerate(titles, 1)
+    }
+
+
+def bindings() -> tuple[KeyBinding, ...]:
+    """All keys, in the page's form."""
+    return tuple(
+        KeyBinding(key=key.key, action=name, shift=key.shift, ctrl=key.ctrl, held=action.held)
+        for name, action in ACTIONS.items()
+        for key in action.keys
+    )
 
 
 def key_text(name: str) -> str:

@@ -183,16 +183,6 @@ class Correcting:
         bad = corrected.bad[np.ix_(frames, joints)].all()
         self.make(Restore(frames=frames, joints=joints) if bad else MarkBad(frames=frames, joints=joints))
 
-    def mark_group_bad(self, group: str) -> None:
-        """Mark a whole group (`keypoints.GROUPS`) as bad."""
-        part = GROUPS[group]
-        self.make(MarkBad(frames=self._tab.frames_to_change, joints=tuple(range(part.start, part.stop))))
-
-    def restore_group(self, group: str) -> None:
-        """Restore a whole group."""
-        part = GROUPS[group]
-        self.make(Restore(frames=self._tab.frames_to_change, joints=tuple(range(part.start, part.stop))))
-
     def swap_sides(self, name: str) -> None:
         """Exchange left and right of a part of PAIRED_PARTS."""
         self.make(SwapSides(frames=self._tab.frames_to_change, joints=SWAPPABLE[name]))

@@ -4,7 +4,8 @@ from typing import ClassVar, Protocol
 
 import viser
 
-from tcfit_app.review.gestures.actions import Gestures
+from tcfit_app.project.project import Project
+from tcfit_app.review.gestures.actions import ACTIONS, Gestures, panel_actions
 from tcfit_app.review.panels.compare_panel import ComparePanel
 from tcfit_app.review.panels.export_panel import ExportPanel
 from tcfit_app.review.panels.fit.fit_panel import FitPanel
@@ -31,15 +32,20 @@ class Panel(Protocol):
         """Update its elements from the tab's state. Called often: send only what changed."""
 
 
-PANELS: tuple[type[Panel], ...] = (
-    ViewPanel,
-    KeypointsPanel,
-    ReviewPanel,
-    FitPanel,
-    RunsPanel,
-    ComparePanel,
-    ExportPanel,
-)
+PANELS: list[type[Panel]] = []
 """In tab order."""
-WITHOUT_KEYPOINTS: tuple[type[Panel], ...] = (StartPanel, *PANELS)
-"""For a project without keypoints."""
+
+
+def add_panel(kind: type[Panel]) -> None:
+    """Show a panel behind the others, with a key and a command."""
+    PANELS.append(kind)
+    ACTIONS.update(panel_actions([panel.title for panel in PANELS]))
+
+
+for _kind in (ViewPanel, KeypointsPanel, ReviewPanel, FitPanel, RunsPanel, ComparePanel, ExportPanel):
+    add_panel(_kind)
+
+
+def panels_of(project: Project) -> list[type[Panel]]:
+    """The panels of a project: without keypoints, `StartPanel` is the first."""
+    return PANELS if project.has_detections else [StartPanel, *PANELS]

@@ -1,8 +1,9 @@
 """The Compare panel: A and B in figures, and where they differ."""
 
 import time
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Hashable, Iterable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import ClassVar
 
@@ -11,7 +12,6 @@ import viser
 from jaxtyping import Float
 
 from fitting_core.camera import Camera
-from fitting_core.errors import InputError
 from fitting_core.measure.references.files import POINT_FILES, read_reference
 from fitting_core.measure.references.reference import Reference
 from tcfit_app.analysis.curves import peaks
@@ -21,9 +21,9 @@ from tcfit_app.fitting.reports import Notice
 from tcfit_app.imports.results import kept_as
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.project.storage.names import name_of_file
-from tcfit_app.project.storage.run_record import Run
 from tcfit_app.review.gestures.actions import Gestures
-from tcfit_app.review.panels.elements.field import for_writers, frame_number, upload_button
+from tcfit_app.review.panels.elements.field import frame_number
+from tcfit_app.review.panels.elements.file_input import FileInput, TextRow
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
@@ -39,9 +39,9 @@ from tcfit_app.review.panels.elements.html import (
     text,
     words,
 )
-from tcfit_app.review.panels.runs.parents import parent_of, show_beside_parent
+from tcfit_app.review.panels.runs.runs_panel import parent_of, show_beside_parent
 from tcfit_app.review.scene.layers import RUN_COLORS, css
-from tcfit_app.review.session.tasks import Step, Task
+from tcfit_app.review.session.tasks import Step
 from tcfit_app.review.tab.tab import Tab
 
 SETTLING = 1.0
@@ -65,11 +65,10 @@ class ComparePanel:
         self._head, self._peaks, self._against = (Board(tab) for _ in range(3))
         self._selected = SelectedFigures(tab)
         self._figures = Board(tab)
-        self._reference = ReferenceField(tab)
+        with tab.client.gui.add_folder("Reference", expand_by_default=False):
+            self._reference = ReferenceField(tab)
         with tab.client.gui.add_folder("Costs", expand_by_default=False):
             self._costs = Board(tab)
-        tab.buttons.on("compare.frame", tab.seek, int)
-        tab.buttons.on("compare.parent", lambda _: show_beside_parent(tab, _shown_as_b(tab)))
 
     def draw(self) -> None:
         """See `Panel.draw`."""
@@ -82,13 +81,23 @@ class ComparePanel:
             for board in (self._peaks, self._against, self._figures, self._costs):
                 board.show()
             return
-        taking = row(action(self._gestures, "take_from_a"))
-        self._head.show(*_heads(a, b, taking, parent=parent_of(tab, b.run)))
+        self._head.show(*self._heads(a, b))
         if self._rest.lasts(data.key(a), data.key(b), tab.session.project.reference_version):
             self._draw_figures(a, b)
         else:
             self._figures.show(paragraph(self._reason(a, b), "dim"))
             self._costs.show()
+
+    def _heads(self, a: Shown, b: Shown) -> list[Html]:
+        named = zip("AB", RUN_COLORS, (a, b), strict=True)
+        rows = [paragraph(joined(dot(css(color)), text(f"{name}: {fit.title}"))) for name, color, fit in named]
+        same = (a.run.id, a.phase) == (b.run.id, b.phase)
+        rows.append(paragraph(_SAME, "dim") if same else row(action(self._gestures, "take_from_a")))
+        parent = parent_of(self._tab, b.run)
+        if parent is not None and a.run.id != parent.id:
+            beside = partial(show_beside_parent, self._tab, b.run)
+            rows.append(row(button("Compare B with its parent", "compare.parent", do=beside, hint=parent.name)))
+        return [heading("Fits on show", first=True), *rows]
 
     def _draw_figures(self, a: Shown, b: Shown) -> None:
         """The figures available so far, once keypoints and fits have settled."""
@@ -130,18 +139,16 @@ class ComparePanel:
         if not frames:
             return []
         buttons = (
-            button(joined(text(first + frame), words(f": {values[frame]:.0f} mm", "dim")), "compare.frame", str(frame))
+            button(
+                joined(text(first + frame), words(f": {values[frame]:.0f} mm", "dim")),
+                "compare.frame",
+                str(frame),
+                do=partial(self._tab.seek, frame),
+            )
             for frame in frames
         )
         mean = f"Distance of joints; {np.nanmean(values):.1f} mm in the clip's mean."
         return [heading("Frames that differ most"), row(*buttons, wrap=True), paragraph(mean, "dim")]
-
-
-def _shown_as_b(tab: Tab) -> Run:
-    shown = tab.look().b
-    if shown is None:
-        raise InputError("There is no fit yet: fit everything first.")
-    return shown.run
 
 
 class _Rest:
@@ -181,15 +188,6 @@ class SelectedFigures:
             self._board.show(head, _table(compare(one, other)))
 
 
-def _heads(a: Shown, b: Shown, taking: Html, *, parent: Run | None) -> list[Html]:
-    named = zip("AB", RUN_COLORS, (a, b), strict=True)
-    rows = [paragraph(joined(dot(css(color)), text(f"{name}: {fit.title}"))) for name, color, fit in named]
-    same = (a.run.id, a.phase) == (b.run.id, b.phase)
-    beside = parent is not None and a.run.id != parent.id
-    more = [row(button("Compare B with its parent", "compare.parent", hint=parent.name))] if beside and parent else []
-    return [heading("Fits on show", first=True), *rows, paragraph(_SAME, "dim") if same else taking, *more]
-
-
 def _table(rows: Iterable[ComparedMetric]) -> Html:
     return table(map(_line, rows), ("", "A", "B", "B − A"), numbers=(1, 2, 3))
 
@@ -223,98 +221,64 @@ _HINT = "npz of 3D points, TRC, C3D, AMASS-style npz, truth.npz or fit.npz, on t
 _CAMERA_HINT = "npz with R and t of the clip's camera in the reference's world; empty: use the calibration"
 _FIRST_HINT = "Video frame number of the reference's first frame; empty: as stored in it, or 0"
 _NONE = "Without a reference, fits can only be compared with each other."
-_READING = "Reading the reference …"
 
 
 class ReferenceField:
-    """Shows the project's reference, and accepts another: from a path, or uploaded by the browser."""
+    """Shows the project's reference, and accepts another."""
 
     def __init__(self, tab: Tab) -> None:
-        self._tab = tab
-        self._reading: Task[Reference] | None = None
-        """The reference requested last."""
-        gui = tab.client.gui
-        with gui.add_folder("Reference", expand_by_default=False):
-            self._told = Board(tab)
-            self._path = gui.add_text("File", "", hint=_HINT)
-            self._camera = gui.add_text("Camera", "", hint=_CAMERA_HINT)
-            self._first = gui.add_text("Begins at frame", "", hint=_FIRST_HINT)
-            for_writers(tab, self._path, self._camera, self._first)
-            self._buttons = Board(tab)
-            hint = "The same, from this browser's computer"
-            self._upload = upload_button(tab, "Upload a reference", self._uploaded, hint=hint)
-        tab.buttons.on("compare.reference", lambda _: self._from_path())
-        tab.buttons.on("compare.forget", lambda _: self._forget())
+        self._tab, self._board = tab, Board(tab)
+        self._file = FileInput(
+            tab,
+            "compare.reference",
+            self._take,
+            path=TextRow("File", _HINT),
+            more=(TextRow("Camera", _CAMERA_HINT), TextRow("Begins at frame", _FIRST_HINT)),
+            button="Compare with this",
+            missing="Type where the reference is: a file, or a folder with a truth.npz or fit.npz.",
+            upload=TextRow("Upload a reference", "The same, from this browser's computer"),
+        )
 
     def draw(self) -> None:
         """Update from the project's state."""
-        project, reading = self._tab.session.project, self._busy
-        self._told.show(paragraph(_READING if reading else _described(project.reference), "dim"))
-        self._buttons.show(row(*self._choices(project.reference, off=reading or project.read_only)))
+        project = self._tab.session.project
+        self._board.show(paragraph("Reading …" if self._file.busy else _described(project.reference), "dim"))
+        forget = button(
+            "Remove the reference",
+            "compare.forget",
+            do=lambda: project.set_reference(None),
+            disabled=self._file.busy or project.read_only,
+        )
+        self._file.draw(*([] if project.reference is None else [forget]))
 
-    def _choices(self, reference: Reference | None, *, off: bool) -> list[Html]:
-        take = button("Compare with this", "compare.reference", disabled=off)
-        forget = button("Remove the reference", "compare.forget", disabled=off)
-        return [take] if reference is None else [take, forget]
-
-    def _from_path(self) -> None:
-        if not self._path.value.strip():
-            raise InputError("Type where the reference is: a file, or a folder with a truth.npz or fit.npz.")
-        path = self._tab.files.path(self._path.value)
-        camera, placed, seen_by = self._camera_given(), self._start_given(), self._clip_camera
-        self._read(lambda: placed(read_reference(path, camera=camera, seen_by=seen_by)))
-
-    def _uploaded(self, file: viser.UploadedFile) -> None:
-        shown, camera, placed = name_of_file(file.name), self._camera_given(), self._start_given()
-        seen_by = self._clip_camera
-
-        def read() -> Reference:
-            # The uploaded name never becomes part of a path; only its suffix counts.
-            ending = Path(shown.lower()).suffix
-            name = f"upload{ending if ending in POINT_FILES else '.npz'}"
-            with kept_as(name, file.content, shown) as path:
-                return replace(placed(read_reference(path, camera=camera, seen_by=seen_by)), name=shown)
-
-        self._read(read)
-
-    def _camera_given(self) -> Path | None:
-        self._tab.refuse_read_only()
-        return self._tab.files.path(self._camera.value) if self._camera.value.strip() else None
-
-    @property
-    def _clip_camera(self) -> Camera:
-        return self._tab.session.project.footage.camera
-
-    def _start_given(self) -> Callable[[Reference], Reference]:
-        """What shifts a reference to the start frame that the user gave."""
-        first, rate = frame_number("Begins at frame", self._first.value), self._tab.session.project.footage.frame_rate
-        return lambda found: found if first is None else found.starting_at(first, rate)
-
-    def _read(self, read: Callable[[], Reference]) -> None:
-        """Read it in a task: a body's joints over a clip take seconds."""
-        session = self._tab.session
-        if self._busy:
-            raise InputError("Another reference is still being read: wait for it.")
+    def _take(self, file: Path | viser.UploadedFile) -> None:
+        tab, session = self._tab, self._tab.session
+        camera = tab.files.path(self._file["Camera"]) if self._file["Camera"] else None
+        first, clip = frame_number("Begins at frame", self._file["Begins at frame"]), session.project.footage
 
         def work(report: Step) -> Reference:
-            reference = read()
+            if isinstance(file, Path):
+                reference = read_reference(file, camera=camera, seen_by=clip.camera)
+            else:
+                reference = _uploaded(file, camera, clip.camera)
+            reference = reference if first is None else reference.starting_at(first, clip.frame_rate)
             session.bodies.of_reference(reference)
             report("Saving it", None)
             session.project.set_reference(reference)
             return reference
 
-        self._reading = self._tab.begin("Reading the reference", work, self._take, writes=True)
+        self._file.read("Reading the reference", work, self._tell, writes=True)  # a body's joints take seconds
 
-    @property
-    def _busy(self) -> bool:
-        return self._reading is not None and self._reading.state == "running"
-
-    def _take(self, reference: Reference) -> None:
+    def _tell(self, reference: Reference) -> None:
         self._tab.session.tell(Notice(title="Reference set", text=_described(reference), kind="done"))
 
-    def _forget(self) -> None:
-        self._tab.refuse_read_only()
-        self._tab.session.project.set_reference(None)
+
+def _uploaded(file: viser.UploadedFile, camera: Path | None, seen_by: Camera) -> Reference:
+    # The uploaded name never becomes part of a path; only its suffix counts.
+    shown = name_of_file(file.name)
+    ending = Path(shown.lower()).suffix
+    with kept_as(f"upload{ending if ending in POINT_FILES else '.npz'}", file.content, shown) as path:
+        return replace(read_reference(path, camera=camera, seen_by=seen_by), name=shown)
 
 
 def _described(reference: Reference | None) -> str:

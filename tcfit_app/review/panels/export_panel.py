@@ -1,6 +1,7 @@
 """The Export panel: files of the project and its fits, as browser downloads."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import ClassVar, Literal, get_args
 
@@ -32,14 +33,11 @@ from tcfit_app.review.panels.elements.html import (
 )
 from tcfit_app.review.scene.layers import RUN_COLORS, css
 from tcfit_app.review.session.tasks import Step, Task
-from tcfit_app.review.tab.buttons import one_of
 from tcfit_app.review.tab.on_show import OnShow, on_show
 from tcfit_app.review.tab.people import Someone
 from tcfit_app.review.tab.state import TabState
 
 Letter = Literal["A", "B"]
-_FRAMES = {"all": False, "selected": True}
-"""Whether only the selected frames are exported, by the button's value."""
 _EVERYBODY_HINT = (
     "All people of the clip in one GLB, in their places: A or B of each, as shown in this tab; y up, metres"
 )
@@ -75,13 +73,6 @@ class ExportPanel:
         """A remark to show with it."""
         self._files = Board(tab)
         self._said = Board(tab)
-        tab.buttons.on("export.begin", self._begin, lambda name: exports()[name])
-        tab.buttons.on("export.everybody", lambda _: self._begin_everybody())
-        tab.buttons.on("export.cancel", lambda _: self._stop())
-        tab.buttons.on("export.side", lambda side: self._wish(side=side), one_of(get_args(Letter)))
-        tab.buttons.on("export.frames", lambda on: self._wish(selected=on), _FRAMES.__getitem__)
-        tab.buttons.on("export.axes", lambda axes: self._wish(axes=axes), one_of(AXES_CHOICES))
-        tab.buttons.on("export.view", lambda view: self._wish(view=view), one_of(VIEW_CHOICES))
 
     def _wish(self, **changes: object) -> None:
         self._wishes = replace(self._wishes, **changes)  # pyright: ignore[reportArgumentType]
@@ -136,11 +127,7 @@ class ExportPanel:
                 left_out.append(f"{someone.name} has no fit yet and was left out")
                 continue
             fit = ExportedFit(shown=shown, fit=someone.session.fits.fit(shown.run), meshes=someone.data.meshes(shown))
-            source = ExportSource(
-                name=f"{name} {someone.name}",
-                chosen=fit,
-                known_clip=someone.session.project.clip,
-            )
+            source = ExportSource(name=f"{name} {someone.name}", chosen=fit, known_clip=someone.session.project.clip)
             if (part := source.between(begin, end)) is None:
                 left_out.append(f"{someone.name} is not present in these frames")
             else:
@@ -200,10 +187,6 @@ class ExportPanel:
         """The selected frames, if only those are to be exported."""
         return self._tab.state.frames if self._wishes.selected else None
 
-    def _stop(self) -> None:
-        if self.running is not None:
-            self.running.cancel()
-
     # --- drawing ---
 
     def draw(self) -> None:
@@ -224,6 +207,7 @@ class ExportPanel:
                 joined(dot(css(color)), *_named(side, titles.get(side, "none"))),
                 "export.side",
                 side,
+                do=partial(self._wish, side=side),
                 pressed=side == wishes.side,
                 disabled=side not in titles,
                 kind="left",
@@ -234,16 +218,37 @@ class ExportPanel:
         selected = tab.state.frames
         some = "selected" if selected is None else in_words(selected, tab.first_frame)
         frames = [
-            button(label, "export.frames", value, pressed=wishes.selected == on, disabled=on and selected is None)
-            for label, (value, on) in zip(("all", some), _FRAMES.items(), strict=True)
+            button(
+                label,
+                "export.frames",
+                value,
+                do=partial(self._wish, selected=on),
+                pressed=wishes.selected == on,
+                disabled=on and selected is None,
+            )
+            for label, value, on in (("all", "all", False), (some, "selected", True))
         ]
         axes = [
-            button(label, "export.axes", value, pressed=wishes.axes == value, hint=_axes_hint(value))
+            button(
+                label,
+                "export.axes",
+                value,
+                do=partial(self._wish, axes=value),
+                pressed=wishes.axes == value,
+                hint=_axes_hint(value),
+            )
             for value, label in AXES_CHOICES.items()
             if value != OWN_WORLD or tab.session.project.footage.camera.world is not None
         ]
         views = [
-            button(label, "export.view", value, pressed=wishes.view == value, hint=VIEW_HINT)
+            button(
+                label,
+                "export.view",
+                value,
+                do=partial(self._wish, view=value),
+                pressed=wishes.view == value,
+                hint=VIEW_HINT,
+            )
             for value, (label, _) in VIEW_CHOICES.items()
         ]
         return [
@@ -264,6 +269,7 @@ class ExportPanel:
                     export.title,
                     "export.begin",
                     name,
+                    do=partial(self._begin, export),
                     disabled=export.needs != "keypoints" and not there,
                     obstacle=missing,
                     hint=export.hint,
@@ -273,7 +279,8 @@ class ExportPanel:
                 for missing in [export.missing()]
             ]
             if group == "Motion" and self._tab.someone.others:
-                buttons.insert(1, button("Everybody (GLB)", "export.everybody", hint=_EVERYBODY_HINT))
+                everybody = self._begin_everybody
+                buttons.insert(1, button("Everybody (GLB)", "export.everybody", do=everybody, hint=_EVERYBODY_HINT))
             if buttons:
                 rows.append(row(tag("div", joined(*buttons), class_="tcfit-cells"), label=group))
         return [heading("Formats"), *rows]
@@ -323,7 +330,7 @@ def _said(going: Task[tuple[bytes, str | None]], size: int, note: str) -> list[H
     return [
         paragraph(joined(name, text(doing))),
         progress_bar(going.share or 0.0),
-        row(button("Cancel", "export.cancel", disabled=going.stopping, kind="danger")),
+        row(button("Cancel", "export.cancel", do=going.cancel, disabled=going.stopping, kind="danger")),
     ]
 
 

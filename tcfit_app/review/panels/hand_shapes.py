@@ -10,7 +10,6 @@ from tcfit_app.review.gestures.shaping import HAND_POINTS, MOST_BLEND
 from tcfit_app.review.panels.elements.field import Field, for_writers
 from tcfit_app.review.panels.elements.html import Board, action, button, choice, heading, paragraph, row
 from tcfit_app.review.shared.own_handshapes import keep_handshape, own_handshapes
-from tcfit_app.review.tab.buttons import one_of
 
 _BLEND = "Frames before and after, in which the hand goes over into the shape and out of it"
 _NAME = "Name of a shape of your own: Save keeps the hand of the frame on show under it, for all projects"
@@ -29,11 +28,10 @@ class HandShapes:
         self._name = gui.add_text("Own shape", "", hint=_NAME)
         for_writers(self._tab, slider, self._name)
         self._own = Board(self._tab)
-        on = self._tab.buttons.on
-        on("shapes.hand", self._select, one_of(HAND_POINTS))
-        on("shapes.own", self._shaping.give_own)
-        on("shapes.save", lambda _: self._shaping.save(self._name.value.strip()))
-        on("shapes.delete", lambda _: keep_handshape(self._name.value.strip(), None))
+
+    @property
+    def _typed(self) -> str:
+        return self._name.value.strip()
 
     def _select(self, side: Side) -> None:
         points = HAND_POINTS[side]
@@ -48,23 +46,26 @@ class HandShapes:
         except InputError as error:
             own, problem = {}, str(error)
         side = None if refusal(shaping.side) else shaping.side()
-        hands = [button(f"{each.title()} hand", "shapes.hand", each, pressed=each == side) for each in HAND_POINTS]
+        hands = [
+            button(f"{each.title()} hand", "shapes.hand", each, do=partial(self._select, each), pressed=each == side)
+            for each in HAND_POINTS
+        ]
+        theirs = [
+            button(name, "shapes.own", name, do=partial(shaping.give_own, name), obstacle=why, kind="mini")
+            for name in own
+        ]
         copied = shaping.copied
         self._shapes.show(
             heading("Hand shape", where),
             row(choice(*hands)),
             row(*(act(f"shape_{name}", name[0].upper() + name[1:], kind="mini") for name in HANDSHAPES), wrap=True),
-            *([row(*(button(n, "shapes.own", n, obstacle=why, kind="mini") for n in own), wrap=True)] if own else []),
+            *([row(*theirs, wrap=True)] if own else []),
             row(act("shape_other", "Other hand"), act("copy_shape", "Copy")),
             *([] if copied is None else [row(act("shape_copied", f"Copied: {copied.name}"))]),
             row(act("shape_last", "Last one again", disabled=shaping.last is None), act("free_hand", "Take off")),
         )
         self._blend.show(shaping.blend)
         unable = refusal(shaping.side) or ACTIONS["copy_shape"].obstacle(self._gestures)
-        self._own.show(
-            row(
-                button("Save shape", "shapes.save", obstacle=unable or problem),
-                button("Delete shape", "shapes.delete", disabled=not own),
-            ),
-            *([paragraph(problem, "warn")] if problem else []),
-        )
+        save = button("Save shape", "shapes.save", do=lambda: shaping.save(self._typed), obstacle=unable or problem)
+        delete = button("Delete shape", "shapes.delete", do=lambda: keep_handshape(self._typed, None), disabled=not own)
+        self._own.show(row(save, delete), *([paragraph(problem, "warn")] if problem else []))

@@ -3,19 +3,8 @@
 from collections.abc import Callable
 from itertools import groupby
 
-from tcfit_app.review.gestures.actions import ACTIONS, Key
-from tcfit_app.review.panels.elements.html import (
-    Board,
-    Html,
-    button,
-    heading,
-    joined,
-    line,
-    row,
-    table,
-    tag,
-)
-from tcfit_app.review.tab.tab import Tab
+from tcfit_app.review.gestures.actions import ACTIONS, Gestures, Key
+from tcfit_app.review.panels.elements.html import Board, Html, action, heading, joined, line, row, table, tag
 
 GESTURES = {
     "In the picture": (
@@ -80,8 +69,8 @@ def joined_keys(*keys: tuple[Key, ...]) -> str:
 class KeyWindow:
     """The window of all keys, open while the tab's state says so."""
 
-    def __init__(self, tab: Tab) -> None:
-        self._tab = tab
+    def __init__(self, gestures: Gestures) -> None:
+        self._gestures, self._tab = gestures, gestures.tab
         self._close: Callable[[], None] | None = None
         """Closes it; None while it is closed."""
 
@@ -97,7 +86,7 @@ class KeyWindow:
         window = self._tab.client.gui.add_modal("Keys")
         with window:
             shown = Board(self._tab)
-        shown.show(keys_html())
+        shown.show(keys_html(self._gestures))
 
         def close() -> None:
             shown.show()  # its buttons no longer work
@@ -106,11 +95,11 @@ class KeyWindow:
         return close
 
 
-def keys_html() -> Html:
+def keys_html(gestures: Gestures) -> Html:
     """The content of the keys window, with the button that closes it."""
     blocks = [_block(title, tuple(rows)) for title, rows in {**key_groups(), **GESTURES}.items()]
-    steps = row(button("First steps", "action", "first_steps"))
-    close = button("Close", "action", "help", kind="close")
+    steps = row(action(gestures, "first_steps", "First steps"))
+    close = action(gestures, "help", "Close", kind="close")
     return joined(steps, tag("div", joined(*blocks), class_="tcfit-keys"), close)
 
 

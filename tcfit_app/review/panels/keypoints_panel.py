@@ -14,9 +14,7 @@ from tcfit_app.analysis.body_regions import full_name
 from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.project.edits.edit_log import LogEntry, Redo, Remark, Said, Undo
 from tcfit_app.project.edits.keyframes import LONGEST_GAP
-from tcfit_app.project.edits.kinds import SWAPPABLE
 from tcfit_app.project.frame_words import in_words
-from tcfit_app.project.project import Project
 from tcfit_app.review.browser.page_states import GROUP_COLORS
 from tcfit_app.review.gestures.actions import Gestures, refusal
 from tcfit_app.review.gestures.detecting_again import missing_parts
@@ -40,9 +38,8 @@ from tcfit_app.review.panels.elements.html import (
     text,
     words,
 )
-from tcfit_app.review.panels.elements.selected_frames import listen, named, unseen
+from tcfit_app.review.panels.elements.selected_frames import named, unseen
 from tcfit_app.review.panels.hand_shapes import HandShapes
-from tcfit_app.review.tab.buttons import one_of
 from tcfit_app.review.tab.tab import Tab
 
 _NOTHING = "Select by name"
@@ -68,69 +65,37 @@ class KeypointsPanel:
         gui = tab.client.gui
         self._selected, self._missing = Board(tab), Board(tab)
         names = gui.add_dropdown("Keypoint", (_NOTHING, *_JOINTS), hint="Type a part of the name to find it")
-        self._name = Dropdown(tab, names, self._select)
+        self._name = Dropdown(tab, names, self._select, self._selected_name)
         self._buttons = Board(tab)
         self._shapes = HandShapes(gestures)
-        self._moving = Board(tab)
-        by = gui.add_vector2("Move by", (1.0, 0.0), step=0.5, hint="Pixels to the right and down")
-        self._by = by
+        self._groups = Board(tab)
         self._confidence = gui.add_slider("Confidence", 0.0, 1.0, 0.05, 1.0)
-        for_writers(tab, self._by, self._confidence)
-        self._exactly = Board(tab)
-        self._groups, self._again = Board(tab), Board(tab)
-        self._done = Board(tab)
-        self._listen()
+        for_writers(tab, self._confidence)
+        self._exactly, self._again, self._done = Board(tab), Board(tab), Board(tab)
 
-    def _listen(self) -> None:
-        tab, correcting = self._tab, self._gestures.correcting
-        tab.buttons.on("keypoints.swap", correcting.swap_sides, one_of(SWAPPABLE))
-        tab.buttons.on("keypoints.move", lambda _: correcting.nudge(*self._by.value))
-        tab.buttons.on("keypoints.confidence", lambda _: correcting.set_confidence(self._confidence.value))
-        tab.buttons.on("keypoints.bad", correcting.mark_group_bad, one_of(GROUPS))
-        tab.buttons.on("keypoints.restore", correcting.restore_group, one_of(GROUPS))
-        tab.buttons.on("keypoints.group", self._select_group, one_of(GROUPS))
-        tab.buttons.on("keypoints.follow", lambda _: self._follow_or_not())
-        tab.buttons.on("keypoints.look", self._gestures.again.look, one_of(PARTS))
-        tab.buttons.on("keypoints.visit", self._visit, self._edit_of)
-        listen(tab)
+    def _selected_name(self) -> str:
+        selection = self._tab.state.selection
+        return full_name(selection[0]) if len(selection) == 1 else _NOTHING
 
     def _select(self, name: str) -> None:
         if name in _JOINTS:
             self._tab.set(selection=(_JOINTS[name],))
 
-    def _select_group(self, name: str) -> None:
-        part = GROUPS[name]
-        self._tab.set(selection=tuple(range(part.start, part.stop)))
-
     def _follow_or_not(self) -> None:
-        session = self._tab.session
-        session.edit_follower.after_edits = not session.edit_follower.after_edits
-
-    def _edit_of(self, number: str) -> Said:
-        """The edit with this number in the log; raises ValueError if it is missing."""
-        found = [entry.action for entry in self._tab.session.project.log if entry.id == int(number)]
-        if not found or isinstance(found[0], Undo | Redo):
-            raise ValueError(number)
-        return found[0]
-
-    def _visit(self, edit: Said) -> None:
-        tab = self._tab
-        tab.pause()
-        tab.seek(edit.frames[0])
-        if not isinstance(edit, Remark):
-            tab.set(selection=edit.joints)
+        follower = self._tab.session.edit_follower
+        follower.after_edits = not follower.after_edits
 
     def draw(self) -> None:
         """Update from the tab's state."""
-        tab, state, session = self._tab, self._tab.state, self._tab.session
-        self._name.show(full_name(state.selection[0]) if len(state.selection) == 1 else _NOTHING)
+        tab, session = self._tab, self._tab.session
+        self._name.draw()
         self._selected.show(*selection_table(tab))
         looks = not refusal(self._gestures.again.refuse_blind)
         self._draw_missing(looks=looks)
         self._draw_buttons(where := self._where())
         self._shapes.draw(where)
         by = session.project.footage.detector if session.project.has_detections else ""
-        self._groups.show(heading("Whole groups", where), self._group_table(), *_detected_by(by))
+        self._groups.show(heading("Whole groups"), row(*map(self._group, GROUPS)), *_detected_by(by))
         self._draw_again(where, looks=looks)
         self._draw_history()
 
@@ -146,7 +111,9 @@ class KeypointsPanel:
 
     def _missing_line(self, part: PartOfPerson, *, off: bool) -> Html:
         label = named("Detect it", self._tab)
-        look = button(label, "keypoints.look", part, kind="mini", disabled=off)
+        look = button(
+            label, "keypoints.look", part, do=lambda: self._gestures.again.look(part), kind="mini", disabled=off
+        )
         return line(f"{part_name(part).capitalize()}: not found", look, numbers=(1,))
 
     def _draw_again(self, where: str, *, looks: bool) -> None:
@@ -194,55 +161,44 @@ class KeypointsPanel:
     def _draw_buttons(self, where: str) -> None:
         tab, state, act = self._tab, self._tab.state, self._action
         off = bool(refusal(self._refuse))
-        none = off or not state.selection
         self._buttons.show(
             heading("Correct", words(f"{where}, not on show", "warn") if tab.hits_unseen else where),
             row(act("bad", "Restore" if self._bad() else "Mark bad"), act("reset", "Reset")),
             row(act("copy", "Copy previous"), act("interpolate")),
             paragraph("Swap left and right:", "dim"),
             row(
-                act("swap_body", "Body"),
-                *(button(name.title(), "keypoints.swap", name, disabled=off) for name in _SWAPPED),
-                act("swap_hands", "Hands"),
+                act("swap_body", "Body"), *(self._swap(name, off=off) for name in _SWAPPED), act("swap_hands", "Hands")
             ),
             heading("Keyframes", "in the frame on show"),
-            row(
-                act("keyframes", "Keyframes", pressed=state.keyframes, hint=_KEYFRAMES),
-                act("delete_key", "Delete keyframe"),
-            ),
-            row(act("hand_along", "Hand follows its wrist", pressed=state.hand_along)),
+            row(act("keyframes", hint=_KEYFRAMES), act("delete_key", "Delete keyframe")),
+            row(act("hand_along")),
             heading("Depth", named("of arms and legs", tab)),
             row(act("mirror_depth"), act("in_front", "In front"), act("behind", "Behind")),
             row(act("interpolate_depth"), act("clear_depth")),
             row(act("pin", "Pin in space"), act("lock", "Lock rotation"), act("unlock", "Unlock")),
         )
-        self._moving.show(heading("By numbers", where))
-        self._exactly.show(
-            row(
-                button("Move by x, y", "keypoints.move", disabled=none, hint="In the frame on show only"),
-                button(named("Set confidence", tab), "keypoints.confidence", disabled=none),
-            ),
-            *unseen(tab),  # below, so that selecting frames does not move the buttons
+        set_all = button(
+            named("Set confidence", tab),
+            "keypoints.confidence",
+            do=lambda: self._gestures.correcting.set_confidence(self._confidence.value),
+            disabled=off or not state.selection,
         )
+        self._exactly.show(row(set_all), *unseen(tab))  # below, so that selecting frames does not move the buttons
 
-    def _group_table(self) -> Html:
-        off = bool(refusal(self._refuse))
-        there = self._tab.session.project.has_detections
-        rows = [
-            line(
-                joined(dot(GROUP_COLORS[name]), text(name.replace("_", " "))),
-                joined(
-                    button("Select", "keypoints.group", name, kind="mini", disabled=not there),
-                    text(" "),
-                    button("Mark bad", "keypoints.bad", name, kind="mini", disabled=off),
-                    text(" "),
-                    button("Restore", "keypoints.restore", name, kind="mini", disabled=off),
-                ),
-                numbers=(1,),
-            )
-            for name in GROUPS
-        ]
-        return table(rows)
+    def _swap(self, what: str, *, off: bool) -> Html:
+        swap = partial(self._gestures.correcting.swap_sides, what)
+        return button(what.title(), "keypoints.swap", what, do=swap, disabled=off)
+
+    def _group(self, name: str) -> Html:
+        part = GROUPS[name]
+        return button(
+            joined(dot(GROUP_COLORS[name]), text(name.replace("_", " "))),
+            "keypoints.group",
+            name,
+            do=lambda: self._tab.set(selection=tuple(range(part.start, part.stop))),
+            disabled=not self._tab.session.project.has_detections,
+            hint="Select them",
+        )
 
     def _draw_history(self) -> None:
         tab, project = self._tab, self._tab.session.project
@@ -254,7 +210,16 @@ class KeypointsPanel:
             heading("Corrections"),
             row(self._action("undo", undo, kind="left")),
             row(self._action("redo", redo, kind="left")),
-            row(button("Fit follows edits", "keypoints.follow", pressed=follow, disabled=off, hint=hint)),
+            row(
+                button(
+                    "Fit follows edits",
+                    "keypoints.follow",
+                    do=self._follow_or_not,
+                    pressed=follow,
+                    disabled=off,
+                    hint=hint,
+                )
+            ),
             *done,
         )
 
@@ -262,7 +227,7 @@ class KeypointsPanel:
         """What undo and redo would do, and the latest edits."""
         tab, project = self._tab, self._tab.session.project
         steps = (self._step("Undo", project.undoable), self._step("Redo", project.redoable))
-        return [*steps, *history_table(project, me=tab.author, first_frame=tab.first_frame)]
+        return [*steps, *_history(tab)]
 
     def _step(self, verb: str, entry: LogEntry | None) -> Html:
         if entry is None:
@@ -275,37 +240,34 @@ SHOWN = 12
 """Number of edits listed."""
 
 
-def history_table(project: Project, *, me: str, first_frame: int) -> list[Html]:
-    """The latest edits of a project, newest first; a row leads to its frame, and undone edits are marked.
-
-    Args:
-        project: whose keypoints were edited.
-        me: the author reading it.
-        first_frame: the number that users see for frame 0.
-    """
-    edits = project.last_said(SHOWN)
+def _history(tab: Tab) -> list[Html]:
+    """The latest edits, newest first; a row leads to its frame, and undone edits are marked."""
+    edits, now = tab.session.project.last_said(SHOWN), datetime.now().astimezone()
     if not edits:
         return [paragraph("No corrections yet.", "dim")]
-    now = datetime.now().astimezone()
-    rows = [
-        _row(entry, _when(entry.time, now), whose(entry.author, me), first_frame, done=project.stands(entry.id))
-        for entry in edits
-    ]
-    return [table(rows)]
+    return [table(_edit_line(tab, entry, now) for entry in edits)]
 
 
-def _row(entry: LogEntry, when: str, whose: str, first_frame: int, *, done: bool) -> Html:
-    assert not isinstance(entry.action, Undo | Redo)
+def _edit_line(tab: Tab, entry: LogEntry, now: datetime) -> Html:
+    edit, done, first = entry.action, tab.session.project.stands(entry.id), tab.first_frame
+    assert not isinstance(edit, Undo | Redo)
+    visit = opener(describe(edit, first), "keypoints.visit", str(entry.id), partial(_visit, tab, edit))
     return line(
-        when,
-        whose,
-        opener(describe(entry.action, first_frame), "keypoints.visit", str(entry.id)),
+        _when(entry.time, now),
+        whose(entry.author, tab.author),
+        visit,
         whole=(0, 1),
         kind="" if done else "off",
-        command="keypoints.visit",
-        value=str(entry.id),
-        hint=f"{'' if done else 'Undone. '}Go to frame {first_frame + entry.action.frames[0]}",
+        press=visit,
+        hint=f"{'' if done else 'Undone. '}Go to frame {first + edit.frames[0]}",
     )
+
+
+def _visit(tab: Tab, edit: Said) -> None:
+    tab.pause()
+    tab.seek(edit.frames[0])
+    if not isinstance(edit, Remark):
+        tab.set(selection=edit.joints)
 
 
 def _when(time: datetime, now: datetime) -> str:

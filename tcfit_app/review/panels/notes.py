@@ -1,11 +1,18 @@
 """The notes on frames, a part of the Review panel."""
 
-from tcfit_app.project.edits.edit_log import NOTE_CHARACTERS, Note
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import viser
+
+from tcfit_app.imports.elan import ElanNotes
+from tcfit_app.project.edits.edit_log import NOTE_CHARACTERS, Note, WriteNotes
 from tcfit_app.project.frame_words import in_words, numbers
 from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.gestures.noting import FIELD
-from tcfit_app.review.panels.elan_notes import ElanImport
 from tcfit_app.review.panels.elements.field import for_writers
+from tcfit_app.review.panels.elements.file_input import FileInput, TextRow
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
@@ -17,36 +24,51 @@ from tcfit_app.review.panels.elements.html import (
     paragraph,
     row,
     table,
+    text,
 )
-from tcfit_app.review.panels.elements.html import text as plain
 
 _MOST = 30
 """Number of notes listed."""
+_ELAN = "Annotations of an .eaf file become notes on their frames. Duplicates are skipped."
 
 
 class Notes:
-    """A field for a note, and the list of notes. Called repeatedly, it sends only changes."""
+    """A field for a note, the list of notes, and their import from ELAN."""
 
     def __init__(self, gestures: Gestures) -> None:
         self._gestures, self._tab, self._noting = gestures, gestures.tab, gestures.noting
-        self._head = Board(self._tab)
+        tab, gui = gestures.tab, gestures.tab.client.gui
+        self._head = Board(tab)
         hint = f"About the selected frames, or the one on show. {NOTE_CHARACTERS:,} characters at most"
-        self._field = self._tab.client.gui.add_text(FIELD, "", hint=hint)
-        for_writers(self._tab, self._field)
-        self._board = Board(self._tab)
-        self._elan = ElanImport(self._tab)
-        on = self._tab.buttons.on
-        on("notes.write", lambda _: self._write())
-        on("notes.leave", lambda _: self._change(None))
-        on("notes.go", self._noting.go, self._note)
-        on("notes.change", self._change, self._note)
-        on("notes.delete", self._noting.delete, self._note)
+        self._field = gui.add_text(FIELD, "", hint=hint)
+        for_writers(tab, self._field)
+        self._board = Board(tab)
+        with gui.add_folder("Notes from ELAN", expand_by_default=False):
+            Board(tab).show(paragraph(_ELAN, "dim"))
+            self._elan = FileInput(
+                tab,
+                "notes.elan",
+                self._read_elan,
+                path=None,
+                upload=TextRow(
+                    "Upload an .eaf file", "An .eaf file from this browser's computer, about this project's video"
+                ),
+                more=[TextRow("Tiers", "Tier names separated by commas; empty: all except those written by tcfit")],
+            )
 
-    def _note(self, number: str) -> Note:
-        found = [note for note in self._tab.session.project.notes if note.id == int(number)]
-        if not found:
-            raise ValueError(number)
-        return found[0]
+    def _read_elan(self, file: Path | viser.UploadedFile) -> None:
+        assert isinstance(file, viser.UploadedFile)
+        session = self._tab.session
+        tiers = tuple(name for part in self._elan["Tiers"].split(",") if (name := part.strip()))
+        self._elan.read(
+            "Notes from ELAN", lambda report: session.read_elan(file.name, file.content, tiers), self._keep_elan
+        )
+
+    def _keep_elan(self, found: tuple[WriteNotes | None, ElanNotes]) -> None:
+        notes, counts = found
+        if notes is not None:
+            self._tab.session.keep_notes(notes, author=self._tab.author)
+        self._tab.say(f"Imported: {counts.in_words()}")
 
     def _write(self) -> None:
         self._noting.write(self._field.value)
@@ -66,29 +88,28 @@ class Notes:
         where = "" if tab.state.playing else in_words(tab.chosen_frames, tab.first_frame)
         off, notes = tab.session.project.read_only, tab.session.project.notes
         self._head.show(heading("Notes", f"{len(notes)}" if notes else ""))
-        if changing is None:
-            buttons = row(
-                button(f"Add a note, {where}" if where else "Add a note", "notes.write", disabled=off, enter=True)
-            )
-        else:
-            save = button("Save the note", "notes.write", disabled=off, enter=True)
-            buttons = row(save, button("Discard changes", "notes.leave"))
+        label = "Save the note" if changing else f"Add a note, {where}" if where else "Add a note"
+        buttons = [button(label, "notes.write", do=self._write, disabled=off, enter=True)]
+        if changing is not None:
+            buttons.append(button("Discard changes", "notes.leave", do=partial(self._change, None)))
         self._board.show(
-            buttons,
+            row(*buttons),
             *([table(self._line(note, off=off) for note in notes[:_MOST])] if notes else []),
             *([paragraph(f"and {len(notes) - _MOST} more, in the timeline", "dim")] if len(notes) > _MOST else []),
             row(action(self._gestures, "copy_link")),
         )
 
     def _line(self, note: Note, *, off: bool) -> Html:
-        first, value = self._tab.first_frame, str(note.id)
+        def mini(label: str, command: str, do: Callable[[Note], object], *, disabled: bool = off) -> Html:
+            return button(label, command, str(note.id), do=lambda: do(note), kind="mini", disabled=disabled)
+
         return line(
-            button(numbers(note.frames, first), "notes.go", value, kind="mini", hint="Go there"),
+            mini(numbers(note.frames, self._tab.first_frame), "notes.go", self._noting.go, disabled=False),
             note.text,
             joined(
-                button("Change", "notes.change", value, kind="mini", disabled=off),
-                plain(" "),
-                button("Delete", "notes.delete", value, kind="mini", disabled=off),
+                mini("Change", "notes.change", self._change),
+                text(" "),
+                mini("Delete", "notes.delete", self._noting.delete),
             ),
             numbers=(2,),
             hint=f"{note.time.astimezone():%d %b %Y, %H:%M}",

@@ -20,7 +20,7 @@ class PersonChoice:
             self._handle: Any = tab.client.gui.add_dropdown(
                 "Person", tuple(self._names), initial_value=here, hint=_HINT
             )
-            self._choice = Dropdown(tab, self._handle, lambda name: tab.go_to(self._names[name]))
+            self._choice = Dropdown(tab, self._handle, lambda name: tab.go_to(self._names[name]), lambda: here)
 
     def show(self, on: bool) -> None:
         """Hide it while another person's page, which has its own, is drawn."""
@@ -30,4 +30,4 @@ class PersonChoice:
     def draw(self) -> None:
         """Set it back to the person on show."""
         if self._choice is not None:
-            self._choice.show(self._tab.someone.name)
+            self._choice.draw()

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import ClassVar
 
 import viser
@@ -18,7 +19,7 @@ from tcfit_app.project.frame_words import in_words, numbers
 from tcfit_app.project.storage.media import RELINK
 from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.gestures.reviewing import kinds_of
-from tcfit_app.review.panels.elements.field import for_writers
+from tcfit_app.review.panels.elements.file_input import FileInput, TextRow
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
@@ -84,21 +85,19 @@ class ReviewPanel:
         self._flagged: list[int] = []
         self._damage = Board(tab)
         self._media = Board(tab)
-        path = tab.client.gui.add_text("New location", "", visible=False, hint="Video file, or folder of images")
-        for_writers(tab, path)
-        self._path = path
-        self._relink = Board(tab)
+        self._relink = FileInput(
+            tab,
+            "review.relink",
+            self._find_video,
+            path=TextRow("New location", "Video file, or folder of images"),
+            button="Relink the video",
+            missing="Type the video's new location: its file, or the folder of its images.",
+        )
         self._head = Board(tab)
         self._who_is_who = WhoIsWho(gestures)
         self._pictures = QueuePictures(tab)
         self._queue, self._flags = Board(tab), Board(tab)
         self._notes = Notes(gestures)
-        tab.buttons.on("review.go", self._go)
-        tab.buttons.on("review.mirror", self._mirror)
-        for part in ("kind", "limb", "order"):
-            tab.buttons.on(f"review.{part}", partial(self._filter, part))
-        tab.buttons.on("review.frame", self._visit, int)
-        tab.buttons.on("review.relink", lambda _: self._find_video())
 
     @property
     def _suspects(self) -> tuple[Suspect, ...]:
@@ -126,13 +125,10 @@ class ReviewPanel:
         self._tab.pause()
         self._tab.seek(frame)
 
-    def _find_video(self) -> None:
-        tab = self._tab
-        tab.refuse_read_only()
-        if not self._path.value.strip():
-            raise InputError("Type the video's new location: its file, or the folder of its images.")
-        path, project = tab.files.path(self._path.value), tab.session.project
-        tab.begin("Looking for the video", lambda _: project.relink(path), lambda _: self._found_video(), writes=True)
+    def _find_video(self, path: Path | viser.UploadedFile) -> None:
+        assert isinstance(path, Path)
+        relink = partial(self._tab.session.project.relink, path)
+        self._relink.read("Looking for the video", lambda _: relink(), lambda _: self._found_video(), writes=True)
 
     def _found_video(self) -> None:
         session = self._tab.session
@@ -186,7 +182,7 @@ class ReviewPanel:
                 paragraph(f"{found.looked_at} of {total} reviewed; flagged frames: {len(self._flagged)}", "dim"),
             ]
         self._head.show(
-            heading("Suspicious frames", first=not self._path.visible),
+            heading("Suspicious frames", first=not self._video_problem),
             *bar,
             row(
                 action(self._gestures, "previous_suspect", "Previous"),
@@ -226,7 +222,14 @@ class ReviewPanel:
         first = self._tab.first_frame
         found = runs(self._flagged)
         buttons = [
-            button(numbers(run, first), "review.frame", str(run.start), kind="mini", hint=f"Go to {first + run.start}")
+            button(
+                numbers(run, first),
+                "review.frame",
+                str(run.start),
+                do=partial(self._visit, run.start),
+                kind="mini",
+                hint=f"Go to {first + run.start}",
+            )
             for run in found[:_FLAGS]
         ]
         more = [paragraph(f"and {len(found) - _FLAGS} more", "dim")] if len(found) > _FLAGS else []
@@ -244,19 +247,20 @@ class ReviewPanel:
             return [paragraph(f"{done}. Looking again …" if self._looking else f"{done}.", "dim")]
         first = self._tab.first_frame
         off, filmed = self._tab.session.project.read_only, self._tab.session.project.media.path is not None
-        rows = [
-            line(
-                self._pictures.of(suspect) if filmed else "",
-                opener(numbers(suspect.frames, first), "review.go", suspect.key),
-                self._said(suspect, off=off),
-                numbers=(1,),
-                kind="here" if i == here else "",
-                command="review.go",
-                value=suspect.key,
-                hint="; ".join([f"Frame {first + suspect.frame}: {suspect.reason}", *suspect.also]),
+        rows = []
+        for i, suspect in enumerate(self._suspects[:_MOST]):
+            go = opener(numbers(suspect.frames, first), "review.go", suspect.key, partial(self._go, suspect.key))
+            rows.append(
+                line(
+                    self._pictures.of(suspect) if filmed else "",
+                    go,
+                    self._said(suspect, off=off),
+                    numbers=(1,),
+                    kind="here" if i == here else "",
+                    press=go,
+                    hint="; ".join([f"Frame {first + suspect.frame}: {suspect.reason}", *suspect.also]),
+                )
             )
-            for i, suspect in enumerate(self._suspects[:_MOST])
-        ]
         parts = [heading("Queue", f"{len(self._suspects)} listed"), *self._filters()]
         if rows:
             parts.append(table(rows, ("", "frames", "problem in the worst frame"), numbers=(1,)))
@@ -275,11 +279,19 @@ class ReviewPanel:
             return []
         limbs = Counter(limb for suspect in found if view.kind in ("", suspect.kind) for limb in suspect.about)
         orders = [
-            button(title, "review.order", order, kind="mini", pressed=view.order == order, hint=hint)
+            button(
+                title,
+                "review.order",
+                order,
+                do=partial(self._filter, "order", order),
+                kind="mini",
+                pressed=view.order == order,
+                hint=hint,
+            )
             for order, (title, hint) in _ORDERS.items()
         ]
-        kinds = _chips("review.kind", kinds_of(found), view.kind)
-        parts = _chips("review.limb", dict(sorted(limbs.items())), view.limb)
+        kinds = self._chips("kind", kinds_of(found), view.kind)
+        parts = self._chips("limb", dict(sorted(limbs.items())), view.limb)
         return [
             row(*orders, label="Order"),
             row(*kinds, wrap=True),
@@ -292,7 +304,8 @@ class ReviewPanel:
         if suspect.kind != "depth":
             return text(suspect.reason)
         hint = "Flip these limbs in depth about shoulder or hip, in the frames of this entry"
-        mirror = button("Mirror", "review.mirror", suspect.key, kind="mini", disabled=off, hint=hint)
+        do = partial(self._mirror, suspect.key)
+        mirror = button("Mirror", "review.mirror", suspect.key, do=do, kind="mini", disabled=off, hint=hint)
         return joined(text(f"{suspect.reason} "), mirror)
 
     def _draw_damage(self) -> None:
@@ -306,27 +319,30 @@ class ReviewPanel:
         self._damage.show(*shown)
 
     def _draw_media(self) -> None:
-        tab = self._tab
-        problem = tab.session.project.media.problem or tab.data.video.problem_of(tab.state.frame)
-        self._path.visible = bool(problem)
-        if not problem:
-            self._media.show()
-            self._relink.show()
-            return
+        problem = self._video_problem
         words = problem.replace(RELINK, "Type its new location.")
-        self._media.show(heading("Video", first=True), paragraph(words, "warn"))
-        off = tab.session.project.read_only
-        self._relink.show(row(button("Relink the video", "review.relink", disabled=off, enter=True)))
+        self._media.show(*([heading("Video", first=True), paragraph(words, "warn")] if problem else []))
+        self._relink.draw(on=bool(problem))
 
+    @property
+    def _video_problem(self) -> str:
+        tab = self._tab
+        return tab.session.project.media.problem or tab.data.video.problem_of(tab.state.frame)
 
-def _chips(command: str, counts: Mapping[str, int], chosen: str) -> list[Html]:
-    """A toggle for all, and one for each value with its number of entries."""
-    values = dict.fromkeys((*counts, *filter(None, (chosen,))))
-    named = {value: KIND_WORDS.get(value, value.capitalize()) for value in values}
-    return [
-        button("All", command, kind="mini", pressed=not chosen),
-        *(
-            button(f"{title} {counts.get(value, 0)}", command, value, kind="mini", pressed=value == chosen)
-            for value, title in named.items()
-        ),
-    ]
+    def _chips(self, part: str, counts: Mapping[str, int], chosen: str) -> list[Html]:
+        """A toggle for all, and one for each value with its number of entries."""
+        labels = {"": "All"} | {
+            value: f"{KIND_WORDS.get(value, value.capitalize())} {counts.get(value, 0)}"
+            for value in (*counts, *filter(None, (chosen,)))
+        }
+        return [
+            button(
+                label,
+                f"review.{part}",
+                value,
+                do=partial(self._filter, part, value),
+                kind="mini",
+                pressed=value == chosen,
+            )
+            for value, label in labels.items()
+        ]

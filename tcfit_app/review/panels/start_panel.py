@@ -1,15 +1,17 @@
 """The Start panel of a project without keypoints: detect them in the video, or import them."""
 
+from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 import viser
 
-from fitting_core.errors import InputError
 from tcfit_app.fitting.fit_progress import time_left
 from tcfit_app.imports.keypoint_jobs import Download, FetchNetworks, ImportFiles, ImportUpload
 from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.panels.elements.camera_input import CameraInput
-from tcfit_app.review.panels.elements.field import Dropdown, upload_button
+from tcfit_app.review.panels.elements.field import Dropdown
+from tcfit_app.review.panels.elements.file_input import FileInput, TextRow
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
@@ -28,8 +30,8 @@ from tcfit_app.review.tab.tab import Tab
 if TYPE_CHECKING:
     from fitting_core.detect.known_models import KnownModel
 
-_FILE = "Your own ONNX file"
-_IMPORT = row(button("Import from this path", "start.import", enter=True))
+_PATH_HINT = "On the computer that runs tcfit: a folder of OpenPose JSON, a COCO-WholeBody JSON, or a .pose file"
+_UPLOAD_HINT = "From this computer: one JSON or .pose file, or a ZIP archive of a folder of JSON files"
 
 
 class StartPanel:
@@ -45,44 +47,22 @@ class StartPanel:
         self._said = Board(tab)
         with gui.add_folder("How keypoints are found", expand_by_default=False) as self._detection:
             self._detector = _DetectorChoice(tab)
-            self._file = gui.add_text("Model file", "", hint="Path on the computer that runs tcfit")
         with gui.add_folder("How it was filmed", expand_by_default=False) as self._camera_folder:
             self._camera = CameraInput(tab, "start.camera")
         with gui.add_folder("Import keypoints", expand_by_default=False) as self._folder:
-            self._add_import()
-        tab.buttons.on("start.import", lambda _: self._import_path())
-        tab.buttons.on("start.find", lambda value: self._find(then_fit=value == "fit"))
-        tab.buttons.on("start.fetch", lambda _: self._fetch())
-        tab.buttons.on("start.cancel", lambda _: tab.session.source.cancel())
-
-    def _add_import(self) -> None:
-        tab, gui = self._tab, self._tab.client.gui
-        hint = "On the computer that runs tcfit: a folder of OpenPose JSON, a COCO-WholeBody JSON, or a .pose file"
-        self._path = gui.add_text("Path", "", hint=hint)
-        self._import = Board(tab)
-        hint = "From this computer: one JSON or .pose file, or a ZIP archive of a folder of JSON files"
-        upload_button(tab, "Upload a file or ZIP", self._import_upload, hint=hint)
-
-    def _import_upload(self, file: viser.UploadedFile) -> None:
-        self._tab.session.source.begin(ImportUpload(name=file.name, content=file.content))
-
-    def _import_path(self) -> None:
-        if not self._path.value.strip():
-            raise InputError(
-                "The path is empty; expected a folder or file of keypoints on the computer that runs tcfit."
+            self._import = FileInput(
+                tab,
+                "start.import",
+                self._begin_import,
+                path=TextRow("Path", _PATH_HINT),
+                button="Import from this path",
+                missing="The path is empty; expected a folder or file of keypoints on the computer that runs tcfit.",
+                upload=TextRow("Upload a file or ZIP", _UPLOAD_HINT),
             )
-        self._tab.session.source.begin(ImportFiles(path=self._tab.files.path(self._path.value)))
 
-    def _find(self, *, then_fit: bool) -> None:
-        if not (self._detector.name or self._file.value.strip()):
-            raise InputError(
-                "The model file is empty; expected the path of an ONNX model on the computer that runs tcfit."
-            )
-        detector = self._detector.name or str(self._tab.files.path(self._file.value))
-        if then_fit:
-            self._tab.session.find_and_fit(detector)
-        else:
-            self._tab.session.source.detect(detector)
+    def _begin_import(self, file: Path | viser.UploadedFile) -> None:
+        job = ImportFiles(path=file) if isinstance(file, Path) else ImportUpload(name=file.name, content=file.content)
+        self._tab.session.source.begin(job)
 
     def _fetch(self) -> None:
         """Fetch what the chosen detector needs."""
@@ -97,62 +77,58 @@ class StartPanel:
         tab.once("detector", (source.going, source.busy), self._detector.look)  # a job may have fetched what it needs
         self._draw_choices(done)
         count = 0 if source.people is None else source.people.count
-        self._said.show(*([] if source.going is None or done else _said(source.going, count)))
+        self._said.show(*([] if source.going is None or done else _said(source.going, count, source.cancel)))
 
     def _draw_choices(self, done: bool) -> None:
         tab = self._tab
         open_for_it = not (done or tab.session.project.read_only or tab.session.source.busy)
-        offered = _offered(self._detector) if open_for_it else []
+        offered = self._offered() if open_for_it else []
         self._intro.show(*(_finished(self._gestures) if done else [*_introduction(tab), *offered]))
         for folder in (self._folder, self._camera_folder, self._detection):
             folder.visible = open_for_it
-        self._import.show(*([_IMPORT] if open_for_it else []))
-        self._file.visible = not self._detector.name
+        self._import.draw(on=open_for_it)
+
+    def _offered(self) -> list[Html]:
+        session, detector = self._tab.session, self._detector
+        if not detector.is_here:
+            return [*_fetchable(detector), row(button("Agree and fetch", "start.fetch", do=self._fetch, kind="main"))]
+        fit, find = (lambda: session.find_and_fit(detector.name)), (lambda: session.source.detect(detector.name))
+        return [
+            row(button("Find keypoints and fit", "start.find", "fit", do=fit, kind="main")),
+            row(button("Find keypoints only", "start.find", "keypoints", do=find)),
+        ]
 
 
 class _DetectorChoice:
-    """A dropdown of the known detectors, and a file."""
+    """A dropdown of the known detectors."""
 
     def __init__(self, tab: Tab) -> None:
         from fitting_core.detect.detectors import DEFAULT, DETECTORS
 
-        self._titles = {known.title: name for name, known in DETECTORS.items()} | {_FILE: ""}
-        self.chosen = DETECTORS[DEFAULT].title
-        hint = "What finds people, bodies, hands and faces in the video"
-        handle = tab.client.gui.add_dropdown("Detector", tuple(self._titles), initial_value=self.chosen, hint=hint)
+        self._detectors = {known.title: name for name, known in DETECTORS.items()}
+        self.name = DEFAULT
+        hint = "What finds people, bodies, hands and face in the video"
+        default = DETECTORS[DEFAULT].title
+        handle = tab.client.gui.add_dropdown("Detector", tuple(self._detectors), initial_value=default, hint=hint)
         Dropdown(tab, handle, self._choose)
         self.is_here = True
         """Whether everything the choice needs was on this computer at the last check."""
 
     def _choose(self, title: str) -> None:
-        self.chosen = title
+        self.name = self._detectors[title]
         self.look()
-
-    @property
-    def name(self) -> str:
-        """In `DETECTORS`; empty for a file."""
-        return self._titles[self.chosen]
 
     def look(self) -> None:
         """Check whether the chosen one is here; reads files, so not for every draw."""
         from fitting_core.detect.detectors import DETECTORS
 
-        self.is_here = not self.name or DETECTORS[self.name].is_here()
+        self.is_here = DETECTORS[self.name].is_here()
 
     def known_models(self) -> "list[KnownModel]":
         """Models that the choice lacks and that can be downloaded one by one."""
         from fitting_core.detect.detectors import DETECTORS
 
-        return [] if not self.name else DETECTORS[self.name].lacking()
-
-
-def _offered(detector: _DetectorChoice) -> list[Html]:
-    if detector.is_here:
-        return [
-            row(button("Find keypoints and fit", "start.find", "fit", kind="main")),
-            row(button("Find keypoints only", "start.find", "keypoints")),
-        ]
-    return [*_fetchable(detector), row(button("Agree and fetch", "start.fetch", kind="main"))]
+        return DETECTORS[self.name].lacking()
 
 
 def _fetchable(detector: _DetectorChoice) -> list[Html]:
@@ -222,7 +198,7 @@ def _others(tab: Tab) -> list[Html]:
     return [paragraph(f"{people.count} people were found. {text}")]
 
 
-def _said(going: Going, people: int) -> list[Html]:
+def _said(going: Going, people: int, cancel: Callable[[], object]) -> list[Html]:
     """The progress of a job, or how it ended."""
     title = heading(going.title)
     if going.state == "failed":
@@ -239,5 +215,5 @@ def _said(going: Going, people: int) -> list[Html]:
         paragraph(doing),
         progress_bar(going.share or 0.0),
         *([paragraph(several)] if people > 1 else []),
-        row(button("Cancel", "start.cancel", disabled=going.stopping, kind="danger")),
+        row(button("Cancel", "start.cancel", do=cancel, disabled=going.stopping, kind="danger")),
     ]

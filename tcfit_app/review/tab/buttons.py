@@ -4,91 +4,50 @@ A press comes from the page and may be anything: a foreign page sends what it li
 moment ago. So a button works only while a panel shows it, enabled.
 """
 
-import re
 import time
-from collections.abc import Callable, Collection
-from html import unescape
-from typing import Any, TypeVar
+from collections.abc import Callable
 
 from tcfit_app.review.browser.page_events import Press
 from tcfit_app.server.screen import Dropped
 
-Name = TypeVar("Name", bound=str)
 LATE = 2.0
 """Seconds for which a value just replaced still counts: the press was on its way."""
-_TAG = re.compile(r"<(?:button|tr)\b([^>]*)>")
-_ATTRIBUTE = re.compile(r'([\w-]+)(?:="([^"]*)")?')
+Presses = dict[tuple[str, str], Callable[[], object]]
+"""What buttons do, by command and value."""
 
 
 class Buttons:
     """The buttons of one tab."""
 
     def __init__(self) -> None:
-        self._known: dict[str, tuple[Callable[[Any], None], Callable[[str], Any]]] = {}
-        self._shown: dict[object, frozenset[tuple[str, str]]] = {}
-        """Command and value of the enabled buttons, by who shows them."""
-        self._until: dict[tuple[str, str], float] = {}
-        """When a removed button stops counting."""
+        self._shown: dict[object, Presses] = {}
+        """The enabled buttons, by who shows them."""
+        self._replaced: dict[tuple[str, str], tuple[float, Callable[[], object]]] = {}
+        """Removed buttons, and until when they count."""
         self._dropped = Dropped()
 
-    def on(self, command: str, run: Callable[[Any], None], read: Callable[[str], Any] = str) -> None:
-        """Register what a button does.
+    def show(self, owner: object, presses: Presses) -> None:
+        """Set the enabled buttons that an owner shows; none removes them."""
+        before, now = self._shown.pop(owner, {}), time.monotonic()
+        if gone := before.keys() - presses.keys():
+            self._replaced = {key: known for key, known in self._replaced.items() if known[0] > now}
+            self._replaced |= {key: (now + LATE, before[key]) for key in gone}
+        if presses:
+            self._shown[owner] = presses
 
-        Args:
-            command: a unique name.
-            run: does it, given the result of `read`.
-            read: parses the button's value; raises KeyError or ValueError for one that no button has.
-        """
-        assert command not in self._known, f"{command} is taken"
-        self._known[command] = (run, read)
-
-    def show(self, owner: object, html: str) -> None:
-        """Set the buttons that an owner shows to those in this HTML; an empty text removes them."""
-        now, there = time.monotonic(), offered(html)
-        self._until = {button: end for button, end in self._until.items() if end > now}
-        self._until |= dict.fromkeys(self._shown.get(owner, frozenset()) - there, now + LATE)
-        self._shown.pop(owner, None)
-        if there:
-            self._shown[owner] = there
-
-    def on_show(self, command: str, value: str) -> bool:
-        """Whether such a button can be pressed: it is shown, or its command is, with a value that was just replaced."""
-        there = frozenset[tuple[str, str]]().union(*self._shown.values())
-        if (command, value) in there:
-            return True
-        replaced = self._until.get((command, value), 0.0) > time.monotonic()
-        return replaced and any(command == other for other, _ in there)
+    def find(self, command: str, value: str = "") -> Callable[[], object] | None:
+        """What a button does that can be pressed: it is shown, or its command is, with a value that was just
+        replaced. None if there is no such button."""
+        for presses in self._shown.values():
+            if (do := presses.get((command, value))) is not None:
+                return do
+        until, do = self._replaced.get((command, value), (0.0, None))
+        there = any(command == other for presses in self._shown.values() for other, _ in presses)
+        return do if there and until > time.monotonic() else None
 
     def take(self, event: Press) -> None:
         """Do what a button does; presses of buttons not shown are dropped."""
-        try:
-            run, read = self._known[event.command]
-            value = read(event.value)
-        except (KeyError, ValueError):
-            self._dropped.note(event)
-            return
-        if not self.on_show(event.command, event.value):
+        if (do := self.find(event.command, event.value)) is None:
             self._dropped.note(f"not on show: {event}")
-            return
-        run(value)
-
-
-def offered(html: str) -> frozenset[tuple[str, str]]:
-    """Command and value of every enabled button and row in HTML made by `panels/elements/html.py`."""
-    found = set()
-    for tag in _TAG.finditer(html):
-        given = {name: unescape(value) for name, value in _ATTRIBUTE.findall(tag[1])}
-        if given.get("data-tcfit") and "disabled" not in given:
-            found.add((given["data-tcfit"], given.get("data-value", "")))
-    return frozenset(found)
-
-
-def one_of(names: Collection[Name]) -> Callable[[str], Name]:
-    """A parser that accepts only these names."""
-
-    def read(value: str) -> Name:
-        if (found := next((name for name in names if name == value), None)) is None:
-            raise ValueError(value)
-        return found
-
-    return read
+        else:
+            do()

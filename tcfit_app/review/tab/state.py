@@ -1,7 +1,8 @@
 """The state of one browser tab: its frame, selection and display settings."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Literal
+from typing import Any, Literal
 
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
 from fitting_core.keypoints import GROUPS, INDEX
@@ -17,8 +18,6 @@ MODES: dict[Mode, str] = {"edit": "Edit", "ab": "A | B", "space": "3D"}
 Beside = Literal["alone", "ghost", "apart"]
 BESIDE: dict[Beside, str] = {"alone": "B alone", "ghost": "A as a ghost", "apart": "Side by side"}
 """Where A is in 3D: not drawn, faint in its place, or next to B."""
-PANEL_TITLES = ("View", "Keypoints", "Review", "Fit", "Runs", "Compare", "Export")
-"""The panels beside the picture, in their order."""
 SIDES_SEEN: tuple[Named, ...] = ("left", "right", "top")
 """Directions of the side view that a key cycles through."""
 SIDE_WIDTHS = (0.25, 2.0)
@@ -35,6 +34,52 @@ HELD_BY: dict[Part, int] = {
 }
 """What it follows where the group was not detected: a keypoint of the body."""
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
+Need = Literal["bodies", "picture", "video", "silhouettes", "others", "error_bars", "writable", "keypoints"]
+"""What must hold before a control can be used: a name in `NEEDS` of the gestures."""
+Section = Literal["playing", "fits", "bodies", "side", "picture", "space", "keyframes"]
+"""The part of a panel in which a control is."""
+
+
+@dataclass(frozen=True)
+class Switch:
+    """The row of a field that is on or off: a button, and one of ACTIONS with the field's name."""
+
+    section: Section
+    label: str
+    """The button's."""
+    title: str
+    """In menus, tooltips and the command palette."""
+    keys: str = ""
+    """As in the rows of ACTIONS."""
+    needs: tuple[Need, ...] = ()
+    optional: bool = False
+    """The button is left out, not disabled, while its needs are not met."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The row of a field with some values: buttons of which one is pressed."""
+
+    label: str
+    options: Mapping[Any, str]
+    """The values and what they are called."""
+
+
+@dataclass(frozen=True)
+class Slider:
+    """The row of a field with a number."""
+
+    label: str
+    hint: str
+    low: float = 0.0
+    high: float = 1.0
+    step: float = 0.05
+    needs: tuple[Need, ...] = ()
+
+
+def control(default: object, row: Switch | Choice | Slider) -> Any:
+    """A field of TabState that users set by the control of a row."""
+    return field(default=default, metadata={"control": row})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,8 +128,9 @@ class TabState:
     """Arrangement of A and B in A | B; None: whichever makes them larger."""
     clipped: bool | None = None
     """Bodies are clipped to the picture; None: in A | B they are."""
-    blinked: bool = False
-    """A is shown in B's place."""
+    blinked: bool = control(
+        False, Switch("fits", "Blink A in B's place", "Blink: A in B's place", "b", needs=("bodies",))
+    )
     selection: tuple[int, ...] = ()
     """Selected keypoints, the last selected at the end."""
     suggested: bool = False
@@ -93,11 +139,18 @@ class TabState:
     """The selected frames."""
     frames_suggested: bool = False
     """The review queue selected them: they are deselected when the tab leaves them."""
-    keyframes: bool = True
+    keyframes: bool = control(
+        True, Switch("keyframes", "Keyframes", "Keyframes on or off", "a", needs=("writable", "keypoints"))
+    )
     """Moves in one frame are keyframes: frames between two of them are interpolated."""
-    hand_along: bool = True
+    hand_along: bool = control(
+        True,
+        Switch(
+            "keyframes", "Hand follows its wrist", "Hand follows its wrist, on or off", needs=("writable", "keypoints")
+        ),
+    )
     """A moved wrist takes its hand along, and a hand's wrist the body's."""
-    side: bool = True
+    side: bool = control(True, Switch("side", "Show", "Side view on or off", "v", needs=("bodies",)))
     """The side view is beside the picture, if there is a fit."""
     side_from: Direction = "right"
     """Where its viewer is. The plate is to the right of the picture, hence this default side."""
@@ -105,44 +158,57 @@ class TabState:
     """Width of its plate, in image heights; None: chosen to suit the pictures."""
     close_up: Part | None = None
     """What the view follows from frame to frame; in Edit beside the video alone."""
-    trail: bool = False
-    """The paths of the selected keypoints around the frame are drawn."""
     playing: bool = False
-    speed: float = 1.0
-    loop: bool = True
-    video: bool = True
-    bodies: bool = True
-    opacity: float = OPACITY
-    outline: bool = False
-    """Bodies are drawn as lines."""
-    others: bool = True
-    """The other people of the clip are drawn too, if any."""
-    silhouette: bool = False
-    """The person's silhouette is drawn, where known."""
-    difference: bool = False
-    """Bodies are coloured by the distance between A and B."""
+    speed: float = control(1.0, Choice("Speed", {speed: f"{speed:g}×" for speed in SPEEDS}))
+    loop: bool = control(True, Switch("playing", "Loop", "Loop on or off", "l"))
+    video: bool = control(True, Switch("picture", "Video", "Video on or off", needs=("video",)))
+    keypoints: bool = control(True, Switch("picture", "Keypoints", "Keypoints on or off", "k"))
+    bones: bool = control(True, Switch("picture", "Bones", "Bones of keypoints on or off"))
+    detections: bool = control(
+        True, Switch("picture", "Trace", "Lines from corrected keypoints to their detected positions, on or off")
+    )
+    trail: bool = control(False, Switch("picture", "Trail", "Trail of the selected keypoints on or off", "j"))
+    silhouette: bool = control(
+        False, Switch("picture", "Silhouette", "Silhouette on or off", "Shift+u", needs=("silhouettes", "picture"))
+    )
+    error_bars: bool = control(
+        True,
+        Switch(
+            "picture",
+            "Error bars",
+            "Error bars on or off: about two thirds of joints lie within",
+            needs=("error_bars",),
+        ),
+    )
+    bodies: bool = control(True, Switch("bodies", "Bodies", "Bodies on or off", "m", needs=("bodies",)))
+    outline: bool = control(False, Switch("bodies", "Outline", "Outline on or off", "u", needs=("bodies", "picture")))
+    others: bool = control(
+        True, Switch("bodies", "Other people", "The clip's other people on or off", needs=("others",), optional=True)
+    )
+    difference: bool = control(
+        False, Switch("bodies", "A–B distance", "Colour by distance between A and B", "d", needs=("bodies",))
+    )
+    opacity: float = control(OPACITY, Slider("Opacity", "Of bodies; keys , and .", *OPACITIES, needs=("bodies",)))
     groups: frozenset[str] = frozenset(GROUPS)
     """Keypoint groups shown."""
-    keypoints: bool = True
-    bones: bool = True
-    color_by: Literal["group", "confidence"] = "group"
-    minimum: float = 0.0
-    """Keypoints with less confidence are hidden."""
-    error_bars: bool = True
-    """Error bars of joints are drawn in the side view and in 3D, where known."""
-    detections: bool = True
-    """Corrected keypoints are linked to their detected positions."""
+    color_by: Literal["group", "confidence"] = control(
+        "group", Choice("Colour by", {"group": "group", "confidence": "confidence"})
+    )
+    minimum: float = control(0.0, Slider("Hide below", "Keypoints of a lower confidence are hidden, unless selected"))
     plots: tuple[str, ...] = ("reprojection", "jitter")
     """The rows of the timeline, names of PLOTS."""
     queue: QueueView = field(default_factory=QueueView)
     """Which entries of the review queue are listed, and in which order."""
-    beside: Beside = "alone"
-    """Where A is in 3D."""
+    beside: Beside = control("alone", Choice("", BESIDE))  # noqa: RUF009 - makes a field
     settings: FitSettings = field(default_factory=FitSettings)
     keys: bool = False
     """The window of all keys is open."""
 
 
+CONTROLS: Mapping[str, Switch | Choice | Slider] = {
+    one.name: one.metadata["control"] for one in fields(TabState) if "control" in one.metadata
+}
+"""The rows, by field."""
 _OF_A_PERSON = {
     "frame",
     "a",

@@ -216,6 +216,8 @@ class Tab:
         elif frames is not None and changes.get("frame", self.state.frame) not in frames:
             changes |= {"frames": None, "frames_suggested": False}
         self.state = replace(self.state, **(suggested | changes))
+        if "speed" in changes:
+            self.playback.begin(time.monotonic(), self.state.frame)
         name = self.name
         if name is not None:
             self._remembered.pop(name, None)  # so that the newest is last
@@ -282,11 +284,6 @@ class Tab:
         if self.state.playing:
             self.set(playing=False)
             self.data.video.leave(self)
-
-    def set_speed(self, speed: float) -> None:
-        """Set the playing speed, relative to real time."""
-        self.set(speed=speed)
-        self.playback.begin(time.monotonic(), self.state.frame)
 
     def advance(self, now: float) -> bool:
         """Go to the frame that is due while the clip plays; False while the page is busy with the last one."""

@@ -407,19 +407,6 @@ def test_networks_that_are_not_here_are_told(page: LonePage, monkeypatch: pytest
     assert "networks are not on this computer" in html and "Apache-2.0" in html and "Agree and fetch" in html
 
 
-def test_a_file_of_the_users_own(page: LonePage, model: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
-    monkeypatch.setattr(stored, "users_folder", lambda: tmp_path / "cache")
-    page.enter("Detector", "Your own ONNX file")
-    page.draw()
-    assert page.field("Model file").visible
-    page.click("Find keypoints only")
-    assert page.notices[-1].text.startswith("The model file is empty")
-    page.enter("Model file", str(model))
-    page.click("Find keypoints only")
-    finish(page)
-    assert page.page.tab.session.project.has_detections
-
-
 def test_a_failure_stays_in_the_panel_as_text(page: LonePage):
     page.enter("Path", "/no/<img src=x>")
     page.click("Import from this path")

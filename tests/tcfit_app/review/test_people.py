@@ -43,7 +43,6 @@ from tcfit_app.review.tab.people import Someone, alone
 from tcfit_app.review.tab.state import TabState, seen_alike
 from tests.fitting_core.io.motion.gltf_player import Player
 from tests.samples.people_projects import FRAMES, LATE, PLACES, open_two, two_people
-from tests.tcfit_app.review.panels.test_buttons import NO_VALUES, offering
 
 
 @pytest.fixture(scope="module")
@@ -468,7 +467,7 @@ def test_what_is_right_is_uncertain_no_more(folder: Path, panel_server: viser.Vi
         page.receive(Press("people.right", "0"))
         assert page.tab.someone.uncertain == () and read_people_file(folder).people[1].uncertain == ()
         panel.draw()
-        assert not page.tab.buttons.on_show("people.go", "0")
+        assert not page.tab.buttons.find("people.go", "0")
         page.receive(Press("people.exchange", "0"))
         assert [entry.action.source for entry in page.tab.session.project.log] == ["person 1"]
         assert page.tab.session.project.log[0].action.frames == tuple(range(9 - LATE, FRAMES - LATE))
@@ -524,7 +523,7 @@ class Exporting:
         for command, value in [*chosen, ("export.everybody", "")]:
             page.tab.look()
             panel.draw()
-            assert page.tab.buttons.on_show(command, value)
+            assert page.tab.buttons.find(command, value)
             page.receive(Press(command, value))
         return panel
 
@@ -617,21 +616,3 @@ def test_who_has_no_fit_is_left_out_and_told(free_body: BodyModel, panel_server:
     with reviewed(folder, panel_server) as app:
         _, note, player = Exporting(app, tmp_path).read()
         assert note == "talk person 1. person 2 has no fit yet and was left out" and len(player.document.skins) == 1
-
-
-def test_no_panel_of_several_people_stumbles_over_a_strange_value(
-    folder: Path, panel_server: viser.ViserServer, caplog: pytest.LogCaptureFixture
-):
-    with reviewed(folder, panel_server) as app:
-        hello(app, "one")
-        for person in (1, 0, 2, 999):
-            app.pages[1].receive(GoToPerson(person))
-            app.pages[1].draw(time.monotonic())
-            tab = app.pages[1].tab
-            commands = [name for name in tab.buttons._known if name.startswith(("people.", "export.", "rig."))]
-            assert "people.exchange" in commands
-            tab.buttons.show("a strange page", offering(*itertools.product(commands, NO_VALUES)))
-            for command, value in itertools.product(commands, NO_VALUES):
-                tab.guarded(partial(app.pages[1].receive, Press(command, value)))()
-            app.pages[1].draw(time.monotonic())
-    assert not [record.getMessage() for record in caplog.records if record.exc_info]

@@ -9,8 +9,9 @@ from typing import Any, Generic, TypeVar
 import viser
 
 from fitting_core.errors import InputError
+from tcfit_app.review.gestures.actions import NEEDS, Gestures, refusal
+from tcfit_app.review.tab.state import CONTROLS, Slider
 from tcfit_app.review.tab.tab import Tab
-from tcfit_app.server.viser_bridge import put_back
 
 Value = TypeVar("Value", str, int, float, Any)
 
@@ -26,10 +27,20 @@ class Field(Generic[Value]):
         tab: the tab whose state it shows.
         handle: made by `tab.client.gui`.
         take: receives what the user set, on the drawing thread.
+        read: its value in the state, for `draw`; None keeps what it shows.
+        off: whether it cannot be set now, for `draw`.
     """
 
-    def __init__(self, tab: Tab, handle: viser.GuiInputHandle[Value], take: Callable[[Value], None]) -> None:
-        self._tab, self._handle, self._take = tab, handle, take
+    def __init__(
+        self,
+        tab: Tab,
+        handle: viser.GuiInputHandle[Value],
+        take: Callable[[Value], object],
+        read: Callable[[], Value | None] = lambda: None,
+        *,
+        off: Callable[[], object] = lambda: False,
+    ) -> None:
+        self._tab, self._handle, self._take, self._read, self._off = tab, handle, take, read, off
         self._given, self._taken = 0, 0  # one thread counts each
         handle.on_update(self._updated)  # pyright: ignore[reportArgumentType]
 
@@ -44,19 +55,20 @@ class Field(Generic[Value]):
         self._taken += 1
         self._take(value)
 
+    def draw(self) -> None:
+        """Update to the state."""
+        if (value := self._read()) is not None:
+            self.show(value)  # pyright: ignore[reportArgumentType] - the solved type variable
+        self.enable(not self._off())
+
     @property
     def waiting(self) -> bool:
         """Whether something was entered that the state does not know yet."""
         return self._given != self._taken
 
-    def show(self, value: Value, *, wrong: bool = False) -> None:
-        """Update from the state.
-
-        Args:
-            value: from the state.
-            wrong: the entered value is invalid, so it is not in the state and stays in the input.
-        """
-        if not self.waiting and not wrong and self._handle.value != value:
+    def show(self, value: Value) -> None:
+        """Show a value, unless something else was entered meanwhile."""
+        if not self.waiting and self._handle.value != value:
             self._handle.value = value
 
     def enable(self, on: bool) -> None:
@@ -65,39 +77,48 @@ class Field(Generic[Value]):
             self._handle.disabled = not on
 
 
+def slider(gestures: Gestures, name: str) -> Field[float]:
+    """The slider of a field of TabState, made from its row."""
+    tab, row = gestures.tab, CONTROLS[name]
+    assert isinstance(row, Slider)
+    value = getattr(tab.state, name)
+    handle = tab.client.gui.add_slider(row.label, row.low, row.high, row.step, value, hint=row.hint)
+    return Field(
+        tab,
+        handle,
+        lambda value: tab.set(**{name: value}),
+        lambda: getattr(tab.state, name),
+        off=lambda: any(refusal(NEEDS[need], gestures) for need in row.needs),
+    )
+
+
 def for_writers(tab: Tab, *handles: viser.GuiInputHandle[Any]) -> None:
     """Disable inputs of what a read-only project cannot take."""
     for handle in handles:
         handle.disabled = tab.session.project.read_only
 
 
-def upload_button(
-    tab: Tab, label: str, take: Callable[[viser.UploadedFile], None], *, hint: str
-) -> viser.GuiUploadButtonHandle:
-    """A button that uploads a file; `take` receives each on the drawing thread, and viser keeps none of them."""
-    handle = tab.client.gui.add_upload_button(label, hint=hint, icon=viser.Icon.UPLOAD)
-
-    async def uploaded(event: viser.GuiEvent[viser.GuiUploadButtonHandle]) -> None:
-        file = event.target.value  # now: another upload may take its place
-        put_back(handle, viser.UploadedFile(name="", content=b""))
-        tab.do(lambda: take(file))
-
-    handle.on_upload(uploaded)
-    return handle
-
-
 class Dropdown(Field[str]):
-    """A Field whose options change."""
+    """A Field with options; `options`, if given, returns those of now, which must be distinct."""
 
-    def __init__(self, tab: Tab, handle: viser.GuiDropdownHandle[Any], take: Callable[[str], None]) -> None:
-        super().__init__(tab, handle, take)
-        self._dropdown = handle
+    def __init__(
+        self,
+        tab: Tab,
+        handle: viser.GuiDropdownHandle[Any],
+        take: Callable[[str], object],
+        read: Callable[[], str | None] = lambda: None,
+        *,
+        options: Callable[[], Sequence[str]] | None = None,
+        off: Callable[[], object] = lambda: False,
+    ) -> None:
+        super().__init__(tab, handle, take, read, off=off)
+        self._dropdown, self._options = handle, options
 
-    def offer(self, options: Sequence[str], value: str, *, wrong: bool = False) -> None:
-        """Offer these options, which must be distinct, and select `value`; `wrong` as in `show`."""
-        if tuple(options) != self._dropdown.options:
-            self._dropdown.options = tuple(options)
-        self.show(value, wrong=wrong)
+    def draw(self) -> None:
+        """See `Field.draw`."""
+        if self._options is not None and (options := tuple(self._options())) != self._dropdown.options:
+            self._dropdown.options = options
+        super().draw()
 
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.IGNORECASE)
@@ -145,11 +166,12 @@ class NumberField(Field[str]):
         take: receives what the user typed.
     """
 
-    def show(self, value: str, *, wrong: bool = False) -> None:
+    def show(self, value: str) -> None:
         """See `Field.show`; another spelling of the same value, such as 5. or 1e2, stays."""
         typed = self._handle.value.strip()
         same = _NUMBER.fullmatch(typed) is not None and Number.shown(float(typed)) == value
-        super().show(value, wrong=wrong or same)
+        if not same:
+            super().show(value)
 
 
 def frame_number(label: str, text: str) -> int | None:

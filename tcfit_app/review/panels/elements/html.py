@@ -1,21 +1,29 @@
 """HTML for the panels: buttons, rows and tables as text, and the element that shows it.
 
-Presses come back as `page_events.Press`; the styles are in `browser/web/panels/`. Text is escaped here; only what
-the functions of this file return is taken as HTML.
+A button carries what it does. Presses come back as `page_events.Press`; the styles are in `browser/web/panels/`. Text
+is escaped here; only what the functions of this file return is taken as HTML.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache, lru_cache
 from html import escape
 
 from tcfit_app.review.gestures.actions import ACTIONS, Gestures, Key, key_text
+from tcfit_app.review.tab.buttons import Presses
+from tcfit_app.review.tab.state import CONTROLS, Choice, Section, Switch
 from tcfit_app.review.tab.tab import Tab
 
 
 class Html(str):
-    """Text that is already safe HTML."""
+    """Text that is already safe HTML, and what its enabled buttons do."""
 
-    __slots__ = ()
+    __slots__ = ("presses",)
+    presses: Presses
+
+    def __new__(cls, content: str = "", presses: Presses | None = None) -> "Html":
+        made = super().__new__(cls, content)
+        made.presses = presses or {}
+        return made
 
 
 def text(value: object) -> Html:
@@ -25,7 +33,7 @@ def text(value: object) -> Html:
 
 def joined(*parts: Html) -> Html:
     """Parts concatenated."""
-    return Html("".join(parts))
+    return Html("".join(parts), {key: do for part in parts for key, do in part.presses.items()})
 
 
 def tag(name: str, content: object, **attributes: str) -> Html:
@@ -33,7 +41,8 @@ def tag(name: str, content: object, **attributes: str) -> Html:
     given = "".join(
         f' {key.rstrip("_").replace("_", "-")}="{escape(value)}"' for key, value in attributes.items() if value
     )
-    return Html(f"<{name}{given}>{text(content)}</{name}>")
+    inner = text(content)
+    return Html(f"<{name}{given}>{inner}</{name}>", inner.presses)
 
 
 def dot(color: str) -> Html:
@@ -41,12 +50,12 @@ def dot(color: str) -> Html:
     return tag("i", "", style=f"background:{color}")
 
 
-@lru_cache(4096, typed=True)  # panels are made again and again; by type, for Html equals the text that it is
 def button(
     label: object,
     command: str,
     value: str = "",
     *,
+    do: Callable[[], object],
     pressed: bool | None = None,
     disabled: bool = False,
     obstacle: str = "",
@@ -59,8 +68,9 @@ def button(
 
     Args:
         label: its text.
-        command: a name given to `Buttons.on`.
-        value: passed to that command.
+        command: with `value`, its name among all buttons on show.
+        value: tells apart buttons of one command.
+        do: what it does.
         pressed: whether a toggle is on.
         disabled: cannot be pressed now.
         obstacle: why it cannot be pressed now, if it cannot; its tooltip says so.
@@ -70,15 +80,31 @@ def button(
         Escape and a click outside press it.
         enter: Enter in the text field above presses it.
     """
+    off, title = disabled or bool(obstacle), ". ".join(filter(None, (hint, obstacle)))
+    made = _button(text(label), command, value, pressed, off, keys, title, kind, enter)
+    return Html(made, {} if off else {(command, value): do})
+
+
+@lru_cache(4096)  # panels are made again and again
+def _button(
+    label: Html,
+    command: str,
+    value: str,
+    pressed: bool | None,
+    off: bool,
+    keys: str,
+    title: str,
+    kind: str,
+    enter: bool,
+) -> str:
     shown = joined(tag("span", label), tag("kbd", keys) if keys else Html())
-    title = ". ".join(filter(None, (hint, obstacle)))
-    return Html(
+    return (
         f'<button type="button" data-tcfit="{escape(command)}" data-value="{escape(value)}"'
         + (f' class="tcfit-{escape(kind)}"' if kind else "")
         + (f' aria-pressed="{str(pressed).lower()}"' if pressed is not None else "")
         + (f' title="{escape(title)}"' if title else "")
         + (" data-enter" if enter else "")
-        + (" disabled" if disabled or obstacle else "")
+        + (" disabled" if off else "")
         + f">{shown}</button>"
     )
 
@@ -98,19 +124,22 @@ def action(
     Args:
         gestures: Of the tab.
         name: The action's name.
-        label: Its text; empty: the action's title.
-        pressed: As in `button`.
+        label: Its text; empty: that of its switch, or else its title.
+        pressed: As in `button`; a switch knows it by itself.
         disabled: Disable it in any case.
         kind: As in `button`.
         hint: Replaces the action's title; the reason why it is disabled is appended.
     """
     known = ACTIONS[name]
-    keys, why = short_keys(known.keys), known.obstacle(gestures)
+    keys, why, control = short_keys(known.keys), known.obstacle(gestures), CONTROLS.get(name)
+    if isinstance(control, Switch):
+        label, pressed = label or control.label, not why and bool(getattr(gestures.tab.state, name))
     hint = f"{hint or known.title} ({key_text(name)})" if keys else hint or known.title
     return button(
         label or known.title,
         "action",
         name,
+        do=lambda: gestures.run(name),
         pressed=pressed,
         disabled=disabled,
         obstacle=why,
@@ -118,6 +147,34 @@ def action(
         hint=hint,
         kind="held" if known.held else kind,
     )
+
+
+def switches(gestures: Gestures, section: Section) -> list[Html]:
+    """The buttons for a section of TabState's switches."""
+    return [
+        action(gestures, name)
+        for name, row in CONTROLS.items()
+        if isinstance(row, Switch) and row.section == section
+        if not (row.optional and ACTIONS[name].obstacle(gestures))
+    ]
+
+
+def options(tab: Tab, name: str, hint: str = "") -> Html:
+    """The buttons for the values of a field of TabState, in a row."""
+    control, now = CONTROLS[name], getattr(tab.state, name)
+    assert isinstance(control, Choice)
+    buttons = (
+        button(
+            label,
+            f"view.{name}",
+            f"{value}",
+            do=lambda value=value: tab.set(**{name: value}),
+            pressed=value == now,
+            hint=hint,
+        )
+        for value, label in control.options.items()
+    )
+    return row(choice(*buttons), label=control.label)
 
 
 @cache
@@ -180,8 +237,7 @@ def line(
     numbers: Sequence[int] = (),
     whole: Sequence[int] = (),
     kind: str = "",
-    command: str = "",
-    value: str = "",
+    press: Html | None = None,
     hint: str = "",
 ) -> Html:
     """A table's row.
@@ -191,20 +247,19 @@ def line(
         numbers: which cells are right-aligned and do not wrap.
         whole: which others do not wrap.
         kind: "here" or "off".
-        command: as for a button, if the row can be pressed; put an `opener` in it for keyboard users.
-        value: passed to that command.
+        press: the `opener` among its cells, for keyboard users, which the row presses too.
         hint: its tooltip.
     """
     looks = dict.fromkeys(whole, "tcfit-whole") | dict.fromkeys(numbers, "tcfit-number")
-    made = [tag("td", cell, class_=looks.get(i, "")) for i, cell in enumerate(cells)]
-    return tag(
-        "tr", joined(*made), class_=f"tcfit-{kind}" if kind else "", data_tcfit=command, data_value=value, title=hint
-    )
+    made = joined(*(tag("td", cell, class_=looks.get(i, "")) for i, cell in enumerate(cells)))
+    command, value = next(iter(press.presses)) if press is not None else ("", "")
+    return tag("tr", made, class_=f"tcfit-{kind}" if kind else "", data_tcfit=command, data_value=value, title=hint)
 
 
-def opener(content: object, command: str, value: str) -> Html:
+def opener(content: object, command: str, value: str, do: Callable[[], object]) -> Html:
     """A button that looks like text, in a row that does the same when pressed anywhere."""
-    return tag("button", content, type="button", class_="tcfit-open", data_tcfit=command, data_value=value)
+    made = tag("button", content, type="button", class_="tcfit-open", data_tcfit=command, data_value=value)
+    return Html(made, {(command, value): do})
 
 
 class Board:
@@ -216,8 +271,8 @@ class Board:
 
     def show(self, *parts: Html) -> None:
         """Show these parts, one below the other; none hides it."""
-        content = tag("div", joined(*parts), class_="tcfit-panel") if parts else ""
+        content = tag("div", joined(*parts), class_="tcfit-panel") if parts else Html()
+        self._buttons.show(self, content.presses)
         if content != self._content:
             self._handle.content = str(content)
             self._content = content
-            self._buttons.show(self, content)

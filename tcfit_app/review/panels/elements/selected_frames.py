@@ -5,18 +5,6 @@ from tcfit_app.review.panels.elements.html import Html, button, paragraph, row
 from tcfit_app.review.tab.tab import Tab
 
 
-def listen(tab: Tab) -> None:
-    """Register the buttons of `unseen`; once per tab."""
-    tab.buttons.on("frames.go", lambda _: _go(tab))
-    tab.buttons.on("frames.none", lambda _: tab.set(frames=None))
-
-
-def _go(tab: Tab) -> None:
-    if tab.state.frames is not None:
-        tab.pause()
-        tab.seek(tab.state.frames[0])
-
-
 def named(label: str, tab: Tab) -> str:
     """A button's label, with the selected frames if any: "Mark bad, frames 3–7"."""
     return label if tab.state.frames is None else f"{label}, {in_words(tab.state.frames, tab.first_frame)}"
@@ -29,5 +17,13 @@ def unseen(tab: Tab) -> list[Html]:
     chosen = in_words(tab.chosen_frames, tab.first_frame)
     return [
         paragraph(f"Selected: {chosen}, which excludes the frame on show, so nothing is changed.", "warn"),
-        row(button("Go to them", "frames.go"), button("Clear frame selection", "frames.none")),
+        row(
+            button("Go to them", "frames.go", do=lambda: _go(tab)),
+            button("Clear frame selection", "frames.none", do=lambda: tab.set(frames=None)),
+        ),
     ]
+
+
+def _go(tab: Tab) -> None:
+    tab.pause()
+    tab.seek(tab.chosen_frames[0])

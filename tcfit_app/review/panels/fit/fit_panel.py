@@ -1,7 +1,7 @@
 """The Fit panel: settings, what to fit with them, and progress."""
 
 from collections.abc import Collection
-from dataclasses import replace
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -16,7 +16,6 @@ from tcfit_app.project.frame_words import numbers
 from tcfit_app.project.storage.run_record import Given
 from tcfit_app.review.drawing.status import duration
 from tcfit_app.review.gestures.actions import Gestures
-from tcfit_app.review.panels.elements.field import Number, NumberField, for_writers
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
@@ -44,20 +43,16 @@ class FitPanel:
         tab, gui = gestures.tab, gestures.tab.client.gui
         self._inputs = FitInputs(tab)
         self._inputs.add_preset()
-        self._inputs.add("temporal.weight", "temporal.mode", "temporal.window_size", "temporal.space")
+        self._inputs.add("temporal.weight", "temporal.mode", "temporal.window_size")
         self._everything = Board(tab)
         self._again = Board(tab)
-        hint = f"Frames refitted before and after each edited or flagged one. {MARGIN.range.capitalize()}."
-        reach = gui.add_text(MARGIN.label, MARGIN.shown(tab.state.settings.reach), hint=hint)
-        for_writers(tab, reach)
-        self._reach = NumberField(tab, reach, self._take_reach)
+        self._inputs.add_margin()
         self._progress = RunningJobs(tab)  # below all buttons, so that they do not move when a fit begins
         with gui.add_folder("Start, person", expand_by_default=False):
             self._inputs.add_height()
             self._inputs.add_given()
-        with gui.add_folder("Shape, solver, prior"):
-            self._inputs.add("shape_sample.size", "shape_sample.strategy", "shape_sample.seed", "solver", "pose_prior")
-            self._inputs.add("keypoint_noise", "silhouettes")
+        with gui.add_folder("Shape, prior"):
+            self._inputs.add("shape_sample.size", "shape_sample.strategy", "pose_prior", "silhouettes")
         begins = not tab.session.fits.runs and not tab.session.project.footage.camera.calibrated
         with gui.add_folder("How it was filmed", expand_by_default=begins):
             self._inputs.add_camera()
@@ -65,9 +60,6 @@ class FitPanel:
             self._inputs.add_body()
         with gui.add_folder("All settings", expand_by_default=False):
             self._inputs.add_source()
-
-    def _take_reach(self, typed: str) -> None:
-        self._tab.set(settings=with_reach(self._tab.state.settings, typed))
 
     def draw(self) -> None:
         """See `Panel.draw`."""
@@ -77,7 +69,6 @@ class FitPanel:
 
     def _draw_buttons(self) -> None:
         tab, state = self._tab, self._tab.state
-        self._reach.show(MARGIN.shown(state.settings.reach), wrong="reach" in dict(state.settings.problems))
         fit = tab.shown.b
         told = paragraph(self._told(state.settings), "dim") if state.settings.given != Given() else Html()
         self._everything.show(row(action(self._gestures, "fit", kind="main")), told)
@@ -122,19 +113,6 @@ class FitPanel:
         return f"Re-run around edits: {numbers(frames, self._tab.first_frame, most=2)}"
 
 
-MARGIN = Number(label="Margin (frames)", low=0, high=1000, whole=True)
-
-
-def with_reach(settings: FitSettings, typed: str) -> FitSettings:
-    """Settings with another margin around edits, or with the reason why the value is invalid."""
-    problems = {name: why for name, why in settings.problems if name != "reach"}
-    try:
-        reach = int(MARGIN.read(typed))
-    except InputError as error:
-        return replace(settings, problems=(*problems.items(), ("reach", str(error))))
-    return replace(settings, reach=reach, problems=tuple(problems.items()))
-
-
 Losses = list[tuple[float, dict[str, float]]]
 """As in `RunningJob.losses`."""
 TERMS = 5
@@ -163,21 +141,13 @@ class RunningJobs:
         # Buttons apart from the text, which changes many times a second: a focused button keeps its focus.
         self._buttons, self._said = Board(tab), Board(tab)
         self._plot = _empty_plot(gui)
-        tab.buttons.on("fit.cancel", self._cancel)
-
-    def _cancel(self, which: str) -> None:
-        session = self._tab.session
-        if which == "all":
-            session.cancel()
-        elif which in map(str, session.jobs):
-            session.worker.cancel(int(which))
 
     def draw(self) -> None:
         """Send what changed."""
         session = self._tab.session
         jobs = list(session.jobs.values())
         running = next((job for job in jobs if job.started), None)
-        self._buttons.show(*(_cancelling(running or jobs[0], len(jobs)) if jobs else []))
+        self._buttons.show(*(self._cancelling(running or jobs[0], len(jobs)) if jobs else []))
         self._said.show(*(self._running(running, jobs) if jobs else _ended(session.ended, session.fits.unwritten)))
         fitted = running if running is not None and running.run is not None else session.ended
         losses = fitted.losses if fitted else []
@@ -185,6 +155,15 @@ class RunningJobs:
             self._plot.visible = False
         else:
             self._tab.once("losses", (losses[0], losses[-1]), lambda: self._draw_plot(losses))
+
+    def _cancelling(self, job: RunningJob, count: int) -> list[Html]:
+        """Buttons that cancel the running or next job, and all jobs."""
+        session, number = self._tab.session, job.number
+        cancel = partial(session.worker.cancel, number)
+        buttons = [button("Cancel", "fit.cancel", str(number), do=cancel, kind="danger")]
+        if count > 1:
+            buttons.append(button(f"Cancel all {count}", "fit.cancel", "all", do=session.cancel, kind="danger"))
+        return [heading("Running"), row(*buttons)]
 
     def _running(self, job: RunningJob | None, jobs: list[RunningJob]) -> list[Html]:
         waiting = [paragraph(f"waiting: {self._name(other)}", "dim") for other in jobs if other is not job]
@@ -246,14 +225,6 @@ def _empty_plot(gui: viser.GuiApi) -> viser.GuiUplotHandle:
         padding=(8, 20, 0, 0),
         visible=False,
     )
-
-
-def _cancelling(job: RunningJob, count: int) -> list[Html]:
-    """Buttons that cancel the running or next job, and all jobs."""
-    buttons = [button("Cancel", "fit.cancel", str(job.number), kind="danger")]
-    if count > 1:
-        buttons.append(button(f"Cancel all {count}", "fit.cancel", "all", kind="danger"))
-    return [heading("Running"), row(*buttons)]
 
 
 def _progress(job: RunningJob) -> list[Html]:

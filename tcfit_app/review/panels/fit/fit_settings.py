@@ -1,78 +1,75 @@
 """The settings of the next fit: inputs for those changed most often, and all others as TOML."""
 
-from collections.abc import Callable, Hashable
+import math
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from contextlib import suppress
-from dataclasses import replace
-from functools import lru_cache
-from typing import Any, get_args
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
+from typing import Any, Literal, get_args
 
-import viser
+from msgspec import structs
 
 from fitting_core.body.files.forms import KINDS
 from fitting_core.body.files.registry import GENDERS
+from fitting_core.camera import FULL_FRAME_DIAGONAL_MM, Camera
 from fitting_core.config.schema import POSE_PRIORS, PRESETS, FitConfig
 from fitting_core.config.settings import RANGES, Range, changed, settings, value_of
 from fitting_core.config.toml import as_toml, parsed
 from fitting_core.errors import InputError
 from fitting_core.files.toml_text import parsed_toml
 from fitting_core.priors.files.registry import list_priors
+from tcfit_app.project.storage.run_record import Source
 from tcfit_app.review.gestures.fitting import camera_of
 from tcfit_app.review.panels.elements.camera_input import CameraInput
 from tcfit_app.review.panels.elements.field import Dropdown, Field, Number, NumberField, for_writers
 from tcfit_app.review.panels.elements.html import Board, button, joined, paragraph, row, tag, text
 from tcfit_app.review.panels.elements.html import words as marked
-from tcfit_app.review.panels.fit.given_inputs import GivenInputs
-from tcfit_app.review.panels.fit.perspective import LENSES, Perspective, focal_of_lens, metre_in_pixels
-from tcfit_app.review.tab.buttons import one_of
 from tcfit_app.review.tab.state import FitSettings
 from tcfit_app.review.tab.tab import Tab
 
 ORIGIN = "Fit settings"
 """What messages call the source of wrong values."""
-LABELS = {
-    "temporal.weight": "w_T",
-    "temporal.window_size": "Window",
-    "temporal.mode": "Mode",
-    "temporal.space": "Space",
-    "shape_sample.size": "Shape frames",
-    "shape_sample.strategy": "Selected by",
-    "shape_sample.seed": "Seed",
-    "solver": "Solver",
-    "pose_prior": "Pose prior",
-    "keypoint_noise": "Keypoint noise",
-    "silhouettes": "Silhouettes",
-    "height": "Height (cm)",
+
+
+@dataclass(frozen=True)
+class _Row:
+    """A setting with an input of its own."""
+
+    label: str
+    hint: str
+    most: float = math.inf
+    """A bound where the setting has none, beyond which nothing improves; infinite: the clip's number of frames."""
+
+
+ROWS = {
+    "temporal.weight": _Row("w_T", "Weight of consistency over time: the higher, the smoother", 1e5),
+    "temporal.mode": _Row(
+        "Mode", "How consistency over time is solved: a sliding window as in the paper, or all frames at once"
+    ),
+    "temporal.window_size": _Row("Window", "Frames per sliding window; not used in global mode"),
+    "shape_sample.size": _Row("Shape frames", "Number of frames that determine the shared shape"),
+    "shape_sample.strategy": _Row(
+        "Selected by", "How they are selected: at random, the most confident, or so that all parts are visible"
+    ),
+    "pose_prior": _Row("Pose prior", "What counts as a likely pose"),
+    "silhouettes": _Row("Silhouettes", "Also fit the shape to the person's silhouette (Shift+U shows it)"),
+    "height": _Row("Height (cm)", "The person's height without shoes; it determines the distance"),
 }
-"""Settings with an input of their own, with short labels."""
+"""By dotted name. All others are in the text of all settings."""
 _CHOICES: dict[str, Any] = {"sliding window": "sliding_window", "on": True, "off": False}
 """Choices shown in other words, by those words."""
 CHOICE_WORDS = {str(choice): word for word, choice in _CHOICES.items()}
 """The words for each choice, by its text."""
-_HINTS = {
-    "temporal.weight": "Weight of consistency over time: the higher, the smoother",
-    "temporal.mode": "How consistency over time is solved: a sliding window as in the paper, or all frames at once",
-    "temporal.window_size": "Frames per sliding window; not used in global mode",
-    "temporal.space": "Consistency over time compares joints relative to the body, or in the camera's space",
-    "shape_sample.size": "Number of frames that determine the shared shape",
-    "shape_sample.strategy": "How they are selected: at random, the most confident, or so that all parts are visible",
-    "shape_sample.seed": "Seed of the random selection",
-    "solver": "lm: Levenberg-Marquardt. lbfgs: L-BFGS, as in the paper",
-    "pose_prior": "What counts as a likely pose",
-    "keypoint_noise": "The detector whose noise model weights the keypoints; auto: the one that found them",
-    "silhouettes": "Also fit the shape to the person's silhouette (Shift+U shows it)",
-    "height": "The person's height without shoes; it determines the distance",
-}
-_MOST = {"temporal.weight": 1e5, "shape_sample.seed": 999_999_999}
-"""Bounds where the settings have none: nothing improves beyond them."""
-_FOCAL = (1.0, 1e6)
-_OF_FRAMES = ("temporal.window_size", "shape_sample.size")
-"""Numbers of frames, limited by the clip's length."""
+_FOCAL = Number(label="Focal length", low=1.0, high=1e6, of="pixels")
+_HELD = Number(label="Held near (m)", low=0.001, high=10.0)
+MARGIN = Number(label="Margin (frames)", low=0, high=1000, whole=True)
 _BODY = frozenset(("kind", "gender"))
-_TOGETHER = (_BODY,)
 """Inputs whose values are valid or invalid together: a right one settles the problem of the other."""
 _SOURCE = "All settings"
 _LISTED = 80
 """Characters that fit on two lines."""
+_FILE = "a file …"
+_PATH = "Path of the shape"
 
 
 _NEED_FRAMES = (
@@ -116,7 +113,7 @@ def nearest_preset(config: FitConfig) -> str:
 
 def words(name: str) -> str:
     """A setting in a sentence: its label, or its dotted name."""
-    label = LABELS.get(name, name)
+    label = ROWS[name].label if name in ROWS else name
     return label if label == "w_T" else label[0].lower() + label[1:]
 
 
@@ -128,12 +125,11 @@ def pose_priors(now: str) -> tuple[str, ...]:
 
 
 class FitInputs:
-    """Inputs for a tab's `FitSettings`."""
+    """Inputs for a tab's `FitSettings`; each is created where its method is called."""
 
     def __init__(self, tab: Tab) -> None:
         self._tab, self._gui = tab, tab.client.gui
-        self._fields: dict[str, Field[Any]] = {}
-        self._reads: dict[str, Callable[[FitSettings], Any]] = {}
+        self._fields: list[Field[Any]] = []
         self._height = tab.session.project.height
         """The project's, as this tab knows it."""
 
@@ -142,147 +138,216 @@ class FitInputs:
     def add_preset(self) -> None:
         """The preset, what differs from it or is wrong, and the way back; always the same height, so that inputs below
         do not move under the pointer."""
-        now = self._tab.state.settings
-        handle = self._gui.add_dropdown(
-            "Preset",
-            tuple(PRESETS),
-            initial_value=now.preset,
-            hint="tcfit: best results; paper and smplifyx: as published",
-        )
-        self._add("preset", handle, self._take_preset, lambda s: s.preset)
+        hint = "tcfit: best results; paper and smplifyx: as published"
+        self._add_dropdown("preset", "Preset", PRESETS, hint, self._take_preset, lambda s: s.preset)
         self._changed = Board(self._tab)
-        self._tab.buttons.on("fit.preset", lambda _: self._take_preset(self._tab.state.settings.preset))
 
     def add(self, *names: str) -> None:
-        """Inputs for settings in LABELS."""
+        """Inputs for settings in ROWS."""
         for name in names:
-            value, setting = value_of(self._tab.state.settings.config, name), settings()[name]
-            if isinstance(value, int | float) and not isinstance(value, bool):
-                self._add_number(name, self._number(name), _HINTS[name], self._taker(name), self._reader(name))
-            else:
-                self._add(
-                    name,
-                    self._choice(name, value, get_args(setting.type) or (True, False)),
-                    self._taker(name),
-                    self._reader(name),
-                )
+            self._add_setting(name)
+
+    def _add_setting(self, name: str) -> None:
+        kind, known, take = settings()[name].type, ROWS[name], partial(self._take, name)
+        if kind in (int, float):
+            self._add_number(name, self._number(name), known.hint, take, lambda s: value_of(s.config, name))
+            return
+        options = self._pose_priors if name == "pose_prior" else None
+        values = options() if options else [_word(value) for value in get_args(kind) or (True, False)]
+        self._add_dropdown(
+            name, known.label, values, known.hint, take, lambda s: _word(value_of(s.config, name)), options
+        )
 
     def add_height(self) -> None:
         """The person's height, or nothing; stored in the project."""
         known = RANGES["height"]
-        number = Number(label=LABELS["height"], low=known.low, high=known.high, of="leave it empty if unknown")
+        of = "leave it empty if unknown"
+        number = Number(label=ROWS["height"].label, low=known.low, high=known.high, of=of)
 
-        def take(typed: str) -> None:
-            self._taker("height")(number.read(typed) if typed.strip() else "none")
+        def take(metres: float | None) -> None:
+            self._take("height", "none" if metres is None else metres)
             if not (project := self._tab.session.project).read_only:
                 project.set_height(self._tab.state.settings.config.height)
                 self._height = project.height
 
-        def read(now: FitSettings) -> str:
-            return "" if now.config.height is None else number.shown(now.config.height)
-
-        hint = f"{_HINTS['height']}. {number.range.capitalize()}."
-        handle = self._gui.add_text(number.label, read(self._tab.state.settings), hint=hint)
-        self._add("height", handle, take, read)
+        self._add_number("height", number, ROWS["height"].hint, take, lambda s: s.config.height, optional=True)
 
     def add_body(self) -> None:
         """Body model and gender."""
-        now, gui = self._tab.state.settings, self._gui
         hint = "The model of the body file"
-        kinds = gui.add_dropdown("Body model", tuple(KINDS), initial_value=now.kind, hint=hint)
-        self._add("kind", kinds, lambda v: self._take_body(kind=v), lambda s: s.kind)
-        genders = gui.add_dropdown("Gender", GENDERS, initial_value=now.gender, hint="Which variant of the model")
-        self._add("gender", genders, lambda v: self._take_body(gender=v), lambda s: s.gender)
+        self._add_dropdown("kind", "Body model", KINDS, hint, lambda v: self._take_body(kind=v), lambda s: s.kind)
+        hint = "Which variant of the model"
+        self._add_dropdown("gender", "Gender", GENDERS, hint, lambda v: self._take_body(gender=v), lambda s: s.gender)
 
     def add_camera(self) -> None:
-        """The focal length, and what it means."""
+        """The focal length, and the project's camera."""
         clip = self._camera.focal[0]
-        number = Number(label="Focal length", low=_FOCAL[0], high=_FOCAL[1], of="pixels")
         hint = "For whole fits; a re-run keeps its run's focal length"
-        self._add_number("focal", number, hint, self._take_focal, lambda s: round(float(s.focal or clip), 2))
+        self._add_number("focal", _FOCAL, hint, self._take_focal, lambda s: round(float(s.focal or clip), 2))
         self._focal = Board(self._tab)
-        self._tab.buttons.on("fit.lens", self._take_lens, one_of(LENSES))
-        self._tab.buttons.on("fit.clip_focal", lambda _: self._set(focal=None))
         self._calibration = CameraInput(self._tab, "fit.camera")
 
     def add_given(self) -> None:
-        """A known start and shape."""
-        self._given = GivenInputs(self._tab, self.attempt)
+        """What a fit is given besides its clip: the result it starts from, and the person's shape."""
+        hint = "The run that phase 1 of a whole fit starts from; the panel Runs imports results of other programs"
+        self._add_source("start", "Start from", hint, "nothing: only the clip")
+        hint = "How close the fit stays to its start; empty: it only starts there"
+        self._add_number("held", _HELD, hint, self._take_held, lambda s: s.config.start_deviation, optional=True)
+        hint = "Use this run's or file's body shape, for whole fits and for Re-run shape"
+        self._add_source("shape", "Same person as", hint, "nobody: estimate from the clip", file=True)
+        hint = "On the computer that runs tcfit: a project, a result's folder, or an npz or JSON file with betas"
+        self._path = self._gui.add_text(_PATH, "", hint=hint, visible=False)
+        self._add(
+            "shape", self._path, self._take_path, lambda s: s.given.shape.path if s.given.shape else "", kind=Field
+        )
+        self._given_problem = Board(self._tab)
+
+    def add_margin(self) -> None:
+        """How many frames around edited ones are refitted."""
+        hint = "Frames refitted before and after each edited or flagged one"
+        self._add_number("reach", MARGIN, hint, lambda frames: self._set(reach=frames), lambda s: s.reach)
 
     def add_source(self) -> None:
         """All settings as editable text."""
         self._source = self._gui.add_text("TOML", "", multiline=True)
         for_writers(self._tab, self._source)
         self._source_of: Hashable = None
-        Board(self._tab).show(row(button("Use these settings", "fit.source")))
-        self._tab.buttons.on("fit.source", lambda _: self._take_source())
+        Board(self._tab).show(row(button("Use these settings", "fit.source", do=self._take_source)))
 
-    def _choice(self, name: str, value: Any, options: tuple[Any, ...]) -> Any:
-        label, hint = LABELS[name], _HINTS[name]
-        if name == "pose_prior":
-            return self._gui.add_dropdown(label, pose_priors(value), initial_value=value, hint=hint)
-        shown = tuple(CHOICE_WORDS.get(str(option), str(option)) for option in options)
-        return self._gui.add_dropdown(label, shown, initial_value=CHOICE_WORDS.get(str(value), value), hint=hint)
+    def _pose_priors(self) -> tuple[str, ...]:
+        now = self._tab.state.settings.config.pose_prior
+        return self._tab.once("pose priors", self._tab.state.settings, lambda: pose_priors(now))
 
     def _number(self, name: str) -> Number:
         """The valid range of a setting for this clip."""
-        known, whole = RANGES.get(name, Range()), settings()[name].type is int
-        length = self._tab.length
-        if name in _OF_FRAMES:
+        length, known, shown = self._tab.length, RANGES.get(name, Range()), ROWS[name]
+        whole = settings()[name].type is int
+        if shown.most == math.inf:
             of = f"the clip has {length} frames"
-            return Number(label=LABELS[name], low=known.low, high=max(length, known.low), whole=whole, of=of)
-        return Number(label=LABELS[name], low=known.low, high=_MOST[name], whole=whole)
+            return Number(label=shown.label, low=known.low, high=max(length, known.low), whole=whole, of=of)
+        return Number(label=shown.label, low=known.low, high=shown.most, whole=whole)
 
     def _add_number(
-        self, name: str, number: Number, hint: str, take: Callable[[float], None], read: Callable[[FitSettings], float]
+        self,
+        name: str,
+        number: Number,
+        hint: str,
+        take: Callable[[Any], None],
+        read: Callable[[FitSettings], float | None],
+        *,
+        optional: bool = False,
     ) -> None:
-        now = number.shown(read(self._tab.state.settings))
-        handle = self._gui.add_text(number.label, now, hint=f"{hint}. {number.range.capitalize()}.")
-        self._add(name, handle, lambda typed: take(number.read(typed)), lambda s: number.shown(read(s)))
+        def shown(now: FitSettings) -> str:
+            return "" if (value := read(now)) is None else number.shown(value)
 
-    def _add(self, name: str, handle: Any, take: Callable[[Any], None], read: Callable[[FitSettings], Any]) -> None:
-        if isinstance(handle, viser.GuiDropdownHandle):
-            kind: type[Field[Any]] = Dropdown
-        else:
-            kind = NumberField
-        for_writers(self._tab, handle)
-        self._fields[name] = kind(self._tab, handle, lambda value: self.attempt(name, lambda: take(value)))
-        self._reads[name] = read
+        def typed(given: str) -> None:
+            take(None if optional and not given.strip() else number.read(given))
+
+        handle = self._gui.add_text(
+            number.label, shown(self._tab.state.settings), hint=f"{hint}. {number.range.capitalize()}."
+        )
+        self._add(name, handle, typed, shown, kind=NumberField)
+
+    def _add_dropdown(
+        self,
+        name: str,
+        label: str,
+        values: Iterable[str],
+        hint: str,
+        take: Callable[[str], None],
+        read: Callable[[FitSettings], str],
+        options: Callable[[], Sequence[str]] | None = None,
+    ) -> None:
+        now = read(self._tab.state.settings)
+        handle = self._gui.add_dropdown(label, tuple(values), initial_value=now, hint=hint)
+        self._add(name, handle, take, read, kind=partial(Dropdown, options=options))
+
+    def _add(
+        self,
+        name: str,
+        handle: Any,
+        take: Callable[[Any], None],
+        read: Callable[[FitSettings], Any],
+        *,
+        kind: Callable[..., Field[Any]],
+    ) -> None:
+        tab = self._tab
+
+        def shown() -> Any:
+            """What is wrong is not in the settings, and stays in its field; a body that is not there is."""
+            now = tab.state.settings
+            return None if name in dict(now.problems) and name not in _BODY else read(now)
+
+        def off() -> bool:
+            return tab.session.project.read_only or name in without_effect(tab.state.settings.config, tab.length)
+
+        self._fields.append(kind(tab, handle, lambda value: self._attempt(name, lambda: take(value)), shown, off=off))
+
+    def _add_source(
+        self, name: Literal["start", "shape"], label: str, hint: str, none: str, *, file: bool = False
+    ) -> None:
+        """A dropdown of the project's runs."""
+        tab, also = self._tab, (_FILE,) if file else ()
+
+        def runs() -> dict[str, Source | None]:
+            stored = (run for run in reversed(tab.session.fits.runs) if run.stored)
+            return {none: None, **{run.option: Source(run=run.id) for run in stored}}
+
+        def read(now: FitSettings) -> str:
+            source = getattr(now.given, name)
+            if source is not None and source.run is None:
+                return _FILE if file else source.path
+            known = (option for option, one in runs().items() if one == source)
+            return next(known, "" if source is None else f"{source.run} · a deleted run")
+
+        def take(chosen: str) -> None:
+            if chosen == _FILE:
+                self._give(shape=Source())
+                raise InputError(f"{_PATH} is empty; expected the path of a file or folder.")
+            if chosen in (known := runs()):
+                self._give(**{name: known[chosen]})
+
+        def options() -> Sequence[str]:
+            return tuple(dict.fromkeys((*runs(), *also, read(tab.state.settings))))
+
+        self._add_dropdown(name, label, (none, *also), hint, take, read, options)
 
     # --- what is entered ---
 
-    def attempt(self, name: str, take: Callable[[], None]) -> None:
+    def _attempt(self, name: str, take: Callable[[], None]) -> None:
         """Apply a value; if it is invalid, remember why."""
-        group = next((group for group in _TOGETHER if name in group), {name})
         try:
             take()
             why = ""
         except InputError as error:
             why = str(error)
         # Read after `take`, which may settle problems of other inputs.
-        others = [(other, text) for other, text in self._tab.state.settings.problems if other not in group]
+        settled = _BODY if name in _BODY else {name}
+        others = [(other, text) for other, text in self._tab.state.settings.problems if other not in settled]
         self._set(problems=(*others, *([(name, why)] if why else [])))
 
     def _set(self, **values: Any) -> None:
         self._tab.set(settings=replace(self._tab.state.settings, **values))
 
+    def _give(self, **sources: Source | None) -> None:
+        self._set(given=structs.replace(self._tab.state.settings.given, **sources))
+
     def _take_preset(self, name: str) -> None:
         self._set(preset=name, config=self._tab.session.preset(name), problems=())
 
-    def _taker(self, name: str) -> Callable[[Any], None]:
-        def take(value: Any) -> None:
-            value = _CHOICES.get(value, value)
-            value = self._prior(value) if name == "pose_prior" else value
-            self._set(config=changed(self._tab.state.settings.config, {name: value}, origin=ORIGIN))
+    def _take(self, name: str, value: Any) -> None:
+        value = _CHOICES.get(value, value)
+        value = self._prior(value) if name == "pose_prior" else value
+        self._set(config=changed(self._tab.state.settings.config, {name: value}, origin=ORIGIN))
 
-        return take
+    def _take_held(self, metres: float | None) -> None:
+        self._take("start_deviation", "none" if metres is None else metres)
 
-    def _reader(self, name: str) -> Callable[[FitSettings], Any]:
-        def read(now: FitSettings) -> Any:
-            value = value_of(now.config, name)
-            return CHOICE_WORDS.get(str(value), value)
-
-        return read
+    def _take_path(self, typed: str) -> None:
+        path = self._tab.files.path(typed)
+        if not path.exists():
+            raise InputError(f"{path}: does not exist; expected a file or folder on the computer that runs tcfit.")
+        self._give(shape=Source(path=str(path)))
 
     def _take_body(self, **values: str) -> None:
         self._set(**values)
@@ -294,9 +359,6 @@ class FitInputs:
         now = replace(self._tab.state.settings, focal=None if same else float(value))
         camera_of(now, self._camera)
         self._set(focal=now.focal)
-
-    def _take_lens(self, name: str) -> None:
-        self.attempt("focal", lambda: self._take_focal(round(focal_of_lens(name, self._camera.size), 2)))
 
     def _take_source(self) -> None:
         given = {}
@@ -314,28 +376,22 @@ class FitInputs:
         return given if known else str(self._tab.files.path(given))
 
     @property
-    def _camera(self) -> Any:
+    def _camera(self) -> Camera:
         return self._tab.session.project.footage.camera
 
     # --- drawing ---
 
     def draw(self) -> None:
         """Send what changed."""
-        self._calibration.draw()
-        now = self._tab.state.settings
-        wrong, idle = dict(now.problems), without_effect(now.config, self._tab.length)
         self._follow_height()
-        for name, field in self._fields.items():
-            if name == "pose_prior" and isinstance(field, Dropdown):
-                prior = now.config.pose_prior
-                there = self._tab.once("pose priors", now, lambda: pose_priors(now.config.pose_prior))
-                field.offer(there, prior, wrong=name in wrong)
-            else:
-                field.enable(name not in idle and not self._tab.session.project.read_only)
-                field.show(self._reads[name](now), wrong=name in wrong and name not in _BODY)
+        now = self._tab.state.settings
+        for field in self._fields:
+            field.draw()
+        self._calibration.draw()
         self._draw_changed(now)
         self._draw_focal(now)
-        self._given.draw()
+        self._path.visible = now.given.shape is not None and now.given.shape.run is None
+        self._given_problem.show(*(paragraph(why, "bad") for name, why in now.problems if name in ("shape", "held")))
         self._draw_source(now)
 
     def _follow_height(self) -> None:
@@ -355,30 +411,29 @@ class FitInputs:
             if problems
             else joined(text("Changed from the preset: "), marked(said, "strong"))
         )
-        hint = "Resets all settings to the preset"
-        back = button("Back to the preset", "fit.preset", disabled=not names and not problems, hint=hint)
+        back = button(
+            "Back to the preset",
+            "fit.preset",
+            do=lambda: self._take_preset(self._tab.state.settings.preset),
+            disabled=not names and not problems,
+            hint="Resets all settings to the preset",
+        )
         self._changed.show(tag("p", told, class_="tcfit-two-lines", title="\n".join(problems) or listed), row(back))
 
     def _draw_focal(self, now: FitSettings) -> None:
-        tab, camera = self._tab, self._camera
-        detected = tab.session.project.detections
-        metre = tab.once("metre", id(detected), lambda: metre_in_pixels(detected))
-        seen = Perspective(focal=now.focal or camera.focal[0], size=camera.size, metre=metre)
-        lenses = [button(name, "fit.lens", name, kind="mini", hint=f"{mm:g} mm") for name, mm in LENSES.items()]
-        self._focal.show(
-            paragraph(self._focal_text(now), "dim"),
-            row(*lenses, button("clip's own", "fit.clip_focal", kind="mini", disabled=now.focal is None), wrap=True),
-            paragraph(seen.words),
-        )
-
-    def _focal_text(self, now: FitSettings) -> str:
         camera = self._camera
-        if now.focal is None:
-            return "The clip's own, in pixels."
-        return f"Set here, in pixels; the clip's own is {camera.focal[0]:.2f}."
+        focal, size = now.focal or camera.focal[0], camera.size
+        millimetres = focal * FULL_FRAME_DIAGONAL_MM / math.hypot(*size)
+        angle = math.degrees(2 * math.atan(size[0] / 2 / focal))
+        whose = "The clip's own" if now.focal is None else f"The clip's own is {camera.focal[0]:.2f} pixels. This one"
+        self._focal.show(paragraph(f"{whose}: {millimetres:.0f} mm (35 mm equivalent), {angle:.0f}° wide.", "dim"))
 
     def _draw_source(self, now: FitSettings) -> None:
         key = (now.preset, now.config)
         if key != self._source_of:
             self._source_of = key
             self._source.value = as_toml(now.config, preset_name=now.preset)
+
+
+def _word(choice: object) -> str:
+    return CHOICE_WORDS.get(str(choice), str(choice))

@@ -1,5 +1,6 @@
 """Descriptions of runs, as HTML."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
 
@@ -71,7 +72,7 @@ def when(time: datetime) -> str:
     return f"{local:%H:%M}" if local.date() == datetime.now().astimezone().date() else f"{local:%d %b %H:%M}"
 
 
-def run_line(listed: Listed, *, first_frame: int, frames: int, here: bool) -> Html:
+def run_line(listed: Listed, *, first_frame: int, frames: int, here: bool, choose: Callable[[], object]) -> Html:
     """A run's row in the table.
 
     Args:
@@ -79,6 +80,7 @@ def run_line(listed: Listed, *, first_frame: int, frames: int, here: bool) -> Ht
         first_frame: the number that users see for frame 0.
         frames: of the clip.
         here: whether its details are shown.
+        choose: shows its details.
     """
     run = listed.run
     badges = joined(*(_BADGES[name] for name in listed.shown_as))
@@ -88,17 +90,13 @@ def run_line(listed: Listed, *, first_frame: int, frames: int, here: bool) -> Ht
     time = [text(when(run.started))]
     if taken is not None:
         time += [text(", "), tag("span", duration(taken), class_="tcfit-whole")]
+    details = opener(words(run.name, "strong"), "runs.choose", str(run.id), choose)
     return line(
-        joined(
-            opener(words(run.name, "strong"), "runs.choose", str(run.id)),
-            badges,
-            tag("div", " · ".join(said), class_="tcfit-dim"),
-        ),
+        joined(details, badges, tag("div", " · ".join(said), class_="tcfit-dim")),
         joined(words(_state(listed), LOOKS[run.state]), tag("div", joined(*time), class_="tcfit-dim")),
         numbers=(1,),
         kind="here" if here else "",
-        command="runs.choose",
-        value=str(run.id),
+        press=details,
     )
 
 

@@ -1,31 +1,47 @@
 """The Runs panel: every fit of the project, how it was made, and what can be done with it."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any, ClassVar
 
 import viser
 
-from fitting_core.config.toml import as_toml
+from fitting_core.body.files.forms import KINDS
 from fitting_core.errors import InputError
 from tcfit_app.fitting.fits import FitChoice
+from tcfit_app.imports.results import ImportChoices
 from tcfit_app.project.storage.run_record import Run
 from tcfit_app.review.gestures.actions import Gestures
-from tcfit_app.review.panels.elements.field import Dropdown, Field, for_writers
-from tcfit_app.review.panels.elements.html import Board, button, heading, paragraph, row, table, tag
+from tcfit_app.review.panels.elements.field import Field, for_writers, frame_number
+from tcfit_app.review.panels.elements.file_input import FileInput, TextRow
+from tcfit_app.review.panels.elements.html import Board, Html, button, heading, paragraph, row, table
 from tcfit_app.review.panels.fit.fit_settings import nearest_preset
-from tcfit_app.review.panels.runs.import_run import ImportRun
-from tcfit_app.review.panels.runs.parents import parent_of, show_beside_parent
 from tcfit_app.review.panels.runs.run_texts import Listed, details, result_of, run_line
-from tcfit_app.review.tab.buttons import one_of
-from tcfit_app.review.tab.on_show import SLOTS
+from tcfit_app.review.session.tasks import Step
+from tcfit_app.review.tab.on_show import SLOTS, Slot
 from tcfit_app.review.tab.tab import Tab
 
 LISTED = 30
-"""The newest runs listed; the dropdown has all."""
-_NONE = "no runs yet"
+"""The newest runs listed; the older ones on request."""
 _REFINE = "Fit everything, starting from this run, with the settings of the panel Fit"
 _RENAME = "Rename to the text in the Name field (or press Enter there)"
+
+
+def parent_of(tab: Tab, run: Run) -> Run | None:
+    """The run that this one started from, if it can be shown."""
+    return next((one for one in tab.session.fits.showable() if one.id == run.parent), None)
+
+
+def show_beside_parent(tab: Tab, run: Run) -> None:
+    """Show it in A | B, with its parent as A. Raises InputError if it has none."""
+    parent = parent_of(tab, run)
+    if parent is None:
+        raise InputError(
+            f"{run.name} has no parent to show: it did not start from another run, or that run was deleted."
+        )
+    tab.set(mode="ab", a=FitChoice(run=parent.id), b=FitChoice(run=run.id))
 
 
 class RunsPanel:
@@ -36,37 +52,20 @@ class RunsPanel:
 
     def __init__(self, gestures: Gestures) -> None:
         self._gestures, self._tab = gestures, gestures.tab
-        tab = gestures.tab
+        tab, gui = gestures.tab, gestures.tab.client.gui
         self._chosen: int | None = None
         """The run whose details are shown; None: the newest."""
         self._drawn: int | None = None
         """The run the user sees there now."""
-        gui = tab.client.gui
-        self._table = Board(tab)
-        self._head = Board(tab)
-        self._chooser = gui.add_dropdown("Run", (_NONE,))
-        self._choice = Dropdown(tab, self._chooser, self._choose)
+        self._all = False
+        """All runs are listed."""
+        self._table, self._head = Board(tab), Board(tab)
         self._name = gui.add_text("Name", "", hint="Type another name, then Enter or Rename")
         for_writers(tab, self._name)
-        self._naming = Field(tab, self._name, lambda _: setattr(self, "_chosen", self._drawn))
+        self._naming = Field(tab, self._name, lambda _: self._choose(self._drawn))
         self._buttons, self._details = Board(tab), Board(tab)
-        self._settings = gui.add_folder("All its settings", expand_by_default=False)
-        with self._settings:
-            self._toml = Board(tab)
-        self._import = ImportRun(tab, lambda run: setattr(self, "_chosen", run.id))
+        self._import = ImportRun(tab, lambda run: self._choose(run.id))
         self._deleted = DeletedRuns(tab)
-        self._listen()
-
-    def _listen(self) -> None:
-        tab = self._tab
-        tab.buttons.on("runs.choose", lambda number: setattr(self, "_chosen", number), int)
-        tab.buttons.on("runs.show", self._show_as, _side_and_run)
-        tab.buttons.on("runs.parent", lambda number: show_beside_parent(tab, self._pressed(number)), int)
-        tab.buttons.on("runs.settings", lambda number: self._use_settings(self._pressed(number)), int)
-        tab.buttons.on("runs.refine", lambda number: self._gestures.fitting.refine(self._pressed(number)), int)
-        tab.buttons.on("runs.cancel", tab.session.cancel, int)
-        tab.buttons.on("runs.rename", lambda number: self._rename(self._pressed(number)), int)
-        tab.buttons.on("runs.delete", lambda number: self._delete(self._pressed(number)), int)
 
     # --- what is done ---
 
@@ -85,13 +84,13 @@ class RunsPanel:
         self._chosen = run.id
         return run
 
-    def _choose(self, name: str) -> None:
-        runs = self._tab.session.fits.runs
-        self._chosen = next((run.id for run in runs if name == run.option), None)
+    def _choose(self, number: int | None) -> None:
+        self._chosen = number
 
-    def _show_as(self, what: tuple[str, int]) -> None:
-        side, number = what
-        run = self._pressed(number)
+    def _list_all(self) -> None:
+        self._all = True
+
+    def _show_as(self, side: Slot, run: Run) -> None:
         if run not in self._tab.session.fits.showable():
             raise InputError(f"{run.name} has no result to show.")
         self._tab.set(**{side: FitChoice(run=run.id)})
@@ -135,9 +134,7 @@ class RunsPanel:
         tab, session = self._tab, self._tab.session
         shown = tuple(fit.run.id if fit else None for fit in (tab.shown.a, tab.shown.b))
         runs = session.fits.runs
-        self._draw_choice(runs)
-        for handle in (self._chooser, self._name):
-            handle.visible = bool(runs)
+        self._name.visible = bool(runs)
         self._head.show(*([heading("This run")] if runs else []))
         jobs = {job.run: job for job in session.jobs.values()}
         listed = [
@@ -153,30 +150,31 @@ class RunsPanel:
         self._draw_table(listed)
         self._draw_chosen(listed)
 
-    def _draw_choice(self, runs: tuple[Run, ...]) -> None:
-        options = tuple(run.option for run in reversed(runs)) or (_NONE,)
-        self._choice.offer(options, self._run.option if runs else _NONE)
-
     def _draw_table(self, listed: list[Listed]) -> None:
         if not listed:
             self._table.show(heading("All runs", first=True), paragraph("No fits yet: see the panel Fit.", "dim"))
             return
         first, here = self._tab.first_frame, self._run
         rows = [
-            run_line(one, first_frame=first, frames=self._tab.length, here=one.run.id == here.id)
-            for one in listed[:LISTED]
+            run_line(
+                one,
+                first_frame=first,
+                frames=self._tab.length,
+                here=one.run.id == here.id,
+                choose=partial(self._choose, one.run.id),
+            )
+            for one in (listed if self._all else listed[:LISTED])
         ]
-        more = len(listed) - LISTED
-        older = [paragraph(f"and {more} older", "dim")] if more > 0 else []
+        more = len(listed) - len(rows)
+        older = [row(button(f"List {more} older", "runs.all", do=self._list_all))] if more > 0 else []
         self._table.show(heading("All runs", "click for details", first=True), table(rows), *older)
 
     def _draw_chosen(self, listed: list[Listed]) -> None:
         session = self._tab.session
         chosen = next((one for one in listed if one.run.id == self._run.id), None) if listed else None
         if chosen is None:
-            for board in (self._buttons, self._details, self._toml):
-                board.show()
-            self._settings.visible = False
+            self._buttons.show()
+            self._details.show()
             return
         run = chosen.run
         self._drawn = run.id
@@ -184,54 +182,48 @@ class RunsPanel:
             self._tab.once("run name", (run.id, run.name), lambda: self._naming.show(run.name))
         self._draw_buttons(chosen)
         self._details.show(*details(chosen, session, result_of(session, run)))
-        own = run.kind != "imported"
-        self._settings.visible = own
-        toml = self._tab.once("toml", run.id, lambda: as_toml(run.config, preset_name=nearest_preset(run.config)))
-        self._toml.show(*([tag("pre", toml)] if own else []))
 
     def _draw_buttons(self, chosen: Listed) -> None:
-        off, number = self._tab.session.project.read_only, str(chosen.run.id)
-        there = chosen.run in self._tab.session.fits.showable()
-        parent = parent_of(self._tab, chosen.run)
-        show = partial(button, command="runs.show", disabled=not there)
-        cancel = [row(button("Cancel", "runs.cancel", number, kind="danger"))] if chosen.job is not None else []
+        tab, run, off = self._tab, chosen.run, self._tab.session.project.read_only
+        there, parent = run in tab.session.fits.showable(), parent_of(tab, run)
+
+        def of_run(label: str, command: str, do: Callable[[Run], object], **looks: Any) -> Html:
+            return button(label, command, str(run.id), do=lambda: do(self._pressed(run.id)), **looks)
+
+        shows = (
+            button(
+                f"Show as {side.upper()}",
+                "runs.show",
+                f"{side} {run.id}",
+                do=lambda side=side: self._show_as(side, self._pressed(run.id)),
+                pressed=side.upper() in chosen.shown_as,
+                disabled=not there,
+            )
+            for side in SLOTS
+        )
+        beside = of_run(
+            "Compare with its parent",
+            "runs.parent",
+            partial(show_beside_parent, tab),
+            disabled=not there or parent is None,
+            hint=f"A: {parent.name}" if parent else "It did not start from another run",
+        )
+        refine = of_run(
+            "Refine", "runs.refine", self._gestures.fitting.refine, disabled=off or not run.stored, hint=_REFINE
+        )
+        use = of_run("Use its settings for the next fit", "runs.settings", self._use_settings, disabled=off)
+        cancel = of_run("Cancel", "runs.cancel", lambda run: tab.session.cancel(run.id), kind="danger")
         self._buttons.show(
             row(
-                button("Rename", "runs.rename", number, disabled=off, hint=_RENAME, enter=True),
-                button("Delete", "runs.delete", number, disabled=off, hint="It can be restored", kind="danger"),
+                of_run("Rename", "runs.rename", self._rename, disabled=off, hint=_RENAME, enter=True),
+                of_run("Delete", "runs.delete", self._delete, disabled=off, hint="It can be restored", kind="danger"),
             ),
-            row(
-                *(
-                    show(f"Show as {side.upper()}", value=f"{side} {number}", pressed=side.upper() in chosen.shown_as)
-                    for side in SLOTS
-                )
-            ),
-            row(
-                button(
-                    "Compare with its parent",
-                    "runs.parent",
-                    number,
-                    disabled=not there or parent is None,
-                    hint=f"A: {parent.name}" if parent else "It did not start from another run",
-                )
-            ),
-            row(button("Refine", "runs.refine", number, disabled=off or not chosen.run.stored, hint=_REFINE)),
-            *(
-                []
-                if chosen.run.kind == "imported"
-                else [row(button("Use its settings for the next fit", "runs.settings", number, disabled=off))]
-            ),
-            *cancel,
+            row(*shows),
+            row(beside),
+            row(refine),
+            *([] if run.kind == "imported" else [row(use)]),
+            *([] if chosen.job is None else [row(cancel)]),
         )
-
-
-def _side_and_run(value: str) -> tuple[str, int]:
-    """Where to show which run: "a 5"."""
-    side, number = value.split(" ")
-    return one_of(SLOTS)(side), int(number)
-
-
-_BUTTONS = row(button("Restore", "deleted.restore"), button("Remove all permanently …", "deleted.ask", kind="danger"))
 
 
 class DeletedRuns:
@@ -248,10 +240,6 @@ class DeletedRuns:
         with self._folder:
             self._choice: Any = gui.add_dropdown("Deleted", ("",))
             self._buttons = Board(tab)
-        tab.buttons.on("deleted.restore", lambda _: self._restore())
-        tab.buttons.on("deleted.ask", lambda _: self._ask())
-        tab.buttons.on("deleted.remove", lambda _: self._remove())
-        tab.buttons.on("deleted.keep", lambda _: self._close())
 
     def _restore(self) -> None:
         run = next((run for run in self._runs if run.option == self._choice.value), None)
@@ -269,8 +257,8 @@ class DeletedRuns:
         self._question.show(
             *(paragraph(run.name) for run in self._runs),
             paragraph("Their results cannot be recovered.", "warn"),
-            row(button(f"Remove {what}", "deleted.remove", kind="danger")),
-            button("Keep them", "deleted.keep", kind="close"),
+            row(button(f"Remove {what}", "deleted.remove", do=self._remove, kind="danger")),
+            button("Keep them", "deleted.keep", do=self._close, kind="close"),
         )
 
     def _remove(self) -> None:
@@ -290,7 +278,62 @@ class DeletedRuns:
             "deleted runs", session.fits.version, lambda: tuple(session.project.runs.all(deleted=True))
         )
         self._folder.visible = bool(self._runs)
-        self._buttons.show(*([_BUTTONS] if self._runs else []))
+        restore = button("Restore", "deleted.restore", do=self._restore)
+        ask = button("Remove all permanently …", "deleted.ask", do=self._ask, kind="danger")
+        self._buttons.show(*([row(restore, ask)] if self._runs else []))
         options = tuple(run.option for run in reversed(self._runs)) or ("",)
         if options != self._choice.options:  # viser sends them on every assignment
             self._choice.options = options
+
+
+_OWN = "the result's body"
+_UPLOAD = "An npz, a zip of SMPLify-X's results, or a learned system's file, from this browser's computer"
+_SAID = (
+    "SMPLify-X's output folder, an npz of SMPL-X or AMASS, a fit.npz, or a result of GVHMR, GEM, WHAM, PromptHMR, "
+    "4D-Humans or SAM 3D Body, as a run to compare. It must match this clip's frames."
+)
+
+
+class ImportRun:
+    """Imports another program's result into the project; `imported` receives the new run."""
+
+    def __init__(self, tab: Tab, imported: Callable[[Run], None]) -> None:
+        self._tab, self._imported = tab, imported
+        with tab.client.gui.add_folder("Import a result", expand_by_default=False):
+            Board(tab).show(paragraph(_SAID, "dim"))
+            self._file = FileInput(
+                tab,
+                "import.path",
+                self._take,
+                path=TextRow("Path", "Folder or file on the computer where tcfit runs"),
+                more=(
+                    TextRow("First frame", "Video frame number of the result's first frame; empty: as stored in it"),
+                    TextRow("Posed on", "Another body keeps the joint angles but drops the shape", (_OWN, *KINDS)),
+                ),
+                button="Import",
+                missing="Type the path of a result first; expected a folder or a file of one of the programs above.",
+                upload=TextRow("Upload a file", _UPLOAD),
+                main=True,
+            )
+
+    def _take(self, file: Path | viser.UploadedFile) -> None:
+        session, body = self._tab.session, self._file["Posed on"]
+        choices = ImportChoices(
+            first_frame=frame_number("First frame", self._file["First frame"]),
+            body_model=None if body == _OWN else body,
+        )
+
+        def work(report: Step) -> Run:
+            if isinstance(file, Path):
+                return session.import_run(file, choices, report)
+            return session.import_upload(file.name, file.content, choices, report)
+
+        self._file.read("Importing a result", work, self._done)
+
+    def _done(self, run: Run) -> None:
+        self._imported(run)
+        self._tab.say(f"Imported: {run.name}; show it as A or B")
+
+    def draw(self) -> None:
+        """Send what changed."""
+        self._file.draw()

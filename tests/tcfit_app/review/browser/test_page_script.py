@@ -18,7 +18,7 @@ from tcfit_app.review.browser import channel
 from tcfit_app.review.browser import page_states as states
 from tcfit_app.review.browser.channel import loading, web_files
 from tcfit_app.review.browser.page_events import Drag, Drawn, Gesture, Hello, Key, Resized, Select, Theme
-from tcfit_app.review.gestures.actions import BINDINGS
+from tcfit_app.review.gestures.actions import bindings
 from tcfit_app.server.serving import ReviewServer, review_server
 from tests.drivers.page_tab import (
     ELBOW,
@@ -543,7 +543,7 @@ KEYBOARDS = {
 
 @pytest.mark.parametrize("keyboard", KEYBOARDS)
 def test_letters_and_signs_go_by_what_is_written_on_the_keys(tab: Tab, keyboard: str) -> None:
-    tab.send("keys", states.Keys(bindings=BINDINGS))
+    tab.send("keys", states.Keys(bindings=bindings()))
     tab.settle()
     protocol = tab.page.context.new_cdp_session(tab.page)
     for key, code, modifiers in KEYBOARDS[keyboard].values():
@@ -555,7 +555,7 @@ def test_letters_and_signs_go_by_what_is_written_on_the_keys(tab: Tab, keyboard:
 
 
 def test_what_a_key_gives_with_altgr_is_none_of_its_other_meanings(tab: Tab) -> None:
-    tab.send("keys", states.Keys(bindings=BINDINGS))
+    tab.send("keys", states.Keys(bindings=bindings()))
     tab.settle()
     tab.page.evaluate("""() => {
       for (const [key, code] of [["¹", "Digit1"], ["@", "KeyQ"], ["[", "Digit8"]])

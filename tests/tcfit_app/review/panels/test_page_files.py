@@ -22,10 +22,9 @@ PRESSED = {
     "reference": ("File", "compare.reference"),
     "camera": ("Camera file", "fit.camera"),
     "keypoints": ("Path", "start.import"),
-    "model": ("Model file", "start.find"),
 }
 """By what is named: the field, and the button that takes it."""
-_WITHOUT_KEYPOINTS = ("keypoints", "model")
+_WITHOUT_KEYPOINTS = ("keypoints",)
 
 
 @pytest.fixture(params=PRESSED)
@@ -49,12 +48,10 @@ def page(named: str, panel_server: viser.ViserServer, tmp_path: Path) -> Iterato
 def name(page: LonePage, named: str, path: str) -> list[str]:
     """Type it and press the button; what is told."""
     field, button = PRESSED[named]
-    if named == "model":
-        page.enter("Detector", "Your own ONNX file")
     page.draw()
     page.field(field)._impl.value = path
     page.notices.clear()
-    page.page.tab.do(lambda: page.press(button, "keypoints" if named == "model" else ""))
+    page.page.tab.do(lambda: page.press(button))
     page.settle()
     return [notice.text for notice in page.notices]
 
@@ -127,11 +124,11 @@ def test_no_start_and_no_shape_by_their_paths(page: LonePage, part: str, tmp_pat
     """Nor by the settings of a run that has been made with them."""
     file = tmp_path / "result.npz"
     file.write_bytes(b"")
-    tab, label = page.page.tab, {"start": "Path of the result", "shape": "Path of the shape"}[part]
+    tab = page.page.tab
     for files in (PageFiles(here=False), PageFiles(here=True, root=tmp_path / "new.tcfit")):
         tab.files = files
-        for path in (file, tmp_path / "nowhere"):
-            page.enter(label, str(path))
+        for path in (file, tmp_path / "nowhere") if part == "shape" else ():
+            page.enter("Path of the shape", str(path))
             (problem,) = [why for name, why in tab.state.settings.problems if name == part]
             assert "does not lie in" in problem or "Upload the file" in problem
             assert tab.state.settings.given == Given()
@@ -143,8 +140,8 @@ def test_no_start_and_no_shape_by_their_paths(page: LonePage, part: str, tmp_pat
         assert "does not lie in" in notice.text or "Upload the file" in notice.text
         tab.set(settings=replace(tab.state.settings, given=Given()))
     tab.files = PageFiles(here=True)
-    page.enter(label, str(file))
-    assert getattr(tab.state.settings.given, part) == Source(path=str(file))
+    page.enter("Path of the shape", str(file))
+    assert tab.state.settings.given.shape == Source(path=str(file))
 
 
 @pytest.mark.parametrize("named", ["video"], indirect=True)

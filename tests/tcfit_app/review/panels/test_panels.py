@@ -201,8 +201,8 @@ def test_view_buttons(tested: LonePage):
     assert page.tab.state.mode == "space" and page.tab.state.beside == "apart" and "Side by side" in tested.html()
     tested.press("view.group", "face")
     assert page.tab.state.groups == set(GROUPS) - {"face"}
-    tested.press("view.color", "confidence")
-    tested.press("view.switch", "bones")
+    tested.press("view.color_by", "confidence")
+    tested.press("action", "bones")
     tested.press("view.speed", "0.25")
     assert (page.tab.state.color_by, page.tab.state.bones, page.tab.state.speed) == ("confidence", False, 0.25)
     assert tested.button("Video").disabled, "there is none"
@@ -247,10 +247,12 @@ def test_correcting_buttons_and_where_they_apply(tested: LonePage):
     page.tab.set(frames=None)
     assert ">Restore</span><kbd>X</kbd>" in tested.html()
     page.tab.set(frames=range(1, 4))
-    tested.press("keypoints.bad", "left_hand")
+    tested.press("keypoints.group", "left_hand")
+    tested.press("action", "bad")
     assert last_edit(page) == MarkBad(frames=(1, 2, 3), joints=tuple(range(25, 46)))
-    tested.press("keypoints.restore", "left_hand")
+    tested.press("action", "bad")
     assert last_edit(page) == Restore(frames=(1, 2, 3), joints=tuple(range(25, 46)))
+    page.tab.set(selection=(4,))
     tested.press("keypoints.swap", "arms")
     assert isinstance(last_edit(page), SwapSides)
     tested.enter("Confidence", 0.5)
@@ -304,14 +306,12 @@ def last_edit(page) -> object:
     return page.tab.session.project.log[-1].action
 
 
-def test_moving_by_fields(tested: LonePage):
+def test_a_moved_keypoint_says_where_it_was(tested: LonePage):
     page = tested.page
     joint = int(np.flatnonzero(page.tab.session.project.detections.confidence[0] > 0)[0])
     page.tab.set(selection=(joint,))
     before = page.tab.session.project.corrected.xy[0, joint].copy()
-    tested.field("Move by")._impl.value = (2.5, -1.0)
-    tested.press("keypoints.move")
-    np.testing.assert_allclose(page.tab.session.project.corrected.xy[0, joint] - before, (2.5, -1.0))
+    tested.press("action", "nudge_right")
     shown = tested.html()
     assert "corrected" in shown and f"was {before[0]:.1f}, {before[1]:.1f}" in shown
 
@@ -637,13 +637,13 @@ def test_what_needs_a_fit_or_the_video_is_off_without(panel_server: viser.ViserS
     sample_project(tmp_path / "walk.tcfit").close()
     with Project.open(tmp_path / "walk.tcfit") as project, lone_page(panel_server, project) as tested:
         gestures = tested.page.gestures
-        for name in ("ab", "space", "blink", "bodies", "outline", "difference", "side"):
+        for name in ("ab", "space", "blinked", "bodies", "outline", "difference", "side"):
             assert "There is no fit yet" in ACTIONS[name].obstacle(gestures), name
         assert "no finished fit" in ACTIONS["approve"].obstacle(gestures)
         assert "The video is missing" in ACTIONS["peek"].obstacle(gestures)
         for title in ("Swap A and B", "Overlay", "Video", "Clip to the picture"):
             assert tested.button(title).disabled, title
-        assert tested.field("A shows").disabled and not tested.field("Run").visible
+        assert tested.field("A shows").disabled and not tested.field("Name").visible
 
 
 def test_an_entry_outside_the_selected_frames_ends_their_selection(tested: LonePage):
@@ -702,7 +702,7 @@ def test_frames_that_are_selected_elsewhere_are_not_changed(tested: LonePage):
     for name in changing:
         with pytest.raises(InputError, match=f"frames {FIRST + 1}–{FIRST + 3}, and frame {FIRST + 5} is on show"):
             tested.press("action", name)
-    for command in (("keypoints.confidence", ""), ("keypoints.bad", "face"), ("keypoints.swap", "legs")):
+    for command in (("keypoints.confidence", ""), ("keypoints.swap", "legs")):
         with pytest.raises(InputError, match="is on show"):
             tested.press(*command)
     assert len(project.log) == known and not project.marks.all()

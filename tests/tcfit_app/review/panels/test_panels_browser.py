@@ -62,7 +62,7 @@ def test_a_press_that_ends_elsewhere_does_nothing(opened: Reviewing):
 
 
 def test_buttons_by_keyboard(opened: Reviewing):
-    opened.tab.locator("[data-tcfit='view.color'][data-value=confidence]").focus()
+    opened.tab.locator("[data-tcfit='view.color_by'][data-value=confidence]").focus()
     opened.tab.keyboard.press("Enter")
     until(lambda: opened.page.tab.state.color_by == "confidence")
     opened.tab.keyboard.press("Escape")

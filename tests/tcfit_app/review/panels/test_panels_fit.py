@@ -19,7 +19,7 @@ from tcfit_app.project.edits.kinds import MarkBad
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_record import Given, Source
 from tcfit_app.review.panels.fit.fit_panel import POINTS, FitPanel, charted, curves
-from tcfit_app.review.panels.fit.fit_settings import LABELS, differences, nearest_preset
+from tcfit_app.review.panels.fit.fit_settings import ROWS, differences, nearest_preset
 from tcfit_app.review.tab.state import FitSettings
 from tests.drivers.lone_page import LonePage, tiny_page
 from tests.samples.sessions import QUICK
@@ -29,11 +29,6 @@ from tests.samples.sessions import QUICK
 def tested(panel_server: viser.ViserServer, tmp_path: Path, tiny_body: BodyModel) -> Iterator[LonePage]:
     with tiny_page(panel_server, tmp_path / "p", tiny_body, FitPanel) as made:
         yield made
-
-
-def test_whose_noise_the_keypoints_have_can_be_said(tested: LonePage):
-    tested.enter("Keypoint noise", "mediapipe")
-    assert tested.page.tab.state.settings.config.keypoint_noise == "mediapipe"
 
 
 def test_what_is_entered_is_in_the_run(tested: LonePage):
@@ -76,7 +71,6 @@ def test_what_is_entered_is_in_the_run(tested: LonePage):
         ("w_T", "-1", "w_T is -1; expected a number, 0 to 100,000."),
         ("w_T", "nan", "w_T is nan; expected"),
         ("w_T", " ", "w_T is empty; expected"),
-        ("Seed", "1.5", "Seed is 1.5; expected a whole number"),
         ("Shape frames", "0", "Shape frames is 0; expected a whole number, 1 to {frames}"),
         ("Focal length", "0", "Focal length is 0; expected a number, 1 to 1,000,000 (pixels)."),
         ("Gender", "male", "no male smplx body. Put &lt;SMPLX&gt;.npz there."),
@@ -148,25 +142,30 @@ def test_a_fit_starts_from_a_run_and_has_its_shape(tested: LonePage):
     assert torch.equal(session.fits.fit(again).last.params.betas, before.last.params.betas)
 
 
-def test_a_start_from_a_file_is_told_and_its_problems(tested: LonePage, tmp_path: Path):
+def test_a_shape_from_a_file_is_told_and_its_problems(tested: LonePage, tmp_path: Path):
     tab, session = tested.page.tab, tested.page.tab.session
-    tested.enter("Start from", "a file …")
-    assert "Path of the result is empty; expected" in tested.html() and tested.button("Fit everything").disabled
-    assert tested.field("Path of the result").visible and tested.field("Person in it").visible
-    tested.enter("Path of the result", str(tmp_path / "nothing.npz"))
+    tested.enter("Same person as", "a file …")
+    assert "Path of the shape is empty; expected" in tested.html() and tested.button("Fit everything").disabled
+    assert tested.field("Path of the shape").visible
+    tested.enter("Path of the shape", str(tmp_path / "nothing.npz"))
     assert "does not exist" in tested.html()
     wrong = tmp_path / "wrong.npz"
     np.savez(wrong, numbers=np.zeros(3))
-    tested.enter("Path of the result", str(wrong))
+    tested.enter("Path of the shape", str(wrong))
     assert not tested.button("Fit everything").disabled
-    tested.enter("Person in it", "-1")
-    assert "Person in it is &#x27;-1&#x27;; expected a whole number" in tested.html()
-    tested.enter("Person in it", "2")
-    tested.enter("Its first frame", "7")
-    assert tab.state.settings.given == Given(start=Source(path=str(wrong), person=2, first_frame=7))
+    assert tab.state.settings.given == Given(shape=Source(path=str(wrong)))
     tested.click("Fit everything")
     tested.settle()
     assert not session.fits.runs and "wrong.npz" in tested.notices[-1].text and tested.notices[-1].kind == "error"
+
+
+def test_a_start_from_a_file_that_a_run_had_is_shown(tested: LonePage):
+    tab = tested.page.tab
+    tab.set(settings=replace(tab.state.settings, given=Given(start=Source(path="theirs.npz"))))
+    tested.draw()
+    assert tested.field("Start from").value == "theirs.npz"
+    tested.enter("Start from", "nothing: only the clip")
+    assert tab.state.settings.given == Given()
 
 
 def test_a_calibration_becomes_the_projects_camera(tested: LonePage, tmp_path: Path):
@@ -268,9 +267,16 @@ def test_a_number_that_is_being_typed_stays_as_it_is(tested: LonePage):
 
 
 def test_every_field_has_a_hint_and_numbers_their_range(tested: LonePage):
-    for name in ("Preset", *LABELS.values(), "Body model", "Gender", "Focal length", "Margin (frames)"):
+    for name in (
+        "Preset",
+        *(row.label for row in ROWS.values()),
+        "Body model",
+        "Gender",
+        "Focal length",
+        "Margin (frames)",
+    ):
         assert tested.field(name).hint, name
-    for name in ("w_T", "Window", "Shape frames", "Seed", "Focal length", "Margin (frames)"):
+    for name in ("w_T", "Window", "Shape frames", "Focal length", "Margin (frames)"):
         assert " to " in tested.field(name).hint, name
 
 

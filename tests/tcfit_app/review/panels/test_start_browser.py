@@ -198,11 +198,9 @@ def test_a_click_says_who_is_meant_while_people_are_found_and_afterwards(review:
 
 
 def test_what_fails_is_told_in_the_panel(review: Reviewing, tmp_path: Path):
-    (tmp_path / "text.onnx").write_text("hello")
-    unfold(review, "How keypoints are found", "Detector")
-    field(review, "Detector").click()
-    review.tab.get_by_role("option", name="Your own ONNX file").click()
-    field(review, "Model file").fill(str(tmp_path / "text.onnx"))
-    review.tab.get_by_text("Find keypoints only").click()
-    review.tab.get_by_text("cannot be opened as an ONNX model").first.wait_for()
+    (tmp_path / "text.json").write_text("hello")
+    unfold(review, "Import keypoints", "Path")
+    field(review, "Path").fill(str(tmp_path / "text.json"))
+    review.tab.get_by_text("Import from this path").click()
+    review.tab.get_by_text("text.json").first.wait_for()
     until(lambda: "No keypoints yet" in chips(review), "the status line")
