@@ -21,6 +21,7 @@ from tcfit_app.review.panels.elements.html import (
     Html,
     button,
     choice,
+    choices,
     dot,
     heading,
     joined,
@@ -202,55 +203,43 @@ class ExportPanel:
     def _choices(self, titles: dict[Letter, str]) -> list[Html]:
         """Which run, which frames, which axes."""
         wishes, tab = self._wishes, self._tab
-        sides = [
-            button(
-                joined(dot(css(color)), *_named(side, titles.get(side, "none"))),
-                "export.side",
-                side,
-                do=partial(self._wish, side=side),
-                pressed=side == wishes.side,
-                disabled=side not in titles,
-                kind="left",
-                hint=titles.get(side, ""),
-            )
+        labels = {
+            side: joined(dot(css(color)), *_named(side, titles.get(side, "none")))
             for side, color in zip(get_args(Letter), RUN_COLORS, strict=True)
-        ]
+        }
+        sides = choices(
+            "export.side",
+            labels,
+            lambda side: self._wish(side=side),
+            lambda side: side == wishes.side,
+            disabled=lambda side: side not in titles,
+            hint=lambda side: titles.get(side, ""),
+            kind="left",
+        )
         selected = tab.state.frames
         some = "selected" if selected is None else in_words(selected, tab.first_frame)
-        frames = [
-            button(
-                label,
-                "export.frames",
-                value,
-                do=partial(self._wish, selected=on),
-                pressed=wishes.selected == on,
-                disabled=on and selected is None,
-            )
-            for label, value, on in (("all", "all", False), (some, "selected", True))
-        ]
-        axes = [
-            button(
-                label,
-                "export.axes",
-                value,
-                do=partial(self._wish, axes=value),
-                pressed=wishes.axes == value,
-                hint=_axes_hint(value),
-            )
-            for value, label in AXES_CHOICES.items()
-            if value != OWN_WORLD or tab.session.project.footage.camera.world is not None
-        ]
-        views = [
-            button(
-                label,
-                "export.view",
-                value,
-                do=partial(self._wish, view=value),
-                pressed=wishes.view == value,
-                hint=VIEW_HINT,
-            )
-            for value, (label, _) in VIEW_CHOICES.items()
-        ]
+        frames = choices(
+            "export.frames",
+            {"all": "all", "selected": some},
+            lambda value: self._wish(selected=value == "selected"),
+            lambda value: wishes.selected == (value == "selected"),
+            disabled=lambda value: value == "selected" and selected is None,
+        )
+        own_world = tab.session.project.footage.camera.world is not None
+        axes = choices(
+            "export.axes",
+            {value: label for value, label in AXES_CHOICES.items() if value != OWN_WORLD or own_world},
+            lambda value: self._wish(axes=value),
+            lambda value: wishes.axes == value,
+            hint=_axes_hint,
+        )
+        views = choices(
+            "export.view",
+            {value: label for value, (label, _) in VIEW_CHOICES.items()},
+            lambda value: self._wish(view=value),
+            lambda value: wishes.view == value,
+            hint=lambda value: VIEW_HINT,
+        )
         return [
             heading("Files", "to this browser's downloads", first=True),
             row(sides[0], label="Run") if titles else paragraph(words("No fit yet: see the panel Fit.", "dim")),

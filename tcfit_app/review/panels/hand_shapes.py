@@ -8,7 +8,7 @@ from fitting_core.keypoints import Side
 from tcfit_app.review.gestures.actions import ACTIONS, Gestures, refusal
 from tcfit_app.review.gestures.shaping import HAND_POINTS, MOST_BLEND
 from tcfit_app.review.panels.elements.field import Field, for_writers
-from tcfit_app.review.panels.elements.html import Board, action, button, choice, heading, paragraph, row
+from tcfit_app.review.panels.elements.html import Board, action, button, choice, choices, heading, paragraph, row
 from tcfit_app.review.shared.own_handshapes import keep_handshape, own_handshapes
 
 _BLEND = "Frames before and after, in which the hand goes over into the shape and out of it"
@@ -46,14 +46,11 @@ class HandShapes:
         except InputError as error:
             own, problem = {}, str(error)
         side = None if refusal(shaping.side) else shaping.side()
-        hands = [
-            button(f"{each.title()} hand", "shapes.hand", each, do=partial(self._select, each), pressed=each == side)
-            for each in HAND_POINTS
-        ]
-        theirs = [
-            button(name, "shapes.own", name, do=partial(shaping.give_own, name), obstacle=why, kind="mini")
-            for name in own
-        ]
+        titles: dict[Side, str] = {each: f"{each.title()} hand" for each in HAND_POINTS}
+        hands = choices("shapes.hand", titles, self._select, lambda each: each == side)
+        theirs = choices(
+            "shapes.own", {name: name for name in own}, shaping.give_own, lambda name: None, obstacle=why, kind="mini"
+        )
         copied = shaping.copied
         self._shapes.show(
             heading("Hand shape", where),

@@ -15,17 +15,17 @@ from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.project.edits.edit_log import LogEntry, Redo, Remark, Said, Undo
 from tcfit_app.project.edits.keyframes import LONGEST_GAP
 from tcfit_app.project.frame_words import in_words
-from tcfit_app.review.browser.page_states import GROUP_COLORS
 from tcfit_app.review.gestures.actions import Gestures, refusal
 from tcfit_app.review.gestures.detecting_again import missing_parts
 from tcfit_app.review.gestures.edit_words import depth_words, describe, part_name, whose
 from tcfit_app.review.panels.elements.field import Dropdown, for_writers
 from tcfit_app.review.panels.elements.html import (
+    GROUP_LABELS,
     Board,
     Html,
     action,
     button,
-    dot,
+    choices,
     heading,
     joined,
     line,
@@ -46,7 +46,7 @@ _NOTHING = "Select by name"
 _SELECT = "Click one in the picture, or draw a rectangle with Shift held."
 _NONE_YET = "There are none yet: find or import them in the panel Start."
 _KEYFRAMES = f"Between two frames at most {LONGEST_GAP} apart in which a keypoint was moved, it is interpolated"
-_SWAPPED = ("arms", "legs")
+_SWAPPED = {"arms": "Arms", "legs": "Legs"}
 """Swaps that have no key."""
 _JOINTS = {full_name(joint): joint for joint in range(COUNT)}
 """Keypoints by their names in the dropdown."""
@@ -81,6 +81,9 @@ class KeypointsPanel:
         if name in _JOINTS:
             self._tab.set(selection=(_JOINTS[name],))
 
+    def _select_group(self, name: str) -> None:
+        self._tab.set(selection=tuple(range(COUNT)[GROUPS[name]]))
+
     def _follow_or_not(self) -> None:
         follower = self._tab.session.edit_follower
         follower.after_edits = not follower.after_edits
@@ -95,7 +98,16 @@ class KeypointsPanel:
         self._draw_buttons(where := self._where())
         self._shapes.draw(where)
         by = session.project.footage.detector if session.project.has_detections else ""
-        self._groups.show(heading("Whole groups"), row(*map(self._group, GROUPS)), *_detected_by(by))
+        there = session.project.has_detections
+        groups = choices(
+            "keypoints.group",
+            GROUP_LABELS,
+            self._select_group,
+            lambda name: None,
+            disabled=lambda name: not there,
+            hint=lambda name: "Select them",
+        )
+        self._groups.show(heading("Select a group"), row(*groups), *_detected_by(by))
         self._draw_again(where, looks=looks)
         self._draw_history()
 
@@ -161,14 +173,14 @@ class KeypointsPanel:
     def _draw_buttons(self, where: str) -> None:
         tab, state, act = self._tab, self._tab.state, self._action
         off = bool(refusal(self._refuse))
+        swap = self._gestures.correcting.swap_sides
+        swaps = choices("keypoints.swap", _SWAPPED, swap, lambda name: None, disabled=lambda name: off)
         self._buttons.show(
             heading("Correct", words(f"{where}, not on show", "warn") if tab.hits_unseen else where),
             row(act("bad", "Restore" if self._bad() else "Mark bad"), act("reset", "Reset")),
             row(act("copy", "Copy previous"), act("interpolate")),
             paragraph("Swap left and right:", "dim"),
-            row(
-                act("swap_body", "Body"), *(self._swap(name, off=off) for name in _SWAPPED), act("swap_hands", "Hands")
-            ),
+            row(act("swap_body", "Body"), *swaps, act("swap_hands", "Hands")),
             heading("Keyframes", "in the frame on show"),
             row(act("keyframes", hint=_KEYFRAMES), act("delete_key", "Delete keyframe")),
             row(act("hand_along")),
@@ -184,21 +196,6 @@ class KeypointsPanel:
             disabled=off or not state.selection,
         )
         self._exactly.show(row(set_all), *unseen(tab))  # below, so that selecting frames does not move the buttons
-
-    def _swap(self, what: str, *, off: bool) -> Html:
-        swap = partial(self._gestures.correcting.swap_sides, what)
-        return button(what.title(), "keypoints.swap", what, do=swap, disabled=off)
-
-    def _group(self, name: str) -> Html:
-        part = GROUPS[name]
-        return button(
-            joined(dot(GROUP_COLORS[name]), text(name.replace("_", " "))),
-            "keypoints.group",
-            name,
-            do=lambda: self._tab.set(selection=tuple(range(part.start, part.stop))),
-            disabled=not self._tab.session.project.has_detections,
-            hint="Select them",
-        )
 
     def _draw_history(self) -> None:
         tab, project = self._tab, self._tab.session.project

@@ -25,6 +25,7 @@ from tcfit_app.review.panels.elements.html import (
     Html,
     action,
     button,
+    choices,
     heading,
     joined,
     line,
@@ -278,18 +279,14 @@ class ReviewPanel:
         if len(found) <= _FEW and view == QueueView():
             return []
         limbs = Counter(limb for suspect in found if view.kind in ("", suspect.kind) for limb in suspect.about)
-        orders = [
-            button(
-                title,
-                "review.order",
-                order,
-                do=partial(self._filter, "order", order),
-                kind="mini",
-                pressed=view.order == order,
-                hint=hint,
-            )
-            for order, (title, hint) in _ORDERS.items()
-        ]
+        orders = choices(
+            "review.order",
+            {order: title for order, (title, _) in _ORDERS.items()},
+            partial(self._filter, "order"),
+            lambda order: view.order == order,
+            hint=lambda order: _ORDERS[order][1],
+            kind="mini",
+        )
         kinds = self._chips("kind", kinds_of(found), view.kind)
         parts = self._chips("limb", dict(sorted(limbs.items())), view.limb)
         return [
@@ -335,14 +332,6 @@ class ReviewPanel:
             value: f"{KIND_WORDS.get(value, value.capitalize())} {counts.get(value, 0)}"
             for value in (*counts, *filter(None, (chosen,)))
         }
-        return [
-            button(
-                label,
-                f"review.{part}",
-                value,
-                do=partial(self._filter, part, value),
-                kind="mini",
-                pressed=value == chosen,
-            )
-            for value, label in labels.items()
-        ]
+        return choices(
+            f"review.{part}", labels, partial(self._filter, part), lambda value: value == chosen, kind="mini"
+        )

@@ -7,19 +7,19 @@ from typing import ClassVar
 import viser
 
 from fitting_core.errors import InputError
-from fitting_core.keypoints import GROUPS
 from tcfit_app.fitting.fits import SHORT_TITLES, FitChoice, Shown, phase_title
 from tcfit_app.project.storage.run_record import Run
-from tcfit_app.review.browser.page_states import GROUP_COLORS
 from tcfit_app.review.gestures.actions import ACTIONS, Gestures, key_text
 from tcfit_app.review.gestures.zooming import show_close_up
 from tcfit_app.review.panels.elements.field import Dropdown, Field, slider
 from tcfit_app.review.panels.elements.html import (
+    GROUP_LABELS,
     Board,
     Html,
     action,
     button,
     choice,
+    choices,
     dot,
     heading,
     joined,
@@ -30,7 +30,7 @@ from tcfit_app.review.panels.elements.html import (
 )
 from tcfit_app.review.scene.layers import RUN_COLORS, css
 from tcfit_app.review.scene.poses import SPACE_FROM
-from tcfit_app.review.scene.side_view import angle_of, direction_text
+from tcfit_app.review.scene.side_view import Named, angle_of, direction_text
 from tcfit_app.review.scene.windows import ARRANGEMENTS
 from tcfit_app.review.tab.on_show import SLOTS, Slot
 from tcfit_app.review.tab.state import CLOSE_UPS, MODES, SIDES_SEEN, Part
@@ -90,16 +90,12 @@ class ViewPanel:
         tab, state, act = self._tab, self._tab.state, self._action
         hint = f"Arrangement of A and B ({key_text('arrangement')}: the next)"
         modes = (act(mode, name, pressed=state.mode == mode) for mode, name in MODES.items())
-        ways = (
-            button(
-                name,
-                "view.arrange",
-                way,
-                do=lambda way=way: tab.set(arrangement=way),
-                pressed=tab.arrangement == way,
-                hint=hint,
-            )
-            for way, name in ARRANGEMENTS.items()
+        ways = choices(
+            "view.arrange",
+            ARRANGEMENTS,
+            lambda way: tab.set(arrangement=way),
+            lambda way: tab.arrangement == way,
+            hint=lambda way: hint,
         )
         self._top.show(
             row(choice(*modes)),
@@ -121,10 +117,8 @@ class ViewPanel:
         tab, state = self._tab, self._tab.state
         shown = switches(self._gestures, "bodies")
         if state.mode == "space":
-            looks = (
-                button(name.title(), "view.from", name, do=partial(tab.scene.look_from, name))
-                for name in (*SPACE_FROM, "camera")
-            )
+            names = {name: name.title() for name in (*SPACE_FROM, "camera")}
+            looks = choices("view.from", names, tab.scene.look_from, lambda name: None)
             more = [row(choice(*looks), label="Seen from"), options(tab, "beside")]
         else:
             clip = button(
@@ -145,17 +139,14 @@ class ViewPanel:
         self._turn.visible = flat and state.side and not why
         if not flat:
             return self._side.show()
-        seen = (
-            button(
-                name.title(),
-                "view.side",
-                name,
-                do=lambda name=name: tab.set(side=True, side_from=name),
-                pressed=state.side_from == name,
-                obstacle=why,
-                hint=direction_text(name).capitalize(),
-            )
-            for name in SIDES_SEEN
+        sides: dict[Named, str] = {name: name.title() for name in SIDES_SEEN}
+        seen = choices(
+            "view.side",
+            sides,
+            lambda name: tab.set(side=True, side_from=name),
+            lambda name: state.side_from == name,
+            obstacle=why,
+            hint=lambda name: direction_text(name).capitalize(),
         )
         known = held is None or tab.data.level(held) is not None
         self._side.show(
@@ -165,28 +156,19 @@ class ViewPanel:
 
     def _draw_keypoints(self) -> None:
         tab, state, act = self._tab, self._tab.state, self._action
-        groups = (
-            button(
-                joined(dot(GROUP_COLORS[name]), text(name.replace("_", " "))),
-                "view.group",
-                name,
-                do=lambda name=name: tab.set(groups=tab.state.groups ^ {name}),
-                pressed=name in state.groups,
-            )
-            for name in GROUPS
+        groups = choices(
+            "view.group",
+            GROUP_LABELS,
+            lambda name: tab.set(groups=tab.state.groups ^ {name}),
+            lambda name: name in state.groups,
         )
-        flat = ACTIONS["close_up"].obstacle(self._gestures)
-        parts = (
-            button(
-                name,
-                "view.close_up",
-                part,
-                do=partial(self._switch_close_up, part),
-                pressed=state.close_up == part,
-                obstacle=flat,
-                hint=_CLOSE_UP,
-            )
-            for part, name in CLOSE_UPS.items()
+        parts = choices(
+            "view.close_up",
+            CLOSE_UPS,
+            self._switch_close_up,
+            lambda part: part == state.close_up,
+            obstacle=ACTIONS["close_up"].obstacle(self._gestures),
+            hint=lambda part: _CLOSE_UP,
         )
         self._keypoints.show(
             heading("Picture and keypoints"),
@@ -212,8 +194,6 @@ _LONGEST, _END = 28, 11
 _HINTS = {"a": "Left of A | B, and what blinking shows", "b": "Right of A | B; corrections are made to it"}
 _SWAP = "What was A becomes B: corrections are then made to it"
 _LEGEND = joined(dot(css(RUN_COLORS[0])), text("A"), Html("&emsp;"), dot(css(RUN_COLORS[1])), text("B"))
-_PHASES: tuple[int | None, ...] = (*SHORT_TITLES, None)
-"""Choices for a run's phase; None: its last."""
 
 
 class RunsShown:
@@ -284,17 +264,14 @@ class RunsShown:
         now = self._choice(side)
         run = self._tab.session.fits.meant(now)
         there = self._phases_of(run)
-        buttons = (
-            button(
-                "last" if phase is None else SHORT_TITLES[phase] if run is None else phase_title(run, phase),
-                "runs.phase",
-                f"{side} {phase or ''}",
-                do=partial(self._tab.set, **{side: FitChoice(run=now.run, phase=phase)}),
-                pressed=now.phase == phase,
-                disabled=run is None or (phase is not None and phase not in there),
-                hint="The last phase that is there" if phase is None else "",
-            )
-            for phase in _PHASES
+        titles = {p: SHORT_TITLES[p] if run is None else phase_title(run, p) for p in SHORT_TITLES}
+        buttons = choices(
+            f"runs.phase_{side}",
+            {**titles, None: "last"},
+            lambda phase: self._tab.set(**{side: FitChoice(run=now.run, phase=phase)}),
+            lambda phase: now.phase == phase,
+            disabled=lambda phase: run is None or (phase is not None and phase not in there),
+            hint=lambda phase: "The last phase that is there" if phase is None else "",
         )
         phased = run is None or run.kind != "imported"  # a result of another program has no phases
         self._phases[side].show(*([row(choice(*buttons))] if phased else []))

@@ -4,14 +4,19 @@ A button carries what it does. Presses come back as `page_events.Press`; the sty
 is escaped here; only what the functions of this file return is taken as HTML.
 """
 
-from collections.abc import Callable, Iterable, Sequence
-from functools import cache, lru_cache
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cache, lru_cache, partial
 from html import escape
+from typing import TypeVar
 
+from fitting_core.keypoints import GROUPS
+from tcfit_app.review.browser.page_states import GROUP_COLORS
 from tcfit_app.review.gestures.actions import ACTIONS, Gestures, Key, key_text
 from tcfit_app.review.tab.buttons import Presses
 from tcfit_app.review.tab.state import CONTROLS, Choice, Section, Switch
 from tcfit_app.review.tab.tab import Tab
+
+Value = TypeVar("Value")
 
 
 class Html(str):
@@ -159,22 +164,51 @@ def switches(gestures: Gestures, section: Section) -> list[Html]:
     ]
 
 
-def options(tab: Tab, name: str, hint: str = "") -> Html:
+def options(tab: Tab, name: str) -> Html:
     """The buttons for the values of a field of TabState, in a row."""
     control, now = CONTROLS[name], getattr(tab.state, name)
     assert isinstance(control, Choice)
-    buttons = (
+    made = choices(f"view.{name}", control.options, lambda value: tab.set(**{name: value}), lambda value: value == now)
+    return row(choice(*made), label=control.label)
+
+
+def choices(
+    command: str,
+    values: Mapping[Value, object],
+    take: Callable[[Value], object],
+    pressed: Callable[[Value], bool | None],
+    *,
+    disabled: Callable[[Value], object] = lambda value: False,
+    obstacle: str = "",
+    hint: Callable[[Value], str] = lambda value: "",
+    kind: str = "",
+) -> list[Html]:
+    """A button for each of some values.
+
+    Args:
+        command: As in `button`, for all of them.
+        values: The values and their labels.
+        take: Receives the value of a button.
+        pressed: Whether a value is the current one; None: it cannot be.
+        disabled: Whether a value cannot be chosen now.
+        obstacle: Why none of them can be chosen now, as in `button`.
+        hint: A value's tooltip.
+        kind: As in `button`.
+    """
+    return [
         button(
             label,
-            f"view.{name}",
-            f"{value}",
-            do=lambda value=value: tab.set(**{name: value}),
-            pressed=value == now,
-            hint=hint,
+            command,
+            "" if value is None else f"{value}",
+            do=partial(take, value),
+            pressed=pressed(value),
+            disabled=bool(disabled(value)),
+            obstacle=obstacle,
+            hint=hint(value),
+            kind=kind,
         )
-        for value, label in control.options.items()
-    )
-    return row(choice(*buttons), label=control.label)
+        for value, label in values.items()
+    ]
 
 
 @cache
@@ -198,6 +232,10 @@ def row(*parts: Html, label: str = "", wrap: bool = False) -> Html:
 def choice(*buttons: Html) -> Html:
     """Mutually exclusive buttons, joined."""
     return tag("div", joined(*buttons), class_="tcfit-joined")
+
+
+GROUP_LABELS = {name: joined(dot(GROUP_COLORS[name]), text(name.replace("_", " "))) for name in GROUPS}
+"""The keypoint groups on buttons."""
 
 
 def heading(title: str, note: object = "", *, first: bool = False) -> Html:

@@ -214,7 +214,7 @@ def test_choosing_runs_and_phases(tested: LonePage):
     page, runs = tested.page, tested.page.tab.session.fits.runs
     assert tested.field("B shows").options == ("Newest", ATTACK, "first")
     tested.enter("B shows", "first")
-    tested.press("runs.phase", "b 2")
+    tested.press("runs.phase_b", "2")
     assert page.tab.state.b == FitChoice(run=runs[0].id, phase=2)
     tested.press("runs.swap")
     assert page.tab.state.a == FitChoice(run=runs[0].id, phase=2) and page.tab.state.b == FitChoice(phase=1)
