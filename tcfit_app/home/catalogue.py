@@ -194,7 +194,6 @@ def _of_project(row: Row, seen: Glance) -> Row:
     review, worst = seen.review, seen.review.worst
     if worst is not None and worst.run != seen.fit:
         worst = None
-    begun = seen.state in ("in review", "approved")  # who has only looked in is no reviewer
     return msgspec.structs.replace(
         row,
         name=seen.name,
@@ -206,8 +205,7 @@ def _of_project(row: Row, seen: Glance) -> Row:
         words="" if worst is None else worst.words,
         frame=None if worst is None or not worst.left else seen.first_frame + worst.frame,
         off=seen.off,
-        reviewer=review.reviewer if begun else "",
-        spent=sum(review.seconds.values()) if begun else 0.0,
+        reviewer=review.reviewer,
         altered=review.altered,
         note=review.note,
         notes=seen.notes,

@@ -64,8 +64,6 @@ class Row(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     off: dict[str, float] = {}
     """How far body, hands and face are off: 95 % of the keypoints are less so, pixels."""
     reviewer: str = ""
-    spent: float = 0.0
-    """Seconds of all reviewers."""
     altered: bool = False
     """Approved, and changed since."""
     note: str = ""

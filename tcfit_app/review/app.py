@@ -105,14 +105,8 @@ class ReviewApp:
 
     def _take(self, client: int, command: Callable[[], None]) -> None:
         """Take a tab's command, unless too many are waiting: a foreign page may send more than can be done."""
-
-        def obey() -> None:
-            if (page := self.pages.get(client)) is not None:
-                self._keeping.acted(page)
-            command()
-
         if self._commands.qsize() < MOST_COMMANDS:
-            self.post(obey)
+            self.post(command)
 
     def _receive(self, client: int, event: PageEvent) -> None:
         """Give an event to the page that is on show by then: the first one may come before there is any."""
@@ -193,7 +187,7 @@ class ReviewApp:
             self._faults.attempt("undo half an exchange", group.take_up, now)
         for number, page in list(self.pages.items()):
             self._faults.attempt(f"draw tab {number}", partial(page.draw, now), now)
-        self._faults.attempt("keep the time spent", partial(self._keeping.keep, self.people), now)
+        self._faults.attempt("keep the worst place", lambda: self._keeping.keep(one.data for one in self.people), now)
 
     def stop(self) -> None:
         """End `run`, from any thread."""
@@ -203,7 +197,7 @@ class ReviewApp:
     def close(self) -> None:
         """End all work. Finished work is on disk."""
         with suppress(InputError):  # write errors are reported to the tabs
-            self._keeping.keep(self.people, last=True)
+            self._keeping.keep((one.data for one in self.people), last=True)
         for client in list(self._pages):
             self._close(client)
         for someone in self.people:

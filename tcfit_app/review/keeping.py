@@ -1,4 +1,4 @@
-"""What a project keeps of the work on it: how long each reviewer has worked, and the worst place of its last fit."""
+"""Keeps the worst place of each person's last fit in the project, where the list of clips reads it."""
 
 import time
 from collections.abc import Iterable
@@ -7,16 +7,10 @@ from fitting_core.errors import InputError
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.clip_review import Worst
-from tcfit_app.review.page import Page
 from tcfit_app.review.shared.drawing_data import DrawingData
-from tcfit_app.review.tab.people import Someone
 
-PAUSE = 60.0
-"""Seconds between two actions above which the time does not count as work."""
 EVERY = 20.0
-"""Seconds between two times that something is written."""
-_LEAST = 1.0
-"""Seconds of work that are worth writing down."""
+"""Seconds between two times that it is looked for."""
 _PATIENCE = 5.0
 """Seconds for which the end waits for the worst place of a run of which none is kept."""
 
@@ -25,32 +19,16 @@ class Keeping:
     """For the drawing thread."""
 
     def __init__(self) -> None:
-        self._acted: dict[tuple[Project, str], float] = {}
-        """When each reviewer did something last."""
-        self._worked: dict[tuple[Project, str], float] = {}
-        """Seconds that are not written yet."""
         self._worst: dict[Project, Worst] = {}
         self._next = time.monotonic() + EVERY
 
-    def acted(self, page: Page) -> None:
-        """Record an action in a tab."""
-        whose, now = (page.tab.session.project, page.tab.reviewer), time.monotonic()
-        passed = now - self._acted.get(whose, now)
-        self._acted[whose] = now
-        if passed < PAUSE and not whose[0].read_only:
-            self._worked[whose] = self._worked.get(whose, 0.0) + passed
-
-    def keep(self, people: Iterable[Someone], *, last: bool = False) -> None:
+    def keep(self, people: Iterable[DrawingData], *, last: bool = False) -> None:
         """Write it down if it is time to, or for the last time. Raises InputError if a project cannot be written."""
         if time.monotonic() < self._next and not last:
             return
         self._next = time.monotonic() + EVERY
-        for (project, reviewer), seconds in list(self._worked.items()):
-            if seconds >= _LEAST:
-                del self._worked[project, reviewer]
-                project.review.add_time(reviewer, seconds)
-        for someone in people:
-            self._keep_worst(someone.data, _PATIENCE if last else 0.0)
+        for data in people:
+            self._keep_worst(data, _PATIENCE if last else 0.0)
 
     def _keep_worst(self, data: DrawingData, patience: float) -> None:
         session, project = data.session, data.session.project

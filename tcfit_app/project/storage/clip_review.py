@@ -1,13 +1,13 @@
-"""What reviewers say of a clip as a whole: whether it is approved, a note, how long they have worked on it; and the
-worst place that was found in its last fit. Imports no torch: lists of projects read it too."""
+"""What reviewers say of a clip as a whole: whether it is approved, and a note; and the worst place of its last fit.
+Imports no torch: lists of projects read it too."""
 
 import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import msgspec
 
@@ -20,8 +20,8 @@ from tcfit_app.project.storage.run_record import LAST_MOMENT
 State = Literal["new", "fitted", "in review", "approved"]
 NOTE_CHARACTERS = 500
 """Of a note on a clip, at most; it is one line."""
-TOUCHED = 30.0
-"""Seconds of work after which a clip is in review; looking does not count."""
+BROWSER = "browser "
+"""The start of authors' names in the log without a sign-in; earlier versions used "tab "."""
 _REMARKS = ("mark", "note", "notes")
 """Kinds of entries of the log that leave keypoints alone, and so what was approved."""
 Rows = Callable[..., list[sqlite3.Row]]
@@ -52,22 +52,23 @@ class ClipReview:
     altered: bool = False
     """It was approved, and keypoints or fits have changed since."""
     note: str = ""
-    seconds: dict[str, float] = field(default_factory=dict)
-    """Of work, by reviewer; who has worked on it last comes first."""
+    author: str | None = None
+    """Of the last entry of the log; None without any."""
     worst: Worst | None = None
 
     def state(self, *, fitted: bool) -> State:
         """How far the clip is; `fitted`: it has a fit."""
         if self.approved is not None and not self.altered:
             return "approved"
-        if self.approved is not None or sum(self.seconds.values()) >= TOUCHED:
+        if self.approved is not None or self.author is not None:
             return "in review"
         return "fitted" if fitted else "new"
 
     @property
     def reviewer(self) -> str:
-        """Name of the approver, or else of the last reviewer; empty if unknown."""
-        return self.approved_by if self.approved is not None else next(iter(self.seconds), "")
+        """Name of the approver, or else of the last author; empty if unknown."""
+        author = self.author or ""
+        return self.approved_by if self.approved is not None else "" if author.startswith((BROWSER, "tab ")) else author
 
 
 def read_clip_review(rows: Rows, damage: Damage) -> ClipReview:
@@ -75,14 +76,13 @@ def read_clip_review(rows: Rows, damage: Damage) -> ClipReview:
     found = rows("SELECT * FROM review")
     if not found:
         return ClipReview()
-    times = rows("SELECT * FROM review_time ORDER BY last DESC, reviewer")
-    seconds = (damage.read(row, "the time of a reviewer", _time_of) for row in times)
+    authors = [row["author"] for row in rows("SELECT author FROM edits ORDER BY id DESC LIMIT 1")]
     said = damage.read(found[0], "the review of the clip", _said)
     if said is None:
         return ClipReview()
     review, *seen = said
     altered = review.approved is not None and _altered(rows, *seen)
-    return replace(review, altered=altered, seconds=dict(one for one in seconds if one is not None))
+    return replace(review, altered=altered, author=str(authors[0]) if authors else None)
 
 
 def _said(row: Columns) -> tuple[ClipReview, int, int]:
@@ -94,17 +94,6 @@ def _said(row: Columns) -> tuple[ClipReview, int, int]:
         worst=row.read("worst", or_none(json_of(Worst))),
     )
     return review, row.read("last_edit", of(Count)), row.read("last_moment", of(Count))
-
-
-def _time_of(row: Columns) -> tuple[str, float]:
-    return row.read("reviewer", text), row.read("seconds", _length)
-
-
-def _length(value: Any) -> float:
-    length = msgspec.convert(value, float)
-    if not 0 <= length < 1e9:
-        raise ValueError(f"it is {length:g} seconds")
-    return length
 
 
 class _Kind(msgspec.Struct):
@@ -169,15 +158,6 @@ class ReviewOfClip:
     def set_worst(self, worst: Worst) -> None:
         """Keep the worst place of a run."""
         self._set("worst = ?", msgspec.json.encode(worst).decode())
-
-    def add_time(self, reviewer: str, seconds: float) -> None:
-        """Add a reviewer's working time."""
-        with self._database.transaction() as connection:
-            connection.execute(
-                "INSERT INTO review_time VALUES (?, ?, ?) ON CONFLICT (reviewer) DO UPDATE "
-                "SET seconds = coalesce(seconds, 0) + excluded.seconds, last = excluded.last",
-                (reviewer, seconds, _now()),
-            )
 
     def _set(self, assignments: str, *values: object) -> None:
         with self._database.transaction() as connection:

@@ -87,9 +87,6 @@ def _review_of_the_clip(connection: sqlite3.Connection) -> None:
             worst TEXT
         )""")
     connection.execute("INSERT INTO review (id) VALUES (1)")
-    connection.execute(
-        "CREATE TABLE review_time (reviewer TEXT PRIMARY KEY, seconds REAL NOT NULL, last TEXT NOT NULL)"
-    )
 
 
 MIGRATIONS: tuple[Callable[[sqlite3.Connection], None], ...] = (

@@ -33,8 +33,8 @@ from tcfit_app.project.edits.kinds import (
     Unlock,
 )
 from tcfit_app.project.frame_words import in_words
+from tcfit_app.project.storage.clip_review import BROWSER
 from tcfit_app.review.gestures.keyframing import HANDS_OF
-from tcfit_app.review.tab.tab import BROWSER
 
 FEW = 3
 """Maximum number of keypoints that are named individually."""

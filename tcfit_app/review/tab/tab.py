@@ -12,6 +12,7 @@ import viser
 from fitting_core.errors import InputError
 from tcfit_app.fitting.reports import Notice
 from tcfit_app.project.frame_words import in_words
+from tcfit_app.project.storage.clip_review import BROWSER
 from tcfit_app.review.browser.channel import Channel
 from tcfit_app.review.browser.page_events import Hello, PageEvent
 from tcfit_app.review.browser.page_states import Saving, Typing
@@ -31,8 +32,6 @@ from tcfit_app.server.page_files import PageFiles
 
 REMEMBERED = 256
 """Number of tabs whose states are kept after they were closed."""
-BROWSER = "browser "
-"""The start of authors' names in edits; earlier versions used "tab "."""
 NO_ONE = Visitor()
 _log = logging.getLogger(__name__)
 

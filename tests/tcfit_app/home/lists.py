@@ -18,11 +18,13 @@ def folder_of_clips(root: Path, body: BodyModel) -> Path:
     first = waving_project(root / "walk.tcfit", body)
     for name in ("b fitted", "c reviewed", "d approved"):
         folder = Path(shutil.copytree(first, root / "set" / f"{name}.tcfit"))
+        if name != "b fitted":
+            with Project.open(folder) as project:
+                project.marks.set([1], "checked", author="anna")
         with reviewed(folder) as review:
             if name != "b fitted":
                 left, score = (2, 3.5) if name == "c reviewed" else (0, 0.0)
                 review.set_worst(Worst(run=2, left=left, score=score, frame=3, words="left wrist is 42 px off"))
-                review.add_time("anna", 125.0)
             if name == "d approved":
                 review.approve("bert")
                 review.set_note("good hands")

@@ -39,7 +39,7 @@ def test_rows_say_what_projects_hold(root: Path):
     assert list(rows) == ["a new.tcfit", "set/b fitted.tcfit", "set/c reviewed.tcfit", "set/d approved.tcfit"]
     assert [row.state for row in rows.values()] == ["new", "fitted", "in review", "approved"] and gone == []
     last = rows["set/d approved.tcfit"]
-    assert (last.reviewer, last.spent, last.note, last.score, last.left) == ("bert", 125.0, "good hands", 0.0, 0)
+    assert (last.reviewer, last.note, last.score, last.left) == ("bert", "good hands", 0.0, 0)
     reviewed = rows["set/c reviewed.tcfit"]
     assert (reviewed.frame, reviewed.words) == (10, "left wrist is 42 px off")
     assert rows["set/b fitted.tcfit"].score is None

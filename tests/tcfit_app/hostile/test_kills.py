@@ -95,8 +95,7 @@ def _make_older(source: Path, folder: Path) -> None:
         later = (("clip", "height"), ("runs", "given"), ("runs", "moment"))
         for table, column in (*later, ("marks", "last_edit"), ("marks", "last_moment")):
             connection.execute(f"ALTER TABLE {table} DROP COLUMN {column}")
-        for table in ("review", "review_time"):
-            connection.execute(f"DROP TABLE {table}")
+        connection.execute("DROP TABLE review")
         connection.execute("PRAGMA user_version = 3")
 
 

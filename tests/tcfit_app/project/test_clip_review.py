@@ -17,7 +17,7 @@ from tcfit_app.project.edits.kinds import MarkBad
 from tcfit_app.project.glance import glance, stamp
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage import database
-from tcfit_app.project.storage.clip_review import TOUCHED, Worst, reviewed
+from tcfit_app.project.storage.clip_review import Worst, reviewed
 from tcfit_app.project.storage.lock import ProjectLock, ProjectLocked, holder
 from tests.samples.project_samples import CONFIG, sample_clip
 from tests.samples.waving import waving_fit, waving_project
@@ -40,17 +40,14 @@ def test_states_come_one_after_the_other(tmp_path: Path, free_body: BodyModel):
     waving_project(tmp_path / "walk.tcfit", free_body)
     folder = tmp_path / "walk.tcfit"
     assert glance(folder).state == "fitted"
-    with reviewed(folder) as review:
-        review.add_time("anna", TOUCHED - 1)
-    assert glance(folder).state == "fitted"
-    with reviewed(folder) as review:
-        review.add_time("bert", 1.5)
-    assert (glance(folder).state, glance(folder).review.reviewer) == ("in review", "bert")
+    for author, reviewer in (("bert", "bert"), ("browser 1a2b3c4d", "")):
+        with Project.open(folder) as project:
+            project.append(MarkBad(frames=(1,), joints=(3,)), author=author)
+        assert (glance(folder).state, glance(folder).review.reviewer) == ("in review", reviewer)
     with reviewed(folder) as review:
         review.approve("anna")
     seen = glance(folder)
     assert (seen.state, seen.review.reviewer) == ("approved", "anna")
-    assert seen.review.seconds == {"bert": 1.5, "anna": TOUCHED - 1}
     with reviewed(folder) as review:
         review.withdraw()
     assert glance(folder).state == "in review"
@@ -96,8 +93,7 @@ def test_a_glance_leaves_nothing_behind_and_changes_nothing(folder: Path):
 
 def test_a_glance_of_a_project_of_the_first_version(tmp_path: Path, folder: Path):
     with closing(sqlite3.connect(folder / database.NAME)) as connection, connection:
-        for table in ("review", "review_time"):
-            connection.execute(f"DROP TABLE {table}")
+        connection.execute("DROP TABLE review")
         for column in ("runs.kind", "runs.moment", "runs.given", "clip.height", "marks.last_edit", "marks.last_moment"):
             connection.execute("ALTER TABLE {} DROP COLUMN {}".format(*column.split(".")))
         connection.execute("PRAGMA user_version = 2")

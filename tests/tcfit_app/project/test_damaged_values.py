@@ -82,7 +82,6 @@ def sound(tmp_path_factory: pytest.TempPathFactory, free_body: BodyModel) -> Pat
         project.runs.finish(again.id, waving_fit(1.0), summary={"seconds": {"phase3": 1.0}, "source": "x"})
         project.runs.delete(1)
         project.review.approve("me")
-        project.review.add_time("me", 40.0)
         project.review.set_note("left hand")
         project.review.set_worst(Worst(run=2, left=1, score=1.5, frame=3, words="wrist is off"))
     with closing(sqlite3.connect(folder / database.NAME)) as connection, connection:
@@ -127,7 +126,6 @@ SILENT = {
     ("runs", "deleted"): "whatever is there, it was deleted",
     ("marks", "reason"): "nothing reads it any more",
     ("review", "id"): "there is one row",
-    ("review_time", "last"): "it is an order, and no value",
 }
 """Columns of which nothing need be said, and why."""
 
@@ -226,6 +224,5 @@ def _go_on(project: Project) -> None:
     project.undo()
     project.marks.set([0], "flag")
     project.review.approve("me")
-    project.review.add_time("me", 1.0)
     run = project.runs.start(CONFIG, body=BODY, edits_seen=project.last_edit)
     project.runs.end(run.id, "cancelled")

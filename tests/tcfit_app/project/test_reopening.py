@@ -165,8 +165,7 @@ def test_a_project_of_an_older_tcfit_is_opened(capsys: pytest.CaptureFixture[str
     with sqlite3.connect(Path("walk.tcfit", database.NAME)) as connection:
         for column in ("runs.kind", "runs.moment", "runs.given", "clip.height", "marks.last_edit", "marks.last_moment"):
             connection.execute("ALTER TABLE {} DROP COLUMN {}".format(*column.split(".")))
-        for table in ("review", "review_time"):
-            connection.execute(f"DROP TABLE {table}")
+        connection.execute("DROP TABLE review")
         connection.execute(f"PRAGMA user_version = {_BEFORE_KINDS}")
     connection.close()
     assert review(video).folder.name == "walk.tcfit"

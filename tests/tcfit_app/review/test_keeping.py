@@ -1,4 +1,4 @@
-"""What a project keeps of the work on it: approval, the time spent, the worst place."""
+"""What a project keeps of the work on it: approval, the worst place."""
 
 import shutil
 import time
@@ -12,9 +12,8 @@ from fitting_core.errors import InputError
 from tcfit_app.project.glance import glance
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.clip_review import Worst
-from tcfit_app.review import keeping
 from tcfit_app.review.gestures.actions import ACTIONS
-from tcfit_app.review.keeping import PAUSE, Keeping
+from tcfit_app.review.keeping import Keeping
 from tests.drivers.lone_page import lone_page
 from tests.samples.project_samples import sample_clip
 from tests.samples.sessions import OneBody
@@ -63,27 +62,11 @@ def test_there_is_no_other_clip_where_one_was_opened(
             assert "tcfit review FOLDER" in ACTIONS[name].obstacle(lone.page.gestures)
 
 
-def test_time_counts_while_somebody_does_something(
-    folder: Path, panel_server: viser.ViserServer, free_body: BodyModel, monkeypatch: pytest.MonkeyPatch
-):
-    now = [1000.0]
-    monkeypatch.setattr(keeping.time, "monotonic", lambda: now[0])
-    with Project.open(folder) as project, lone_page(panel_server, project, bodies=OneBody(free_body)) as lone:
-        kept = Keeping()
-        for passed in (0.0, 10.0, 20.0, PAUSE + 1, 5.0):
-            now[0] += passed
-            kept.acted(lone.page)
-        kept.keep([], last=True)
-        assert list(project.review.now.seconds.values()) == [35.0], "and not the pause"
-        kept.keep([], last=True)
-        assert list(project.review.now.seconds.values()) == [35.0]
-
-
 def test_the_worst_place_of_the_newest_run_is_kept(
     folder: Path, panel_server: viser.ViserServer, free_body: BodyModel, monkeypatch: pytest.MonkeyPatch
 ):
     with Project.open(folder) as project, lone_page(panel_server, project, bodies=OneBody(free_body)) as lone:
-        Keeping().keep([lone.page.tab.someone], last=True)
+        Keeping().keep([lone.page.tab.data], last=True)
         lone.until(lambda: lone.page.gestures.reviewing.suspects is not None)
         found = lone.page.gestures.reviewing.suspects
         assert found is not None
@@ -106,5 +89,5 @@ def test_a_fit_that_cannot_be_read_has_no_worst_place(
         file.write_bytes(b"damaged")
     with Project.open(folder) as project, lone_page(panel_server, project, bodies=OneBody(free_body)) as lone:
         begun = time.monotonic()
-        Keeping().keep([lone.page.tab.someone], last=True)
+        Keeping().keep([lone.page.tab.data], last=True)
         assert project.review.now.worst is None and time.monotonic() - begun < 4

@@ -7,7 +7,7 @@ import { element } from "../element.js";
  * @typedef {{ key: string, name: string, place: string, group?: string,
  *   kind: "project" | "result" | "video" | "images", state?: State, frames?: number, seconds?: number,
  *   score?: number, left?: number, words?: string, frame?: number, off?: Object<string, number>,
- *   reviewer?: string, spent?: number, altered?: boolean, note?: string, notes?: number, busy?: string,
+ *   reviewer?: string, altered?: boolean, note?: string, notes?: number, busy?: string,
  *   work?: Work, problem?: string }} Row
  * @typedef {"new" | "fitted" | "in review" | "approved"} State
  * @typedef {{ title: string, name: string, number?: boolean, order?: (row: Row) => string | number | undefined,
@@ -97,7 +97,6 @@ function reviewer(cell, row) {
   const box = element("div", "", cell);
   if (row.busy) element("div", "one busy", box, `● ${row.busy}`).title = `Open now: ${row.busy}`;
   if (row.reviewer && row.busy !== row.reviewer) element("div", "one", box, row.reviewer);
-  if (row.spent && row.spent >= 1) element("div", "one dim", box, `${spell(row.spent)} of work`);
 }
 
 /** @param {HTMLElement} cell @param {Row} row */
