@@ -62,19 +62,17 @@ def find_everybody(detections: Detections, *, frame_rate: float, first_frame: in
         first_frame: Number of the first frame, for the note.
         most: Most people to keep: the largest and surest over the clip.
     """
-    seen = [_most_prominent(sightings(frame)) for frame in detections.frames]
+    tracked = track(detections, frame_rate)
     crowded = [first_frame + t for t, frame in enumerate(detections.frames) if len(frame) > _MOST]
-    followed = follow_all([without_doubles(people) for people in seen], frame_rate)
-    shortest = max(_SHORTEST_FRAMES, round(_SHORTEST_SECONDS * frame_rate))
-    kept = [one for one in followed if len(one.sightings) >= shortest]
-    if not kept:
+    shortest = _shortest(frame_rate)
+    if not tracked.people:
         raise InputError(
             f"Nobody is found for {shortest} frames in {detections.source}, which is the shortest that counts. "
             "Check that the detector ran on the right video, and lower its threshold if it did."
         )
-    everybody = sorted(joined(kept, frame_rate), key=lambda person: -person.prominence)
+    everybody = tracked.people
     people = sorted(everybody[:most], key=lambda person: _order(person, frame_rate))
-    short = sorted({first_frame + t for one in followed if len(one.sightings) < shortest for t in one.sightings})
+    short = sorted({first_frame + t for one in tracked.short for t in one.sightings})
     notes = []
     if short:
         notes.append(
@@ -85,12 +83,44 @@ def find_everybody(detections: Detections, *, frame_rate: float, first_frame: in
         notes.append(f"In frames {spans(crowded)} more than {_MOST} people are detected; the largest were followed.")
     if len(everybody) > most:
         notes.append(f"{len(everybody)} people are found; the {most} largest and surest were taken.")
-    found = tuple(_found(person, detections, frozenset(kept), frame_rate) for person in people)
+    found = tuple(found_person(person, detections, tracked, frame_rate) for person in people)
     return Everybody(people=found, note=" ".join(notes))
 
 
-def _most_prominent(people: list[Sighting]) -> list[Sighting]:
-    return sorted(people, key=lambda one: -one.prominence)[:_MOST]
+@dataclass(frozen=True, kw_only=True)
+class Tracked:
+    """People as tracked through a clip."""
+
+    people: list[FollowedPerson]
+    """Those visible long enough, the most prominent first."""
+    short: list[Followed]
+    """Tracks that are too short, probably false detections."""
+    frame_rate: float
+
+    @property
+    def everyone(self) -> list[FollowedPerson]:
+        """With the short tracks, last. In a clip with nothing longer, they are joined like people who return."""
+        short = [FollowedPerson([one]) for one in self.short] if self.people else joined(self.short, self.frame_rate)
+        return [*self.people, *sorted(short, key=lambda one: -one.prominence)]
+
+
+def track(detections: Detections, frame_rate: float) -> Tracked:
+    """Track all people of a clip, from frame to frame and through absences.
+
+    Args:
+        detections: In pixels.
+        frame_rate: Frames per second.
+    """
+    seen = [sorted(sightings(frame), key=lambda one: -one.prominence)[:_MOST] for frame in detections.frames]
+    followed = follow_all([without_doubles(people) for people in seen], frame_rate)
+    long = [one for one in followed if len(one.sightings) >= _shortest(frame_rate)]
+    people = sorted(joined(long, frame_rate), key=lambda person: -person.prominence)
+    short = [one for one in followed if len(one.sightings) < _shortest(frame_rate)]
+    return Tracked(people=people, short=short, frame_rate=frame_rate)
+
+
+def _shortest(frame_rate: float) -> int:
+    return max(_SHORTEST_FRAMES, round(_SHORTEST_SECONDS * frame_rate))
 
 
 def without_doubles(people: Sequence[Sighting]) -> list[Sighting]:
@@ -115,13 +145,21 @@ def _order(person: FollowedPerson, frame_rate: float) -> tuple[int, float]:
     return int(first / max(_SHORTEST_SECONDS * frame_rate, 1)), float(person.parts[0].sightings[first].centre[0])
 
 
-def _found(person: FollowedPerson, detections: Detections, kept: frozenset[Followed], frame_rate: float) -> FoundPerson:
+def found_person(person: FollowedPerson, detections: Detections, tracked: Tracked, frame_rate: float) -> FoundPerson:
+    """A tracked person's keypoints, and where the tracking is uncertain.
+
+    Args:
+        person: One of `tracked`.
+        detections: Of the clip.
+        tracked: All people of the clip.
+        frame_rate: Frames per second.
+    """
     entries: list[int | None] = [None] * len(detections)
     points = np.zeros((len(detections), COUNT, 3))
-    for part in person.parts:
-        for t, seen in part.sightings.items():
-            entries[t] = seen.entry
-            points[t] = detections.frames[t][seen.entry]
+    for t, seen in person.sightings.items():
+        entries[t] = seen.entry
+        points[t] = detections.frames[t][seen.entry]
+    kept = frozenset(part for one in tracked.people for part in one.parts)
     return FoundPerson(
         keypoints=Keypoints(xy=points[..., :2], confidence=points[..., 2]),
         entries=tuple(entries),

@@ -30,6 +30,9 @@ _DOUBT, _DOUBT_UNSEEN = 0.6, 0.8
 """How much more an exchange must cost to be excluded, if both are seen, and if one is or was not."""
 _BACK = 0.1
 """Cost of coming back: of two candidates in one place, the one seen in the last frame is likelier."""
+_BRIEF = 0.5
+"""Divided by the count of sightings, added to that: one who was seen once and then not was probably a false detection,
+which would otherwise take over the person beside it."""
 _NO_MATCH = 1.0
 _NEVER = 1e6
 
@@ -166,11 +169,12 @@ def _prices(
     moving = np.minimum(passed, max(_MOVES_ON * frame_rate, 1))
     shifts = np.array([one.velocity for one in alive]) * moving[:, None]
     last = [one.sightings[one.last] for one in alive]
+    back = _BACK + _BRIEF / np.array([len(one.sightings) for one in alive])
     reach = _REACH + _REACH_GROWTH * (passed - 1) / frame_rate
 
     def price(shifts: Float[np.ndarray, "T 2"]) -> Float[np.ndarray, "P T"]:
         far, scale = apart(people, last, shifts)
-        likely = (far / reach) ** 2 + (scale / _SCALE) ** 2 + np.where(passed > 1, _BACK, 0.0)
+        likely = (far / reach) ** 2 + (scale / _SCALE) ** 2 + np.where(passed > 1, back, 0.0)
         return np.where(far <= reach, likely, np.inf)
 
     moved = price(shifts)

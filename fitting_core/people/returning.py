@@ -2,10 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from fitting_core.people.following import Followed
+from fitting_core.people.sightings import Sighting
 
 _ENDS_SECONDS = 2.0
 """Sightings at either end of an absence from which size is taken: at the image's edge alone, people are half seen."""
@@ -25,6 +27,11 @@ class FollowedPerson:
 
     parts: list[Followed] = field(default_factory=list)
     """One after the other."""
+
+    @cached_property
+    def sightings(self) -> dict[int, Sighting]:
+        """By frame, in order; complete once all parts are joined."""
+        return {frame: seen for part in self.parts for frame, seen in part.sightings.items()}
 
     @property
     def last(self) -> int:

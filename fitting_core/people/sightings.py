@@ -1,16 +1,11 @@
-"""People as detected in single frames, and distances between them, in sizes of a person."""
+"""People as detected in single frames."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
 from fitting_core.keypoints import BODY
-from fitting_core.people.tracks import Track
-
-_COMMON_POINTS = 3
-"""With fewer keypoints in common, centres are compared instead."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,32 +40,3 @@ class Sighting:
 def sightings(frame: Float[np.ndarray, "P 137 3"]) -> list[Sighting]:
     """Everybody in a frame with any detection."""
     return [Sighting.of(entry, points) for entry, points in enumerate(frame) if (points[:, 2] > 0).any()]
-
-
-def distances(people: Sequence[Sighting], tracks: Sequence[Track[Sighting]], frame: int) -> Float[np.ndarray, "P T"]:
-    """Mean distance of common body points, or of the centres, in sizes of the larger of the two.
-
-    Args:
-        people: Of the frame.
-        tracks: Candidates, moved on until this frame.
-        frame: Its number.
-    """
-    shifts = np.array([track.shift(frame) for track in tracks])
-    a = np.array([one.body for one in people])[:, None]
-    b = np.array([track.seen.body for track in tracks])[None]
-    weights = np.sqrt(a[..., 2] * b[..., 2])
-    apart = np.linalg.norm(a[..., :2] - b[..., :2] - shifts[:, None], axis=-1)
-    of_points = (weights * apart).sum(-1) / np.maximum(weights.sum(-1), 1e-9)
-    centres = np.array([one.centre for one in people])[:, None] - [track.seen.centre for track in tracks]
-    of_centres = np.linalg.norm(centres - shifts, axis=-1)
-    sizes = np.maximum.outer([one.size for one in people], [track.seen.size for track in tracks])
-    enough = (weights > 0).sum(-1) >= _COMMON_POINTS
-    return np.where(enough, of_points, of_centres) / np.maximum(sizes, 1e-9)
-
-
-def offset(before: Sighting, after: Sighting) -> Float[np.ndarray, "2"]:
-    """Mean motion of common body points; (0, 0) if they are too few."""
-    weights = np.sqrt(before.body[:, 2] * after.body[:, 2])
-    if (weights > 0).sum() < _COMMON_POINTS:
-        return np.zeros(2)
-    return np.average(after.body[:, :2] - before.body[:, :2], axis=0, weights=weights)

@@ -12,7 +12,6 @@ from fitting_core.errors import InputError
 from fitting_core.io import read_detections
 from fitting_core.people.person import choose_person
 from fitting_core.video.frame_names import spans
-from tests.samples.company.filmed import film
 
 NOBODY = np.zeros((137, 3))
 
@@ -85,13 +84,13 @@ def test_gaps_stay_empty_and_are_reported(figure):
 
 @pytest.mark.parametrize(
     "gap, distance, followed",
-    [(0, 50, True), (0, 100, False), (50, 100, True), (50, 250, False), (500, 100, True), (500, 250, False)],
+    [(0, 50, True), (0, 300, False), (20, 250, True), (20, 900, False), (50, 250, True), (50, 1500, False)],
 )
 def test_how_far_a_person_can_move_unseen(figure, gap, distance, followed):
-    """A person of 200 pixels is followed over 64 pixels from frame to frame, and 160 after a long gap."""
-    frames = [[figure(100, 300)]] * 10 + [[]] * gap + [[figure(100 + distance, 300)]] * 5
+    """Of 200 pixels, alone in the image."""
+    frames = [[figure(100, 300)]] * 12 + [[]] * gap + [[figure(100 + distance, 300)]] * 10
     found = sum(entry is not None for entry in choose_person(clip(*frames)).entries)
-    assert found == (15 if followed else 10)
+    assert found == (22 if followed else 12)
 
 
 def test_a_false_detection_beside_a_person_takes_nobody_over(figure):
@@ -109,39 +108,20 @@ def test_a_nearly_equal_rival_is_named(figure):
     assert "Another person is nearly as prominent, in frame 0 at place 0 of the list: use person=0" in choice.note
 
 
-def _after_a_gap(figure, moved: int, beside: range) -> list[list[np.ndarray]]:
-    """Somebody of 200 pixels who is not seen in frames 20 to 26, and who is then that many pixels off; another one is
-    there in some frames."""
-    frames = [[figure(300, 300)]] * 20 + [[]] * 7 + [[figure(300 + moved, 300)]] * 20
-    return [people + [figure(900, 300, height=120)] * (t in beside) for t, people in enumerate(frames)]
+@pytest.mark.parametrize("moved", [5, 90])
+def test_who_comes_back_beside_others_within_a_second_is_the_same(figure, moved: int):
+    """Of 200 pixels, not seen in frames 20 to 26, and then that many pixels off."""
+    other = figure(900, 300, height=120)
+    walked = [[figure(300, 300), other]] * 20, [[figure(300 + moved, 300), other]] * 20
+    choice = choose_person(clip(*walked[0], *[[other]] * 7, *walked[1]))
+    assert choice.entries == (0,) * 20 + (None,) * 7 + (0,) * 20
+    assert "may be confused" not in choice.note and "not in frames 20-26" in choice.note
 
 
-def test_who_comes_back_far_off_beside_others_may_be_one_of_them(figure):
-    choice = choose_person(clip(*_after_a_gap(figure, 90, range(47))), first_frame=100)
-    assert all(entry == 0 for t, entry in enumerate(choice.entries) if not 20 <= t < 27)
-    assert choice.doubtful == (range(19, 28),)
-    assert "Over frames 119-127 the person may be confused with another" in choice.note
-
-
-@pytest.mark.parametrize("moved, beside", [(5, range(47)), (90, range(0)), (90, range(12))])
-def test_who_comes_back_where_he_was_or_was_alone_is_the_same(figure, moved: int, beside: range):
-    choice = choose_person(clip(*_after_a_gap(figure, moved, beside)))
-    assert not choice.doubtful and "may be confused" not in choice.note and "not in frames 20-26" in choice.note
-
-
-def test_exchanges_in_generated_scenes_are_named_in_few_frames():
-    exchanges, named, doubtful = 0, 0, []
-    for scene, seed in (("both leaving", 0), ("both leaving", 1), ("crossing", 0)):
-        company = film(scene, seed, every=3)
-        choice = choose_person(company.detections, frame_rate=company.frame_rate)
-        frames = {t for doubt in choice.doubtful for t in doubt}
-        whose = [(t, company.owners[t][entry]) for t, entry in enumerate(choice.entries) if entry is not None]
-        known = [(t, owner) for t, owner in whose if owner is not None and owner >= 0]
-        for (before, one), (after, other) in itertools.pairwise(known):
-            exchanges += one != other
-            named += one != other and not frames.isdisjoint(range(before, after + 1))
-        doubtful.append(np.mean([t in frames for t, _ in whose]))
-    assert named == exchanges > 0 and np.mean(doubtful) < 0.03
+def test_a_possible_exchange_is_noted(figure):
+    """Two people of one size who are both away for a second, and of whom one returns, may be either."""
+    frames = [[figure(300, 300), figure(420, 300)]] * 20 + [[]] * 4 + [[figure(360, 300)]] * 20
+    assert "the person may be confused with another" in choose_person(clip(*frames)).note
 
 
 @pytest.mark.parametrize("seed", range(5))

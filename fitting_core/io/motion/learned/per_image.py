@@ -17,6 +17,7 @@ from jaxtyping import Float
 
 from fitting_core import keypoints as kp
 from fitting_core.body.model import N_BETAS
+from fitting_core.detections import Detections
 from fitting_core.errors import InputError
 from fitting_core.files.npz import npz_names, read_npz
 from fitting_core.files.regular import regular_file
@@ -27,7 +28,7 @@ from fitting_core.io.motion.learned.tracks import (
     positive,
     rows,
 )
-from fitting_core.people.tracks import Track, follow
+from fitting_core.people.everybody import track
 from fitting_core.video.frame_names import image_numbers
 
 _POINTS = 70
@@ -35,21 +36,19 @@ _KNOWN_BY = ("pred_keypoints_3d", "pred_cam_t")
 _KEYS = (*_KNOWN_BY, "focal_length")
 _MOST_TEXT = 2**28
 _FOLLOWED = "It has no tracks: people were followed by position."
-_FARTHEST, _LONGEST = 0.35, 30
-"""How far from the expected place a person may be, in body lengths in the image; and how many frames unseen."""
-_DEEPER = 1.5
-"""Allowed ratio of one person's distances in two estimates."""
-_LENGTH = 1.7
+_FRAME_RATE = 30.0
+"""Frames per second assumed for tracking: results do not tell it."""
+_NEAREST = 0.01
+"""Metres: points nearer to the camera's plane are projected from there."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Image:
-    """The people of one image with their positions: camera space, metres."""
+    """The people of one image."""
 
     number: int
     stem: str
     people: list[Any]
-    places: list[Float[np.ndarray, "3"]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +136,7 @@ def _images_of(content: Any) -> PerImage:
     named = all(stems) and len(set(stems)) == len(stems)
     numbers = _numbers(stems) if named else list(range(len(stems)))
     images = [
-        _Image(number, stem, people, [flat(one, "pred_cam_t", 3) for one in people])
+        _Image(number, stem, people)
         for number, (stem, people) in sorted(zip(numbers, entries, strict=True), key=lambda pair: pair[0])
     ]
     return PerImage(images, named=named)
@@ -186,8 +185,25 @@ def _kept_images(content: Any) -> list[tuple[str, list[Any]]] | None:
 
 
 def _tracks(content: PerImage) -> dict[int, dict[int, int]]:
-    """For each person, the index within the image by the image's index."""
-    return followed([image.places for image in content.images])
+    """For each person, the most prominent first, the index within the image by the image's index."""
+    images = content.images
+    detections = Detections(
+        frames=tuple(np.array([_projected(one) for one in image.people]).reshape(-1, kp.COUNT, 3) for image in images),
+        stems=tuple(image.stem for image in images),
+        source=Path(),
+    )
+    people = track(detections, _FRAME_RATE).everyone
+    return {n: {t: seen.entry for t, seen in one.sightings.items()} for n, one in enumerate(people)}
+
+
+def _projected(person: Mapping[str, Any]) -> Float[np.ndarray, "137 3"]:
+    """Its keypoints in pixels about the principal point, all of confidence 1."""
+    space = flat(person, "pred_keypoints_3d", 3 * _POINTS).reshape(-1, 3) + flat(person, "pred_cam_t", 3)
+    known, found = list(_NAMES), np.zeros((kp.COUNT, 3))
+    focal = flat(_with_focal(person), "focal_length", 1)
+    xy = focal * space[known, :2] / np.maximum(space[known, 2:], _NEAREST)
+    found[[kp.INDEX[name] for name in _NAMES.values()]] = np.column_stack([xy, np.isfinite(xy).all(1)])
+    return np.nan_to_num(found, posinf=0.0, neginf=0.0)
 
 
 def _of_person(content: PerImage, person: int) -> list[tuple[_Image, Any]]:
@@ -197,46 +213,6 @@ def _of_person(content: PerImage, person: int) -> list[tuple[_Image, Any]]:
 
 def _people(content: PerImage) -> Mapping[int, Sequence[int]]:
     return {n: [content.images[t].number for t in track] for n, track in _tracks(content).items()}
-
-
-# --- following people by position ---
-
-
-@dataclass(frozen=True, eq=False)
-class _Seen:
-    place: int
-    """Index in the list of the image's people."""
-    at: Float[np.ndarray, "2"]
-    """In the image at a focal length of 1."""
-    depth: float
-
-    @property
-    def prominence(self) -> float:
-        """The body's length in the image."""
-        return _LENGTH / self.depth
-
-
-def followed(frames: Sequence[Sequence[Float[np.ndarray, "3"]]]) -> dict[int, dict[int, int]]:
-    """For each person by number, the frames with the index in that frame's list; the most prominent is number 0.
-
-    Args:
-        frames: Positions of each frame's people in camera space, any unit; depths above 0.
-    """
-    seen = [[_Seen(i, p[:2] / max(p[2], 1e-6), max(p[2], 1e-6)) for i, p in enumerate(people)] for people in frames]
-    tracks = follow(seen, prices=_prices, offset=lambda one, other: other.at - one.at)
-    return {n: {frame: found.place for frame, found in track.sightings.items()} for n, track in enumerate(tracks)}
-
-
-def _prices(people: Sequence[_Seen], tracks: Sequence[Track[_Seen]], frame: int) -> Float[np.ndarray, "P T"]:
-    return np.array([[_price(one, track, frame) for track in tracks] for one in people])
-
-
-def _price(one: _Seen, track: Track[_Seen], frame: int) -> float:
-    before = track.seen
-    away = float(np.linalg.norm(one.at - before.at - track.shift(frame))) / before.prominence
-    deeper = max(one.depth / before.depth, before.depth / one.depth)
-    near = away <= _FARTHEST and deeper <= _DEEPER and frame - track.frame <= _LONGEST
-    return away + np.log(deeper) if near else np.inf
 
 
 SYSTEMS = (

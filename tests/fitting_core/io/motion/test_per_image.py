@@ -14,8 +14,9 @@ import torch
 from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.body.points.positions import body_keypoints_in_space, joints_in_space
+from fitting_core.errors import InputError
 from fitting_core.io import read_motion
-from fitting_core.io.motion.learned.per_image import _NAMES, followed
+from fitting_core.io.motion.learned.per_image import _NAMES
 from fitting_core.starts.posing import posed_on
 from tests.fitting_core.io.motion.learned_files import joblib_bytes, torch_bytes, written
 from tests.fitting_core.io.motion.per_image_files import CAMERA, SAM_PLACES, sam_people
@@ -37,11 +38,16 @@ def test_people_change_places_in_the_list(tmp_path: Path, free_body: BodyModel):
         assert np.abs(wrists - expected).max() < 1e-5
 
 
-def test_who_is_gone_for_long_or_elsewhere_is_somebody_else():
-    still, near = np.array([0.0, 0, 4]), np.array([0.1, 0, 4.1])
-    assert followed([[still], [near], [], [still]]) == {0: {0: 0, 1: 0, 3: 0}}
-    assert len(followed([[still], [still - [2, 0, 0]]])) == 2 and len(followed([[still], [2 * still]])) == 2
-    assert len(followed([[still], *[[]] * 40, [still]])) == 2
+@pytest.mark.parametrize("shift, people", [((0.1, 0.0, 0.1), 1), ((2.0, 0.0, 0.0), 2), ((0.0, 0.0, 3.5), 2)])
+def test_who_is_elsewhere_after_a_gap_is_somebody_else(tmp_path: Path, free_body: BodyModel, shift, people: int):
+    params = arms_in_motion(4, depth=3.5)
+    moved = replace(params, camera_translation=params.camera_translation + torch.tensor([[0.0] * 3] * 3 + [shift]))
+    seen = sam_people(free_body, moved)
+    path = written(tmp_path / "a.pkl", pickle.dumps([[seen[0]], [seen[1]], [], [seen[3]]]))
+    motions = [read_motion(path, person=n) for n in range(people)]
+    assert sum(len(motion) for motion in motions) == 3
+    with pytest.raises(InputError):
+        read_motion(path, person=people)
 
 
 def test_sams_points_have_their_names():
