@@ -2,14 +2,17 @@
 
 import atexit
 import hashlib
+import inspect
 import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from functools import cache
+from importlib.machinery import SourceFileLoader
 from pathlib import Path
+from types import CodeType
 from typing import Any
 
 import platformdirs
@@ -23,6 +26,8 @@ FOLDER_VARIABLE = "TCFIT_KERNELS"
 """Environment variable for the folder of compiled kernels: one shared by several users, or part of an image."""
 _SOURCES = ("compiled", "terms", "fused")
 """Folders of `fit` with compiled functions."""
+_HAS_DOCSTRING: int = getattr(inspect, "CO_HAS_DOCSTRING", inspect.CO_OPTIMIZED)
+"""Flag of a function's code. Before Python 3.14, one without a docstring has None in its place."""
 _helpers: list[Callable] = []
 """Kernels not registered with numba yet. It is imported with the first kernel, because that takes 0.7 s, which code
 that only inspects a term should not wait for."""
@@ -32,7 +37,7 @@ that only inspects a term should not wait for."""
 def kept_in() -> Path:
     """The folder of this version's compiled kernels.
 
-    One for each installation, Python, processor and state of the sources: numba itself distinguishes all these, but
+    One for each installation, Python, processor and state of the code: numba itself distinguishes all these, but
     checks only a kernel's own file, not the helpers compiled into it.
     """
     import llvmlite.binding
@@ -42,10 +47,27 @@ def kept_in() -> Path:
     processor = llvmlite.binding.get_host_cpu_name(), llvmlite.binding.get_host_cpu_features().flatten()
     digest = hashlib.sha256(f"{numba.__version__} {sys.implementation.cache_tag} {processor} {sources}".encode())
     for source in sorted(path for folder in _SOURCES for path in (sources / folder).glob("*.py")):
-        digest.update(source.read_bytes())
+        module = SourceFileLoader(source.stem, str(source)).get_code(source.stem)
+        assert module is not None, f"{source} has code"
+        for part in code_parts(module):
+            digest.update(part.encode())
     given = os.environ.get(FOLDER_VARIABLE)
     parent = at_home(given) if given else platformdirs.user_cache_path("tcfit") / "kernels"
     return parent / digest.hexdigest()[:16]
+
+
+def code_parts(code: CodeType) -> Iterator[str]:
+    """Everything that a module's code does, as text: comments, docstrings and (outside classes) lines do not count."""
+    yield f"{code.co_name} {code.co_code.hex()} {code.co_names} {code.co_varnames} {code.co_freevars}"
+    # Where a code object has a docstring, it is the first constant. Comprehensions and lambdas have none.
+    named = not code.co_name.startswith("<")
+    documented = "__doc__" in code.co_names or (named and bool(code.co_flags & _HAS_DOCSTRING))
+    for position, value in enumerate(code.co_consts):
+        if isinstance(value, CodeType):
+            yield from code_parts(value)
+        elif not (documented and position == 0):
+            # The order of a set of strings differs between processes.
+            yield repr(sorted(value, key=repr) if isinstance(value, frozenset) else value)
 
 
 @cache

@@ -26,11 +26,40 @@ assert str(jit.kept_in()).startswith(sys.argv[1]), jit.kept_in()
 """
 
 
+MODULE = """'Kernels.'
+C = 3
+'Metres.'
+def f(x, y="k"):
+    'Add.'
+    # for a reason
+    if y == "one":
+        return [g("z") for g in x if y in {"a", "b", "c"}]
+    return lambda: "s"
+"""
+"""The text of a module."""
+
+
 def run(code: str, *arguments: str, **environment: str) -> None:
     """In a process of its own, for what was imported stays."""
     command = [sys.executable, "-c", f"import sys, os\nos.environ |= {environment}\n{code}", *arguments]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
+
+
+def parts(text: str) -> list[str]:
+    from fitting_core.fit.compiled.jit import code_parts
+
+    return list(code_parts(compile(text, "kernels.py", "exec")))
+
+
+def test_comments_and_docstrings_do_not_compile_kernels_again():
+    text = MODULE.replace("for a reason", "for\n    # another").replace("Add.", "Add all.").replace("Metres", "Feet")
+    assert parts(text.replace("'Kernels.'", "'All kernels.'\n")) == parts(MODULE)
+
+
+@pytest.mark.parametrize("before", ["= 3", '"k"', '"one"', '"z"', '"c"', '"s"', "[g", "y =="])
+def test_changed_code_compiles_kernels_again(before: str):
+    assert parts(MODULE.replace(before, before.translate(str.maketrans("3kozcsgy", "6lpadthx")))) != parts(MODULE)
 
 
 def test_without_numba_everything_stays_in_torch():
