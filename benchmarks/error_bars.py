@@ -75,7 +75,7 @@ def measure(body: BodyModel, made: MotionClipMade, found: Samples) -> None:
     config, clip = PRESETS[DEFAULT_PRESET], made.clip
     fit = fit_clip(clip, body, config)
     params, stages = fit.last.params, Stages.of_clip(clip, body, config)
-    stages = holding_feet(stages, clip, params, fit.grounding) or stages
+    stages = holding_feet(stages, params, fit.grounding) or stages
     bars = deviations(stages, stages.parametrisation.from_params(params))
     joints, true = joints_in_space(body, params), made.truth.joints
     for key, sample in (*_of_joints(bars, joints, true), *_of_angles(bars, body, params, made)):

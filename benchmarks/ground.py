@@ -19,15 +19,15 @@ from benchmarks.report import Common, Row, progress, report, start
 from evaluation.suite_runs import fitted_body
 from evaluation.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
 from fitting_core.body.model import JOINT
-from fitting_core.fit.evidence.observations import lifted_keypoints
+from fitting_core.fit.evidence.observations import LifterEvidence
 from fitting_core.fit.grounded import grounding_of_params
+from fitting_core.fit.stages import Stages
 from fitting_core.frame_runs import runs_where
 from fitting_core.ground.feet import sole_heights, stance_of
-from fitting_core.ground.gravity import angles, robust_mean, rolled_views
+from fitting_core.ground.gravity import angles, robust_mean
 from fitting_core.ground.grounding import Grounding
 from fitting_core.ground.placing import pelvis_positions
 from fitting_core.ground.plane import lowest
-from fitting_core.image_border import seen_confidence
 from fitting_core.io.result_files import read_fit
 from tests.samples.before_fit import grounding_before_fit
 
@@ -100,7 +100,7 @@ def run(options: GroundOptions) -> None:
 
 def _stances(made: MotionClipMade, fits: Path) -> list[Stance]:
     clip, stored, body = made.clip, read_fit(fits / made.sequence.name), fitted_body()
-    grounding = grounding_of_params(clip, body, stored.params, unswap=True)
+    grounding = grounding_of_params(Stages.of_clip(clip, body, PRESETS[DEFAULT_PRESET]), stored.params)
     assert grounding is not None, "the free body has feet"
     feet = stance_of(body, stored.params).feet
     soles = sole_heights(body, stored.params.betas.mean(0).numpy())
@@ -153,11 +153,10 @@ def _ways(measured: Sequence[Measured]) -> list[str]:
 
 def _of_sequence(made: MotionClipMade, fits: Path | None) -> list[Measured]:
     clip = made.clip
-    xy, confidence = clip.keypoints.xy, seen_confidence(clip.keypoints, clip.camera)
-    camera, rate = clip.camera, clip.frame_rate
-    lifted = lifted_keypoints(clip.keypoints, camera, rate)
-    rolled = rolled_views(xy, confidence, camera, rate)
-    before = grounding_before_fit(xy, confidence, lifted, camera, rate, rolled=rolled)
+    xy, camera, rate = clip.keypoints.xy, clip.camera, clip.frame_rate
+    lifter = LifterEvidence(clip.keypoints, camera, rate)
+    lifted, confidence = lifter.lifted, lifter.confidence
+    before = grounding_before_fit(xy, confidence, lifted, camera, rate, rolled=lifter.rolled)
     pelvis = pelvis_positions(xy, confidence, lifted, camera, rate)
     alone = lifted.contact[before.contacts.seen] > 0.5
     lifted_only = _measured("the lifter alone", made, before, pelvis, alone)
@@ -165,7 +164,7 @@ def _of_sequence(made: MotionClipMade, fits: Path | None) -> list[Measured]:
     found = [lifted_only, _measured("before a fit", made, before, pelvis)]
     if fits is not None:
         stored, body = read_fit(fits / made.sequence.name), fitted_body()
-        after = grounding_of_params(clip, body, stored.params, unswap=True)
+        after = grounding_of_params(Stages.of_clip(clip, body, PRESETS[DEFAULT_PRESET]), stored.params)
         assert after is not None, "the free body has feet"
         found.append(_measured("after a fit", made, after, stored.joints[:, JOINT["pelvis"]]))
         trunk = stored.joints[:, JOINT["neck"]] - stored.joints[:, JOINT["pelvis"]]

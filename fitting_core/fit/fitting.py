@@ -27,7 +27,7 @@ from fitting_core.fit.events import (
     mapped,
 )
 from fitting_core.fit.fused.ready import prepare_for
-from fitting_core.fit.grounded import grounded, grounding_of_params, holding_feet
+from fitting_core.fit.grounded import grounding_of_params, holding_feet
 from fitting_core.fit.phase_figures import phase_result
 from fitting_core.fit.phases.consistency import Consistency, coupled
 from fitting_core.fit.phases.independent import fit_frames
@@ -196,7 +196,7 @@ def rerun_events(
         return before.with_frames(frames, stages.parametrisation.to_params(state[inner]))
 
     def held(state: State) -> Stages | None:
-        holding = _holding_feet(whole, clip, with_fresh(state))
+        holding = holding_feet(whole, with_fresh(state))
         return holding and holding.within(near)
 
     state = stages.parametrisation.from_params(params[slice(near.start, near.stop)])
@@ -261,6 +261,8 @@ class _Fit:
         self.phases: list[PhaseResult] = []
         self.provenance: Provenance | None = None
         """The frames' current state."""
+        self.result: FitResult | None = None
+        """Of the phases so far."""
 
     def run(self) -> Generator[FitEvent, None, FitResult]:
         """All phases up to the configured last one."""
@@ -284,9 +286,9 @@ class _Fit:
         """Phase 3, if it is the configured last one, and the end."""
         if self.config.last_phase >= 3:
             yield from self._third(state)
-        result = self._result()
-        yield Finished(result=result)
-        return result
+        assert self.result is not None, "phase 1 has finished"
+        yield Finished(result=self.result)
+        return self.result
 
     def _first(self) -> Generator[FitEvent, None, Sight]:
         yield PhaseStarted(phase=1, title=PHASE_TITLES[1])
@@ -319,7 +321,7 @@ class _Fit:
         run, to_params = mode[self.config.temporal.mode], self.stages.parametrisation.to_params
 
         def held(state: State) -> Stages | None:
-            return _holding_feet(self.stages, self.clip, to_params(state))
+            return holding_feet(self.stages, to_params(state))
 
         state = yield from _events(_twice(run, consistency, state, held), 3)
         before = self.provenance or Provenance.unknown(len(state))
@@ -346,7 +348,8 @@ class _Fit:
             result = replace(result, params=replace(poses, betas=result.params.betas))
         result = replace(result, provenance=self.provenance, error_bars=bars)
         self.phases.append(result)
-        return PhaseFinished(phase=phase, result=result, so_far=self._result())
+        self.result = self._result()
+        return PhaseFinished(phase=phase, result=result, so_far=self.result)
 
     def _result(self) -> FitResult:
         result = FitResult(
@@ -366,7 +369,7 @@ class _Fit:
                 *other_height(self.body, self.shape, self.config.height),
             ),
         )
-        result = grounded(result, self.clip, self.body)
+        result = replace(result, grounding=grounding_of_params(self.stages, result.last.params))
         return replace(result, warnings=(*result.warnings, *_let_go_notes(result, self.clip.first_frame)))
 
     def _start_notes(self) -> tuple[str, ...]:
@@ -375,14 +378,6 @@ class _Fit:
         near = self.config.start_deviation
         hold = "not held near it" if near is None else f"held near it (start_deviation {near:g} m)"
         return (*self.start.about.notes, f"{self.start.about.sentence()} The fit is {hold}.")
-
-
-def _holding_feet(stages: Stages, clip: Clip, params: BodyParams) -> Stages | None:
-    """The stages with feet held where they stand in these parameters; None if there is nothing to hold."""
-    if not any(stages.config.weights.held_position):
-        return None
-    grounding = grounding_of_params(clip, stages.body, params, unswap=stages.config.unswap_sides)
-    return holding_feet(stages, clip, params, grounding)
 
 
 def _twice(

@@ -12,12 +12,11 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
-from fitting_core.fit.grounded import grounding_of_params, holding_feet
+from fitting_core.fit.grounded import holding_feet
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.terms.temporal import REACH
 from fitting_core.fit.uncertainty.calibration import error_bars
 from fitting_core.fit.variables.state import State
-from fitting_core.ground.grounding import Grounding
 from fitting_core.results.error_bars import ErrorBars
 from fitting_core.results.fit_result import PhaseResult
 from fitting_core.results.given_start import GivenStart
@@ -50,22 +49,17 @@ def evaluated(
     """
     stages = Stages.of_clip(clip, body, config, start=start)
     if phase == 3:
-        grounding = grounding_of_params(clip, body, params, unswap=config.unswap_sides)
-        stages = holding_feet(stages, clip, params, grounding) or stages
+        stages = holding_feet(stages, params) or stages
     result = phase_result(stages, phase, stages.parametrisation.from_params(params), seconds=0.0)
     return replace(result, params=params)
 
 
 def patched(
     phase: PhaseResult,
-    clip: Clip,
-    body: BodyModel,
-    config: FitConfig,
+    stages: Stages,
     params: BodyParams,
     windows: Sequence[range],
     *,
-    grounding: Grounding | None,
-    start: GivenStart | None = None,
     provenance: Provenance | None = None,
     note: str,
 ) -> PhaseResult:
@@ -76,24 +70,17 @@ def patched(
 
     Args:
         phase: before.
-        clip: as for `evaluated`.
-        body: as for `evaluated`.
-        config: as for `evaluated`.
+        stages: of the whole clip, with the feet held that stand in `params`.
         params: all frames.
         windows: where they differ from those of `phase`.
-        grounding: of `params`: feet that stand are held, and count.
-        start: as for `evaluated`.
         provenance: of all frames; None: not known for those of the windows.
         note: for the user.
     """
-    stages = Stages.of_clip(clip, body, config, start=start)
-    whole = holding_feet(stages, clip, params, grounding) or stages
     cost, known = phase.frame_cost.copy(), phase.provenance or Provenance.unknown(len(params))
     bars = phase.error_bars
     for window in windows:
-        stages, inside = whole.within(window), slice(window.start, window.stop)
-        state = stages.parametrisation.from_params(params[inside])
-        cost[inside] = _frame_costs(stages, state)
+        part, inside = stages.within(window), slice(window.start, window.stop)
+        cost[inside] = _frame_costs(part, part.parametrisation.from_params(params[inside]))
         known = known.with_frames(window, (provenance or Provenance.unknown(len(params)))[inside])
     return replace(
         phase,
@@ -102,7 +89,7 @@ def patched(
         objective={"by frame": float(cost.mean())},
         notes=(note,),
         provenance=known,
-        error_bars=bars if bars is None else _new_error_bars(bars, whole, params, windows),
+        error_bars=bars if bars is None else _new_error_bars(bars, stages, params, windows),
     )
 
 

@@ -5,13 +5,15 @@ from collections.abc import Generator, Sequence
 from dataclasses import replace
 
 from fitting_core.body.model import BodyModel
+from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FitEvent, FramesFitted, Iteration, drained, mapped
 from fitting_core.fit.fitting import Refit, rerun_events
-from fitting_core.fit.grounded import grounding_of_params
+from fitting_core.fit.grounded import grounding_of_params, holding_feet
 from fitting_core.fit.phase_figures import patched
+from fitting_core.fit.stages import Stages
 from fitting_core.results.fit_result import FitResult, PhaseResult
 from fitting_core.results.provenance import Provenance
 
@@ -62,21 +64,39 @@ def refit_events(
         params, provenance = found.params, provenance.with_frames(window, found.provenance[inside])
         yield FramesFitted(phase=3, frames=window, params=params[inside])
     note = f"{title}: window of phase 3, the rest as in the run before"
-    before = replace(fit.last, phase=3)
-    grounding = grounding_of_params(clip, body, params, unswap=config.unswap_sides)
-    phase = patched(
-        before,
-        clip,
-        body,
-        config,
-        params,
-        windows,
-        grounding=grounding,
-        start=fit.start,
-        provenance=provenance,
-        note=note,
-    )
-    phase = replace(phase, seconds=time.perf_counter() - begin)
+    before = fit if fit.last.phase == 3 else replace(fit, phases=(*fit.phases, replace(fit.last, phase=3)))
+    found = with_windows(before, clip, body, params, windows, config=config, provenance=provenance, note=note)
+    phase = replace(found.last, seconds=time.perf_counter() - begin)
+    return replace(found, phases=(*found.phases[:-1], phase))
+
+
+def with_windows(
+    fit: FitResult,
+    clip: Clip,
+    body: BodyModel,
+    params: BodyParams,
+    windows: Sequence[range],
+    *,
+    config: FitConfig,
+    provenance: Provenance,
+    note: str,
+) -> FitResult:
+    """A fit with other parameters in some windows of its last phase, and their costs, error bars and grounding.
+
+    Args:
+        fit: The fit.
+        clip: What was fitted, with its current keypoints.
+        body: The one it was fitted with.
+        params: All frames.
+        windows: Frames in which they differ from the fit's, counted from the clip's first as 0.
+        config: The new fit's settings.
+        provenance: Of all frames; only that of the windows is used.
+        note: For the user.
+    """
+    stages = Stages.of_clip(clip, body, config, start=fit.start)
+    grounding = grounding_of_params(stages, params)
+    held = holding_feet(stages, params, grounding) or stages
+    phase = patched(fit.last, held, params, windows, provenance=provenance, note=note)
     return replace(with_phases(fit, (phase,), config), grounding=grounding)
 
 

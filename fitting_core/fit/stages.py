@@ -18,7 +18,7 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.collision.colliding_body import CollidingBody
 from fitting_core.fit.evidence.given_start import corrected_start
-from fitting_core.fit.evidence.observations import LIFTED_HEIGHT, Observations
+from fitting_core.fit.evidence.observations import LIFTED_HEIGHT, LifterEvidence, Observations
 from fitting_core.fit.evidence.stances import Stances
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.terms.positions import evidence_weight
@@ -126,6 +126,8 @@ class Stages:
     config: FitConfig
     temporal_weight: float
     """w_T for this clip."""
+    lifter: LifterEvidence
+    """Of the whole clip, also in parts of it."""
     start: GivenStart | None = None
     """Of the same frames."""
     silhouettes: Silhouettes | None = None
@@ -159,8 +161,9 @@ class Stages:
         observations = Observations.of(
             keypoints, camera, config, detector=detector, dtype=fitted.dtype, device=fitted.device
         )
+        lifter = LifterEvidence(observations.keypoints, camera, frame_rate)
         if any(config.weights.relative_position):
-            observations = observations.lifted(camera, frame_rate, size=fitted.size)
+            observations = observations.lifted(lifter.lifted, size=fitted.size)
         if start is not None and config.start_deviation is not None:
             start = corrected_start(start, keypoints, camera)
             observations = observations.near(start.points, start.deviation(config.start_deviation))
@@ -169,6 +172,7 @@ class Stages:
             camera=camera,
             fitted=fitted,
             config=config,
+            lifter=lifter,
             temporal_weight=config.temporal.weight * ((frame_rate / reference) ** 2 if reference else 1.0),
             start=start,
             silhouettes=silhouettes if config.silhouettes else None,

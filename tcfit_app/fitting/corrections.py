@@ -7,7 +7,6 @@ after it: the frames become what they were, bit for bit.
 
 import threading
 from contextlib import AbstractContextManager
-from dataclasses import replace
 from itertools import count, takewhile
 from queue import SimpleQueue
 from typing import Protocol
@@ -16,9 +15,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.fit.fitting import Refit
-from fitting_core.fit.grounded import grounding_of_params
-from fitting_core.fit.phase_figures import patched
-from fitting_core.fit.refitting import with_phases
+from fitting_core.fit.refitting import with_windows
 from fitting_core.results.fit_result import FitResult
 from fitting_core.results.provenance import Provenance
 from tcfit_app.fitting.jobs import CorrectionJob
@@ -136,20 +133,7 @@ class Corrections:
         for window in windows:
             whole = whole.with_frames(window, refit.params[slice(window.start, window.stop)])
         config = self._project.runs.get(run).config
-        grounding = grounding_of_params(clip, body, whole, unswap=config.unswap_sides)
-        phase = patched(
-            fit.last,
-            clip,
-            body,
-            fit.config,
-            whole,
-            windows,
-            grounding=grounding,
-            start=fit.start,
-            provenance=refit.provenance,
-            note=_NOTE,
-        )
-        found = replace(with_phases(fit, (phase,), config), grounding=grounding)
+        found = with_windows(fit, clip, body, whole, windows, config=config, provenance=refit.provenance, note=_NOTE)
         now_seen = self.edits_seen(base, windows, seen)
         before = Frames.of(fit, windows, base.edits_seen)
 

@@ -2,6 +2,7 @@
 known."""
 
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -14,6 +15,7 @@ from fitting_core.camera import Camera
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.evidence.sides import PAIRED, unswapped
 from fitting_core.fit.evidence.stances import Stances
+from fitting_core.ground.gravity import RolledView, rolled_views, told_gravity
 from fitting_core.image_border import cut_off, seen_confidence
 from fitting_core.keypoint_noise import keypoint_weights
 from fitting_core.keypoints import SEEN, Keypoints
@@ -141,15 +143,13 @@ class Observations:
             shown=(confidence > 0).any(0) | torch.as_tensor(stated.any(0)).to(device),
         )
 
-    def lifted(self, camera: Camera, frame_rate: float, *, size: float = 1.0) -> "Observations":
+    def lifted(self, lifted: LiftedClip, *, size: float = 1.0) -> "Observations":
         """With the lifter's estimates of body keypoints, except where a person set them.
 
         Args:
-            camera: of the clip.
-            frame_rate: frames per second.
+            lifted: the lifter's result for these keypoints.
             size: the person's size relative to LIFTED_HEIGHT, which the lifter assumes for everyone.
         """
-        lifted = lifted_keypoints(self.keypoints, camera, frame_rate)
         undetected = self.keypoints.confidence[:, kp.BODY] == 0
         deviation = size * lifted.depth_deviation * np.where(_IS_FOOT & ~undetected, FEET, 1.0)
         deviation = np.where(deviation < UNSURE, deviation, np.inf)
@@ -228,6 +228,36 @@ def lifted_keypoints(keypoints: Keypoints, camera: Camera, frame_rate: float) ->
     """
     confidence = seen_confidence(keypoints, camera)
     return lift(keypoints.xy, confidence, camera, frame_rate, calibrated=camera.calibrated)
+
+
+class LifterEvidence:
+    """The lifter's results for a whole clip, each computed once, when first used: the body's pose changes none of them.
+
+    Args:
+        keypoints: of the clip, unswapped.
+        camera: of the clip.
+        frame_rate: frames per second.
+    """
+
+    def __init__(self, keypoints: Keypoints, camera: Camera, frame_rate: float) -> None:
+        self.keypoints, self.camera, self.frame_rate = keypoints, camera, frame_rate
+
+    @cached_property
+    def confidence(self) -> Float[np.ndarray, "T 137"]:
+        """Of the keypoints; 0 for those that the image cuts off."""
+        return seen_confidence(self.keypoints, self.camera)
+
+    @cached_property
+    def lifted(self) -> LiftedClip:
+        """Positions, up direction and contacts."""
+        return lifted_keypoints(self.keypoints, self.camera, self.frame_rate)
+
+    @cached_property
+    def rolled(self) -> list[RolledView]:
+        """The views rotated about the camera's axis; none if the up direction is given."""
+        if told_gravity(self.camera) is not None:
+            return []
+        return rolled_views(self.keypoints.xy, self.confidence, self.camera, self.frame_rate)
 
 
 def as_tensor(a: np.ndarray, *, dtype: torch.dtype, device: torch.device) -> Tensor:

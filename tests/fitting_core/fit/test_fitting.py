@@ -24,7 +24,7 @@ from fitting_core.fit.events import Finished, FitEvent, FramesFitted, Iteration,
 from fitting_core.fit.evidence.sides import PAIRED
 from fitting_core.fit.evidence.stances import Stances
 from fitting_core.fit.fitting import _on_one_thread, fit_clip, fit_events, rerun_events
-from fitting_core.fit.grounded import grounding_of_params
+from fitting_core.fit.grounded import holding_feet
 from fitting_core.fit.phase_figures import evaluated, patched
 from fitting_core.keypoints import Keypoints
 from fitting_core.results.fit_result import FitResult
@@ -181,7 +181,7 @@ def test_frames_that_are_fitted_again_come_from_the_result_before(
     free_body: BodyModel, short_clip: Clip, quick: FitResult
 ):
     refit = finished(rerun_events(short_clip, free_body, QUICK, quick.last.params, range(2, 5)))
-    again = patched(quick.last, short_clip, free_body, QUICK, refit.params, [range(2, 5)], grounding=None,
+    again = patched(quick.last, Stages.of_clip(short_clip, free_body, QUICK), refit.params, [range(2, 5)],
                     provenance=refit.provenance, note="")  # fmt: skip
     assert again.provenance is not None and quick.last.provenance is not None
     before = quick.last.provenance.start.tolist()
@@ -367,8 +367,8 @@ def test_costs_of_changed_frames_are_those_of_the_whole_clip(tiny_body: BodyMode
     params = replace(arms_in_motion(60, depth=3.5), left_hand_pose=torch.full((60, 12), 4.0, dtype=torch.float64))
     whole = evaluated(clip, tiny_body, config, params)
     before = replace(whole, frame_cost=np.full(60, np.nan))
-    grounding = grounding_of_params(clip, tiny_body, params, unswap=config.unswap_sides)
-    after = patched(before, clip, tiny_body, config, params, [window], grounding=grounding, note="")
+    stages = Stages.of_clip(clip, tiny_body, config)
+    after = patched(before, holding_feet(stages, params) or stages, params, [window], note="")
     changed = slice(window.start, window.stop)
     np.testing.assert_allclose(after.frame_cost[changed], whole.frame_cost[changed], rtol=1e-9)
     assert np.isnan(np.delete(after.frame_cost, range(window.start, window.stop))).all()

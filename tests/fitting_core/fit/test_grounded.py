@@ -1,4 +1,4 @@
-"""A fit's grounding: of its last phase, under its own feet, from keypoints that the image does not cut off."""
+"""A fit's grounding: under its own feet, from keypoints that the image does not cut off."""
 
 from dataclasses import replace
 
@@ -14,9 +14,10 @@ from fitting_core.body.points.positions import keypoints_in_space
 from fitting_core.camera import Camera, project
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
-from fitting_core.fit.grounded import grounded, grounding_of_params
+from fitting_core.fit.grounded import grounding_of_params
+from fitting_core.fit.stages import Stages
+from fitting_core.ground.grounding import Grounding
 from fitting_core.keypoints import Keypoints
-from fitting_core.results.fit_result import FitResult, PhaseResult
 
 FRAMES = 30
 CAMERA = Camera(focal=(900.0, 900.0), center=(320.0, 240.0), size=(640, 480), source="given")
@@ -43,22 +44,16 @@ def clip_of(body: BodyModel, params: BodyParams, camera: Camera = CAMERA) -> Cli
     return Clip(keypoints=Keypoints(xy=xy, confidence=confidence), camera=camera, frame_rate=30.0, name="stands")
 
 
-def phase(number: int, params: BodyParams) -> PhaseResult:
-    return PhaseResult(phase=number, params=params, objective={}, frame_cost=np.zeros(FRAMES), seconds=0.0)
+def grounding(clip: Clip, body: BodyModel, params: BodyParams) -> Grounding | None:
+    return grounding_of_params(Stages.of_clip(clip, body, FitConfig()), params)
 
 
-def test_the_floor_is_under_the_soles_of_the_last_phase(free_body: BodyModel, standing: BodyParams):
+def test_the_floor_is_under_the_soles(free_body: BodyModel, standing: BodyParams):
     clip = clip_of(free_body, standing)
     lower = replace(standing, camera_translation=standing.camera_translation + torch.tensor([0.0, 0.3, 0.0]))
     offsets = []
     for last in (standing, lower):
-        fit = FitResult(
-            phases=(phase(1, standing), phase(3, last)),
-            camera=CAMERA,
-            config=FitConfig(),
-            observed=np.ones((FRAMES, 55)),
-        )
-        found = grounded(fit, clip, free_body).grounding
+        found = grounding(clip, free_body, last)
         assert found is not None and found.ground is not None and found.contacts.share == 1
         assert found.gravity.up[1] < -0.9
         lowest = found.ground.height(Mesh(free_body)(last).double().numpy()).min()
@@ -75,7 +70,7 @@ def test_feet_that_the_image_cuts_off_carry_nothing(free_body: BodyModel, standi
     xy = clip.keypoints.xy.copy()
     xy[:, :25, 1] = np.where(feet, height - 1, xy[:, :25, 1])
     cut = replace(clip, keypoints=replace(clip.keypoints, xy=xy), camera=replace(CAMERA, size=(640, height)))
-    found = grounding_of_params(cut, free_body, standing, unswap=True)
+    found = grounding(cut, free_body, standing)
     assert found is not None and found.ground is None and not found.contacts.seen.any()
     assert found.missing == "the feet are not in the image"
 
@@ -83,4 +78,4 @@ def test_feet_that_the_image_cuts_off_carry_nothing(free_body: BodyModel, standi
 def test_a_body_without_points_of_its_feet_has_no_grounding(free_body: BodyModel, standing: BodyParams):
     rest = {name: vertex for name, vertex in free_body.surface_keypoints.items() if "toe" not in name}
     footless = replace(free_body, surface_keypoints=rest)
-    assert grounding_of_params(clip_of(free_body, standing), footless, standing, unswap=True) is None
+    assert grounding(clip_of(free_body, standing), footless, standing) is None

@@ -7,10 +7,13 @@ import pytest
 
 from fitting_core import metrics
 from fitting_core.body.model import BodyModel
+from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.config.schema import PRESETS, FitConfig
 from fitting_core.fit.fitting import fit_clip
+from fitting_core.fit.grounded import holding_feet
 from fitting_core.fit.phase_figures import patched
+from fitting_core.fit.stages import Stages
 from tests.samples.carried import CARRIED, RATE, Carried, carried_clip, gesturing, pixel_errors
 
 pytestmark = pytest.mark.thorough
@@ -52,18 +55,19 @@ def test_costs_of_frames_that_are_fitted_again_have_held_feet_in_them(free_body:
     params, window = gesturing(Carried(), frames=FRAMES), range(20, 24)
     clip, config = carried_clip(free_body, params), PRESETS["tcfit"]
     fit = fit_clip(clip, free_body, config)
-    inside, ground = slice(window.start, window.stop), fit.grounding
-    same = patched(fit.last, clip, free_body, config, fit.last.params, [window], grounding=ground, note="").frame_cost
-    np.testing.assert_allclose(same[inside], fit.last.frame_cost[inside], rtol=0.02)
+    inside = slice(window.start, window.stop)
+
+    def costs(config: FitConfig, params: BodyParams) -> np.ndarray:
+        stages = Stages.of_clip(clip, free_body, config)
+        held = holding_feet(stages, params, fit.grounding) or stages
+        return patched(fit.last, held, params, [window], note="").frame_cost[inside]
+
+    np.testing.assert_allclose(costs(config, fit.last.params), fit.last.frame_cost[inside], rtol=0.02)
     pose = fit.last.params.body_pose.clone()
     pose[inside, 3] -= 0.1  # bends a knee: the foot leaves its place
     moved = replace(fit.last.params, body_pose=pose)
 
     def rise(config: FitConfig) -> np.ndarray:
-        costs = [
-            patched(fit.last, clip, free_body, config, p, [window], grounding=ground, note="").frame_cost[inside]
-            for p in (moved, fit.last.params)
-        ]
-        return costs[0] - costs[1]
+        return costs(config, moved) - costs(config, fit.last.params)
 
     assert (rise(config) > rise(without_held_feet(config)) + 1).all()

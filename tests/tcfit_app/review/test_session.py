@@ -17,7 +17,7 @@ from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FramesFitted, PhaseFinished
-from fitting_core.fit.grounded import grounded
+from fitting_core.fit.grounded import grounding_of_params
 from fitting_core.fit.phase_figures import evaluated
 from fitting_core.fit.phases import independent
 from fitting_core.fit.stages import Stages
@@ -226,7 +226,9 @@ def test_a_released_drag_is_saved_and_its_fit_becomes_the_corrections(
             torch.equal(stored.last.params.body_pose, again.params.body_pose)
             and copy.runs.get(again.run.id).edits_seen == 2
         )
-    whole = grounded(stored, session.clip_of(again.camera), tiny_body).grounding
+    whole = grounding_of_params(
+        Stages.of_clip(session.clip_of(again.camera), tiny_body, stored.config), stored.last.params
+    )
     assert whole is not None and stored.grounding is not None, "gravity and contacts are those of the corrected fit"
     np.testing.assert_allclose(stored.grounding.contacts.probability, whole.contacts.probability)
 

@@ -256,7 +256,7 @@ def test_what_is_fitted_again_has_the_same_evidence(free_body: BodyModel):
     costs = evaluated(clip, free_body, config, away, start=held).frame_cost
     assert (costs > evaluated(clip, free_body, config, away).frame_cost + 1).all()
     before = replace(fit.last, frame_cost=np.zeros(4))
-    again = patched(before, clip, free_body, config, away, [window], grounding=None, start=held, note="")
+    again = patched(before, Stages.of_clip(clip, free_body, config, start=held), away, [window], note="")
     np.testing.assert_allclose(again.frame_cost, [0, *costs[1:3], 0])
     shapes = [subject_shape([(clip, one)], free_body, config).betas for one in (fit, replace(fit, start=None))]
     assert np.abs(shapes[0] - shapes[1]).max() > 1e-3
