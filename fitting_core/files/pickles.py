@@ -143,14 +143,6 @@ def stand_in(module: str, name: str) -> Any:
     return _ADMITTED.get((module, name)) if module.split(".")[0] == "numpy" else None
 
 
-def as_objects(value: object) -> list[Any]:
-    """The elements of an unpickled array of Python objects. Raises InputError if it is not such an array."""
-    data = value.state.get("data") if isinstance(value, _Array) else None
-    if not isinstance(data, list):
-        raise InputError("no array of objects")
-    return data
-
-
 def as_array(value: object) -> np.ndarray:
     """Numbers of an unpickled value: an array, a list of numbers, a sparse matrix (dense here) or a chumpy array.
     Raises InputError if the state of a stand-in is not understood; the message starts with what it holds."""

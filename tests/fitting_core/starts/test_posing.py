@@ -12,7 +12,7 @@ from fitting_core.body.params import full_pose
 from fitting_core.body.points.body_points import BodyPoints
 from fitting_core.body.points.pairs import Joint, keypoint_points, vertex
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
-from fitting_core.fit.through_points import KEYPOINTS, pose_through, spread_vertices
+from fitting_core.starts.posing import pose_through
 from tests.samples.scenes import arms_in_motion, random_params
 
 
@@ -43,15 +43,7 @@ def test_a_motion_comes_back_through_its_keypoints(free_body: BodyModel):
     points = keypoint_points(free_body)
     chosen = [i for i in range(kp.HANDS.stop) if exists[i]]
     places[:, kp.INDEX["left_ear"]] = np.nan
-    found = pose_through(
-        free_body, [p for i in chosen if (p := points[i])], places[:, chosen], regularisation=KEYPOINTS
-    )
+    found = pose_through(free_body, [p for i in chosen if (p := points[i])], places[:, chosen])
     off = np.linalg.norm(joints_in_space(free_body, found.params) - joints_in_space(free_body, params), axis=-1)
     assert found.off.max() < 0.005 and off[:, :22].mean() < 0.01 and off.max() < 0.06
     assert (found.params.betas == found.params.betas[:1]).all()
-
-
-def test_vertices_of_every_joint_are_chosen(tiny_body: BodyModel):
-    chosen = spread_vertices(tiny_body)
-    carriers = tiny_body.skinning_weights[chosen].argmax(1)
-    assert set(carriers.tolist()) == set(range(N_JOINTS)) and len(set(chosen)) == len(chosen)
