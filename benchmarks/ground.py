@@ -19,6 +19,7 @@ from benchmarks.report import Common, Row, progress, report, start
 from evaluation.suite_runs import fitted_body
 from evaluation.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
 from fitting_core.body.model import JOINT
+from fitting_core.config.schema import DEFAULT_PRESET, PRESETS
 from fitting_core.fit.evidence.observations import LifterEvidence
 from fitting_core.fit.grounded import grounding_of_params
 from fitting_core.fit.stages import Stages

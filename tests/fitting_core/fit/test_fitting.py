@@ -26,6 +26,7 @@ from fitting_core.fit.evidence.stances import Stances
 from fitting_core.fit.fitting import _on_one_thread, fit_clip, fit_events, rerun_events
 from fitting_core.fit.grounded import holding_feet
 from fitting_core.fit.phase_figures import evaluated, patched
+from fitting_core.fit.stages import Stages
 from fitting_core.keypoints import Keypoints
 from fitting_core.results.fit_result import FitResult
 from fitting_core.results.provenance import Start, Stopped
