@@ -1,5 +1,7 @@
 """Levenberg-Marquardt for groups of unknowns that are independent of each other, each with its own damping.
 
+A group's cost is E = r^T r. With g = J^T r and H = J^T J, a step d solves (H + D) d = -g, where D is diagonal.
+
 Nielsen's damping rule (K. Madsen, H. B. Nielsen, O. Tingleff, Methods for Non-Linear Least Squares, 2004).
 """
 
@@ -40,7 +42,7 @@ class Point(Protocol):
 
 @dataclass(frozen=True)
 class Step:
-    """A step of the state's rows, what it promises, and whether its matrix was positive definite."""
+    """A step, its predicted decrease, and whether the damped matrix was positive definite."""
 
     move: Float[Tensor, "r total"]
     predicted: Float[Tensor, "g"]
@@ -87,6 +89,7 @@ def dense_step(gradient: Float[Tensor, "g d"], matrix: Float[Tensor, "g d d"], d
     damped.diagonal(dim1=1, dim2=2).add_(extra)
     factor, info = torch.linalg.cholesky_ex(damped)
     move = -torch.cholesky_solve(gradient[..., None], factor)[..., 0]
+    # E(x + d) = E + 2 g.d + d^T H d. With H d = -g - D d, the decrease is -g.d + d^T D d.
     return Step(move, -(gradient * move).sum(1) + (extra * move * move).sum(1), info == 0)
 
 
@@ -110,7 +113,7 @@ class Descent(Generic[PointT]):
         self.damping = torch.full_like(self.cost, damping)
         self.growth = torch.full_like(self.cost, _GROWTH)
         self.promised = torch.zeros_like(self.cost)
-        """What the first step promised that was refused since one was last taken."""
+        """Predicted decrease of the first rejected step since the last accepted one."""
         self.rounding = torch.finfo(self.cost.dtype).eps * self.cost
         self.reason: list[Ending] = ["iterations" if finite else "failed" for finite in self.cost.isfinite().tolist()]
         self.evaluations = len(groups)
@@ -136,12 +139,13 @@ class Descent(Generic[PointT]):
         before = self.cost[groups]
         better = step.solved & cost.isfinite() & (cost < before)
         refused_first = ~better & (self.growth[groups] == _GROWTH)
+        # A growth at its first value means that the step before was accepted.
         self.promised[groups[refused_first]] = torch.where(step.solved, step.predicted, torch.inf)[refused_first]
         self._update_damping(groups, better, (before - cost) / step.predicted.clamp_min(1e-300))
         done = better & (before - cost < tolerance * before)
         self._accept(groups[better], groups[better & ~done], rows, trial, cost[better], better)
         stuck = ~done & (self.damping[groups] > _LARGEST)
-        # Where next to nothing was left to gain, to gain nothing is the end of the way and no wall.
+        # If the predicted gain is below the tolerance, not improving means converged, not stalled.
         at_end = self.promised[groups] <= torch.maximum(tolerance * before, self.rounding[groups])
         self._end(groups[done | (stuck & at_end)], "converged")
         self._end(groups[stuck & ~at_end], "stalled")
@@ -153,6 +157,8 @@ class Descent(Generic[PointT]):
 
     def _update_damping(self, groups: Tensor, better: Tensor, gain: Tensor) -> None:
         growth, damping = self.growth[groups], self.damping[groups]
+        # Gain ratio rho = actual / predicted decrease: rho = 1 divides the damping by 5, rho = 1/2 keeps it. Rejected
+        # steps multiply it by 2, 4, 8 and so on.
         shrunk = damping * (1 - (2 * gain.nan_to_num(0.0).clamp(0, 1) - 1) ** 3).clamp_min(0.2)
         self.damping[groups] = torch.where(better, shrunk.clamp_min(_SMALLEST), damping * growth)
         self.growth[groups] = torch.where(better, _GROWTH, growth * 2)

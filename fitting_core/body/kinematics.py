@@ -56,6 +56,7 @@ def pose_joints(
     tree: Tree, local: Float[Tensor, "B 55 3 3"], joints: Float[Tensor, "B 55 3"]
 ) -> tuple[Float[Tensor, "B 55 3 3"], Float[Tensor, "B 55 3"]]:
     """World rotations and positions of the joints, from local rotations and rest positions."""
+    # W_j = W_p R_j and x_j = x_p + W_p (J_j - J_p), p being j's parent.
     bones = joints - joints[:, tree.parents]
     world, position = [local[:, :1]], [joints[:, :1]]
     for level, up in zip(tree.levels, tree.parent_in_previous, strict=True):
@@ -68,6 +69,7 @@ def pose_joints(
 def turn_axes(tree: Tree, world: Float[Tensor, "B 55 3 3"], pose: Float[Tensor, "B 54 3"]) -> Float[Tensor, "B 55 3 3"]:
     """Axes in the world, as columns, about which each joint turns with its axis-angle; the root, whose variable is a
     turn in the tangent of its matrix, about those of the world."""
+    # exp(v + d) = exp(J_l(v) d) exp(v): a change d of joint j's axis-angle turns all below it about W_p J_l(v) d.
     root = torch.eye(3, dtype=world.dtype, device=world.device).expand(len(world), 1, 3, 3)
     return torch.cat([root, world[:, tree.parents[1:]] @ rotations.left_jacobian(pose)], 1)
 

@@ -113,6 +113,7 @@ def contacts_of(
     seen = (certain[..., 0] > 0) | ((certain > 0).sum(-1) >= 2)
     speed = _speed(xy[:, FOOT_POINTS], certain, camera, camera.from_still(feet)[..., 2], frame_rate)
     heights = _heights(feet, gravity, seen) if gravity.sure else np.zeros(seen.shape)
+    # Log odds add up: the lifter's, a foot slower or faster than _STILL, and a foot above the lowest one.
     odds = (
         _OF_LIFTER * _log_odds(_contact(xy, confidence, lifted, camera, frame_rate))
         + _OF_SPEED * np.log(_STILL / (speed + _FLOOR))
@@ -158,6 +159,7 @@ def _speed(
         return np.full(xy.shape[:2], _STILL - _FLOOR)
     # Smoothing is weighted by confidence, so points unseen in a frame come from its neighbours.
     weight = certain + 1e-6
+    # A point at depth z whose ray (x / z, y / z) moves by v per second moves by z v across the line of sight.
     rays, depth = rays_of(xy, camera), np.maximum(depth, 0.0)
     if camera.path is None:
         speeds = np.linalg.norm(_velocity(rays, weight, frame_rate), axis=-1) * depth
@@ -184,6 +186,7 @@ def _heights(
 ) -> Float[np.ndarray, "T 2"]:
     """Metres of each foot's lowest point above the lowest foot of the clip; the ankle counts as its sole."""
     along = feet @ gravity.up
+    # The 5th percentile, not the minimum: one wrong frame must not lower the floor.
     lowest = np.minimum(along[..., 0] - _ANKLE, along[..., 1:].min(-1))
     return lowest - (np.percentile(lowest[seen], 5) if seen.any() else 0.0)
 

@@ -60,6 +60,7 @@ def estimate_path_scale(
     both = seen[lag:] & seen[:-lag]
     if not both.any():
         return None
+    # Unit vectors from the camera to the point, mean of both frames: along them the lifter is less accurate.
     sight = placed[lag:] + placed[:-lag]
     sight /= np.maximum(np.linalg.norm(sight, axis=-1, keepdims=True), _STILL)
     moved = placed[lag:] - placed[:-lag]
@@ -75,6 +76,7 @@ def estimate_path_scale(
     )
     least = np.where(both, square, np.inf).min(-1)[:, both.any(1)]
     cost = np.log1p(least).sum(1) / lag  # overlapping intervals are one observation
+    # A posterior over log scales with a flat prior; its spread is the error of the scale.
     likely = np.exp(cost.min() - cost)
     likely /= likely.sum()
     logs = np.log(scales)

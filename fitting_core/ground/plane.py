@@ -61,10 +61,12 @@ def ground_under(
         return "the feet are not in the image"
     if contacts.standing.sum() / frame_rate < _LEAST:
         return "no foot stands still in the image"
+    # Heights along `up` from the camera, which is above the floor: negative for feet.
     heights = lowest(feet, soles, gravity.up)
     first = np.percentile(heights[contacts.standing], _LOWEST)
     on_it = contacts.standing & (abs(heights - first) < _NEAR)
     middle, found = float(np.median(heights[on_it])), _of_stretches(heights, on_it)
+    # Contacts are independent, frames of one contact are not: the mean's error falls with the root of their number.
     spread = max(_OF_STRETCH, float(np.sqrt(np.mean((found - middle) ** 2))))
     deviation = float(np.hypot(_OWN, spread / np.sqrt(len(found))))
     return Ground(normal=gravity.up, offset=-middle, deviation=deviation)

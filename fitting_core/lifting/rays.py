@@ -39,9 +39,11 @@ def seen(rays: Float[Tensor, "B T 25 2"], confidence: Float[Tensor, "B T 25"], c
     there = (confidence > SEEN).to(rays)
     centre, weight = _centre(rays, confidence * there)
     to_virtual = _looking_at(centre)
+    # Rows of to_virtual are the virtual camera's axes: ray' = to_virtual ray, then back to the plane z = 1.
     around = torch.cat([rays, torch.ones_like(rays[..., :1])], -1) @ to_virtual[:, None].mT
     flat = around[..., :2] / around[..., 2:].clamp_min(0.05)
     extent = _extent(flat, weight)
+    # Distances in extents: the network sees a person of one size, and the true one as log(extent).
     scaled = (_EXTENT * flat / extent[:, None, None, None] * there[..., None]).clamp(-_FARTHEST, _FARTHEST)
     whole = torch.stack([extent.log(), *torch.unbind(to_virtual[:, 2], -1), calibrated], -1)
     parts = [scaled.flatten(2), confidence * there, whole[:, None].expand(-1, rays.shape[1], -1)]
@@ -59,6 +61,7 @@ def _centre(rays: Tensor, confidence: Tensor) -> tuple[Tensor, Tensor]:
 def _looking_at(centre: Float[Tensor, "B 2"]) -> Float[Tensor, "B 3 3"]:
     """Rows: the axes of a camera that looks there, without roll relative to the real one."""
     ahead = torch.nn.functional.normalize(torch.cat([centre, torch.ones_like(centre[:, :1])], 1), dim=1)
+    # y (down) x ahead, without y: the horizontal direction to the right.
     level = torch.stack([ahead[:, 2], torch.zeros_like(ahead[:, 0]), -ahead[:, 0]], 1)
     right = torch.nn.functional.normalize(level, dim=1)
     return torch.stack([right, torch.linalg.cross(ahead, right), ahead], 1)

@@ -27,6 +27,7 @@ def turn_joints(c, orient, x, s, everything):
         for j in range(N_JOINTS - FIRST_FINGER):
             first = HANDS - f.shift + (f.hand if j >= 15 else 0)
             numbers = x[first : first + f.hand]
+            # Axis-angle of a finger joint: mean + basis x coefficients of the hand's principal components.
             for d in range(3):
                 s.v[d] = f.hand_mean[3 * j + d] + product(f.hand_basis[3 * j + d], numbers, f.hand, 0.0)
             exponential(s.v, s.local[FIRST_FINGER + j], s.chart[FIRST_FINGER + j])
@@ -38,6 +39,7 @@ def pose_skeleton(c, x, s):
     f = c.clip
     for k in range(10):
         s.coefficients[k], s.coefficients[10 + k] = x[f.betas - f.shift + k], x[f.expression - f.shift + k]
+    # Rest joints J = J0 + dJ/dc c, with coefficients c = (betas, expression).
     for j in range(N_JOINTS):
         for d in range(3):
             moved = product(f.rest_directions[j, d], s.coefficients, N_COEFFICIENTS, 0.0)
@@ -46,6 +48,7 @@ def pose_skeleton(c, x, s):
         s.joints[0, d] = s.rest[0, d]
         for k in range(3):
             s.world[0, d, k] = s.local[0, d, k]
+    # From the root on: W_j = W_p R_j, x_j = x_p + W_p (J_j - J_p).
     for j in range(1, N_JOINTS):
         p = f.parents[j]
         up = s.world[p]
@@ -53,6 +56,7 @@ def pose_skeleton(c, x, s):
         b0, b1, b2 = s.rest[j, 0] - s.rest[p, 0], s.rest[j, 1] - s.rest[p, 1], s.rest[j, 2] - s.rest[p, 2]
         for d in range(3):
             s.joints[j, d] = s.joints[p, d] + up[d, 0] * b0 + up[d, 1] * b1 + up[d, 2] * b2
+    # Skinning takes a rest vertex v to W_j v + (x_j - W_j J_j).
     for j in range(N_JOINTS):
         w, rest = s.world[j], s.rest[j]
         for d in range(3):
@@ -83,6 +87,7 @@ def pose_points(c, frame, x, scratch):
 @helper
 def _pose_pairs(table, variant, first, scratch):
     s = scratch.frame
+    # SMPL's pose correctives are linear in R - I of the driving joints.
     for n in range(len(table.driving)):
         m = s.local[table.driving[n]]
         for e in range(9):
@@ -94,6 +99,7 @@ def _pose_pairs(table, variant, first, scratch):
             shaped = product(pair.directions[d], s.coefficients, N_COEFFICIENTS, 0.0)
             corrected = product(correctives[3 * p + d], s.features, 9 * len(table.driving), 0.0)
             s.v[d] = pair.template[d] + shaped + corrected
+        # One bone's share of a skinned point; template, directions and correctives contain its weight already.
         w, offset = s.world[pair.bone], s.offset[pair.bone]
         for d in range(3):
             posed = w[d, 0] * s.v[0] + w[d, 1] * s.v[1] + w[d, 2] * s.v[2]
@@ -115,6 +121,7 @@ def turn_axes(s):
 def move_by_coefficients(c, frame, low, high, scratch):
     """d joints and d pairs / d coefficients low to high."""
     s, f = scratch.frame, c.clip
+    # dx_j = dx_p + W_p d(J_j - J_p), and d offset_j = dx_j - W_j dJ_j.
     for j in range(N_JOINTS):
         p = f.parents[j]
         w, up = s.world[j], s.world[p] if j else s.axes[0]  # the root's bone rests in the world: axes[0] is I
@@ -156,6 +163,7 @@ def add_through_correctives(c, frame, scratch):
             if g[0] == 0.0 and g[1] == 0.0 and g[2] == 0.0:
                 continue
             for d in range(3):
+                # (W^T g)_d: the gradient by the unposed point, then by each feature through its row.
                 along, row = w[0, d] * g[0] + w[1, d] * g[1] + w[2, d] * g[2], correctives[3 * p + d]
                 for e in range(count):
                     s.by_feature[e] += row[e] * along
@@ -168,6 +176,7 @@ def add_through_correctives(c, frame, scratch):
 @helper
 def _turned(r, by):
     """Gradient by the turn about a joint's own axes (dR = R hat(d)), from that by the nine numbers of its matrix."""
+    # With A = R^T by: dE = sum A_ij hat(d)_ij, which leaves A's antisymmetric part.
     a01 = a02 = a10 = a12 = a20 = a21 = 0.0
     for k in range(3):
         a01 += r[k, 0] * by[3 * k + 1]
@@ -193,6 +202,7 @@ def joint_row(c, joint, by_turn, s):
         for column in range(3):
             s.wide[column] = by_column(s.chart[joint], by_turn, column)
         return (f.jaw if joint == JAW_JOINT else 3 * joint), 3
+    # Chain rule: by the axis-angle through the chart, then by the hand's coefficients through the basis.
     finger = joint - FIRST_FINGER
     for k in range(f.hand):
         s.wide[k] = 0.0

@@ -37,6 +37,7 @@ def decode(c, latent, s):
         layer = c.layers[n]
         inputs, outputs = layer.inputs, layer.outputs
         weights = c.weights[at : at + outputs * inputs].reshape(outputs, inputs)
+        # value_{n+1} = activation(W_n value_n + b_n); its slope is kept for the derivatives.
         products(weights, outputs, s.value[n : n + 1], 1, inputs, 0.0, s.value[n + 1 : n + 2])
         value, slope = s.value[n + 1], s.slope[n]
         for i in range(outputs):
@@ -78,6 +79,7 @@ def turns_by_latent(c, s):
     """
     size, zero, last = c.clip.latent, np.float32(0), len(c.layers) - 1
     at, inputs = 0, size
+    # Forward accumulation: rows hold d value_n / d latent, (latent, outputs of layer n).
     for n in range(last):
         outputs, slope = c.layers[n].outputs, s.slope32
         weights = c.weights32[at : at + outputs * inputs].reshape(outputs, inputs)
@@ -123,6 +125,7 @@ def latent_gradient(c, by_turns, s, out):
         t0, t1, t2, six = by_turns[3 * j], by_turns[3 * j + 1], by_turns[3 * j + 2], s.sixes[j]
         for k in range(6):
             by[6 * j + k] = t0 * six[0, k] + t1 * six[1, k] + t2 * six[2, k]
+    # Backpropagation: by value_n = W_n^T (slope_n * by value_{n+1}).
     at = len(c.weights)
     for n in range(len(c.layers) - 1, -1, -1):
         inputs, outputs = c.layers[n].inputs, c.layers[n].outputs

@@ -18,6 +18,7 @@ def exponential(v, matrix, chart):
     """The rotation of an axis-angle vector, and how it turns about its own axes with it: R(v + d) = R exp(chart d)."""
     x, y, z = v[0], v[1], v[2]
     squared = x * x + y * y + z * z
+    # Rodrigues: R = I + a hat(v) + b hat(v)^2. Right Jacobian: I - b hat(v) + c hat(v)^2. Taylor series below 0.01 rad.
     if squared < 1e-4:
         a = 1 - squared / 6 + squared * squared / 120
         b = 0.5 - squared / 24 + squared * squared / 720
@@ -38,6 +39,7 @@ def exponential(v, matrix, chart):
 @helper
 def quaternion(m, q):
     """The unit quaternion (w, x, y, z) with w >= 0 of a rotation matrix."""
+    # Shepperd (1978): 4 w^2, 4 x^2, ... from the diagonal; the largest of them is never a difference of near values.
     ww, xx = 1 + m[0, 0] + m[1, 1] + m[2, 2], 1 + m[0, 0] - m[1, 1] - m[2, 2]
     yy, zz = 1 - m[0, 0] + m[1, 1] - m[2, 2], 1 - m[0, 0] - m[1, 1] + m[2, 2]
     wx, wy, wz = m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]
@@ -62,6 +64,7 @@ def logarithm(m, q, v):
     """The axis-angle vector of a rotation matrix; q is overwritten."""
     quaternion(m, q)
     squared = q[1] * q[1] + q[2] * q[2] + q[3] * q[3]
+    # |v| / sin(|v| / 2), times (x, y, z) = axis x sin(|v| / 2). Taylor series near no rotation.
     factor = 2 + squared / 3
     if squared >= 1e-6:
         sine = math.sqrt(squared)
@@ -75,6 +78,7 @@ def inverse_chart(v, out):
     """How log R changes as R turns about its own axes: log(exp(v) exp(d)) = v + out d."""
     x, y, z = v[0], v[1], v[2]
     squared = x * x + y * y + z * z
+    # Inverse of the right Jacobian: I + hat(v) / 2 + factor hat(v)^2. Taylor series below 0.03 rad.
     factor = 1 / 12 + squared / 720 + squared * squared / 30240 + squared * squared * squared / 1209600
     if squared >= 1e-3:
         half = math.sqrt(squared) / 2

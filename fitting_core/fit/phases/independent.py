@@ -64,8 +64,10 @@ def fit_frames(stages: Stages, solver: Solver, *, first_frame: int = 0) -> Gener
         nobody = FrameFits.at(starting_state(stages, guess.depth, 0.0), Start.TURNED_0)
         return replace(nobody, notes=("no frame shows four body keypoints",))
     run = _Frames(stages, solver, usable.nonzero()[:, 0])
+    # Frames with a given start need no neighbours, so all are fitted first; of the others only the key frames are.
     given, searched = run.divided()
     keys = run.only(torch.cat([given, _key_frames(searched, stages.config.key_frames_every)]).sort().values)
+    # The camera step cannot determine the depth, which is held near its guess.
     fits, camera = yield from keys.from_the_camera(guess.depth)
     if _restarts(stages):
         fits = yield from run.relay(fits, camera, keys)
@@ -204,6 +206,7 @@ class _Frames:
         """The last stage, from the given start: earlier ones would pull it to the neutral pose."""
         stages, start = self.stages, self.stages.start
         assert start is not None, "frames with a given start have one"
+        # Stages 1 to 4 would pull the pose to the prior's mean before the last stage sees it.
         free, state = stages.free(N_STAGES, betas=True), state_of(start, stages.parametrisation)
         if free.hands and stages.config.curled_hands and not start.tells_hands:
             state = stages.parametrisation.with_half_fists(state)
@@ -225,6 +228,7 @@ class _Frames:
         solver = make_solver(self.stages.config.solver, replace(settings, final_tolerance=settings.camera_tolerance))
         run = self.only(self.frames, solver)
         best = FrameFits.at(starting_state(self.stages, depth, 0.0), Start.TURNED_0)
+        # A torso's keypoints are almost the same from two opposite yaws: the orientation has a local minimum near each.
         for yaw in YAWS[self.stages.config.yaws]:
             start = FrameFits.at(starting_state(self.stages, depth, yaw), TURNED[yaw])
             trial = yield from run._minimise(
@@ -250,6 +254,7 @@ class _Frames:
     def both_sides(self, camera: FrameFits) -> Generator[Step, None, FrameFits]:
         """The five stages; frames seen from the side also with the orientation turned by 180 degrees."""
         fits = yield from self.five_stages(camera)
+        # Seen from the side, shoulders and hips lie on one line, and the camera step cannot tell left from right.
         side = self.frames[seen_from_side(self.stages)[self.frames]]
         if not len(side):
             return fits
@@ -272,6 +277,7 @@ class _Frames:
         """
         stages = self.stages
         objective = _LastStage(stages, fits.state)
+        # Costs of different stages cannot be compared: all restarts are judged by E_o of the last one.
         cost = torch.full_like(fits.cost, torch.inf)
         cost[keys.frames] = objective.cost(fits.state, keys.frames)
         fits = yield from keys.seats(objective, replace(fits, cost=cost), camera)
@@ -308,8 +314,10 @@ class _Frames:
         for k in range(rounds):
             changed = torch.zeros_like(fresh)
             for offset, start in ((1, Start.FRAME_AFTER), (-1, Start.FRAME_BEFORE)):
+                # Round k is the progress from 1 - 2^-k to 1 - 2^-(k+1), half of it for each direction.
                 begin, end = (1 - 0.5 ** (k + half) for half in ((0.0, 0.5) if offset > 0 else (0.5, 1.0)))
                 part = _part(share, begin, end)
+                # A neighbour that has not changed since it was tried would give the same result.
                 target, source = _with_fresh_neighbour(self.frames, fresh | changed, offset)
                 if not len(target):
                     continue
@@ -335,6 +343,7 @@ class _Frames:
             if not len(frames):
                 break
             share = _part((_SEATED, _FLIPPED), 1 - 0.2**k, 1 - 0.2 ** (k + 1))  # the second round has a fifth of them
+            # Short trials of every mirrored limb, then full ones of the few that come near the current cost.
             every, tried = list(flips.every(fits.state[frames])), list[FrameFits]()
             for flip, mirrored in every:
                 part = _part(share, len(tried) / (len(every) + 1), (len(tried) + 1) / (len(every) + 1))
@@ -343,6 +352,7 @@ class _Frames:
                 tried.append(trial[frames])
             before = fits.cost
             kept = torch.stack([trial.cost for trial in tried]).topk(_FLIPS_KEPT, 0, largest=False)
+            # Row k has each frame's k-th cheapest trial, so a later row cannot hold hope where this one has none.
             for costs, which in zip(kept.values, kept.indices, strict=True):
                 hopeful = costs < _HOPEFUL * before[frames]
                 if not bool(hopeful.any()):
@@ -352,6 +362,7 @@ class _Frames:
                     objective, start, "trying mirrored arms and legs", _part(share, 0.93, 1.0)
                 )
                 fits, _ = fits.lower(trial, _LOWER)
+            # Where mirroring helped, another limb may be worth mirroring now.
             frames = frames[(fits.cost < before)[frames]]
         return fits
 
@@ -370,7 +381,7 @@ def _chosen(tried: list[FrameFits], frames: Tensor, which: Tensor, fits: FrameFi
 
 
 def _with_fresh_neighbour(frames: Tensor, fresh: Bool[Tensor, "T"], offset: int) -> tuple[Tensor, Tensor]:
-    """Frames whose neighbour among them, the next (1) or previous (-1) one, has changed; and that neighbour."""
+    """Frames whose next (+1) or previous (-1) neighbour changed, and that neighbour."""
     one, other = frames[:-1], frames[1:]
     target, source = (one, other) if offset > 0 else (other, one)
     return target[fresh[source]], source[fresh[source]]

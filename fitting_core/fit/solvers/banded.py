@@ -95,6 +95,8 @@ def _factor(bands: Sequence[Tensor]) -> tuple[list[Tensor], list[Tensor]] | None
     infos: list[Tensor] = []
     for i, pivot in enumerate(diagonal):
         panel = torch.cat([band[i : i + 1] for band in below] or [pivot[None, :0]]).flatten(0, 1)
+        # H[i, i] - sum_k L[i, i-k] L[i, i-k]^T = L[i, i] L[i, i]^T, and the same for the blocks below it.
+        # The panel of frame i - k begins with L[i-k+1, i-k]: `near` is L[i, i-k], `far` the blocks below that.
         for k in range(1, min(len(below), i) + 1):
             near, far = panels[i - k][(k - 1) * size : k * size], panels[i - k][k * size :]
             pivot = torch.addmm(pivot, near, near.mT, alpha=-1)
@@ -104,6 +106,7 @@ def _factor(bands: Sequence[Tensor]) -> tuple[list[Tensor], list[Tensor]] | None
         if info.device.type == "cpu" and info:
             return None
         pivots.append(lower)
+        # L[i+k, i] = H'[i+k, i] L[i, i]^-T, H' being H minus the products above.
         panels.append(torch.linalg.solve_triangular(lower.mT, panel, upper=True, left=False))
         infos.append(info)
     return None if bool(torch.stack(infos).any()) else (pivots, panels)

@@ -201,6 +201,9 @@ class SharedShape(OnFrames):
         damped.diagonal(dim1=1, dim2=2).add_(extra)
         factor, info = torch.linalg.cholesky_ex(damped[:, :own, :own])
         coupling = damped[:, :own, own:]
+        # Frame t has unknowns y_t and all share the betas b: [A_t B_t; B_t^T C_t] [dy_t; db] = -[g_t; h_t], where
+        # the second row is summed over t. The first gives dy_t = -A_t^-1 (g_t + B_t db); inserted, S db = -right with
+        # S = sum (C_t - B_t^T A_t^-1 B_t) + holding and right = sum (h_t - B_t^T A_t^-1 g_t) + held.
         eliminated = torch.cholesky_solve(torch.cat([coupling, gradient[:, :own, None]], 2), factor)
         by_betas, constant = eliminated[..., :N_BETAS], eliminated[..., N_BETAS:]
         schur = damped[:, own:, own:].sum(0) - (coupling.transpose(1, 2) @ by_betas).sum(0) + holding

@@ -68,6 +68,7 @@ class _EvennessOf:
         also need the Jacobians of the last frames before them.
         """
         residuals = self._residuals(state)
+        # Residual i is w/3 (-q[i] + 2 q[i+1] - q[i+2]): L^T puts it back on these three frames with the same factors.
         by_joints = torch.zeros_like(self.held)  # L^T r
         for offset, factor in ((0, -1), (1, 2), (2, -1)):
             by_joints[offset : offset + len(residuals)] += self.term.weight / 3 * factor * residuals
@@ -79,6 +80,7 @@ class _EvennessOf:
             frames = _index(range(self.free.start + start, self.free.start + stop), state)
             rows = self.objective.joint_jacobian(self.term.joints, state[start:stop], frames)
             gradient[start:stop] += (rows.mT @ by_joints[start:stop, :, None])[..., 0]
+            # Block (i + k, i) of the half matrix: factor x D_{i+k}^T D_i.
             known, begin = torch.cat([before, rows]), start - len(before)
             for k, factor in enumerate(self.factors):
                 earlier = slice(max(start - k, 0), max(stop - k, 0))
@@ -148,6 +150,7 @@ class Sequence(OnFrames):
     def solve(self, normal: tuple[Tensor, ...], damping: Tensor) -> Step:
         """One block-banded Cholesky factorisation."""
         _, gradient, diagonal, *below = (a[0] for a in normal)
+        # Each frame is damped by the mean of its own diagonal.
         extra = damping_diagonal(diagonal.diagonal(dim1=1, dim2=2), damping.expand(len(diagonal)))
         damped = diagonal.clone()
         damped.diagonal(dim1=1, dim2=2).add_(extra)

@@ -122,8 +122,10 @@ def _of_joints(
     """Metres along the camera's ray through each joint, and across it (root mean square over two directions)."""
     count = len(JOINTS)
     rows = objective.joint_jacobian(joints, state, frames)[:, : 3 * count]
+    # K C K^T of each joint: 3 x 3, camera axes, square metres.
     spread = (rows @ covariance).unflatten(1, (count, 3)) @ rows.unflatten(1, (count, 3)).mT
     ray = torch.nn.functional.normalize(joints.estimate(state, frames).in_camera[:, :count], dim=-1)
+    # Along the unit ray u: u^T S u. The rest of the trace is shared by two directions across it.
     along = (ray[..., None, :] @ spread @ ray[..., None])[..., 0, 0]
     across = (spread.diagonal(dim1=-2, dim2=-1).sum(-1) - along) / 2
     return torch.stack([along, across], -1).clamp_min(0).sqrt()
@@ -136,6 +138,7 @@ def _of_angles(
         move = state.vector.new_zeros(len(state), len(objective.index), requires_grad=True)
         angles = _angles(joints.estimate(state.moved(objective.step(move))))
         slopes = [torch.autograd.grad(angle.sum(), move, retain_graph=True)[0] for angle in angles]
+    # The variance of an angle is k^T C k, with k its gradient by the unknowns.
     rows = torch.stack(slopes, 1)
     return ((rows @ covariance) * rows).sum(-1).clamp_min(0).sqrt().rad2deg()
 
@@ -150,6 +153,7 @@ def _angles(joints: Estimate) -> list[Float[Tensor, "B"]]:
     for name in ANGLES:
         *side, joint, angle = name.split("_")
         before, turned = (one if one in axes else f"{side[0]}_{one}" for one in _SEGMENTS[joint])
+        # The second segment's axes in those of the first: A1^T R_1 ... R_n A2, over the joints between both.
         turn, bone = axes[turned], JOINT[BONES[turned]]
         while bone != JOINT[BONES[before]]:
             turn, bone = turns[:, bone - 1] @ turn, int(parents[bone])
