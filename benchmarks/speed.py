@@ -28,7 +28,7 @@ from fitting_core.fit.events import PhaseFinished
 from fitting_core.fit.fitting import fit_clip, fit_events
 from fitting_core.fit.fused import ready
 from tcfit_app.cli.demo_command import read_demo
-from tcfit_app.fitting.child_processes import CONTEXT
+from tcfit_app.fitting.process_queue import CONTEXT
 from tcfit_app.options.preparing import compile_kernels
 
 _STATUS = Path("/proc/self/status")

@@ -47,7 +47,7 @@ def with_somebody(found: Detected, video: Path) -> Detected:
         where = "the only frame" if count == 1 else f"any of the {count} frames"
         raise InputError(
             f"{found.detector} found nobody in {where} of {video}; expected a person who can be seen well. Choose "
-            "frames that show one, try another detector (tcfit detect --list shows them), or give keypoints."
+            "frames that show one, try another detector (tcfit models shows them), or give keypoints."
         )
     return found
 

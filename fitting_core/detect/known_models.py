@@ -125,11 +125,11 @@ def find_model(given: str, folder: Path | None = None) -> Path:
         if not path.is_file():
             raise InputError(
                 f"{given}: there is no such model file; expected an ONNX file (*.onnx), or one of the names "
-                f"{', '.join(KNOWN_MODELS)}, which `tcfit detect --download NAME` fetches."
+                f"{', '.join(KNOWN_MODELS)}, which `tcfit models add NAME` fetches."
             )
         return path
     if not model_path(given, folder).is_file():
-        raise InputError(f"{given} is not on this computer: fetch it by `tcfit detect --download {given}`.")
+        raise InputError(f"{given} is not on this computer: fetch it by `tcfit models add {given}`.")
     return model_path(given, folder)
 
 

@@ -29,7 +29,7 @@ from fitting_core.detect.part import Detector
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import sync
 from fitting_core.fit import fitting
-from fitting_core.fit.events import FitEvent
+from fitting_core.fit.events import FitEvent, Iteration
 from fitting_core.fit.subject_shape import subject_shape
 from fitting_core.io.known_shape import read_known_shape
 from fitting_core.io.result_files import OVERLAY_NAME, SUMMARY_NAME, write_result
@@ -51,6 +51,7 @@ from tcfit_app.batch.records import (
 )
 from tcfit_app.exports.pictures import write_comparison
 from tcfit_app.fitting.bodies import Bodies, record_of
+from tcfit_app.fitting.process_queue import Report, Work
 from tcfit_app.imports.given import start_of
 from tcfit_app.options.fit import FitOptions
 from tcfit_app.options.preparing import body_file, check_out, prepare_solver
@@ -66,17 +67,19 @@ DRAFT_SUFFIX, LOCK_SUFFIX = ".batch-draft", ".batch-lock"
 """Suffixes of the hidden folders beside a result while it is being made."""
 _PATIENCE = 30.0
 """Seconds to wait for another process that fits the same clip; one whose batch was killed ends sooner."""
-Report = Callable[[FitEvent | DetectionProgress], None]
 Content = tuple[dict[str, Any], list[str]]
 """What goes into summary.json, and notes for the user."""
 
 
-def fit_clip(task: ClipTask, folder: Path, report: Report = lambda event: None) -> Record:
-    """Fit a clip and write its result; what goes wrong is in the record, and nothing of the result is there then.
+def fit_clip(task: ClipTask, folder: Path, report: Report = lambda work: None) -> Record:
+    """Fit a clip and write its result, in a process of its own or of Ray. What goes wrong is in the record, and nothing
+    of the result is there then.
 
-    `folder` is the batch's. `report` takes the fit's events, and before them how far keypoints are found.
+    `folder` is the batch's. `report` takes the progress of the keypoints' detection, and of each phase.
     """
-    begin, inputs = time.time(), ""
+    torch.set_num_threads(1)  # many clips at a time share the cores
+    begin, inputs, trace = time.time(), "", ""
+    report(Work(step="reading", share=0.0))
     try:
         with _drafting(task) as draft:
             if record := _left_behind(task, draft, folder):
@@ -84,14 +87,13 @@ def fit_clip(task: ClipTask, folder: Path, report: Report = lambda event: None) 
             write_log(folder, "started", task)
             inputs = inputs_of(task)
             return _fitted(task, inputs, draft, folder, report)
+    except InputError as error:
+        reason = str(error)
+    except KeyboardInterrupt:  # raised by a plugin: the process is deaf to those of a terminal
+        reason = "A plugin interrupted the fit (KeyboardInterrupt)."
     except Exception as error:  # A clip's failure is an outcome like another; the batch goes on.
-        foreseen = isinstance(error, InputError)
-        return failure(
-            inputs,
-            str(error) if foreseen else f"{type(error).__name__}: {error}",
-            trace="" if foreseen else traceback.format_exc(),
-            seconds=time.time() - begin,
-        )
+        reason, trace = f"{type(error).__name__}: {error}", traceback.format_exc()
+    return failure(inputs, reason, trace=trace, seconds=time.time() - begin)
 
 
 def failure(inputs: str, reason: str, *, trace: str = "", seconds: float = 0.0) -> Record:
@@ -146,8 +148,8 @@ def _fitted(task: ClipTask, inputs: str, draft: Path, folder: Path, report: Repo
     begin = time.time()
     body = _body(body_file(task.fit.body))
     prepare_solver(task.config, 1)
-    work = Work(task=task, body=body, draft=draft, folder=folder, inputs=inputs, report=report)
-    content, notes = _WRITERS[task.form](work)
+    attempt = Attempt(task=task, body=body, draft=draft, folder=folder, inputs=inputs, report=report)
+    content, notes = _WRITERS[task.form](attempt)
     record = Record(
         state="done",
         inputs=inputs,
@@ -163,7 +165,7 @@ def _fitted(task: ClipTask, inputs: str, draft: Path, folder: Path, report: Repo
 
 
 @dataclass(frozen=True, kw_only=True)
-class Work:
+class Attempt:
     """A clip that is being fitted."""
 
     task: ClipTask
@@ -181,11 +183,20 @@ class Work:
         """Read when it is needed."""
         return _clip_of(self.task, self.report)
 
+    def tell(self, event: FitEvent) -> None:
+        """Report the progress of a phase."""
+        if isinstance(event, Iteration):
+            self.report(Work(step=f"phase {event.phase}", share=event.share))
+
 
 def _clip_of(task: ClipTask, report: Report) -> Clip:
     fit, name = task.fit, detector_of(task)
     detector = None if name is None else _detector(name)
-    return read_clip(fit.video, fit.keypoints, clip=fit.clip, camera=fit.camera, detector=detector, tell=report)
+
+    def tell(event: DetectionProgress) -> None:
+        report(Work(step="keypoints", share=event.share))
+
+    return read_clip(fit.video, fit.keypoints, clip=fit.clip, camera=fit.camera, detector=detector, tell=tell)
 
 
 @lru_cache(maxsize=1)  # Most clips of a list have the same, which takes a second to open.
@@ -193,13 +204,13 @@ def _detector(name: str) -> Detector:
     return find_detector(name, Running(threads=1))
 
 
-def write_first(work: Work) -> Content:
+def write_first(attempt: Attempt) -> Content:
     """Fit the first phase alone, for the shape and for the phases after it. Raises InputError if the clip cannot be
     fitted, or nothing can be written."""
-    fit = _run_fit(work, work.clip)
-    work.draft.mkdir(parents=True, exist_ok=True)
-    write_run(work.draft / FIRST_NAME, fit)
-    return {"frames": len(work.clip)}, []
+    fit = _run_fit(attempt, attempt.clip)
+    attempt.draft.mkdir(parents=True, exist_ok=True)
+    write_run(attempt.draft / FIRST_NAME, fit)
+    return {"frames": len(attempt.clip)}, []
 
 
 class FoundShape(msgspec.Struct, frozen=True, kw_only=True):
@@ -213,67 +224,67 @@ class FoundShape(msgspec.Struct, frozen=True, kw_only=True):
     """By clip, the frames that it was found from."""
 
 
-def write_shape(work: Work) -> Content:
+def write_shape(attempt: Attempt) -> Content:
     """Find the shape of a subject from its clips' first phases. A clip whose files have gone since does not count.
     Raises InputError if none of the clips is there any more, or nothing can be written."""
-    members = [member for member in work.task.members if not missing_input(member)]
+    members = [member for member in attempt.task.members if not missing_input(member)]
     if not members:
         raise InputError(
-            f"{work.task.subject}: the files of all its clips are gone, so its shape cannot be found again."
+            f"{attempt.task.subject}: the files of all its clips are gone, so its shape cannot be found again."
         )
-    clips = ((_clip_of(member, work.report), read_run(member.out / FIRST_NAME, member.config)) for member in members)
-    found = subject_shape(clips, work.body, work.task.config)
+    clips = ((_clip_of(member, attempt.report), read_run(member.out / FIRST_NAME, member.config)) for member in members)
+    found = subject_shape(clips, attempt.body, attempt.task.config)
     content = FoundShape(
-        subject=work.task.subject,
+        subject=attempt.task.subject,
         betas=found.betas.tolist(),
-        body={"hash": work.body.hash, "kind": work.body.kind},
+        body={"hash": attempt.body.hash, "kind": attempt.body.kind},
         frames={member.name: frames for member, frames in zip(members, found.frames, strict=True)},
     )
-    work.draft.mkdir(parents=True, exist_ok=True)
-    write_json(work.draft / SHAPE_NAME, content)
+    attempt.draft.mkdir(parents=True, exist_ok=True)
+    write_json(attempt.draft / SHAPE_NAME, content)
     return {"frames": sum(map(len, found.frames))}, []
 
 
-def write_files(work: Work) -> Content:
+def write_files(attempt: Attempt) -> Content:
     """Fit, and write what `tcfit fit` writes into the draft. Raises InputError if the clip cannot be fitted, or the
     result cannot be written or would lie among other files."""
-    task, clip, body = work.task, work.clip, work.body
+    task, clip, body = attempt.task, attempt.clip, attempt.body
     check_out(task.out, overwrite=task.fit.overwrite)
-    fit = _run_fit(work, clip)
-    content = write_result(work.draft, fit, clip, body, command=task.command)
+    fit = _run_fit(attempt, clip)
+    content = write_result(attempt.draft, fit, clip, body, command=task.command)
     notes = list(fit.warnings)
     if task.fit.overlay and clip.source is not None:
         try:
-            write_comparison(work.draft / OVERLAY_NAME, fit, clip, body)
+            write_comparison(attempt.draft / OVERLAY_NAME, fit, clip, body)
         except (InputError, OSError) as error:
             notes.append(f"No {OVERLAY_NAME} was written. {error}")
     return content, notes
 
 
-def write_project(work: Work) -> Content:
+def write_project(attempt: Attempt) -> Content:
     """Fit, and make the draft a project with the run; a project that is there already gets another run. Raises
     InputError if the clip cannot be fitted, or the project cannot be written or is another clip's."""
-    if is_project(work.task.out):
-        return _another_run(work)
-    check_out(work.task.out, overwrite=False)
-    fit = _run_fit(work, work.clip)
-    with Project.create(work.draft, work.clip) as project:
-        project.set_height(work.task.config.height)
-        return _added(work, project, work.clip, fit)
+    if is_project(attempt.task.out):
+        return _another_run(attempt)
+    check_out(attempt.task.out, overwrite=False)
+    fit = _run_fit(attempt, attempt.clip)
+    with Project.create(attempt.draft, attempt.clip) as project:
+        project.set_height(attempt.task.config.height)
+        return _added(attempt, project, attempt.clip, fit)
 
 
-def _another_run(work: Work) -> Content:
+def _another_run(attempt: Attempt) -> Content:
     """On the keypoints as they were corrected; nothing of the project is lost."""
-    with Project.open(work.task.out) as project:
-        _check_same_clip(project, work.clip)
+    with Project.open(attempt.task.out) as project:
+        _check_same_clip(project, attempt.clip)
         # The run is in the project before the record is: a process may have died between.
-        made = [run for run in project.runs.all() if run.name == _run_name(work) and run.state == "finished"]
+        made = [run for run in project.runs.all() if run.name == _run_name(attempt) and run.state == "finished"]
         if made and made[-1].edits_seen == project.last_edit:
             found = dict(made[-1].summary or {}), []
         else:
             clip = project.clip
-            found = _added(work, project, clip, _run_fit(work, clip))
-    work.draft.mkdir(exist_ok=True)
+            found = _added(attempt, project, clip, _run_fit(attempt, clip))
+    attempt.draft.mkdir(exist_ok=True)
     return found
 
 
@@ -286,17 +297,17 @@ def _check_same_clip(project: Project, clip: Clip) -> None:
         )
 
 
-def _run_name(work: Work) -> str:
-    return f"Batch {work.inputs[:8]}"
+def _run_name(attempt: Attempt) -> str:
+    return f"Batch {attempt.inputs[:8]}"
 
 
-def _added(work: Work, project: Project, clip: Clip, fit: FitResult) -> Content:
-    content = summary(fit, clip, work.body, complete=True, command=work.task.command)
-    body, seen, given = record_of(work.body), project.last_edit, _given(work.task.fit)
+def _added(attempt: Attempt, project: Project, clip: Clip, fit: FitResult) -> Content:
+    content = summary(fit, clip, attempt.body, complete=True, command=attempt.task.command)
+    body, seen, given = record_of(attempt.body), project.last_edit, _given(attempt.task.fit)
     run = project.runs.add(
-        fit, body=body, edits_seen=seen, summary=content, given=given, kind="fit", name=_run_name(work)
+        fit, body=body, edits_seen=seen, summary=content, given=given, kind="fit", name=_run_name(attempt)
     )
-    project.review.set_worst(worst_place(run.id, review_queue(PosedFit.of(clip, fit, Meshes(work.body))).left))
+    project.review.set_worst(worst_place(run.id, review_queue(PosedFit.of(clip, fit, Meshes(attempt.body))).left))
     return content, list(fit.warnings)
 
 
@@ -310,7 +321,7 @@ def _given(options: FitOptions) -> Given:
     )
 
 
-_WRITERS: dict[Form, Callable[[Work], Content]] = {
+_WRITERS: dict[Form, Callable[[Attempt], Content]] = {
     "files": write_files,
     "project": write_project,
     "first": write_first,
@@ -318,15 +329,15 @@ _WRITERS: dict[Form, Callable[[Work], Content]] = {
 }
 
 
-def _run_fit(work: Work, clip: Clip) -> FitResult:
-    task, body = work.task, work.body
+def _run_fit(attempt: Attempt, clip: Clip) -> FitResult:
+    task, body = attempt.task, attempt.body
     shape = None if task.fit.shape is None else read_known_shape(task.fit.shape, body_hash=body.hash)
     start = start_of(task.fit.begin, clip, body, Bodies(task.fit.body.models))
     first = None
     # A project's corrected keypoints have another first phase.
-    if task.start is not None and clip is work.clip:
+    if task.start is not None and clip is attempt.clip:
         first = dataclasses.replace(read_run(task.start / FIRST_NAME, task.config), start=start)
-    return fitting.fit_clip(clip, body, task.config, start=start, shape=shape, first=first, tell=work.report)
+    return fitting.fit_clip(clip, body, task.config, start=start, shape=shape, first=first, tell=attempt.tell)
 
 
 @lru_cache(maxsize=4)  # One for each gender; tens of megabytes each.
@@ -358,11 +369,6 @@ def _put_among(draft: Path, out: Path) -> None:
     sync(out)
 
 
-def one_thread() -> None:
-    """Before the first fit of a process: many clips at a time share the cores."""
-    torch.set_num_threads(1)
-
-
 def _figures(content: dict[str, Any], notes: list[str]) -> Figures:
     """For the summary."""
     if "reprojection_px" not in content:
@@ -370,7 +376,6 @@ def _figures(content: dict[str, Any], notes: list[str]) -> Figures:
     last = max(content["reprojection_px"])
     return Figures(
         frames=content["frames"],
-        reprojection_px=content["reprojection_px"][last]["median"],
         off=off_by_part(content["reprojection_px"][last]),
         jitter_mm=content["jitter"][last]["camera_space_mm_per_frame2"],
         notes=tuple(notes),

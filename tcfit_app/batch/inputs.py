@@ -45,11 +45,6 @@ def unchanged(then: str, task: ClipTask) -> bool:
     return then == f"{settings}-{files_of(task)}"
 
 
-def older_than(time: float, task: ClipTask) -> bool:
-    """Whether no input file has changed since."""
-    return all(file.stat().st_mtime <= time for _, file in _inputs(task))
-
-
 def missing_input(task: ClipTask) -> list[tuple[str, Path]]:
     """Column and path of each input file that does not exist."""
     fit = task.fit

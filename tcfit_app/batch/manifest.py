@@ -1,18 +1,23 @@
 """The list of clips: a CSV file, read and checked completely before the first clip is fitted."""
 
 import csv
-from collections.abc import Iterator
+import itertools
+import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
+import numpy as np
+
+from fitting_core.clips.footage import Footage, locate
 from fitting_core.config.schema import FitConfig
 from fitting_core.config.settings import changed
 from fitting_core.errors import InputError
 from fitting_core.files.regular import regular_file
-from tcfit_app.batch.columns import FOCAL, OF_CAMERA_FILE, Column, find, suggestion
-from tcfit_app.batch.parts import parts_of
+from fitting_core.frame_alignment import chosen
+from tcfit_app.batch.columns import FOCAL, OF_CAMERA_FILE, Column, Group, find, suggestion
 from tcfit_app.options.batch import BatchOptions
 from tcfit_app.options.fit import FitOptions, MethodOptions, StartOptions, camera_for, fit_config
 
@@ -83,15 +88,11 @@ def read_manifest(options: BatchOptions, complaints: Complaints, *, command: str
     Raises:
         InputError: The list cannot be read, or the command line is wrong.
     """
-    configurations = _Configurations()
-    configurations.of(options.method)  # raises for errors of the command line
+    rows = _Rows(options, complaints, command)
+    rows.configured(options.method)  # raises for errors of the command line
     header, lines = _table(options.manifest)
-    found = _columns(header, complaints)
-    tasks = [
-        task
-        for line, cells in lines
-        for task in _tasks(line, cells, found, options, command, complaints, configurations)
-    ]
+    columns = _columns(header, complaints)
+    tasks = [task for line, cells in lines for task in rows.tasks(line, cells, columns)]
     _refuse_shared_folders(tasks, complaints)
     _check_shapes(tasks, complaints)
     return tuple(tasks)
@@ -143,129 +144,129 @@ def _columns(header: list[str], complaints: Complaints) -> list[Column | None]:
     return found
 
 
-def _tasks(
-    line: int,
-    cells: list[str],
-    columns: list[Column | None],
-    options: BatchOptions,
-    command: str,
-    complaints: Complaints,
-    configurations: "_Configurations",
-) -> list[ClipTask]:
-    """A clip, or its parts; none if there are errors."""
-    before = len(complaints.found)
-    if len(cells) != len(columns):
-        complaints.add(line, f"has {len(cells)} cells; expected {len(columns)}, as many as there are columns.")
-        return []
-    given = _values(line, cells, columns, options.manifest.absolute().parent, complaints)
-    files = {column.name: value for column, value in given.items() if column.group == "files"}
-    if "out" not in files and any(column and column.name == "out" for column in columns):
-        complaints.add(line, "is empty; expected the folder of the clip's result.", "out")
-    if not {"video", "keypoints"} & files.keys():
-        complaints.add(line, "has neither a video nor keypoints; expected at least one of them.")
-    config = _config(line, given, options, complaints, configurations)
-    fit = _fit_options(line, files, given, options, complaints) if "out" in files else None
-    if config is None or fit is None or len(complaints.found) > before:
-        return []
-    name = next(cell for cell, column in zip(cells, columns, strict=True) if column and column.name == "out")
-    own = {column.name: value for column, value in given.items() if column.group == "batch"}
-    subject, minutes = own.get("subject", ""), own.get("part_minutes", options.part_minutes)
-    form: Form = "project" if options.projects else "files"
-    whole = ClipTask(line=line, name=name, fit=fit, config=config, form=form, subject=subject, command=command)
-    try:
-        return [whole] if minutes is None else _parts(whole, minutes)
-    except InputError as error:
-        complaints.add(line, str(error), "part_minutes")
-        return []
+Given = dict[Group, dict[str, Any]]
+"""The cells of a line that are not empty, as values by column."""
 
 
-def _parts(task: ClipTask, minutes: float) -> list[ClipTask]:
-    """The parts of a clip, with one subject if its shape is estimated."""
-    fits = parts_of(task.fit, minutes)
-    if len(fits) == 1:
-        return [task]
-    subject = task.subject or (task.name if task.fit.shape is None and task.config.last_phase > 1 else "")
-    return [replace(task, name=f"{task.name}/{fit.out.name}", fit=fit, subject=subject) for fit in fits]
+class _Rows:
+    """Reads lines of a list."""
 
+    def __init__(self, options: BatchOptions, complaints: Complaints, command: str) -> None:
+        self.options, self.complaints, self.command = options, complaints, command
+        # Most clips share a configuration, and each takes milliseconds.
+        self.configured, self._changed = cache(fit_config), cache(_changed)
 
-def _values(
-    line: int, cells: list[str], columns: list[Column | None], folder: Path, complaints: Complaints
-) -> dict[Column, Any]:
-    values: dict[Column, Any] = {}
-    for column, text in zip(columns, cells, strict=True):
-        if column is None or not text:
-            continue
+    def tasks(self, line: int, cells: list[str], columns: list[Column | None]) -> list[ClipTask]:
+        """A clip, or its parts; none if there are errors."""
+        before, complain = len(self.complaints.found), partial(self.complaints.add, line)
+        if len(cells) != len(columns):
+            complain(f"has {len(cells)} cells; expected {len(columns)}, as many as there are columns.")
+            return []
+        given, name = self._given(line, cells, columns), ""
+        for column, cell in zip(columns, cells, strict=True):
+            if column and column.name == "out":
+                name = cell
+                if not cell:
+                    complain("is empty; expected the folder of the clip's result.", "out")
+        if not {"video", "keypoints"} & given["files"].keys():
+            complain("has neither a video nor keypoints; expected at least one of them.")
+        preset = given["preset"].get("preset", self.options.method.preset)
+        method = replace(self.options.method, preset=preset)
+        config = self.configured(method)
+        for column, text in given["setting"].items():
+            try:
+                config = self._changed(config, column, text)
+            except InputError as error:
+                complain(str(error))
+        fit = self._fit_options(given, method, complain) if name else None
+        if fit is None or len(self.complaints.found) > before:
+            return []
+        form: Form = "project" if self.options.projects else "files"
+        subject, minutes = (given["batch"].get(key) for key in ("subject", "part_minutes"))
+        whole = ClipTask(
+            line=line, name=name, fit=fit, config=config, form=form, subject=subject or "", command=self.command
+        )
         try:
-            values[column] = column.value(text, folder)
-        except ValueError as error:
-            complaints.add(line, f"is {error}.", column.name)
-    return values
-
-
-class _Configurations:
-    """Cache of configurations: most clips share one, and each takes milliseconds."""
-
-    def __init__(self) -> None:
-        self.of = cache(fit_config)
-        self.changed = cache(self._changed)
-
-    @staticmethod
-    def _changed(config: FitConfig, column: Column, text: str) -> FitConfig:
-        return changed(config, {column.setting: text}, origin=column.name, texts=True)
-
-
-def _config(
-    line: int, given: dict[Column, Any], options: BatchOptions, complaints: Complaints, configurations: _Configurations
-) -> FitConfig | None:
-    """The command line's configuration with the settings of this clip."""
-    config = configurations.of(_method(given, options))
-    for column, text in given.items():
-        if column.group != "setting":
-            continue
-        try:
-            config = configurations.changed(config, column, text)
+            return _parts(whole, self.options.part_minutes if minutes is None else minutes)
         except InputError as error:
-            complaints.add(line, str(error))
-    return config
+            complain(str(error), "part_minutes")
+            return []
+
+    def _given(self, line: int, cells: list[str], columns: list[Column | None]) -> Given:
+        given: Given = {group: {} for group in get_args(Group)}
+        folder = self.options.manifest.absolute().parent
+        for column, text in zip(columns, cells, strict=True):
+            if column is None or not text:
+                continue
+            try:
+                given[column.group][column.name] = column.value(text, folder)
+            except ValueError as error:
+                self.complaints.add(line, f"is {error}.", column.name)
+        return given
+
+    def _fit_options(self, given: Given, method: MethodOptions, complain: Callable[..., None]) -> FitOptions:
+        """The clip's options of `tcfit fit`."""
+        options, files, camera = self.options, given["files"], given["camera"]
+        focal = [name for name in FOCAL if name in camera]
+        if len(focal) > 1:
+            complain(f"the focal length is given {len(focal)} times, by {', '.join(focal)}; give one of them.")
+        if focal:  # It replaces the option of the command line.
+            others = ("center",) if focal == ["camera"] else OF_CAMERA_FILE
+            camera = dict.fromkeys((*FOCAL, *others)) | camera
+        clip = replace(options.clip, **given["clip"])
+        if clip.first_frame is not None and clip.last_frame is not None and clip.first_frame > clip.last_frame:
+            complain(f"first_frame {clip.first_frame} lies behind last_frame {clip.last_frame}.")
+        if given["start"] and "start" not in given["start"]:
+            complain(f"{', '.join(given['start'])} without start; give the result.", "start")
+        return FitOptions(
+            **files,
+            overwrite=options.overwrite,
+            overlay=options.overlay,
+            clip=clip,
+            camera=camera_for(replace(options.camera, **camera), method),
+            body=replace(options.body, **given["body"]),
+            begin=StartOptions(**given["start"]),
+        )
 
 
-def _method(given: dict[Column, Any], options: BatchOptions) -> MethodOptions:
-    """The command line's method with the preset of this clip."""
-    preset = next((value for column, value in given.items() if column.group == "preset"), options.method.preset)
-    return replace(options.method, preset=preset)
+def _changed(config: FitConfig, column: str, text: str) -> FitConfig:
+    found = find(column)
+    assert found is not None
+    return changed(config, {found.setting: text}, origin=column, texts=True)
 
 
-def _fit_options(
-    line: int, files: dict[str, Path], given: dict[Column, Any], options: BatchOptions, complaints: Complaints
-) -> FitOptions | None:
-    """The clip's options of `tcfit fit`."""
-    of: dict[str, dict[str, Any]] = {"clip": {}, "camera": {}, "body": {}, "start": {}}
-    for column, value in given.items():
-        if column.group in of:
-            of[column.group][column.name] = value
-    focal = [name for name in FOCAL if name in of["camera"]]
-    if len(focal) > 1:
-        complaints.add(line, f"the focal length is given {len(focal)} times, by {', '.join(focal)}; give one of them.")
-    if focal:  # It replaces the option of the command line.
-        others = ("center",) if focal == ["camera"] else OF_CAMERA_FILE
-        of["camera"] = dict.fromkeys((*FOCAL, *others)) | of["camera"]
-    clip = replace(options.clip, **of["clip"])
-    if clip.first_frame is not None and clip.last_frame is not None and clip.first_frame > clip.last_frame:
-        complaints.add(line, f"first_frame {clip.first_frame} lies behind last_frame {clip.last_frame}.")
-    if of["start"] and "start" not in of["start"]:
-        complaints.add(line, f"{', '.join(of['start'])} without start; give the result.", "start")
-    return FitOptions(
-        video=files.get("video"),
-        keypoints=files.get("keypoints"),
-        out=files["out"],
-        shape=files.get("shape"),
-        overwrite=options.overwrite,
-        overlay=options.overlay,
-        clip=clip,
-        camera=camera_for(replace(options.camera, **of["camera"]), _method(given, options)),
-        body=replace(options.body, **of["body"]),
-        begin=StartOptions(**of["start"]),
-    )
+# --- parts of long videos ---
+
+
+def _parts(task: ClipTask, minutes: float | None) -> list[ClipTask]:
+    """Parts of equal length of a clip, named by their start in the video, with one subject if its shape is estimated;
+    or the clip itself, if it is not longer than a part (None: not divided). Raises InputError if there is no video, it
+    cannot be read, or it has other frames."""
+    if minutes is None:
+        return [task]
+    fit = task.fit
+    images, _ = locate(fit.video, fit.keypoints)
+    footage = Footage.of(images)
+    if footage.timeline is None:
+        raise InputError("needs a video; give it in the column video.")
+    rate, _ = footage.known_rate(fit.clip.frame_rate, None)
+    numbers = footage.timeline.numbers[chosen(footage.timeline, fit.clip.first_frame, fit.clip.last_frame)]
+    count = math.ceil(len(numbers) / (60 * minutes * rate))
+    if count < 2:
+        return [task]
+    subject = task.subject or (task.name if fit.shape is None and task.config.last_phase > 1 else "")
+    borders = np.linspace(0, len(numbers), count + 1).round().astype(int).tolist()
+    tasks = []
+    for begin, end in itertools.pairwise(borders):
+        minute, second = divmod(int(numbers[begin] / rate), 60)
+        name = f"{minute // 60:02}-{minute % 60:02}-{second:02}"
+        clip = replace(fit.clip, first_frame=numbers[begin], last_frame=numbers[end - 1])
+        part = replace(fit, out=fit.out / name, clip=clip)
+        tasks.append(replace(task, name=f"{task.name}/{name}", fit=part, subject=subject))
+    return tasks
+
+
+# --- the list as a whole ---
 
 
 def _refuse_shared_folders(tasks: list[ClipTask], complaints: Complaints) -> None:

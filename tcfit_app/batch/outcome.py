@@ -42,8 +42,6 @@ class Row:
     state: State
     seconds: float | None = None
     frames: int | None = None
-    reprojection_px: float | None = None
-    """Median of the last phase."""
     body_p95_px: float | None = None
     hands_p95_px: float | None = None
     face_p95_px: float | None = None
@@ -70,7 +68,6 @@ def row_of(task: ClipTask, record: Record | None, before: bool) -> Row:
         state=state,
         seconds=round(record.seconds, 3),
         frames=figures.frames if figures else None,
-        reprojection_px=figures.reprojection_px if figures else None,
         **{f"{name}_p95_px": off.get(name) for name in ERROR_GROUPS},
         jitter_mm_per_frame2=figures.jitter_mm if figures else None,
         reason=record.reason,

@@ -23,19 +23,16 @@ from typing import Any, Literal, TypeVar
 
 import msgspec
 
-from fitting_core.config.toml import as_plain
 from fitting_core.errors import InputError
 from fitting_core.files.atomic import replacing
 from fitting_core.files.regular import regular_file
 from fitting_core.io.result_files import SUMMARY_NAME, is_result
-from tcfit_app.batch.inputs import FIRST_NAME, SHAPE_NAME, older_than, unchanged
+from tcfit_app.batch.inputs import FIRST_NAME, SHAPE_NAME, unchanged
 from tcfit_app.batch.manifest import ClipTask, Form
 from tcfit_app.project.storage.accessing import accessing
 from tcfit_app.project.storage.database import is_project
 from tcfit_app.project.storage.lock import ProjectLock, ProjectLocked
 
-_BEFORE = "batch.json"
-"""The record of earlier versions, beside summary.json."""
 FOLDER_SUFFIX = ".batch"
 LOG_NAME, FAILED = "log.jsonl", "failed"
 Kind = TypeVar("Kind")
@@ -46,8 +43,6 @@ class Figures(msgspec.Struct, frozen=True, kw_only=True):
     """Of a result, for the summary."""
 
     frames: int
-    reprojection_px: float | None = None
-    """Median of the last phase."""
     off: dict[str, float] = {}
     """How far body, hands and face are off in the last phase, as of `glance.off_by_part`."""
     jitter_mm: float | None = None
@@ -72,15 +67,6 @@ class Record(msgspec.Struct, frozen=True, kw_only=True):
     """Where in the code, if that was not foreseen."""
 
 
-class _RecordBefore(msgspec.Struct, frozen=True):
-    """The record of earlier versions, whose hashes are not computed any more."""
-
-    state: str
-    finished: float
-    seconds: float
-    figures: Figures | None = None
-
-
 def batch_folder(manifest: Path) -> Path:
     """Where the state of a list of clips lies."""
     return manifest.with_name(manifest.stem + FOLDER_SUFFIX)
@@ -90,7 +76,6 @@ class _Summary(msgspec.Struct, frozen=True):
     """What is read of a summary.json."""
 
     batch: Record | None = None
-    config: dict[str, Any] | None = None
 
 
 def _read(path: Path, kind: type[Kind]) -> Kind | None:
@@ -120,23 +105,7 @@ def done_record(task: ClipTask) -> Record | None:
     if not _THERE[task.form](task.out):
         return None
     record = read_record(task.out)
-    if record is None:
-        return _done_before(task)
-    return record if unchanged(record.inputs, task) else None
-
-
-def _done_before(task: ClipTask) -> Record | None:
-    """The record of a result of an earlier version, if it has the same settings, and no input is newer."""
-    path = task.out / _BEFORE
-    summary, record = _read(task.out / SUMMARY_NAME, _Summary), _read(path, _RecordBefore)
-    if summary is None or summary.config is None or record is None or record.state != "done":
-        return None
-    now = msgspec.json.decode(msgspec.json.encode(as_plain(task.config)))
-    same = summary.config | {"device": ""} == now | {"device": ""}
-    if not (same and older_than(path.stat().st_mtime, task)):
-        return None
-    figures = record.figures
-    return Record(state="done", inputs="", finished=record.finished, seconds=record.seconds, figures=figures)
+    return record if record and unchanged(record.inputs, task) else None
 
 
 _THERE: dict[Form, Callable[[Path], bool]] = {

@@ -16,14 +16,14 @@ from fitting_core.fit.fused.ready import cores
 from fitting_core.io.known_shape import read_known_shape
 from tcfit_app.batch.clip_fit import tidy
 from tcfit_app.batch.columns import LEAST_PART
+from tcfit_app.batch.executors import Executor, LocalProcesses, RayCluster
 from tcfit_app.batch.inputs import SHAPE_NAME, detector_of, detector_version, missing_input
-from tcfit_app.batch.local import Crew, LocalProcesses, News, TaskEnded
 from tcfit_app.batch.manifest import ClipTask, Complaints, read_manifest
-from tcfit_app.batch.on_ray import RayCluster
 from tcfit_app.batch.outcome import FAILURES, SUMMARY_CSV, Row, row_of, show_summary, write_summary
 from tcfit_app.batch.records import Record, batch_folder, done_record, failed_path, patient_lock, write_json, write_log
 from tcfit_app.batch.rounds import Course, Round, with_shape
 from tcfit_app.cli.json_lines import ClipEnded, Progress, emit, emit_wrote
+from tcfit_app.fitting.process_queue import Work
 from tcfit_app.options.batch import BatchOptions
 from tcfit_app.options.preparing import body_file, check_out, compile_kernels, prepare_solver
 from tcfit_app.project.storage.accessing import accessing
@@ -59,7 +59,7 @@ def run_batch(options: BatchOptions, *, command: str = "") -> int:
     complaints.raise_any()
     held = patient_lock(folder, seconds=_PATIENCE, wanted="fit this list")
     try:
-        _run(_crew(options), course)
+        _run(_executor(options), course)
         rows = _told(course, time.monotonic() - begin)
     except KeyboardInterrupt:
         rows = _told(course, time.monotonic() - begin)
@@ -103,39 +103,39 @@ def _common_folder(folders: Sequence[Path]) -> str:
         return str(folders[0])
 
 
-def _crew(options: BatchOptions) -> Crew:
+def _executor(options: BatchOptions) -> Executor:
     if options.ray is not None:
         return RayCluster(options.ray[0] if options.ray else None, options.jobs)
     return LocalProcesses(options.jobs or cores())
 
 
-def _run(crew: Crew, course: Course) -> None:
+def _run(executor: Executor, course: Course) -> None:
     """Run the rounds, one after the other."""
-    _work_off(crew, course.first, course.folder)
+    _work_off(executor, course.first, course.folder)
     for later in course.later():
         for index in later.to_do:
             task = later.tasks[index]
             if task.form == "shape" and (task.out / SHAPE_NAME).exists():
                 print(f"{task.subject}: the clips have changed, or their settings, so the shape is estimated again.")
                 print("If it differs, all clips of the subject are fitted again.")
-        _work_off(crew, later, course.folder)
+        _work_off(executor, later, course.folder)
 
 
-def _work_off(crew: Crew, work: Round, folder: Path) -> None:
+def _work_off(executor: Executor, work: Round, folder: Path) -> None:
     """Run the unfinished tasks of a round, and store each record in it."""
     for index in work.before:
         tidy(work.tasks[index])
     to_do = work.to_do
     tasks = [work.tasks[index] for index in to_do]
-    if tasks and isinstance(crew, LocalProcesses):
+    if tasks and isinstance(executor, LocalProcesses):
         compile_kernels(tasks[0].config)  # once, not in each process
     progress = _Lines(len(work.tasks), len(work.before), tasks, work.what)
-    with closing(progress), closing(crew.run(tasks, folder)) as all_news:
-        for news in all_news:
-            if isinstance(news, TaskEnded):
-                _keep(folder, tasks[news.index], news.record)
-                work.records[to_do[news.index]] = news.record
-            progress.show(news)
+    with closing(progress), closing(executor.run(tasks, folder)) as all_news:
+        for index, news in all_news:
+            if isinstance(news, Record):
+                _keep(folder, tasks[index], news)
+                work.records[to_do[index]] = news
+            progress.show(index, news)
 
 
 def _keep(folder: Path, task: ClipTask, record: Record) -> None:
@@ -168,28 +168,28 @@ class _Lines:
         if before:
             tqdm.write(f"{what}: {before} of {total} were done, or failed, in an earlier run.", file=sys.stdout)
 
-    def show(self, news: News) -> None:
-        task = self._tasks[news.index]
-        if isinstance(news, TaskEnded):
-            self._running.pop(news.index, None)
+    def show(self, index: int, news: Work | Record) -> None:
+        task = self._tasks[index]
+        if isinstance(news, Record):
+            self._running.pop(index, None)
             self._count += 1
             emit(
                 ClipEnded(
                     clip=task.name,
-                    state=news.record.state,
+                    state=news.state,
                     place=self._count,
                     total=self._total,
-                    seconds=news.record.seconds,
-                    reason=news.record.reason,
+                    seconds=news.seconds,
+                    reason=news.reason,
                 )
             )
-            tqdm.write(self._line(task, news.record), file=sys.stdout)
+            tqdm.write(self._line(task, news), file=sys.stdout)
             sys.stdout.flush()
             self._bar.update(1)
         else:
-            step = f"phase {news.phase}" if news.phase else "keypoints" if news.share else "reading"
-            emit(Progress(step=step, share=news.share, text="", clip=task.name))
-            self._running[news.index] = f"{step} {news.share:.0%}" if news.share or news.phase else step
+            share = news.share or 0.0
+            emit(Progress(step=news.step, share=share, text="", clip=task.name))
+            self._running[index] = f"{news.step} {share:.0%}" if share else news.step
         self._bar.set_postfix_str(", ".join(f"{self._tasks[i].name} {how}" for i, how in self._running.items()))
 
     def _line(self, task: ClipTask, record: Record) -> str:

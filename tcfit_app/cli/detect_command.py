@@ -1,43 +1,28 @@
-"""`tcfit detect`: keypoints of a video as OpenPose JSON, and the download of detectors."""
+"""`tcfit detect`: keypoints of a video as OpenPose JSON."""
 
 import sys
 from contextlib import closing
 from pathlib import Path
 
-from tqdm import tqdm
-
 from fitting_core.detect.detecting import Detected, Detection, DetectionProgress
-from fitting_core.detect.detectors import DETECTORS, Running, find_detector
-from fitting_core.detect.download import Downloaded, DownloadProgress, announced, download
+from fitting_core.detect.detectors import Running, find_detector
 from fitting_core.detect.found import found_by
-from fitting_core.detect.known_models import KNOWN_MODELS, KnownModel, is_here, model_path
 from fitting_core.errors import InputError, printable
 from fitting_core.io.keypoints.openpose import SUFFIX, write_everybody
 from fitting_core.video.frame_names import split_number
 from fitting_core.video.frames import FrameSource
-from tcfit_app.cli.detection_shown import DetectionShown
-from tcfit_app.cli.detector_networks import check_agreed, fetch_networks
 from tcfit_app.cli.json_lines import emit_wrote
+from tcfit_app.cli.progress import DetectionShown
 from tcfit_app.options.detect import DetectOptions
 
 
 def run_detect(options: DetectOptions) -> None:
-    """Do what the options ask for.
+    """Detect, and write the keypoints.
 
     Raises:
         InputError: Files or options cannot be used; nothing has been written then.
         KeyboardInterrupt: Cancelled; what was found is kept for the next time.
     """
-    if options.list:
-        print(detector_table())
-    for name in options.download:
-        _fetch(name, agreed=options.yes)
-    if options.video is not None or not (options.list or options.download):
-        _detect(options)
-
-
-def _detect(options: DetectOptions) -> None:
-    """Detect, and write the keypoints. Raises as `run_detect`."""
     if options.video is None:
         raise InputError("No video given; expected `tcfit detect VIDEO`.")
     name = options.video.resolve().stem
@@ -92,52 +77,3 @@ def _check_folder(folder: Path, name: str, frames: range) -> None:
                 f"--out {folder}: contains keypoints of other frames or another video, such as {file.name}. Choose "
                 "another folder."
             )
-
-
-def detector_table() -> str:
-    """The detectors and downloadable models, and which are installed."""
-    lines, margin = ["Detectors, for --detector:"], f"  {'':15} "
-    for name, known in DETECTORS.items():
-        state = "installed" if known.is_here() else f"not installed: --download {name}"
-        lines += [f"  {name:15} {known.title}", margin + state]
-    titles = {
-        "points": "Models of the RTMPose family that detect keypoints:",
-        "boxes": "Models that detect people, for --boxes:",
-    }
-    for finds, title in titles.items():
-        lines.append(title)
-        for model in (model for model in KNOWN_MODELS.values() if model.finds == finds):
-            fetched = f"not installed: --download {model.name} ({model.size})"
-            state = f"installed: {model_path(model.name)}" if is_here(model.name) else fetched
-            lines += [f"  {model.name:15} {model.title}", margin + state, f"{margin}licence: {model.licence}"]
-    return "\n".join(lines)
-
-
-def _fetch(name: str, *, agreed: bool) -> None:
-    """Download what a detector needs, or a known model, after the user has seen what it is and agreed. Raises
-    InputError if the detector or model is unknown, the user did not agree, or it cannot be fetched."""
-    known = DETECTORS.get(name)
-    if known is not None and not known.models:
-        fetch_networks(agreed=agreed)
-        return
-    models = known.models if known is not None else (name,)
-    if name not in (*DETECTORS, *KNOWN_MODELS):
-        names = ", ".join(dict.fromkeys((*DETECTORS, *KNOWN_MODELS)))
-        raise InputError(f"--download {name}: unknown detector or model; expected one of {names}.")
-    for model in (KNOWN_MODELS[model] for model in models):
-        print(announced(model), flush=True)
-        check_agreed(agreed, "Download it?")
-        got = _fetched(model)
-        checksum = "as expected" if got.checked else "unknown until now; stored for the next download"
-        print(f"{model.name} is in {got.path}\n  SHA-256   {got.sha256} ({checksum})")
-
-
-def _fetched(model: KnownModel) -> Downloaded:
-    with tqdm(unit="B", unit_scale=True, dynamic_ncols=True, disable=not sys.stderr.isatty()) as bar:
-        for event in download(model):
-            if isinstance(event, Downloaded):
-                return event
-            assert isinstance(event, DownloadProgress)
-            bar.total = event.total
-            bar.update(event.done - bar.n)
-    raise AssertionError("a download ends with what it got")

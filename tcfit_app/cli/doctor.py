@@ -205,7 +205,7 @@ def _downloaded_models() -> Iterator[Check]:
     for name in filter(is_here, KNOWN_MODELS):
         load = load_pose_model if KNOWN_MODELS[name].finds == "points" else load_box_model
         if why := _refusal(lambda load=load, name=name: load(model_path(name))):
-            yield Check(status="warning", found=why, advice=f"tcfit detect --download {name}")
+            yield Check(status="warning", found=why, advice=f"tcfit models add {name}")
         else:
             yield Check(status="ok", found=f"{name}: {model_path(name)}")
 

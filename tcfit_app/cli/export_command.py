@@ -1,22 +1,24 @@
-"""`tcfit export`: a project's run, or a result, as files for other programs."""
+"""`tcfit export`: a project's run, a result, or a folder of several people, as files for other programs."""
 
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import torch
-from tqdm import tqdm
 
 from fitting_core.body.markers.files import read_marker_set
 from fitting_core.body.markers.marker_set import STANDARD
 from fitting_core.errors import InputError, printable
+from fitting_core.io.people_file import PEOPLE_NAME, People, holds_people, read_people_file
 from fitting_core.motion import Progress
-from tcfit_app.cli.json_lines import Note, Step, StepDone, emit, emit_wrote, told
+from tcfit_app.cli.json_lines import Note, Step, StepDone, emit, emit_wrote
+from tcfit_app.cli.progress import bar
 from tcfit_app.exports.exporting import write_export
-from tcfit_app.exports.from_path import formats_of, source_of, target, wished_frames
+from tcfit_app.exports.from_path import formats_of, numbers_of, source_of, target, wished_frames
+from tcfit_app.exports.motions import write_everybody
 from tcfit_app.exports.source import ExportSource
 from tcfit_app.exports.table import exports
 from tcfit_app.options.export import LIST, ExportOptions
@@ -30,23 +32,26 @@ def run_export(options: ExportOptions) -> None:
         KeyboardInterrupt: Cancelled; files that were whole by then stay.
     """
     if options.formats == (LIST,):
-        print(listed())
+        print(_listed())
         return
     torch.set_num_threads(1)
     formats = formats_of(options.formats)
     if options.path is None:
         raise InputError("tcfit export: no path given; expected a project's folder, or a result of tcfit fit.")
+    if holds_people(options.path):
+        _export_people(options.path, formats, options)
+        return
     markers = STANDARD if options.markers is None else read_marker_set(options.markers)
-    with opened(options.path, options) as found:
+    with _opened(options.path, options) as found:
         source = replace(found, markers=markers)
         whole = source if options.frames is None else source[wished_frames(options.frames, source)]
         targets = {name: target(name, whole, options) for name in formats}
         for name, path in targets.items():
-            write_one(name, path, partial(write_export, exports()[name], whole, path, zipped=options.zip))
+            _write_one(name, path, partial(write_export, exports()[name], whole, path, zipped=options.zip))
 
 
 @contextmanager
-def opened(path: Path, options: ExportOptions) -> Iterator[ExportSource]:
+def _opened(path: Path, options: ExportOptions) -> Iterator[ExportSource]:
     """What there is to export, as `source_of`; what its user should know of it is said."""
     with source_of(path, options) as source:
         for note in source.notes:
@@ -55,7 +60,7 @@ def opened(path: Path, options: ExportOptions) -> Iterator[ExportSource]:
         yield source
 
 
-def write_one(name: str, path: Path, write: Callable[[Progress], str | None]) -> None:
+def _write_one(name: str, path: Path, write: Callable[[Progress], str | None]) -> None:
     """Write one export, and say so.
 
     Args:
@@ -68,7 +73,7 @@ def write_one(name: str, path: Path, write: Callable[[Progress], str | None]) ->
     new = not folder.exists()
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with bar(exports()[name].title, told(name)) as progress:
+        with bar(exports()[name].title, name) as progress:
             note = write(progress)
     except OSError as error:
         raise InputError(
@@ -85,7 +90,7 @@ def write_one(name: str, path: Path, write: Callable[[Progress], str | None]) ->
     emit_wrote(path, kind=name)
 
 
-def listed() -> str:
+def _listed() -> str:
     """All formats, for the user."""
     lines = [f"{'format':14}{'':8}what"]
     for name, export in exports().items():
@@ -93,14 +98,54 @@ def listed() -> str:
     return "\n".join(lines)
 
 
-@contextmanager
-def bar(title: str, tell: Progress) -> Iterator[Progress]:
-    """A bar on a terminal; what it yields takes shares, moves the bar, and hands them to `tell`."""
-    form = "{desc} {percentage:3.0f} % |{bar}| {elapsed} < {remaining}"
-    with tqdm(total=1.0, desc=f"{title:26}", bar_format=form, file=sys.stderr, disable=None, leave=False) as shown:
+# --- a folder of several people ---
 
-        def advance(share: float) -> None:
-            shown.update(share - shown.n)
-            tell(share)
+_TOGETHER = "glb"
+"""The format that holds several people."""
 
-        yield advance
+
+def _export_people(folder: Path, formats: Sequence[str], options: ExportOptions) -> None:
+    """Write each person's files beside each other, and all people in one GLB. Raises InputError if no person is in the
+    selected frames."""
+    people = read_people_file(folder)
+    with ExitStack() as stack:
+        sources = _sources(folder, people, options, stack)
+        apart = [name for name in formats if name != _TOGETHER]
+        targets = [(name, source, target(name, source, options)) for source in sources for name in apart]
+        _refuse_same([path for _, _, path in targets], folder)
+        # One file, whose name is the clip's; what can be found wrong with anybody is found now.
+        checked = sources if _TOGETHER in formats else []
+        together = [target(_TOGETHER, replace(source, name=people.name), options) for source in checked]
+        for name, source, path in targets:
+            _write_one(name, path, partial(write_export, exports()[name], source, path, zipped=options.zip))
+        if together:
+            _write_one(_TOGETHER, together[0], partial(write_everybody, sources, together[0], name=people.name))
+
+
+def _refuse_same(paths: Sequence[Path], folder: Path) -> None:
+    """Raise InputError where one person's file would replace another's: names in files have fewer characters."""
+    names = [path.name.casefold() for path in paths]
+    if twice := next((path for path in paths if names.count(path.name.casefold()) > 1), None):
+        raise InputError(f"{twice}: would be the file of two people. Give them other names in {folder / PEOPLE_NAME}.")
+
+
+def _sources(folder: Path, people: People, options: ExportOptions, stack: ExitStack) -> list[ExportSource]:
+    """What there is of each person in the wished frames; who is not there then is left out."""
+    begin, end = (None, None) if options.frames is None else numbers_of(options.frames)
+    found: list[ExportSource] = []
+    for person in people.people:
+        if not (folder / person.folder).is_dir():
+            raise InputError(
+                f"{folder / person.folder}: is not there. Put it back, or take {person.name} out of {PEOPLE_NAME}."
+            )
+        source = stack.enter_context(_opened(folder / person.folder, options))
+        if (part := source.between(begin, end)) is not None:
+            found.append(replace(part, name=f"{people.name} {person.name}"))
+    if not found:
+        first = min(person.frames[0] for person in people.people)
+        last = max(person.frames[1] for person in people.people)
+        raise InputError(
+            f"--frames {options.frames}: nobody is there; expected frames from {first} to {last}, the first not behind "
+            "the last."
+        )
+    return found

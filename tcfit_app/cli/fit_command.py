@@ -1,40 +1,41 @@
-"""`tcfit fit`: read a clip, fit it, write the result."""
+"""`tcfit fit`: read a clip, fit it, write the result; with --people all, one for each person, and all in one file."""
 
-import dataclasses
 import sys
-import time
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, TextIO
-
-from tqdm import tqdm
+from typing import Any
 
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
+from fitting_core.clips.people import PersonInClip, people_of
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError, printable
-from fitting_core.fit.events import FitEvent, Iteration, PhaseFinished, PhaseStarted
+from fitting_core.files.atomic import sweep
+from fitting_core.fit.events import FitEvent, PhaseFinished
 from fitting_core.fit.fitting import fit_clip
-from fitting_core.io.result_files import FIT_NAME, OVERLAY_NAME, SUMMARY_NAME, write_result
+from fitting_core.io.motion_files import motion_of
+from fitting_core.io.people_file import PEOPLE_NAME, holds_people, read_people_file, write_people_file
+from fitting_core.io.result_files import FIT_NAME, OVERLAY_NAME, SUMMARY_NAME, is_result, write_result
 from fitting_core.keypoints import ERROR_GROUPS
 from fitting_core.results.fit_result import FitResult
 from fitting_core.results.given_start import GivenStart
 from fitting_core.results.known_shape import KnownShape
-from tcfit_app.cli.detection_shown import DetectionShown
-from tcfit_app.cli.json_lines import Note, Progress, Step, StepDone, emit, emit_figures, emit_wrote, told
+from tcfit_app.cli.json_lines import Note, Step, StepDone, emit, emit_figures, emit_wrote, told
+from tcfit_app.cli.progress import DetectionShown, ProgressShown
+from tcfit_app.exports.motions import write_together
 from tcfit_app.exports.pictures import write_comparison
 from tcfit_app.fitting.bodies import Bodies
-from tcfit_app.fitting.fit_progress import FitProgress, time_left
 from tcfit_app.imports.given import read_shape, start_of
-from tcfit_app.options.clip_input import clip_of, described, notes_of
-from tcfit_app.options.fit import FitOptions, fit_config
+from tcfit_app.options.clip_input import clip_of, described, everybody_of, notes_of
+from tcfit_app.options.fit import FitOptions, StartOptions, fit_config
 from tcfit_app.options.preparing import body_file, check_out, compile_kernels, prepare_solver
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Outcome:
     """A finished fit."""
 
@@ -191,67 +192,146 @@ def tell(lines: Iterable[str]) -> None:
         print(printable(line), file=sys.stderr, flush=True)
 
 
-_FORMAT = "{desc} {percentage:3.0f} % |{bar}| {elapsed}{postfix}"
-_STEPS = 1000
+# --- --people all ---
+
+GLB_NAME = "people.glb"
+"""Everybody, in one world."""
+_RESULT = (FIT_NAME, SUMMARY_NAME, OVERLAY_NAME)
 
 
-class ProgressShown:
-    """Shows a fit's progress: as one bar if the stream (None: standard error) is a terminal, and as JSON events.
+def run_fit_people(options: FitOptions, *, command: str = "") -> list[Outcome]:
+    """Fit all people, write their results, and print their folders.
 
-    Args:
-        phases: What the fit runs, in order.
-        stream: Where to.
+    Raises:
+        InputError: Files or options cannot be used; nothing has been written then.
+        KeyboardInterrupt: Cancelled; what had finished has been written, and is in people.json. An earlier fit is still
+            there if nothing had.
     """
+    _refuse_what_is_of_one(options)
+    config = fit_config(options.method)
+    old = _check_out(options.out, overwrite=options.overwrite)
+    body = prepared_body(options, config)
+    with DetectionShown() as tell_progress:
+        everybody = everybody_of(options, tell_progress)
+    people, starts = _started(options, everybody, body)
+    compile_kernels(config)
+    outcomes: list[Outcome] = []
+    listed: list[PersonInClip] = []
 
-    def __init__(self, phases: Sequence[int], stream: TextIO | None = None) -> None:
-        self.stream = stream or sys.stderr
-        self.bar: tqdm | None = None
-        self._progress, self._start = FitProgress(phases), time.perf_counter()
+    def list_one(one: PersonInClip) -> None:
+        """Before each gets a result, so that a killed process leaves a folder of several people; until the first does,
+        the last fit stays."""
+        if not listed:
+            _remove(options.out, old)
+        listed.append(one)
+        _list(options.out, listed)
 
-    def close(self) -> None:
-        """Leave the bar as it is."""
-        if self.bar is not None:
-            self.bar.close()
+    try:
+        for one, start in zip(people, starts, strict=True):
+            tell([f"{one.about.name.capitalize()} of {len(people)}"])
+            folder, begins = options.out / one.about.folder, partial(list_one, one)
+            fitted = fit_into(folder, one.clip, body, config, options, start=start, command=command, begins=begins)
+            outcomes.append(fitted)
+    except BaseException:
+        if listed and not is_result(options.out / listed[-1].about.folder):
+            with suppress(InputError):  # the reason is reported; people without a folder are skipped
+                _list(options.out, listed[:-1])
+        tell([f"{len(outcomes)} of {len(people)} people are fitted."])
+        raise
+    _write_together(options.out, people, outcomes)
+    return outcomes
 
-    def show(self, event: FitEvent) -> None:
-        """Show an event."""
-        self._progress.take(event, time.perf_counter() - self._start)
-        step = f"phase {self._progress.phase}"
-        if isinstance(event, PhaseStarted):
-            emit(Step(step=step, title=event.title))
-            self._begin()
-        elif isinstance(event, Iteration):
-            emit(
-                Progress(
-                    step=step,
-                    share=event.share,
-                    text=self._progress.phrase,
-                    cost=event.cost,
-                    fraction=self._progress.fraction,
-                    remaining=self._progress.remaining,
-                )
-            )
-            self._move()
-        elif isinstance(event, PhaseFinished):
-            seconds, cost = event.result.seconds, event.result.objective["total"]
-            emit(StepDone(step=step, seconds=seconds, cost=cost))
-            self._move()
-            if self.bar is None:
-                print(f"  {seconds:.1f} s, cost {cost:.4g}", file=self.stream, flush=True)
 
-    def _begin(self) -> None:
-        if not self.stream.isatty():
-            print(f"Phase {self._progress.phase}: {self._progress.phrase}", file=self.stream, flush=True)
-        elif self.bar is None:
-            self.bar = tqdm(total=_STEPS, bar_format=_FORMAT, file=self.stream, dynamic_ncols=True, smoothing=0)
+def _refuse_what_is_of_one(options: FitOptions) -> None:
+    """Raise InputError for an option that is for one person."""
+    ones = {"--shape": options.shape, "--height": options.method.height, "--start-person": options.begin.start_person}
+    if given := [name for name, value in ones.items() if value is not None]:
+        raise InputError(
+            f"--people {options.people} cannot be combined with {' and '.join(given)}, which is for one person."
+        )
 
-    def _move(self) -> None:
-        if self.bar is None:
+
+def _check_out(folder: Path, *, overwrite: bool) -> list[Path]:
+    """Folders of an earlier fit of several people at this place, which the new ones replace. Raises InputError if the
+    folder holds something else, and `overwrite` is not given."""
+    old = [folder / one.folder for one in read_people_file(folder).people] if holds_people(folder) else []
+    for path in (folder, *old):
+        sweep(path)  # delete the remains of killed processes
+    if overwrite or not folder.is_dir():
+        check_out(folder, overwrite=overwrite)
+        return old
+    known = {folder / PEOPLE_NAME, folder / GLB_NAME, *old} if old else set()
+    others = [path for path in sorted(folder.iterdir()) if path not in known]
+    others += [path for one in old if one.is_dir() for path in sorted(one.iterdir()) if path.name not in _RESULT]
+    if others:
+        some = ", ".join(str(path.relative_to(folder)) for path in others[:4]) + (", ..." if len(others) > 4 else "")
+        raise InputError(
+            f"--out {folder}: contains files that are not a result of several people ({some}). Choose another folder, "
+            "or give --overwrite to write the results beside them."
+        )
+    check_out(folder, overwrite=True)
+    return old
+
+
+def _remove(folder: Path, old: Sequence[Path]) -> None:
+    """Delete an earlier fit of several people, so that the next fit has no person of it."""
+    try:
+        for path in (folder / PEOPLE_NAME, folder / GLB_NAME, *(one / name for one in old for name in _RESULT)):
+            path.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"{error.filename}: cannot be replaced ({error.strerror}). Choose another --out.") from error
+    for one in old:
+        with suppress(OSError):  # with --overwrite other files may lie in it
+            one.rmdir()
+
+
+def _started(
+    options: FitOptions, people: list[PersonInClip], body: BodyModel
+) -> tuple[list[PersonInClip], list[GivenStart | None]]:
+    """The start of each fit: the person in the given result who matches the keypoints, otherwise a note. Raises
+    InputError if the result cannot be read, or matches no person."""
+    if options.begin == StartOptions():
+        return people, [None] * len(people)
+    bodies = Bodies(options.body.models)
+    noted: list[PersonInClip] = []
+    starts: list[GivenStart | None] = []
+    refused: list[InputError] = []
+    for one in people:
+        try:
+            starts.append(start_of(options.begin, one.clip, body, bodies))
+            noted.append(one)
+        except InputError as error:
+            refused.append(error)
+            starts.append(None)
+            note = f"Fitted without --start, because nobody in it matches these keypoints. {error}"
+            noted.append(replace(one, clip=replace(one.clip, notes=(*one.clip.notes, note))))
+    if len(refused) == len(people):
+        raise refused[0]
+    return noted, starts
+
+
+def _list(folder: Path, people: Sequence[PersonInClip]) -> None:
+    """Write people.json. Raises InputError if that is impossible."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if not people:
+            (folder / PEOPLE_NAME).unlink()
             return
-        left = time_left(self._progress.remaining)
-        self.bar.set_description_str(f"{self._progress.phrase.capitalize():10}", refresh=False)
-        self.bar.set_postfix_str(left, refresh=False)
-        self.bar.n = round(_STEPS * self._progress.fraction)
-        self.bar.update(0)
-        if self.bar.n == _STEPS:
-            self.bar.refresh()
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written ({error.strerror}). Choose another --out.") from error
+    write_people_file(folder, people_of(people))
+
+
+def _write_together(folder: Path, people: Sequence[PersonInClip], outcomes: Sequence[Outcome]) -> None:
+    """Write everybody into one file, and say so."""
+    motions = [
+        replace(motion_of(outcome.fit, one.clip, outcome.body), name=one.about.name)
+        for one, outcome in zip(people, outcomes, strict=True)
+    ]
+    path = folder / GLB_NAME
+    try:
+        note = write_together(path, motions, [one.fit.grounding for one in outcomes], name=people[0].name)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror or error}). Free space.") from error
+    emit_wrote(folder / PEOPLE_NAME, path)
+    print(printable(f"Wrote {PEOPLE_NAME} and {GLB_NAME} into {folder}: {note}"))

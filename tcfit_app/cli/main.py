@@ -20,7 +20,7 @@ from tcfit_app.cli.json_lines import OPTION, SCHEMA, Started, emit, json_lines, 
 from tcfit_app.options.batch import BatchOptions
 from tcfit_app.options.detect import DetectOptions
 from tcfit_app.options.evaluate import EvaluateOptions
-from tcfit_app.options.export import LIST, ExportOptions
+from tcfit_app.options.export import ExportOptions
 from tcfit_app.options.fit import (
     DemoOptions,
     FitOptions,
@@ -37,22 +37,22 @@ from tcfit_app.options.removed import check_removed
 
 @dataclass(frozen=True, kw_only=True)
 class ListModels:
-    """List installed models and networks (the default)."""
+    """List installed models and detectors (the default)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class AddModels:
-    """Install body models, or download the networks of the detector mediapipe."""
+    """Install body models, or download a detector."""
 
     paths: Annotated[Positional[tuple[Path, ...]], arg(metavar="PATH")]
-    """Model files, folders, or archives as downloaded; or mediapipe, to download its networks."""
+    """Model files, folders, or archives as downloaded; or the name of a detector, to download what it lacks."""
     yes: bool = False
     """Agree to the licence of the download."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Models:
-    """List installed body models and networks, or add some."""
+    """List installed body models and detectors, or add some."""
 
     action: Annotated[ListModels, subcommand("list")] | Annotated[AddModels, subcommand("add")] = field(
         default_factory=ListModels
@@ -77,17 +77,8 @@ def _in(module: str) -> Any:
 
 
 def _fit(options: FitOptions, command: str) -> None:
-    run = _in("fit_command").run_fit if options.people is None else _in("fit_people").run_fit_people
-    run(options, command=command)
-
-
-def _export(options: ExportOptions, command: str) -> None:
-    from fitting_core.io.people_file import holds_people
-
-    if options.path is not None and options.formats != (LIST,) and holds_people(options.path):
-        _in("export_people").run_export_people(options.path, options)
-    else:
-        _in("export_command").run_export(options)
+    module = _in("fit_command")
+    (module.run_fit if options.people is None else module.run_fit_people)(options, command=command)
 
 
 def _demo(options: DemoOptions, command: str) -> None:
@@ -104,7 +95,7 @@ def _models(options: Models, command: str) -> None:
         _in("models_command").register_models(options.action.paths, agreed=options.action.yes)
     else:
         raise InputError(
-            "tcfit models add: no path given; expected model files, folders or downloaded archives, or mediapipe."
+            "tcfit models add: no path given; expected model files, folders or downloaded archives, or a detector."
         )
 
 
@@ -121,7 +112,7 @@ COMMANDS: dict[str, tuple[type, Callable[[Any, str], object]]] = {
     "demo": (DemoOptions, _demo),
     "detect": (DetectOptions, lambda options, command: _in("detect_command").run_detect(options)),
     "import": (ImportOptions, lambda options, command: _in("import_command").run_import(options)),
-    "export": (ExportOptions, _export),
+    "export": (ExportOptions, lambda options, command: _in("export_command").run_export(options)),
     "evaluate": (
         EvaluateOptions,
         lambda options, command: _in("evaluate_command").run_evaluate(options, command=command),

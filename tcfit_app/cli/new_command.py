@@ -11,7 +11,7 @@ from fitting_core.keypoints import Keypoints
 from fitting_core.lens import straightened_keypoints
 from fitting_core.measure.references.reference import Reference
 from fitting_core.video.fingerprint import fingerprint
-from tcfit_app.cli.detection_shown import DetectionShown
+from tcfit_app.cli.progress import DetectionShown
 from tcfit_app.home.found import PROJECT_SUFFIX
 from tcfit_app.options.clip_input import clip_of, clip_options, described, everybody_of, notes_of, refusal
 from tcfit_app.options.fit import NewOptions, ReferenceOptions, ReviewOptions, height_of

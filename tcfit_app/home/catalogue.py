@@ -15,8 +15,9 @@ import msgspec
 from fitting_core.errors import InputError
 from fitting_core.files.regular import legible, regular_file
 from fitting_core.io.people_file import read_people_file
+from tcfit_app.fitting.process_queue import Work
 from tcfit_app.home.found import Found, Kind, find
-from tcfit_app.home.messages import Row, Work, unforeseen
+from tcfit_app.home.messages import Row, unforeseen
 from tcfit_app.project.glance import Glance, Stamp, glance, off_by_phase, stamp
 from tcfit_app.project.storage.database import is_project
 from tcfit_app.project.storage.lock import Holder

@@ -10,8 +10,9 @@ from fitting_core.motion import OWN_WORLD
 from tcfit_app.exports.exporting import write_export
 from tcfit_app.exports.from_path import formats_of, source_of, target
 from tcfit_app.exports.table import AXES_CHOICES, DEFAULTS, VIEW_CHOICES, VIEW_HINT, Group, exports
+from tcfit_app.fitting.process_queue import Report, Work
 from tcfit_app.home.found import exports_beside
-from tcfit_app.home.messages import Choice, Formats, Report, Work
+from tcfit_app.home.messages import Choice, Formats
 from tcfit_app.options.export import ExportOptions
 
 

@@ -20,9 +20,9 @@ from tcfit_app.analysis.posed_fit import PosedFit
 from tcfit_app.analysis.suspicion import review_queue, worst_place
 from tcfit_app.fitting.bodies import record_of
 from tcfit_app.fitting.fit_progress import KEYPOINTS, FitProgress, time_left
+from tcfit_app.fitting.process_queue import Report, Work
 from tcfit_app.home.catalogue import project_beside
 from tcfit_app.home.found import Found
-from tcfit_app.home.messages import Report, Work
 from tcfit_app.imports.keypoint_jobs import Detect, ProgressReport
 from tcfit_app.imports.results import project_of_result
 from tcfit_app.options.fit import BodyOptions

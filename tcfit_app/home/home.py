@@ -20,7 +20,6 @@ from websockets.exceptions import ConnectionClosed
 from fitting_core.errors import InputError
 from fitting_core.files.regular import legible
 from tcfit_app.home.catalogue import Catalogue, Entry
-from tcfit_app.home.jobs import ExportJob, FitJob, Job
 from tcfit_app.home.messages import (
     Approve,
     AskFormats,
@@ -42,7 +41,7 @@ from tcfit_app.home.messages import (
     unforeseen,
 )
 from tcfit_app.home.pictures import picture_of
-from tcfit_app.home.queue import WorkQueue
+from tcfit_app.home.queue import Job, WorkQueue, export_job, fit_job
 from tcfit_app.home.reviews import PATH, Reviews
 from tcfit_app.project.storage.clip_review import ReviewOfClip, reviewed
 from tcfit_app.server.gate import HOME
@@ -197,7 +196,7 @@ class Home:
         return found
 
     def _fit(self, watcher: _Watcher, asked: Fit) -> None:
-        self._begin(watcher, list(map(self._entry, asked.keys)), FitJob(models=self._models))
+        self._begin(watcher, list(map(self._entry, asked.keys)), fit_job(self._models))
 
     def _begin(self, watcher: _Watcher, entries: Iterable[Entry], job: Job) -> None:
         refused: list[str] = []
@@ -218,8 +217,7 @@ class Home:
         entries = list(map(self._entry, asked.keys))
         if without := [entry.row.name for entry in entries if entry.found.is_footage]:
             raise InputError(f"{without[0]}: has no fit yet that could be exported. Fit it first.")
-        job = ExportJob(formats=asked.formats, axes=asked.axes, view=asked.view, models=self._models)
-        self._begin(watcher, entries, job)
+        self._begin(watcher, entries, export_job(asked, self._models))
 
     def _cancel(self, watcher: _Watcher, asked: Cancel) -> None:
         self._queue.cancel(asked.keys)

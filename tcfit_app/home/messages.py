@@ -1,11 +1,11 @@
 """What the list's page is sent, and what it may send."""
 
 import json
-from collections.abc import Callable
 from typing import Annotated, Literal
 
 import msgspec
 
+from tcfit_app.fitting.process_queue import Work
 from tcfit_app.home.found import Kind
 from tcfit_app.project.storage.clip_review import NOTE_CHARACTERS, State
 
@@ -14,25 +14,6 @@ Key = Annotated[str, msgspec.Meta(pattern="^[0-9a-f]{12}$")]
 Keys = Annotated[tuple[Key, ...], msgspec.Meta(max_length=20_000)]
 
 # --- to the page ---
-
-
-class Work(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """A job on a clip in the background."""
-
-    step: str
-    """In words."""
-    share: float | None = None
-    """0 to 1."""
-    ended: Literal["", "failed", "done"] = ""
-    """How; `step` then says why, or what was done."""
-
-
-Report = Callable[[Work], None]
-
-
-def failure(error: BaseException) -> Work:
-    """The end of a job by an unforeseen error."""
-    return Work(step=unforeseen(error), ended="failed")
 
 
 def unforeseen(error: BaseException) -> str:

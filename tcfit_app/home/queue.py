@@ -1,20 +1,73 @@
-"""The job queue: fits and exports in the background, one after the other."""
+"""The job queue: fits and exports in the background, one after the other.
+
+Each is done in a process of its own: a crash does not affect the list and the reviews, and a job can be cancelled at
+any moment. What it has stored by then stays.
+"""
 
 import logging
 import threading
 from collections.abc import Callable, Collection, Iterable
+from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
-from tcfit_app.fitting.child_processes import Child
-from tcfit_app.home import jobs
-from tcfit_app.home.jobs import Job
-from tcfit_app.home.messages import Work, failure
+from fitting_core.errors import InputError
+from tcfit_app.fitting.process_queue import Ended, ProcessQueue, Report, Work
+from tcfit_app.home.messages import Export, unforeseen
 
 WAITING = Work(step="Waiting")
 _log = logging.getLogger(__name__)
 _LOOK = 0.5
 """Seconds between two checks whether a job was cancelled."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """What is done with a clip."""
+
+    kind: str
+    """A clip waits for one job of a kind at most."""
+    writes: bool
+    """Whether it writes into the project, which must then be closed."""
+    run: Callable[[Path, Report], str]
+    """Does it, in the process, with the project's folder. Returns the final message, which may be empty. Raises
+    InputError if it cannot be done."""
+
+
+def fit_job(models: Path | None) -> Job:
+    """Find missing keypoints, and fit; `models` is the folder of body models."""
+    return Job(kind="fit", writes=True, run=partial(_fit, models=models))
+
+
+def export_job(asked: Export, models: Path | None) -> Job:
+    """Write the last fit for other programs."""
+    return Job(kind="export", writes=False, run=partial(_export, asked=asked, models=models))
+
+
+def _fit(folder: Path, report: Report, *, models: Path | None) -> str:
+    from tcfit_app.home.fitting import fit_project  # torch's two seconds are not for the list
+
+    fit_project(folder, report, models=models)
+    return ""
+
+
+def _export(folder: Path, report: Report, *, asked: Export, models: Path | None) -> str:
+    from tcfit_app.home.exporting import export_project
+
+    return export_project(folder, report, formats=asked.formats, axes=asked.axes, view=asked.view, models=models)
+
+
+def _done(job: Job, folder: Path, report: Report) -> Work | None:
+    """Do a job, in the process. Returns its end, None if there is nothing to report."""
+    try:
+        said = job.run(folder, report)
+        return Work(step=said, ended="done") if said else None
+    except InputError as error:
+        return Work(step=str(error), ended="failed")
+    except (Exception, KeyboardInterrupt) as error:  # a plugin may raise the latter: this process is deaf to Ctrl-C
+        _log.exception("%s: the %s went wrong", folder, job.kind)
+        return Work(step=unforeseen(error), ended="failed")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,27 +142,13 @@ class WorkQueue:
         while (turn := self._next()) is not None:
             key, job = turn
             try:
-                ended = self._done(key, job, self._place(key, job))
+                ended = self._end_of(key, job, self._place(key, job))
             except ValueError as error:
                 ended = Work(step=str(error), ended="failed")
             except Exception as error:
                 _log.exception("The %s of a clip could not be started", job.kind)
-                ended = failure(error)
-            with self._guard:
-                if self._is_on(key, job):
-                    del self._entries[key][job.kind]
-                    if ended is not None:
-                        self._entries[key][job.kind] = _Entry(job=job, work=ended)
-                    elif not self._entries[key]:
-                        del self._entries[key]
-            self._report([key])
-
-    def _report(self, keys: Collection[str]) -> None:
-        """Call `changed`, whose errors must not end this thread: the other jobs would wait for ever."""
-        try:
-            self._changed(keys)
-        except Exception:
-            _log.exception("News of a job could not be reported")
+                ended = Work(step=unforeseen(error), ended="failed")
+            self._set(key, job, ended)
 
     def _next(self) -> tuple[str, Job] | None:
         """Wait for the next job; None at the end."""
@@ -123,29 +162,36 @@ class WorkQueue:
                 self._guard.wait()
         return None
 
+    def _end_of(self, key: str, job: Job, folder: Path) -> Work | None:
+        """Do a job. Returns its end, None if there is nothing to report, or it was cancelled."""
+        with closing(ProcessQueue()) as processes:
+            processes.add(key, partial(_done, job, folder))
+            while self._is_on(key, job):
+                for _, news in processes.news(_LOOK):
+                    if not isinstance(news, Ended):
+                        self._set(key, job, news)
+                    elif news.died:
+                        step = f"Its process ended {news.died}. Memory may have run out."
+                        return Work(step=step, ended="failed")
+                    else:
+                        return news.result
+        return None
+
     def _is_on(self, key: str, job: Job) -> bool:
         """Whether it was not cancelled."""
         entry = self._entries.get(key, {}).get(job.kind)
         return entry is not None and entry.job is job
 
-    def _done(self, key: str, job: Job, folder: Path) -> Work | None:
-        """Do a job. Returns its end, None if there is nothing to report, or it was cancelled."""
-        child = Child.started(jobs.serve, folder, job)
+    def _set(self, key: str, job: Job, work: Work | None) -> None:
+        """Store the progress of a job that was not cancelled, None if it has ended without a message; and report it."""
+        with self._guard:
+            if self._is_on(key, job):
+                del self._entries[key][job.kind]
+                if work is not None:
+                    self._entries[key][job.kind] = _Entry(job=job, work=work)
+                elif not self._entries[key]:
+                    del self._entries[key]
         try:
-            while True:
-                if not self._is_on(key, job):
-                    return None
-                if not child.pipe.poll(_LOOK):
-                    continue
-                news = child.pipe.recv()
-                if news is None or news.ended:
-                    return news
-                with self._guard:
-                    if self._is_on(key, job):
-                        self._entries[key][job.kind] = _Entry(job=job, work=news)
-                self._report([key])
-        except (EOFError, OSError):
-            step = f"Its process ended {child.how_it_ended()}. Memory may have run out."
-            return Work(step=step, ended="failed")
-        finally:
-            child.end()
+            self._changed([key])
+        except Exception:  # it must not end this thread: the other jobs would wait for ever
+            _log.exception("News of a job could not be reported")

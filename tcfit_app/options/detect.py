@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from tyro.conf import Positional, UseAppendAction, arg
+from tyro.conf import Positional, arg
 
 from fitting_core.detect.detectors import DEFAULT
 from tcfit_app.options.fit import DETECTOR_NAMES, JsonLines, shown
@@ -18,9 +18,7 @@ class DetectOptions:
     all commands. After Ctrl-C, the same command continues with the remaining frames.
     """
 
-    video: Annotated[
-        Positional[Path | None], arg(metavar="VIDEO", help_behavior_hint="(required, except with --list or --download)")
-    ] = None
+    video: Annotated[Positional[Path | None], arg(metavar="VIDEO", help_behavior_hint="(required)")] = None
     """A video file or a folder of images."""
     detector: Annotated[str, shown("NAME|POSE.onnx", DEFAULT, DETECTOR_NAMES)] = DEFAULT
     boxes: Annotated[str | None, shown("NAME|BOX.onnx", "that of the detector; none for an ONNX model")] = None
@@ -41,9 +39,3 @@ class DetectOptions:
     restart: bool = False
     """Ignore cached detections."""
     json: JsonLines = False
-    list: bool = False
-    """List detectors and downloadable models with their licences, and which are installed."""
-    download: Annotated[UseAppendAction[tuple[str, ...]], arg(metavar="NAME", help_behavior_hint="(repeatable)")] = ()
-    """Download a model, or everything that a detector needs, from its publisher, after you agree to the licence."""
-    yes: bool = False
-    """With --download: agree to the licence."""

@@ -45,7 +45,7 @@ class ReferenceOptions:
 
 NO_KEYPOINTS = Path("none")
 """The value of --keypoints for a project without keypoints."""
-DETECTOR_NAMES = f"{', '.join(DETECTORS)}, or an ONNX model of the RTMPose family. See `tcfit detect --list`."
+DETECTOR_NAMES = f"{', '.join(DETECTORS)}, or an ONNX model of the RTMPose family. See `tcfit models`."
 
 SHORTCUTS = {
     "temporal_weight": "temporal.weight",

@@ -22,6 +22,8 @@ REMOVED = {
         for command in ("fit", "batch", "demo", "settings")
         for option, setting in SETTINGS.items()
     },
+    "detect --list": "Use tcfit models.",
+    "detect --download": "Use tcfit models add NAME.",
     "evaluate --pictures": "The report has no pictures. See the worst frames with tcfit review.",
     "render": "Use tcfit export PATH --formats picture, sheet or overlay; --view camera side draws both views.",
     "export --rig": "Export mixamo, unreal, vrma, glb or bvh and retarget it to your character with the tools that "

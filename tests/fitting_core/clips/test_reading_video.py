@@ -200,7 +200,7 @@ def test_a_detector_by_name_by_itself_and_one_that_is_not_there(
         read_clip(path, clip=ClipOptions(detector="odd"))
     monkeypatch.undo()
     monkeypatch.setenv("TCFIT_DETECTORS", str(tmp_path))
-    for name, get in (("mediapipe", "tcfit models add mediapipe"), ("dwpose-l", "tcfit detect --download dwpose-l")):
+    for name, get in (("mediapipe", "tcfit models add mediapipe"), ("dwpose-l", "tcfit models add dwpose-l")):
         with pytest.raises(InputError, match=get):
             read_clip(path, clip=ClipOptions(detector=name))
 

@@ -221,7 +221,7 @@ def test_servers_that_are_not_there_or_refuse(known: KnownModel, served: Served,
 
 
 def test_names_that_are_no_models(tmp_path: Path):
-    with pytest.raises(InputError, match="--download dwpose-l"):
+    with pytest.raises(InputError, match="models add dwpose-l"):
         find_model("dwpose-l", tmp_path)
     with pytest.raises(InputError, match=r"no such model file; expected an ONNX file .*dwpose-l"):
         find_model("dwpose-xl", tmp_path)

@@ -17,12 +17,12 @@ from tqdm import tqdm
 
 from fitting_core.body.model import BodyModel
 from fitting_core.io.result_files import read_fit
-from tcfit_app.batch import clip_fit, local
+from tcfit_app.batch import clip_fit
 from tcfit_app.batch.outcome import FAILURES
 from tcfit_app.cli import batch_command
 from tcfit_app.cli.ending import CANCELLED
 from tcfit_app.cli.main import main
-from tcfit_app.fitting import child_processes
+from tcfit_app.fitting import process_queue
 from tests.drivers.processes import needs_fork, succeeded
 from tests.samples.batch_clips import CHEAP, broken_places, events, write_batch
 
@@ -53,7 +53,7 @@ def forked(manifest: Path, *more: str) -> int:
         os.dup2(sink, 1)
         os.dup2(sink, 2)
         sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w")
-        child_processes.CONTEXT = multiprocessing.get_context("fork")  # pyright: ignore[reportAttributeAccessIssue]
+        process_queue.CONTEXT = multiprocessing.get_context("fork")  # pyright: ignore[reportAttributeAccessIssue]
         signal.signal(signal.SIGINT, signal.default_int_handler)
         code = main(_command(manifest, *more))
         sys.stdout.flush()
@@ -200,14 +200,14 @@ def test_ctrl_c_stops_at_once_and_says_how_to_go_on(tmp_path: Path, free_body: B
 def test_a_clip_whose_process_dies_is_tried_again_and_then_fails(tmp_path: Path, free_body: BodyModel, monkeypatch):
     manifest = write_batch(tmp_path, free_body, clips=4)
 
-    def dying(task: clip_fit.ClipTask, *rest: object) -> object:
+    def dying(task: clip_fit.ClipTask) -> str:
         if task.name == "fits/c002" or (task.name == "fits/c000" and not (tmp_path / "died").exists()):
             (tmp_path / "died").touch()
             os.kill(os.getpid(), signal.SIGKILL)
-        return whole(task, *rest)  # pyright: ignore[reportArgumentType]
+        return whole(task)
 
-    whole = local.fit_clip
-    monkeypatch.setattr(local, "fit_clip", dying)
+    whole = clip_fit.inputs_of
+    monkeypatch.setattr(clip_fit, "inputs_of", dying)
     with running(forked, manifest) as group:
         assert os.waitstatus_to_exitcode(_end_of(group)) == 1
     rows = {row["clip"]: row for row in json.loads((tmp_path / "clips.batch" / "summary.json").read_text())["rows"]}

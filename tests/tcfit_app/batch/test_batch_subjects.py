@@ -14,7 +14,7 @@ from fitting_core.io.result_files import read_fit
 from tcfit_app.batch import rounds
 from tcfit_app.cli.ending import INPUT_ERROR
 from tcfit_app.cli.main import main
-from tcfit_app.fitting import child_processes
+from tcfit_app.fitting import process_queue
 from tcfit_app.project.edits.kinds import MarkBad
 from tcfit_app.project.project import Project
 from tests.drivers.processes import needs_fork
@@ -26,7 +26,7 @@ ANNA = ("a0", "a1", "a2")
 
 @pytest.fixture(autouse=True)
 def forks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(child_processes, "CONTEXT", multiprocessing.get_context("fork"))
+    monkeypatch.setattr(process_queue, "CONTEXT", multiprocessing.get_context("fork"))
 
 
 def batch(folder: Path, *options: str) -> int:

@@ -16,7 +16,7 @@ from fitting_core.io.result_files import read_fit
 from tcfit_app.batch import clip_fit, inputs
 from tcfit_app.cli.ending import INPUT_ERROR
 from tcfit_app.cli.main import main
-from tcfit_app.fitting import child_processes
+from tcfit_app.fitting import process_queue
 from tests.drivers.processes import needs_fork
 from tests.samples.batch_clips import CAMERA, CHEAP, events, write_clip, write_list
 from tests.samples.fake_detector import FakeDetector, known, one_person
@@ -28,7 +28,7 @@ OPTIONS = [option for option in CHEAP if option not in ("--image-size", "640", "
 @pytest.fixture(autouse=True)
 def forks(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Processes that know the fake detector."""
-    monkeypatch.setattr(child_processes, "CONTEXT", multiprocessing.get_context("fork"))
+    monkeypatch.setattr(process_queue, "CONTEXT", multiprocessing.get_context("fork"))
     forget()
     yield
     forget()

@@ -5,7 +5,6 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -17,7 +16,6 @@ from fitting_core.clips.people import read_people
 from fitting_core.clips.reading import read_clip
 from fitting_core.detect import known_models
 from fitting_core.detect.detectors import DETECTORS
-from fitting_core.detect.known_models import KNOWN_MODELS
 from fitting_core.keypoints import INDEX
 from fitting_core.video.frames import FrameSource
 from tcfit_app.cli.main import main
@@ -166,7 +164,7 @@ def test_what_it_refuses(
         (["detect"], "No video given"),
         (["detect", str(video), "--detector", box_model], "a detector of boxes"),
         (["detect", str(video), "--detector", "dwpose-s"], "is not known; expected one of mediapipe"),
-        (["detect", str(video), "--detector", "dwpose-l"], "tcfit detect --download dwpose-l"),
+        (["detect", str(video), "--detector", "dwpose-l"], "tcfit models add dwpose-l"),
         (["detect", str(tmp_path / "none.mp4"), "--detector", str(model)], "does not exist"),
         ([*base, "--boxes", str(model)], "Expected a detector of people"),
         ([*base, "--out", str(tmp_path / "file")], "is a file"),
@@ -174,43 +172,10 @@ def test_what_it_refuses(
         ([*base, "--first-frame", "50", "--last-frame", "40"], "frames 50–40 are not all in"),
         ([*base, "--last-frame", "70"], "which has frames 0–69"),
         ([*base, "--provider", "tpu"], "expected one of cpu, cuda"),
-        (["detect", "--download", "nothing"], "expected one of mediapipe, mediapipe-fast, dwpose-m"),
-        (["detect", "--download", "dwpose-m"], "--yes"),
+        (["detect", "--list"], "was removed. Use tcfit models."),
+        (["detect", "--download", "dwpose-m"], "was removed. Use tcfit models add NAME."),
     ]
     for command, words in cases:
         assert main(command) == 2, command
         assert words in capsys.readouterr().err, command
     assert not list(tmp_path.glob("p*")) and names(other) == ["run_000000000000_keypoints.json"]
-
-
-def test_the_list_of_detectors(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setenv("TCFIT_DETECTORS", str(tmp_path))
-    assert main(["detect", "--list"]) == 0
-    said = capsys.readouterr().out
-    assert all(name in said for name in (*DETECTORS, *KNOWN_MODELS)) and "Apache-2.0" in said
-    assert "not installed: --download mediapipe" in said and " installed" not in said.replace("not installed", "")
-    for name in ("dwpose-m", "rtmdet-nano"):
-        (tmp_path / f"{name}.onnx").write_text("")
-    assert main(["detect", "--list"]) == 0
-    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
-    assert lines[lines.index(["dwpose-m", "DWPose-m", "with", "RTMDet-nano"]) + 1] == ["installed"]
-    assert ["installed:", str(tmp_path / "rtmdet-nano.onnx")] in lines
-
-
-def test_a_download_shows_what_it_is_and_then_the_detector_is_here(
-    model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-):
-    """All that it needs comes at once."""
-    monkeypatch.setattr(known_models, "models_folder", lambda: tmp_path / "data")
-    for name in ("dwpose-m", "rtmdet-nano"):
-        monkeypatch.setitem(KNOWN_MODELS, name, replace(KNOWN_MODELS[name], url=model.resolve().as_uri()))
-    assert main(["detect", "--download", "dwpose-m", "--yes"]) == 0
-    said = capsys.readouterr().out
-    assert names(tmp_path / "data") == sorted(
-        ["checksums.json", *(f"{name}.{kind}" for name in ("dwpose-m", "rtmdet-nano") for kind in ("json", "onnx"))]
-    )
-    assert DETECTORS["dwpose-m"].is_here() and not DETECTORS["dwpose-l"].is_here()
-    known = KNOWN_MODELS["dwpose-m"]
-    assert known.url in said and known.licence in said and "stored for the next download" in said
-    assert main(["detect", "--download", "rtmdet-nano", "--yes"]) == 0
-    assert "(as expected)" in capsys.readouterr().out

@@ -16,11 +16,11 @@ import pytest
 
 from fitting_core.body.model import BodyModel
 from fitting_core.io.result_files import write_result
-from tcfit_app.batch.local import TaskEnded, TaskUnderway
 from tcfit_app.batch.records import Figures, Record
 from tcfit_app.cli.batch_command import _Lines
 from tcfit_app.cli.json_lines import EVENTS, SCHEMA, AnyEvent, Progress, emit, json_lines
 from tcfit_app.cli.main import main
+from tcfit_app.fitting.process_queue import Work
 from tests.fitting_core.detect.onnx_files import brightest_model, spots
 from tests.samples.project_samples import sample_clip
 from tests.samples.waving import waving_fit
@@ -106,10 +106,9 @@ def test_a_batch(capsys: pytest.CaptureFixture[str]):
     tasks: list[Any] = [SimpleNamespace(name="a"), SimpleNamespace(name="b")]
     record = partial(Record, inputs="", finished=0.0, seconds=2.0)
     with json_lines(), closing(_Lines(2, 0, tasks, "clips")) as shown:
-        shown.show(TaskUnderway(index=1, phase=1, share=0.25))
-        shown.show(TaskEnded(index=1, record=record(state="failed", reason="No keypoints.")))
-        figures = Figures(frames=3, reprojection_px=1.0)
-        shown.show(TaskEnded(index=0, record=record(state="done", figures=figures)))
+        shown.show(1, Work(step="phase 1", share=0.25))
+        shown.show(1, record(state="failed", reason="No keypoints."))
+        shown.show(0, record(state="done", figures=Figures(frames=3)))
     first, second, third = (json.loads(line) for line in capsys.readouterr().out.splitlines())
     assert (first["event"], first["clip"], first["step"], first["share"]) == ("progress", "b", "phase 1", 0.25)
     assert (second["clip"], second["state"], second["reason"]) == ("b", "failed", "No keypoints.")

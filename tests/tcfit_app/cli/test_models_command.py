@@ -1,12 +1,16 @@
 """`tcfit models`: the table and the registration."""
 
+import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from fitting_core.body.files import registry
+from fitting_core.detect.detectors import DETECTORS
+from fitting_core.detect.known_models import KNOWN_MODELS
 from fitting_core.detect.mediapipe import networks, packages
 from fitting_core.errors import InputError
 from fitting_core.priors.files import registry as priors
@@ -14,6 +18,7 @@ from fitting_core.priors.files.network import write_network
 from tcfit_app.cli.doctor import check_detector
 from tcfit_app.cli.models_command import list_models, register_models
 from tests.fitting_core.detect.mediapipe.fake_packages import asked, fake_programs, know, make_packages
+from tests.fitting_core.detect.onnx_files import brightest_model
 from tests.fitting_core.priors.networks import random_network
 from tests.fitting_core.priors.test_vposer import folder_1, trained, version_1
 from tests.samples.body_files import body_arrays, write_npz
@@ -152,3 +157,28 @@ def test_networks_are_taken_from_files_and_shown(
     register_models([Path("mediapipe")], agreed=True)
     (check,) = check_detector()
     assert check.status == "ok" and not check.advice
+
+
+def test_detectors_are_listed_and_downloaded_with_all_they_need(
+    places: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    def states() -> dict[str, str]:
+        list_models()
+        lines = capsys.readouterr().out.splitlines()
+        lines = lines[next(n for n, line in enumerate(lines) if line.startswith("DETECTOR")) + 1 :]
+        rows = [re.split(r"  +", line) for line in lines[: len({*DETECTORS, *KNOWN_MODELS})]]
+        assert all(row[1] for row in rows)
+        return {row[0]: row[2].split()[0] for row in rows}
+
+    assert states() == dict.fromkeys([*DETECTORS, *KNOWN_MODELS], "missing")
+    model = brightest_model(places / "pose.onnx", size=(96, 128))
+    for name in ("dwpose-m", "rtmdet-nano"):
+        monkeypatch.setitem(KNOWN_MODELS, name, replace(KNOWN_MODELS[name], url=model.resolve().as_uri()))
+    with pytest.raises(InputError, match="Give --yes"):
+        register_models([Path("dwpose-m")])
+    register_models([Path("dwpose-m")], agreed=True)
+    said, known = capsys.readouterr().out, KNOWN_MODELS["dwpose-m"]
+    assert known.url in said and known.licence in said and "stored for the next download" in said
+    assert {name for name, state in states().items() if state == "installed"} == {"dwpose-m", "rtmdet-nano"}
+    register_models([Path("rtmdet-nano")], agreed=True)
+    assert "(as expected)" in capsys.readouterr().out

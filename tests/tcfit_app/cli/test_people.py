@@ -298,10 +298,10 @@ def test_what_was_fitted_before_a_cancel_is_listed(
     free_body: BodyModel,
     monkeypatch: pytest.MonkeyPatch,
 ):
-    from tcfit_app.cli import fit_people
+    from tcfit_app.cli import fit_command
 
     once = iter([True])
-    whole = fit_people.fit_into
+    whole = fit_command.fit_into
 
     def cancelled(*arguments, **options):
         if not next(once, False):
@@ -309,7 +309,7 @@ def test_what_was_fitted_before_a_cancel_is_listed(
         return whole(*arguments, **options)
 
     monkeypatch.setattr(fit_command, "load_body", lambda path: free_body)
-    monkeypatch.setattr(fit_people, "fit_into", cancelled)
+    monkeypatch.setattr(fit_command, "fit_into", cancelled)
     arguments = ["--people", "all", "--no-overlay", *QUICK, "--set", "last_phase=1"]
     assert main(["fit", *clip, "--out", str(tmp_path / "out"), *arguments]) == 130
     assert [one.folder for one in read_people_file(tmp_path / "out").people] == ["person-1"]

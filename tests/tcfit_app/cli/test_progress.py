@@ -13,7 +13,7 @@ from fitting_core.config.schema import FitConfig
 from fitting_core.fit.events import FitEvent, Iteration, PhaseFinished, PhaseStarted
 from fitting_core.results.fit_result import FitResult, PhaseResult
 from tcfit_app.cli import fit_command
-from tcfit_app.cli.fit_command import ProgressShown
+from tcfit_app.cli.progress import ProgressShown
 
 
 class _Terminal(io.StringIO):

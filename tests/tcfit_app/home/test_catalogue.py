@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 
 from fitting_core.body.model import BodyModel
+from tcfit_app.fitting.process_queue import Work
 from tcfit_app.home.catalogue import Catalogue, busy
-from tcfit_app.home.messages import Row, Work
+from tcfit_app.home.messages import Row
 from tcfit_app.home.pictures import picture_of
 from tcfit_app.project.picture import NAME
 from tcfit_app.project.project import Project

@@ -6,9 +6,9 @@ import pytest
 
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
+from tcfit_app.fitting.process_queue import Work
 from tcfit_app.home.exporting import export_project, offered
 from tcfit_app.home.found import find
-from tcfit_app.home.messages import Work
 from tcfit_app.project.project import Project
 from tests.samples.project_samples import sample_clip
 from tests.samples.waving import waving_project

@@ -11,11 +11,11 @@ from fitting_core.body.model import BodyModel
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.io.keypoints.openpose import write_openpose
+from tcfit_app.fitting.process_queue import Work
 from tcfit_app.home import fitting
 from tcfit_app.home.catalogue import Catalogue
 from tcfit_app.home.fitting import fit_project, make_project
 from tcfit_app.home.found import Found, find
-from tcfit_app.home.messages import Work
 from tcfit_app.imports.keypoint_jobs import FoundKeypoints
 from tcfit_app.project.glance import glance
 from tcfit_app.project.project import Project

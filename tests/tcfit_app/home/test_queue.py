@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from tcfit_app.home.jobs import Job
-from tcfit_app.home.messages import Work
-from tcfit_app.home.queue import WAITING, WorkQueue
-from tests.tcfit_app.home.acted import Acted, ActedAfterwards
+from tcfit_app.fitting.process_queue import Work
+from tcfit_app.home.queue import WAITING, Job, WorkQueue
+from tests.tcfit_app.home.acted import act
 
 PATIENCE = 120.0
+ACTED, AFTERWARDS = (Job(kind=kind, writes=False, run=act) for kind in ("act", "act afterwards"))
 
 
 @pytest.fixture
@@ -37,7 +37,7 @@ def until(condition) -> None:
 
 
 def test_one_after_the_other_and_what_failed_says_why(queue: WorkQueue):
-    queue.add(["fails", "open", "dies", "good"], Acted())
+    queue.add(["fails", "open", "dies", "good"], ACTED)
     assert queue.on("good") == WAITING and queue.busy
     until(lambda: not queue.busy)
     assert queue.on("good") is None
@@ -53,7 +53,7 @@ def test_one_after_the_other_and_what_failed_says_why(queue: WorkQueue):
 
 
 def test_the_one_that_runs_can_be_cancelled_and_the_next_begins(queue: WorkQueue):
-    queue.add(["hangs", "good"], Acted())
+    queue.add(["hangs", "good"], ACTED)
     until(lambda: (work := queue.on("hangs")) is not None and work.share == 0.5)
     queue.cancel(["hangs"])
     until(lambda: not queue.busy)
@@ -61,7 +61,7 @@ def test_the_one_that_runs_can_be_cancelled_and_the_next_begins(queue: WorkQueue
 
 
 def test_its_end_stops_what_runs(queue: WorkQueue):
-    queue.add(["hangs", "good"], Acted())
+    queue.add(["hangs", "good"], ACTED)
     until(lambda: (work := queue.on("hangs")) is not None and work.share == 0.5)
     begun = time.monotonic()
     queue.close()
@@ -70,9 +70,9 @@ def test_its_end_stops_what_runs(queue: WorkQueue):
 
 
 def test_a_clip_waits_for_one_job_of_each_kind_in_their_order(queue: WorkQueue):
-    queue.add(["hangs", "says"], Acted())
-    queue.add(["hangs", "says"], ActedAfterwards())
-    queue.add(["says"], Acted())
+    queue.add(["hangs", "says"], ACTED)
+    queue.add(["hangs", "says"], AFTERWARDS)
+    queue.add(["says"], ACTED)
     until(lambda: (work := queue.on("hangs")) is not None and work.share == 0.5)
     queue.cancel(["hangs"])
     until(lambda: not queue.busy)
@@ -91,7 +91,7 @@ def test_an_unforeseen_error_is_the_end_of_one_job_only():
 
     queue = WorkQueue(place, fail)
     try:
-        queue.add(["odd", "says"], Acted())
+        queue.add(["odd", "says"], ACTED)
         until(lambda: not queue.busy)
         odd = queue.on("odd")
         assert odd is not None and odd.ended == "failed" and "unforeseen" in odd.step

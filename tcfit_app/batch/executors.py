@@ -1,19 +1,61 @@
-"""Fits clips on a Ray cluster. The only import of ray, which is an extra: pip install tcfit[ray]."""
+"""What fits the clips of a batch: processes of this computer, or a Ray cluster, in whose code alone ray is imported."""
 
 import logging
 import os
 import socket
 from collections.abc import Generator, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from fitting_core.errors import InputError
-from tcfit_app.batch.clip_fit import failure, fit_clip, one_thread
+from tcfit_app.batch.clip_fit import failure, fit_clip
 from tcfit_app.batch.inputs import inputs_of
-from tcfit_app.batch.local import News, TaskEnded, TaskUnderway
 from tcfit_app.batch.manifest import ClipTask
 from tcfit_app.batch.records import Record
+from tcfit_app.fitting.process_queue import Ended, ProcessQueue, Work
+
+_TRIES = 2
+"""How often a clip's process may die: the first time may not be its fault, as when memory runs out."""
+News = Generator[tuple[int, Work | Record], None, None]
+"""Of a task, by its index: its progress, and its end."""
+
+
+class Executor(Protocol):
+    """Fits clips, several at a time."""
+
+    def run(self, tasks: Sequence[ClipTask], folder: Path) -> News:
+        """Fit them all; each ends exactly once. Closing the generator stops at once and leaves nothing half-done that
+        matters. `folder` is the batch's."""
+        ...
+
+
+class LocalProcesses(Executor):
+    """Processes of this computer, `jobs` at a time."""
+
+    def __init__(self, jobs: int) -> None:
+        self.jobs = jobs
+
+    def run(self, tasks: Sequence[ClipTask], folder: Path) -> News:
+        """See `Executor.run`."""
+        with closing(ProcessQueue(processes=self.jobs, tries=_TRIES)) as processes:
+            for index, task in enumerate(tasks):
+                processes.add(index, partial(fit_clip, task, folder))
+            while processes.busy:
+                for index, news in processes.news():
+                    if isinstance(news, Ended):
+                        yield index, news.result or _died(tasks[index], news.died)
+                    else:
+                        yield index, news
+
+
+def _died(task: ClipTask, how: str) -> Record:
+    advice = "Memory may have run out: try fewer --jobs, or shorter clips."
+    return failure(inputs_of(task), f"Its process ended {how}, {_TRIES} times. {advice}")
+
+
+# --- Ray, which is an extra: pip install tcfit[ray] ---
 
 LOCAL = "local"
 """The address that starts a Ray on this computer."""
@@ -23,7 +65,7 @@ _AHEAD = 2
 """Tasks that are handed to Ray for each of the cluster's cores."""
 
 
-class RayCluster:
+class RayCluster(Executor):
     """A Ray cluster whose nodes have tcfit and see the same files under the same paths.
 
     Args:
@@ -34,10 +76,10 @@ class RayCluster:
     def __init__(self, address: str | None, jobs: int | None) -> None:
         self.address, self.jobs = address, jobs
 
-    def run(self, tasks: Sequence[ClipTask], folder: Path) -> Generator[News, None, None]:
-        """See `Crew.run`. Ray ends what runs for a driver that has died."""
+    def run(self, tasks: Sequence[ClipTask], folder: Path) -> News:
+        """See `Executor.run`. Ray ends what runs for a driver that has died."""
         with _connected(self.address, self.jobs) as ray:
-            fit = ray.remote(num_cpus=1, max_retries=1)(_fit)
+            fit = ray.remote(num_cpus=1, max_retries=1)(fit_clip)
             room = self.jobs or _AHEAD * max(1, int(ray.cluster_resources().get("CPU", 1)))
             waiting, under_way = list(enumerate(tasks))[::-1], {}
             while waiting or under_way:
@@ -45,15 +87,9 @@ class RayCluster:
                     index, task = waiting.pop()
                     gpus = int(task.config.device.startswith("cuda"))
                     under_way[fit.options(num_gpus=gpus).remote(task, folder)] = index
-                    yield TaskUnderway(index=index)
                 for ready in ray.wait(list(under_way), num_returns=1)[0]:
                     index = under_way.pop(ready)
-                    yield TaskEnded(index=index, record=_record(ray, ready, tasks[index]))
-
-
-def _fit(task: ClipTask, folder: Path) -> Record:
-    one_thread()
-    return fit_clip(task, folder)
+                    yield index, _record(ray, ready, tasks[index])
 
 
 def _record(ray: Any, ready: Any, task: ClipTask) -> Record:
