@@ -1,4 +1,4 @@
-"""Figures of exported fits: by frame as table or JSON, the summary, and the report."""
+"""Figures of exported fits: by frame as table or JSON, the summary, the report; and the corrected keypoints."""
 
 import csv
 import math
@@ -10,7 +10,12 @@ import msgspec
 import numpy as np
 
 from fitting_core.clip import Clip
+from fitting_core.io.keypoints.coco_wholebody import write_coco_wholebody
+from fitting_core.io.keypoints.openpose import write_openpose
+from fitting_core.io.keypoints.pose_file import write_pose
+from fitting_core.io.motion.mesh_sequence import file_stem
 from fitting_core.io.summary import summary
+from fitting_core.lens import filmed_keypoints
 from fitting_core.measure.report import MISSING, report_page
 from fitting_core.motion import Progress
 from tcfit_app.analysis.curves import CURVES
@@ -108,3 +113,42 @@ def write_report(source: ExportSource, path: Path, progress: Progress) -> None:
     evaluation = evaluation_of(fit, reference, every=every, done=done)
     path.write_text(report_page(evaluation), encoding="utf-8")
     progress(1.0)
+
+
+# --- the corrected keypoints of a project, as detectors write theirs: on the pictures as they were filmed ---
+
+
+def write_openpose_folder(source: ExportSource, folder: Path, progress: Progress) -> None:
+    """A JSON file for each frame."""
+    clip = source.clip
+    write_openpose(
+        folder,
+        filmed_keypoints(clip.keypoints, clip.camera.lens),
+        name=file_stem(clip.name),
+        first_frame=clip.first_frame,
+        image_stems=[image.stem for image in source.images],
+        detector=clip.detector,
+    )
+    (folder / "clip.json").write_bytes(as_json(clip_stated(clip)))
+
+
+def write_coco(source: ExportSource, path: Path, progress: Progress) -> None:
+    """One JSON file."""
+    clip = source.clip
+    write_coco_wholebody(
+        path,
+        filmed_keypoints(clip.keypoints, clip.camera.lens),
+        name=clip.name,
+        size=clip.camera.size,
+        frame_rate=clip.frame_rate,
+        first_frame=clip.first_frame,
+        image_names=[image.name for image in source.images],
+        detector=clip.detector,
+    )
+
+
+def write_pose_file(source: ExportSource, path: Path, progress: Progress) -> None:
+    """One binary file."""
+    clip = source.clip
+    keypoints = filmed_keypoints(clip.keypoints, clip.camera.lens)
+    write_pose(path, keypoints, size=clip.camera.size, frame_rate=clip.frame_rate, first_frame=clip.first_frame)

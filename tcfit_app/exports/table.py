@@ -21,13 +21,14 @@ from tcfit_app.exports.blender.running import missing, write_fbx
 from tcfit_app.exports.elan import write_elan
 from tcfit_app.exports.figures import (
     report_missing,
+    write_coco,
     write_figures_csv,
     write_figures_json,
+    write_openpose_folder,
+    write_pose_file,
     write_report,
     write_summary,
 )
-from tcfit_app.exports.keypoints import write_coco, write_openpose_folder, write_pose_file
-from tcfit_app.exports.laboratory import write_joints_trc, write_marker_c3d, write_markers_trc
 from tcfit_app.exports.motions import (
     on_bvh,
     on_glb,
@@ -35,6 +36,9 @@ from tcfit_app.exports.motions import (
     write_avatar_motion,
     write_character,
     write_frames,
+    write_joints_trc,
+    write_marker_c3d,
+    write_markers_trc,
     write_result,
     write_skeleton,
 )

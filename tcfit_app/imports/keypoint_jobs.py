@@ -6,10 +6,10 @@ Uploaded files are stored under our own names.
 import io
 import re
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -17,12 +17,14 @@ import numpy as np
 from fitting_core.camera import Camera, FocalFrom
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
+from fitting_core.files.archives import Member, open_members
 from fitting_core.files.atomic import scratch_folder
 from fitting_core.io.keypoints.openpose import SUFFIX, stem_of
 from fitting_core.keypoints import Keypoints
 from fitting_core.silhouettes import Silhouettes
 from fitting_core.video.frame_names import frame_numbers, natural_key
 from tcfit_app.imports.found_people import FoundPeople
+from tcfit_app.imports.uploads import kept_as
 
 if TYPE_CHECKING:
     from fitting_core.detect.detecting import Detected
@@ -205,8 +207,6 @@ MOST_BYTES = 1 << 30
 """Of all files together, unpacked: twice the size of 100,000 frames of OpenPose JSON with hands and face."""
 MOST_FILES = 200_000
 _SUFFIXES = (".json", ".pose")
-_ENCRYPTED = 0x1
-"""Bit of a ZIP entry's flags."""
 _EXPECTED = "expected one JSON or .pose file, or a ZIP archive of OpenPose's JSON files"
 
 
@@ -222,7 +222,8 @@ def received(name: str, content: bytes, folder: Path) -> Path:
     if len(content) > MOST_BYTES:
         raise InputError(f"{shown} has {len(content) >> 20} MB; expected {MOST_BYTES >> 20} MB at most.")
     if zipfile.is_zipfile(io.BytesIO(content)):
-        return _unpacked(shown, content, folder)
+        with kept_as("upload.zip", content, shown) as path, open_members(path) as members:
+            return _unpacked(shown, members, folder)
     suffix = next((suffix for suffix in _SUFFIXES if name.lower().endswith(suffix)), None)
     if suffix is None or not content:
         raise InputError(f"{shown} has {len(content)} bytes, and its name is not a keypoint file's; {_EXPECTED}.")
@@ -231,59 +232,33 @@ def received(name: str, content: bytes, folder: Path) -> Path:
     return single
 
 
-def _unpacked(shown: str, content: bytes, folder: Path) -> Path:
-    try:
-        with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            entries = _keypoint_entries(shown, archive)
-            if len(entries) == 1 and not entries[0].filename.lower().endswith(SUFFIX):
-                return received(
-                    PurePosixPath(entries[0].filename).name, _content(archive, entries[0], MOST_BYTES), folder
-                )
-            left = MOST_BYTES
-            for number, entry in _numbered(shown, entries):
-                data = _content(archive, entry, left)
-                left -= len(data)
-                (folder / f"upload_{number:012}{SUFFIX}").write_bytes(data)
-    except (zipfile.BadZipFile, NotImplementedError, EOFError, RuntimeError, ValueError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"{shown} is a damaged ZIP archive ({error}). Pack it again.") from error
-    return folder
-
-
-def _keypoint_entries(shown: str, archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
+def _unpacked(shown: str, members: Sequence[Member], folder: Path) -> Path:
     # macOS adds a folder of its own; names starting with a dot are system files.
-    entries = [
-        entry
-        for entry in archive.infolist()
-        if not entry.is_dir()
-        and not any((part.startswith(".") and part != "..") or part == "__MACOSX" for part in _parts(entry))
-    ]
-    for entry in entries:
-        if ".." in _parts(entry) or entry.filename.startswith(("/", "\\")) or re.match(r"[A-Za-z]:", entry.filename):
-            raise InputError(
-                f"{shown} holds {_shown(entry.filename)}, whose path leads out of the archive, so it was refused."
-            )
-        if entry.flag_bits & _ENCRYPTED:
-            raise InputError(f"{shown} is encrypted; expected a ZIP archive without a password.")
-    wrong = [entry.filename for entry in entries if not entry.filename.lower().endswith(_SUFFIXES)]
-    if wrong or not entries:
+    files = [m for m in members if not any(part.startswith(".") or part == "__MACOSX" for part in m.path.parts)]
+    wrong = [file.path.name for file in files if file.path.suffix.lower() not in _SUFFIXES]
+    if wrong or not files:
         found = f"other files, such as {_shown(wrong[0])}" if wrong else "no file"
         raise InputError(f"{shown} holds {found}; {_EXPECTED}.")
     # As in a folder: among OpenPose's file names, other files are not keypoints.
-    entries = [entry for entry in entries if entry.filename.lower().endswith(SUFFIX)] or entries
-    if len(entries) > MOST_FILES or sum(entry.file_size for entry in entries) > MOST_BYTES:
-        total = sum(entry.file_size for entry in entries) >> 20
+    files = [file for file in files if file.path.name.lower().endswith(SUFFIX)] or files
+    if len(files) > MOST_FILES or sum(file.size for file in files) > MOST_BYTES:
+        total = sum(file.size for file in files) >> 20
         raise InputError(
-            f"{shown} unpacks to {len(entries)} files of {total} MB; expected {MOST_FILES} files and "
+            f"{shown} unpacks to {len(files)} files of {total} MB; expected {MOST_FILES} files and "
             f"{MOST_BYTES >> 20} MB at most."
         )
-    return entries
+    if len(files) == 1 and not files[0].path.name.lower().endswith(SUFFIX):
+        single = folder / f"upload{files[0].path.suffix.lower()}"
+        files[0].copy_to(single)
+        return single
+    for number, file in _numbered(shown, files):
+        file.copy_to(folder / f"upload_{number:012}{SUFFIX}")
+    return folder
 
 
-def _numbered(shown: str, entries: list[zipfile.ZipInfo]) -> list[tuple[int, zipfile.ZipInfo]]:
-    """Entries with their frame numbers, or numbered in natural order if not all names have one."""
-    stems = [stem_of(PurePosixPath(entry.filename.replace("\\", "/")).name) for entry in entries]
+def _numbered(shown: str, files: Sequence[Member]) -> list[tuple[int, Member]]:
+    """Files with their frame numbers, or numbered in natural order if not all names have one."""
+    stems = [stem_of(file.path.name) for file in files]
     numbers = frame_numbers(stems)
     if numbers is None and all(re.search(r"\d", stem) for stem in stems):
         some = ", ".join(sorted(map(_shown, stems))[:3])
@@ -291,23 +266,9 @@ def _numbered(shown: str, entries: list[zipfile.ZipInfo]) -> list[tuple[int, zip
             f"{shown} has keypoints of several clips, or names that differ in several numbers ({some}); expected "
             "those of one clip, with one frame number per name."
         )
-    if numbers is None or max(numbers) >= 10**12 or len(set(numbers)) < len(entries):
-        ordered = sorted(entries, key=lambda entry: natural_key(entry.filename))
-        return list(enumerate(ordered))
-    return sorted(zip(numbers, entries, strict=True), key=lambda pair: pair[0])
-
-
-def _content(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, limit: int) -> bytes:
-    """An entry unpacked, up to a limit: the sizes declared in an archive may be wrong."""
-    with archive.open(entry) as file:
-        data = file.read(limit + 1)
-    if len(data) > limit:
-        raise InputError(f"The archive unpacks to more than {MOST_BYTES >> 20} MB; expected less.")
-    return data
-
-
-def _parts(entry: zipfile.ZipInfo) -> list[str]:
-    return entry.filename.replace("\\", "/").split("/")
+    if numbers is None or max(numbers) >= 10**12 or len(set(numbers)) < len(files):
+        return list(enumerate(sorted(files, key=lambda file: natural_key(str(file.path)))))
+    return sorted(zip(numbers, files, strict=True), key=lambda pair: pair[0])
 
 
 def _shown(name: str) -> str:

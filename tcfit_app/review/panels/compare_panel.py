@@ -18,7 +18,7 @@ from tcfit_app.analysis.curves import peaks
 from tcfit_app.analysis.run_metrics import COST, ComparedMetric, compare
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.fitting.reports import Notice
-from tcfit_app.imports.results import kept_as
+from tcfit_app.imports.uploads import kept_as
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.project.storage.names import name_of_file
 from tcfit_app.review.gestures.actions import Gestures

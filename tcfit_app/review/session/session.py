@@ -23,7 +23,8 @@ from tcfit_app.fitting.reports import DragEnded, ErrandEnded, JobEnded, JobRepor
 from tcfit_app.fitting.worker import LiveDrag, Worker
 from tcfit_app.imports.elan import ElanNotes, notes_of
 from tcfit_app.imports.given import NOTHING, KnownInputs, read_given
-from tcfit_app.imports.results import ImportChoices, import_run, kept_as, upload
+from tcfit_app.imports.results import ImportChoices, import_run
+from tcfit_app.imports.uploads import kept_as, upload
 from tcfit_app.project.edits.edit_log import LogEntry, Remark, WriteNote, WriteNotes
 from tcfit_app.project.edits.kinds import Edit, MoveKeypoint, PlaceKey, SetDepth
 from tcfit_app.project.project import Project

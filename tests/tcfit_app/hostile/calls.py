@@ -185,7 +185,8 @@ def _become(arguments: list[str], folder: Path) -> None:
 def _uploaded(project: str, file: str) -> int:
     from tcfit_app.cli.ending import ended
     from tcfit_app.fitting.bodies import Bodies
-    from tcfit_app.imports.results import import_run, upload
+    from tcfit_app.imports.results import import_run
+    from tcfit_app.imports.uploads import upload
     from tcfit_app.project.project import Project
 
     def take() -> None:

@@ -14,7 +14,8 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.errors import InputError
 from fitting_core.io import read_motion
-from tcfit_app.imports.results import ImportChoices, import_run, upload
+from tcfit_app.imports.results import ImportChoices, import_run
+from tcfit_app.imports.uploads import upload
 from tcfit_app.project.project import Project
 from tests.fitting_core.io.motion.learned_files import (
     gvhmr,

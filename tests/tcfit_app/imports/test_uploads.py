@@ -82,10 +82,10 @@ def test_a_packed_single_file(folder: Path):
         ("a.zip", b"no archive", "and its name is not a keypoint file's"),
         ("a.zip", packed(), "holds no file"),
         ("a.zip", packed(("a_keypoints.json", FRAME), ("run.py", b"x")), "other files, such as run.py"),
-        ("a.zip", packed(("../a_0_keypoints.json", FRAME)), "leads out of the archive"),
-        ("a.zip", packed(("/etc/a_0_keypoints.json", FRAME)), "leads out of the archive"),
-        ("a.zip", packed(("x\\..\\a_0_keypoints.json", FRAME)), "leads out of the archive"),
-        ("a.zip", packed(("C:\\a_0_keypoints.json", FRAME)), "leads out of the archive"),
+        ("a.zip", packed(("../a_0_keypoints.json", FRAME)), "points outside of it"),
+        ("a.zip", packed(("/etc/a_0_keypoints.json", FRAME)), "points outside of it"),
+        ("a.zip", packed(("x\\..\\a_0_keypoints.json", FRAME)), "points outside of it"),
+        ("a.zip", packed(("C:\\a_0_keypoints.json", FRAME)), "points outside of it"),
         ("a.zip", packed(("a_0_keypoints.json", FRAME), ("b_0_keypoints.json", FRAME)), "several clips"),
         ("a.zip", packed(("b.zip", packed(("a_0_keypoints.json", FRAME)))), "other files, such as b.zip"),
         ("<b>\x07.exe", b"x", "<b>?.exe has 1 bytes"),
@@ -127,9 +127,9 @@ def test_an_archive_that_lies_about_its_sizes(folder: Path, monkeypatch: pytest.
 def test_damaged_and_encrypted_archives(folder: Path):
     whole = packed(("a_0_keypoints.json", FRAME * 50), compression=zipfile.ZIP_STORED)
     damaged = whole[:200] + b"?" + whole[201:]
-    with pytest.raises(InputError, match="damaged ZIP archive"):
+    with pytest.raises(InputError, match="is damaged or was cut off"):
         received("a.zip", damaged, folder)
     locked = bytearray(whole)
     locked[locked.rindex(b"PK\x01\x02") + 8] |= 1
-    with pytest.raises(InputError, match="encrypted"):
+    with pytest.raises(InputError, match="cannot be unpacked"):
         received("a.zip", bytes(locked), folder)

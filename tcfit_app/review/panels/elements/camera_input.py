@@ -11,7 +11,7 @@ from fitting_core.config.choices import Up
 from fitting_core.errors import InputError
 from fitting_core.io.cameras.reading import CameraFile
 from tcfit_app.fitting.reports import Notice
-from tcfit_app.imports.results import kept_as
+from tcfit_app.imports.uploads import kept_as
 from tcfit_app.project.storage.names import name_of_file
 from tcfit_app.review.panels.elements.field import Number
 from tcfit_app.review.panels.elements.file_input import FileInput, TextRow
