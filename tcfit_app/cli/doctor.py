@@ -26,7 +26,7 @@ _TESTED = "install the versions that tcfit is tested with: pip install . -c cons
 _PYPROJECT = Path(__file__).resolve().parents[2] / "pyproject.toml"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Check:
     """One line of the doctor's report."""
 
@@ -62,7 +62,7 @@ def _lines(check: Callable[[], Iterator[Check]]) -> Iterator[Check]:
         yield from check()
     except Exception as error:  # any: a changed interface raises TypeError or AttributeError, for instance
         found = f"cannot be checked: {error}" if isinstance(error, ImportError) else f"{type(error).__name__}: {error}"
-        yield Check(status="failed", found=found, advice=_TESTED)
+        yield Check("failed", found, _TESTED)
 
 
 def check_python() -> Iterator[Check]:
@@ -70,23 +70,23 @@ def check_python() -> Iterator[Check]:
     wanted = ".".join(map(str, PYTHON))
     version = f"Python {platform.python_version()} on {platform.system()} {platform.machine()}"
     if sys.version_info >= PYTHON:
-        yield Check(status="ok", found=version)
+        yield Check("ok", version)
     else:
-        yield Check(status="failed", found=version, advice=f"install Python {wanted} or later")
+        yield Check("failed", version, f"install Python {wanted} or later")
     sound: list[str] = []
     for requirement in _requirements():
         advice = f'pip install "{requirement}"'
         try:
             found = metadata.version(requirement.name)
         except metadata.PackageNotFoundError:
-            yield Check(status="failed", found=f"{requirement.name} is not installed", advice=advice)
+            yield Check("failed", f"{requirement.name} is not installed", advice)
             continue
         # A release candidate of the version that is asked for has what is needed.
         if Version(found).base_version in requirement.specifier:
             sound.append(f"{requirement.name} {found}")
         else:
-            yield Check(status="failed", found=f"{requirement.name} {found}", advice=advice)
-    yield Check(status="ok", found=", ".join(sound) or "no package")
+            yield Check("failed", f"{requirement.name} {found}", advice)
+    yield Check("ok", ", ".join(sound) or "no package")
 
 
 def check_bodies() -> Iterator[Check]:
@@ -95,16 +95,16 @@ def check_bodies() -> Iterator[Check]:
         bodies = list_bodies()
         used = find_body()
     except InputError as error:
-        yield Check(status="failed", found=str(error).replace("\n", "\n          "))
+        yield Check("failed", str(error).replace("\n", "\n          "))
         return
     for body in bodies:
         if not body.problem:
             origin = "comes with tcfit" if body.origin == "free" else "yours"
-            yield Check(status="ok", found=f"{body.kind} {body.gender}, {origin}: {body.path}")
+            yield Check("ok", f"{body.kind} {body.gender}, {origin}: {body.path}")
         elif body.path == used:
-            yield Check(status="failed", found=body.problem, advice="delete it, or replace it with tcfit models add")
+            yield Check("failed", body.problem, "delete it, or replace it with tcfit models add")
         else:
-            yield Check(status="warning", found=body.problem)
+            yield Check("warning", body.problem)
 
 
 def check_torch() -> Iterator[Check]:
@@ -112,26 +112,24 @@ def check_torch() -> Iterator[Check]:
     try:
         import torch
     except (ImportError, OSError) as error:
-        yield Check(
-            status="failed", found=f"torch cannot be imported ({error})", advice="pip install --force-reinstall torch"
-        )
+        yield Check("failed", f"torch cannot be imported ({error})", "pip install --force-reinstall torch")
         return
-    yield Check(status="ok", found=f"CPU, {os.cpu_count()} cores")
+    yield Check("ok", f"CPU, {os.cpu_count()} cores")
     from fitting_core.fit.fused import ready
 
     why = ready.problem()
     if why == ready.NOT_YET:
         found = f"the solver's kernels are not compiled yet: the first fit does that in about {ready.SECONDS} s"
-        yield Check(status="ok", found=found)
+        yield Check("ok", found)
     elif why:
         advice = "run python -m fitting_core.fit.fused: fits take many times as long without kernels"
-        yield Check(status="warning", found=f"the solver's kernels are not used: {why}", advice=advice)
+        yield Check("warning", f"the solver's kernels are not used: {why}", advice)
     else:
-        yield Check(status="ok", found="the solver's kernels are compiled")
+        yield Check("ok", "the solver's kernels are compiled")
     if torch.cuda.is_available():
-        yield Check(status="ok", found=f"CUDA {torch.version.cuda}: {torch.cuda.get_device_name()}")
+        yield Check("ok", f"CUDA {torch.version.cuda}: {torch.cuda.get_device_name()}")
     else:
-        yield Check(status="ok", found="no CUDA device; tcfit runs on the CPU")
+        yield Check("ok", "no CUDA device; tcfit runs on the CPU")
 
 
 def check_rendering() -> Iterator[Check]:
@@ -141,11 +139,11 @@ def check_rendering() -> Iterator[Check]:
     for name, packages in BACKENDS.items():
         reason = probe(name)
         if reason is None:
-            yield Check(status="ok", found=f"renders off-screen with {name.upper()}")
+            yield Check("ok", f"renders off-screen with {name.upper()}")
             return
         missing = _NO_MODULE.search(reason)
         advice = f"pip install {missing[1]}" if missing else f"apt install {packages}"
-        yield Check(status="warning", found=f"{name.upper()}: {reason}", advice=advice)
+        yield Check("warning", f"{name.upper()}: {reason}", advice)
 
 
 def check_video() -> Iterator[Check]:
@@ -156,11 +154,11 @@ def check_video() -> Iterator[Check]:
 
     with FrameSource(demo_clip().video) as frames:
         frames.frame(frames.count - 1)
-        yield Check(status="ok", found=f"PyAV decodes the demo clip, {frames.count} frames")
+        yield Check("ok", f"PyAV decodes the demo clip, {frames.count} frames")
     if can_encode():
-        yield Check(status="ok", found="PyAV writes H.264 videos")
+        yield Check("ok", "PyAV writes H.264 videos")
     else:
-        yield Check(status="warning", found="PyAV was built without H.264", advice="pip install --force-reinstall av")
+        yield Check("warning", "PyAV was built without H.264", "pip install --force-reinstall av")
 
 
 def check_networks() -> Iterator[Check]:
@@ -172,7 +170,7 @@ def check_networks() -> Iterator[Check]:
 
     for read, path in ((read_lifter, LIFTER), (read_perspective, PERSPECTIVE), (read_prior, POSE_PRIOR)):
         read(path)
-        yield Check(status="ok", found=path.name)
+        yield Check("ok", path.name)
 
 
 def check_detector() -> Iterator[Check]:
@@ -186,15 +184,15 @@ def check_detector() -> Iterator[Check]:
     for name in here:
         if why := _refusal(lambda name=name: networks.Network(name)):
             broken = True
-            yield Check(status="warning", found=why, advice=get)
+            yield Check("warning", why, get)
     if gone:
         which = "the networks are" if len(gone) == len(networks.NEEDED) else f"{', '.join(gone)} of its networks are"
         found = f"{which} not on this computer: tcfit cannot find keypoints in a video"
-        yield Check(status="warning", found=found, advice=f"{get} (90 MB, once); not needed with --keypoints")
+        yield Check("warning", found, f"{get} (90 MB, once); not needed with --keypoints")
     elif not broken:
         lacks = "" if len(here) == len(networks.NETWORKS) else "; the larger one for bodies (optional) is missing"
         found = f"MediaPipe's networks are in {networks.folder()}{lacks}"
-        yield Check(status="ok", found=found, advice=get if lacks else "")
+        yield Check("ok", found, get if lacks else "")
     yield from _downloaded_models()
 
 
@@ -205,9 +203,9 @@ def _downloaded_models() -> Iterator[Check]:
     for name in filter(is_here, KNOWN_MODELS):
         load = load_pose_model if KNOWN_MODELS[name].finds == "points" else load_box_model
         if why := _refusal(lambda load=load, name=name: load(model_path(name))):
-            yield Check(status="warning", found=why, advice=f"tcfit models add {name}")
+            yield Check("warning", why, f"tcfit models add {name}")
         else:
-            yield Check(status="ok", found=f"{name}: {model_path(name)}")
+            yield Check("ok", f"{name}: {model_path(name)}")
 
 
 def _refusal(load: Callable[[], object]) -> str:
@@ -230,9 +228,9 @@ def check_folders() -> Iterator[Check]:
         problem = _write_problem(folder)
         if problem:
             advice = "correct its permissions or free space"
-            yield Check(status="warning", found=f"{purpose}: {folder} cannot be written ({problem})", advice=advice)
+            yield Check("warning", f"{purpose}: {folder} cannot be written ({problem})", advice)
         else:
-            yield Check(status="ok", found=f"{purpose}: {folder}")
+            yield Check("ok", f"{purpose}: {folder}")
 
 
 def check_plugins() -> Iterator[Check]:
@@ -248,11 +246,11 @@ def check_plugins() -> Iterator[Check]:
     for group, table in tables.items():
         for plugin in plugins.loaded(group):
             if plugin.name in table and not any(fault.of(plugin) for fault in plugins.faults()):
-                yield Check(status="ok", found=f"{group}: {plugin.name}, of {plugin.package}")
+                yield Check("ok", f"{group}: {plugin.name}, of {plugin.package}")
     for fault in plugins.faults():
-        yield Check(status="warning", found=f"{fault.group}: {fault.name}: {fault.reason}", advice=fault.advice)
+        yield Check("warning", f"{fault.group}: {fault.name}: {fault.reason}", fault.advice)
     if not any(plugins.loaded(group) for group in tables) and not plugins.faults():
-        yield Check(status="ok", found="none")
+        yield Check("ok", "none")
 
 
 CHECKS: dict[str, Callable[[], Iterator[Check]]] = {

@@ -12,9 +12,8 @@ from fitting_core.errors import InputError, printable
 from fitting_core.measure.references.files import read_reference
 from tcfit_app.cli.json_lines import Note, Progress, emit, emit_figures, emit_wrote
 from tcfit_app.evaluation.evaluated_fits import EvaluatedFit, evaluated_fit
-from tcfit_app.evaluation.evaluating import evaluation_of
+from tcfit_app.evaluation.evaluating import AUTO, evaluation_of, in_time, seconds_of
 from tcfit_app.evaluation.files import print_table, write_evaluation
-from tcfit_app.evaluation.reference_time import AUTO, in_time, seconds_of
 from tcfit_app.options.evaluate import EvaluateOptions
 
 

@@ -1,10 +1,11 @@
 """The command `tcfit`: parses the command line, runs one command, and returns an exit code."""
 
+import errno
 import os
 import shlex
 import sys
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, Union
@@ -31,7 +32,6 @@ from tcfit_app.options.fit import (
     registry_of_hints,
 )
 from tcfit_app.options.import_ import ImportOptions
-from tcfit_app.options.paths import check_paths
 from tcfit_app.options.removed import check_removed
 
 
@@ -174,7 +174,65 @@ def _run(given: list[str]) -> int | None:
     os.getcwd()  # fails where that folder is gone, in which torch's libraries end the process
     check_removed(given)
     options = parse(given)
-    check_paths(options)
+    _check_paths(options)
     run = dict(COMMANDS.values())[type(options)]
     code = run(options, legible(shlex.join(["tcfit", *given])))
     return code if isinstance(code, int) else None
+
+
+# --- impossible paths, refused before anything is read ---
+
+_LONGEST_NAME, _LONGEST = 255, 4095
+"""Bytes of a file's name and of a path, as Linux has them."""
+_NAMES_OR_PATHS = ("body_model", "detector")
+"""Options that take a name or a path."""
+_PRIOR = "pose_prior="
+"""A value of --set that may name a file."""
+
+
+def _check_paths(options: Any) -> None:
+    """Raise InputError for a path that is too long or not UTF-8.
+
+    Results store the paths of their input, and OpenCV, SQLite and JSON accept only UTF-8. Without this check, such a
+    name failed only after the fit.
+
+    Args:
+        options: A command's, with those of its groups.
+    """
+    for path in _paths_in(options):
+        if why := _fault(path):
+            raise InputError(f"{legible(str(path))[:200]}: {why}")
+
+
+def _paths_in(options: Any) -> Iterator[Path]:
+    if isinstance(options, Path):
+        yield options
+    elif isinstance(options, str):
+        if options.startswith(_PRIOR):
+            yield Path(options.removeprefix(_PRIOR))
+    elif isinstance(options, tuple):
+        for value in options:
+            yield from _paths_in(value)
+    elif is_dataclass(options):
+        for one in fields(options):
+            value = getattr(options, one.name)
+            yield from _paths_in(Path(value) if one.name in _NAMES_OR_PATHS and value else value)
+
+
+def _fault(path: Path) -> str:
+    """Why the path is impossible; empty if it is not."""
+    written = os.fsencode(path)
+    if b"\0" in written:
+        return "has a null character, which no path can have."
+    if any(len(part) > _LONGEST_NAME for part in written.split(b"/")) or len(written) > _LONGEST:
+        return f"is too long; expected names of at most {_LONGEST_NAME} bytes, and {_LONGEST} for the whole path."
+    try:
+        written.decode("utf-8")
+    except UnicodeDecodeError:
+        return "has a name that is not UTF-8. Rename it."
+    try:
+        path.stat()
+    except OSError as error:  # other problems are reported where the path is used
+        if error.errno == errno.ELOOP:
+            return "is a link that leads to itself. Choose another place."
+    return ""
