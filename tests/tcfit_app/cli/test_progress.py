@@ -12,7 +12,7 @@ from fitting_core.camera import Camera
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.events import FitEvent, Iteration, PhaseFinished, PhaseStarted
 from fitting_core.results.fit_result import FitResult, PhaseResult
-from tcfit_app.cli import fit_command
+from tcfit_app.cli import progress as shown
 from tcfit_app.cli.progress import ProgressShown
 
 
@@ -56,7 +56,7 @@ def test_bar_is_one_of_the_whole_fit_and_never_goes_back():
 
 def test_bar_shows_a_time_once_it_is_stable(monkeypatch: pytest.MonkeyPatch):
     stream, now = _Terminal(), [0.0]
-    monkeypatch.setattr(fit_command.time, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(shown.time, "perf_counter", lambda: now[0])
     with closing(ProgressShown((1,), stream)) as progress:
         progress.show(next(_events()))
         for second in range(41):
