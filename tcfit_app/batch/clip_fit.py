@@ -41,8 +41,8 @@ from tcfit_app.analysis.suspicion import review_queue, worst_place
 from tcfit_app.batch.inputs import FIRST_NAME, SHAPE_NAME, detector_of, inputs_of, missing_input, unchanged
 from tcfit_app.batch.manifest import ClipTask, Form
 from tcfit_app.batch.records import (
-    Figures,
     Record,
+    ResultFigures,
     done_record,
     patient_lock,
     read_record,
@@ -369,12 +369,12 @@ def _put_among(draft: Path, out: Path) -> None:
     sync(out)
 
 
-def _figures(content: dict[str, Any], notes: list[str]) -> Figures:
+def _figures(content: dict[str, Any], notes: list[str]) -> ResultFigures:
     """For the summary."""
     if "reprojection_px" not in content:
-        return Figures(frames=content["frames"])
+        return ResultFigures(frames=content["frames"])
     last = max(content["reprojection_px"])
-    return Figures(
+    return ResultFigures(
         frames=content["frames"],
         off=off_by_part(content["reprojection_px"][last]),
         jitter_mm=content["jitter"][last]["camera_space_mm_per_frame2"],

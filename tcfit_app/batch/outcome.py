@@ -33,7 +33,7 @@ _LISTED = 40
 
 
 @dataclass(frozen=True, kw_only=True)
-class Row:
+class ClipOutcome:
     """One clip."""
 
     line: int
@@ -52,16 +52,16 @@ class Row:
     notes: str = ""
 
 
-def row_of(task: ClipTask, record: Record | None, before: bool) -> Row:
+def outcome_of(task: ClipTask, record: Record | None, before: bool) -> ClipOutcome:
     """The row of a clip by its record (None: not reached), which may be from an earlier run (`before`)."""
     if record is None:
-        return Row(line=task.line, clip=task.name, subject=task.subject, state="left")
+        return ClipOutcome(line=task.line, clip=task.name, subject=task.subject, state="left")
     state: State = record.state
     if before:
         state = "done before" if state == "done" else "failed before"
     figures = record.figures
     off = figures.off if figures else {}
-    return Row(
+    return ClipOutcome(
         line=task.line,
         clip=task.name,
         subject=task.subject,
@@ -75,10 +75,10 @@ def row_of(task: ClipTask, record: Record | None, before: bool) -> Row:
     )
 
 
-def write_summary(folder: Path, rows: Sequence[Row], *, seconds: float) -> None:
+def write_summary(folder: Path, rows: Sequence[ClipOutcome], *, seconds: float) -> None:
     """Write summary.csv and summary.json into the batch's folder. Raises OSError if that is impossible."""
     text = io.StringIO(newline="")
-    writer = csv.DictWriter(text, fieldnames=list(Row.__dataclass_fields__))
+    writer = csv.DictWriter(text, fieldnames=list(ClipOutcome.__dataclass_fields__))
     writer.writeheader()
     writer.writerows(asdict(row) for row in rows)
     with replacing(folder / SUMMARY_CSV) as draft:
@@ -97,7 +97,7 @@ def counts(states: Iterable[State]) -> dict[State, int]:
     return {state: found[state] for state in STATES}
 
 
-def show_summary(rows: Sequence[Row], *, seconds: float, console: Console) -> None:
+def show_summary(rows: Sequence[ClipOutcome], *, seconds: float, console: Console) -> None:
     """Print the number of clips in each state, with times, and the reasons of failures."""
     table = Table("clips", "", "seconds each", title=f"{len(rows)} clips, {_duration(seconds)}", title_justify="left")
     table.columns[0].justify = table.columns[2].justify = "right"
@@ -113,7 +113,7 @@ def show_summary(rows: Sequence[Row], *, seconds: float, console: Console) -> No
         console.print(f"... and {len(failures) - _LISTED} more")
 
 
-def _failures(rows: Sequence[Row]) -> Table:
+def _failures(rows: Sequence[ClipOutcome]) -> Table:
     table = Table("line", "clip", "reason", title="Failed", title_justify="left", show_lines=True)
     table.columns[2].overflow = "fold"  # do not cut off paths
     for row in rows[:_LISTED]:

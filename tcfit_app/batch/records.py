@@ -39,7 +39,7 @@ Kind = TypeVar("Kind")
 LogEvent = Literal["started", "fitted", "recovered", "failed"]
 
 
-class Figures(msgspec.Struct, frozen=True, kw_only=True):
+class ResultFigures(msgspec.Struct, frozen=True, kw_only=True):
     """Of a result, for the summary."""
 
     frames: int
@@ -60,7 +60,7 @@ class Record(msgspec.Struct, frozen=True, kw_only=True):
     """Seconds since 1970."""
     seconds: float
     """That it took."""
-    figures: Figures | None = None
+    figures: ResultFigures | None = None
     reason: str = ""
     """Why it failed, for the user."""
     trace: str = ""

@@ -19,10 +19,10 @@ from tcfit_app.batch.columns import LEAST_PART
 from tcfit_app.batch.executors import Executor, LocalProcesses, RayCluster
 from tcfit_app.batch.inputs import SHAPE_NAME, detector_of, detector_version, missing_input
 from tcfit_app.batch.manifest import ClipTask, Complaints, read_manifest
-from tcfit_app.batch.outcome import FAILURES, SUMMARY_CSV, Row, row_of, show_summary, write_summary
+from tcfit_app.batch.outcome import FAILURES, SUMMARY_CSV, ClipOutcome, outcome_of, show_summary, write_summary
 from tcfit_app.batch.records import Record, batch_folder, done_record, failed_path, patient_lock, write_json, write_log
 from tcfit_app.batch.rounds import Course, Round, with_shape
-from tcfit_app.cli.json_lines import ClipEnded, Progress, emit, emit_wrote
+from tcfit_app.cli.json_lines import ClipEnded, StepProgress, emit, emit_wrote
 from tcfit_app.fitting.process_queue import Work
 from tcfit_app.options.batch import BatchOptions
 from tcfit_app.options.preparing import body_file, check_out, compile_kernels, prepare_solver
@@ -81,10 +81,10 @@ def _reported(course: Course) -> int:
     return int(any(row.state in FAILURES for row in rows))
 
 
-def _told(course: Course, seconds: float) -> list[Row]:
+def _told(course: Course, seconds: float) -> list[ClipOutcome]:
     """Write and print the outcome."""
     outcomes = [course.outcome(place) for place in range(len(course.tasks))]
-    rows = [row_of(task, *found) for task, found in zip(course.tasks, outcomes, strict=True)]
+    rows = [outcome_of(task, *found) for task, found in zip(course.tasks, outcomes, strict=True)]
     folder = course.folder
     with accessing(folder):
         write_summary(folder, rows, seconds=seconds)
@@ -188,7 +188,7 @@ class _Lines:
             self._bar.update(1)
         else:
             share = news.share or 0.0
-            emit(Progress(step=news.step, share=share, text="", clip=task.name))
+            emit(StepProgress(step=news.step, share=share, text="", clip=task.name))
             self._running[index] = f"{news.step} {share:.0%}" if share else news.step
         self._bar.set_postfix_str(", ".join(f"{self._tasks[i].name} {how}" for i, how in self._running.items()))
 

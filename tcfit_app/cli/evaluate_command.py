@@ -10,7 +10,7 @@ import torch
 from fitting_core.body.markers.files import read_marker_set
 from fitting_core.errors import InputError, printable
 from fitting_core.measure.references.files import read_reference
-from tcfit_app.cli.json_lines import Note, Progress, emit, emit_figures, emit_wrote
+from tcfit_app.cli.json_lines import Note, StepProgress, emit, emit_figures, emit_wrote
 from tcfit_app.evaluation.evaluated_fits import EvaluatedFit, evaluated_fit
 from tcfit_app.evaluation.evaluating import AUTO, evaluation_of, in_time, seconds_of
 from tcfit_app.evaluation.files import print_table, write_evaluation
@@ -71,7 +71,7 @@ def _counted(fit: EvaluatedFit, every: int) -> Callable[[int], None]:
     def done(more: int) -> None:
         nonlocal count
         count += more
-        emit(Progress(step="surfaces", share=min(1.0, count / total), text=f"{count} of {total} frames"))
+        emit(StepProgress(step="surfaces", share=min(1.0, count / total), text=f"{count} of {total} frames"))
 
     return done
 

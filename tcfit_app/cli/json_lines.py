@@ -17,7 +17,7 @@ import msgspec
 SCHEMA = 1
 OPTION = "--json"
 _STEP = 0.01
-"""Progress is reported when the share has grown by this much."""
+"""StepProgress is reported when the share has grown by this much."""
 
 
 class Event(msgspec.Struct, frozen=True, kw_only=True, tag_field="event"):
@@ -44,8 +44,8 @@ class Step(Event, frozen=True, kw_only=True, tag="step"):
     """In words."""
 
 
-class Progress(Event, frozen=True, kw_only=True, tag="progress"):
-    """Progress of a step, at most one line for each hundredth."""
+class StepProgress(Event, frozen=True, kw_only=True, tag="progress"):
+    """StepProgress of a step, at most one line for each hundredth."""
 
     step: str
     share: float
@@ -124,7 +124,7 @@ class Ended(Event, frozen=True, kw_only=True, tag="ended"):
     """The exit code: 0, 1 (failed), 2 (wrong input), 130 (cancelled)."""
 
 
-AnyEvent = Started | Step | Progress | StepDone | ClipEnded | Figures | Note | Wrote | Failure | Ended
+AnyEvent = Started | Step | StepProgress | StepDone | ClipEnded | Figures | Note | Wrote | Failure | Ended
 EVENTS = get_args(AnyEvent)
 
 
@@ -134,7 +134,7 @@ class _Lines:
         self._shares: dict[tuple[str, str | None], float] = {}
 
     def write(self, event: AnyEvent) -> None:
-        if isinstance(event, Progress):
+        if isinstance(event, StepProgress):
             key = event.step, event.clip
             if event.share < self._shares.get(key, -_STEP) + _STEP - 1e-9:
                 return
@@ -155,7 +155,7 @@ def emit(event: AnyEvent) -> None:
 
 def told(step: str) -> Callable[[float], None]:
     """A function that reports shares of a step."""
-    return lambda share: emit(Progress(step=step, share=share, text=""))
+    return lambda share: emit(StepProgress(step=step, share=share, text=""))
 
 
 def emit_figures(of: str, method: str, figures: Mapping[str, float | None]) -> None:

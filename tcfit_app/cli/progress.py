@@ -11,13 +11,13 @@ from tqdm import tqdm
 
 from fitting_core.detect.detecting import DetectionProgress
 from fitting_core.fit.events import FitEvent, Iteration, PhaseFinished, PhaseStarted
-from fitting_core.motion import Progress as TakesShare
-from tcfit_app.cli.json_lines import Progress, Step, StepDone, emit, told
+from fitting_core.motion import Progress
+from tcfit_app.cli.json_lines import Step, StepDone, StepProgress, emit, told
 from tcfit_app.fitting.fit_progress import FitProgress, time_left
 
 
 @contextmanager
-def bar(title: str, step: str) -> Iterator[TakesShare]:
+def bar(title: str, step: str) -> Iterator[Progress]:
     """A bar on a terminal; what it yields takes shares, moves the bar, and reports them as those of a step."""
     form, tell = "{desc} {percentage:3.0f} % |{bar}| {elapsed} < {remaining}", told(step)
     with tqdm(total=1.0, desc=f"{title:26}", bar_format=form, file=sys.stderr, disable=None, leave=False) as shown:
@@ -62,7 +62,7 @@ class DetectionShown:
         if self._last is None:
             self._begin(progress)
         self._last = progress
-        emit(Progress(step=_KEYPOINTS, share=progress.share, text=f"{progress.done} of {progress.total} frames"))
+        emit(StepProgress(step=_KEYPOINTS, share=progress.share, text=f"{progress.done} of {progress.total} frames"))
         if self._bar is not None:
             self._bar.update(progress.done - self._bar.n)
 
@@ -119,7 +119,7 @@ class ProgressShown:
             self._begin()
         elif isinstance(event, Iteration):
             emit(
-                Progress(
+                StepProgress(
                     step=step,
                     share=event.share,
                     text=self._progress.phrase,

@@ -41,7 +41,7 @@ from tcfit_app.home.messages import (
     unforeseen,
 )
 from tcfit_app.home.pictures import picture_of
-from tcfit_app.home.queue import Job, WorkQueue, export_job, fit_job
+from tcfit_app.home.queue import Job, JobQueue, export_job, fit_job
 from tcfit_app.home.reviews import PATH, Reviews
 from tcfit_app.project.storage.clip_review import ReviewOfClip, reviewed
 from tcfit_app.server.gate import HOME
@@ -90,7 +90,7 @@ class Home:
 
     def __init__(self, root: Path, *, files: Path | None = None, models: Path | None = None) -> None:
         self._models = models
-        self._queue = WorkQueue(self._place_of, self._refresh)
+        self._queue = JobQueue(self._place_of, self._refresh)
         self.catalogue = Catalogue(root, self._queue.on)
         self.reviews = Reviews(self._folder_of, lambda key: self._refresh([key]), files=files, models=models)
         self._watchers: set[_Watcher] = set()

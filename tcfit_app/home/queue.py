@@ -78,7 +78,7 @@ class _Entry:
     work: Work
 
 
-class WorkQueue:
+class JobQueue:
     """Thread-safe.
 
     Args:

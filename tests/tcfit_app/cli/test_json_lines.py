@@ -16,9 +16,9 @@ import pytest
 
 from fitting_core.body.model import BodyModel
 from fitting_core.io.result_files import write_result
-from tcfit_app.batch.records import Figures, Record
+from tcfit_app.batch.records import Record, ResultFigures
 from tcfit_app.cli.batch_command import _Lines
-from tcfit_app.cli.json_lines import EVENTS, SCHEMA, AnyEvent, Progress, emit, json_lines
+from tcfit_app.cli.json_lines import EVENTS, SCHEMA, AnyEvent, StepProgress, emit, json_lines
 from tcfit_app.cli.main import main
 from tcfit_app.fitting.process_queue import Work
 from tests.fitting_core.detect.onnx_files import brightest_model, spots
@@ -108,7 +108,7 @@ def test_a_batch(capsys: pytest.CaptureFixture[str]):
     with json_lines(), closing(_Lines(2, 0, tasks, "clips")) as shown:
         shown.show(1, Work(step="phase 1", share=0.25))
         shown.show(1, record(state="failed", reason="No keypoints."))
-        shown.show(0, record(state="done", figures=Figures(frames=3)))
+        shown.show(0, record(state="done", figures=ResultFigures(frames=3)))
     first, second, third = (json.loads(line) for line in capsys.readouterr().out.splitlines())
     assert (first["event"], first["clip"], first["step"], first["share"]) == ("progress", "b", "phase 1", 0.25)
     assert (second["clip"], second["state"], second["reason"]) == ("b", "failed", "No keypoints.")
@@ -137,8 +137,8 @@ def test_what_cannot_be_done(given: list[str], capsys: pytest.CaptureFixture[str
 def test_progress_never_falls_and_comes_by_hundredths(capsys: pytest.CaptureFixture[str]):
     with json_lines() as end:
         for share in (0.0, 0.001, 0.5, 0.2, 0.505, 0.51, 1.0):
-            emit(Progress(step="a", share=share, text=""))
-        emit(Progress(step="b", share=0.1, text=""))
+            emit(StepProgress(step="a", share=share, text=""))
+        emit(StepProgress(step="b", share=0.1, text=""))
         print("for people")
         end(0)
     told = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
@@ -146,7 +146,7 @@ def test_progress_never_falls_and_comes_by_hundredths(capsys: pytest.CaptureFixt
 
 
 def test_nothing_is_told_without_it(capsys: pytest.CaptureFixture[str]):
-    emit(Progress(step="a", share=0.5, text=""))
+    emit(StepProgress(step="a", share=0.5, text=""))
     assert not capsys.readouterr().out
 
 

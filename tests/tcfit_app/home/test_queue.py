@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tcfit_app.fitting.process_queue import Work
-from tcfit_app.home.queue import WAITING, Job, WorkQueue
+from tcfit_app.home.queue import WAITING, Job, JobQueue
 from tests.tcfit_app.home.acted import act
 
 PATIENCE = 120.0
@@ -16,13 +16,13 @@ ACTED, AFTERWARDS = (Job(kind=kind, writes=False, run=act) for kind in ("act", "
 
 
 @pytest.fixture
-def queue() -> Iterator[WorkQueue]:
+def queue() -> Iterator[JobQueue]:
     def place(key: str, job: Job) -> Path:
         if key == "open":
             raise ValueError("anna has it open: fit it there.")
         return Path(key)
 
-    made = WorkQueue(place, lambda keys: None)
+    made = JobQueue(place, lambda keys: None)
     try:
         yield made
     finally:
@@ -36,7 +36,7 @@ def until(condition) -> None:
         time.sleep(0.02)
 
 
-def test_one_after_the_other_and_what_failed_says_why(queue: WorkQueue):
+def test_one_after_the_other_and_what_failed_says_why(queue: JobQueue):
     queue.add(["fails", "open", "dies", "good"], ACTED)
     assert queue.on("good") == WAITING and queue.busy
     until(lambda: not queue.busy)
@@ -52,7 +52,7 @@ def test_one_after_the_other_and_what_failed_says_why(queue: WorkQueue):
     assert queue.on("fails") is None
 
 
-def test_the_one_that_runs_can_be_cancelled_and_the_next_begins(queue: WorkQueue):
+def test_the_one_that_runs_can_be_cancelled_and_the_next_begins(queue: JobQueue):
     queue.add(["hangs", "good"], ACTED)
     until(lambda: (work := queue.on("hangs")) is not None and work.share == 0.5)
     queue.cancel(["hangs"])
@@ -60,7 +60,7 @@ def test_the_one_that_runs_can_be_cancelled_and_the_next_begins(queue: WorkQueue
     assert queue.on("hangs") is None
 
 
-def test_its_end_stops_what_runs(queue: WorkQueue):
+def test_its_end_stops_what_runs(queue: JobQueue):
     queue.add(["hangs", "good"], ACTED)
     until(lambda: (work := queue.on("hangs")) is not None and work.share == 0.5)
     begun = time.monotonic()
@@ -69,7 +69,7 @@ def test_its_end_stops_what_runs(queue: WorkQueue):
     assert not [thread for thread in threading.enumerate() if thread.name == "tcfit works in the background"]
 
 
-def test_a_clip_waits_for_one_job_of_each_kind_in_their_order(queue: WorkQueue):
+def test_a_clip_waits_for_one_job_of_each_kind_in_their_order(queue: JobQueue):
     queue.add(["hangs", "says"], ACTED)
     queue.add(["hangs", "says"], AFTERWARDS)
     queue.add(["says"], ACTED)
@@ -89,7 +89,7 @@ def test_an_unforeseen_error_is_the_end_of_one_job_only():
         if threading.current_thread().name == "tcfit works in the background":
             raise ZeroDivisionError("in a page")
 
-    queue = WorkQueue(place, fail)
+    queue = JobQueue(place, fail)
     try:
         queue.add(["odd", "says"], ACTED)
         until(lambda: not queue.busy)
