@@ -21,6 +21,8 @@ def shown(metavar: str, default: str, text: str | None = None) -> Any:
     return arg(metavar=metavar, help=text, help_behavior_hint=f"(default: {default})")
 
 
+Video = Annotated[Positional[Path | None], arg(metavar="VIDEO", help_behavior_hint="(required without --keypoints)")]
+KeypointFiles = Annotated[Path | None, shown("PATH", "keypoints/ of the SMPLify-X layout, or detected in the video")]
 JsonLines = Annotated[bool, arg(help="Print progress as JSON, one event per line.")]
 ModelsFolder = Annotated[Path | None, shown("DIR", "see tcfit models", "Search only this folder for body models.")]
 RunName = Annotated[str | None, shown("NAME", "the newest", "Run of the project: its name or number.")]
@@ -165,13 +167,9 @@ class FitOptions:
     the first and the last phase), summary.json and, with a video, overlay.mp4. Ctrl-C keeps finished phases.
     """
 
-    video: Annotated[
-        Positional[Path | None], arg(metavar="VIDEO", help_behavior_hint="(required without --keypoints)")
-    ] = None
+    video: Video = None
     """A video file, a folder of images, or a folder in SMPLify-X layout (images/ and keypoints/ inside)."""
-    keypoints: Annotated[Path | None, shown("PATH", "keypoints/ of the SMPLify-X layout, or detected in the video")] = (
-        None
-    )
+    keypoints: KeypointFiles = None
     """OpenPose JSON (a folder, or one file), COCO-WholeBody JSON, or a .pose file."""
     out: Annotated[Path, arg(metavar="DIR")]
     """Folder for the result. An existing result is replaced."""
@@ -200,14 +198,10 @@ class NewOptions:
     A project is a folder. It links to the video unless --copy-video is given.
     """
 
-    video: Annotated[
-        Positional[Path | None], arg(metavar="VIDEO", help_behavior_hint="(required without --keypoints)")
-    ] = None
+    video: Video = None
     """A video file, a folder of images, a folder in SMPLify-X layout (images/ and keypoints/ inside), or a project that
     `tcfit export --formats project` packed."""
-    keypoints: Annotated[Path | None, shown("PATH", "keypoints/ of the SMPLify-X layout, or detected in the video")] = (
-        None
-    )
+    keypoints: KeypointFiles = None
     """OpenPose JSON (a folder, or one file), COCO-WholeBody JSON, or a .pose file. none: a project without
     keypoints."""
     out: Annotated[Path | None, shown("DIR", "the clip's name with .tcfit, in this folder")] = None
@@ -253,9 +247,7 @@ class ReviewOptions:
         arg(metavar="PROJECT|VIDEO|FOLDER", help_behavior_hint="(required without --keypoints)"),
     ] = None
     """A project, a result of `tcfit fit`, a video or images, or a folder of any of these, which are listed."""
-    keypoints: Annotated[Path | None, shown("PATH", "keypoints/ of the SMPLify-X layout, or detected in the video")] = (
-        None
-    )
+    keypoints: KeypointFiles = None
     """For a new project. OpenPose JSON (a folder, or one file), COCO-WholeBody JSON, or a .pose file. none: a project
     without keypoints."""
     out: Annotated[Path | None, shown("DIR", "the clip's name with .tcfit, in this folder")] = None
