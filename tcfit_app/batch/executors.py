@@ -87,6 +87,7 @@ class RayCluster(Executor):
                     index, task = waiting.pop()
                     gpus = int(task.config.device.startswith("cuda"))
                     under_way[fit.options(num_gpus=gpus).remote(task, folder)] = index
+                    yield index, Work(step="reading", share=0.0)
                 for ready in ray.wait(list(under_way), num_returns=1)[0]:
                     index = under_way.pop(ready)
                     yield index, _record(ray, ready, tasks[index])

@@ -13,7 +13,15 @@ from fitting_core.measure.references.reference import Reference
 from fitting_core.video.fingerprint import fingerprint
 from tcfit_app.cli.progress import DetectionShown
 from tcfit_app.home.found import PROJECT_SUFFIX
-from tcfit_app.options.clip_input import clip_of, clip_options, described, everybody_of, notes_of, refusal
+from tcfit_app.options.clip_input import (
+    check_not_new,
+    clip_of,
+    clip_options,
+    described,
+    everybody_of,
+    notes_of,
+    refusal,
+)
 from tcfit_app.options.fit import NewOptions, ReferenceOptions, ReviewOptions, height_of
 from tcfit_app.project.new_people import create_people
 from tcfit_app.project.packed import is_packed, packed_creation_time, unpack
@@ -85,12 +93,9 @@ def _made_of_everybody(options: NewOptions) -> Path:
 
 def _unpacked(path: Path, options: NewOptions | ReviewOptions, *, reopen: bool) -> Path:
     """The project in a file that `tcfit export --formats project` made."""
-    if options.keypoints is not None or options.copy_video:
-        raise InputError(f"{path} is a project and contains its keypoints: leave out --keypoints and --copy-video.")
     if isinstance(options, NewOptions) and options.people is not None:
         raise InputError(f"{path} is the project of one person: leave out --people.")
-    if given := clip_options(options):
-        raise InputError(f"{path}: is already a project. {refusal(given)}")
+    check_not_new(path, options)
     if isinstance(options, NewOptions) and options.height is not None:
         raise InputError(f"{path}: is already a project. Use tcfit review --height CM.")
     folder = options.out or Path(path.name.removesuffix(".zip").removesuffix(PROJECT_SUFFIX) + PROJECT_SUFFIX)

@@ -261,14 +261,11 @@ def _take(project: "Project", options: ReviewOptions) -> None:
 
 def opened(options: ReviewOptions) -> "Project":
     """The project that the options name: opened, made of a clip, or read-only if another process has it open."""
-    from tcfit_app.options.clip_input import clip_options, refusal
+    from tcfit_app.options.clip_input import check_not_new
 
     if options.video is not None and is_project(options.video):
         folder = options.video
-        if options.keypoints is not None:
-            raise InputError(f"{folder} is a project and contains its keypoints: leave out --keypoints.")
-        if given := clip_options(options):
-            raise InputError(f"{folder}: is already a project. {refusal(given)}")
+        check_not_new(folder, options)
     else:
         from tcfit_app.cli.new_command import make_project
 
@@ -278,20 +275,17 @@ def opened(options: ReviewOptions) -> "Project":
 
 def _people(options: ReviewOptions) -> AbstractContextManager["OpenPeople"]:
     """The projects in a folder of several people, opened."""
-    from tcfit_app.options.clip_input import clip_options, refusal
+    from tcfit_app.options.clip_input import check_not_new
     from tcfit_app.project.people import opened_people
 
     folder = options.video
     assert folder is not None
-    if options.keypoints is not None:
-        raise InputError(f"{folder} contains projects with their keypoints: leave out --keypoints.")
+    check_not_new(folder, options, allowed="--person")
     if options.truth != ReferenceOptions() or options.height is not None:
         what = "a reference" if options.height is None else "a height"
         raise InputError(
             f"{folder} contains several people, and {what} is for one: open that person's project with it."
         )
-    if given := [option for option in clip_options(options) if option != "--person"]:
-        raise InputError(f"{folder}: contains projects already. {refusal(given)}")
     return opened_people(folder, lambda one: open_project(one, read_only=options.read_only), tell)
 
 

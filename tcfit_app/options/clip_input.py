@@ -3,6 +3,7 @@
 import dataclasses
 import re
 from collections.abc import Sequence
+from pathlib import Path
 
 from fitting_core.camera import FocalFrom, World
 from fitting_core.clip import Clip
@@ -103,9 +104,16 @@ def clip_options(options: NewOptions | ReviewOptions) -> list[str]:
 def refusal(given: Sequence[str]) -> str:
     """The message if options of clip and camera are given for an existing project."""
     return (
-        f"{', '.join(given)} can only be given for a new project: name the clip and --out. Set the focal length of a "
-        "fit in the panel Fit."
+        f"{', '.join(given)} can only be given for a new project: name the clip and --out. In the review, set the focal "
+        "length in the panel Fit, and import keypoints in the panel Start."
     )
+
+
+def check_not_new(project: Path, options: NewOptions | ReviewOptions, *, allowed: str = "") -> None:
+    """Raise InputError if options that only a new project takes are given for an existing one, or a packed one."""
+    given = ["--keypoints"] * (options.keypoints is not None) + ["--copy-video"] * options.copy_video
+    if given := [option for option in given + clip_options(options) if option != allowed]:
+        raise InputError(f"{project}: is already a project. {refusal(given)}")
 
 
 def described(clip: Clip) -> list[str]:

@@ -129,7 +129,7 @@ def test_what_is_wrong_is_said(clip_arguments: list[str], tmp_path: Path, capsys
     reviewed(*clip_arguments, "--out", folder)
     capsys.readouterr()
     assert reviewed(folder, "--keypoints", tmp_path) == 2
-    assert "leave out --keypoints" in capsys.readouterr().err
+    assert "--keypoints can only be given for a new project" in capsys.readouterr().err
     assert reviewed(tmp_path / "nothing.mp4") == 2
     assert "nothing.mp4" in capsys.readouterr().err
     (tmp_path / "other").mkdir()

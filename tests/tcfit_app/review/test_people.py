@@ -239,7 +239,7 @@ def test_who_cannot_be_opened_is_told_and_left_out(folder: Path, capsys: pytest.
 @pytest.mark.parametrize(
     ("options", "told"),
     [
-        (["--keypoints", "x"], "leave out --keypoints"),
+        (["--keypoints", "x"], "--keypoints can only be given for a new project"),
         (["--reference", "x.npz"], "a reference is for one"),
         (["--fov", "60"], "--fov can only be given for a new project"),
         (["--person", "3"], "people 1 to 2"),
