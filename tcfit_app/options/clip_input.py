@@ -104,8 +104,8 @@ def clip_options(options: NewOptions | ReviewOptions) -> list[str]:
 def refusal(given: Sequence[str]) -> str:
     """The message if options of clip and camera are given for an existing project."""
     return (
-        f"{', '.join(given)} can only be given for a new project: name the clip and --out. In the review, set the focal "
-        "length in the panel Fit, and import keypoints in the panel Start."
+        f"{', '.join(given)} can only be given for a new project: name the clip and --out. In the review, set the "
+        "focal length in the panel Fit, and import keypoints in the panel Start."
     )
 
 
