@@ -119,7 +119,9 @@ def test_bodies_are_symmetric(body: Arrays) -> None:
     assert np.abs(np.sort(template[:, 0]) - np.sort(mirrored[:, 0])).max() < 1e-6
 
 
-def test_joints_are_inside_people_of_all_builds(body: Arrays) -> None:
+@pytest.mark.parametrize("gender", ["neutral", *(pytest.param(g, marks=pytest.mark.thorough) for g in GENDERS[1:])])
+def test_joints_are_inside_people_of_all_builds(gender: str) -> None:
+    body = load(gender)
     for column, value, count in [(0, 0.0, len(JOINTS)), (0, -2.0, 25), (3, -2.0, 25)]:
         vertices = shaped(body, column, value)
         joints = (body["J_regressor"] @ vertices)[:count]

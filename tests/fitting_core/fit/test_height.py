@@ -45,6 +45,7 @@ def distance_share(shown: BodyModel, fitted: BodyModel, metres: float, height: f
     return float((fit.last.params.camera_translation[:, 2] / params.camera_translation[:, 2]).mean())
 
 
+@pytest.mark.thorough
 def test_a_tall_person_is_at_the_right_distance(free_body: BodyModel):
     assert distance_share(free_body, free_body, 1.95, 195.0) == pytest.approx(1, abs=0.03)
     assert distance_share(free_body, free_body, 1.95, None) < 0.95

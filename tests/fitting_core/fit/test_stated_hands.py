@@ -60,7 +60,9 @@ def test_the_hand_space_comes_near_to_every_named_shape(name: str):
         assert shape == name and degrees < NEAR
 
 
-@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize(
+    "preset", ["tcfit", *(pytest.param(p, marks=pytest.mark.thorough) for p in ("smplifyx", "paper"))]
+)
 def test_a_hand_has_its_shape_in_every_preset(clip: Clip, params: BodyParams, preset: str):
     config = PRESETS[preset]
     weights = replace(config.weights, collision=(0.0,) * 5)

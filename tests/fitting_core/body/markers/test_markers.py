@@ -19,7 +19,7 @@ from fitting_core.errors import InputError
 from fitting_core.shipped import FREE_FOLDER
 from tests.samples.scenes import random_params
 
-GENDERS = ("NEUTRAL", "MALE", "FEMALE")
+GENDERS = ("NEUTRAL", *(pytest.param(gender, marks=pytest.mark.thorough) for gender in ("MALE", "FEMALE")))
 
 
 @pytest.fixture(scope="module", params=GENDERS)

@@ -144,6 +144,7 @@ def test_a_clip_of_one_frame(source: FrameSource, tmp_path: Path):
     assert [len(people) for people in found.people] == [1]
 
 
+@pytest.mark.thorough
 def test_somebody_far_away_is_found(source: FrameSource, tmp_path: Path):
     """A tenth of the image high."""
     (tmp_path / "far").mkdir()

@@ -237,6 +237,7 @@ def reaching_back() -> BodyParams:
     return replace(truth, body_pose=pose)
 
 
+@pytest.mark.thorough
 def test_what_is_fitted_again_has_the_same_evidence(free_body: BodyModel):
     """Frames of a fit that was held near its start, their figures, and the shape of several clips."""
     truth = reaching_back()

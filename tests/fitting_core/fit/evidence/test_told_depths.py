@@ -70,7 +70,9 @@ def mirrored(params: BodyParams) -> np.ndarray:
     return 2 * found[:, [SHOULDER]] - found[:, [ELBOW, WRIST]]
 
 
-@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize(
+    "preset", ["tcfit", *(pytest.param(p, marks=pytest.mark.thorough) for p in ("smplifyx", "paper"))]
+)
 def test_the_fit_follows_a_depth_in_every_preset(clip: Clip, params: BodyParams, preset: str):
     """An arm goes to the other side of its shoulder, where the image shows it alike; its neighbours come along."""
     before, target = depths(params), mirrored(params)
