@@ -1,8 +1,15 @@
-"""A page with the app's script alone, in a real browser, and the server's end of it."""
+"""A page with the app's script alone, in a real browser, and the server's end of it.
+
+On a busy machine everything that a test does in the page, or sends it, may take seconds. So `Tab.send` returns once the
+page has drawn the states, `Tab.until` waits for a condition, and no test sleeps.
+"""
 
 import math
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import viser
@@ -10,7 +17,7 @@ import viser
 from fitting_core.keypoints import COUNT, INDEX
 from tcfit_app.review.browser import page_states as states
 from tcfit_app.review.browser.channel import Channel
-from tcfit_app.review.browser.page_events import Drag, Drawn, Hello, PageEvent
+from tcfit_app.review.browser.page_events import Drag, Drawn, Hello, PageEvent, Resized
 from tcfit_app.server.serving import ReviewServer
 
 if TYPE_CHECKING:
@@ -30,6 +37,8 @@ HTML = "<img src=x onerror=alert(1)> & </script>"
 E = TypeVar("E", bound=PageEvent)
 
 
+PATIENCE = 60.0
+"""Seconds after which a test gives up."""
 _CANVAS_FITS = """() => {
   const canvas = __viserMutable.canvas;
   let box = canvas.parentElement;
@@ -37,6 +46,15 @@ _CANVAS_FITS = """() => {
   return Math.abs(canvas.clientHeight - box.clientHeight) <= 1;
 }"""
 """Whether viser's canvas has followed its box, some frames after the strip took or left its room."""
+_STILL = """async () => {
+  for (let was = "", still = 0; still < 15; await new Promise(requestAnimationFrame)) {
+    const now = __viserMutable.camera.matrixWorld.elements.join();
+    still = now === was ? still + 1 : 0;
+    was = now;
+  }
+  return __viserMutable.camera.position.length();
+}"""
+"""Waits until viser's camera stands still; its distance from the origin then."""
 
 
 @dataclass
@@ -57,46 +75,54 @@ class Tab:
         self.clients.append(client)
         self.channels.append(Channel(client, self.events.append))
 
-    def send(self, name: str, state: states.PageState | None) -> None:
-        self.channels[-1].send(name, state)
+    def post(self, **changed: states.PageState | None) -> None:
+        """Replace states of the page; it draws them some time later."""
+        for name, state in changed.items():
+            self.channels[-1].send(name, state)
+
+    def send(self, **changed: states.PageState | None) -> None:
+        """Replace states of the page, and wait until it has drawn them."""
+        self.post(**changed)
+        self.settle()
+
+    def until(self, condition: Callable[[], Any], what: str = "") -> Any:
+        """Wait for a condition, while events come in; its value."""
+        end = time.monotonic() + PATIENCE
+        while not (found := condition()):
+            assert time.monotonic() < end, f"no {what or condition} in {self.events}"
+            self.page.wait_for_timeout(20)
+        return found
+
+    def received(self, *kinds: type[E]) -> list[E]:
+        """The events of these kinds; by default those of the user's actions, not those of the page's own."""
+        if kinds:
+            return [event for event in self.events if isinstance(event, kinds)]
+        return [event for event in self.events if not isinstance(event, Drawn | Resized)]  # pyright: ignore
 
     def await_event(self, kind: type[E], count: int = 1) -> E:
         """The latest event of the kind, once there are that many."""
-        for _ in range(500):
-            found = [event for event in self.events if isinstance(event, kind)]
-            if len(found) >= count:
-                return found[-1]
-            self.page.wait_for_timeout(20)
-        raise AssertionError(f"no {count} {kind.__name__} in {self.events}")
+        self.until(lambda: len(self.received(kind)) >= count, f"{count} {kind.__name__}")
+        return self.received(kind)[-1]
 
     def await_drag(self, phase: str) -> Drag:
-        """The latest of a drag, once it is that; how many come before hangs on how fast the page draws."""
-        for _ in range(500):
-            drags = [event for event in self.events if isinstance(event, Drag)]
-            if drags and drags[-1].phase == phase:
-                return drags[-1]
-            self.page.wait_for_timeout(20)
-        raise AssertionError(f"no {phase} of a drag in {self.events}")
+        """The latest event of a drag, once it has that phase; how many come before depends on the page's speed."""
+        return self.until(lambda: [drag for drag in self.received(Drag)[-1:] if drag.phase == phase], phase)[0]
 
     def settle(self) -> None:
-        """Waits until all that was sent is drawn, and all that the page had to tell is here."""
+        """Wait until all that was sent is drawn, and the page's events so far are here."""
         self.sent += 1
         frame = self.sent % LENGTH
-        self.send("cursor", states.Cursor(frame=frame, live=self.sent))  # never what the page has already
+        self.post(cursor=states.Cursor(frame=frame, live=self.sent))  # never what the page has already
         self.await_drawn(frame)
 
     def await_drawn(self, frame: int) -> None:
-        """Waits until the page tells that it has drawn a frame, and forgets what it told of others."""
-        for _ in range(500):
-            if Drawn(frame=frame) in self.events:
-                for event in [event for event in self.events if isinstance(event, Drawn)]:
-                    self.events.remove(event)  # one by one: more may come meanwhile
-                return
-            self.page.wait_for_timeout(20)
-        raise AssertionError("the page did not draw")
+        """Wait until the page has drawn a frame, and forget the frames that it drew before."""
+        self.until(lambda: Drawn(frame=frame) in self.events, f"drawing of frame {frame}")
+        for event in self.received(Drawn):
+            self.events.remove(event)  # one by one: more may come meanwhile
 
     def look(self, distance: float, x: float = 0.0) -> None:
-        """Puts the camera that far before the posters."""
+        """Put the camera that far before the posters."""
         camera = self.clients[-1].camera
         with self.clients[-1].atomic():
             camera.near, camera.far, camera.fov = 1.0, 4000.0, FOV
@@ -104,6 +130,11 @@ class Tab:
         there = "(distance) => Math.abs(__viserMutable.camera.position.length() - distance) < 1e-3"
         self.page.wait_for_function(there, arg=math.hypot(distance, x))
         self.settle()
+
+    def await_still_camera(self) -> None:
+        """Wait until viser's camera stands still, and the server knows where."""
+        there = self.page.evaluate(_STILL)
+        self.until(lambda: abs(np.linalg.norm(self.clients[-1].camera.position) - there) < 1e-3, "the camera's place")
 
     def screen(self, u: float, v: float, *, window: states.Place = (0.0, 0.0, 1.0, 1.0)) -> tuple[float, float]:
         """Where an image's pixel is on the screen, in a window, from the camera that viser reports."""
@@ -139,8 +170,14 @@ class Tab:
         found = self.page.locator(selector)
         return found.text_content() if found.is_visible() else None
 
-    def show(self, *, joints: dict[int, tuple[float, float]] = PLACES, selection: tuple[int, ...] = ()) -> None:
-        """All states for one poster."""
+    def show(
+        self,
+        *,
+        joints: dict[int, tuple[float, float]] = PLACES,
+        selection: tuple[int, ...] = (),
+        **attributes: tuple[int, ...],
+    ) -> None:
+        """The keypoints of a frame, one edited and one bad, with other attributes if given; and which are selected."""
         xy, confidence = np.zeros((COUNT, 2)), np.zeros(COUNT)
         for joint, place in joints.items():
             xy[joint], confidence[joint] = place, 0.83
@@ -150,16 +187,36 @@ class Tab:
             confidence=states.shares(confidence),
             edited=(WRIST,),
             bad=(KNEE,),
+            **attributes,
         )
-        self.send("keypoints", state)
-        self.send("selection", states.Selection(joints=selection))
+        self.send(keypoints=state, selection=states.Selection(joints=selection))
 
-    def drag(self, start: tuple[float, float], way: tuple[float, float]) -> None:
-        mouse = self.page.mouse
-        mouse.move(*start)
-        mouse.down()
-        mouse.move(start[0] + way[0], start[1] + way[1], steps=4)
-        mouse.up()
+    def drag(self, start: tuple[float, float], way: tuple[float, float], *, key: str | None = None) -> None:
+        """Press, move and release the left button, with a key held if one is given."""
+        if key:
+            self.page.keyboard.down(key)
+        with self.pressed(start, way):
+            pass
+        if key:
+            self.page.keyboard.up(key)
+        self.settle()
+
+    @contextmanager
+    def pressed(self, start: tuple[float, float], way: tuple[float, float]) -> Iterator[tuple[float, float]]:
+        """A drag that is not over yet, and where the pointer is."""
+        end = (start[0] + way[0], start[1] + way[1])
+        self.page.mouse.move(*start)
+        self.page.mouse.down()
+        self.page.mouse.move(*end, steps=4)
+        try:
+            yield end
+        finally:
+            self.page.mouse.up()
+
+    def hover(self, x: float, y: float) -> None:
+        """Move the pointer there, and wait for what the page shows then."""
+        self.page.mouse.move(x, y)
+        self.settle()
 
 
 POSTER = states.Layout(

@@ -47,9 +47,17 @@ def turn(review: Reviewing, theme: Literal["dark", "light"]) -> None:
     until(lambda: review.tab.evaluate(SHOWN_THEME) == theme, f"the {theme} page")
 
 
+READY = """() =>
+  [...document.querySelectorAll("input[type=text]:not([type=hidden]), [role=slider]")].every(
+    (field) => !field.checkVisibility() || field.ariaLabel || field.labels?.length || field.title,
+  ) && document.getAnimations().every(({ playState }) => playState !== "running")"""
+
+
 def faults(review: Reviewing) -> list[str]:
     """What hinders people, by axe's own judgement."""
-    review.tab.wait_for_timeout(600)  # fields get their names once a panel is there
+    until(
+        lambda: review.tab.evaluate(READY), "names of the fields, which come after a panel, and the end of transitions"
+    )
     found = axe.Axe().run(review.tab).response["violations"]
     grave = [fault for fault in found if fault["impact"] in ("serious", "critical")]
     return [f"{fault['id']}: {node['html'][:200]}" for fault in grave for node in fault["nodes"]]
@@ -64,12 +72,15 @@ def test_panels(review: Reviewing, title: str):
 def test_the_timeline_is_light_or_dark_as_the_system_is(review: Reviewing):
     """Not its ground alone: what is drawn on its canvas is told apart from that."""
     light = review.tab.evaluate("matchMedia('(prefers-color-scheme: light)').matches")
-    review.tab.wait_for_timeout(300)
-    drawn = cv2.imdecode(np.frombuffer(review.tab.locator(".tcfit-strip").screenshot(), np.uint8), cv2.IMREAD_GRAYSCALE)
-    assert drawn is not None
-    ground = np.median(drawn)
-    assert ground > 200 if light else ground < 60
-    assert (np.abs(drawn.astype(int) - ground) > 80).mean() > 0.005
+
+    def is_drawn() -> bool:
+        strip = np.frombuffer(review.tab.locator(".tcfit-strip").screenshot(), np.uint8)
+        drawn = cv2.imdecode(strip, cv2.IMREAD_GRAYSCALE)
+        assert drawn is not None
+        ground = np.median(drawn)
+        return (ground > 200 if light else ground < 60) and (np.abs(drawn.astype(int) - ground) > 80).mean() > 0.005
+
+    until(is_drawn, "the timeline")
 
 
 def test_the_page_follows_the_system_while_it_draws(review: Reviewing):

@@ -10,7 +10,7 @@ import pytest
 
 from tcfit_app.project.project import Project
 from tests.drivers.lone_page import sample_project
-from tests.drivers.review_page import opened, reviewing
+from tests.drivers.review_page import opened, reviewing, until
 from tests.samples.project_samples import sample_clip
 from tests.samples.spot_clips import empty_project, spot_video
 
@@ -107,13 +107,16 @@ def test_a_picture_that_comes_late_is_seen(browser: "Browser", tmp_path: Path):
     empty_project(folder, media)
     with reviewing(folder, browser) as first:
         review = opened(first.app, first.server, browser, script=LATE_PICTURES)
-        review.tab.wait_for_timeout(4000)
         review.rest()
-        pixels = cv2.imdecode(np.frombuffer(review.tab.screenshot(), np.uint8), cv2.IMREAD_COLOR)
-        assert pixels is not None
         width, height = review.session.project.clip.camera.size
         (left, top), (right, bottom) = (
             review.tab.evaluate("([x, y]) => tcfit.place(x, y)", corner) for corner in ([0, 0], [width, height])
         )
-        shown = pixels[round(top) + 2 : round(bottom) - 2, round(left) + 2 : round(right) - 2]
-        assert shown.std() > 5 and np.median(shown) < 250
+
+        def is_seen() -> bool:
+            pixels = cv2.imdecode(np.frombuffer(review.tab.screenshot(), np.uint8), cv2.IMREAD_COLOR)
+            assert pixels is not None
+            shown = pixels[round(top) + 2 : round(bottom) - 2, round(left) + 2 : round(right) - 2]
+            return shown.std() > 5 and np.median(shown) < 250
+
+        until(is_seen, "the picture")

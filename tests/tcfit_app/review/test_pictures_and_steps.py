@@ -39,14 +39,17 @@ def test_the_picture_is_saved_as_it_is_on_show(review: Reviewing, tmp_path: Path
     assert box is not None
     review.tab.add_style_tag(content=".tcfit-chips, .mantine-Notifications-root { visibility: hidden }")
     review.tab.mouse.move(5, 5)
-    review.tab.wait_for_timeout(300)
-    (tmp_path / "seen.png").write_bytes(review.tab.screenshot())
-    seen = cv2.imread(str(tmp_path / "seen.png"))
-    assert seen is not None
     x, y, width, height = (round(box[key]) for key in ("x", "y", "width", "height"))
-    seen = seen[y : y + height, x : x + width]
-    apart = np.abs(cv2.resize(found, (width, height)).astype(int) - seen).max(2)
-    assert seen.std() > 20 and np.median(apart) <= 3 and (apart > 40).mean() < 0.03
+    saved_picture = cv2.resize(found, (width, height)).astype(int)
+
+    def is_alike() -> bool:
+        screen = cv2.imdecode(np.frombuffer(review.tab.screenshot(), np.uint8), cv2.IMREAD_COLOR)
+        assert screen is not None
+        seen = screen[y : y + height, x : x + width]
+        apart = np.abs(saved_picture - seen).max(2)
+        return seen.std() > 20 and np.median(apart) <= 3 and (apart > 40).mean() < 0.03
+
+    until(is_alike, "a screen like the saved picture")
 
 
 def test_the_first_steps_stay_until_they_have_been_read(review: Reviewing, browser: "Browser"):

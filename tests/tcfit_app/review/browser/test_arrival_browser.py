@@ -69,7 +69,7 @@ class Scene:
         with self.client.atomic():
             self._image.draw(image or picture(frame), (1.0, 1.0))
             self._body.draw(layer, vertices)
-            self.tab.send("cursor", Cursor(frame=frame))
+            self.tab.post(cursor=Cursor(frame=frame))
 
     def until_shown(self, frame: int) -> None:
         """Waits until the picture of that frame was drawn, and nothing waits any more."""

@@ -53,12 +53,14 @@ def test_a_button_that_is_drawn_anew_under_the_pointer(opened: Reviewing):
 
 def test_a_press_that_ends_elsewhere_does_nothing(opened: Reviewing):
     groups = opened.page.tab.state.groups
-    opened.tab.locator("[data-tcfit='view.group'][data-value=body]").hover()
+    body, hand = (opened.tab.locator(f"[data-tcfit='view.group'][data-value={name}]") for name in ("body", "left_hand"))
+    body.hover()
     opened.tab.mouse.down()
-    opened.tab.locator("[data-tcfit='view.group'][data-value=left_hand]").hover()
+    hand.hover()
     opened.tab.mouse.up()
-    opened.tab.wait_for_timeout(200)
-    assert opened.page.tab.state.groups == groups
+    opened.tab.locator("[data-tcfit='view.group'][data-value=right_hand]").click()  # what comes after it is here
+    until(lambda: "right_hand" not in opened.page.tab.state.groups)
+    assert opened.page.tab.state.groups == tuple(name for name in groups if name != "right_hand")
 
 
 def test_buttons_by_keyboard(opened: Reviewing):
@@ -72,7 +74,7 @@ def test_names_of_runs_are_text(opened: Reviewing):
     opened.page.tab.do(lambda: opened.page.tab.set(selection=(4,)))
     for name in ("Keypoints", "Review", "View"):
         opened.tab.get_by_text(name, exact=True).first.click()
-        opened.tab.wait_for_timeout(100)
+        until(lambda name=name: opened.tab.locator("[role=tab][aria-selected=true]").inner_text() == name, name)
     assert opened.tab.evaluate("window.attacked") is None
     assert opened.tab.locator("img[src=x]").count() == 0
 
@@ -142,7 +144,7 @@ def test_what_is_changed_moves_no_field(opened: Reviewing):
                 len(settings().problems) == n and (n or settings().config.temporal.weight == float(v))
             )
         )
-        opened.tab.wait_for_timeout(200)
+        opened.rest()
         assert window.bounding_box() == before
     opened.tab.get_by_role("button", name="Back to the preset").click()
     until(lambda: settings().config == PRESETS["tcfit"])
@@ -155,7 +157,7 @@ def test_a_dropdown_that_is_reached_by_tab_stays_closed_until_it_is_wanted(opene
     opened.tab.locator("input[aria-label='w_T']").focus()
     opened.tab.keyboard.press("Tab")
     until(lambda: focused.count() == 1, "the focus")
-    opened.tab.wait_for_timeout(300)
+    opened.rest()
     assert options.count() == 0
     opened.tab.keyboard.press("ArrowDown")
     until(lambda: options.count() > 1, "the list")
