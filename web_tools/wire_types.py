@@ -9,7 +9,7 @@ import msgspec
 from msgspec import inspect
 
 from tcfit_app.review.browser import page_events, page_states
-from tcfit_app.review.browser.page_states import STATES
+from tcfit_app.review.browser.page_states import STATES, PageRequest
 
 PATH = Path(__file__).parent / "types" / "wire.d.ts"
 _HEAD = """/** What travels between server and page, by page_states.py and page_events.py, which explain everything.
@@ -30,8 +30,10 @@ def wire_types() -> str:
     kinds = [kind for kind in found if kind is not page_states.PageState]
     states = "\n".join(f"  {name}: {kind.__name__};" for name, kind in STATES.items())
     events = " | ".join(kind.__name__ for kind in _structs(page_events) if kind is not page_events.Envelope)
+    requests = _type(inspect.type_info(PageRequest))
     parts = [_HEAD, *map(_interface, kinds), f"export interface States {{\n{states}\n}}\n"]
-    return "\n".join([*parts, f"export type PageEvent =\n  {events};\n"])
+    unions = f"export type PageRequest = {requests};\n", f"export type PageEvent =\n  {events};\n"
+    return "\n".join([*parts, *unions])
 
 
 def _structs(module: object) -> list[type[msgspec.Struct]]:

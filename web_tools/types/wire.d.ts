@@ -292,35 +292,6 @@ export interface Beat {
   number: number;
 }
 
-export interface Saving {
-  name: string;
-  number: number;
-}
-
-export interface Typing {
-  panel: string;
-  field: string;
-  number: number;
-}
-
-export interface Linking {
-  frame: number;
-  run: number;
-  phase: number;
-  person: number;
-  number: number;
-}
-
-export interface Hint {
-  text: string;
-  keys: string;
-}
-
-export interface Hints {
-  steps: Hint[];
-  number: number;
-}
-
 export interface Legend {
   title: string;
   unit: string;
@@ -329,9 +300,38 @@ export interface Legend {
   colors: string[];
 }
 
-export interface Leaving {
+export interface SavePicture {
+  type: "save_picture";
+  name: string;
+}
+
+export interface ShowPanel {
+  type: "show_panel";
+  panel: string;
+  field: string;
+}
+
+export interface CopyLink {
+  type: "copy_link";
+  frame: number;
+  run: number;
+  phase: number;
+  person: number;
+}
+
+export interface Leave {
+  type: "leave";
   to: "list" | "next" | "previous";
-  number: number;
+}
+
+export interface Hint {
+  text: string;
+  keys: string;
+}
+
+export interface Hints {
+  type: "hints";
+  steps: Hint[];
 }
 
 export interface Hello {
@@ -502,12 +502,9 @@ export interface States {
   legend: Legend;
   silhouette: Silhouette;
   beat: Beat;
-  saving: Saving;
-  typing: Typing;
-  linking: Linking;
-  leaving: Leaving;
-  hints: Hints;
 }
+
+export type PageRequest = SavePicture | ShowPanel | CopyLink | Leave | Hints;
 
 export type PageEvent =
   Hello | Theme | Resized | Key | Seek | Range | OpenLink | Plot | MoveKey | LookAt | Select | Drag | DragDepth | Widen | Framed | Press | TooLarge | Gesture | GoToPerson | Drawn | Stranger;

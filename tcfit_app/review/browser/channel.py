@@ -9,7 +9,6 @@ value of a hidden text field.
 import hashlib
 from collections.abc import Callable
 from functools import cache
-from itertools import count
 from pathlib import Path
 
 import msgspec
@@ -17,12 +16,12 @@ import numpy as np
 import viser
 
 from tcfit_app.review.browser.page_events import PageEvent, Stranger, decode
-from tcfit_app.review.browser.page_states import STATES, Hints, Leaving, Linking, PageState, Saving, Typing
+from tcfit_app.review.browser.page_states import STATES, PageRequest, PageState
 from tcfit_app.server.screen import Dropped
 from tcfit_app.server.uploads import UPLOAD_BYTES
 from tcfit_app.server.viser_bridge import field_id, run_javascript
 
-CALLS = ("connect", "receive", "dress", "setColorTable")
+CALLS = ("connect", "receive", "perform", "dress", "setColorTable")
 """Functions that the server calls in the page, in its order, even while the modules are loading."""
 Receive = Callable[[PageEvent], None]
 
@@ -42,7 +41,6 @@ class Channel:
         self._receive = receive
         self._last, self._dropped = 0, Dropped()
         self._sent: dict[str, PageState | None] = {}
-        self._asked = count(1)
         self._field = client.gui.add_text("", "", visible=False)
         self._field.on_update(self._take)  # pyright: ignore[reportArgumentType]
         run_javascript(client, loading())
@@ -59,9 +57,9 @@ class Channel:
             run_javascript(self._client, page_call("receive", name, state), key=f"tcfit {name}")
             self._sent[name] = state
 
-    def ask(self, name: str, state: Saving | Typing | Linking | Leaving | Hints) -> None:
+    def ask(self, request: PageRequest) -> None:
         """Request an action of the page; a repeated request repeats it."""
-        self.send(name, msgspec.structs.replace(state, number=next(self._asked)))
+        run_javascript(self._client, page_call("perform", request))
 
     async def _take(self, event: viser.GuiEvent[viser.GuiTextHandle]) -> None:
         # A coroutine: viser calls these in order of arrival, but functions in any order on several threads.

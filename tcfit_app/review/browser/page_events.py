@@ -84,7 +84,7 @@ class OpenLink(_Event, frozen=True, tag="open_link"):
     run: Annotated[int, msgspec.Meta(ge=0, le=2**53)] | None = None
     phase: Annotated[int, msgspec.Meta(ge=1, le=3)] | None = None
     person: Annotated[int, msgspec.Meta(ge=0, le=2**53)] | None = None
-    """As in `Linking`; None: the person on show."""
+    """As in `CopyLink`; None: the person on show."""
 
 
 class Plot(_Event, frozen=True, tag="plot"):

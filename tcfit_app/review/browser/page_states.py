@@ -513,53 +513,6 @@ class Beat(_State, frozen=True, kw_only=True):
     """Number of the beat."""
 
 
-class Saving(_State, frozen=True, kw_only=True):
-    """The page saves its canvas, once for each of these."""
-
-    name: str
-    """The file's name."""
-    number: int = 0
-    """As in `Typing`."""
-
-
-class Typing(_State, frozen=True, kw_only=True):
-    """Show a panel, and focus a text field of it, once for each of these."""
-
-    panel: str
-    field: str = ""
-    """Its label; empty: none."""
-    number: int = 0
-    """Different for each request: see `Channel.ask`."""
-
-
-class Linking(_State, frozen=True, kw_only=True):
-    """The page copies a link to what it shows, once for each of these."""
-
-    frame: int
-    """The number shown to users."""
-    run: int
-    phase: int
-    person: int
-    """From 1, in the order of people.json; 0 if there is only one."""
-    number: int = 0
-    """As in `Typing`."""
-
-
-class Hint(_State, frozen=True, kw_only=True):
-    """One of the first steps."""
-
-    text: str
-    keys: str = ""
-
-
-class Hints(_State, frozen=True, kw_only=True):
-    """The first steps: shown until closed."""
-
-    steps: tuple[Hint, ...]
-    number: int = 0
-    """As in `Typing`."""
-
-
 class Legend(_State, frozen=True, kw_only=True):
     """A colour bar."""
 
@@ -571,13 +524,56 @@ class Legend(_State, frozen=True, kw_only=True):
     """Evenly from low to high."""
 
 
-class Leaving(_State, frozen=True, kw_only=True):
-    """The page goes to another one, once for each of these: the order of clips is that of the browser's list."""
+class _Request(msgspec.Struct, frozen=True, kw_only=True, tag_field="type"):
+    """An action of the page, executed once."""
+
+
+class SavePicture(_Request, frozen=True, kw_only=True, tag="save_picture"):
+    """Save the canvas as a picture."""
+
+    name: str
+    """The file's name."""
+
+
+class ShowPanel(_Request, frozen=True, kw_only=True, tag="show_panel"):
+    """Show a panel, and focus a text field of it."""
+
+    panel: str
+    field: str = ""
+    """Its label; empty: none."""
+
+
+class CopyLink(_Request, frozen=True, kw_only=True, tag="copy_link"):
+    """Copy a link to what the page shows."""
+
+    frame: int
+    """The number shown to users."""
+    run: int
+    phase: int
+    person: int
+    """From 1, in the order of people.json; 0 if there is only one."""
+
+
+class Leave(_Request, frozen=True, kw_only=True, tag="leave"):
+    """Go to another page: the order of clips is that of the browser's list."""
 
     to: Literal["list", "next", "previous"]
-    number: int = 0
-    """As of `Typing`."""
 
+
+class Hint(msgspec.Struct, frozen=True, kw_only=True):
+    """One of the first steps."""
+
+    text: str
+    keys: str = ""
+
+
+class Hints(_Request, frozen=True, kw_only=True, tag="hints"):
+    """Show the first steps until the user closes them."""
+
+    steps: tuple[Hint, ...]
+
+
+PageRequest = SavePicture | ShowPanel | CopyLink | Leave | Hints
 
 STATES: dict[str, type[_State]] = {
     "layout": Layout,
@@ -609,11 +605,6 @@ STATES: dict[str, type[_State]] = {
     "legend": Legend,
     "silhouette": Silhouette,
     "beat": Beat,
-    "saving": Saving,
-    "typing": Typing,
-    "linking": Linking,
-    "leaving": Leaving,
-    "hints": Hints,
 }
 """By name; sending None removes a state."""
 PageState = _State

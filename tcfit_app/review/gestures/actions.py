@@ -46,7 +46,7 @@ class Gestures:
         keys = {name: next(map(str, ACTIONS[name].keys), "") for _, name in _FIRST_STEPS if name}
         self.tab.set(keys=False)
         steps = tuple(Hint(text=text, keys=keys.get(name, "")) for text, name in _FIRST_STEPS)
-        self.tab.channel.ask("hints", Hints(steps=steps))
+        self.tab.channel.ask(Hints(steps=steps))
 
     def run(self, name: str) -> None:
         """Do one of ACTIONS on what is on show."""

@@ -4,7 +4,7 @@ from fitting_core.errors import InputError
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.edits.edit_log import Note
 from tcfit_app.project.frame_words import in_words
-from tcfit_app.review.browser.page_states import Linking
+from tcfit_app.review.browser.page_states import CopyLink
 from tcfit_app.review.tab.tab import Tab
 
 PANEL = "Review"
@@ -57,7 +57,7 @@ class Noting:
         tab, shown = self._tab, self._tab.look().b
         run, phase = (0, 0) if shown is None else (shown.run.id, shown.phase)
         frame, person = tab.state.frame + tab.first_frame, tab.someone.listed or 0
-        tab.channel.ask("linking", Linking(frame=frame, run=run, phase=phase, person=person))
+        tab.channel.ask(CopyLink(frame=frame, run=run, phase=phase, person=person))
         tab.say(f"Link to frame {frame} copied. It works in browsers signed in to tcfit")
 
     def open_link(self, frame: int, run: int | None, phase: int | None) -> None:

@@ -10,7 +10,7 @@ from tcfit_app.analysis.findings import FINDINGS, WHOLE
 from tcfit_app.analysis.suspicion import ORDERS, ReviewQueue, Suspect
 from tcfit_app.project.edits.edit_log import MarkState
 from tcfit_app.project.frame_words import in_words
-from tcfit_app.review.browser.page_states import Leaving
+from tcfit_app.review.browser.page_states import Leave
 from tcfit_app.review.tab.tab import Tab
 
 
@@ -135,7 +135,7 @@ class Reviewing:
     def leave(self, to: Literal["list", "next", "previous"]) -> None:
         """Have the page go to the list of clips, or to another clip. Raises InputError if it is missing."""
         self.refuse_without_list()
-        self._tab.channel.ask("leaving", Leaving(to=to))
+        self._tab.channel.ask(Leave(to=to))
 
     def refuse_without_list(self) -> None:
         """Raise InputError if this is no clip of a list."""

@@ -33,6 +33,7 @@ from tcfit_app.project.storage.database import Database
 from tcfit_app.project.storage.lock import ProjectLocked
 from tcfit_app.review.app import ReviewApp
 from tcfit_app.review.browser.page_events import GoToPerson, Hello, OpenLink, Press
+from tcfit_app.review.browser.page_states import Hints
 from tcfit_app.review.drawing.rows import MOST_ROWS, PLOTS
 from tcfit_app.review.opening import open_project
 from tcfit_app.review.panels.export_panel import ExportPanel
@@ -122,14 +123,14 @@ def test_rows_that_a_browser_remembers_are_those_that_there_are(folder: Path, pa
 def test_what_to_do_first_is_told_once_and_not_with_every_person(folder: Path, panel_server: viser.ViserServer):
     with reviewed(folder, panel_server) as app:
         told = MagicMock()
-        app.pages[1].tab.channel.send = told
+        app.pages[1].tab.channel.ask = told
         app.pages[1].receive(Hello(tab="mine", width=1000, height=700, hinted=False))
         for person in (1, 0, 1):
             app.pages[1].receive(GoToPerson(person))
             app.pages[1].draw(0.0)
-        assert [call.args[0] for call in told.call_args_list].count("hints") == 1
+        assert [type(call.args[0]) for call in told.call_args_list] == [Hints]
         app.pages[1].gestures.show_first_steps()
-        assert told.call_args.args[0] == "hints"
+        assert len(told.call_args_list) == 2
 
 
 def test_a_tab_that_is_loaded_again_shows_whom_it_has_shown(folder: Path, panel_server: viser.ViserServer):

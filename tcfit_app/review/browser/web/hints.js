@@ -1,6 +1,7 @@
 // What to do first: a card over the picture, until it has been read in this browser.
 
-import { states, watch } from "./connection.js";
+/** @import { Hints } from "./wire" */
+
 import { element, layer } from "./elements.js";
 import { remember } from "./remembered.js";
 
@@ -9,11 +10,11 @@ const card = element("section", "tcfit-hints", layer);
 card.setAttribute("aria-label", "First steps");
 card.hidden = true;
 
-watch("hints", () => {
-  card.hidden = !states.hints;
-  if (!states.hints) return;
+/** @param {Hints} request */
+export function showHints({ steps }) {
+  card.hidden = false;
   const list = element("ol", "");
-  for (const { text, keys } of states.hints.steps) {
+  for (const { text, keys } of steps) {
     const step = element("li", "", list, text);
     if (keys) element("kbd", "", step, keys);
   }
@@ -24,4 +25,4 @@ watch("hints", () => {
     card.hidden = true;
   });
   card.replaceChildren(element("h2", "", null, "First steps"), list, close);
-});
+}

@@ -17,6 +17,6 @@ function strangerCalls() {
     if (canSend()) sendText(field, JSON.stringify({ number: 1, event: { type: "stranger", viser, missing } }));
   };
   const ignore = () => null;
-  const others = { receive: ignore, dress: ignore, setColorTable: ignore, state: ignore, place: ignore };
-  return { ...others, connect: tell, placeOfFit: ignore };
+  const others = { receive: ignore, perform: ignore, dress: ignore, setColorTable: ignore, placeOfFit: ignore };
+  return { ...others, connect: tell, state: ignore, place: ignore };
 }

@@ -1,20 +1,20 @@
 // All of the script's parts, and what the server can call of them.
 
-import { connect, receive, states } from "./connection.js";
-import "./curtain.js";
-import "./hints.js";
+/** @import { PageRequest } from "./wire" */
+
+import { connect, receive, states, watch } from "./connection.js";
+import { showHints } from "./hints.js";
 import "./keys.js";
-import "./leaving.js";
-import "./links.js";
+import { copyLink, leave } from "./links.js";
 import "./notice.js";
 import "./panels/buttons.js";
 import "./panels/fields.js";
-import "./panels/tabs.js";
+import { showPanel } from "./panels/tabs.js";
 import "./picture/dragging.js";
 import { fitPlaces } from "./picture/fits.js";
 import "./picture/menu.js";
 import "./picture/overlay.js";
-import "./picture/saving.js";
+import { savePicture } from "./picture/saving.js";
 import { posterMaps, toScreen } from "./picture/projection.js";
 import "./timeline/drawing.js";
 import "./timeline/gestures.js";
@@ -24,9 +24,14 @@ import { canvas } from "./viser/bridge.js";
 import { dress, setColorTable } from "./viser/meshes.js";
 import "./viser/names.js";
 
+/** @type {{ [type in PageRequest["type"]]: (request: any) => void }} */
+const REQUESTS = { save_picture: savePicture, show_panel: showPanel, copy_link: copyLink, leave, hints: showHints };
+
 export const calls = {
   connect,
   receive,
+  /** @param {PageRequest} request */
+  perform: (request) => REQUESTS[request.type](request),
   dress,
   setColorTable,
   /** What the server sent last under a name. @param {keyof typeof states} name */
@@ -50,3 +55,21 @@ export const calls = {
     return [left + found.x, top + found.y];
   },
 };
+
+// The curtain that the server lays over viser's page is lifted from the canvas when the first picture is there, and
+// from the panels when they are.
+
+const LOOKING = 50; // milliseconds between two looks for the panels
+
+function liftFromPanels() {
+  if (document.querySelector("[role=tab]")) document.documentElement.classList.add("tcfit-ready");
+  else setTimeout(liftFromPanels, LOOKING);
+}
+
+let drawn = false;
+watch("layout", (layout) => {
+  if (!layout || drawn) return;
+  drawn = true;
+  document.documentElement.classList.add("tcfit-drawn");
+  liftFromPanels();
+});

@@ -1,5 +1,8 @@
 // What a browser remembers for good: in cookies, which hold for all ports. tcfit may be at another one the next time.
 
+/** Where the list leaves the order of its clips for their pages: names in addresses, with spaces between. */
+export const ORDER = "tcfit-order";
+
 const YEAR = 31536000; // seconds
 
 /** Nothing if nothing is remembered under this name. @param {string} name */

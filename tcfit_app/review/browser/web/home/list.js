@@ -1,7 +1,7 @@
 // The page with the list of clips: filtered, sorted and searched here; the server sends changes.
 
 import { element } from "../element.js";
-import { ORDER } from "../order.js";
+import { ORDER } from "../remembered.js";
 import { PANEL_SHEET } from "../style.js";
 import { THEME_SHEET } from "../theme.js";
 import { COLUMNS, STATES, findingOf, stateOf } from "./cells.js";

@@ -1,5 +1,7 @@
 // The panel on show stays on show over a reload and a new connection, for which viser makes all of them again.
 
+/** @import { ShowPanel } from "../wire" */
+
 import { watch } from "../connection.js";
 import { TEXT_INPUT } from "../viser/bridge.js";
 
@@ -35,9 +37,8 @@ window.addEventListener("click", ({ target }) => {
 }, true);
 
 /** Shows a panel and lets the user type into one of its fields, if one is named, once they are there.
- * @param {string} panel its title @param {string} name the field's label, or nothing
- * @param {number} looks that are left */
-function leadTo(panel, name, looks) {
+ * @param {ShowPanel} request @param {number} looks that are left */
+export function showPanel({ panel, field: name }, looks = LOOKS) {
   const tab = allTabs().find(({ title }) => title === panel);
   if (tab && tab.getAttribute("aria-selected") !== "true") {
     pressTab(tab);
@@ -47,7 +48,7 @@ function leadTo(panel, name, looks) {
   const fields = [...document.querySelectorAll(TEXT_INPUT)].filter((field) => field instanceof HTMLInputElement);
   const field = fields.find((each) => isShown(each) && nameOf(each) === name);
   if (field) field.focus();
-  else if (looks) setTimeout(leadTo, LOOKING, panel, name, looks - 1);
+  else if (looks) setTimeout(showPanel, LOOKING, { panel, field: name }, looks - 1);
 }
 
 /** @param {HTMLInputElement} field */
@@ -55,9 +56,6 @@ const isShown = (field) => field.getClientRects().length > 0;
 /** @param {HTMLInputElement} field */
 const nameOf = (field) => field.getAttribute("aria-label") ?? field.labels?.[0]?.textContent ?? "";
 
-watch("typing", (typing) => {
-  if (typing) leadTo(typing.panel, typing.field, LOOKS);
-});
 watch("skeleton", (skeleton) => {
   if (skeleton) setTimeout(bringPanelBack, LOOKING, LOOKS, 0);
 });

@@ -1,11 +1,12 @@
 // The picture as a file: what the canvas shows, the video's frame, bodies and keypoints, as a PNG.
 
-import { states, watch } from "../connection.js";
+/** @import { SavePicture } from "../wire" */
+
 import { overlayCanvas } from "../elements.js";
 import { drawnCanvas } from "../viser/bridge.js";
 
-/** Saves what is on show. @param {string} name of the file */
-function save(name) {
+/** Saves what is on show. @param {SavePicture} request */
+export function savePicture({ name }) {
   const scene = drawnCanvas();
   const whole = document.createElement("canvas");
   [whole.width, whole.height] = [scene.width, scene.height];
@@ -25,5 +26,3 @@ function download(blob, name) {
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }
-
-watch("saving", () => states.saving && save(states.saving.name));

@@ -23,7 +23,7 @@ const isGui = ({ type }) => /^(Set)?Gui(?!3D)|Notification/.test(type);
 
 /** They touch nothing in viser's scene: it is not drawn again for them. @param {Message} message */
 const leavesScene = (message) =>
-  isGui(message) || (message.type === "RunJavascriptMessage" && message.source.startsWith("tcfit.receive("));
+  isGui(message) || (message.type === "RunJavascriptMessage" && /^tcfit\.(receive|perform)\(/.test(message.source));
 
 const CHANGES = new Set(["SceneNodeUpdateMessage", "SetPositionMessage", "SetSceneNodeVisibilityMessage"]);
 
