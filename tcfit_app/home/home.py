@@ -126,7 +126,7 @@ class Home:
         self._watchers.add(watcher)
         self._wake.set()
         try:
-            watcher.send(Rows(rows=self.catalogue.rows(), whole=True, me=visitor.reviewer))
+            watcher.send(Rows(rows=self.catalogue.rows(), whole=True))
             with suppress(ConnectionClosed):
                 async for message in connection:
                     await self._take(watcher, message)

@@ -64,8 +64,6 @@ class Rows(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="row
     gone: list[str] = []
     whole: bool = False
     """These are all clips."""
-    me: str = ""
-    """The name of this page's user."""
 
 
 class Picture(msgspec.Struct, frozen=True, kw_only=True, tag_field="type", tag="picture"):

@@ -17,7 +17,7 @@ from tcfit_app.fitting.reports import Notice
 from tcfit_app.review.browser import page_events
 from tcfit_app.review.browser.page_events import PageEvent
 from tcfit_app.review.browser.page_states import Beat, Cursor, Framing, Keys, Selection, Skeleton
-from tcfit_app.review.drawing.menus import frame_menus, picture_menus
+from tcfit_app.review.drawing.menus import menus
 from tcfit_app.review.drawing.picture import Picture
 from tcfit_app.review.drawing.rows import MOST_ROWS, PLOTS
 from tcfit_app.review.drawing.status import Status
@@ -233,8 +233,7 @@ class Page:
         self._next_panels = time.monotonic() + _PAUSE * (time.thread_time() - begun)
 
     def _draw_menus(self) -> None:
-        self.tab.channel.send("frame_menus", frame_menus(self.gestures))
-        self.tab.channel.send("picture_menus", picture_menus(self.gestures))
+        self.tab.channel.send("menus", menus(self.gestures))
 
     def _attempt(self, what: str, draw: Callable[[], object], now: float) -> None:
         self._faults.attempt(what, draw, now)

@@ -197,14 +197,11 @@ export interface MenuItem {
   obstacle: string;
 }
 
-export interface FrameMenus {
-  selected: MenuItem[][];
-  elsewhere: MenuItem[][];
-}
-
-export interface PictureMenus {
+export interface Menus {
   keypoints: MenuItem[][];
-  elsewhere: MenuItem[][];
+  picture: MenuItem[][];
+  frames: MenuItem[][];
+  timeline: MenuItem[][];
   nobody: MenuItem | null;
 }
 
@@ -489,8 +486,7 @@ export interface States {
   rows: Rows;
   marks: Marks;
   keyframes: Keyframes;
-  frame_menus: FrameMenus;
-  picture_menus: PictureMenus;
+  menus: Menus;
   suspicions: Suspicions;
   fit: Fit;
   provenance: Provenance;

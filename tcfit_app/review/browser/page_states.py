@@ -364,18 +364,19 @@ class MenuItem(_State, frozen=True, kw_only=True):
     """Why it cannot be done now; empty if it can."""
 
 
-class FrameMenus(_State, frozen=True, kw_only=True):
-    """Menus of the timeline, in groups: for the selected frames, and elsewhere."""
-
-    selected: tuple[tuple[MenuItem, ...], ...] = ()
-    elsewhere: tuple[tuple[MenuItem, ...], ...] = ()
+Groups = tuple[tuple[MenuItem, ...], ...]
+"""The items of a menu, with lines between the groups."""
 
 
-class PictureMenus(_State, frozen=True, kw_only=True):
-    """Menus of the picture, in groups: for the selected keypoints, and elsewhere."""
+class Menus(_State, frozen=True, kw_only=True):
+    """The menus by right click."""
 
-    keypoints: tuple[tuple[MenuItem, ...], ...] = ()
-    elsewhere: tuple[tuple[MenuItem, ...], ...] = ()
+    keypoints: Groups = ()
+    """For the selected keypoints."""
+    picture: Groups = ()
+    frames: Groups = ()
+    """For the selected frames."""
+    timeline: Groups = ()
     nobody: MenuItem | None = None
     """Offered by a click where no person was detected; None: such a click only clears the selection."""
 
@@ -592,8 +593,7 @@ STATES: dict[str, type[_State]] = {
     "rows": Rows,
     "marks": Marks,
     "keyframes": Keyframes,
-    "frame_menus": FrameMenus,
-    "picture_menus": PictureMenus,
+    "menus": Menus,
     "suspicions": Suspicions,
     "fit": Fit,
     "provenance": Provenance,

@@ -4,7 +4,7 @@ from collections.abc import Collection
 
 from fitting_core.keypoints import PARTS
 from tcfit_app.project.frame_words import in_words
-from tcfit_app.review.browser.page_states import FrameMenus, MenuItem, PictureMenus
+from tcfit_app.review.browser.page_states import Groups, MenuItem, Menus
 from tcfit_app.review.gestures.actions import ACTIONS, OF_SELECTION, Gestures, Need, frames
 from tcfit_app.review.gestures.detecting_again import missing_parts
 from tcfit_app.review.gestures.edit_words import part_name
@@ -44,32 +44,37 @@ _BY_PART = {"detect": "Detect again", "frame": "Detect in a rectangle"}
 """Submenus of everything that can be detected, by the first word of the actions."""
 
 
-def frame_menus(gestures: Gestures) -> FrameMenus:
-    """Both menus of the timeline in their current state."""
-    tab, selected = gestures.tab, gestures.tab.state.frames
-    elsewhere = (
-        (item(gestures, "range_start"), item(gestures, "range_end")),
-        *(() if selected is not None else (_group(gestures, "fine", "flag", "note"), _group(gestures, "detect"))),
-        _group(gestures, "copy_link"),
-        _group(gestures, "rerun_edited", "fit"),
+def menus(gestures: Gestures) -> Menus:
+    """All menus in their current state."""
+    return Menus(
+        keypoints=tuple(_group(gestures, *names, but=OF_SELECTION) for names in _OF_KEYPOINTS),
+        picture=tuple(_group(gestures, *names) for names in _OF_PICTURE),
+        frames=_of_frames(gestures),
+        timeline=_of_timeline(gestures),
+        nobody=_nobody(gestures),
     )
+
+
+def _of_frames(gestures: Gestures) -> Groups:
+    tab, selected = gestures.tab, gestures.tab.state.frames
     if selected is None:
-        return FrameMenus(elsewhere=elsewhere)
+        return ()
     hit, groups = in_words(selected, tab.first_frame), [[]]
     for line in _OF_FRAMES:
         if line is None:
             groups.append([])
         else:  # the page goes to one of these frames first
             groups[-1].append(item(gestures, line[0], line[1].format(hit), but=(frames,)))
-    return FrameMenus(selected=tuple(map(tuple, groups)), elsewhere=elsewhere)
+    return tuple(map(tuple, groups))
 
 
-def picture_menus(gestures: Gestures) -> PictureMenus:
-    """Both menus of the picture in their current state."""
-    return PictureMenus(
-        keypoints=tuple(_group(gestures, *names, but=OF_SELECTION) for names in _OF_KEYPOINTS),
-        elsewhere=tuple(_group(gestures, *names) for names in _OF_PICTURE),
-        nobody=_nobody(gestures),
+def _of_timeline(gestures: Gestures) -> Groups:
+    about_frame = (_group(gestures, "fine", "flag", "note"), _group(gestures, "detect"))
+    return (
+        (item(gestures, "range_start"), item(gestures, "range_end")),
+        *(() if gestures.tab.state.frames is not None else about_frame),
+        _group(gestures, "copy_link"),
+        _group(gestures, "rerun_edited", "fit"),
     )
 
 

@@ -53,7 +53,7 @@ export function openMenuAt(name, items, button) {
 }
 
 /** Closes the menu, if one is open. */
-export function closeMenu() {
+function closeMenu() {
   if (!open) return;
   const { menu, opener } = open;
   open = null;

@@ -12,7 +12,6 @@ import "./panels/fields.js";
 import { showPanel } from "./panels/tabs.js";
 import "./picture/dragging.js";
 import { fitPlaces } from "./picture/fits.js";
-import "./picture/menu.js";
 import "./picture/overlay.js";
 import { savePicture } from "./picture/saving.js";
 import { posterMaps, toScreen } from "./picture/projection.js";

@@ -1,22 +1,16 @@
 // Colours of what lies on the picture, and the style sheets of the script's own elements and of the panels' HTML.
 
 export const COLORS = {
-  surface: "#14171c",
-  line: "#2a2f38",
   text: "#cfd6df",
   dim: "#a3adba",
   accent: "#288cdc",
-  cursor: "#f4f7fb",
   selected: "#ffe14d",
   hover: "#ffffff",
   bad: "#ff5a52",
   edited: "#35d6ee",
   flagged: "#ffb02e",
   checked: "#55c26a",
-  apart: "#c9a3ff",
   silhouette: "#7ee0b8",
-  good: "#51cf66",
-  wrong: "#ff8787", // in text: lighter than the marks, to be read on the panels' grey
 };
 export const FIT_COLORS = {
   found: "#8fb4d8",

@@ -34,6 +34,7 @@ def test_the_reader_of_imports_finds_them():
     assert set(imports("/tcfit/main.js")) == {"/tcfit/viser/bridge.js", "/tcfit/page.js"}
     assert set(imports("/tcfit/picture/picking.js")) == {
         "/tcfit/connection.js",
+        "/tcfit/menu.js",
         "/tcfit/viser/bridge.js",
         "/tcfit/picture/projection.js",
         "/tcfit/picture/skeleton.js",

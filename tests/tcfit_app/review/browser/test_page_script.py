@@ -81,7 +81,7 @@ def tab(opened: Tab) -> Iterator[Tab]:
     assert opened.complaints == []
 
 
-CLEARED = "notice chips legend marks suspicions fit provenance range selection picture_menus framing focus beat".split()
+CLEARED = "notice chips legend marks suspicions fit provenance range selection menus framing focus beat".split()
 START = {
     "skeleton": states.Skeleton(),
     "style": states.Style(bones=False),
@@ -286,7 +286,7 @@ def test_on_a_poster_the_camera_pans_and_zooms_and_never_turns(tab: Tab) -> None
 
 def test_the_menu_comes_when_the_right_button_is_released_where_it_was_pressed(tab: Tab) -> None:
     menu, mouse = tab.page.get_by_role("menu"), tab.page.mouse
-    tab.send(picture_menus=states.PictureMenus(elsewhere=((states.MenuItem(label="Undo", action="undo"),),)))
+    tab.send(menus=states.Menus(picture=((states.MenuItem(label="Undo", action="undo"),),)))
     for x, y in (tab.screen(200, 60), strip_place(tab, 100)):
         for way in (0, 40):
             mouse.move(x, y)
@@ -305,7 +305,7 @@ def test_a_click_where_nobody_was_detected_offers_to_search_there(tab: Tab) -> N
     tab.page.mouse.click(*place)
     assert tab.page.get_by_role("menu").count() == 0, "with the person in the frame it only clears the selection"
     offer = states.MenuItem(label="Nobody was detected here. Search here?", action="frame_person")
-    tab.send(picture_menus=states.PictureMenus(nobody=offer))
+    tab.send(menus=states.Menus(nobody=offer))
     tab.page.mouse.click(*place)
     tab.page.get_by_role("menuitem", name="Search here?").click()
     assert tab.await_event(Key) == Key(action="frame_person", repeat=False)

@@ -44,7 +44,7 @@ def tab(opened: Tab) -> Iterator[Tab]:
     opened.page.mouse.up()
     opened.page.keyboard.press("Escape")
     opened.page.mouse.move(2, 300)
-    opened.post(**dict.fromkeys("timeline marks keyframes suspicions fit provenance range frame_menus".split()))
+    opened.post(**dict.fromkeys("timeline marks keyframes suspicions fit provenance range menus".split()))
     opened.send(
         skeleton=states.Skeleton(),
         style=states.Style(bones=False),
@@ -351,12 +351,12 @@ def test_a_menu_takes_the_keys_and_a_press_elsewhere_closes_it(tab: Tab) -> None
     assert not tab.received(Key)
 
 
-MENUS = states.FrameMenus(
-    selected=(
+MENUS = states.Menus(
+    frames=(
         (states.MenuItem(label="Re-run frames 90–150", action="rerun", keys="R"),),
         (states.MenuItem(label="Mark bad, frames 90–150", action="bad", keys="X", obstacle="It is read-only."),),
     ),
-    elsewhere=((states.MenuItem(label="Select frames from here on", action="range_start", keys="["),),),
+    timeline=((states.MenuItem(label="Select frames from here on", action="range_start", keys="["),),),
 )
 
 
@@ -365,7 +365,7 @@ def menu_texts(tab: Tab) -> list[str]:
 
 
 def test_a_right_click_says_what_can_be_done_with_the_selected_frames(tab: Tab) -> None:
-    tab.post(range=states.ChosenRange(first=90, last=150), frame_menus=MENUS, cursor=states.Cursor(frame=10))
+    tab.post(range=states.ChosenRange(first=90, last=150), menus=MENUS, cursor=states.Cursor(frame=10))
     tab.await_drawn(10)
     tab.page.mouse.click(*strip_place(tab, 100), button="right")
     assert tab.await_event(Seek) == Seek(frame=100), "what is changed must be on show"
@@ -385,7 +385,7 @@ def test_a_right_click_says_what_can_be_done_with_the_selected_frames(tab: Tab) 
 
 
 def test_a_right_click_elsewhere_is_about_the_frame_there(tab: Tab) -> None:
-    tab.send(frame_menus=MENUS)
+    tab.send(menus=MENUS)
     tab.page.mouse.click(*strip_place(tab, 60), button="right")
     assert tab.await_event(Seek) == Seek(frame=60)
     assert menu_texts(tab) == ["Select frames from here on", "Show the whole clip"]

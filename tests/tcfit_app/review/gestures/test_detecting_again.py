@@ -22,7 +22,6 @@ from tcfit_app.project.edits.kinds import DetectAgain
 from tcfit_app.project.project import Project
 from tcfit_app.review.browser.page_events import Framed, Key
 from tcfit_app.review.drawing import menus
-from tcfit_app.review.drawing.menus import frame_menus, picture_menus
 from tcfit_app.review.drawing.status import Status
 from tcfit_app.review.gestures.detecting_again import missing_parts
 from tcfit_app.review.panels.keypoints_panel import KeypointsPanel
@@ -247,12 +246,12 @@ def test_a_project_that_cannot_be_changed_is_not_looked_at(
 
 def test_the_menus_offer_it(tested: LonePage):
     tab, gestures = tested.page.tab, tested.page.gestures
-    again, rectangle = next(group for group in picture_menus(gestures).elsewhere if group[0].label == "Detect again")
+    again, rectangle = next(group for group in menus.menus(gestures).picture if group[0].label == "Detect again")
     assert [item.action for item in again.more] == [f"detect_{part}" for part in PARTS]
     assert [item.action for item in rectangle.more] == [f"frame_{part}" for part in PARTS]
-    assert any(item.label == "Detect again" for group in frame_menus(gestures).elsewhere for item in group)
+    assert any(item.label == "Detect again" for group in menus.menus(gestures).timeline for item in group)
     tab.set(frames=range(1, 3))
-    labels = [item.label for group in frame_menus(gestures).selected for item in group]
+    labels = [item.label for group in menus.menus(gestures).frames for item in group]
     assert "Detect again, frames 8–9" in labels
 
 
@@ -298,15 +297,15 @@ def test_somebody_who_was_lost_is_looked_for_where_they_were():
 
 def test_a_click_offers_a_search_where_the_person_was_not_found(tested: LonePage, monkeypatch: pytest.MonkeyPatch):
     page, tab = tested.page, tested.page.tab
-    assert picture_menus(page.gestures).nobody is None
+    assert menus.menus(page.gestures).nobody is None
     with monkeypatch.context() as patch:
         patch.setattr(type(tab.session), "can_choose_person", property(lambda session: True))
-        assert picture_menus(page.gestures).nobody is not None, "while another person can be chosen"
+        assert menus.menus(page.gestures).nobody is not None, "while another person can be chosen"
     monkeypatch.setattr(menus, "missing_parts", lambda corrected, frame: () if frame else ("person",))
     tab.seek(0)
-    offer = picture_menus(page.gestures).nobody
+    offer = menus.menus(page.gestures).nobody
     assert offer is not None and offer.label == "Nobody was detected here. Search here?" and not offer.obstacle
     page.receive(Key(action=offer.action, repeat=False))
     assert page.gestures.again.framing == "person", "the next drag draws the rectangle"
     tab.seek(1)
-    assert picture_menus(page.gestures).nobody is None
+    assert menus.menus(page.gestures).nobody is None

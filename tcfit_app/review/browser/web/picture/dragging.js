@@ -13,7 +13,7 @@ import {
   REACH, TOUCH_REACH, borderAt, canvasPlace, inPicture, overPoster, overScene, pick, pictureAt, pointer, within,
 } from "./picking.js";
 import { drawn, inBox, toImage } from "./projection.js";
-import { badJoints, chosen, groupShown, isPicture, isSide, position, select, skeletonReady } from "./skeleton.js";
+import { chosen, groupShown, isPicture, isSide, marked, position, select, skeletonReady } from "./skeleton.js";
 
 const [NARROWEST, WIDEST] = [0.01, 100]; // what the server takes; it has bounds of its own
 
@@ -103,7 +103,7 @@ function withHands(joints) {
 }
 
 /** @param {number} joint */
-const detected = (joint) => known("keypoints").confidence[joint] > 0 && !badJoints.has(joint);
+const detected = (joint) => known("keypoints").confidence[joint] > 0 && !marked("bad", joint);
 
 /** @param {Gesture} gesture */
 function followPointer({ found, anchor, x, y }) {

@@ -6,7 +6,7 @@
 
 import { known, states } from "../connection.js";
 import { scenePoint, worldToCanvas } from "../viser/bridge.js";
-import { dot, onPlate } from "./plate.js";
+import { dot, onPlate } from "./following.js";
 import { toScreen } from "./projection.js";
 
 const BENDS = /elbow|knee/; // keypoints between two bones whose angle says something

@@ -1,12 +1,21 @@
-// What of the side view is seen while the picture is zoomed: what a close-up follows, or else that part of the body
-// which is in the picture's window.
+// Where points of camera space lie on the side view's plate; and what of it is seen while the picture is zoomed: what a
+// close-up follows, or else that part of the body which is in the picture's window.
 
 /** @import { Box } from "./projection.js" */
-/** @import { Poster } from "../wire" */
+/** @import { Poster, SidePlate } from "../wire" */
 /** @typedef {{ x: number, y: number }} Place from a poster's middle, in image heights */
 
 import { states } from "../connection.js";
-import { onPlate } from "./plate.js";
+
+/** @param {readonly number[]} a @param {readonly number[]} b */
+export const dot = (a, b) => a.reduce((sum, value, i) => sum + value * b[i], 0);
+
+/** In its pixels. @param {SidePlate} side @param {number} body @param {readonly number[]} point in metres
+ * @returns {[u: number, v: number]} */
+export function onPlate({ plate, shifts }, body, point) {
+  const [across, down] = plate;
+  return [dot(across, point) + shifts[body][0], dot(down, point) + shifts[body][1]];
+}
 
 const BLUR = 0.15; // of the window's height: how far from its middle a keypoint counts
 /** @type {{ key: string, middle: Place } | null} */

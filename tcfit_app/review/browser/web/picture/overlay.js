@@ -8,7 +8,7 @@ import { addPainter, invalidate, known, paint, states, watch } from "../connecti
 import { cleared, overlayCanvas, placeTooltip, shortenedName, tooltip } from "../elements.js";
 import { COLORS, FONT } from "../style.js";
 import { beforeSceneDrawn, canvas, canvasSize, onSceneDrawn, redrawScene } from "../viser/bridge.js";
-import { drawInWindow, leaveOut } from "../viser/windows.js";
+import { drawInWindow, leaveOut } from "../viser/meshes.js";
 import { placeDivider } from "./divider.js";
 import { REACH, borderAt, inPicture, pick, pictureAt, pointer, within } from "./picking.js";
 import { peeking } from "./peeking.js";
@@ -19,9 +19,8 @@ import { wayOf } from "./depth.js";
 import { fitLine } from "./fits.js";
 import { drawBorder, drawFits, drawSide } from "./side.js";
 import {
-  badJoints, chosen, deepJoints, editedJoints, groupOf, groupShown, ignoredJoints, isPicture, isSide, isSpace,
-  jointRadius, located, lockedJoints, pinnedJoints, placesOf, position, shown, shownJoints, skeletonReady,
-  zoomFactor,
+  chosen, groupOf, groupShown, isPicture, isSide, isSpace, jointRadius, located, marked, placesOf, position, shown,
+  shownJoints, skeletonReady, zoomFactor,
 } from "./skeleton.js";
 import { drawSilhouette } from "./silhouette.js";
 import { drawTrail } from "./trail.js";
@@ -116,7 +115,7 @@ function drawBones(context, map) {
   const { minimum, color_by } = known("style");
   const { confidence } = known("keypoints");
   /** @param {number} joint */
-  const sure = (joint) => confidence[joint] > 0 && confidence[joint] >= minimum && !badJoints.has(joint);
+  const sure = (joint) => confidence[joint] > 0 && confidence[joint] >= minimum && !marked("bad", joint);
   const lines = groups.map(() => new Path2D());
   for (const [a, b] of bones) {
     if (![a, b].every((joint) => sure(joint) && groupShown(joint))) continue;
@@ -137,20 +136,20 @@ function drawBones(context, map) {
 function drawJoint(context, map, joint) {
   const [x, y] = toScreen(map, position(joint));
   const radius = jointRadius(joint, map);
-  if (badJoints.has(joint)) drawBad(context, x, y, radius);
+  if (marked("bad", joint)) drawBad(context, x, y, radius);
   else drawDisc(context, x, y, radius, joint);
   const around = 1.6 * radius + 3.5; // beyond all rings
-  if (pinnedJoints.has(joint)) drawPin(context, x, y, around);
-  if (lockedJoints.has(joint)) drawLock(context, x, y, 1.2 * around);
-  if (deepJoints.has(joint)) drawDepth(context, x, y, around);
-  if (editedJoints.has(joint)) ring(context, x, y, 1.15 * radius + 1.5, COLORS.edited, 1.6);
+  if (marked("pinned", joint)) drawPin(context, x, y, around);
+  if (marked("locked", joint)) drawLock(context, x, y, 1.2 * around);
+  if (marked("deep", joint)) drawDepth(context, x, y, around);
+  if (marked("edited", joint)) ring(context, x, y, 1.15 * radius + 1.5, COLORS.edited, 1.6);
   if (chosen.joints.has(joint)) ring(context, x, y, 1.5 * radius + 1.8, COLORS.selected, Math.min(1 + radius / 5, 2.2));
 }
 
 /** @param {Context} context @param {number} x @param {number} y @param {number} radius @param {number} joint */
 function drawDisc(context, x, y, radius, joint) {
   const { color, alpha } = jointPaint(joint);
-  if (ignoredJoints.has(joint)) return ring(context, x, y, radius, color, 1);
+  if (marked("ignored", joint)) return ring(context, x, y, radius, color, 1);
   stamp(context, rim(radius), x, y);
   if (known("keypoints").confidence[joint] === 0) return;
   context.globalAlpha = alpha;
@@ -200,8 +199,8 @@ function drawGaps(context, map) {
   const [fx, fy, cx, cy] = body.camera;
   const gaps = new Path2D();
   body.points.forEach((point, joint) => {
-    const corrected = editedJoints.has(joint) || chosen.held?.joints.has(joint);
-    if (!point || point[2] <= 0 || !corrected || badJoints.has(joint) || !shown(joint)) return;
+    const corrected = marked("edited", joint) || chosen.held?.joints.has(joint);
+    if (!point || point[2] <= 0 || !corrected || marked("bad", joint) || !shown(joint)) return;
     /** @type {[number, number]} */
     const reached = [(fx * point[0]) / point[2] + cx, (fy * point[1]) / point[2] + cy];
     const [x, y] = position(joint);
@@ -254,12 +253,12 @@ function drawHovered(context) {
 function jointLine(joint) {
   const confidence = known("keypoints").confidence[joint];
   const parts = [known("skeleton").names[joint], confidence > 0 ? confidence.toFixed(2) : "missing"];
-  if (badJoints.has(joint)) parts.push("bad");
-  if (pinnedJoints.has(joint)) parts.push("pinned");
-  else if (editedJoints.has(joint)) parts.push("edited");
-  if (lockedJoints.has(joint)) parts.push("rotation locked");
-  if (deepJoints.has(joint)) parts.push("depth set");
-  if (ignoredJoints.has(joint)) parts.push("does not count: the hand has a given shape");
+  if (marked("bad", joint)) parts.push("bad");
+  if (marked("pinned", joint)) parts.push("pinned");
+  else if (marked("edited", joint)) parts.push("edited");
+  if (marked("locked", joint)) parts.push("rotation locked");
+  if (marked("deep", joint)) parts.push("depth set");
+  if (marked("ignored", joint)) parts.push("does not count: the hand has a given shape");
   return parts.join("  ");
 }
 

@@ -75,7 +75,7 @@ export function meanPersonAt(map, at) {
   const spot = toImage(map, at.x, at.y);
   const person = others().find(({ bones }) =>
     surrounded(bones.flatMap(([x0, y0, x1, y1]) => /** @type {Pixel[]} */ ([[x0, y0], [x1, y1]])), spot));
-  const nobody = states.picture_menus?.nobody;
+  const nobody = states.menus?.nobody;
   const { xy = [], confidence = [] } = states.keypoints ?? {};
   if (person) emit({ type: "go_to_person", person: person.number });
   else if (nobody && !surrounded(xy.filter((_, joint) => confidence[joint] > 0), spot)) {

@@ -1,11 +1,12 @@
-// Which keypoint the pointer means: hovering, clicking, and choosing several with a rectangle.
+// Which keypoint the pointer means: hovering, clicking, choosing several with a rectangle, and menus by right click.
 
 /** @import { PosterMap } from "./projection.js" */
 
-import { invalidate, states } from "../connection.js";
+import { invalidate, known, states } from "../connection.js";
+import { onRightClick, openMenu } from "../menu.js";
 import { canvas } from "../viser/bridge.js";
 import { drawn, inBox } from "./projection.js";
-import { groupOf, isPicture, isSide, placedOn } from "./skeleton.js";
+import { chosen, groupOf, isPicture, isSide, placedOn, select, skeletonReady } from "./skeleton.js";
 
 export const REACH = 12; // CSS pixels
 export const TOUCH_REACH = 24;
@@ -97,3 +98,16 @@ function hover(event) {
 
 window.addEventListener("pointermove", hover, true);
 document.documentElement.addEventListener("pointerleave", hover);
+
+/** On a keypoint, the menu is about all that are selected. @param {MouseEvent} event */
+function rightClick(event) {
+  if (!skeletonReady()) return;
+  const found = pick(canvasPlace(event), REACH);
+  if (found && (chosen.suggested || !chosen.joints.has(found.joint))) select([found.joint], "replace");
+  const groups = (found ? states.menus?.keypoints : states.menus?.picture) ?? [];
+  const items = groups.flatMap((group, i) => (i ? [null, ...group] : [...group]));
+  const name = found ? known("skeleton").names[found.joint] : "Picture";
+  openMenu(name, items, event.clientX, event.clientY);
+}
+
+onRightClick(overScene, rightClick);

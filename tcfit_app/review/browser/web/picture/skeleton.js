@@ -41,18 +41,10 @@ export const chosen = {
 
 /** @type {number[]} */
 export let groupOf = []; // by keypoint: its group's place in skeleton.groups, which is also its rank for picking
-/** @type {Set<number>} */
-export let badJoints = new Set();
-/** @type {Set<number>} */
-export let editedJoints = new Set();
-/** @type {Set<number>} */
-export let pinnedJoints = new Set();
-/** @type {Set<number>} */
-export let lockedJoints = new Set();
-/** @type {Set<number>} */
-export let deepJoints = new Set();
-/** @type {Set<number>} */
-export let ignoredJoints = new Set();
+
+/** Whether a keypoint of the frame on show has an attribute.
+ * @param {"bad" | "edited" | "pinned" | "locked" | "deep" | "ignored"} attribute @param {number} joint */
+export const marked = (attribute, joint) => known("keypoints")[attribute].includes(joint);
 
 watch("skeleton", (skeleton) => {
   const groups = skeleton?.groups ?? [];
@@ -65,12 +57,6 @@ watch("selection", (selection) => {
   invalidate("overlay");
 });
 watch("keypoints", (keypoints) => {
-  badJoints = new Set(keypoints?.bad);
-  editedJoints = new Set(keypoints?.edited);
-  pinnedJoints = new Set(keypoints?.pinned);
-  lockedJoints = new Set(keypoints?.locked);
-  deepJoints = new Set(keypoints?.deep);
-  ignoredJoints = new Set(keypoints?.ignored);
   const { held } = chosen;
   if (held?.left && (keypoints?.frame !== held.frame || arrived(held, keypoints))) chosen.held = null;
   invalidate("overlay");
@@ -116,7 +102,7 @@ export const groupShown = (joint) => known("style").groups.includes(known("skele
  * @param {number} joint */
 export function located(joint) {
   const { confidence, xy } = known("keypoints");
-  return confidence[joint] > 0 || (editedJoints.has(joint) && xy[joint].some((pixels) => pixels !== 0));
+  return confidence[joint] > 0 || (marked("edited", joint) && xy[joint].some((pixels) => pixels !== 0));
 }
 
 /** Whether it is drawn, and can be picked. An undetected one is while it alone is selected: it can then be dragged from

@@ -12,11 +12,10 @@ import {
 } from "./axis.js";
 import { drawKey, drawLaneNames, drawLanes, drawMarks, markAt, marksOf } from "./lanes.js";
 import { LANES, fitBand, laneBand, overview, ruler } from "./layout.js";
-import { levelWords } from "./levels.js";
 import { drawOverview, markOverview } from "./overview.js";
 import { NAMES, clipToPlot, fillBox, fillFrames, write } from "./paint.js";
 import { chosenRange, cursorFrame, pointed } from "./pointed.js";
-import { drawRows } from "./rows.js";
+import { drawRows, levelWords } from "./rows.js";
 
 const TICKS = 118; // CSS pixels between two numbers in the ruler
 const RULER_MIDDLE = (ruler.top + ruler.bottom) / 2 + 0.5;

@@ -5,9 +5,9 @@ import { strip } from "../elements.js";
 import { pointed } from "./pointed.js";
 
 export const HEAD = 27;
-export const RULER = 19;
+const RULER = 19;
 const FIT = 5; // the running fit, below the ruler
-export const LANE = 15;
+const LANE = 15;
 export const OVERVIEW = 13;
 const GAP = 3;
 const LEAST_ROW = 34;

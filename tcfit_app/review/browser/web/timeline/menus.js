@@ -20,8 +20,7 @@ const selected = (frame) => {
 /** What the server offers, and what the page can do by itself. @param {boolean} ofSelected
  * @returns {(MenuItem | null)[]} */
 function items(ofSelected) {
-  const menus = states.frame_menus;
-  const groups = (ofSelected ? menus?.selected : menus?.elsewhere) ?? [];
+  const groups = (ofSelected ? states.menus?.frames : states.menus?.timeline) ?? [];
   const range = chosenRange();
   /** @type {(MenuItem | null)[]} */
   const own = [{ label: "Show the whole clip", obstacle: zoomed() ? "" : "It is shown already.", run: showWhole }];

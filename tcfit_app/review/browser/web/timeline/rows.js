@@ -1,6 +1,7 @@
-// The rows of curves, each with its own axis of values.
+// The rows of curves, each with its own axis of values; and of levels, where each part of the body has a line, stronger
+// for a higher level.
 
-/** @import { Curve, Row } from "../wire" */
+/** @import { Curve, Levels, Row } from "../wire" */
 /** @import { Band } from "./layout.js" */
 /** @import { Context } from "./paint.js" */
 
@@ -9,11 +10,11 @@ import { NOT_SURE, stroke } from "../picture/shapes.js";
 import { onGround, tones } from "../theme.js";
 import { GUTTER, bandPath, curvePath, niceStep, plotWidth, valueScale, valueText } from "./axis.js";
 import { fitBand, rowBand } from "./layout.js";
-import { drawLevels } from "./levels.js";
-import { clipToPlot, fillBox, write } from "./paint.js";
+import { clipToPlot, fillBox, fillFrames, write } from "./paint.js";
 
 const [ABOVE, BELOW] = [8, 7]; // within a band, for the numbers at both ends of the axis
 const LABELS = 15; // least distance of two numbers
+const STRENGTHS = [0.15, 0.4, 0.85]; // opacities, which differ without colour vision and in both themes
 
 /** @param {Context} context */
 export function drawRows(context) {
@@ -81,3 +82,27 @@ function labelled({ low, high, step }, height) {
     return (Math.abs(one - other) / (high - low)) * height >= LABELS - 1;
   }
 }
+
+/** @param {Context} context @param {Levels} levels @param {Band} band */
+function drawLevels(context, { parts, spans }, band) {
+  const each = (band.bottom - band.top - 4) / parts.length;
+  parts.forEach((part, i) => {
+    const top = band.top + 2 + i * each;
+    write(context, part, GUTTER - 7, top + each / 2, tones.dim, "right");
+    clipToPlot(context, band, () => {
+      spans[i].forEach((some, level) => {
+        context.globalAlpha = STRENGTHS[level];
+        for (const [first, last] of some) fillFrames(context, tones.text, first, last, top, each - 1);
+      });
+      context.globalAlpha = 1;
+    });
+  });
+}
+
+/** What each part does in a frame, in words; nothing where it is unknown.
+ * @param {Levels} levels @param {number} frame */
+export const levelWords = ({ parts, words, spans }, frame) =>
+  parts.flatMap((part, i) => {
+    const level = spans[i].findIndex((some) => some.some(([first, last]) => first <= frame && frame <= last));
+    return level < 0 ? [] : [`${part} ${words[level]}`];
+  });

@@ -1,8 +1,9 @@
-// What viser's meshes cannot do: pictures that are shown at once, colours at vertices, clean transparency, dark plates.
+// What viser's meshes cannot do: pictures that are shown at once, colours at vertices, clean transparency, dark plates,
+// windows of their own.
 
 /** @import { Mesh, Renderer, Texture } from "./internals" */
 
-import { canvas, meshOf, redrawScene } from "./bridge.js";
+import { canvas, meshOf, nodeOf, redrawScene } from "./bridge.js";
 
 // --- pictures ---
 //
@@ -148,7 +149,7 @@ function depthOnly(mesh) {
 /** @typedef {{ window: Box | null }} Hook how a mesh is drawn: only in a window, if it has one */
 
 /** @param {Mesh} mesh @returns {Hook} */
-export function hookOf(mesh) {
+function hookOf(mesh) {
   if (mesh.userData.tcfitHook) return mesh.userData.tcfitHook;
   /** @type {Hook} */
   const hook = { window: null };
@@ -182,4 +183,30 @@ function prepare({ geometry, material, userData }) {
   if (userData.tcfitNothing !== undefined) material.colorWrite = !userData.tcfitNothing;
   const on = 3 * (userData.tcfitColors?.length ?? 0) === 4 * geometry.attributes.position.array.length;
   if (material.vertexColors !== on) Object.assign(material, { vertexColors: on, needsUpdate: true });
+}
+
+// --- windows ---
+//
+// Posters have windows on viser's one canvas: each is moved into its own right before the scene is drawn, and nothing
+// of it is drawn outside.
+
+/** Draws a node in a window. @param {string} name @param {[x: number, y: number]} place its own, in viser's world
+ * @param {Box} window */
+export function drawInWindow(name, [x, y], window) {
+  const node = nodeOf(name);
+  if (!node) return;
+  node.position.set(x, y, 0);
+  node.updateMatrixWorld(true);
+  node.traverse((child) => {
+    if (child.isMesh) hookOf(child).window = window;
+  });
+}
+
+const NOWHERE = { left: 0, top: 0, right: 0, bottom: 0 };
+
+/** Draws nothing of a node. @param {string} name */
+export function leaveOut(name) {
+  nodeOf(name)?.traverse((child) => {
+    if (child.isMesh) hookOf(child).window = NOWHERE;
+  });
 }
