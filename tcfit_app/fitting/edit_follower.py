@@ -1,15 +1,26 @@
-"""Live fitting: while a keypoint is dragged, and after edits."""
+"""The fit follows edits: while keypoints are dragged, after edits, and back when these are undone.
 
+What follows is stored as a run of corrections beside the corrected one: that run's fit, with changes of frames that
+each belong to an entry of the edit log (`Changes`). Undo restores the frames bit for bit, because the changes whose
+edits no longer stand are simply left out.
+"""
+
+import threading
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import count
 
+from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
+from fitting_core.fit.fitting import Refit
+from fitting_core.fit.refitting import with_windows
+from fitting_core.results.fit_result import FitResult
 from fitting_core.results.given_start import GivenStart
+from fitting_core.results.provenance import Provenance
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.fitting.fits import Fits, Shown
 from tcfit_app.fitting.jobs import CorrectionJob, RerunFrames, around
@@ -19,12 +30,14 @@ from tcfit_app.fitting.worker import LiveDrag, Worker
 from tcfit_app.project.edits.edit_log import LogEntry
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.project.project import Project
+from tcfit_app.project.storage.changes import Changes, Frames
 from tcfit_app.project.storage.run_record import Run
 
 MOST_FOLLOWED = 60
 """Maximum number of frames refitted automatically after an edit; for more, the user starts it."""
 SETTLING = 0.4
 """Seconds without further edits before the fit follows: holding a key down makes one job."""
+_NOTE = "keypoints were corrected, and the frames around them refitted"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,17 +53,19 @@ class LiveWindow:
 
 
 @dataclass(kw_only=True)
-class _Recent:
-    """Edits that a run's fit will follow."""
+class _Pending:
+    """Edits that a run's fit will follow, by id, and whether they stand: an undo is followed too."""
 
     run: Run
-    edits: dict[int, bool]
-    """By id, and whether they stand: an undo is followed too."""
-    since: float
+    recent: dict[int, bool] = field(default_factory=dict)
+    since: float = 0.0
+    """When the last of them was made."""
+    settled: dict[int, bool] = field(default_factory=dict)
+    """They wait for the run's previous corrections: one job then follows them all."""
 
 
 class EditFollower:
-    """Makes the fit follow drags and edits. For the drawing thread only."""
+    """Makes the fits follow drags and edits. For the drawing thread, but for what the worker's thread stores."""
 
     def __init__(self, project: Project, bodies: Bodies, fits: Fits, worker: Worker) -> None:
         self._windows_of: dict[int, LiveWindow] = {}
@@ -60,13 +75,40 @@ class EditFollower:
         self._project, self._bodies, self._fits, self._worker = project, bodies, fits, worker
         self._drags: dict[int, tuple[LiveDrag, Run]] = {}
         self._revisions = count(1)
-        self._recent: dict[int, _Recent] = {}
-        self._settled: dict[int, _Recent] = {}
-        """Edits waiting for the run's previous corrections: one job then follows them all."""
+        self._lock = threading.Lock()
+        """Guards `_pending`, to which both threads add."""
+        self._pending: dict[int, _Pending] = {}
         self._under_way: set[int] = set()
         """Runs whose corrections are being fitted or queued."""
         self._taking_back: set[int] = set()
         """Running errands of the worker."""
+        self._since = {run.parent: run.id for run in fits.runs if run.kind == "corrections"}
+        """By run, the newest run of its corrections that future ones do not go into."""
+
+    # --- the runs that collect corrections ---
+
+    def of(self, run: int) -> Run:
+        """The run that shows a run's current corrections, or the run itself without any."""
+        since = self._since.get(run, 0)
+        found = [one for one in self._fits.runs if one.id == run or (_corrects(one, run) and one.id > since)]
+        return max(found, key=lambda one: one.id, default=None) or self._project.runs.get(run)
+
+    def _go_on_from(self, run: Run) -> None:
+        """Future corrections start from the run on show, not from earlier corrections of it, except while some are
+        under way."""
+        if run.id not in {run.id for _, run in self._drags.values()} | {*self._pending} | self._under_way:
+            self._since[run.id] = max((one.id for one in self._fits.runs if _corrects(one, run.id)), default=0)
+
+    def edits_seen(self, base: Run, windows: tuple[range, ...], seen: int) -> int:
+        """The log entry up to which a run includes all edits once windows are refitted with those up to `seen`."""
+        fitted, last = {frame for window in windows for frame in window}, base.edits_seen
+        for number, frames in self._project.frames_changed_after(last).items():
+            if number > seen or not fitted.issuperset(frames):
+                break
+            last = number
+        return last
+
+    # --- drags ---
 
     @property
     def live(self) -> LiveWindow | None:
@@ -75,14 +117,13 @@ class EditFollower:
 
     def window(self, run: int, frame: int) -> LiveWindow | None:
         """The newest window of a drag containing this frame, of a run or of the run that collects its corrections."""
-        of = self._fits.corrections.of
-        there = (w for w in self._windows_of.values() if frame in w.frames and run in (w.run, of(w.run).id))
+        there = (w for w in self._windows_of.values() if frame in w.frames and run in (w.run, self.of(w.run).id))
         return max(there, key=lambda window: window.revision, default=None)
 
     @property
     def busy(self) -> bool:
         """Whether the fit is following a drag, or is about to follow an edit."""
-        return bool(self._drags or self._recent or self._settled or self._taking_back)
+        return bool(self._drags or self._pending or self._taking_back)
 
     @property
     def lags(self) -> bool:
@@ -122,19 +163,22 @@ class EditFollower:
                 frame=frame,
                 keypoints=joints,
                 in_depth=in_depth,
-                origin=shown.run.id,
                 edits_seen=seen,
                 renewed=renewed,
             )
 
         def renewed() -> Correction:
-            start = self._fits.fit(self._fits.corrections.of(shown.run.id))
+            start = self._fits.fit(self.of(shown.run.id))
             seen = self._project.last_edit
             return of(self._clip(start.camera), start.last.params, start.start, seen)
 
+        def keep(correction: Correction, target: Target, refit: Refit, edit: int | None) -> None:
+            self._keep_drag(shown.run.id, correction, target, refit, edit)
+
         # The worker renews it before it starts: corrections that are not in memory are read, and the current keypoints
         # assembled, on its thread.
-        drag = self._worker.drag(of(replace(self._project.footage, camera=shown.camera), shown.params, None), target)
+        begun = of(replace(self._project.footage, camera=shown.camera), shown.params, None)
+        drag = self._worker.drag(begun, target, keep)
         self._drags[drag.number] = (drag, shown.run)
         return drag
 
@@ -170,8 +214,10 @@ class EditFollower:
         if drag is None or run is None or report.how != "failed":
             return
         drag.failed = True
-        if drag.released and drag.edit is not None and self.after_edits:
+        if drag.released and drag.edit is not None:
             self.follow(run, {drag.edit: True})
+
+    # --- edits ---
 
     def edited(self, entry: LogEntry, shown: Shown) -> None:
         """An edit was made while this fit was on show."""
@@ -185,42 +231,31 @@ class EditFollower:
 
         If the fit was made with the edit, there is no result without it, and the fit follows this as another edit.
         """
-        waited = [waiting for waiting in (*self._recent.values(), *self._settled.values()) if edit in waiting.edits]
-        for waiting in waited:
-            del waiting.edits[edit]
+        with self._lock:
+            pending = [edits for one in self._pending.values() for edits in (one.recent, one.settled)]
+            waited = [edits.pop(edit) for edits in pending if edit in edits]
         follows = self.after_edits and shown is not None and shown.phase == 3 and shown.result is not None
         run = shown.run.id if shown is not None and follows and not waited else None
-        self._taking_back.add(self._worker.run_errand(lambda: self._fits.corrections.take_back(edit, run)))
+        self._taking_back.add(self._worker.run_errand(lambda: self._take_back(edit, run)))
 
     def take_errand(self, report: ErrandEnded) -> None:
         """Corrections were undone."""
         self._taking_back.discard(report.errand)
 
-    def _go_on_from(self, run: Run) -> None:
-        """Future corrections start from the run on show, except for corrections of it under way."""
-        begun = {run.id for _, run in self._drags.values()} | {*self._recent, *self._settled} | self._under_way
-        if run.id not in begun:
-            self._fits.corrections.begin(run.id)
-
-    def take_up(self) -> None:
-        """Follow what the worker could not finish."""
-        left = self._fits.corrections.to_follow
-        while not left.empty():
-            run, edits = left.get()
-            if self.after_edits:
-                self.follow(run, edits)
-
     def follow(self, run: Run, edits: dict[int, bool]) -> None:
-        """Refit the frames around edits, soon."""
-        before = self._recent.get(run.id)
-        self._recent[run.id] = _Recent(run=run, edits=(before.edits if before else {}) | edits, since=time.monotonic())
+        """Refit the frames around edits, soon, unless the user has turned that off. For any thread."""
+        if edits and self.after_edits:
+            with self._lock:
+                pending = self._pending.setdefault(run.id, _Pending(run=run))
+                pending.recent |= edits
+                pending.since = time.monotonic()
 
     def ended(self, run: int, *, cancelled: bool) -> None:
-        """A job that followed edits of a run has ended; if it was cancelled, so are waiting edits."""
+        """A job that followed edits of a run has ended; if it was cancelled, so are pending edits."""
         self._under_way.discard(run)
         if cancelled:
-            self._recent.pop(run, None)
-            self._settled.pop(run, None)
+            with self._lock:
+                self._pending.pop(run, None)
 
     def due(self, tell: Callable[[Notice], None]) -> CorrectionJob | None:
         """The job that refits the frames around recent edits, once these have settled. Further edits of a run whose
@@ -228,20 +263,35 @@ class EditFollower:
 
         `tell` receives a notice if the fit cannot follow: too many edits, or no body model.
         """
-        self._settle(tell)
-        recent = next((recent for run, recent in self._settled.items() if run not in self._under_way), None)
-        if recent is None:
-            return None
-        del self._settled[recent.run.id]
-        if not recent.edits:
+        with self._lock:
+            latest = time.monotonic() - SETTLING
+            for one in self._pending.values():
+                if one.recent and one.since <= latest:
+                    one.settled |= self._accepted(one.recent, tell)
+                    one.recent = {}
+            ready = [one for one in self._pending.values() if one.settled and one.run.id not in self._under_way]
+            run, edits = (ready[0].run, ready[0].settled) if ready else (None, {})
+            if ready:
+                ready[0].settled = {}
+            self._pending = {number: one for number, one in self._pending.items() if one.recent or one.settled}
+        if run is None:
             return None
         try:
-            job = self._job(recent.run, recent.edits)
+            job = self._job(run, edits)
         except InputError as error:
             tell(Notice(title="The fit cannot follow", text=str(error), kind="error"))
             return None
-        self._under_way.add(recent.run.id)
+        self._under_way.add(run.id)
         return job
+
+    def _accepted(self, recent: dict[int, bool], tell: Callable[[Notice], None]) -> dict[int, bool]:
+        """Recent edits that the fit follows; none if they are too many."""
+        edits = self._wanted(recent)
+        if sum(map(len, self._windows(edits))) <= MOST_FOLLOWED:
+            return edits
+        text = f"{len(self._frames(edits))} frames were edited: re-run them when you are done."
+        tell(Notice(title="Too many edits to refit automatically", text=text))
+        return {}
 
     def _wanted(self, edits: dict[int, bool]) -> dict[int, bool]:
         """The edits whose state has not changed again."""
@@ -249,20 +299,6 @@ class EditFollower:
 
     def _frames(self, edits: Iterable[int]) -> set[int]:
         return {frame for edit in edits for frame in self._project.frames_changed(edit)}
-
-    def _settle(self, tell: Callable[[Notice], None]) -> None:
-        """Move runs that were not edited for a while to those waiting."""
-        latest = time.monotonic() - SETTLING
-        for recent in [recent for recent in self._recent.values() if recent.since <= latest]:
-            del self._recent[recent.run.id]
-            recent.edits = self._wanted(recent.edits)
-            if not recent.edits:
-                continue
-            if sum(map(len, self._windows(recent.edits))) > MOST_FOLLOWED:
-                text = f"{len(self._frames(recent.edits))} frames were edited: re-run them when you are done."
-                tell(Notice(title="Too many edits to refit automatically", text=text))
-            elif (waiting := self._settled.setdefault(recent.run.id, recent)) is not recent:
-                waiting.edits |= recent.edits
 
     def _windows(self, edits: Iterable[int]) -> tuple[range, ...]:
         return around(self._frames(edits), LIVE_REACH, len(self._project.detections))
@@ -273,17 +309,145 @@ class EditFollower:
 
         def renewed(job: CorrectionJob) -> tuple[RerunFrames, dict[int, bool], int]:
             seen, left = self._project.last_edit, self._wanted(job.edits)
-            start = self._fits.fit(self._fits.corrections.of(run.id))
-            clip = self._clip(start.camera)
-            return (
-                RerunFrames(clip=clip, body=body, config=config, start=start, windows=self._windows(left)),
-                left,
-                seen,
-            )
+            start = self._fits.fit(self.of(run.id))
+            clip, windows = self._clip(start.camera), self._windows(left)
+            return RerunFrames(clip=clip, body=body, config=config, start=start, windows=windows), left, seen
 
         frames = sorted(frame for window in self._windows(edits) for frame in window)
-        where = in_words(frames, self._project.footage.first_frame)
-        return CorrectionJob(origin=run.id, edits=edits, title=f"Follow edits: re-run {where}", renewed=renewed)
+        title = f"Follow edits: re-run {in_words(frames, self._project.footage.first_frame)}"
+        return CorrectionJob(origin=run.id, edits=edits, title=title, renewed=renewed, keep=self._keep_followed)
 
     def _clip(self, camera: Camera) -> Clip:
         return replace(self._project.clip, camera=camera)
+
+    # --- storing, on the worker's thread ---
+
+    def _keep_drag(self, run: int, correction: Correction, target: Target, refit: Refit, edit: int | None) -> None:
+        """Store a released drag, unless its edit has been undone meanwhile."""
+        now = self._catch_up()
+        if edit is None or self._project.stood(edit, now):
+            edits, seen = {} if edit is None else {edit: True}, correction.edits_seen
+            self._put(run, (correction.frames,), refit, correction.edited(target), correction.body, seen, edits)
+
+    def _keep_followed(self, job: CorrectionJob, fit: FitResult) -> None:
+        """Store a fit that followed edits. Newer frames stay: those edited meanwhile are followed again."""
+        self._catch_up()
+        inner, project = job.job, self._project
+        assert inner is not None, "it has run"
+        later = {frame for frames in project.frames_changed_after(job.edits_seen).values() for frame in frames}
+        windows = tuple(window for window in inner.windows if later.isdisjoint(window))
+        dropped = {frame for window in inner.windows if window not in windows for frame in window}
+        again = {edit: on for edit, on in job.edits.items() if not dropped.isdisjoint(project.frames_changed(edit))}
+        self.follow(project.runs.get(job.origin), again)
+        if windows:
+            provenance = fit.last.provenance or Provenance.unknown(len(fit.last.params))
+            refit = Refit(params=fit.last.params, provenance=provenance)
+            followed = {edit: on for edit, on in job.edits.items() if edit not in again}
+            self._put(job.origin, windows, refit, inner.clip, inner.body, job.edits_seen, followed)
+
+    def _put(
+        self,
+        run: int,
+        windows: tuple[range, ...],
+        refit: Refit,
+        clip: Clip,
+        body: BodyModel,
+        seen: int,
+        edits: dict[int, bool],
+    ) -> None:
+        """Put windows of a fit into a run's corrections, which may have changed since the fit was started."""
+        project, now = self._project, self._fits.at
+        base = self._collecting(run)
+        if project.runs.get(base.id).deleted:
+            raise InputError(f"{base.name} was deleted, so its refitted corrections were not stored.")
+        fit, config = self._fits.fit(base), project.runs.get(run).config
+        whole = fit.last.params
+        for window in windows:
+            whole = whole.with_frames(window, refit.params[slice(window.start, window.stop)])
+        found = with_windows(fit, clip, body, whole, windows, config=config, provenance=refit.provenance, note=_NOTE)
+        frames = Frames.of(found, windows, self.edits_seen(base, windows, seen))
+        if not project.stood_by(seen, now):  # keypoints of other frames have changed since
+            seen = now
+
+        def change(changes: Changes) -> None:
+            changes.add(frames, seen=seen, edits=edits)
+
+        with self._fits.unseen():
+            if base.kind == "corrections":
+                if project.redoable is None:
+                    project.runs.changes(base.id).forget_undone()
+                project.runs.change(base.id, change)
+            else:
+                base = project.runs.add(
+                    fit,
+                    body=base.body,
+                    edits_seen=base.edits_seen,
+                    kind="corrections",
+                    parent=base.id,
+                    given=base.given,
+                    name=self._name(base),
+                    change=change,
+                )
+            self._fits.advance(now, {base.id: frames.put_into(fit)})
+
+    def _collecting(self, run: int) -> Run:
+        """The run whose corrections are added to, which may be one of which all were undone; the run itself if there
+        are none yet."""
+        base = self.of(run)
+        undone = [
+            one for one in self._project.runs.corrections(self._fits.at) if one.emptied and _corrects(one, base.id)
+        ]
+        return next((one for one in reversed(undone) if one.id > self._since.get(run, 0)), base)
+
+    def _name(self, base: Run) -> str:
+        name, taken = f"{base.name} corrected", {run.name for run in self._fits.runs}
+        names = (name if number == 1 else f"{name} {number}" for number in count(1))
+        return next(name for name in names if name not in taken)
+
+    def _take_back(self, edit: int, run: int | None) -> None:
+        """After an undo or a redo, show all corrections as the edits stand now. Raises InputError if a fit cannot be
+        read.
+
+        Args:
+            edit: The log entry undone or redone.
+            run: The run whose fit follows it if it was fitted to other keypoints and has no change for it; None: no
+                run.
+        """
+        self._catch_up()
+        if run is not None and self._includes(self.of(run), edit) != (stands := self._project.stands(edit)):
+            self.follow(self._project.runs.get(run), {edit: stands})
+
+    def _includes(self, run: Run, edit: int) -> bool | None:
+        """Whether a run's fit was made with an edit; None: unknown, because its changes are missing."""
+        changes = self._project.runs.changes(run.id)
+        for change in reversed(changes.standing()):
+            if edit in change.about.edits:
+                return change.about.edits[edit]
+        return None if run.kind == "corrections" and not changes else self._project.stood(edit, run.edits_seen)
+
+    def _catch_up(self) -> int:
+        """Show all corrections as the edits stand now; returns the last log entry. Raises InputError if a fit cannot be
+        read."""
+        now, then = self._project.last_edit, self._fits.at
+        changed: dict[int, FitResult | None] = {}
+        problem: InputError | None = None
+        with self._fits.unseen():
+            for run in self._project.runs.corrections():
+                changes = self._project.runs.changes(run.id)
+                if changes.applied(then) == changes.applied(now):
+                    continue
+                try:
+                    changed[run.id] = self._project.runs.load(run.id, now) if self._fits.held(run) else None
+                except InputError as error:
+                    changed[run.id], problem = None, error
+                gone = [change for change in changes.standing(then) if change not in changes.standing(now)]
+                self.follow(run, self._wanted({edit: on for change in gone for edit, on in change.about.edits.items()}))
+            self._fits.advance(now, changed)
+        if problem is not None:
+            raise problem
+        return now
+
+
+def _corrects(run: Run, corrected: int) -> bool:
+    """Whether a run has the corrections of another one."""
+    return run.kind == "corrections" and run.parent == corrected

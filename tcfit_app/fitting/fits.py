@@ -3,7 +3,7 @@
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from itertools import count
@@ -17,11 +17,8 @@ from fitting_core.camera import Camera
 from fitting_core.config.schema import fits_as_smplifyx
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FramesFitted, PhaseFinished
-from fitting_core.fit.fitting import Refit
 from fitting_core.results.fit_result import FitResult, PhaseResult
-from tcfit_app.fitting.corrections import Corrections
 from tcfit_app.fitting.jobs import CorrectionJob, Job, RunJob
-from tcfit_app.fitting.live import Correction, Target
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_record import Ended, Run, Source, newest
 
@@ -151,22 +148,25 @@ class Fits:
         self._asked: dict[int, float] = {}
         """When each was last requested."""
         self._revisions = count(1)
-        self._runs: tuple[int, tuple[Run, ...]] = (-1, ())
+        self.at = project.last_edit
+        """The log entry after which corrections are as they are shown; see `Changes`."""
+        self._runs: tuple[object, tuple[Run, ...]] = (None, ())
         """The runs, with the version of their rows."""
+        self._emptied: dict[int, int | None] = {}
+        """The run that each run of corrections corrects, if all of its corrections were undone."""
         self._unseen = 0
         """Number of writers whose runs are not visible yet."""
         self._unwritten: dict[int, FitResult] = {}
         """Finished fits that could not be written."""
-        self.corrections = Corrections(project, self)
-        """Of keypoints, which are separate runs."""
 
     @property
     def runs(self) -> tuple[Run, ...]:
         """All runs that are not deleted, oldest first."""
         with self._lock:
-            version = self.version  # taken first: what is written meanwhile is read the next time
-            if self._runs[0] != version and (not self._unseen or self._runs[0] < 0):
-                self._runs = version, tuple(self._project.runs.all())
+            version = self.version, self.at  # taken first: what is written meanwhile is read the next time
+            if self._runs[0] != version and (not self._unseen or self._runs[0] is None):
+                self._runs = version, tuple(self._project.runs.all(at=self.at))
+                self._emptied = {run.id: run.parent for run in self._project.runs.corrections(self.at) if run.emptied}
             return self._runs[1]
 
     @contextmanager
@@ -220,8 +220,8 @@ class Fits:
         run that they corrected."""
         if choice.run is None or self.run(choice.run) is not None:
             return choice
-        corrected = self.run(self.corrections.emptied.get(choice.run, choice.run))
-        return replace(choice, run=None if corrected is None else corrected.id)
+        corrected = self._emptied.get(choice.run)
+        return replace(choice, run=None if corrected is None or self.run(corrected) is None else corrected)
 
     def meant(self, choice: FitChoice) -> Run | None:
         """The run that a choice refers to now."""
@@ -263,9 +263,27 @@ class Fits:
                 self._versions.move_to_end(run.id)
                 self._asked[run.id] = time.monotonic()
                 return version
-        fit = self._project.runs.load(run.id)
-        with self._lock:  # another thread may have published a newer one meanwhile
-            return self._versions.get(run.id) or self.publish(run.id, fit)
+        while True:
+            at = self.at
+            fit = self._project.runs.load(run.id, at)
+            with self._lock:  # another thread may have published a newer one meanwhile
+                if run.id in self._versions or at == self.at:
+                    return self._versions.get(run.id) or self.publish(run.id, fit)
+
+    def advance(self, at: int, changed: Mapping[int, FitResult | None]) -> None:
+        """Show corrections as they are after a log entry.
+
+        Args:
+            at: The entry.
+            changed: The runs that differ there, and their results; None: it is read on demand.
+        """
+        with self._lock:
+            self.at = at
+            for run, fit in changed.items():
+                if fit is None:
+                    self._versions.pop(run, None)
+                else:
+                    self.publish(run, fit)
 
     def publish(self, run: int, fit: FitResult, partial: _Partial | None = None) -> _Version:
         """Replace a run's result."""
@@ -313,11 +331,9 @@ class Fits:
             self._versions.pop(run, None)
 
     def keep(self, job: Job, result: PhaseFinished | FramesFitted | FitResult) -> None:
-        """Store the result of a run's job; see `worker.Sink`."""
+        """Store the result of a job; see `worker.Sink`."""
         if isinstance(job, CorrectionJob):
-            if isinstance(result, FitResult):
-                self.corrections.keep_followed(job, result)
-            return
+            return job.keep(job, result) if isinstance(result, FitResult) else None
         assert isinstance(job, RunJob)
         if isinstance(result, FitResult):
             try:
@@ -360,7 +376,3 @@ class Fits:
                 before = _begun(version, found, len(job.clip))
             partial = before.with_frames(found.frames, found.params)
             self._put(job.run_id, version.fit, camera, partial)
-
-    def keep_correction(self, correction: Correction, target: Target, refit: Refit) -> None:
-        """Store a released drag; see `worker.Sink`."""
-        self.corrections.keep_drag(correction, target, refit)

@@ -214,6 +214,8 @@ class CorrectionJob:
     renewed: "Callable[[CorrectionJob], tuple[RerunFrames, dict[int, bool], int]]"
     """The re-run, the edits still to be followed, and the id of the last log entry in its keypoints, as of now: drags
     and undos go first. Reads from disk, so only for the worker's thread."""
+    keep: "Callable[[CorrectionJob, FitResult], None]"
+    """Stores the result. Only for the worker's thread."""
     job: RerunFrames | None = None
     """None until it starts."""
     edits_seen: int = 0

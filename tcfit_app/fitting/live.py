@@ -9,7 +9,6 @@ Milliseconds of CPU time of a move on one thread, window of 7 frames, medians:
 
     keypoints               with the kernels   in torch
     body                    9                  20
-    A drag in depth takes 1 ms more, in which the kernels reload the term of relative positions.
 
 A drag in depth takes 1 ms more, in which the kernels reload the term of relative positions.
 """
@@ -71,12 +70,8 @@ class Correction:
     in_depth: bool = False
     """Whether they are dragged in depth instead of in the image."""
     reach: int = LIVE_REACH
-    origin: int | None = None
-    """The run of `params`, for storing the correction."""
     edits_seen: int = 0
     """Id of the last log entry included in `clip`, for storing the correction."""
-    edit: int | None = None
-    """Id of the log entry of the release, for storing the correction."""
     renewed: "Callable[[], Correction] | None" = None
     """The same with the result and keypoints current when called: other corrections may come in between."""
 

@@ -7,7 +7,6 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import replace
 from itertools import count
 from typing import Protocol
 
@@ -35,16 +34,19 @@ class Sink(Protocol):
         """Store a job's result. An exception makes the job fail."""
         ...
 
-    def keep_correction(self, correction: Correction, target: Target, refit: Refit) -> None:
-        """Store a released drag: its keypoints' positions, and all frames. An exception makes it fail."""
-        ...
+
+KeepDrag = Callable[[Correction, Target, Refit, int | None], None]
+"""Stores a released drag, on the worker's thread: the correction, its keypoints' positions, all frames, and the log
+entry of the release. An exception makes it fail."""
 
 
 class LiveDrag:
     """A drag in progress. Only the newest move counts."""
 
-    def __init__(self, number: int, correction: Correction, target: Target, changed: threading.Condition) -> None:
-        self.number, self.correction = number, correction
+    def __init__(
+        self, number: int, correction: Correction, target: Target, keep: KeepDrag, changed: threading.Condition
+    ) -> None:
+        self.number, self.correction, self.keep = number, correction, keep
         self.live: LiveCorrection | None = None
         """The worker's own; created when it first handles the drag."""
         self._changed = changed
@@ -132,11 +134,11 @@ class Worker:
             self._changed.notify_all()
         return number
 
-    def drag(self, correction: Correction, target: Target) -> LiveDrag:
-        """Start following a drag; a running job waits for it."""
+    def drag(self, correction: Correction, target: Target, keep: KeepDrag) -> LiveDrag:
+        """Start following a drag, which `keep` stores; a running job waits for it."""
         with self._changed:
             self._refuse_if_closing()
-            drag = LiveDrag(next(self._numbers), correction, target, self._changed)
+            drag = LiveDrag(next(self._numbers), correction, target, keep, self._changed)
             self._drags.append(drag)
             self._changed.notify_all()
         return drag
@@ -293,7 +295,7 @@ class Worker:
             else:
                 return DragEnded(drag=drag.number, how="abandoned")
         # Not within the handler: if storing failed, the log would show the whole result as the cause.
-        self._sink.keep_correction(replace(live.correction, edit=drag.edit), live.target, refit)
+        drag.keep(live.correction, live.target, refit, drag.edit)
         return DragEnded(drag=drag.number, how="finished")
 
 

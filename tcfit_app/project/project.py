@@ -8,8 +8,7 @@ A project is a folder:
 | detections.npz | the detected keypoints, xy (T, 137, 2) in pixels, confidence (T, 137), and the detector; never \
 changed once there are any |
 | runs/000001.npz | a run's result (`storage/run_files.py` has the keys) |
-| runs/000002/000001.npz | what a correction replaced in a run, for undo (`storage/changes.py`); not in a packed \
-project, where the fit follows an undo like any other edit |
+| runs/000002/000001.npz | a change of a run of corrections (`storage/changes.py`) |
 | reference.npz | the reference that fits are compared with, if any |
 | handshapes.toml | the user's own set of handshapes, if any |
 | media/ | the video or images, if they were copied; otherwise the database has their path |
@@ -87,7 +86,7 @@ class Project:
         stored, link = read_clip(folder, store)
         self.media: Media = media.find(link, folder)
         """Where the video or images were found on opening, and what is wrong with them."""
-        self.runs = Runs(folder, store, len(stored))
+        self.runs = Runs(folder, store, len(stored), self)
         self.marks = MarkStore(
             store, len(stored), self._marks_done, lambda action, author: self.append(action, author=author)
         )
@@ -473,9 +472,14 @@ class Project:
             return self._history.standing.stood(number, seen)
 
     def stood_by(self, seen: int, later: int | None = None) -> bool:
-        """Whether everything that stood after the entry `seen` stood after a later one too; None: stands now."""
+        """Whether every edit that stood after the entry `seen` stood after a later one too; None: stands now."""
         with self._guard:
             return self._history.standing.stood_by(seen, later)
+
+    def standing_edits(self, seen: int) -> int:
+        """How many edits stood after the entry `seen`."""
+        with self._guard:
+            return self._history.standing.counted(seen)
 
     def frames_changed(self, edit: int) -> tuple[int, ...]:
         """The frames that the edit with this id changes."""

@@ -297,7 +297,7 @@ TARGETS: list[tuple[Any, str]] = [
     (runs, "write_run"),
     (runs, "read_run"),
     (changes.Changes, "add"),
-    (changes.Changes, "frames"),
+    (changes.Changes, "_read"),
     (suspicion, "review_queue"),
 ]
 """Functions of other threads that fail once."""

@@ -268,7 +268,7 @@ class World:
         for run in runs:
             if run.stored:
                 self._check_fit(run)
-        self._check_empty_corrections(runs)
+        self._check_undone_corrections()
         _expect(not self.errors.found, "unforeseen errors:\n" + "\n".join(self.errors.found))
 
     def _check_log(self) -> None:
@@ -287,14 +287,13 @@ class World:
         shown, stored = self.session.fits.fit(run), self.project.runs.load(run.id)
         _expect(_same(shown, stored), f"{run.name} on show differs from the one on the disk")
 
-    def _check_empty_corrections(self, runs: list[Run]) -> None:
-        """Corrections of which each was undone are the run that they correct."""
-        for run in runs:
-            if run.kind == "corrections" and run.parent is not None and run.state == "finished":
-                changes, parent = self.project.runs.changes(run.id), self.session.fits.run(run.parent)
-                if parent is not None and changes.taken_back and not changes.made:
-                    fits = [self.session.fits.fit(one) for one in (run, parent)]
-                    _expect(_same(*fits), f"{run.name}, all undone, differs from {parent.name}")
+    def _check_undone_corrections(self) -> None:
+        """Corrections that were all undone are the run that they correct."""
+        for run in self.project.runs.corrections():
+            parent = None if run.parent is None else self.session.fits.run(run.parent)
+            if run.emptied and parent is not None:
+                fits = [self.session.fits.fit(one) for one in (run, parent)]
+                _expect(_same(*fits), f"{run.name}, all undone, differs from {parent.name}")
 
 
 def _expect(condition: bool, broken: str) -> None:

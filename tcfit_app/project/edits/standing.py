@@ -80,9 +80,14 @@ class Standing(Generic[SaidEntry]):
                 state = state.before
 
     def stood_by(self, seen: int, later: int | None = None) -> bool:
-        """Whether everything that stood after the entry `seen` stood after a later one too; None: stands now."""
+        """Whether every counting statement that stood after the entry `seen` stood after a later one too; None: stands
+        now."""
         then = self._after(seen)
-        return _parted(then, self._now if later is None else self._after(later)) is then
+        return _parted(then, self._now if later is None else self._after(later)).counted == then.counted
+
+    def counted(self, seen: int) -> int:
+        """How many counting statements stood after the entry `seen`."""
+        return self._after(seen).counted
 
     def stood(self, number: int, seen: int | None = None) -> bool:
         """Whether an entry's statement stood after the entry `seen`; None: whether it stands now."""

@@ -1,4 +1,4 @@
-"""What corrections replaced in a run, for undo: runs/<id>/<number>.npz, one per change.
+"""What corrections have changed in a run: runs/<id>/<number>.npz, one file per change.
 
 | key | shape | |
 |---|---|---|
@@ -6,21 +6,23 @@
 | gravity, ground, contacts, ... | | for the whole clip; see fitting_core/ground/arrays.py |
 | about | () | JSON: see `ChangeAbout` |
 
-An undone change holds its own result, so that redo can restore it. An unreadable file is treated as missing: the fit
-then follows the edit like any other.
+A run of corrections is the fit in its own file with its changes put in. Each change belongs to a log entry, to whose
+keypoints it was fitted, and counts as long as every edit that stood then still stands. That follows from the log, so an
+undo or a redo writes nothing else, and restores the frames bit for bit.
+
+A file that cannot be read is treated as missing: the fit then follows its edits like any others.
 """
 
 import logging
-import os
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Protocol
 
 import msgspec
 import numpy as np
 
 from fitting_core.errors import InputError
-from fitting_core.files.atomic import sync
 from fitting_core.files.npz import read_npz, write_npz
 from fitting_core.ground.arrays import grounding_arrays, grounding_from
 from fitting_core.ground.grounding import Grounding
@@ -31,10 +33,22 @@ from tcfit_app.project.storage.accessing import accessing
 from tcfit_app.project.storage.run_files import PhaseRecord, phase_arrays, phase_from
 
 _MOST = 256 * 2**20
-"""Bytes per run for its changes; beyond that, the oldest are deleted, and their edits cannot be undone exactly."""
-_FORMAT = "tcfit change 1"
+"""Bytes per run for its changes; beyond that, the oldest become part of its file, and cannot be undone exactly."""
+_FORMAT, _EARLIER = "tcfit change 2", "tcfit change 1"
 _log = logging.getLogger(__name__)
 _Count = Annotated[int, msgspec.Meta(ge=0, le=2**48)]
+
+
+class Log(Protocol):
+    """What changes ask of the log of edits; `later` is an entry, None the last one."""
+
+    def stood_by(self, seen: int, later: int | None = None) -> bool:
+        """Whether every edit that stood after the entry `seen` stood after a later one too."""
+        ...
+
+    def standing_edits(self, seen: int) -> int:
+        """How many edits stood after the entry `seen`."""
+        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,16 +108,19 @@ class ChangeAbout(msgspec.Struct, frozen=True, kw_only=True):
     """The last log entry included in the keypoints that these frames were fitted to."""
     edits: dict[_Count, bool]
     """The edits it followed, by id, and whether they stood: an undo is followed too."""
-    taken_back: bool
     windows: tuple[tuple[_Count, _Count], ...]
     """First frames, and frames after the last."""
     frames: _Count
     """In the clip."""
     edits_seen: _Count
+    """As in `Run`, of the run with this change."""
     phase: PhaseRecord
+    taken_back: bool = True
+    """False only in files of earlier versions, which had the change in the run's file until it was undone: these are
+    the frames before it, which replace it when it no longer counts."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Change:
     """A change on disk."""
 
@@ -111,63 +128,109 @@ class Change:
     about: ChangeAbout
 
 
-@dataclass(frozen=True, kw_only=True)
-class Turning:
-    """Changes that are to be undone or redone, and what they are afterwards."""
-
-    changes: list[Change]
-    turned: list[Change]
-
-
 class Changes:
-    """The changes of one run, oldest first. For one thread at a time.
+    """The changes of one run. They are added and removed by one thread, and read by any.
 
     Args:
         folder: the run's; created with the first change.
+        length: of the clip, in frames.
+        log: the project's.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self.made: list[Change] = []
-        """The changes applied, in order."""
-        self.taken_back: list[Change] = []
-        """The changes undone, the last one undone first; it applies directly after those in `_made`."""
-        files = sorted(folder.glob("*.npz")) if folder.is_dir() else []
-        for file in [file for file in files if file.stem.isdigit()]:
-            if (about := _about(file)) is not None:
-                change = Change(number=int(file.stem), about=about)
-                (self.taken_back if about.taken_back else self.made).append(change)
+    def __init__(self, folder: Path, length: int, log: Log) -> None:
+        self._folder, self._length, self._log = folder, length, log
+        self._frames: dict[int, Frames] = {}
+        files = [file for file in sorted(folder.glob("*.npz")) if file.stem.isdigit()] if folder.is_dir() else []
+        read = ((int(file.stem), _about(file)) for file in files)
+        self._all = tuple(Change(number=number, about=about) for number, about in read if about is not None)
+        """Oldest first; replaced, never altered."""
 
     def __bool__(self) -> bool:
-        return bool(self.made or self.taken_back)
+        return bool(self._all)
 
-    def add(self, before: Frames, *, seen: int, edits: dict[int, bool], frames: int) -> None:
-        """Store frames before they change. Raises InputError if it cannot be written.
+    def standing(self, at: int | None = None) -> list[Change]:
+        """Those that count after a log entry; None: the last one."""
+        return [change for change in self._all if self._log.stood_by(change.about.seen, at)]
+
+    @property
+    def hidden_earlier(self) -> bool:
+        """Whether an earlier version has marked the run as deleted because all of its corrections were undone."""
+        return bool(self._all) and all(c.about.format == _EARLIER and c.about.taken_back for c in self._all)
+
+    def applied(self, at: int | None = None) -> list[Change]:
+        """The changes to put into the run's file, in order, for what stood after a log entry."""
+        standing = self.standing(at)
+        undone = [change for change in reversed(self._all) if not change.about.taken_back and change not in standing]
+        done = [change for change in standing if change.about.taken_back]
+        # A change made again counts after those that were made while it was undone.
+        return [*undone, *sorted(done, key=lambda c: self._log.standing_edits(c.about.seen))]
+
+    def edits_seen(self, before: int, at: int | None = None) -> int:
+        """`Run.edits_seen` with the changes; `before`: without any."""
+        return next((change.about.edits_seen for change in reversed(self.applied(at))), before)
+
+    def put_into(self, fit: FitResult, changes: Iterable[Change]) -> FitResult:
+        """The fit of the run's file, with changes."""
+        for change in changes:
+            if (frames := self._read(change)) is not None:
+                fit = frames.put_into(fit)
+        return fit
+
+    def add(self, frames: Frames, *, seen: int, edits: dict[int, bool]) -> None:
+        """Store frames as they are from now on. Raises InputError if that cannot be written.
 
         Args:
-            before: the frames.
-            seen: As in `ChangeAbout`, like the rest.
-            edits: as in `ChangeAbout`.
-            frames: as in `ChangeAbout`.
+            frames: The frames.
+            seen: The log entry to whose keypoints they were fitted.
+            edits: As in `ChangeAbout`.
         """
+        for change in self.standing():
+            if self._log.stood_by(seen, change.about.seen):
+                seen = change.about.seen  # the frames around were fitted to later edits
         about = ChangeAbout(
             format=_FORMAT,
             seen=seen,
             edits=edits,
-            taken_back=False,
-            windows=tuple((window.start, window.stop) for window in before.windows),
-            frames=frames,
-            edits_seen=before.edits_seen,
-            phase=PhaseRecord.of(before.phase),
+            windows=tuple((window.start, window.stop) for window in frames.windows),
+            frames=self._length,
+            edits_seen=frames.edits_seen,
+            phase=PhaseRecord.of(frames.phase),
         )
-        number = 1 + max((change.number for change in (*self.made, *self.taken_back)), default=0)
-        change = Change(number=number, about=about)
-        self._write(change, before, self._file(change))
-        self.made.append(change)
-        self._make_room()
+        change = Change(number=1 + max((change.number for change in self._all), default=0), about=about)
+        arrays = phase_arrays(frames.phase) | grounding_arrays(frames.grounding)
+        arrays["about"] = np.array(msgspec.json.encode(about).decode())
+        with accessing(self._folder):
+            self._folder.mkdir(exist_ok=True)
+            write_npz(self._file(change), arrays)
+        self._frames[change.number] = frames
+        self._all = (*self._all, change)
 
-    def frames(self, change: Change) -> Frames | None:
-        """What a change replaced, or what it had produced if it was undone; None if it cannot be read."""
+    def forget_undone(self) -> None:
+        """Delete the changes that are undone, once nothing can be redone."""
+        standing = self.standing()
+        self.forget(change for change in self._all if change.about.taken_back and change not in standing)
+
+    def oldest(self) -> list[Change]:
+        """Those that must become part of the run's file, because all together take too much room; usually none."""
+        applied, oldest = self.applied(), []
+        sizes = [self._file(change).stat().st_size for change in applied]
+        while sum(sizes) > (_MOST // 2 if oldest else _MOST):
+            oldest.append(applied[len(oldest)])
+            del sizes[0]
+        return oldest
+
+    def forget(self, changes: Iterable[Change]) -> None:
+        """Delete changes."""
+        for change in tuple(changes):
+            self._all = tuple(one for one in self._all if one is not change)
+            self._frames.pop(change.number, None)
+            with accessing(self._folder):
+                self._file(change).unlink(missing_ok=True)
+
+    def _read(self, change: Change) -> Frames | None:
+        """The frames of a change; None, and it is left out from now on, if they cannot be read."""
+        if change.number in self._frames:
+            return self._frames[change.number]
         try:
             arrays, about = read_npz(self._file(change)), change.about
             phase, windows = phase_from(arrays, about.phase), tuple(range(*window) for window in about.windows)
@@ -176,63 +239,11 @@ class Changes:
             grounding = grounding_from(arrays, about.frames)
         except (OSError, ValueError, KeyError, IndexError, TypeError) as error:
             _log.warning("%s cannot be read (%s): the fit follows its edits like any others", self._file(change), error)
+            self._all = tuple(one for one in self._all if one is not change)
             return None
-        return Frames(windows=windows, phase=phase, grounding=grounding, edits_seen=about.edits_seen)
-
-    def turning(self, changes: list[Change], frames: list[Frames]) -> "Turning":
-        """Prepare to undo the run's last changes, the last one first, or to redo the first ones that were undone.
-        Everything that needs room on the disk is written when this returns. Raises InputError as `add`; nothing has
-        changed then.
-
-        Args:
-            changes: Which.
-            frames: For each, what it had produced, or what it replaces again.
-        """
-        free = 1 + max(change.number for change in (*self.made, *self.taken_back))
-        turned = []
-        for place, (change, other) in enumerate(zip(changes, frames, strict=True)):
-            back = not change.about.taken_back
-            about = _turned(change.about, other, taken_back=back)
-            # A change made again is the last one, though others may have been made since it was undone.
-            turned.append(Change(number=change.number if back else free + place, about=about))
-            self._write(turned[-1], other, self._prepared(turned[-1]))
-        return Turning(changes=changes, turned=turned)
-
-    def turn(self, turning: "Turning") -> None:
-        """Do what was prepared."""
-        for change, turned in zip(turning.changes, turning.turned, strict=True):
-            with accessing(self._folder):
-                os.replace(self._prepared(turned), self._file(turned))
-                sync(self._folder)
-            if turned.about.taken_back:
-                self.made.remove(change)
-                self.taken_back.insert(0, turned)
-            else:
-                self.made.append(turned)
-                self.forget([change])
-
-    def _prepared(self, change: Change) -> Path:
-        return self._file(change).with_suffix(".prepared.npz")
-
-    def forget(self, changes: list[Change]) -> None:
-        """Delete changes that will never be undone or redone."""
-        for change in changes:
-            (self.taken_back if change.about.taken_back else self.made).remove(change)
-            with accessing(self._folder):
-                self._file(change).unlink(missing_ok=True)
-
-    def _make_room(self) -> None:
-        sizes = [self._file(change).stat().st_size for change in self.made]
-        while sum(sizes) > _MOST and len(sizes) > 1:
-            sizes.pop(0)
-            self.forget(self.made[:1])
-
-    def _write(self, change: Change, frames: Frames, path: Path) -> None:
-        arrays = phase_arrays(frames.phase) | grounding_arrays(frames.grounding)
-        arrays["about"] = np.array(msgspec.json.encode(change.about).decode())
-        with accessing(self._folder):
-            self._folder.mkdir(exist_ok=True)
-            write_npz(path, arrays)
+        frames = Frames(windows=windows, phase=phase, grounding=grounding, edits_seen=about.edits_seen)
+        self._frames[change.number] = frames
+        return frames
 
     def _file(self, change: Change) -> Path:
         return self._folder / file_name(change.number)
@@ -243,15 +254,10 @@ def file_name(number: int) -> str:
     return f"{int(number):06d}.npz"
 
 
-def _turned(about: ChangeAbout, frames: Frames, *, taken_back: bool) -> ChangeAbout:
-    phase, seen = PhaseRecord.of(frames.phase), frames.edits_seen
-    return msgspec.structs.replace(about, taken_back=taken_back, edits_seen=seen, phase=phase)
-
-
 def _about(file: Path) -> ChangeAbout | None:
     try:
         about = msgspec.json.decode(str(read_npz(file, ["about"])["about"]), type=ChangeAbout)
-        if about.format != _FORMAT:
+        if about.format not in (_FORMAT, _EARLIER):
             raise ValueError(f"it is a {about.format!r}, expected {_FORMAT!r}")
     except (OSError, ValueError, KeyError, InputError) as error:
         _log.warning("%s is left out (%s)", file, error)

@@ -66,7 +66,8 @@ class Run:
     frames: range | None
     """The refitted frames, from the clip's first; None: all."""
     edits_seen: int
-    """Id of the last log entry when it started; 0: none."""
+    """Id of the last log entry when it started, 0: none; of corrections, of the last one up to which it includes all
+    edits."""
     started: datetime
     ended: datetime | None
     moment: int
@@ -79,6 +80,8 @@ class Run:
     """Can be restored until `purge`."""
     stored: bool
     """Whether there is a file with at least one phase."""
+    emptied: bool = False
+    """It has corrections, and all were undone: it is listed again once one is redone."""
 
     @property
     def option(self) -> str:

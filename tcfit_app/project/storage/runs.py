@@ -2,7 +2,7 @@
 
 A row is created before its file or together with it, so every file has a row. Only a run with a job is "running": its
 file may hold the phases finished so far; if its process dies, the run becomes "interrupted" the next time the project
-is opened, and keeps them.
+is opened, and keeps them. A run of corrections has its changes in a folder beside its file; see `Changes`.
 """
 
 import os
@@ -10,6 +10,7 @@ import shutil
 import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
@@ -24,7 +25,7 @@ from fitting_core.errors import InputError
 from fitting_core.files.atomic import drafting, sweep, sync
 from fitting_core.results.fit_result import FitResult
 from tcfit_app.project.storage.accessing import accessing
-from tcfit_app.project.storage.changes import Changes, file_name
+from tcfit_app.project.storage.changes import Changes, Log, file_name
 from tcfit_app.project.storage.columns import Columns, Count, json_of, line, of, or_none, text, time
 from tcfit_app.project.storage.database import Database
 from tcfit_app.project.storage.names import checked_name
@@ -50,10 +51,12 @@ class Runs:
         folder: the project's.
         database: the project's.
         frames: number of frames in the clip.
+        log: the project's. It may not be asked within a transaction, which it waits for.
     """
 
-    def __init__(self, folder: Path, database: Database, frames: int) -> None:
-        self._folder, self._database, self._frames = folder / _FOLDER, database, frames
+    def __init__(self, folder: Path, database: Database, frames: int, log: Log) -> None:
+        self._folder, self._database, self._frames, self._log = folder / _FOLDER, database, frames, log
+        self._changes: dict[int, Changes] = {}
         self._versions = count(1)
         self.version = 0
         """Changes whenever a run is added, changed or removed."""
@@ -75,7 +78,11 @@ class Runs:
                 f"UPDATE runs SET state = 'interrupted', ended = ?, moment = {_NEXT} WHERE state = 'running'",
                 (_now().isoformat(),),
             )
-        known = {self._path(row["id"]).name for row in self._database.rows("SELECT id FROM runs")}
+        rows = self._database.rows("SELECT id, kind, deleted FROM runs")
+        for row in rows:
+            if row["kind"] == "corrections" and row["deleted"] and self.changes(row["id"]).hidden_earlier:
+                self._set_deleted(row["id"], None)
+        known = {self._path(row["id"]).name for row in rows}
         with accessing(self._folder):
             self._folder.mkdir(exist_ok=True)
             sweep(self._folder)
@@ -109,6 +116,8 @@ class Runs:
             frames: The frames to refit; None for all.
             name: By default from its number.
         """
+        if parent is not None:
+            self.get(parent)
         with self._writing() as connection:
             number = self._insert(
                 connection,
@@ -140,8 +149,6 @@ class Runs:
     ) -> int:
         if self.refusal:  # asked within the transaction, so that either its setter sees this run, or this sees it
             raise InputError(self.refusal)
-        if parent is not None:
-            self.get(parent)
         cursor = connection.execute(
             "INSERT INTO runs (name, kind, state, config, body, parent, given, first_frame, last_frame,"
             f" edits_seen, started, moment) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, {_NEXT})",
@@ -213,8 +220,10 @@ class Runs:
             given: See `start`.
             summary: See `finish`.
             name: See `start`.
-            change: Stores the run's first change, if it has one.
+            change: Adds the run's first change, if it has one.
         """
+        if parent is not None:
+            self.get(parent)
         number = None
         with accessing(self._folder), drafting(self._folder / "added.npz") as draft:
             write_run(draft, fit)
@@ -234,6 +243,7 @@ class Runs:
                     connection.execute(
                         "UPDATE runs SET summary = ?, ended = started WHERE id = ?", (_summary(fit, summary), number)
                     )
+                    self._remove_files(number)  # a killed process may have left changes of a run of this number
                     change(self.changes(number))
                     os.replace(draft, self._path(number))
                     sync(self._folder)
@@ -243,37 +253,21 @@ class Runs:
                 raise
         return self.get(number)
 
-    def amend(self, run: int, fit: FitResult, *, edits_seen: int, hidden: bool = False) -> Run:
-        """Update the result of a finished run of corrections; it is on disk when this returns. Raises InputError if it
-        is not a finished run of corrections, or the project cannot be written.
-
-        Args:
-            run: Its number.
-            fit: The result.
-            edits_seen: As in `start`.
-            hidden: It is listed as deleted, because no correction is left in it.
-        """
-        found = self.get(run)
-        if found.kind != "corrections" or found.state != "finished":
-            raise InputError(f"{found.name} is not a finished run of corrections; it is unchanged.")
-        path, now = self._path(run), _now().isoformat()
-        with accessing(self._folder), drafting(path) as draft:
-            write_run(draft, fit)
-            before = draft.with_name("before.npz")
-            shutil.copyfile(path, before)
-            try:
-                with self._writing() as connection:
-                    connection.execute(
-                        "UPDATE runs SET edits_seen = ?, summary = ?, ended = ?, deleted = ?,"
-                        f" moment = {_NEXT} WHERE id = ?",
-                        (edits_seen, _summary(fit, None), now, now if hidden else None, run),
-                    )
-                    os.replace(draft, path)
-                    sync(self._folder)
-            except BaseException:  # the disk may have had room for the file, and none for the row
-                os.replace(before, path)
-                raise
-        return self.get(run)
+    def change(self, run: int, change: Callable[[Changes], object]) -> None:
+        """Add a change to a run of corrections; it is on disk when this returns. Raises InputError if the project
+        cannot be written; the fit is unchanged then."""
+        changes = self.changes(run)
+        with self._writing() as connection:  # first, because without the change it does no harm
+            connection.execute(f"UPDATE runs SET ended = ?, moment = {_NEXT} WHERE id = ?", (_now().isoformat(), run))
+        change(changes)
+        if oldest := changes.oldest():
+            write_run(self._path(run), changes.put_into(self._read(run), oldest))  # twice is the same as once
+            with self._writing() as connection:
+                connection.execute(
+                    "UPDATE runs SET edits_seen = ?, summary = json_set(summary, '$.merged', 1) WHERE id = ?",
+                    (oldest[-1].about.edits_seen, run),
+                )
+            changes.forget(oldest)
 
     def end(self, run: int, state: Ended, message: str = "") -> Run:
         """Record that a run was cancelled or failed, and why; stored phases are kept. Raises InputError if it is not
@@ -325,11 +319,16 @@ class Runs:
             connection.executemany("DELETE FROM runs WHERE id = ?", [(run,) for run in gone])
         return gone
 
-    def all(self, *, deleted: bool = False) -> list[Run]:
-        """All runs, oldest first; or all deleted ones."""
+    def all(self, *, deleted: bool = False, at: int | None = None) -> list[Run]:
+        """All runs, oldest first; or all deleted ones. Corrections that were all undone are left out.
+
+        Args:
+            deleted: The deleted ones.
+            at: The log entry after which corrections are as they are shown; None: the last one.
+        """
         state = "NOT NULL" if deleted else "NULL"
         rows = self._database.rows(f"SELECT * FROM runs WHERE deleted IS {state} ORDER BY id")
-        return [run for row in rows if (run := self._run(row)) is not None]
+        return [run for row in rows if (run := self._run(row, at)) is not None and not run.emptied]
 
     def get(self, run: int) -> Run:
         """A run by its number, deleted or not. Raises InputError if it is missing."""
@@ -339,16 +338,33 @@ class Runs:
             raise InputError(f"There is no run {run}; it may have been deleted. Choose a listed one.")
         return found
 
-    def load(self, run: int) -> FitResult:
-        """A run's result, with all phases it finished. Raises InputError if there is no such run, or it has no
-        result."""
+    def corrections(self, at: int | None = None) -> list[Run]:
+        """The runs of corrections that are not deleted, oldest first, with those that were all undone; `at` as in
+        `all`."""
+        rows = self._database.rows("SELECT * FROM runs WHERE deleted IS NULL AND kind = 'corrections' ORDER BY id")
+        return [run for row in rows if (run := self._run(row, at)) is not None]
+
+    def load(self, run: int, at: int | None = None) -> FitResult:
+        """A run's result, with all phases it finished. Raises InputError if there is no such run, or it has no result.
+
+        Args:
+            run: Its number.
+            at: As in `all`.
+        """
+        changes = self.changes(run)
+        return changes.put_into(self._read(run), changes.applied(at))
+
+    def _read(self, run: int) -> FitResult:
         return read_run(self._path(run), self.get(run).config)
 
     def changes(self, run: int) -> Changes:
         """The changes that corrections made to a run."""
-        return Changes(self._path(run).with_suffix(""))
+        if run not in self._changes:
+            self._changes[run] = Changes(self._path(run).with_suffix(""), self._frames, self._log)
+        return self._changes[run]
 
     def _remove_files(self, run: int) -> None:
+        self._changes.pop(run, None)
         self._path(run).unlink(missing_ok=True)
         if (changes := self._path(run).with_suffix("")).is_dir():
             shutil.rmtree(changes)
@@ -361,8 +377,13 @@ class Runs:
     def _path(self, run: int) -> Path:
         return self._folder / file_name(run)
 
-    def _run(self, row: sqlite3.Row) -> Run | None:
-        return self._database.damage.read(row, f"run {row['id']}", self._of_row)
+    def _run(self, row: sqlite3.Row, at: int | None = None) -> Run | None:
+        run = self._database.damage.read(row, f"run {row['id']}", self._of_row)
+        if run is None or run.kind != "corrections":
+            return run
+        changes = self.changes(run.id)
+        emptied = bool(changes) and not changes.standing(at) and "merged" not in run.summary
+        return replace(run, edits_seen=changes.edits_seen(run.edits_seen, at), emptied=emptied)
 
     def _of_row(self, row: Columns) -> Run:
         number = row.read("id", of(Count))

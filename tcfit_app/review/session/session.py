@@ -300,7 +300,7 @@ class Session:
             before, parent = start.run.given, start.run.id
             given = Given(start=before.start, shape=before.shape if windows else given.shape)
         if start is not None and windows:
-            seen = self.fits.corrections.edits_seen(start.run, windows, seen)
+            seen = self.edit_follower.edits_seen(start.run, windows, seen)
         run = self.project.runs.start(
             job.config,
             body=record_of(job.body),
@@ -357,13 +357,12 @@ class Session:
     def as_corrected(self, run: Run) -> Run:
         """The run that shows a run's current corrections; a run of corrections shows its own, and the run that they
         correct once none remain."""
-        corrections = run.kind == "corrections"
-        base = self.fits.run(run.parent) if corrections and run.parent is not None else run
+        base = self.fits.run(run.parent) if run.kind == "corrections" and run.parent is not None else run
         if base is None:
             return run
         if not self.edits_since(base):
             return base
-        return run if corrections else self.fits.corrections.of(base.id)
+        return run if run.kind == "corrections" else self.edit_follower.of(base.id)
 
     def frames_edited_since(self, run: Run) -> frozenset[int]:
         """The frames of those edits."""
@@ -385,7 +384,7 @@ class Session:
         if drag:
             drag.release(entry.id)
         others = drag is not None and set(edit.frames) != {drag.correction.frame}
-        if followed and shown is not None and others and self.edit_follower.after_edits:
+        if followed and shown is not None and others:
             self.edit_follower.follow(shown.run, {entry.id: True})
 
     # --- news from the worker ---
@@ -401,7 +400,6 @@ class Session:
             self.edit_follower.take_move(moved)
         self.tasks.take()
         self._end_late(time.monotonic())
-        self.edit_follower.take_up()
         correction = self.edit_follower.due(self.tell)
         if correction is not None:
             self._enqueue(correction, None, follows=correction.origin)

@@ -77,7 +77,7 @@ class Kept:
             raise self.error
         self.results.append((job, result))
 
-    def keep_correction(self, correction: Correction, xy: Any, refit: Refit) -> None:
+    def keep_drag(self, correction: Correction, xy: Any, refit: Refit, edit: int | None) -> None:
         self.keep(correction, refit.params)
 
 
@@ -282,12 +282,12 @@ def test_one_job_of_several_is_cancelled(worker: Worker, reader: Reader):
 
 
 def test_a_drag_holds_a_job_between_iterations_and_does_not_count(
-    worker: Worker, reader: Reader, clip: Clip, tiny_body: BodyModel, result: FitResult
+    worker: Worker, reader: Reader, kept: Kept, clip: Clip, tiny_body: BodyModel, result: FitResult
 ):
     job, begin = Counting(steps=10**6, seconds=0.001), time.perf_counter()
     worker.submit(opened(job))
     until(lambda: job.done > 2)
-    drag = worker.drag(drag_of(clip, tiny_body, result.last.params), clip.keypoints.xy[3, [WRIST]])
+    drag = worker.drag(drag_of(clip, tiny_body, result.last.params), clip.keypoints.xy[3, [WRIST]], kept.keep_drag)
     until(lambda: reader.look().moved)
     held = job.done
     time.sleep(0.3)
@@ -327,7 +327,7 @@ def test_a_long_job_waits_for_a_drag_and_goes_on(
     until(lambda: job.done > 2)
     c = drag_of(clip, tiny_body, result.last.params)
     start = clip.keypoints.xy[3, [WRIST]]
-    drag = worker.drag(c, start)
+    drag = worker.drag(c, start, kept.keep_drag)
     until(lambda: reader.look().moved)
     held = job.done
     for step in range(20):
@@ -344,13 +344,13 @@ def test_a_long_job_waits_for_a_drag_and_goes_on(
 
 
 def test_a_resting_pointer_lets_the_job_go_on(
-    worker: Worker, reader: Reader, clip: Clip, tiny_body: BodyModel, result: FitResult, monkeypatch
+    worker: Worker, reader: Reader, kept: Kept, clip: Clip, tiny_body: BodyModel, result: FitResult, monkeypatch
 ):
     monkeypatch.setattr(worker_module, "LINGER", 0.05)
     job = Counting(steps=10**6, seconds=0.001)
     worker.submit(opened(job))
     start = clip.keypoints.xy[3, [WRIST]]
-    drag = worker.drag(drag_of(clip, tiny_body, result.last.params), start)
+    drag = worker.drag(drag_of(clip, tiny_body, result.last.params), start, kept.keep_drag)
     until(lambda: reader.look().moved)
     held = job.done
     until(lambda: job.done > held + 3)
@@ -362,7 +362,13 @@ def test_a_resting_pointer_lets_the_job_go_on(
 
 
 def test_drags_of_several_people_are_followed_in_turn(
-    worker: Worker, reader: Reader, clip: Clip, tiny_body: BodyModel, result: FitResult, monkeypatch: pytest.MonkeyPatch
+    worker: Worker,
+    reader: Reader,
+    kept: Kept,
+    clip: Clip,
+    tiny_body: BodyModel,
+    result: FitResult,
+    monkeypatch: pytest.MonkeyPatch,
 ):
     """Both pointers go on moving; then one rests, which holds jobs for a while but nobody's drag."""
     monkeypatch.setattr(worker_module, "LINGER", PATIENCE)
@@ -381,13 +387,13 @@ def test_drags_of_several_people_are_followed_in_turn(
     monkeypatch.setattr(LiveCorrection, "resolve", moving_on)
     for frame in (1, 4):
         correction = replace(drag_of(clip, tiny_body, result.last.params), frame=frame)
-        drags[frame] = worker.drag(correction, clip.keypoints.xy[frame, [WRIST]])
+        drags[frame] = worker.drag(correction, clip.keypoints.xy[frame, [WRIST]], kept.keep_drag)
         until(lambda frame=frame: order.count(frame) > 5)
     both = order[order.index(4) :]
     assert abs(both.count(1) - both.count(4)) <= 1
     resting = True
     until(lambda: all(drag.live is not None and drag.live.settled for drag in drags.values()))
-    third = worker.drag(drag_of(clip, tiny_body, result.last.params), clip.keypoints.xy[3, [WRIST]])
+    third = worker.drag(drag_of(clip, tiny_body, result.last.params), clip.keypoints.xy[3, [WRIST]], kept.keep_drag)
     until(lambda: third.number in {moved.drag for moved in reader.look().moved})
     for drag in (*drags.values(), third):
         drag.abandon()
@@ -402,7 +408,7 @@ def test_only_the_newest_move_counts(
     worker.submit(job)
     until(lambda: job.waiting)
     c = drag_of(clip, tiny_body, result.last.params)
-    drag = worker.drag(c, clip.keypoints.xy[3, [WRIST]])
+    drag = worker.drag(c, clip.keypoints.xy[3, [WRIST]], kept.keep_drag)
     for step in range(300):
         drag.move(clip.keypoints.xy[3, [WRIST]] + 0.1 * step)
     drag.release()
@@ -415,28 +421,28 @@ def test_only_the_newest_move_counts(
 
 
 def test_a_drag_that_fails_leaves_job_and_worker(
-    worker: Worker, reader: Reader, clip: Clip, tiny_body: BodyModel, result: FitResult
+    worker: Worker, reader: Reader, kept: Kept, clip: Clip, tiny_body: BodyModel, result: FitResult
 ):
     job = Counting(steps=10**6, seconds=0.001)
     worker.submit(opened(job))
     start = clip.keypoints.xy[3, [WRIST]]
-    drag = worker.drag(drag_of(clip, tiny_body, result.last.params), start)
+    drag = worker.drag(drag_of(clip, tiny_body, result.last.params), start, kept.keep_drag)
     until(lambda: reader.look().moved)
     drag.move(np.array([[np.nan, 0.0]]))
     assert reader.wait(DragFailed)[0].drag == drag.number
     held = job.done
     until(lambda: job.done > held)
-    worker.drag(drag_of(clip, tiny_body, result.last.params), start).release()
+    worker.drag(drag_of(clip, tiny_body, result.last.params), start, kept.keep_drag).release()
     reader.wait(DragFinished)
 
 
 def test_drags_go_before_jobs_that_wait(
-    worker: Worker, reader: Reader, clip: Clip, tiny_body: BodyModel, result: FitResult
+    worker: Worker, reader: Reader, kept: Kept, clip: Clip, tiny_body: BodyModel, result: FitResult
 ):
     first = Counting()
     worker.submit(first)
     number = worker.submit(opened(Counting()))
-    worker.drag(drag_of(clip, tiny_body, result.last.params), clip.keypoints.xy[3, [WRIST]]).release()
+    worker.drag(drag_of(clip, tiny_body, result.last.params), clip.keypoints.xy[3, [WRIST]], kept.keep_drag).release()
     first.gate.set()
     reader.wait(JobFinished, count=2)
     assert [type(r) for r in reader.reports if r in reader.of(DragFinished) or r == JobStarted(job=number)] == [
@@ -452,7 +458,7 @@ def test_closing_ends_everything(clip: Clip, tiny_body: BodyModel, result: FitRe
     worker.submit(opened(job))
     until(lambda: job.done > 2)
     worker.submit(Counting())
-    worker.drag(drag_of(clip, tiny_body, result.last.params), clip.keypoints.xy[3, [WRIST]])
+    worker.drag(drag_of(clip, tiny_body, result.last.params), clip.keypoints.xy[3, [WRIST]], kept.keep_drag)
     assert worker.close(PATIENCE)
     assert job.closed and len(reader.of(JobCancelled)) == 2 and len(reader.of(DragAbandoned)) == 1
     assert worker.close(PATIENCE)

@@ -40,8 +40,9 @@ def test_it_tells_what_a_replay_of_the_log_tells(steps: list[str]):
     for seen, then in enumerate(map(set, after)):
         assert set(standing.changes(seen)) == now ^ then
         assert standing.differing(seen) == len((now ^ then) - remarks)
-        assert standing.stood_by(seen) == (then <= now)
-        assert all(standing.stood_by(seen, k) == (then <= set(after[k])) for k in range(seen, len(after)))
+        edits = then - remarks
+        assert standing.stood_by(seen) == (edits <= now) and standing.counted(seen) == len(edits)
+        assert all(standing.stood_by(seen, k) == (edits <= set(after[k])) for k in range(seen, len(after)))
         assert standing.stood(seen) == (seen in now)
         assert all(standing.stood(number, seen) == (number in then) for number in range(len(after)))
 

@@ -9,6 +9,7 @@ import pytest
 import viser
 
 from fitting_core.body.model import BodyModel
+from fitting_core.clip import Clip
 from fitting_core.keypoints import INDEX
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.fitting.live import Correction
@@ -34,20 +35,20 @@ def drag(tested: LonePage, phase: str, dx: float) -> None:
 
 def test_the_fit_converges_where_the_keypoint_was_let_go(tested: LonePage, monkeypatch: pytest.MonkeyPatch):
     session, run = tested.page.tab.session, tested.fit()
-    kept, keep = [], session.fits.keep_correction
+    fitted, edited = [], Correction.edited
 
-    def kept_too(correction: Correction, xy: np.ndarray, params: object) -> None:
-        kept.append(xy)
-        keep(correction, xy, params)  # pyright: ignore[reportArgumentType]
+    def noted(correction: Correction, xy: np.ndarray) -> Clip:
+        fitted.append(xy)
+        return edited(correction, xy)
 
-    monkeypatch.setattr(session.fits, "keep_correction", kept_too)
+    monkeypatch.setattr(Correction, "edited", noted)
     drag(tested, "start", 0.0)
     drag(tested, "move", 10.0)
     tested.until(lambda: session.edit_follower.live is not None)
     drag(tested, "end", 60.0)  # the pointer went on since its last move
     tested.until(lambda: not session.edit_follower.busy)
-    assert np.array_equal(kept[0], session.project.corrected.xy[FRAME, [WRIST]])
-    assert session.edits_since(session.fits.corrections.of(run.id)) == 0
+    assert np.array_equal(fitted[-1], session.project.corrected.xy[FRAME, [WRIST]])
+    assert session.edits_since(session.edit_follower.of(run.id)) == 0
 
 
 @pytest.mark.parametrize("chosen", [True, False])
@@ -76,7 +77,7 @@ def test_the_old_body_does_not_come_back_when_a_drag_ends(tested: LonePage, chos
         assert time.monotonic() < end
         time.sleep(0.002)  # the fit needs the processor too
     assert not np.array_equal(body(), old)
-    assert tab.state.b.run == (session.fits.corrections.of(run.id).id if chosen else None)
+    assert tab.state.b.run == (session.edit_follower.of(run.id).id if chosen else None)
 
 
 @pytest.mark.parametrize("by_key", [False, True])

@@ -1,18 +1,24 @@
 """Undo brings the fit back that was on show before the edit, bit for bit; and redo the one after it."""
 
+import sqlite3
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
 from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
+from fitting_core.files.npz import read_npz, write_npz
 from fitting_core.results.fit_result import FitResult
 from tcfit_app.fitting import edit_follower
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.edits.kinds import MarkBad, MoveKeypoint, Nudge, SetDepth
 from tcfit_app.project.project import Project
+from tcfit_app.project.storage.changes import Frames
+from tcfit_app.project.storage.run_files import write_run
 from tcfit_app.review.session.session import Session
 from tests.samples.project_samples import FRAMES as EDITED
 from tests.samples.project_samples import assert_same_fit, random_edit
@@ -272,6 +278,79 @@ def test_a_change_that_is_damaged_is_followed_as_any_other_edit(folder: Path, ti
         idle(session)
         assert not np.array_equal(on_show(session).last.params.body_pose[4], after.last.params.body_pose[4])
         assert session.edits_since(newest(session).run) == 0
+
+
+def as_earlier(folder: Path, *, undone: bool) -> None:
+    """Store run 2 and its only change as earlier versions did: the change in the run's file, and what it replaced in
+    the folder; after an undo the other way round, and the run marked as deleted."""
+    with Project.open(folder) as project:
+        changes, run = project.runs.changes(2), project.runs.get(2)
+        (change,) = changes.standing()
+        with_change, without = (project.runs.load(2, at) for at in (None, 0))
+        inside, beside = (without, with_change) if undone else (with_change, without)
+        seen = change.about.edits_seen if undone else 0
+        frames = Frames.of(beside, tuple(range(*window) for window in change.about.windows), seen)
+        changes.forget([change])
+        changes.add(frames, seen=change.about.seen, edits=change.about.edits)
+        write_run(folder / "runs" / "000002.npz", inside)
+        project.runs._set_deleted(2, run.started.isoformat() if undone else None)
+        if undone:
+            project.undo(author="me")
+    file = folder / "runs" / "000002" / "000001.npz"
+    arrays = read_npz(file)
+    about = msgspec.json.decode(str(arrays["about"])) | {"format": "tcfit change 1", "taken_back": undone}
+    write_npz(file, arrays | {"about": np.array(msgspec.json.encode(about).decode())})
+    with closing(sqlite3.connect(folder / "project.sqlite")) as connection, connection:
+        connection.execute("UPDATE runs SET edits_seen = ? WHERE id = 2", (0 if undone else 1,))
+
+
+@pytest.mark.parametrize("undone", [False, True])
+def test_changes_of_an_earlier_version_are_undone_and_redone(folder: Path, tiny_body: BodyModel, undone: bool):
+    with session_of(folder, tiny_body) as session:
+        before = on_show(session)
+        drag(session, 4, 40.0)
+        idle(session)
+        after = on_show(session)
+    as_earlier(folder, undone=undone)
+    with session_of(folder, tiny_body) as session:
+        for step in (redo, undo, redo) if undone else (undo, redo, undo):
+            step(session)
+            idle(session)
+            assert_same_fit(on_show(session), after if step == redo else before)
+            assert session.edits_since(newest(session).run) == 0
+        assert len(session.fits.runs) == 1 + (session.project.redoable is None)
+        assert not session.project.runs.all(deleted=True)
+
+
+def test_undoing_a_remark_leaves_the_corrections(folder: Path, tiny_body: BodyModel):
+    with session_of(folder, tiny_body) as session:
+        session.mark([1], "flag", author="me")
+        drag(session, 4, 40.0)
+        session.mark([2], "flag", author="me")
+        idle(session)
+        after = on_show(session)
+        undo(session)
+        nudge(session, 7)
+        idle(session)
+        undo(session)
+        idle(session)
+        assert_same_fit(on_show(session), after)
+
+
+def test_the_oldest_changes_become_part_of_the_fit(folder: Path, tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("tcfit_app.project.storage.changes._MOST", 1)
+    with session_of(folder, tiny_body) as session:
+        for frame in (1, 6):
+            drag(session, frame, 40.0)
+            idle(session)
+        after = on_show(session)
+        assert not list((folder / "runs" / "000002").iterdir())
+    with session_of(folder, tiny_body) as session:
+        assert_same_fit(on_show(session), after)
+        undo(session)
+        idle(session)
+        assert newest(session).run.id == 2 and session.edits_since(newest(session).run) == 0
+        assert not np.array_equal(on_show(session).last.params.body_pose[6], after.last.params.body_pose[6])
 
 
 def test_deleted_corrections_are_purged_with_their_changes(session: Session, folder: Path):

@@ -85,7 +85,7 @@ def test_two_drags_take_the_frames_between_along_and_the_fit_follows_all(tested:
     assert tab.message[0] == "Saved: left wrist moved, frame 6; frames 2–5 follow"
     np.testing.assert_allclose(corrected(tested).xy[:7, WRIST, 0] - detected[:7, 0], [0, 20, 24, 28, 32, 36, 40])
     idle(tested)
-    after = session.fits.fit(session.fits.corrections.of(shown.run.id)).last.params.body_pose
+    after = session.fits.fit(session.edit_follower.of(shown.run.id)).last.params.body_pose
     moved = (after - before).abs().amax(1)
     assert all(moved[frame] > 1e-3 for frame in range(1, 7)), "also those between, which no drag was in"
     tested.press("action", "undo")

@@ -121,7 +121,6 @@ def test_a_run_is_corrected_as_long_as_a_correction_stands(panel_of: Opener):
         tested.until(lambda: shows("corrections"))
         correcting.undo()
         tested.until(lambda: shows("fit"))
-    tab.session.fits.corrections.begin(run.id)  # as if the project was opened again
     correcting.nudge(5.0, 0.0)
     tested.until(lambda: shows("corrections"))
     assert [one.kind for one in tab.session.fits.runs] == ["fit", "corrections"]
