@@ -9,6 +9,7 @@ from typing import Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 import torch
+from jaxtyping import Bool
 from torch import Tensor
 
 from fitting_core.body.model import BodyModel
@@ -30,6 +31,7 @@ from fitting_core.fit.fused.ready import prepare_for
 from fitting_core.fit.grounded import grounding_of_params, holding_feet
 from fitting_core.fit.phase_figures import phase_result
 from fitting_core.fit.phases.consistency import Consistency, coupled
+from fitting_core.fit.phases.frame_fits import FrameFits
 from fitting_core.fit.phases.independent import fit_frames
 from fitting_core.fit.phases.limb_flips import mirrored_as_told
 from fitting_core.fit.phases.progress import Step, TermSampling
@@ -51,6 +53,10 @@ P = ParamSpec("P")
 Outcome = TypeVar("Outcome")
 """The result of a phase."""
 PHASE_TITLES = {1: "every frame on its own", 2: "one shape", 3: "consistency over time"}
+
+
+KnownFrames = tuple[BodyParams, Bool[np.ndarray, "T"]]
+"""Bodies of all frames, and which of them are known."""
 
 
 class _OneThread:
@@ -107,7 +113,13 @@ def _on_one_thread(
 
 @_on_one_thread
 def fit_events(
-    clip: Clip, body: BodyModel, config: FitConfig, *, start: GivenStart | None = None, shape: KnownShape | None = None
+    clip: Clip,
+    body: BodyModel,
+    config: FitConfig,
+    *,
+    start: GivenStart | None = None,
+    shape: KnownShape | None = None,
+    known: KnownFrames | None = None,
 ) -> Generator[FitEvent, None, FitResult]:
     """Fits a clip, yielding events; closing the generator cancels, and finished phases stay valid.
 
@@ -118,11 +130,12 @@ def fit_events(
         start: another system's result for this clip, to begin phase 1 with (`starts.reading.read_start`); frames that
             it lacks are fitted as without it.
         shape: a known one, which phase 2 takes instead of estimating it.
+        known: first fits of frames, from an interrupted fit that this one continues.
 
     Raises:
         InputError: no frame of the clip shows enough of a person.
     """
-    return (yield from _Fit(clip, body, config, start=start, shape=shape).run())
+    return (yield from _Fit(clip, body, config, start=start, shape=shape, known=known).run())
 
 
 def fit_clip(
@@ -254,8 +267,10 @@ class _Fit:
         *,
         start: GivenStart | None = None,
         shape: KnownShape | None = None,
+        known: KnownFrames | None = None,
     ) -> None:
         self.clip, self.body, self.config, self.start, self.shape = clip, body, config, start, shape
+        self.known = known
         self.stages = clip_stages(clip, body, config, start=start)
         self.solver = make_solver(config.solver, config.settings)
         self.phases: list[PhaseResult] = []
@@ -292,11 +307,20 @@ class _Fit:
 
     def _first(self) -> Generator[FitEvent, None, Sight]:
         yield PhaseStarted(phase=1, title=PHASE_TITLES[1])
-        start = time.perf_counter()
-        fits = yield from _events(fit_frames(self.stages, self.solver, first_frame=self.clip.first_frame), 1)
+        start, first = time.perf_counter(), self.clip.first_frame
+        fits = yield from _events(fit_frames(self.stages, self.solver, first_frame=first, known=self._known), 1)
         self.provenance = fits.provenance
         yield self._finish(1, fits.state, start, fits.notes)
         return Sight.of(self.stages, fits.state, fits.cost.isfinite())
+
+    @property
+    def _known(self) -> FrameFits | None:
+        """The known frames, at a cost that no other fit is below: the relay computes their own."""
+        if self.known is None:
+            return None
+        params, there = self.known
+        fits = FrameFits.at(self.stages.parametrisation.from_params(params), Start.AGAIN)
+        return replace(fits, cost=fits.cost.masked_fill(torch.as_tensor(there).to(fits.cost.device), 0.0))
 
     def _second(self, sight: Sight, *, poses: BodyParams | None = None) -> Generator[FitEvent, None, State]:
         yield PhaseStarted(phase=2, title=PHASE_TITLES[2])

@@ -441,6 +441,8 @@ class EditFollower:
                 except InputError as error:
                     changed[run.id], problem = None, error
                 gone = [change for change in changes.standing(then) if change not in changes.standing(now)]
+                if run.parent is not None and not changes.standing(then):  # it is listed again, and is added to
+                    self._since[run.parent] = min(self._since.get(run.parent, 0), run.id - 1)
                 self.follow(run, self._wanted({edit: on for change in gone for edit, on in change.about.edits.items()}))
             self._fits.advance(now, changed)
         if problem is not None:

@@ -4,7 +4,7 @@ import threading
 import time
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from itertools import count
 from pathlib import Path
@@ -18,12 +18,15 @@ from fitting_core.config.schema import fits_as_smplifyx
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FramesFitted, PhaseFinished
 from fitting_core.results.fit_result import FitResult, PhaseResult
-from tcfit_app.fitting.jobs import CorrectionJob, Job, RunJob
+from tcfit_app.fitting.jobs import CorrectionJob, FitEverything, Job, RunJob
 from tcfit_app.project.project import Project
+from tcfit_app.project.storage.run_files import OBSERVED
 from tcfit_app.project.storage.run_record import Ended, Run, Source, newest
 
 KEPT_FITS = 8
 """Number of results in memory: of the runs shown last."""
+KEPT_EVERY = 20.0
+"""Seconds between two times that phase 1 of a running fit is stored so far."""
 IN_USE = 5.0
 """Seconds after its last request until a result counts as no longer on show."""
 SHORT_TITLES = {1: "per frame", 2: "shared shape", 3: "temporal"}
@@ -96,12 +99,28 @@ class _Partial:
     """All frames; those not fitted yet have an arbitrary body."""
     there: Bool[np.ndarray, "T"] | None
     """As in `Shown`."""
+    previewed: Bool[np.ndarray, "T"] | None = None
+    """Those of them that are only a preview while keypoints are being detected."""
 
-    def with_frames(self, frames: range, params: BodyParams) -> "_Partial":
-        there = None if self.there is None else self.there.copy()
-        if there is not None:
-            there[frames.start : frames.stop] = True
-        return replace(self, params=self.params.with_frames(frames, params), there=there)
+    def with_frames(self, frames: range, params: BodyParams, *, preview: bool) -> "_Partial":
+        there, previewed = (None if known is None else known.copy() for known in (self.there, self.previewed))
+        if there is not None and previewed is not None:
+            there[frames.start : frames.stop], previewed[frames.start : frames.stop] = True, preview
+        return replace(self, params=self.params.with_frames(frames, params), there=there, previewed=previewed)
+
+    @staticmethod
+    def of(fit: FitResult) -> "_Partial":
+        """What an interrupted phase 1 has found."""
+        there = np.asarray(fit.observed.any(1))
+        return _Partial(phase=1, params=fit.last.params, there=there, previewed=np.zeros_like(there))
+
+    def stored(self, job: FitEverything, camera: Camera) -> FitResult:
+        """What is stored of phase 1 before it has finished."""
+        there = np.asarray(self.there) & ~np.asarray(self.previewed)
+        unknown = np.full(len(there), np.nan)
+        phase = PhaseResult(phase=1, params=self.params, objective={}, frame_cost=unknown, seconds=0.0, notes=())
+        observed = np.repeat(there[:, None], OBSERVED, 1)
+        return FitResult(phases=(phase,), camera=camera, config=job.config, observed=observed, start=job.begun_with)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,7 +143,8 @@ def _begun(version: _Version, found: FramesFitted, length: int) -> _Partial:
     """A phase with its first frames; the others are those of the previous phase, if any."""
     if version.finished:
         return _Partial(phase=found.phase, params=version.finished[-1].params, there=None)
-    return _Partial(phase=found.phase, params=found.params[[0] * length], there=np.zeros(length, bool))
+    none = np.zeros(length, bool)
+    return _Partial(phase=found.phase, params=found.params[[0] * length], there=none, previewed=none)
 
 
 def _told(run: Run, fit: FitResult | None) -> Bool[np.ndarray, "T"] | None:
@@ -156,6 +176,8 @@ class Fits:
         """The run that each run of corrections corrects, if all of its corrections were undone."""
         self._unseen = 0
         """Number of writers whose runs are not visible yet."""
+        self._partly_stored: dict[int, float] = {}
+        """When the first phase of each running fit was stored last."""
         self._unwritten: dict[int, FitResult] = {}
         """Finished fits that could not be written."""
 
@@ -201,7 +223,7 @@ class Fits:
         """Runs that can be shown, oldest first."""
         with self._lock:
             there = {number for number, v in self._versions.items() if v.finished or v.partial is not None}
-            return [run for run in self.runs if run.stored or run.id in there]
+            return [run for run in self.runs if run.stored or run.partial or run.id in there]
 
     def phases(self, run: Run) -> tuple[int, ...]:
         """Which phases of a run can be shown."""
@@ -211,8 +233,10 @@ class Fits:
     def fit(self, run: Run) -> FitResult:
         """The result of a run. Raises InputError if it cannot be read, or no phase is finished."""
         fit = self._version(run).fit
-        if fit is None:
+        if fit is None and run.state == "running":
             raise InputError(f"{run.name} is in phase 1: wait until that has finished.")
+        if fit is None:
+            raise InputError(f"{run.name} ended in phase 1. Continue it in the panel Runs, or choose another run.")
         return fit
 
     def standing(self, choice: FitChoice) -> FitChoice:
@@ -227,7 +251,8 @@ class Fits:
         """The run that a choice refers to now."""
         number = self.standing(choice).run
         runs = [run for run in self.showable() if number in (None, run.id)]
-        return newest(runs) if runs else None
+        whole = [run for run in runs if not run.partial]
+        return newest(whole or runs) if runs else None
 
     def held(self, run: Run) -> bool:
         """Whether a run's result is in memory, so that no access waits for the disk."""
@@ -263,6 +288,10 @@ class Fits:
                 self._versions.move_to_end(run.id)
                 self._asked[run.id] = time.monotonic()
                 return version
+        if run.partial:
+            found = self._project.runs.load_partial(run.id)
+            with self._lock:
+                return self._versions.get(run.id) or self._put(run.id, None, found.camera, _Partial.of(found))
         while True:
             at = self.at
             fit = self._project.runs.load(run.id, at)
@@ -316,9 +345,16 @@ class Fits:
             partial = _Partial(phase=3, params=start.params, there=None) if run.kind == "frames" else None
             self.publish(run.id, replace(fit, phases=kept, config=run.config), partial)
 
+    def go_on(self, run: int, interrupted: FitResult) -> None:
+        """A run was submitted that continues an interrupted one."""
+        self._put(run, None, interrupted.camera, _Partial.of(interrupted))
+
     def end(self, run: int, state: Ended, message: str = "") -> None:
-        """A run was cancelled or has failed; stored phases are kept. Raises InputError if that cannot be written."""
+        """A run was cancelled or has failed; stored phases are kept, and the frames of an unfinished first phase unless
+        the user cancelled it, without a message. Raises InputError if that cannot be written."""
         self._project.runs.end(run, state, message)
+        if state == "cancelled" and not message:
+            self._project.runs.drop_partial(run)
         with self._lock:
             version = self._versions.pop(run, None)
             # A write that failed may have replaced the file: what is stored is read again then.
@@ -374,5 +410,13 @@ class Fits:
             before, camera = version.partial, version.camera if version.fit else job.clip.camera
             if before is None or before.phase != found.phase or camera != version.camera:
                 before = _begun(version, found, len(job.clip))
-            partial = before.with_frames(found.frames, found.params)
+            fit = job.job if isinstance(job.job, FitEverything) else None
+            preview = fit is not None and fit.fresh is not None
+            partial = before.with_frames(found.frames, found.params, preview=preview)
             self._put(job.run_id, version.fit, camera, partial)
+            since = self._partly_stored.setdefault(job.run_id, time.monotonic())
+        if fit is None or preview or found.phase != 1 or time.monotonic() - since < KEPT_EVERY:
+            return
+        self._partly_stored[job.run_id] = time.monotonic()
+        with suppress(InputError):  # a full disk: the fit goes on
+            self._project.runs.store_partial(job.run_id, partial.stored(fit, camera))

@@ -16,7 +16,7 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
 from fitting_core.fit.events import FitEvent, FramesFitted, Iteration, PhaseFinished, drained
-from fitting_core.fit.fitting import fit_events, shape_events
+from fitting_core.fit.fitting import KnownFrames, fit_events, shape_events
 from fitting_core.fit.refitting import refit_events
 from fitting_core.keypoints import BODY, COUNT, Keypoints
 from fitting_core.results.fit_result import FitResult
@@ -63,7 +63,10 @@ class FitEverything:
     """Another system's result."""
     shape: KnownShape | None = None
     fresh: Callable[[], Fresh] | None = None
-    """What has arrived since the last call during detection. Raises InputError if there will be no more."""
+    """What has arrived since the last call during detection, while frames are only previewed. Raises InputError if
+    there will be no more."""
+    known: KnownFrames | None = None
+    """The frames of an interrupted fit that this one continues."""
 
     @property
     def title(self) -> str:
@@ -84,8 +87,11 @@ class FitEverything:
                     yield None
                 else:
                     yield from self._first_look(*fresh)
-            self.clip = fresh
-        return (yield from fit_events(self.clip, self.body, self.config, start=self.begun_with, shape=self.shape))
+            self.clip, self.fresh = fresh, None
+        events = fit_events(
+            self.clip, self.body, self.config, start=self.begun_with, shape=self.shape, known=self.known
+        )
+        return (yield from events)
 
     def warm_up(self) -> None:
         """Load what fits need, which takes a second: a body is fitted that stands in front of the camera."""

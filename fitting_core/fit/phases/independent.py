@@ -44,7 +44,9 @@ _HOPEFUL = 1.5
 trials of each of 91 poses that finds the best one in 97 % (after 4 iterations the best 3: 72 %)."""
 
 
-def fit_frames(stages: Stages, solver: Solver, *, first_frame: int = 0) -> Generator[Step, None, FrameFits]:
+def fit_frames(
+    stages: Stages, solver: Solver, *, first_frame: int = 0, known: FrameFits | None = None
+) -> Generator[Step, None, FrameFits]:
     """Camera step, five stages from the neutral pose, frames between key frames, relay.
 
     Frames with a given start begin with the last stage from there; all of them count as key frames.
@@ -53,6 +55,7 @@ def fit_frames(stages: Stages, solver: Solver, *, first_frame: int = 0) -> Gener
         stages: builds the objectives.
         solver: minimises them.
         first_frame: the clip's first frame number, used in the notes.
+        known: first fits that an interrupted phase has found; frames with a finite cost keep theirs until the relay.
 
     Returns:
         Fits of all frames. Frames with fewer than four confident body keypoints, and frames whose cost is not finite,
@@ -68,7 +71,7 @@ def fit_frames(stages: Stages, solver: Solver, *, first_frame: int = 0) -> Gener
     given, searched = run.divided()
     keys = run.only(torch.cat([given, _key_frames(searched, stages.config.key_frames_every)]).sort().values)
     # The camera step cannot determine the depth, which is held near its guess.
-    fits, camera = yield from keys.from_the_camera(guess.depth)
+    fits, camera = yield from keys.from_the_camera(guess.depth, known)
     if _restarts(stages):
         fits = yield from run.relay(fits, camera, keys)
     notes = (*((guess.note(),) if len(searched) else ()), *_notes(usable, fits.cost, first_frame))
@@ -167,8 +170,9 @@ class _Frames:
         given = self.stages.given[self.frames]
         return self.frames[given], self.frames[~given]
 
-    def from_the_camera(self, depth: Tensor) -> Generator[Step, None, tuple[FrameFits, State]]:
-        """The camera step and the five stages, in blocks of frames so that results can be shown early.
+    def from_the_camera(self, depth: Tensor, known: FrameFits | None) -> Generator[Step, None, tuple[FrameFits, State]]:
+        """The camera step and the five stages, in blocks of frames so that results can be shown early; frames that are
+        known are skipped.
 
         Returns:
             Fits of these frames, and the states after the camera step.
@@ -179,10 +183,13 @@ class _Frames:
         parts = self.frames.split(_AT_ONCE if stages.device.type == "cpu" else len(self.frames))
         for k, frames in enumerate(parts):
             part = range(int(frames[0]), int(frames[-1]) + 1)
-            run = _Frames(stages.within(part), self.solver, frames - part.start)
+            left = frames if known is None else frames[~known.cost[frames].isfinite()]
+            run = _Frames(stages.within(part), self.solver, left - part.start)
             begin, end = (whole * n / len(parts) for n in (k, k + 1))
             steps = run._all_stages(depth[part.start : part.stop])
             found, before = yield from mapped(steps, lambda step, b=begin, e=end: step.between(b, e))
+            if known is not None:
+                found, before = (each.lower(known[part.start : part.stop])[0] for each in (found, before))
             fits, camera = fits.with_frames(part, found), camera.with_frames(part, before)
             last = len(fits) if k + 1 == len(parts) else part.stop
             yield Step("first fits", end, 0.0, self._to_look_at(fits, range(shown, last)))

@@ -38,6 +38,8 @@ from fitting_core.results.provenance import Provenance
 from tcfit_app.project.storage.accessing import accessing
 
 FORMAT = "tcfit run 1"
+OBSERVED = 55
+"""Joints in `FitResult.observed`."""
 _NAMES = tuple(f.name for f in fields(BodyParams))
 _WIDTHS = {name: tensor.shape[1] for name, tensor in vars(BodyParams.neutral(0)).items()}
 _HANDS = ("left_hand_pose", "right_hand_pose")
@@ -124,7 +126,7 @@ def read_run(path: Path, config: FitConfig) -> FitResult:
             raise ValueError(f"it is a {about.format!r}, expected {FORMAT!r}")
         phases = tuple(phase_from(arrays, p) for p in about.phases)
         frames = len(phases[0].params)
-        observed = _shaped(arrays, "observed", (frames, 55)).astype(bool)
+        observed = _shaped(arrays, "observed", (frames, OBSERVED)).astype(bool)
         grounding = grounding_from(arrays, frames)
         start = _start(arrays, about.start, frames)
         if about.camera.path is not None and not (is_possible(about.camera) and len(about.camera.path) == frames):

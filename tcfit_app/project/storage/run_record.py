@@ -80,6 +80,8 @@ class Run:
     """Can be restored until `purge`."""
     stored: bool
     """Whether there is a file with at least one phase."""
+    partial: bool = False
+    """It ended in phase 1, and the frames fitted until then are stored: see `Runs.load_partial`."""
     emptied: bool = False
     """It has corrections, and all were undone: it is listed again once one is redone."""
 

@@ -1,8 +1,9 @@
 """The fits of a project: a row each in its database, and the results in runs/<id>.npz. Only this module knows both.
 
 A row is created before its file or together with it, so every file has a row. Only a run with a job is "running": its
-file may hold the phases finished so far; if its process dies, the run becomes "interrupted" the next time the project
-is opened, and keeps them. A run of corrections has its changes in a folder beside its file; see `Changes`.
+file may hold the phases finished so far, or runs/<id>.partial.npz the frames that phase 1 has fitted so far; if its
+process dies, the run becomes "interrupted" the next time the project is opened, and keeps them. A run of corrections
+has its changes in a folder beside its file; see `Changes`.
 """
 
 import os
@@ -82,7 +83,7 @@ class Runs:
         for row in rows:
             if row["kind"] == "corrections" and row["deleted"] and self.changes(row["id"]).hidden_earlier:
                 self._set_deleted(row["id"], None)
-        known = {self._path(row["id"]).name for row in rows}
+        known = {path.name for row in rows for path in (self._path(row["id"]), self._partial_path(row["id"]))}
         with accessing(self._folder):
             self._folder.mkdir(exist_ok=True)
             sweep(self._folder)
@@ -176,6 +177,28 @@ class Runs:
         """Store a run's finished phases. Raises InputError if it is not running, or the project cannot be written."""
         self._expect(run, "running")
         write_run(self._path(run), fit)
+        self.drop_partial(run)
+        self.version = next(self._versions)
+
+    def store_partial(self, run: int, fit: FitResult) -> None:
+        """Store the frames that phase 1 of a run has fitted so far, which alone are `observed`. Raises InputError as
+        `store`."""
+        self._expect(run, "running")
+        write_run(self._partial_path(run), fit)
+
+    def load_partial(self, run: int) -> FitResult:
+        """The frames that phase 1 of a run has fitted before it ended; `observed` has none of the others. Raises
+        InputError if they cannot be read."""
+        path = self._partial_path(run)
+        fit = read_run(path, self.get(run).config)
+        if len(fit.observed) != self._frames:
+            raise InputError(f"{path}: has {len(fit.observed)} frames; expected {self._frames}, the clip's.")
+        return fit
+
+    def drop_partial(self, run: int) -> None:
+        """Delete them. Raises InputError if that is not possible."""
+        with accessing(self._folder):
+            self._partial_path(run).unlink(missing_ok=True)
         self.version = next(self._versions)
 
     def finish(
@@ -192,6 +215,7 @@ class Runs:
         """
         self._expect(run, state)
         write_run(self._path(run), fit)
+        self.drop_partial(run)
         self._end(run, "finished", "", _summary(fit, summary))
         return self.get(run)
 
@@ -365,7 +389,8 @@ class Runs:
 
     def _remove_files(self, run: int) -> None:
         self._changes.pop(run, None)
-        self._path(run).unlink(missing_ok=True)
+        for path in (self._path(run), self._partial_path(run)):
+            path.unlink(missing_ok=True)
         if (changes := self._path(run).with_suffix("")).is_dir():
             shutil.rmtree(changes)
 
@@ -376,6 +401,9 @@ class Runs:
 
     def _path(self, run: int) -> Path:
         return self._folder / file_name(run)
+
+    def _partial_path(self, run: int) -> Path:
+        return self._path(run).with_suffix(".partial.npz")
 
     def _run(self, row: sqlite3.Row, at: int | None = None) -> Run | None:
         run = self._database.damage.read(row, f"run {row['id']}", self._of_row)
@@ -388,11 +416,12 @@ class Runs:
     def _of_row(self, row: Columns) -> Run:
         number = row.read("id", of(Count))
         first, last = (row.read(end, or_none(of(Count))) for end in ("first_frame", "last_frame"))
+        state, stored = row.read("state", of(RunState)), self._path(number).is_file()
         return Run(
             id=number,
             name=row.read("name", line),
             kind=row.read("kind", of(RunKind)),
-            state=row.read("state", of(RunState)),
+            state=state,
             config=row.read("config", _config),
             body=row.read("body", json_of(BodyRecord)),
             parent=row.read("parent", or_none(of(_parent(number)))),
@@ -405,7 +434,8 @@ class Runs:
             summary=row.read("summary", or_none(_figures)) or {},
             message=row.read("message", text),
             deleted=row.read("deleted", bool),
-            stored=self._path(number).is_file(),
+            stored=stored,
+            partial=not stored and state != "running" and self._partial_path(number).is_file(),
         )
 
     def _span(self, first: int, last: int) -> range:

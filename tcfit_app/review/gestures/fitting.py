@@ -38,6 +38,20 @@ class Fitting:
         settings = self._checked()
         self._begin(replace(settings, given=structs.replace(settings.given, start=Source(run=run.id))))
 
+    def go_on(self, run: Run) -> None:
+        """Continue a fit that ended in phase 1. Raises InputError as `everything`."""
+        tab, session = self._tab, self._tab.session
+        tab.refuse_read_only()
+
+        def begin(known: KnownInputs) -> None:
+            assert known.frames is not None
+            body, camera = {"kind": run.body.kind, "gender": run.body.gender}, known.frames.camera
+            session.fit_everything(run.config, **body, camera=camera, known=known)
+            tab.set(b=FitChoice())
+            tab.say(f"{run.name}: continued")
+
+        self._read(session.interrupted(run), begin)
+
     def _begin(self, settings: FitSettings) -> None:
         tab, session = self._tab, self._tab.session
         body, camera = (

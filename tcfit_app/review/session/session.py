@@ -7,6 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
 from fitting_core.config.schema import DEFAULT_PRESET, PRESETS, FitConfig
@@ -158,18 +160,39 @@ class Session:
             kind: The body model.
             gender: Its gender.
             camera: None: the clip's. Runs started from this one keep it.
-            known: A start and a shape, for this body and camera.
+            known: A start, a shape and frames, for this body and camera.
         """
         self.refuse_without_keypoints()
-        body = self.bodies.find(kind=kind, gender=gender)
+        body, frames = self.bodies.find(kind=kind, gender=gender), known.frames
         job = FitEverything(
             clip=self.clip_of(camera or self.project.footage.camera),
             body=body,
             config=config,
             begun_with=known.start,
             shape=known.shape,
+            known=None if frames is None else (frames.last.params, np.asarray(frames.observed.any(1))),
         )
-        return self._submit(job, kind="fit", start=None, given=known.given)
+        run = self._submit(job, kind="fit", start=None, given=known.given)
+        if frames is not None:
+            self.fits.go_on(run.id, frames)
+        return run
+
+    def interrupted(self, run: Run) -> Callable[[], KnownInputs]:
+        """A function that reads what `fit_everything` needs to continue a run that ended in phase 1, for another
+        thread. Raises InputError if the run's body model is missing; it raises as `read_given`, and if the frames
+        fitted until then cannot be read."""
+        self.refuse_without_keypoints()
+        body, clip, edited = self.bodies.of(run.body), self.project.footage, self.frames_edited_since(run)
+
+        def read() -> KnownInputs:
+            frames = self.project.runs.load_partial(run.id)
+            observed = frames.observed.copy()
+            observed[list(edited)] = False  # they are fitted again
+            shape = read_given(Given(shape=run.given.shape), self.project, clip, body, self.bodies).shape
+            frames = replace(frames, observed=observed)
+            return KnownInputs(given=run.given, start=frames.start, shape=shape, frames=frames)
+
+        return read
 
     def preset(self, name: str = DEFAULT_PRESET) -> FitConfig:
         """A preset, with the height of the project's person."""

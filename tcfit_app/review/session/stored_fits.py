@@ -25,7 +25,7 @@ class StoredFits:
         if self._fits.held(run):
             return True
         key: Hashable = ("stored fit", run.id, self._fits.version)
-        if self._tasks.get(key, lambda: self._fits.fit(run) is not None, lane="disk"):
+        if self._tasks.get(key, lambda: bool(self._fits.phases(run)), lane="disk"):
             self._tasks.drop(key)  # it may have to be read again
         if problem := self._tasks.problem(key):
             raise InputError(problem)

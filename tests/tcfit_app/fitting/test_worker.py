@@ -458,7 +458,7 @@ def test_closing_ends_everything(clip: Clip, tiny_body: BodyModel, result: FitRe
     worker.submit(opened(job))
     until(lambda: job.done > 2)
     worker.submit(Counting())
-    worker.drag(drag_of(clip, tiny_body, result.last.params), clip.keypoints.xy[3, [WRIST]], kept.keep_drag)
+    worker.drag(drag_of(clip, tiny_body, result.last.params), clip.keypoints.xy[3, [WRIST]], Kept().keep_drag)
     assert worker.close(PATIENCE)
     assert job.closed and len(reader.of(JobCancelled)) == 2 and len(reader.of(DragAbandoned)) == 1
     assert worker.close(PATIENCE)

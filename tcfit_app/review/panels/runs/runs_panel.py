@@ -26,6 +26,7 @@ from tcfit_app.review.tab.tab import Tab
 LISTED = 30
 """The newest runs listed; the older ones on request."""
 _REFINE = "Fit everything, starting from this run, with the settings of the panel Fit"
+_CONTINUE = "Fit everything with this run's settings; the frames fitted so far are not fitted again"
 _RENAME = "Rename to the text in the Name field (or press Enter there)"
 
 
@@ -213,7 +214,9 @@ class RunsPanel:
         )
         use = of_run("Use its settings for the next fit", "runs.settings", self._use_settings, disabled=off)
         cancel = of_run("Cancel", "runs.cancel", lambda run: tab.session.cancel(run.id), kind="danger")
+        go_on = of_run("Continue", "runs.continue", self._gestures.fitting.go_on, disabled=off, hint=_CONTINUE)
         self._buttons.show(
+            *([row(go_on)] if run.partial else []),
             row(
                 of_run("Rename", "runs.rename", self._rename, disabled=off, hint=_RENAME, enter=True),
                 of_run("Delete", "runs.delete", self._delete, disabled=off, hint="It can be restored", kind="danger"),
