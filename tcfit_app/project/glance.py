@@ -79,10 +79,13 @@ def glance(folder: Path) -> Glance:
         clip = Columns(found[0])
         own = "AND kind <> 'imported'" if version >= WITH_KINDS else ""  # as `newest` has it
         newest = f"WHERE deleted IS NULL AND state = 'finished' {own} ORDER BY id DESC LIMIT 1"
-        fit, found_off = _fit(rows(f"SELECT id, summary FROM runs {newest}"))
+        counting = rows(f"SELECT id, summary, parent{', kind' if own else ''} FROM runs {newest}")
+        fit, found_off = _fit(counting)
         review = read_clip_review(rows, damage) if version >= WITH_REVIEW else ClipReview()
-        if review.worst is not None and review.worst.run == fit and review.worst.off:
-            found_off = review.worst.off
+        if (worst := review.worst) is not None and own and fit is not None and counting[0]["kind"] == "corrections":
+            fit = worst.run if worst.run == counting[0]["parent"] else fit  # all corrections were undone
+        if worst is not None and worst.run == fit and worst.off:
+            found_off = worst.off
         link = clip.read("media", or_none(json_of(MediaLink)))
         notes = rows("""SELECT count(*) FROM edits WHERE action LIKE '{"kind":"note%'""")[0][0]
         places = () if link is None else ((located(link, folder),) * bool(link.relative) + (Path(link.absolute),))

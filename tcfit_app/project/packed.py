@@ -4,7 +4,7 @@
 |---|---|
 | tcfit-project.json | what the file is, and its version |
 | project.sqlite | a consistent snapshot of the database (SQLite's backup) |
-| detections.npz, reference.npz, runs/*.npz | as in the project |
+| detections.npz, reference.npz, runs/... | as in the project |
 | media/... | the video or images, if they are in the project or were requested |
 
 Unpacking trusts nothing: names, kinds and sizes of all entries are checked before a byte is written, and the project is

@@ -9,6 +9,7 @@ A project is a folder:
 changed once there are any |
 | runs/000001.npz | a run's result (`storage/run_files.py` has the keys) |
 | runs/000002/000001.npz | a change of a run of corrections (`storage/changes.py`) |
+| runs/000003.partial.npz | the frames that the interrupted first phase of a run has fitted |
 | reference.npz | the reference that fits are compared with, if any |
 | handshapes.toml | the user's own set of handshapes, if any |
 | media/ | the video or images, if they were copied; otherwise the database has their path |

@@ -140,9 +140,7 @@ class Changes:
     def __init__(self, folder: Path, length: int, log: Log) -> None:
         self._folder, self._length, self._log = folder, length, log
         self._frames: dict[int, Frames] = {}
-        files = [file for file in sorted(folder.glob("*.npz")) if file.stem.isdigit()] if folder.is_dir() else []
-        read = ((int(file.stem), _about(file)) for file in files)
-        self._all = tuple(Change(number=number, about=about) for number, about in read if about is not None)
+        self._all = changes_in(folder)
         """Oldest first; replaced, never altered."""
 
     def __bool__(self) -> bool:
@@ -252,6 +250,13 @@ class Changes:
 def file_name(number: int) -> str:
     """The file name of a run's result, or of a change."""
     return f"{int(number):06d}.npz"
+
+
+def changes_in(folder: Path) -> tuple[Change, ...]:
+    """The changes in a run's folder that can be read, oldest first."""
+    files = [file for file in sorted(folder.glob("*.npz")) if file.stem.isdigit()] if folder.is_dir() else []
+    read = ((int(file.stem), _about(file)) for file in files)
+    return tuple(Change(number=number, about=about) for number, about in read if about is not None)
 
 
 def _about(file: Path) -> ChangeAbout | None:
