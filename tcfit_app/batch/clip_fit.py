@@ -304,8 +304,8 @@ def _run_name(attempt: Attempt) -> str:
 def _added(attempt: Attempt, project: Project, clip: Clip, fit: FitResult) -> Content:
     content = summary(fit, clip, attempt.body, complete=True, command=attempt.task.command)
     body, seen, given = record_of(attempt.body), project.last_edit, _given(attempt.task.fit)
-    run = project.runs.add(
-        fit, body=body, edits_seen=seen, summary=content, given=given, kind="fit", name=_run_name(attempt)
+    run = project.runs.start(
+        fit.config, fit=fit, body=body, edits_seen=seen, summary=content, given=given, name=_run_name(attempt)
     )
     project.review.set_worst(worst_place(run.id, review_queue(PosedFit.of(clip, fit, Meshes(attempt.body))).left))
     return content, list(fit.warnings)

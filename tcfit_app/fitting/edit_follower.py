@@ -295,7 +295,7 @@ class EditFollower:
 
     def _wanted(self, edits: dict[int, bool]) -> dict[int, bool]:
         """The edits whose state has not changed again."""
-        return {edit: stands for edit, stands in edits.items() if self._project.stands(edit) == stands}
+        return {edit: stands for edit, stands in edits.items() if self._project.standing.stood(edit) == stands}
 
     def _frames(self, edits: Iterable[int]) -> set[int]:
         return {frame for edit in edits for frame in self._project.frames_changed(edit)}
@@ -325,7 +325,7 @@ class EditFollower:
     def _keep_drag(self, run: int, correction: Correction, target: Target, refit: Refit, edit: int | None) -> None:
         """Store a released drag, unless its edit has been undone meanwhile."""
         now = self._catch_up()
-        if edit is None or self._project.stood(edit, now):
+        if edit is None or self._project.standing.stood(edit, now):
             edits, seen = {} if edit is None else {edit: True}, correction.edits_seen
             self._put(run, (correction.frames,), refit, correction.edited(target), correction.body, seen, edits)
 
@@ -366,7 +366,7 @@ class EditFollower:
             whole = whole.with_frames(window, refit.params[slice(window.start, window.stop)])
         found = with_windows(fit, clip, body, whole, windows, config=config, provenance=refit.provenance, note=_NOTE)
         frames = Frames.of(found, windows, self.edits_seen(base, windows, seen))
-        if not project.stood_by(seen, now):  # keypoints of other frames have changed since
+        if not project.standing.stood_by(seen, now):  # keypoints of other frames have changed since
             seen = now
 
         def change(changes: Changes) -> None:
@@ -378,8 +378,9 @@ class EditFollower:
                     project.runs.changes(base.id).forget_undone()
                 project.runs.change(base.id, change)
             else:
-                base = project.runs.add(
-                    fit,
+                base = project.runs.start(
+                    fit.config,
+                    fit=fit,
                     body=base.body,
                     edits_seen=base.edits_seen,
                     kind="corrections",
@@ -414,7 +415,7 @@ class EditFollower:
                 run.
         """
         self._catch_up()
-        if run is not None and self._includes(self.of(run), edit) != (stands := self._project.stands(edit)):
+        if run is not None and self._includes(self.of(run), edit) != (stands := self._project.standing.stood(edit)):
             self.follow(self._project.runs.get(run), {edit: stands})
 
     def _includes(self, run: Run, edit: int) -> bool | None:
@@ -423,7 +424,7 @@ class EditFollower:
         for change in reversed(changes.standing()):
             if edit in change.about.edits:
                 return change.about.edits[edit]
-        return None if run.kind == "corrections" and not changes else self._project.stood(edit, run.edits_seen)
+        return None if run.kind == "corrections" and not changes else self._project.standing.stood(edit, run.edits_seen)
 
     def _catch_up(self) -> int:
         """Show all corrections as the edits stand now; returns the last log entry. Raises InputError if a fit cannot be

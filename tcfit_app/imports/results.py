@@ -83,7 +83,9 @@ def import_run(
     goes_on()
     name, seen = name or name_of_file(_name(path.resolve())), project.last_edit
     summary = {"source": source, "format": fit.pose_prior, "placed": placed}
-    return project.runs.add(fit, body=record_of(body), edits_seen=seen, summary=summary, kind="imported", name=name)
+    return project.runs.start(
+        fit.config, fit=fit, body=record_of(body), edits_seen=seen, summary=summary, kind="imported", name=name
+    )
 
 
 def imported_fit(
@@ -196,6 +198,8 @@ def project_of_result(result: Path, folder: Path) -> None:
 
     def begin(project: Project) -> None:
         project.set_height(fit.config.height)
-        project.runs.add(fit, body=body, edits_seen=project.last_edit, kind="fit", summary=whole.summary)
+        project.runs.start(
+            fit.config, fit=fit, body=body, edits_seen=project.last_edit, kind="fit", summary=whole.summary
+        )
 
     Project.create(folder, whole.clip, begin=begin).close()

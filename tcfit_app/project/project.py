@@ -51,11 +51,13 @@ from tcfit_app.project.edits.edit_log import (
     Note,
     Redo,
     Remark,
+    Said,
     Undo,
     decode,
     encode,
     frames_changed,
 )
+from tcfit_app.project.edits.standing import Standing
 from tcfit_app.project.storage import database, media
 from tcfit_app.project.storage.accessing import accessing
 from tcfit_app.project.storage.clip import (
@@ -87,7 +89,7 @@ class Project:
         stored, link = read_clip(folder, store)
         self.media: Media = media.find(link, folder)
         """Where the video or images were found on opening, and what is wrong with them."""
-        self.runs = Runs(folder, store, len(stored), self)
+        self.runs = Runs(folder, store, len(stored), lambda: self.standing)
         self.marks = MarkStore(
             store, len(stored), self._marks_done, lambda action, author: self.append(action, author=author)
         )
@@ -453,39 +455,21 @@ class Project:
 
     def edits_since(self, seen: int) -> int:
         """How many edits stand now but did not after the entry `seen`, or vice versa."""
-        with self._guard:
-            return self._history.standing.differing(seen)
+        return self.standing.differing(seen)
 
     def frames_edited_since(self, seen: int) -> frozenset[int]:
         """The frames of the edits counted by `edits_since`."""
-        with self._guard:
-            changed = list(self._history.standing.changes(seen))
+        changed = self.standing.changes(seen)
         return frozenset(frame for said in changed if not isinstance(said, Remark) for frame in said.frames)
 
-    def stands(self, number: int) -> bool:
-        """Whether the edit or remark with this id is done, not undone."""
-        with self._guard:
-            return self._history.standing.stood(number)
-
-    def stood(self, number: int, seen: int) -> bool:
-        """Whether it was after the entry `seen`."""
-        with self._guard:
-            return self._history.standing.stood(number, seen)
-
-    def stood_by(self, seen: int, later: int | None = None) -> bool:
-        """Whether every edit that stood after the entry `seen` stood after a later one too; None: stands now."""
-        with self._guard:
-            return self._history.standing.stood_by(seen, later)
-
-    def standing_edits(self, seen: int) -> int:
-        """How many edits stood after the entry `seen`."""
-        with self._guard:
-            return self._history.standing.counted(seen)
+    @property
+    def standing(self) -> Standing[Said]:
+        """Which edits and remarks stand, and stood after each entry of the log."""
+        return self._history.standing
 
     def frames_changed(self, edit: int) -> tuple[int, ...]:
         """The frames that the edit with this id changes."""
-        with self._guard:
-            return self._history.standing.said(edit).frames
+        return self.standing.said(edit).frames
 
     @property
     def last_edit(self) -> int:

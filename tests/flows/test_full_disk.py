@@ -62,7 +62,8 @@ def fitted_again(session: Session) -> None:
 
 def imported(session: Session) -> None:
     run = newest(session).run
-    session.project.runs.add(session.fits.fit(run), body=run.body, edits_seen=0, kind="imported")
+    fit = session.fits.fit(run)
+    session.project.runs.start(fit.config, fit=fit, body=run.body, edits_seen=0, kind="imported")
 
 
 def assert_only_jobs_run(session: Session) -> None:

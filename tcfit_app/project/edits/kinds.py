@@ -77,6 +77,12 @@ class _Edit(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
             now: The whole clip before this edit.
             detections: The whole clip before any edit.
         """
+        here = now.at(self.frames, self.joints)
+        self.change(here, now)
+        return here
+
+    def change(self, here: Corrected, now: Corrected) -> None:
+        """Change a copy of the values `here`, for kinds that need no detections."""
         raise NotImplementedError
 
     def problem(self, length: int) -> str:
@@ -91,10 +97,8 @@ class MoveKeypoint(_Edit, frozen=True, tag="move"):
     """Pixels, for each of `frames` and each of `joints`."""
     confidence: float = 1.0
 
-    def values(self, now: Corrected, detections: Corrected) -> Corrected:
-        here = now.at(self.frames, self.joints)
+    def change(self, here: Corrected, now: Corrected) -> None:
         _place(here, np.array(self.xy, dtype=float), self.confidence)
-        return here
 
     def problem(self, length: int) -> str:
         if len(self.xy) != len(self.frames) or any(len(row) != len(self.joints) for row in self.xy):
@@ -111,10 +115,8 @@ class Nudge(_Edit, frozen=True, tag="nudge"):
     by: tuple[float, float]
     """Pixels, x right, y down."""
 
-    def values(self, now: Corrected, detections: Corrected) -> Corrected:
-        here = now.at(self.frames, self.joints)
+    def change(self, here: Corrected, now: Corrected) -> None:
         _place(here, here.xy + np.array(self.by), 1.0, where=here.present)
-        return here
 
     def problem(self, length: int) -> str:
         near = all(abs(value) <= _MAX_POSITION for value in self.by)
@@ -124,19 +126,15 @@ class Nudge(_Edit, frozen=True, tag="nudge"):
 class MarkBad(_Edit, frozen=True, tag="mark_bad"):
     """Exclude keypoints from the fit: confidence 0 until they are restored, and their depth is ignored."""
 
-    def values(self, now: Corrected, detections: Corrected) -> Corrected:
-        here = now.at(self.frames, self.joints)
+    def change(self, here: Corrected, now: Corrected) -> None:
         here.bad[:] = True
-        return here
 
 
 class Restore(_Edit, frozen=True, tag="restore"):
     """Restore bad keypoints with their previous confidence and depth."""
 
-    def values(self, now: Corrected, detections: Corrected) -> Corrected:
-        here = now.at(self.frames, self.joints)
+    def change(self, here: Corrected, now: Corrected) -> None:
         here.bad[:] = False
-        return here
 
 
 class SwapSides(_Edit, frozen=True, tag="swap_sides"):
@@ -162,11 +160,10 @@ class CopyFrom(_Edit, frozen=True, tag="copy"):
     source: int
     """The frame to copy from."""
 
-    def values(self, now: Corrected, detections: Corrected) -> Corrected:
-        here, source = now.at(self.frames, self.joints), now.at((self.source,), self.joints)
+    def change(self, here: Corrected, now: Corrected) -> None:
+        source = now.at((self.source,), self.joints)
         _place(here, source.xy, np.where(source.confidence > 0, 1.0, 0.0))
         here.bad[:], here.depth[:] = source.bad, source.depth
-        return here
 
     def problem(self, length: int) -> str:
         return "" if 0 <= self.source < length else "it copies from a frame that the clip does not have"
@@ -188,15 +185,14 @@ class Interpolate(_Edit, frozen=True, tag="interpolate"):
         """Fill all frames between two."""
         return Interpolate(frames=tuple(range(first + 1, last)), joints=joints, first=first, last=last)
 
-    def values(self, now: Corrected, detections: Corrected) -> Corrected:
-        here, ends = now.at(self.frames, self.joints), now.at((self.first, self.last), self.joints)
+    def change(self, here: Corrected, now: Corrected) -> None:
+        ends = now.at((self.first, self.last), self.joints)
         share = (np.array(self.frames) - self.first)[:, None] / (self.last - self.first)
         told = (1 - share) * ends.told_depth[0] + share * ends.told_depth[1]
         xy = (1 - share)[..., None] * ends.xy[0] + share[..., None] * ends.xy[1]
         in_both = np.logical_and(*ends.present)
         np.copyto(here.depth, told, where=np.isfinite(told))
         _place(here, xy, 1.0, where=in_both)
-        return here
 
     def problem(self, length: int) -> str:
         if not 0 <= self.first < min(self.frames) <= max(self.frames) < self.last < length:
@@ -221,11 +217,9 @@ class SetConfidence(_Edit, frozen=True, tag="set_confidence"):
 
     confidence: float
 
-    def values(self, now: Corrected, detections: Corrected) -> Corrected:
-        here = now.at(self.frames, self.joints)
+    def change(self, here: Corrected, now: Corrected) -> None:
         there = here.confidence > 0
         here.confidence[there], here.bad[there], here.edited[there] = self.confidence, False, True
-        return here
 
     def problem(self, length: int) -> str:
         return _confidence_problem(self.confidence)
@@ -237,10 +231,8 @@ class SetDepth(_Edit, frozen=True, tag="depth"):
     depth: tuple[tuple[float, ...], ...]
     """Metres behind the pelvis along the camera's z, for each of `frames` and each of `joints`."""
 
-    def values(self, now: Corrected, detections: Corrected) -> Corrected:
-        here = now.at(self.frames, self.joints)
+    def change(self, here: Corrected, now: Corrected) -> None:
         here.depth[:], here.pinned[:] = self.depth, False
-        return here
 
     def problem(self, length: int) -> str:
         return _depths_problem(self.depth, self.frames, self.joints) or _depth_problem(self.joints)
@@ -249,10 +241,8 @@ class SetDepth(_Edit, frozen=True, tag="depth"):
 class ClearDepth(_Edit, frozen=True, tag="clear_depth"):
     """Clear the depth of body keypoints; everything else stays."""
 
-    def values(self, now: Corrected, detections: Corrected) -> Corrected:
-        here = now.at(self.frames, self.joints)
+    def change(self, here: Corrected, now: Corrected) -> None:
         here.depth[:], here.pinned[:] = np.nan, False
-        return here
 
     def problem(self, length: int) -> str:
         return _depth_problem(self.joints)
@@ -266,12 +256,10 @@ class Pin(_Edit, frozen=True, tag="pin"):
     depth: tuple[tuple[float, ...], ...]
     """As in `SetDepth`: per frame, because the pelvis moves."""
 
-    def values(self, now: Corrected, detections: Corrected) -> Corrected:
-        here = now.at(self.frames, self.joints)
+    def change(self, here: Corrected, now: Corrected) -> None:
         here.depth[:] = self.depth
         _place(here, np.array(self.xy, dtype=float), 1.0)
         here.pinned[:] = True
-        return here
 
     def problem(self, length: int) -> str:
         if len(self.xy) != len(self.joints):
@@ -289,10 +277,8 @@ class Lock(_Edit, frozen=True, tag="lock"):
     turn: tuple[tuple[float, float, float], ...]
     """Axis-angle in radians, for each of `joints` (see LOCKABLE)."""
 
-    def values(self, now: Corrected, detections: Corrected) -> Corrected:
-        here = now.at(self.frames, self.joints)
+    def change(self, here: Corrected, now: Corrected) -> None:
         here.turn[:] = self.turn
-        return here
 
     def problem(self, length: int) -> str:
         if len(self.turn) != len(self.joints):
@@ -308,10 +294,8 @@ class TakeRotations(_Edit, frozen=True, tag="take_rotations"):
     packed: bytes
     """The result of `packed_points.packed`: axis-angle in radians, for each of `frames` and each of `joints`."""
 
-    def values(self, now: Corrected, detections: Corrected) -> Corrected:
-        here = now.at(self.frames, self.joints)
+    def change(self, here: Corrected, now: Corrected) -> None:
         here.turn[:] = unpacked(self.packed, len(self.frames), len(self.joints), 3)
-        return here
 
     def problem(self, length: int) -> str:
         fingers = {joint for joints in FINGER_JOINTS.values() for joint in joints}
@@ -327,10 +311,8 @@ class TakeRotations(_Edit, frozen=True, tag="take_rotations"):
 class Unlock(_Edit, frozen=True, tag="unlock"):
     """Unlock the rotation of joints; everything else stays."""
 
-    def values(self, now: Corrected, detections: Corrected) -> Corrected:
-        here = now.at(self.frames, self.joints)
+    def change(self, here: Corrected, now: Corrected) -> None:
         here.turn[:] = np.nan
-        return here
 
     def problem(self, length: int) -> str:
         return _lock_problem(self.joints)
@@ -354,8 +336,7 @@ class ShapeHand(_Edit, frozen=True, tag="shape_hand"):
     after: Shape | None = None
     """The hand after the last frame."""
 
-    def values(self, now: Corrected, detections: Corrected) -> Corrected:
-        here = now.at(self.frames, self.joints)
+    def change(self, here: Corrected, now: Corrected) -> None:
         here.turn[:] = np.nan if self.shape is None else self.shape
         ends = (self.frames[0] - 1, self.before), (self.frames[-1] + 1, self.after)
         for turns, count, (frame, seen) in zip((here.turn, here.turn[::-1]), self.blend, ends, strict=True):
@@ -364,7 +345,6 @@ class ShapeHand(_Edit, frozen=True, tag="shape_hand"):
                 start = stated if np.isfinite(stated).all() else np.array(seen)
                 share = (np.arange(count) + 1)[:, None, None] / (count + 1)
                 turns[:count] = start + share**2 * (3 - 2 * share) * (turns[:count] - start)
-        return here
 
     @property
     def whole(self) -> tuple[int, ...]:
@@ -400,13 +380,11 @@ class TakeOver(_Edit, frozen=True, tag="take_over"):
     packed: bytes
     """The result of `packed_points.packed`, for each of `frames` and each of `joints`."""
 
-    def values(self, now: Corrected, detections: Corrected) -> Corrected:
-        here = now.at(self.frames, self.joints)
+    def change(self, here: Corrected, now: Corrected) -> None:
         taken = unpacked(self.packed, len(self.frames), len(self.joints), 4)
         _place(here, taken[..., :2], taken[..., 2])
         here.edited[:] = taken[..., 3] > 0
         here.depth[:], here.turn[:] = np.nan, np.nan
-        return here
 
     def problem(self, length: int) -> str:
         try:
@@ -433,15 +411,13 @@ class DetectAgain(_Edit, frozen=True, tag="detect_again"):
         joints = range(COUNT)[PARTS[part]]
         return DetectAgain(frames=tuple(frames), joints=tuple(joints), part=part, packed=packed(points[:, PARTS[part]]))
 
-    def values(self, now: Corrected, detections: Corrected) -> Corrected:
-        here = now.at(self.frames, self.joints)
+    def change(self, here: Corrected, now: Corrected) -> None:
         points = unpacked(self.packed, len(self.frames), len(self.joints), 3)
         new = Corrected.as_detected(points[..., :2], points[..., 2])
         for group in GROUPS.values():
             inside = np.isin(self.joints, range(COUNT)[group])
             found = new.confidence[:, inside].max(1, initial=0.0) > 0
             np.copyto(here.records, new.records, where=found[:, None] & inside)
-        return here
 
     def problem(self, length: int) -> str:
         if self.joints != tuple(range(COUNT)[PARTS[self.part]]):

@@ -26,7 +26,7 @@ class _State(Generic[SaidEntry]):
 
 
 class Standing(Generic[SaidEntry]):
-    """The states of a log. Adding an entry takes constant time."""
+    """The states of a log. Adding an entry takes constant time. One thread adds at a time, and any may ask."""
 
     def __init__(self) -> None:
         self._now: _State[SaidEntry] = _State(said=None, before=None, far=None, depth=0, counted=0)
@@ -61,8 +61,8 @@ class Standing(Generic[SaidEntry]):
 
     def _add(self, number: int, state: _State[SaidEntry]) -> None:
         self._now = state
+        self._states.append(state)  # first: another thread looks the number up
         self._numbers.append(number)
-        self._states.append(state)
 
     def differing(self, seen: int) -> int:
         """How many counting statements stand now but did not after the entry `seen`, or vice versa."""

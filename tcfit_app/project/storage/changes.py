@@ -14,10 +14,10 @@ A file that cannot be read is treated as missing: the fit then follows its edits
 """
 
 import logging
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Protocol
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
@@ -29,6 +29,7 @@ from fitting_core.ground.grounding import Grounding
 from fitting_core.results.error_bars import ErrorBars
 from fitting_core.results.fit_result import FitResult, PhaseResult
 from fitting_core.results.provenance import Provenance
+from tcfit_app.project.edits.standing import Standing
 from tcfit_app.project.storage.accessing import accessing
 from tcfit_app.project.storage.run_files import PhaseRecord, phase_arrays, phase_from
 
@@ -39,16 +40,8 @@ _log = logging.getLogger(__name__)
 _Count = Annotated[int, msgspec.Meta(ge=0, le=2**48)]
 
 
-class Log(Protocol):
-    """What changes ask of the log of edits; `later` is an entry, None the last one."""
-
-    def stood_by(self, seen: int, later: int | None = None) -> bool:
-        """Whether every edit that stood after the entry `seen` stood after a later one too."""
-        ...
-
-    def standing_edits(self, seen: int) -> int:
-        """How many edits stood after the entry `seen`."""
-        ...
+Log = Callable[[], Standing[Any]]
+"""What stands and stood after each entry of the project's log of edits, at present."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,7 +141,7 @@ class Changes:
 
     def standing(self, at: int | None = None) -> list[Change]:
         """Those that count after a log entry; None: the last one."""
-        return [change for change in self._all if self._log.stood_by(change.about.seen, at)]
+        return [change for change in self._all if self._log().stood_by(change.about.seen, at)]
 
     @property
     def hidden_earlier(self) -> bool:
@@ -161,7 +154,7 @@ class Changes:
         undone = [change for change in reversed(self._all) if not change.about.taken_back and change not in standing]
         done = [change for change in standing if change.about.taken_back]
         # A change made again counts after those that were made while it was undone.
-        return [*undone, *sorted(done, key=lambda c: self._log.standing_edits(c.about.seen))]
+        return [*undone, *sorted(done, key=lambda c: self._log().counted(c.about.seen))]
 
     def edits_seen(self, before: int, at: int | None = None) -> int:
         """`Run.edits_seen` with the changes; `before`: without any."""
@@ -183,7 +176,7 @@ class Changes:
             edits: As in `ChangeAbout`.
         """
         for change in self.standing():
-            if self._log.stood_by(seen, change.about.seen):
+            if self._log().stood_by(seen, change.about.seen):
                 seen = change.about.seen  # the frames around were fitted to later edits
         about = ChangeAbout(
             format=_FORMAT,

@@ -52,7 +52,7 @@ class Runs:
         folder: the project's.
         database: the project's.
         frames: number of frames in the clip.
-        log: the project's. It may not be asked within a transaction, which it waits for.
+        log: the project's.
     """
 
     def __init__(self, folder: Path, database: Database, frames: int, log: Log) -> None:
@@ -103,9 +103,13 @@ class Runs:
         given: Given = Given(),  # noqa: B008 - it is frozen
         frames: range | None = None,
         name: str = "",
+        fit: FitResult | None = None,
+        summary: dict[str, Any] | None = None,
+        change: Callable[[Changes], object] = lambda changes: None,
     ) -> Run:
-        """Record that a fit starts. Raises InputError if the name is invalid, the parent does not exist, or the project
-        cannot be written.
+        """Record a run that starts, or with its result one that has finished; it is on disk when this returns. Raises
+        InputError if the name is invalid, the parent does not exist, or the project cannot be written; there is no run
+        then.
 
         Args:
             config: All of its settings.
@@ -116,60 +120,57 @@ class Runs:
             given: What it is given besides the clip.
             frames: The frames to refit; None for all.
             name: By default from its number.
+            fit: Its result, if it has finished.
+            summary: See `finish`.
+            change: Adds the first change, to a run of corrections.
         """
         if parent is not None:
             self.get(parent)
-        with self._writing() as connection:
-            number = self._insert(
-                connection,
-                config,
-                state="running",
-                body=body,
-                edits_seen=edits_seen,
-                kind=kind,
-                parent=parent,
-                given=given,
-                frames=frames,
-                name=name,
-            )
+        now = _now().isoformat()
+        row = {
+            "name": checked_name(name) if name else "",
+            "kind": kind,
+            "state": "running" if fit is None else "finished",
+            "config": msgspec.json.encode(as_plain(config)).decode(),
+            "body": msgspec.json.encode(body).decode(),
+            "parent": parent,
+            "given": msgspec.json.encode(given).decode() if given != Given() else None,
+            "first_frame": frames.start if frames else None,
+            "last_frame": frames.stop - 1 if frames else None,
+            "edits_seen": edits_seen,
+            "started": now,
+            "ended": None if fit is None else now,
+            "summary": None if fit is None else _summary(fit, summary),
+        }
+        if fit is None:
+            with self._writing() as connection:
+                number = self._insert(connection, row)
+            return self.get(number)
+        number = None
+        with accessing(self._folder), drafting(self._folder / "added.npz") as draft:
+            write_run(draft, fit)
+            try:
+                with self._writing() as connection:
+                    number = self._insert(connection, row)
+                    self._remove_files(number)  # a killed process may have left changes of a run of this number
+                    change(self.changes(number))
+                    os.replace(draft, self._path(number))
+                    sync(self._folder)
+            except BaseException:
+                if number is not None:  # the next run will have it
+                    self._remove_files(number)
+                raise
         return self.get(number)
 
-    def _insert(
-        self,
-        connection: sqlite3.Connection,
-        config: FitConfig,
-        *,
-        state: RunState,
-        body: BodyRecord,
-        edits_seen: int,
-        kind: RunKind,
-        parent: int | None,
-        given: Given,
-        name: str,
-        frames: range | None = None,
-    ) -> int:
+    def _insert(self, connection: sqlite3.Connection, row: dict[str, Any]) -> int:
         if self.refusal:  # asked within the transaction, so that either its setter sees this run, or this sees it
             raise InputError(self.refusal)
-        cursor = connection.execute(
-            "INSERT INTO runs (name, kind, state, config, body, parent, given, first_frame, last_frame,"
-            f" edits_seen, started, moment) VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, {_NEXT})",
-            (
-                checked_name(name) if name else "",
-                kind,
-                state,
-                msgspec.json.encode(as_plain(config)).decode(),
-                msgspec.json.encode(body).decode(),
-                parent,
-                msgspec.json.encode(given).decode() if given != Given() else None,
-                frames.start if frames else None,
-                frames.stop - 1 if frames else None,
-                edits_seen,
-                _now().isoformat(),
-            ),
-        )
-        number = cursor.lastrowid
+        number = connection.execute(
+            f"INSERT INTO runs ({', '.join(row)}, moment) VALUES ({', '.join('?' * len(row))}, {_NEXT})",
+            tuple(row.values()),
+        ).lastrowid
         assert number is not None
-        if not name:
+        if not row["name"]:
             connection.execute("UPDATE runs SET name = ? WHERE id = ?", (f"Run {number}", number))
         return number
 
@@ -215,67 +216,9 @@ class Runs:
         """
         self._expect(run, state)
         write_run(self._path(run), fit)
-        self.drop_partial(run)
         self._end(run, "finished", "", _summary(fit, summary))
+        self.drop_partial(run)
         return self.get(run)
-
-    def add(
-        self,
-        fit: FitResult,
-        *,
-        body: BodyRecord,
-        edits_seen: int,
-        kind: RunKind = "fit",
-        parent: int | None = None,
-        given: Given = Given(),  # noqa: B008 - it is frozen
-        summary: dict[str, Any] | None = None,
-        name: str = "",
-        change: Callable[[Changes], object] = lambda changes: None,
-    ) -> Run:
-        """Store a finished run, which is on disk when this returns. Raises InputError as `start` and `finish`; there is
-        no run then.
-
-        Args:
-            fit: Its result.
-            body: As in `start`, like the other arguments.
-            edits_seen: See `start`.
-            kind: See `start`.
-            parent: See `start`.
-            given: See `start`.
-            summary: See `finish`.
-            name: See `start`.
-            change: Adds the run's first change, if it has one.
-        """
-        if parent is not None:
-            self.get(parent)
-        number = None
-        with accessing(self._folder), drafting(self._folder / "added.npz") as draft:
-            write_run(draft, fit)
-            try:
-                with self._writing() as connection:
-                    number = self._insert(
-                        connection,
-                        fit.config,
-                        state="finished",
-                        body=body,
-                        edits_seen=edits_seen,
-                        kind=kind,
-                        parent=parent,
-                        given=given,
-                        name=name,
-                    )
-                    connection.execute(
-                        "UPDATE runs SET summary = ?, ended = started WHERE id = ?", (_summary(fit, summary), number)
-                    )
-                    self._remove_files(number)  # a killed process may have left changes of a run of this number
-                    change(self.changes(number))
-                    os.replace(draft, self._path(number))
-                    sync(self._folder)
-            except BaseException:
-                if number is not None:  # the next run will have it
-                    self._remove_files(number)
-                raise
-        return self.get(number)
 
     def change(self, run: int, change: Callable[[Changes], object]) -> None:
         """Add a change to a run of corrections; it is on disk when this returns. Raises InputError if the project

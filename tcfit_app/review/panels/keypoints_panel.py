@@ -246,7 +246,7 @@ def _history(tab: Tab) -> list[Html]:
 
 
 def _edit_line(tab: Tab, entry: LogEntry, now: datetime) -> Html:
-    edit, done, first = entry.action, tab.session.project.stands(entry.id), tab.first_frame
+    edit, done, first = entry.action, tab.session.project.standing.stood(entry.id), tab.first_frame
     assert not isinstance(edit, Undo | Redo)
     visit = opener(describe(edit, first), "keypoints.visit", str(entry.id), partial(_visit, tab, edit))
     return line(

@@ -109,7 +109,7 @@ class Someone:
         except InputError:
             if self.group is not None:
                 self.group.undo_halves()
-            if self.session.project.stands(entry.id) != (step is Session.redo):
+            if self.session.project.standing.stood(entry.id) != (step is Session.redo):
                 raise
         return entry
 

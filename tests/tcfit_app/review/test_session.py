@@ -317,7 +317,7 @@ def test_a_fit_that_is_not_in_memory_is_read_beside_the_drawing_thread(
 ):
     gate, threads, load = threading.Event(), [], session.project.runs.load
 
-    def slowly(run: int) -> FitResult:
+    def slowly(run: int, at: int | None = None) -> FitResult:
         threads.append(threading.current_thread())
         assert gate.wait(60)
         return load(run)
@@ -348,7 +348,7 @@ def test_fits_on_show_do_not_evict_each_other(session: Session, monkeypatch: pyt
     for _ in range(3):
         first = project.runs.get(1)
         project.runs.finish(project.runs.start(first.config, body=first.body, edits_seen=0).id, load(1))
-    monkeypatch.setattr(project.runs, "load", lambda run: loaded.append(run) or load(run))
+    monkeypatch.setattr(project.runs, "load", lambda run, at: loaded.append(run) or load(run))
     runs = session.fits.runs
     until(session, lambda: all([session.stored.here(run) for run in runs]))
     for _ in range(3):
@@ -423,8 +423,8 @@ def test_a_run_that_is_being_read_does_not_hide_a_newer_one(folder: Path, tiny_b
         run, load = session.fits.runs[-1], session.project.runs.load
         read, gone_on = threading.Event(), threading.Event()
 
-        def slow(number: int) -> object:
-            fit = load(number)
+        def slow(number: int, at: int | None = None) -> object:
+            fit = load(number, at)
             if threading.current_thread() is reader:
                 read.set()
                 gone_on.wait(10)
@@ -693,7 +693,7 @@ def test_nothing_is_read_from_the_disk_where_a_drag_or_an_edit_begins(
     assert corrections.kind == "corrections"
     threads, load = [], session.project.runs.load
     monkeypatch.setattr(
-        session.project.runs, "load", lambda run: threads.append(threading.current_thread()) or load(run)
+        session.project.runs, "load", lambda run, at: threads.append(threading.current_thread()) or load(run, at)
     )
     for begin in (lambda shown: drag(session, shown, 60.0), lambda shown: nudge(session, 1, shown)):
         shown = newest(session)
