@@ -19,7 +19,8 @@ from fitting_core.metrics import jitter, mpjpe, pa_mpjpe
 from tcfit_app.cli.fit_command import Outcome, run_fit
 from tcfit_app.options.fit import DemoOptions, FitOptions, fit_config
 from tcfit_app.options.preparing import check_out, prepare_solver
-from tcfit_app.project.project import Project, check_free
+from tcfit_app.project.project import Project
+from tcfit_app.project.storage.accessing import check_free
 from tcfit_app.project.storage.database import is_project
 
 _PROJECT, _RESULT = Path("tcfit-demo.tcfit"), Path("tcfit-demo")

@@ -25,7 +25,8 @@ from tcfit_app.options.clip_input import (
 from tcfit_app.options.fit import NewOptions, ReferenceOptions, ReviewOptions, height_of
 from tcfit_app.project.new_people import create_people
 from tcfit_app.project.packed import is_packed, packed_creation_time, unpack
-from tcfit_app.project.project import Project, check_free
+from tcfit_app.project.project import Project
+from tcfit_app.project.storage.accessing import check_free
 from tcfit_app.project.storage.clip import creation_time, read_clip, same_detections
 from tcfit_app.project.storage.database import NAME, Database, is_project
 from tcfit_app.project.storage.names import name_of_file

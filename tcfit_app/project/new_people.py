@@ -6,11 +6,9 @@ from pathlib import Path
 import msgspec
 
 from fitting_core.clips.people import PersonInClip, people_of
-from fitting_core.files.atomic import drafting, put_folder
 from fitting_core.io.people_file import write_people_file
-from tcfit_app.project.project import check_free
 from tcfit_app.project.storage import media
-from tcfit_app.project.storage.accessing import accessing
+from tcfit_app.project.storage.accessing import creating
 from tcfit_app.project.storage.clip import write_clip
 
 
@@ -23,24 +21,15 @@ def create_people(folder: Path, people: Sequence[PersonInClip], *, copy_media: b
         people: Of one clip, at least one.
         copy_media: Copy the clip's source into the folder, once; otherwise it is linked.
     """
-    folder = folder.resolve()
-    with accessing(folder):
-        check_free(folder)
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        with drafting(folder) as draft:
-            draft.mkdir()
-            source = people[0].clip.source
-            copied = media.copy(source, draft) if source is not None and copy_media else None
-            for one in people:
-                own, link = one.about.folder, None
-                if copied is not None:
-                    link = msgspec.structs.replace(copied, relative=f"../{copied.relative}")
-                elif source is not None:
-                    link = media.link(source, folder / own)
-                (draft / own).mkdir()
-                write_clip(draft / own, one.clip, link=link)
-            write_people_file(draft, people_of(people))
-            check_free(folder)
-            if folder.exists():
-                folder.rmdir()
-            put_folder(draft, folder)
+    folder, source = folder.resolve(), people[0].clip.source
+    with creating(folder) as draft:
+        copied = media.copy(source, draft) if source is not None and copy_media else None
+        for one in people:
+            own, link = one.about.folder, None
+            if copied is not None:
+                link = msgspec.structs.replace(copied, relative=f"../{copied.relative}")
+            elif source is not None:
+                link = media.link(source, folder / own)
+            (draft / own).mkdir()
+            write_clip(draft / own, one.clip, link=link)
+        write_people_file(draft, people_of(people))

@@ -24,13 +24,13 @@ from pathlib import Path
 import msgspec
 
 from fitting_core.errors import InputError
-from fitting_core.files.atomic import drafting, put_folder, replacing, scratch_folder
+from fitting_core.files.atomic import replacing, scratch_folder
 from fitting_core.files.regular import regular_file
 from fitting_core.motion import Progress
 from fitting_core.video.fingerprint import fingerprint_of_images, visible_files
-from tcfit_app.project.project import Project, check_free
+from tcfit_app.project.project import Project
 from tcfit_app.project.storage import database, media, runs
-from tcfit_app.project.storage.accessing import accessing
+from tcfit_app.project.storage.accessing import creating
 from tcfit_app.project.storage.clip import DETECTIONS, copy_detections, creation_time, stored_link
 from tcfit_app.project.storage.media import MediaLink
 from tcfit_app.project.storage.names import portable
@@ -206,18 +206,10 @@ def unpack(path: Path, folder: Path) -> None:
         InputError: The file is not a packed project, is damaged, comes from a newer tcfit, or has unexpected entries;
             or the folder cannot be written. Nothing is left behind then.
     """
-    folder = folder.resolve()
-    with accessing(folder):
-        check_free(folder)
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        with drafting(folder) as draft:
-            draft.mkdir()
-            _extract(path, draft)
-            Project.open(draft).close()  # refuses what cannot be opened
-            _check_link(path, draft)
-            if folder.exists():
-                folder.rmdir()
-            put_folder(draft, folder)
+    with creating(folder.resolve()) as draft:
+        _extract(path, draft)
+        Project.open(draft).close()  # refuses what cannot be opened
+        _check_link(path, draft)
 
 
 def packed_creation_time(path: Path) -> str:

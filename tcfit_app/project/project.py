@@ -35,9 +35,9 @@ from jaxtyping import Bool
 
 from fitting_core.camera import Camera
 from fitting_core.clip import Clip
-from fitting_core.errors import InputError, some_of
-from fitting_core.files.atomic import drafting, put_folder, sweep, sweep_beside
-from fitting_core.io.people_file import holds_people, refuse_several
+from fitting_core.errors import InputError
+from fitting_core.files.atomic import sweep, sweep_beside
+from fitting_core.io.people_file import refuse_several
 from fitting_core.keypoints import Keypoints
 from fitting_core.lens import filmed_keypoints, straightened_keypoints
 from fitting_core.measure.references.reference import Reference
@@ -59,7 +59,7 @@ from tcfit_app.project.edits.edit_log import (
 )
 from tcfit_app.project.edits.standing import Standing
 from tcfit_app.project.storage import database, media
-from tcfit_app.project.storage.accessing import accessing
+from tcfit_app.project.storage.accessing import accessing, creating
 from tcfit_app.project.storage.clip import (
     read_clip,
     read_height,
@@ -142,23 +142,14 @@ class Project:
             copy_media: Copy the source into the project; otherwise it is linked.
             begin: Writes what must be in it before it becomes visible; its errors are raised.
         """
-        folder = folder.resolve()
-        with accessing(folder):
-            check_free(folder)
-            folder.parent.mkdir(parents=True, exist_ok=True)
-            with drafting(folder) as draft:
-                draft.mkdir()
-                link = None
-                if clip.source:
-                    link = media.copy(clip.source, draft) if copy_media else media.link(clip.source, folder)
-                write_clip(draft, clip, link=link)
-                if begin is not None:
-                    with Project.open(draft) as project:
-                        begin(project)
-                check_free(folder)
-                if folder.exists():
-                    folder.rmdir()
-                put_folder(draft, folder)
+        folder, link = folder.resolve(), None
+        with creating(folder) as draft:
+            if clip.source:
+                link = media.copy(clip.source, draft) if copy_media else media.link(clip.source, folder)
+            write_clip(draft, clip, link=link)
+            if begin is not None:
+                with Project.open(draft) as project:
+                    begin(project)
         return Project.open(folder)
 
     @staticmethod
@@ -549,20 +540,6 @@ def _fixed(keypoints: Keypoints) -> Keypoints:
     for array in (xy, confidence):
         array.setflags(write=False)
     return Keypoints(xy=xy, confidence=confidence)
-
-
-def check_free(folder: Path) -> None:
-    """Raises InputError if no project can be created in a folder, which need not exist."""
-    if (folder / database.NAME).exists():
-        raise InputError(f"{folder}: is already a project. Open it, or choose another folder.")
-    if holds_people(folder):
-        raise InputError(f"{folder}: is already a folder of several people. Open it, or choose another one.")
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder}: is a file; expected a folder, which need not exist.")
-    if names := sorted(entry.name for entry in folder.iterdir()) if folder.exists() else []:
-        raise InputError(
-            f"{folder}: contains other files ({some_of(names, most=4)}). Choose a folder that is empty or new."
-        )
 
 
 def _readable_log(store: Database) -> list[LogEntry]:
