@@ -2,17 +2,15 @@
 
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import ClassVar, Literal, get_args
 
 import viser
 
 from fitting_core.errors import InputError
-from fitting_core.motion import AXES, OWN_WORLD, Progress
+from fitting_core.motion import AXES, OWN_WORLD
 from tcfit_app.exports.exporting import content_of, file_name
-from tcfit_app.exports.motions import write_everybody
 from tcfit_app.exports.source import ExportedFit, ExportSource
-from tcfit_app.exports.table import AXES_CHOICES, EXPORTS, VIEW_CHOICES, VIEW_HINT, Export, Group, exports
+from tcfit_app.exports.table import AXES_CHOICES, VIEW_CHOICES, VIEW_HINT, Export, Group, exports
 from tcfit_app.fitting.fits import Shown, phase_title
 from tcfit_app.project.frame_words import in_words, numbers
 from tcfit_app.review.gestures.actions import Gestures
@@ -35,13 +33,9 @@ from tcfit_app.review.panels.elements.html import (
 from tcfit_app.review.scene.layers import RUN_COLORS, css
 from tcfit_app.review.session.tasks import Step, Task
 from tcfit_app.review.tab.on_show import OnShow, on_show
-from tcfit_app.review.tab.people import Someone
 from tcfit_app.review.tab.state import TabState
 
 Letter = Literal["A", "B"]
-_EVERYBODY_HINT = (
-    "All people of the clip in one GLB, in their places: A or B of each, as shown in this tab; y up, metres"
-)
 _AXES_HINT = "As the target programs expect; each button's tooltip says which"
 
 
@@ -79,7 +73,8 @@ class ExportPanel:
         self._wishes = replace(self._wishes, **changes)  # pyright: ignore[reportArgumentType]
 
     def _begin(self, export: Export) -> None:
-        self._refuse_second()
+        if self.running is not None and self.running.state == "running":
+            raise InputError(f"{self.running.title} is still being made: wait for it, or cancel it.")
         source = self._source(export)
         if export.needs != "keypoints":
             source.fit  # noqa: B018 - raises before anything begins
@@ -87,65 +82,10 @@ class ExportPanel:
             source = source[slice(frames.start, frames.stop)]
         name = file_name(export, "-".join([source.name, *self._parts(export)]), zipped=True)
 
-        self._submit(name, export, source)
-
-    def _refuse_second(self) -> None:
-        if self.running is not None and self.running.state == "running":
-            raise InputError(f"{self.running.title} is still being made: wait for it, or cancel it.")
-
-    def _submit(self, name: str, export: Export, source: ExportSource) -> None:
         def work(report: Step) -> tuple[bytes, str | None]:
             return content_of(export, source, lambda share: report("", share))
 
         self.running = self._tab.session.tasks.submit(name, work, owner=self._tab, then=self._send)
-
-    def _begin_everybody(self) -> None:
-        """One GLB with all people."""
-        self._refuse_second()
-        tab, frames = self._tab, self._frames
-        if (group := tab.someone.group) is None:
-            raise InputError("This project has one person. Choose Character (GLB).")
-        name = group.name
-        sources, left_out = self._people(name)
-        if not sources:
-            raise InputError("There is no fit to export. Fit someone first, or choose other frames or B.")
-
-        def write(_: ExportSource, path: Path, progress: Progress) -> str:
-            return ". ".join([write_everybody(sources, path, progress, name=name), *left_out])
-
-        parts = [*(["A"] if self._wishes.side == "A" else []), *_in_file_name(frames, tab.first_frame)]
-        export = replace(EXPORTS["glb"], write=write)
-        self._submit(file_name(export, "-".join([name, *parts]), zipped=True), export, sources[0])
-
-    def _people(self, name: str) -> tuple[list[ExportSource], list[str]]:
-        """The sources for each person in the chosen frames, and who is left out."""
-        tab, frames = self._tab, self._frames
-        begin, end = (None, None) if frames is None else (frames[0] + tab.first_frame, frames[-1] + tab.first_frame)
-        found: list[ExportSource] = []
-        left_out: list[str] = []
-        for someone in tab.someone.everybody:
-            if (shown := self._shown_of(someone)) is None:
-                left_out.append(f"{someone.name} has no fit yet and was left out")
-                continue
-            fit = ExportedFit(shown=shown, fit=someone.session.fits.fit(shown.run), meshes=someone.data.meshes(shown))
-            source = ExportSource(name=f"{name} {someone.name}", chosen=fit, known_clip=someone.session.project.clip)
-            if (part := source.between(begin, end)) is None:
-                left_out.append(f"{someone.name} is not present in these frames")
-            else:
-                found.append(part)
-        return found, left_out
-
-    def _shown_of(self, someone: Someone) -> Shown | None:
-        """A or B of a person, as this tab shows them; None without a fit."""
-        tab, side = self._tab, self._wishes.side
-        if someone is tab.someone:
-            return _fits(tab.shown).get(side)
-        state = someone.remembered.get(tab.name or "", TabState())
-        choice = state.a if side == "A" else state.b
-        run = someone.session.fits.meant(choice)
-        if run is not None and someone.session.stored.reading(run):
-            raise InputError(f"The fit of {someone.name} is still being read: try again in a moment.")
-        return someone.session.stored.show(choice)
 
     def _send(self, made: Task[tuple[bytes, str | None]]) -> None:
         if made.state == "finished":
@@ -167,21 +107,21 @@ class ExportPanel:
 
     def _source(self, export: Export) -> ExportSource:
         """What to export, with fits only where they are needed: their bodies may be missing."""
-        tab, project = self._tab, self._tab.session.project
-        fits = {} if export.needs == "keypoints" else {s: self._exported(f) for s, f in _fits(tab.shown).items()}
+        tab, session, project = self._tab, self._tab.session, self._tab.session.project
+        shown = {} if export.needs == "keypoints" else _fits(tab.shown)
+        fits = {
+            side: ExportedFit(shown=fit, fit=session.fits.fit(fit.run), meshes=tab.data.meshes(fit))
+            for side, fit in shown.items()
+        }
         return ExportSource(
             name=project.footage.name,
             chosen=fits.get(self._wishes.side),
             compared=list(fits.values()),
             known_clip=project.clip,
-            project=tab.session.project.folder,
+            project=project.folder,
             axes=self._wishes.axes or None,
             views=VIEW_CHOICES[self._wishes.view][1],
         )
-
-    def _exported(self, shown: Shown) -> ExportedFit:
-        tab = self._tab
-        return ExportedFit(shown=shown, fit=tab.session.fits.fit(shown.run), meshes=tab.data.meshes(shown))
 
     @property
     def _frames(self) -> range | None:
@@ -267,9 +207,6 @@ class ExportPanel:
                 if export.group == group
                 for missing in [export.missing()]
             ]
-            if group == "Motion" and self._tab.someone.others:
-                everybody = self._begin_everybody
-                buttons.insert(1, button("Everybody (GLB)", "export.everybody", do=everybody, hint=_EVERYBODY_HINT))
             if buttons:
                 rows.append(row(tag("div", joined(*buttons), class_="tcfit-cells"), label=group))
         return [heading("Formats"), *rows]

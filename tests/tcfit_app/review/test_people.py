@@ -2,11 +2,9 @@
 
 import itertools
 import shutil
-import time
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,7 +13,6 @@ from unittest.mock import MagicMock
 import msgspec
 import numpy as np
 import pytest
-import torch
 import viser
 
 from fitting_core.body.model import BodyModel
@@ -36,14 +33,12 @@ from tcfit_app.review.browser.page_events import GoToPerson, Hello, OpenLink, Pr
 from tcfit_app.review.browser.page_states import Hints
 from tcfit_app.review.drawing.rows import MOST_ROWS, PLOTS
 from tcfit_app.review.opening import open_project
-from tcfit_app.review.panels.export_panel import ExportPanel
 from tcfit_app.review.panels.review_panel import ReviewPanel
 from tcfit_app.review.session.group import Group
 from tcfit_app.review.session.session import Session
-from tcfit_app.review.tab.people import Someone, alone
+from tcfit_app.review.tab.people import alone
 from tcfit_app.review.tab.state import TabState, seen_alike
-from tests.fitting_core.io.motion.gltf_player import Player
-from tests.samples.people_projects import FRAMES, LATE, PLACES, open_two, two_people
+from tests.samples.people_projects import FRAMES, LATE, open_two, two_people
 
 
 @pytest.fixture(scope="module")
@@ -506,114 +501,3 @@ def test_keypoints_that_make_no_sense_are_not_taken_over(changes: dict[str, Any]
 def test_the_second_person_may_be_the_first_at_the_end(talk: Path):
     assert [person.uncertain for person in read_people_file(talk).people] == [(), ((9, FRAMES - 1),)]
     assert np.all([len(person.frames) == 2 for person in read_people_file(talk).people])
-
-
-class Exporting:
-    """The panel Export of a tab that nobody is connected to, and what it sends."""
-
-    def __init__(self, app: ReviewApp, folder: Path) -> None:
-        self.app, self._folder = app, folder
-        hello(app, "mine")
-
-    def begin(self, **wishes: str) -> ExportPanel:
-        """Choose what is wished for, and press the button."""
-        page = self.app.pages[1]
-        page.draw(0.0)
-        panel = next(panel for panel in page.panels if isinstance(panel, ExportPanel))
-        chosen = [(f"export.{name}", value) for name, value in wishes.items()]
-        for command, value in [*chosen, ("export.everybody", "")]:
-            page.tab.look()
-            panel.draw()
-            assert page.tab.buttons.find(command, value)
-            page.receive(Press(command, value))
-        return panel
-
-    def read(self, **wishes: str) -> tuple[str, str, Player]:
-        """The file's name, what is told of it, and the file."""
-        for someone in self.app.people:
-            someone.session.stored.show(FitChoice())
-        self._until(lambda: not any(self._reading(someone) for someone in self.app.people))
-        panel = self.begin(**wishes)
-        task = panel.running
-        assert task is not None
-        self._until(lambda: task.state != "running" and not self.app.pages[1].tab.session.tasks._running)
-        assert task.state == "finished", task.reason
-        name, content = self.app.pages[1].tab.client.send_file_download.call_args.args
-        (self._folder / name).write_bytes(content)
-        return name, panel._note, Player.of(self._folder / name)
-
-    def _reading(self, someone: Someone) -> bool:
-        return any(someone.session.stored.reading(run) for run in someone.session.fits.showable())
-
-    def _until(self, there: Callable[[], bool]) -> None:
-        end = time.monotonic() + 60.0
-        while not there():
-            assert time.monotonic() < end, "waited too long"
-            for someone in self.app.people:
-                someone.session.take_news()
-            time.sleep(0.01)
-
-
-def people_of(player: Player) -> list[tuple[str, int]]:
-    return [(one["name"], one["frames"]) for one in player.document.asset.extras["people"]]
-
-
-def pelvis(player: Player, person: int, frame: int) -> np.ndarray:
-    """Metres, y up."""
-    return player.matrices(frame / 25.0)[player.document.skins[person].joints[0], :3, 3]
-
-
-def test_everybody_is_exported_in_one_glb(folder: Path, panel_server: viser.ViserServer, tmp_path: Path):
-    with reviewed(folder, panel_server) as app:
-        tested = Exporting(app, tmp_path)
-        name, note, player = tested.read()
-        assert name == "talk.glb" and note == "2 people"
-        assert people_of(player) == [("talk person 1", FRAMES), ("talk person 2", FRAMES - LATE)]
-        apart = pelvis(player, 1, LATE) - pelvis(player, 0, LATE)
-        assert apart == pytest.approx([PLACES[1] - PLACES[0], 0.0, 0.0], abs=1e-4)
-        app.pages[1].tab.set(frames=range(2, 6))
-        name, note, player = tested.read(frames="selected")
-        assert name == "talk-2-5.glb"
-        assert people_of(player) == [("talk person 1", 4), ("talk person 2", 2)], "by number in the video"
-        app.pages[1].tab.set(frames=range(LATE))
-        name, note, player = tested.read()
-        assert note.endswith("person 2 is not present in these frames") and len(player.document.skins) == 1
-
-
-@pytest.mark.thorough
-def test_everybody_is_exported_as_the_tab_shows_them(folder: Path, panel_server: viser.ViserServer, tmp_path: Path):
-    with Project.open(folder / "person-2") as other:
-        moved = other.runs.load(1)
-        phases = []
-        for phase in moved.phases:
-            place = phase.params.camera_translation + torch.tensor([float(phase.phase), 0.0, 0.0])
-            phases.append(replace(phase, params=replace(phase.params, camera_translation=place)))
-        run = other.runs.start(moved.config, body=other.runs.get(1).body, edits_seen=0, name="moved")
-        other.runs.finish(run.id, replace(moved, phases=tuple(phases)))
-    with reviewed(folder, panel_server) as app:
-        tested = Exporting(app, tmp_path)
-
-        def right_of_the_first(**wishes: str) -> float:
-            player = tested.read(**wishes)[2]
-            return (pelvis(player, 1, LATE) - pelvis(player, 0, LATE))[0] - (PLACES[1] - PLACES[0])
-
-        assert right_of_the_first() == pytest.approx(3.0, abs=1e-4), "the newest"
-        assert right_of_the_first(side="A") == pytest.approx(1.0, abs=1e-4), "its first phase"
-        app.pages[1].receive(GoToPerson(1))
-        app.pages[1].tab.set(b=FitChoice(run=1), a=FitChoice(run=run.id, phase=2))
-        assert right_of_the_first() == pytest.approx(0.0, abs=1e-4), "as it is on show"
-        app.pages[1].receive(GoToPerson(0))
-        assert right_of_the_first(side="B") == pytest.approx(0.0, abs=1e-4), "as it was on show"
-        assert right_of_the_first(side="A") == pytest.approx(2.0, abs=1e-4)
-
-
-def test_who_has_no_fit_is_left_out_and_told(free_body: BodyModel, panel_server: viser.ViserServer, tmp_path: Path):
-    nobody = two_people(tmp_path / "nobody", free_body, fitted=False)
-    with reviewed(nobody, panel_server) as app, pytest.raises(InputError, match="There is no fit to export"):
-        Exporting(app, tmp_path).begin()
-    folder = two_people(tmp_path / "again", free_body)
-    with Project.open(folder / "person-2") as other:
-        other.runs.delete(1)
-    with reviewed(folder, panel_server) as app:
-        _, note, player = Exporting(app, tmp_path).read()
-        assert note == "talk person 1. person 2 has no fit yet and was left out" and len(player.document.skins) == 1

@@ -16,7 +16,7 @@ from tcfit_app.project.storage.run_record import Run
 from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.panels.elements.field import Field, for_writers, frame_number
 from tcfit_app.review.panels.elements.file_input import FileInput, TextRow
-from tcfit_app.review.panels.elements.html import Board, Html, button, heading, paragraph, row, table
+from tcfit_app.review.panels.elements.html import Board, Html, button, heading, line, paragraph, row, table
 from tcfit_app.review.panels.fit.fit_settings import nearest_preset
 from tcfit_app.review.panels.runs.run_texts import Listed, details, result_of, run_line
 from tcfit_app.review.session.tasks import Step
@@ -233,60 +233,46 @@ class DeletedRuns:
     """Deleted runs, which can be restored until they are removed for good; shown only while there are any."""
 
     def __init__(self, tab: Tab) -> None:
-        self._tab, gui = tab, tab.client.gui
-        self._runs: tuple[Run, ...] = ()
-        self._window: Any = None
-        """The confirmation window, if it was ever opened."""
-        self._question: Board | None = None
-        """The runs it shows."""
-        self._folder = gui.add_folder("Deleted runs", visible=False)
+        self._tab, self._asked = tab, False
+        self._folder = tab.client.gui.add_folder("Deleted runs", visible=False)
         with self._folder:
-            self._choice: Any = gui.add_dropdown("Deleted", ("",))
-            self._buttons = Board(tab)
+            self._board = Board(tab)
 
-    def _restore(self) -> None:
-        run = next((run for run in self._runs if run.option == self._choice.value), None)
-        if run is not None:
-            self._tab.session.restore(run.id)
-            self._tab.say(f"Restored: {run.name}")
+    def _restore(self, run: Run) -> None:
+        self._tab.session.restore(run.id)
+        self._tab.say(f"Restored: {run.name}")
 
-    def _ask(self) -> None:
-        """Remove them once the user confirms in a window."""
-        what = f"{len(self._runs)} deleted run{'s' if len(self._runs) != 1 else ''}"
-        self._close()
-        self._window = self._tab.client.gui.add_modal(f"Remove {what} permanently?")
-        with self._window:
-            self._question = Board(self._tab)
-        self._question.show(
-            *(paragraph(run.name) for run in self._runs),
-            paragraph("Their results cannot be recovered.", "warn"),
-            row(button(f"Remove {what}", "deleted.remove", do=self._remove, kind="danger")),
-            button("Keep them", "deleted.keep", do=self._close, kind="close"),
-        )
+    def _ask(self, asked: bool) -> None:
+        self._asked = asked
 
     def _remove(self) -> None:
-        self._close()
-        gone = self._tab.session.purge()
+        self._asked, gone = False, self._tab.session.purge()
         self._tab.say(f"Removed: {gone} run{'s' if gone != 1 else ''}")
-
-    def _close(self) -> None:
-        if self._question is not None and not self._window.closed:
-            self._question.show()
-            self._window.close()
 
     def draw(self) -> None:
         """Send what changed."""
-        session = self._tab.session
-        self._runs = self._tab.once(
-            "deleted runs", session.fits.version, lambda: tuple(session.project.runs.all(deleted=True))
-        )
-        self._folder.visible = bool(self._runs)
-        restore = button("Restore", "deleted.restore", do=self._restore)
-        ask = button("Remove all permanently …", "deleted.ask", do=self._ask, kind="danger")
-        self._buttons.show(*([row(restore, ask)] if self._runs else []))
-        options = tuple(run.option for run in reversed(self._runs)) or ("",)
-        if options != self._choice.options:  # viser sends them on every assignment
-            self._choice.options = options
+        fits, project = self._tab.session.fits, self._tab.session.project
+        runs = self._tab.once("deleted runs", fits.version, lambda: tuple(project.runs.all(deleted=True)))
+        self._folder.visible = bool(runs)
+        self._board.show(*([table(map(self._line, reversed(runs))), *self._removal(len(runs))] if runs else []))
+
+    def _line(self, run: Run) -> Html:
+        restore = partial(self._restore, run)
+        return line(run.name, button("Restore", "deleted.restore", str(run.id), do=restore, kind="mini"), numbers=(1,))
+
+    def _removal(self, count: int) -> list[Html]:
+        """The removal for good, which asks once more."""
+        if not self._asked:
+            ask = partial(self._ask, True)
+            return [row(button("Remove all permanently …", "deleted.ask", do=ask, kind="danger"))]
+        what = f"{count} deleted run{'s' if count != 1 else ''}"
+        return [
+            paragraph("Their results cannot be recovered.", "warn"),
+            row(
+                button(f"Remove {what}", "deleted.remove", do=self._remove, kind="danger"),
+                button("Keep them", "deleted.keep", do=partial(self._ask, False)),
+            ),
+        ]
 
 
 _OWN = "the result's body"

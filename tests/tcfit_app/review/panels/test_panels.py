@@ -2,7 +2,7 @@
 
 import re
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -171,19 +171,6 @@ def test_what_the_server_sets_is_no_wish_of_the_user(tested: LonePage):
     assert tested.page.tab.state.opacity == 0.3
 
 
-def test_an_input_does_not_jump_back_while_its_command_waits(panel_server: viser.ViserServer, project: Project):
-    waiting: list[Callable[[], None]] = []
-    with lone_page(panel_server, project, waiting.append) as tested:
-        tested.draw()
-        tested.enter("Opacity", 0.4)
-        tested.draw()
-        assert tested.field("Opacity").value == 0.4 != tested.page.tab.state.opacity
-        for command in waiting:
-            command()
-        tested.draw()
-        assert tested.field("Opacity").value == tested.page.tab.state.opacity == 0.4
-
-
 def test_view_inputs(tested: LonePage):
     tested.draw()
     page = tested.page
@@ -223,15 +210,6 @@ def test_choosing_runs_and_phases(tested: LonePage):
     page.tab.session.delete(runs[0].id)
     tested.draw()
     assert tested.field("A shows").value == "Newest"
-
-
-def test_runs_of_one_name_are_told_apart(tested: LonePage):
-    session = tested.page.tab.session
-    for run in session.fits.runs:
-        session.rename(run.id, "Newest")
-    tested.draw()
-    options = tested.field("A shows").options
-    assert len(set(options)) == len(options) == 3 and options[0] == "Newest"
 
 
 def test_correcting_buttons_and_where_they_apply(tested: LonePage):
@@ -576,23 +554,8 @@ def test_the_queue_is_filtered_and_ordered(tested: LonePage):
         tested.press("action", "next_suspect")
 
 
-def test_the_review_queue_while_there_is_none(tested: LonePage):
-    tested.page.tab.data.problem = lambda what, shown: ""  # pyright: ignore[reportAttributeAccessIssue]
-    assert "Looking for suspicious frames" in tested.html()
-
-
-def test_an_empty_review_queue(tested: LonePage):
-    with_suspects(tested)
-    assert "All 1 reviewed." in tested.html()
-
-
 def test_a_review_queue_that_cannot_be_made_says_why(tested: LonePage):
     assert "Suspicious frames cannot be found: " in tested.html()  # the sample's body is no real one
-
-
-def test_no_fit_no_review_queue(panel_server: viser.ViserServer, tmp_path: Path):
-    with sample_project(tmp_path / "new.tcfit") as project, lone_page(panel_server, project) as tested:
-        assert "There is no fit yet" in tested.html()
 
 
 def test_finding_the_video_again(tested: LonePage, tmp_path: Path):
@@ -608,15 +571,6 @@ def test_finding_the_video_again(tested: LonePage, tmp_path: Path):
         "Video found",
         str(folder),
     ) and page.tab.session.project.media.problem == ""
-
-
-def test_a_wrong_place_is_told(tested: LonePage):
-    told: list[str] = []
-    tested.page.tab.notify = lambda notice: told.append(notice.kind)  # pyright: ignore[reportAttributeAccessIssue]
-    tested.field("New location")._impl.value = "/nowhere/walk.mp4"
-    tested.page.tab.do(lambda: tested.press("review.relink"))
-    tested.settle()
-    assert told == ["error"]
 
 
 def test_read_only_buttons_are_off(panel_server: viser.ViserServer, tmp_path: Path):

@@ -231,20 +231,6 @@ def test_all_settings_as_a_text(tested: LonePage):
     assert tested.page.tab.state.settings.config == replace(QUICK, hand_components=6)
 
 
-def test_echoes_of_the_server_are_ignored(tested: LonePage):
-    before = tested.page.tab.state.settings
-    for label in ("Preset", "w_T", "Mode", "Focal length", "Margin (frames)", "Gender", "TOML"):
-        tested.call_back(tested.field(label), None)
-    assert tested.page.tab.state.settings is before
-
-
-def test_nothing_is_sent_when_nothing_changed(tested: LonePage):
-    assert not tested.draw()
-    tested.enter("w_T", "5")
-    assert tested.draw()
-    assert not tested.draw()
-
-
 def test_typing_on_is_not_overwritten(tested: LonePage):
     """Two values come in before the drawing thread takes the first."""
     waiting: list = []
