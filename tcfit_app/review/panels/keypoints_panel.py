@@ -107,7 +107,7 @@ class KeypointsPanel:
             disabled=lambda name: not there,
             hint=lambda name: "Select them",
         )
-        self._groups.show(heading("Select a group"), row(*groups), *_detected_by(by))
+        self._groups.show(heading("Select a group"), row(*groups, wrap=True), *_detected_by(by))
         self._draw_again(where, looks=looks)
         self._draw_history()
 

@@ -179,7 +179,7 @@ class ViewPanel:
             row(act("save_picture", "Save picture")),
             row(choice(*parts), label=f"Close-up {key_text('close_up')}"),
             row(*switches(self._gestures, "picture"), wrap=True),
-            row(*groups),
+            row(*groups, wrap=True),
             options(tab, "color_by"),
         )
 
