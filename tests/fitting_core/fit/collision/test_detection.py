@@ -153,3 +153,5 @@ def test_hands_in_the_thighs_collide_with_these_only_and_nothing_does_at_rest(fr
     names = {JOINTS[part] for part in body_parts(free_body)[finder.find(posed)].reshape(-1)}
     arm = {"left_elbow", "left_wrist", *(f"left_{finger}1" for finger in ("thumb", "index", "middle", "ring", "pinky"))}
     assert "left_hip" in names and names & arm and names <= arm | {"left_hip", "pelvis"}
+    resting = replace(free_body, template=posed.astype(float))
+    assert len(body_collision_finder(resting).find(resting.template)) == 0

@@ -1,6 +1,7 @@
 """BVH, OBJ, PLY and animation npz: what is read back is the fit."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -44,8 +45,6 @@ def test_bvh_of_a_moving_face_is_within_a_millimetre(free_body: BodyModel, tmp_p
 
 def still_face(motion: Motion) -> Motion:
     """Without expression, which moves the tiny body's joints and has no place in BVH."""
-    from dataclasses import replace
-
     return replace(motion, params=replace(motion.params, expression=torch.zeros_like(motion.params.expression)))
 
 
