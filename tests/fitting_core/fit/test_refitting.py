@@ -1,6 +1,7 @@
 """What a program does to a fit: corrections of keypoints, and frames that are fitted again with them."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,8 +13,9 @@ from fitting_core.config.schema import PRESETS, SolverSettings
 from fitting_core.errors import InputError
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.refitting import refit
-from fitting_core.io.motion_files import motion_of
+from fitting_core.io.motion_files import motion_of, write_motion
 from fitting_core.keypoints import INDEX
+from fitting_core.measure.fit_figures import evaluate_fit
 from fitting_core.results.error_bars import DIRECTIONS
 from fitting_core.results.fit_result import FitResult
 from tests.samples.posed_clips import clip_of, motion, shipped_body
@@ -83,6 +85,16 @@ def test_only_the_frames_that_are_asked_for_change(clip: Clip, body: BodyModel, 
     wrists = [motion_of(result, clip, body).joints()[3, 21] for result in (fit, again)]
     assert wrists[1][1] < wrists[0][1] - 0.02  # metres: up, where the correction is
     assert [phase.phase for phase in again.phases] == [1, 2, 3] and again.config == fit.config
+
+
+def test_phases_and_endings_that_there_are_not(clip: Clip, body: BodyModel, fit: FitResult, tmp_path: Path):
+    with pytest.raises(InputError, match="no phase 4"):
+        motion_of(fit, clip, body, phase=4)
+    with pytest.raises(InputError, match="no phase 0"):
+        evaluate_fit(fit, clip, body, phase=0)
+    with pytest.raises(InputError, match=r"\.fbx"):
+        write_motion(tmp_path / "walk.fbx", motion_of(fit, clip, body))
+    assert evaluate_fit(fit, clip, body, phase=1).figures["jitter"] != evaluate_fit(fit, clip, body).figures["jitter"]
 
 
 def test_what_cannot_be_fitted_again_is_refused(clip: Clip, body: BodyModel, fit: FitResult):

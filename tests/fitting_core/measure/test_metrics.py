@@ -61,6 +61,7 @@ def test_derivatives_of_polynomials():
     assert metrics.jerk(polynomial(3), RATE) == pytest.approx(6)
     assert metrics.jerk(polynomial(2), RATE) == pytest.approx(0, abs=1e-6)
     assert metrics.jitter(polynomial(2)) == pytest.approx(1e3 * 6 / RATE**2)
+    assert metrics.jerk(CLOUD[:2], RATE) == metrics.depth_jitter(CLOUD[:2], RATE) == 0, "of too few frames"
 
 
 def test_acceleration_error_counts_the_difference_alone():

@@ -32,6 +32,11 @@ def test_samples_are_frames_of_the_clip_each_once(frames: int, size: int, seed: 
     assert np.array_equal(chosen, sample_frames(confidence, sample))
 
 
+def test_another_seed_draws_another_random_sample():
+    samples = [ShapeSample(size=10, strategy="random", seed=seed) for seed in range(4)]
+    assert len({tuple(sample_frames(np.ones((60, 25)), sample)) for sample in samples}) == 4
+
+
 def test_confident_takes_the_highest_mean():
     confidence = np.full((20, 25), 0.3)
     confidence[[4, 11, 17]] = 0.9

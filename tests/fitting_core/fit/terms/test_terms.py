@@ -441,6 +441,7 @@ def test_camera_step_looks_at_the_torso_and_at_the_head_where_hips_are_hidden(sc
     torch.testing.assert_close(data.weight[0].sum(), confidence[0, torso].sum())
     torch.testing.assert_close(data.weight[2].sum(), confidence[2, used].sum())
     assert {t.name for t in scene.objectives["camera"].terms} == {"data", "depth", "upright"}
+    assert scene.objectives["camera"].free == FREES["camera step"]
 
 
 FREES = {
