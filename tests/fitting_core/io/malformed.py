@@ -173,6 +173,8 @@ KEYPOINTS: dict[str, Case] = {
     "openpose person a list": openpose('{"people": [[1, 2]]}', "person 0 is a list; expected an object"),
     "openpose person without lists": openpose('{"people": [{"person_id": [-1]}]}', "person 0 has no list of keypoints"),
     "openpose text for a number": openpose(_body_with(12, "14"), "right_wrist .*found '14'; expected a number"),
+    "openpose a number for a list": openpose(_person(pose_keypoints_2d=5), "found .*5.*expected a list"),
+    "openpose not there": Case(lambda folder: folder / "a_keypoints.json", read_detections, "no such file"),
     "openpose hand of 20": openpose(_person(hand_left_keypoints_2d=[1.0] * 60), "found 60 values; expected 63"),
     "openpose another object": openpose('{"annotations": []}', "is not OpenPose JSON: found an object with annot"),
     "openpose a folder for a file": Case(

@@ -12,7 +12,7 @@ from fitting_core.camera import Camera, World
 from fitting_core.errors import InputError
 from fitting_core.frame_alignment import Timeline
 from fitting_core.io.cameras.moving import ClipFrames
-from fitting_core.io.cameras.reading import CameraFile, read_camera
+from fitting_core.io.cameras.reading import CameraFile, camera_files, read_camera
 from fitting_core.lens import Straightener, filmed
 from tests.fitting_core.io.cameras import camera_files as files
 from tests.fitting_core.io.cameras.camera_files import DISTORTION, ROTATION, SIZE, TRANSLATION, K
@@ -146,6 +146,14 @@ def _seen(camera: Camera, world: World, points: np.ndarray) -> np.ndarray:
     """Pixels of the straightened picture."""
     x, y, z = ((points - world.place) @ world.from_camera).T
     return np.stack([x / z, y / z], 1) * camera.focal + camera.center
+
+
+def test_the_files_of_a_camera(tmp_path: Path):
+    model = files.colmap(tmp_path / "model")
+    (model / "points3D.txt").write_text("# many\n")
+    both = [model / "cameras.txt", model / "images.txt"]
+    assert camera_files(model) == camera_files(both[0]) == both
+    assert camera_files(files.own(tmp_path / "camera.npz")) == [tmp_path / "camera.npz"]
 
 
 def test_a_camera_upside_down_is_noted(tmp_path: Path):
