@@ -247,7 +247,7 @@ class Page:
                 tab.playback.sent(now, tab.state.frame)
             self._followed = revision if following else self._followed
             self._pictured = tab.state.frame, revision
-        tab.channel.send("cursor", Cursor(frame=tab.state.frame, playing=tab.state.playing, live=self._followed))
+        tab.channel.send("cursor", Cursor(frame=tab.state.frame, live=self._followed))
 
     def _draw_selection(self) -> None:
         tab, framing = self.tab, self.gestures.again.framing

@@ -251,7 +251,6 @@ export interface ChosenRange {
 
 export interface Cursor {
   frame: number;
-  playing: boolean;
   live: number | null;
 }
 

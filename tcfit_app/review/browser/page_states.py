@@ -454,7 +454,6 @@ class Cursor(_State, frozen=True, kw_only=True):
     """The frame on show."""
 
     frame: int
-    playing: bool = False
     live: int | None = None
     """The version of the body that a drag changes: the page reports when it has drawn it, even for the same frame."""
 

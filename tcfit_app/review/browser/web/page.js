@@ -3,10 +3,9 @@
 /** @import { PageRequest } from "./wire" */
 
 import { connect, receive, states, watch } from "./connection.js";
-import { showHints } from "./hints.js";
 import "./keys.js";
 import { copyLink, leave } from "./links.js";
-import "./notice.js";
+import { showHints } from "./notice.js";
 import "./panels/buttons.js";
 import "./panels/fields.js";
 import { showPanel } from "./panels/tabs.js";

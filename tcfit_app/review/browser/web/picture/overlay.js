@@ -1,6 +1,6 @@
 // Draws keypoints and bones over each picture, in step with viser's own drawing; over the side view see side.js.
 
-/** @import { Box, PosterMap } from "./projection.js" */
+/** @import { PosterMap } from "./projection.js" */
 /** @import { Gesture } from "./picking.js" */
 /** @typedef {CanvasRenderingContext2D} Context */
 
@@ -13,8 +13,8 @@ import { placeDivider } from "./divider.js";
 import { REACH, borderAt, inPicture, pick, pictureAt, pointer, within } from "./picking.js";
 import { peeking } from "./peeking.js";
 import { drawPeople, placePeople } from "./people.js";
-import { drawn, placeInWorld, posterMaps, toScreen, viewChanged } from "./projection.js";
-import { circle, cross, disc, rim, ring, stamp, stroke } from "./shapes.js";
+import { drawn, placeInWorld, plateSeen, posterMaps, toScreen, viewChanged } from "./projection.js";
+import { circle, clipTo, cross, disc, rim, ring, stamp, stroke } from "./shapes.js";
 import { wayOf } from "./depth.js";
 import { fitLine } from "./fits.js";
 import { drawBorder, drawFits, drawSide } from "./side.js";
@@ -62,33 +62,11 @@ function drawOverlay() {
   showPointerShape();
 }
 
-/** What is drawn of a poster: what its window shows, or less. @param {PosterMap} map @returns {Box} */
-function drawnPart({ seen, ox, oy, width, height, poster }) {
-  if (!poster.clipped) return seen;
-  return {
-    left: Math.max(seen.left, ox),
-    top: Math.max(seen.top, oy),
-    right: Math.min(seen.right, ox + width),
-    bottom: Math.min(seen.bottom, oy + height),
-  };
-}
-
-/** Draws what is on a poster, and nothing beyond its window.
- * @param {Context} context @param {PosterMap} map @param {() => void} draw */
-function inWindow(context, { seen: { left, top, right, bottom } }, draw) {
-  context.save();
-  context.beginPath();
-  context.rect(left, top, right - left, bottom - top);
-  context.clip();
-  draw();
-  context.restore();
-}
-
 /** @param {Context} context */
 function drawSkeleton(context) {
   if (!pointer.gesture) pointer.hovered = pick(pointer.place, REACH);
   const joints = shownJoints();
-  for (const map of drawn.maps) inWindow(context, map, () => drawOnPoster(context, map, joints));
+  for (const map of drawn.maps) clipTo(context, map.seen, () => drawOnPoster(context, map, joints));
   drawHovered(context);
   if (pointer.gesture?.kind === "marquee") drawMarquee(context, pointer.gesture);
   if (pointer.gesture?.kind === "framing") drawFrame(context, pointer.gesture);
@@ -239,7 +217,7 @@ function drawHovered(context) {
   const { joint, poster, body } = hovered;
   if (inPicture(hovered) && (peeking.now || !shown(joint))) return;
   for (const map of drawn.maps)
-    inWindow(context, map, () => {
+    clipTo(context, map.seen, () => {
       for (const { x, y } of !isPicture(map) || shown(joint) ? placesOf(map, [joint]) : [])
         ring(context, x, y, jointRadius(joint, map) + 1.5, COLORS.hover, 1.8);
     });
@@ -286,7 +264,7 @@ function drawMarquee(context, gesture) {
   drawBox(context, gesture);
   for (const joint of within(gesture))
     for (const map of drawn.maps)
-      inWindow(context, map, () => {
+      clipTo(context, map.seen, () => {
         for (const place of placesOf(map, [joint]))
           ring(context, place.x, place.y, 1.5 * jointRadius(joint, map) + 1.8, COLORS.selected, 1.2);
       });
@@ -355,7 +333,7 @@ watch("framing", () => invalidate("overlay"));
 beforeSceneDrawn(() => {
   if (states.layout?.mode === "space") return;
   for (const map of posterMaps()) {
-    drawInWindow(map.poster.node, placeInWorld(map), drawnPart(map));
+    drawInWindow(map.poster.node, placeInWorld(map), map.poster.clipped ? plateSeen(map) : map.seen);
     if (peeking.now && !isSide(map)) map.poster.bodies.forEach(leaveOut);
   }
 });

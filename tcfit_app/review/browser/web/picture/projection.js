@@ -64,6 +64,14 @@ function besideDivider(window, i) {
   return i === 0 ? { ...window, right: x } : { ...window, left: x };
 }
 
+/** The part of a poster's plate that its window shows. @param {PosterMap} map @returns {Box} */
+export const plateSeen = ({ seen, ox, oy, width, height }) => ({
+  left: Math.max(seen.left, ox),
+  top: Math.max(seen.top, oy),
+  right: Math.min(seen.right, ox + width),
+  bottom: Math.min(seen.bottom, oy + height),
+});
+
 /** @param {Box} box @param {{ x: number, y: number }} place */
 export const inBox = ({ left, top, right, bottom }, { x, y }) => x >= left && x <= right && y >= top && y <= bottom;
 

@@ -11,6 +11,17 @@ export function stroke(context, path, color, width) {
   context.stroke(path);
 }
 
+/** Draws nothing outside a box. @param {Context} context
+ * @param {{ left: number, top: number, right: number, bottom: number }} box @param {() => void} draw */
+export function clipTo(context, { left, top, right, bottom }, draw) {
+  context.save();
+  context.beginPath();
+  context.rect(left, top, right - left, bottom - top);
+  context.clip();
+  draw();
+  context.restore();
+}
+
 /** @param {number} x @param {number} y @param {number} radius */
 export function circle(x, y, radius) {
   const path = new Path2D();

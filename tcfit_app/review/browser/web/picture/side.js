@@ -8,8 +8,8 @@ import { known, states } from "../connection.js";
 import { COLORS, FONT } from "../style.js";
 import { bonePath, ellipse, projections } from "./fits.js";
 import { borderAt, pointer } from "./picking.js";
-import { drawn, toScreen } from "./projection.js";
-import { NOT_SURE, disc, rim, ring, stamp, stroke } from "./shapes.js";
+import { drawn, plateSeen, toScreen } from "./projection.js";
+import { NOT_SURE, clipTo, disc, rim, ring, stamp, stroke } from "./shapes.js";
 import { chosen, groupShown, isSide, jointRadius, located, placedOn, position, zoomFactor } from "./skeleton.js";
 
 const LINE = "rgba(200, 208, 220, 0.5)";
@@ -24,16 +24,12 @@ const ASIDE = 0.35; // sine of the angle between two lines of sight below which 
 export function drawSide(context, map) {
   const { side } = states;
   if (!side) return;
-  const { left, top, right, bottom } = plateSeen(map);
-  context.save();
-  context.beginPath();
-  context.rect(left, top, right - left, bottom - top);
-  context.clip();
-  drawRuler(context, map, side);
-  drawSights(context, map, side);
-  drawFits(context, map);
-  drawCamera(context, map, side);
-  context.restore();
+  clipTo(context, plateSeen(map), () => {
+    drawRuler(context, map, side);
+    drawSights(context, map, side);
+    drawFits(context, map);
+    drawCamera(context, map, side);
+  });
 }
 
 /** The fits' keypoints and bones. @param {Context} context @param {PosterMap} map of the side view or of 3D */
@@ -60,14 +56,6 @@ function drawInDepth(context, map) {
   const [x, y] = held.from.map((pixel, i) => pixel + held.metres * held.way[i]);
   ring(context, x, y, 8 * zoomFactor(map), COLORS.selected, 2);
 }
-
-/** The part of the plate that its window shows. @param {PosterMap} map */
-const plateSeen = ({ window, ox, oy, width, height }) => ({
-  left: Math.max(window.left, ox),
-  top: Math.max(window.top, oy),
-  right: Math.min(window.right, ox + width),
-  bottom: Math.min(window.bottom, oy + height),
-});
 
 /** The floor with ticks, or, where that is not on the plate, the length between two of them.
  * @param {Context} context @param {PosterMap} map @param {SidePlate} side */

@@ -3,6 +3,7 @@
 /** @typedef {CanvasRenderingContext2D} Context */
 /** @import { Band } from "./layout.js" */
 
+import { clipTo } from "../picture/shapes.js";
 import { FONT } from "../style.js";
 import { GUTTER, edgeX, plotWidth } from "./axis.js";
 
@@ -10,14 +11,8 @@ export const NAMES = 8; // where the names of lanes and rows begin
 const LEAST_WIDTH = 2; // of a mark: a single frame of ten thousand must be seen
 
 /** Nothing is drawn beside the plot. @param {Context} context @param {Band} band @param {() => void} draw */
-export function clipToPlot(context, { top, bottom }, draw) {
-  context.save();
-  context.beginPath();
-  context.rect(GUTTER, top, plotWidth(), bottom - top);
-  context.clip();
-  draw();
-  context.restore();
-}
+export const clipToPlot = (context, band, draw) =>
+  clipTo(context, { ...band, left: GUTTER, right: GUTTER + plotWidth() }, draw);
 
 /** @param {Context} context @param {string} text @param {number} x @param {number} y its middle @param {string} color
  * @param {CanvasTextAlign} [align] */
