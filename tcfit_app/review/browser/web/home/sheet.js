@@ -35,7 +35,6 @@ th[aria-sort=descending] button::after { content: " ▼"; font-size: 10px; }
 :is(th, td).check { padding-left: 18px; }
 .check { width: 42px; } .picture { width: 60px; } .name { width: 20%; } .length { width: 104px; } .state { width: 14%; }
 .off { width: 104px; } .reviewer { width: 12%; } .note { width: 15%; }
-.number { text-align: right; }
 tbody tr.clip { height: ${ROW}px; cursor: default; }
 tbody td { height: ${ROW - 1}px; padding: 0 10px; border-bottom: 1px solid var(--tcfit-rule); overflow: hidden; vertical-align: middle; }
 tbody td > div { max-height: ${ROW - 6}px; overflow: hidden; }
@@ -93,5 +92,5 @@ dialog input:not([type=checkbox]) { box-sizing: border-box; width: 100%; height:
   background: var(--tcfit-field); color: var(--tcfit-text); font: inherit; }
 dialog .buttons { display: flex; justify-content: flex-end; gap: 8px; margin-top: 14px; padding: 0; }
 dialog .buttons button { flex: none; height: 30px; padding: 0 16px; }
-@media (max-width: 1000px) { .off, .length { display: none; } }
+@media (max-width: 1000px) { .length { display: none; } }
 `;
