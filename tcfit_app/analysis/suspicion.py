@@ -17,6 +17,8 @@ _CAUSES = ("failed", "swap")
 """Kinds that explain others: swapped arms are far off and jump too."""
 _LIMB_OF_JOINT = {joint: LIMB_OF_BONE[joint] for joint in range(len(JOINTS))}
 """Of the joints with error bars."""
+_LASTING = "steady"
+"""The finding of a while."""
 _SYMPTOM = "cost"
 """The kind that others explain, for it names no limb."""
 
@@ -83,6 +85,11 @@ class _Topic:
     @property
     def score(self) -> float:
         return max(finding.score for _, finding in self.found)
+
+    @property
+    def lasting(self) -> frozenset[str]:
+        """What is off for a while, of which each frame has the same finding."""
+        return frozenset(finding.reason for kind, finding in self.found if kind == _LASTING)
 
 
 def findings(fit: PosedFit) -> tuple[Found, ...]:
@@ -177,16 +184,18 @@ def _first(one: Found) -> tuple[bool, bool, float]:
 
 
 def _spans(topics: Iterable[_Topic]) -> list[list[_Topic]]:
-    """Those of neighbouring frames that are about the same limbs, or about some of them."""
+    """Those of neighbouring frames that are about the same limbs, or about some of them; and all with the same lasting
+    finding, whatever else is found in some of its frames."""
     spans: list[list[_Topic]] = []
+    lasting: dict[str, list[_Topic]] = {}
     for topic in topics:
         near = (span for span in reversed(spans) if 0 < topic.frame - span[-1].frame <= _GAP)
-        for span in near:
-            if topic.about <= span[-1].about or topic.about >= span[-1].about:
-                span.append(topic)
-                break
-        else:
-            spans.append([topic])
+        alike = (span for span in near if topic.about <= span[-1].about or topic.about >= span[-1].about)
+        span = next((lasting[reason] for reason in topic.lasting if reason in lasting), None) or next(alike, None)
+        if span is None:
+            spans.append(span := [])
+        span.append(topic)
+        lasting |= dict.fromkeys(topic.lasting, span)
     return spans
 
 

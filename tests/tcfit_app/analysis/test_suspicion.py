@@ -281,6 +281,23 @@ def test_entries_about_different_limbs_are_apart_and_looked_at_apart(fine: Posed
     assert review_queue(fit, checked={16, 17, 18}).left == ()
 
 
+def test_what_is_off_for_a_while_is_one_entry_whatever_else_is_found_meanwhile(fine: PosedFit):
+    wrists = (WRIST, kp.INDEX["right_wrist"])
+    findings = [
+        ("steady", Finding(frame=f, score=1.0, reason="both wrists, frames 10-20", joints=wrists))
+        for f in range(10, 21)
+    ]
+    findings += [
+        ("reprojection", Finding(frame=14, score=5.0, reason="left wrist", joints=(WRIST,))),
+        ("jump", Finding(frame=17, score=4.0, reason="everything", joints=())),
+    ]
+    for checked in ((), range(12, 18)):
+        left = review_queue(fine, findings, checked=checked).left
+        assert sum("both wrists" in " ".join((entry.reason, *entry.also)) for entry in left) <= 1
+        assert {10, 20} <= {frame for entry in left for frame in entry.frames}
+    assert len(review_queue(fine, findings).left) == 1
+
+
 def test_an_unlikely_pose_goes_with_the_limb_that_explains_it(fine: PosedFit):
     fit = displaced(fine, 17, "left_wrist", (90.0, 0.0))
     findings = (
