@@ -105,6 +105,12 @@ def test_given_folder_is_never_replaced_by_another(user: Path, tmp_path: Path):
     assert "SMPLX_NEUTRAL.npz" in message and str(tmp_path / "mine") in message and str(user) not in message
 
 
+@pytest.mark.parametrize("asked", [{"model": "mano"}, {"gender": "any"}])
+def test_unknown_choices_are_refused(user: Path, asked: dict[str, str]):
+    with pytest.raises(InputError, match=r"'(mano|any)' is not a"):
+        find_body(**asked)
+
+
 def test_given_path_must_be_a_model(user: Path, downloads: Path):
     with pytest.raises(InputError, match="does not exist"):
         find_body(search=downloads / "SMPLX_NEUTRAL.npz")

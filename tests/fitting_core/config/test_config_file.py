@@ -80,6 +80,7 @@ BAD_FILES = {
     "unknown": ("sovler = 'lm'", "no setting 'sovler'; did you mean solver?"),
     "unknown in a table": ("[temporal]\nwieght = 3", "no setting 'temporal.wieght'; did you mean temporal.weight"),
     "in the wrong place": ("window_size = 5", "did you mean temporal.window_size?"),
+    "unknown table": ("[wieghts]\nshape = [1, 2, 3, 4, 5]", "no setting 'wieghts'; did you mean weights"),
     "unknown below a setting": ("[solver]\nkind = 'lm'", 'solver is {"kind":"lm"}; expected one of lm, lbfgs'),
     "value for a table": ("weights = 3", "weights is a group of settings; expected a table [weights]"),
     "preset": ("preset = 'papr'", "no preset 'papr'; expected one of smplifyx, paper, tcfit. Did you mean paper?"),

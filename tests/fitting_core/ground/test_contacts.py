@@ -77,6 +77,11 @@ def test_short_gaps_are_closed_and_flicker_left_out():
     assert not found[:, 1].any()
 
 
+def test_one_frame_is_no_evidence_of_speed():
+    found = contacts(walker(1))
+    assert found.probability.shape == (1, 2) and np.isfinite(found.probability).all()
+
+
 def test_between_the_thresholds_things_stay_as_they_are():
     rising, falling = np.full((30, 2), 0.5), np.full((30, 2), 0.5)
     falling[:5] = 0.9
