@@ -55,7 +55,7 @@ class Errors:
     """On the body."""
     seen: Bool[np.ndarray, "T 25"]
     reference: Float[np.ndarray, "T 25"]
-    """Share of the variance of OpenPose's noise that the reference has; 0 where it is none of OpenPose's."""
+    """Share of OpenPose's noise variance that the reference has; 0 if it is not made from OpenPose's keypoints."""
 
     def of(self, name: str) -> tuple[float, float, float, int]:
         """Of a part: standard deviation by the median, the same about each keypoint's mean, share, and how many."""

@@ -54,7 +54,7 @@ _SHORT = {"backflip": 1.7}
 _AT_REST = 0.15
 """Metres per second up to which a captured ankle is at rest: standing people sway with 0.02 to 0.1."""
 _FEWEST_AT_REST = 4
-"""Frames; a foot that only turns round is none that stands."""
+"""Frames; a foot that turns on the spot does not stand."""
 
 
 @dataclass(frozen=True, kw_only=True)

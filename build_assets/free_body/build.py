@@ -86,7 +86,7 @@ def build_body(layout: Layout, gender: str, report: Callable[[float], object] = 
     Args:
         layout: what all bodies share.
         gender: "neutral", "male", "female" or "child".
-        report: is told the share of the work that is done, 0..1.
+        report: receives the fraction of the work done, 0 to 1.
 
     Returns:
         The arrays of SMPL-X's file format: 10 shape and 10 expression columns in shapedirs.

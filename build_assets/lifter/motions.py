@@ -65,7 +65,7 @@ def training_clips(folder: Path) -> tuple[list[MotionClip], list[MotionClip]]:
     motion suite's untouched half.
 
     Raises:
-        InputError: There is none, or a file is broken.
+        InputError: A file is missing or broken.
     """
     clips, held = split(captured_motion(folder))
     kept_apart = {window.clip for window in shipped_windows().values() if window.half == "untouched"}
@@ -81,7 +81,7 @@ class Motion(NamedTuple):
     pelvis: Float[Tensor, "B T 3"]
     """Metres."""
     stands: Float[Tensor, "B T 2"]
-    """1 where the left, the right foot stands still on the ground; NaN where the legs are none that were captured."""
+    """1 where the left or the right foot stands still on the ground; NaN if the legs were not captured."""
 
 
 @dataclass(frozen=True, eq=False)

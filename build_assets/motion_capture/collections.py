@@ -14,7 +14,7 @@ def captured_motion(folder: Path) -> list[MotionClip]:
     """All clips that a folder holds.
 
     Raises:
-        InputError: There is none, or a file is broken.
+        InputError: A file is missing or broken.
     """
     clips = load(folder)
     if (folder / "cmu_expmap").is_dir():

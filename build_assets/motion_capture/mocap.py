@@ -168,7 +168,7 @@ def read_deepmimic(folder: Path) -> Iterator[SourceMotion]:
             joints' rotations against their parents as quaternions (w, x, y, z) or hinge angles (rad, about z).
 
     Raises:
-        InputError: There is none, or one is of another form.
+        InputError: A file is missing or of another form.
     """
     names = tuple(_DEEPMIMIC_JOINTS)
     parents = np.array([-1 if p is None else names.index(p) for p, *_ in _DEEPMIMIC_JOINTS.values()])

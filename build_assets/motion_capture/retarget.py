@@ -82,7 +82,7 @@ def load(folder: Path, sources: Sequence[str] = ("cmu", "deepmimic")) -> list[Mo
         sources: Names of mocap.READERS.
 
     Raises:
-        InputError: There is none, a file is of another form, or nothing is left.
+        InputError: A file is missing or of another form, or no motion is left.
     """
     clips: dict[bytes, MotionClip] = {}
     for motion in read_motions(folder, sources):

@@ -45,7 +45,7 @@ class Loss:
     distribution: of 32 random poses about 14 were folded up. So the distribution of the latent numbers is drawn to it
     along random directions (sliced Wasserstein distance: Kolouri et al., Sliced-Wasserstein Autoencoder, 2018), and
     random poses must keep to the joints' ranges and not collide. Held-out poses come back as exactly as without. And
-    the middle, where fits start and unseen limbs rest, is somebody who stands at ease: left to itself it was lopsided.
+    the middle, where fits start and unseen limbs rest, is a person standing at ease: left to itself it was lopsided.
     """
 
     def __init__(self, body: BodyModel, precision: Precision, device: str = "cpu") -> None:

@@ -194,7 +194,7 @@ class SuiteClip:
 
 
 def make_sequence(sequence: SuiteSequence, level: str = "normal", *, cached: bool = True) -> SuiteClip:
-    """Make a sequence, or take its truth from the user's cache; detections are always made anew.
+    """Make a sequence, or take its truth from the user's cache; detections are always made again.
 
     Args:
         sequence: One of SEQUENCES, or one of your own.

@@ -40,7 +40,7 @@ class NetworkAbout(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
         return self.width % max(self.heads, 1) == 0
 
 
-Told = TypeVar("Told", bound=NetworkAbout)
+About = TypeVar("About", bound=NetworkAbout)
 
 
 def write_network(path: Path, arrays: Mapping[str, Tensor], about: NetworkAbout) -> None:
@@ -49,7 +49,7 @@ def write_network(path: Path, arrays: Mapping[str, Tensor], about: NetworkAbout)
     write_npz(path, {"about": np.array(msgspec.json.encode(about).decode()), **halves})
 
 
-def read_network(path: Path, kind: type[Told], expected: str, noun: str) -> tuple[Told, dict[str, Tensor]]:
+def read_network(path: Path, kind: type[About], expected: str, noun: str) -> tuple[About, dict[str, Tensor]]:
     """The network that `write_network` wrote. Raises InputError if it is missing, damaged, or has the wrong form.
 
     Args:

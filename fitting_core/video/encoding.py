@@ -63,7 +63,7 @@ def video_writer(path: Path, size: tuple[int, int], frame_rate: float) -> Iterat
     if not path.parent.is_dir():
         raise InputError(f"The folder {path.parent} for the video {path.name} does not exist: create it first.")
     if not can_encode():
-        raise InputError(f"This computer's PyAV cannot write H.264 ({CODEC}): install it anew with `pip install av`.")
+        raise InputError(f"This computer's PyAV cannot write H.264 ({CODEC}): reinstall it with `pip install av`.")
     with replacing(path) as draft, av.open(f"file:{draft}", "w", options={"movflags": "faststart"}) as container:
         writer = VideoWriter(container, size, frame_rate)
         yield writer

@@ -81,7 +81,7 @@ _SCATTER = 5.0
 
 
 def postures(count: int, random: np.random.Generator) -> Float[np.ndarray, "n 45"]:
-    """So many postures, radians."""
+    """A sample of the postures, radians."""
     return np.radians(np.stack([_posture(random).ravel() for _ in range(count)]))
 
 
@@ -261,7 +261,7 @@ def read_recordings(folder: Path) -> list[Recording]:
     """All recordings of a folder, by name, their palms aligned.
 
     Raises:
-        InputError: there is none, or one cannot be read.
+        InputError: A file is missing or cannot be read.
     """
     paths = sorted(folder.glob("*.npz"))
     if not paths:

@@ -72,7 +72,7 @@ def standing_root(body: BodyModel, betas: Sequence[float]) -> tuple[Float[np.nda
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Unrest:
-    """What no script says: nobody stands still. Unit variance, smooth in time."""
+    """Body sway, which the script lacks. Unit variance, smooth in time."""
 
     hips: Float[np.ndarray, "T 3"]
     spine: Float[np.ndarray, "T 3"]

@@ -234,6 +234,6 @@ _BONES = (
 
 
 def hanging(time: float, build: Build, forward: float = 0.055) -> ArmKey:
-    """An arm that hangs beside the body, its wrist so many metres ahead."""
+    """An arm that hangs beside the body, its wrist this far ahead, in metres."""
     wrist = (0.235 + build.stout, -0.445 * build.arm, forward)
     return ArmKey(time, wrist, (0.06, -1.0, 0.42), (-1.0, 0.0, -0.15), "relaxed", (0.35, -0.1, -1.0))

@@ -122,7 +122,7 @@ def _cast(windows: list[MotionWindow], half: str) -> Iterator[MotionSequence]:
 
 
 def _dealt(rng: np.random.Generator, deck: tuple[Choice, ...], count: int) -> list[Choice]:
-    """So many of a deck, each as often as the others, shuffled."""
+    """A shuffled sample of a deck, with each of its entries equally often."""
     return [deck[i] for i in rng.permutation(np.arange(count) % len(deck))]
 
 
@@ -133,7 +133,7 @@ def make_motion(
     errors: MeasuredErrors = MEASURED,
     cached: bool = True,
 ) -> MotionClipMade:
-    """Make a sequence, or take its truth from the user's cache; detections are always made anew.
+    """Make a sequence, or take its truth from the user's cache; detections are always made again.
 
     Args:
         sequence: One of `motion_sequences`, or one of your own with the name of a window.

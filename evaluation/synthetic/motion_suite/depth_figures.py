@@ -167,7 +167,7 @@ GROUPINGS: dict[str, Callable[[DepthRecord], Sequence[str]]] = {
     "cut": lambda record: (record.cut,) * len(record.directions),
     "motion": lambda record: (record.kind,) * len(record.directions),
 }
-"""By what the frames are told apart: a label for each."""
+"""Groups of the frames: a label for each."""
 
 
 def depth_figures(

@@ -69,7 +69,7 @@ def detected(
     rng: np.random.Generator,
     errors: MeasuredErrors = MEASURED,
 ) -> Keypoints:
-    """Body keypoints as that detector finds them; hands and face are none of its.
+    """Body keypoints as that detector finds them; it finds no hands and no face.
 
     Args:
         xy: The true keypoints, pixels.

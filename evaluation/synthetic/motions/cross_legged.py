@@ -74,7 +74,7 @@ _HANDS = {"right": 1.0, "left": -1.0}
 
 
 def cross_legged(build: Build, seconds: float, rng: np.random.Generator) -> tuple[Script, list[Hazard]]:
-    """Somebody's way of sitting down and standing up, and where detectors fail on it.
+    """A person's way of sitting down and standing up, and where detectors fail on it.
 
     Args:
         build: Of the person.

@@ -20,7 +20,7 @@ _SECONDS = 8.0
 
 
 def signing(build: Build, seconds: float, rng: np.random.Generator) -> tuple[Script, list[Hazard]]:
-    """Somebody's way of signing, and where detectors fail on it.
+    """A person's way of signing, and where detectors fail on it.
 
     Args:
         build: Of the person.

@@ -56,7 +56,7 @@ class Manner:
 
 
 def waving(build: Build, seconds: float, rng: np.random.Generator) -> tuple[Script, list[Hazard]]:
-    """Somebody's way of waving, and where detectors fail on it.
+    """A person's way of waving, and where detectors fail on it.
 
     Args:
         build: Of the person.

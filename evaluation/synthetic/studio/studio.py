@@ -43,7 +43,7 @@ class Studio:
 
     Args:
         camera: Its size must be even.
-        seat_height: Of the stool, metres; None: there is none.
+        seat_height: Of the stool, metres; None: no stool.
         view: Where the camera stands.
     """
 
