@@ -23,7 +23,7 @@ from fitting_core.clips.reading import read_clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.lifting.focal_length import estimate_focal
-from fitting_core.measure.limbs import HIPS, Limbs, limb_figures, pa_mpjpe
+from fitting_core.measure.limbs import HIPS, Limbs, limb_figures, limb_pa_mpjpe
 from fitting_core.measure.pairing import LIMB_JOINTS
 from fitting_core.measure.references.points import read_points
 from fitting_core.measure.references.reference import Reference
@@ -79,7 +79,7 @@ Rows = dict[str, Figures]
 
 def _of_limbs(found: Limbs, true: Limbs) -> Figures:
     own = {_COLUMNS[name]: value for name, value in limb_figures(found, true).items() if value is not None}
-    return {"PA-MPJPE mm": float(np.nanmean(pa_mpjpe(found, true)))} | own
+    return {"PA-MPJPE mm": float(np.nanmean(limb_pa_mpjpe(found, true)))} | own
 
 
 def _of_focal(clip: Clip, true: float) -> Figures:
@@ -138,7 +138,7 @@ def _at(clip: Clip, reference: Reference, offset: float) -> Reference:
 
 def _errors(found: Limbs, clip: Clip, reference: Reference) -> np.ndarray:
     frames = reference.frames_of(len(clip), clip.first_frame, clip.frame_rate)
-    return pa_mpjpe(found, np.where(frames[:, None, None] >= 0, reference.points[frames][:, kp.LIMBS], np.nan))
+    return limb_pa_mpjpe(found, np.where(frames[:, None, None] >= 0, reference.points[frames][:, kp.LIMBS], np.nan))
 
 
 def balancing(setting: Setting, camera: str) -> Rows:

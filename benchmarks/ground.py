@@ -25,7 +25,7 @@ from fitting_core.fit.grounded import grounding_of_params
 from fitting_core.fit.stages import Stages
 from fitting_core.frame_runs import runs_where
 from fitting_core.ground.feet import sole_heights, stance_of
-from fitting_core.ground.gravity import angles, robust_mean
+from fitting_core.ground.gravity import angles_to, robust_mean
 from fitting_core.ground.grounding import Grounding
 from fitting_core.ground.placing import pelvis_positions
 from fitting_core.ground.plane import lowest
@@ -208,7 +208,7 @@ def _up_only(way: str, made: MotionClipMade, up: Float[np.ndarray, "3"]) -> Meas
 
 
 def _up_error(made: MotionClipMade, up: Float[np.ndarray, "3"]) -> float:
-    return float(angles(made.view.pose().rotation @ _UP, up))
+    return float(angles_to(made.view.pose().rotation @ _UP, up))
 
 
 def _row(way: str, measured: Sequence[Measured]) -> Row:

@@ -53,7 +53,7 @@ def part(keypoint: int) -> str:
     return name if name == "mid_hip" else name.rpartition("_")[2]
 
 
-def deviations(detector: str) -> Float[np.ndarray, "137"]:
+def noise_deviations(detector: str) -> Float[np.ndarray, "137"]:
     """Standard deviation of each keypoint of a detector, as in NOISE."""
     return np.array([NOISE[detector][part(keypoint)] for keypoint in range(len(NAMES))])
 
@@ -73,5 +73,5 @@ def keypoint_weights(noise: str, detector: str) -> Float[np.ndarray, "137"]:
     if noise == "equal":
         return np.ones(len(NAMES))
     row = detector if noise == "auto" else noise
-    own = deviations(row if row in DETECTOR_TITLES else OPENPOSE)
-    return np.sqrt(np.minimum(1.0, deviations(OPENPOSE) / own))
+    own = noise_deviations(row if row in DETECTOR_TITLES else OPENPOSE)
+    return np.sqrt(np.minimum(1.0, noise_deviations(OPENPOSE) / own))

@@ -25,7 +25,7 @@ from build_assets.pose_prior.training import Progress, Schedule, Training
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.files.registry import find_body
 from fitting_core.errors import InputError
-from fitting_core.priors.files.network import Activation, Layer, PriorNetwork, write_network
+from fitting_core.priors.files.network import Activation, Layer, PriorNetwork, write_prior_network
 from fitting_core.shipped import FREE_FOLDER, POSE_PRIOR
 
 _SAVE_EVERY = 1000
@@ -84,7 +84,7 @@ def main(options: Options) -> None:
             if progress.step % _SAVE_EVERY == 0:
                 training.save(checkpoint)
     notes = f"{options.schedule}, {options.precision}, {options.size}; {time.monotonic() - started:.0f} s on {device}"
-    write_network(options.out, exported(training.network), notes=notes)
+    write_prior_network(options.out, exported(training.network), notes=notes)
     checkpoint.unlink(missing_ok=True)
     print(f"written to {options.out}")
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Int
 
-from fitting_core.animation.morphs import Morphs, corrective_morphs, expression_morphs, joined
+from fitting_core.animation.morphs import Morphs, corrective_morphs, expression_morphs, joined_morphs
 from fitting_core.animation.retargeting import PosedSkeleton, RigMotion, turned
 from fitting_core.animation.rig import Deviation, four_weights
 from fitting_core.animation.standard import Standard, bent, standard_target
@@ -69,7 +69,7 @@ def surface_on(motion: Motion, moving: RigMotion) -> RigSurface:
     body, target = shaped.shaped_body, moving.target
     bones, weights = four_weights(body.skinning_weights)
     where = np.array([target.of_joint[name] for name in JOINTS])
-    morphs = joined(expression_morphs(shaped), corrective_morphs(shaped))
+    morphs = joined_morphs(expression_morphs(shaped), corrective_morphs(shaped))
     turns = np.einsum("vk,vkab->vab", weights, target.rest[bones])
     directions = np.einsum("vab,kvb->kva", turns, morphs.directions).astype(np.float32)
     return RigSurface(

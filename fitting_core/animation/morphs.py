@@ -105,7 +105,7 @@ def _from_lowest(weights: Float[np.ndarray, "T K"], shapes: Float[np.ndarray, "K
         weights=np.ones((len(weights), 1), np.float32),
         units=(1.0,),
     )
-    return joined(base, counted)
+    return joined_morphs(base, counted)
 
 
 def _table(motion: Motion) -> csr_matrix | Float[np.ndarray, "V*3 486"]:
@@ -133,7 +133,7 @@ def _largest(table: csr_matrix | np.ndarray, features: Float[np.ndarray, "486 T"
     return max(float(np.linalg.norm(part.reshape(-1, 3, part.shape[1]), axis=1).max()) for part in parts)
 
 
-def joined(*morphs: Morphs) -> Morphs:
+def joined_morphs(*morphs: Morphs) -> Morphs:
     """All of them, one after the other."""
     return Morphs(
         names=tuple(name for morph in morphs for name in morph.names),

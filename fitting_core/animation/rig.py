@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float, Int
 from scipy.spatial.transform import Rotation
 
-from fitting_core.animation.morphs import Morphs, corrective_morphs, expression_morphs, joined
+from fitting_core.animation.morphs import Morphs, corrective_morphs, expression_morphs, joined_morphs
 from fitting_core.body.kinematics import Tree, pose_joints
 from fitting_core.body.model import N_JOINTS
 from fitting_core.motion import CHUNK, Motion, Progress
@@ -78,7 +78,7 @@ def rig_of(motion: Motion) -> Rig:
         weights=weights,
         turns=same_hemisphere(turns),
         places=shaped.pelvis,
-        morphs=joined(expression_morphs(shaped), corrective_morphs(shaped)),
+        morphs=joined_morphs(expression_morphs(shaped), corrective_morphs(shaped)),
     )
 
 

@@ -34,7 +34,7 @@ from fitting_core.fit.phases.consistency import Consistency, coupled
 from fitting_core.fit.phases.frame_fits import FrameFits
 from fitting_core.fit.phases.independent import fit_frames
 from fitting_core.fit.phases.limb_flips import mirrored_as_told
-from fitting_core.fit.phases.progress import Step, TermSampling
+from fitting_core.fit.phases.progress import PhaseStep, TermSampling
 from fitting_core.fit.phases.shared_shape import Sight, fit_shape
 from fitting_core.fit.plausibility import doubts, other_height, small_adult
 from fitting_core.fit.solvers import make_solver
@@ -405,11 +405,11 @@ class _Fit:
 
 
 def _twice(
-    run: Callable[[State], Generator[Step, None, State]],
+    run: Callable[[State], Generator[PhaseStep, None, State]],
     consistency: Consistency,
     state: State,
     held: Callable[[State], Stages | None],
-) -> Generator[Step, None, State]:
+) -> Generator[PhaseStep, None, State]:
     """Phase 3, and again with the feet held where they stand after it, if any do.
 
     The result of phase 1 is too inaccurate in depth for holding.
@@ -423,12 +423,12 @@ def _twice(
     return (yield from mapped(run(state), lambda step: step.between(0.5, 1.0)))
 
 
-def _events(steps: Generator[Step, None, Outcome], phase: int) -> Generator[FitEvent, None, Outcome]:
+def _events(steps: Generator[PhaseStep, None, Outcome], phase: int) -> Generator[FitEvent, None, Outcome]:
     """A phase's steps as events. Progress never decreases: an alternative that is tried begins where the one before it
     did, as with the four yaws, and torch reports every iteration."""
     sampling, done = TermSampling(), 0.0
 
-    def event(step: Step) -> FitEvent:
+    def event(step: PhaseStep) -> FitEvent:
         nonlocal done
         if step.fitted is not None:
             return FramesFitted(phase=phase, frames=step.fitted[0], params=step.fitted[1])

@@ -131,7 +131,7 @@ def gravity_before_fit(
     legs = float((confidence[:, _LEGS] > SEEN).mean())
     own = legs * _WITH_LEGS + (1 - legs) * _WITHOUT_LEGS
     possible = np.degrees(np.sqrt(spreads))
-    variance = share @ ((_OF_LENGTH * possible) ** 2 + angles(ups, up) ** 2) + (_OF_MOVE * angles(level, up)) ** 2
+    variance = share @ ((_OF_LENGTH * possible) ** 2 + angles_to(ups, up) ** 2) + (_OF_MOVE * angles_to(level, up)) ** 2
     return Gravity(up=up, deviation=float(np.hypot(own, np.sqrt(variance))))
 
 
@@ -161,7 +161,7 @@ def with_trunk(gravity: Gravity, trunk: Float[np.ndarray, "T 3"]) -> Gravity:
         trunk: From pelvis to neck in camera space, of any length above 0. Lying or crawling people are ignored.
     """
     upright = robust_mean(trunk, np.ones(len(trunk)))
-    off = float(angles(upright, gravity.up))
+    off = float(angles_to(upright, gravity.up))
     leaning = _LEAN * float(np.hypot(1.0, off / _UPRIGHT))
     share = gravity.deviation**2 / (gravity.deviation**2 + leaning**2)
     up = (1 - share) * gravity.up + share * upright
@@ -180,10 +180,10 @@ def robust_mean(vectors: Float[np.ndarray, "T 3"], weights: Float[np.ndarray, "T
     for _ in range(_ROUNDS):
         mean = (units * counts[:, None]).sum(0)
         mean /= max(float(np.linalg.norm(mean)), 1e-9)
-        counts = (weights + 1e-9) / (1 + (angles(units, mean) / _INLIER) ** 2)
+        counts = (weights + 1e-9) / (1 + (angles_to(units, mean) / _INLIER) ** 2)
     return mean
 
 
-def angles(vectors: Float[np.ndarray, "*n 3"], to: Float[np.ndarray, "3"]) -> Float[np.ndarray, "*n"]:
+def angles_to(vectors: Float[np.ndarray, "*n 3"], to: Float[np.ndarray, "3"]) -> Float[np.ndarray, "*n"]:
     """Degrees between vectors and a unit vector."""
     return np.degrees(np.arctan2(np.linalg.norm(np.cross(vectors, to), axis=-1), vectors @ to))

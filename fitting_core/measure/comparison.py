@@ -11,7 +11,7 @@ from fitting_core import keypoints as kp
 from fitting_core import metrics
 from fitting_core.body.model import BodyModel
 from fitting_core.measure.curves import CURVES
-from fitting_core.measure.limbs import LIMB_FIGURES, Limbs, limb_figures, pa_mpjpe
+from fitting_core.measure.limbs import LIMB_FIGURES, Limbs, limb_figures, limb_pa_mpjpe
 from fitting_core.measure.mesh.errors import MeshErrors, PosedBody, mesh_errors
 from fitting_core.measure.pairing import BODY_JOINTS, Pair, PosedMotion
 from fitting_core.measure.references.reference import Reference
@@ -170,7 +170,7 @@ def compare_other(name: str, estimate: PosedMotion, reference: Reference) -> Com
         np.where(frames[:, None, None] >= 0, points[frames][:, kp.LIMBS], np.nan)
         for points in (reference.others[name], reference.points)
     )
-    errors = pa_mpjpe(found, true)
+    errors = limb_pa_mpjpe(found, true)
     return Comparison(
         first_frame=estimate.first_frame,
         curves={"pa_mpjpe": [_plain(value) for value in errors]},

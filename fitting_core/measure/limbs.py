@@ -17,7 +17,7 @@ _BENT = {"knee": ("hip", "knee", "ankle"), "hip": ("shoulder", "hip", "knee"), "
 """A joint, and the ends of what it bends."""
 
 
-def pa_mpjpe(estimate: Limbs, truth: Limbs) -> Float[np.ndarray, "T"]:
+def limb_pa_mpjpe(estimate: Limbs, truth: Limbs) -> Float[np.ndarray, "T"]:
     """Mean joint error after Procrustes alignment of each frame, millimetres; NaN where a joint is not known."""
     both = _known(estimate, truth)
     errors = np.full(len(both), np.nan)

@@ -8,8 +8,8 @@ import numpy as np
 from fitting_core.detections import Detections
 from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT, Keypoints
-from fitting_core.people.following import Followed, apart, follow_all
-from fitting_core.people.returning import FollowedPerson, joined
+from fitting_core.people.following import Track, apart, tracks_of
+from fitting_core.people.returning import FollowedPerson, rejoined
 from fitting_core.people.sightings import Sighting, sightings
 from fitting_core.video.frame_names import runs, spans
 
@@ -93,14 +93,14 @@ class Tracked:
 
     people: list[FollowedPerson]
     """Those visible long enough, the most prominent first."""
-    short: list[Followed]
+    short: list[Track]
     """Tracks that are too short, probably false detections."""
     frame_rate: float
 
     @property
     def everyone(self) -> list[FollowedPerson]:
         """With the short tracks, last. In a clip with nothing longer, they are joined like people who return."""
-        short = [FollowedPerson([one]) for one in self.short] if self.people else joined(self.short, self.frame_rate)
+        short = [FollowedPerson([one]) for one in self.short] if self.people else rejoined(self.short, self.frame_rate)
         return [*self.people, *sorted(short, key=lambda one: -one.prominence)]
 
 
@@ -112,9 +112,9 @@ def track(detections: Detections, frame_rate: float) -> Tracked:
         frame_rate: Frames per second.
     """
     seen = [sorted(sightings(frame), key=lambda one: -one.prominence)[:_MOST] for frame in detections.frames]
-    followed = follow_all([without_doubles(people) for people in seen], frame_rate)
+    followed = tracks_of([without_doubles(people) for people in seen], frame_rate)
     long = [one for one in followed if len(one.sightings) >= _shortest(frame_rate)]
-    people = sorted(joined(long, frame_rate), key=lambda person: -person.prominence)
+    people = sorted(rejoined(long, frame_rate), key=lambda person: -person.prominence)
     short = [one for one in followed if len(one.sightings) < _shortest(frame_rate)]
     return Tracked(people=people, short=short, frame_rate=frame_rate)
 
@@ -168,7 +168,7 @@ def found_person(person: FollowedPerson, detections: Detections, tracked: Tracke
     )
 
 
-def _uncertain(person: FollowedPerson, kept: frozenset[Followed], frame_rate: float) -> tuple[range, ...]:
+def _uncertain(person: FollowedPerson, kept: frozenset[Track], frame_rate: float) -> tuple[range, ...]:
     """Frames after which it could be another person: near others, and across absences."""
     frames: set[int] = set()
     own = set(person.parts)

@@ -38,14 +38,14 @@ _NEVER = 1e6
 
 
 @dataclass(eq=False)
-class Followed:
+class Track:
     """One person as followed so far."""
 
     sightings: dict[int, Sighting] = field(default_factory=dict)
     """By frame, in order."""
     velocity: Float[np.ndarray, "2"] = field(default_factory=lambda: np.zeros(2))
     """Pixels per frame."""
-    doubts: dict["Followed", set[int]] = field(default_factory=dict)
+    doubts: dict["Track", set[int]] = field(default_factory=dict)
     """Who else it could be: frames."""
 
     @property
@@ -69,21 +69,21 @@ class Followed:
                 break
         self.sightings[frame] = seen
 
-    def doubt(self, other: "Followed", frames: Sequence[int] | range) -> None:
+    def doubt(self, other: "Track", frames: Sequence[int] | range) -> None:
         """Note that in these frames both could be swapped."""
         for one, two in ((self, other), (other, self)):
             one.doubts.setdefault(two, set()).update(frames)
 
 
-def follow_all(frames: Sequence[Sequence[Sighting]], frame_rate: float) -> list[Followed]:
+def tracks_of(frames: Sequence[Sequence[Sighting]], frame_rate: float) -> list[Track]:
     """Everybody in a clip, in the order in which they appear.
 
     Args:
         frames: Who is seen in each frame.
         frame_rate: Frames per second.
     """
-    everybody: list[Followed] = []
-    alive: list[Followed] = []
+    everybody: list[Track] = []
+    alive: list[Track] = []
     for frame, people in enumerate(frames):
         alive = [one for one in alive if frame - one.last <= max(OUT_OF_SIGHT * frame_rate, 2)]
         if len(alive) > MOST_FOLLOWED:
@@ -94,7 +94,7 @@ def follow_all(frames: Sequence[Sequence[Sighting]], frame_rate: float) -> list[
     return everybody
 
 
-def _assign(frame: int, people: list[Sighting], alive: list[Followed], frame_rate: float) -> list[Followed]:
+def _assign(frame: int, people: list[Sighting], alive: list[Track], frame_rate: float) -> list[Track]:
     """Assign a frame's people to those followed; returns the new ones."""
     if not people:
         return []
@@ -104,7 +104,7 @@ def _assign(frame: int, people: list[Sighting], alive: list[Followed], frame_rat
     new = []
     for k, seen in enumerate(people):
         if (j := place[k]) is None:
-            new.append(Followed())
+            new.append(Track())
             new[-1].add(frame, seen, frame_rate)
         else:
             alive[j].add(frame, seen, frame_rate)
@@ -133,10 +133,10 @@ def _note_doubts(
     frame: int,
     prices: Float[np.ndarray, "P T"],
     place: list[int | None],
-    alive: list[Followed],
+    alive: list[Track],
     lost_at: list[int],
     unmatched: list[int],
-    new: list[Followed],
+    new: list[Track],
 ) -> None:
     taken = {j: k for k, j in enumerate(place) if j is not None}
     unseen = [frame - last > 1 for last in lost_at]
@@ -157,7 +157,7 @@ def _note_doubts(
 
 
 def _prices(
-    frame: int, people: Sequence[Sighting], alive: Sequence[Followed], frame_rate: float
+    frame: int, people: Sequence[Sighting], alive: Sequence[Track], frame_rate: float
 ) -> tuple[Float[np.ndarray, "P T"], Float[np.ndarray, "P T"]]:
     """How unlikely it is that people of a frame are those followed; infinite if impossible.
 

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fitting_core.people.following import Followed
+from fitting_core.people.following import Track
 from fitting_core.people.sightings import Sighting
 
 _ENDS_SECONDS = 2.0
@@ -25,7 +25,7 @@ _TELLS = 4.0
 class FollowedPerson:
     """One person of a clip, followed through all absences."""
 
-    parts: list[Followed] = field(default_factory=list)
+    parts: list[Track] = field(default_factory=list)
     """One after the other."""
 
     @cached_property
@@ -44,7 +44,7 @@ class FollowedPerson:
         return sum(seen.prominence for part in self.parts for seen in part.sightings.values())
 
 
-def joined(followed: Sequence[Followed], frame_rate: float) -> list[FollowedPerson]:
+def rejoined(followed: Sequence[Track], frame_rate: float) -> list[FollowedPerson]:
     """People, with those who come back joined to those who left.
 
     If exactly one person is away who could be there by then and has that size, the newcomer is that person. If several
@@ -68,7 +68,7 @@ def joined(followed: Sequence[Followed], frame_rate: float) -> list[FollowedPers
     return people
 
 
-def _unlike(before: Followed, after: Followed, frame_rate: float) -> float:
+def _unlike(before: Track, after: Track, frame_rate: float) -> float:
     """How unlikely it is that one left and came back as the other; infinite: impossible."""
     near = round(_ENDS_SECONDS * frame_rate)
     ended = [seen for t, seen in before.sightings.items() if t > before.last - near]

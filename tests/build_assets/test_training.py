@@ -21,7 +21,7 @@ from fitting_core.body.joint_ranges import joint_ranges
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.errors import InputError
 from fitting_core.fit.terms.limits import AngleTable
-from fitting_core.priors.files.network import read_network
+from fitting_core.priors.files.network import read_prior_network
 from fitting_core.priors.latent import LatentPrior
 from tests.build_assets.captured import cmu_channels, write_cmu
 
@@ -191,7 +191,7 @@ def test_the_command_writes_a_prior_from_captured_motion(tmp_path: Path):
     schedule = Schedule(steps=4, batch=16)
     options = Options(data=tmp_path / "data", out=tmp_path / "prior.npz", poses=40, size=SMALL, schedule=schedule)
     main(options)
-    prior = LatentPrior(read_network(tmp_path / "prior.npz"))
+    prior = LatentPrior(read_prior_network(tmp_path / "prior.npz"))
     assert prior.size == LATENT
     assert sorted(p.name for p in tmp_path.iterdir()) == ["data", "prior.npz"]
     with pytest.raises(InputError, match="missing"):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fitting_core.keypoint_noise import DETECTOR_TITLES, NOISE, deviations, keypoint_weights, part
+from fitting_core.keypoint_noise import DETECTOR_TITLES, NOISE, keypoint_weights, noise_deviations, part
 from fitting_core.keypoints import COUNT
 
 
@@ -12,7 +12,7 @@ def test_every_keypoint_of_every_detector_has_its_noise():
     parts = {part(keypoint) for keypoint in range(COUNT)}
     for detector, table in NOISE.items():
         assert set(table) == parts, detector
-        assert ((deviations(detector) > 1) & (deviations(detector) < 100)).all()
+        assert ((noise_deviations(detector) > 1) & (noise_deviations(detector) < 100)).all()
 
 
 @pytest.mark.parametrize(
@@ -32,6 +32,6 @@ def test_the_clip_says_whose_noise_it_is_unless_the_setting_does():
 def test_what_is_noisier_than_openposes_weighs_less_beside_the_rest():
     """Of two keypoints the one whose noise has grown more against OpenPose's has the smaller weight."""
     for detector in DETECTOR_TITLES:
-        grown, weights = deviations(detector) / deviations("openpose"), keypoint_weights(detector, "")
+        grown, weights = noise_deviations(detector) / noise_deviations("openpose"), keypoint_weights(detector, "")
         order = np.argsort(grown, kind="stable")
         assert (np.diff(weights[order]) <= 1e-12).all()

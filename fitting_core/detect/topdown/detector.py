@@ -121,7 +121,7 @@ def _box_around(
         highest: Height of the highest peak of a point in all frames so far.
         size: Of the image.
     """
-    confidence = simcc.confidence(points[:, 2], highest=max(highest, points[:, 2].max()))
+    confidence = simcc.peak_confidence(points[:, 2], highest=max(highest, points[:, 2].max()))
     inside = ((points[:, :2] >= 0) & (points[:, :2] < size)).all(1)
     sure = points[(confidence >= _SURE) & inside, :2]
     if len(sure) < _FEWEST_SURE:
@@ -142,7 +142,7 @@ def to_points(
         highest: The largest height so far.
         size: Of the image.
     """
-    confidence = simcc.confidence(points[..., 2], highest=highest)
+    confidence = simcc.peak_confidence(points[..., 2], highest=highest)
     inside = ((points[..., :2] >= 0) & (points[..., :2] <= np.array(size) - 1)).all(-1)
     confidence = np.where(inside & (confidence >= LEAST), confidence, 0.0)
     return from_wholebody(np.concatenate([points[..., :2], confidence[..., None]], -1))

@@ -8,7 +8,7 @@ RTMW Jiang et al. 2024 (arXiv:2407.08634).
 certain of follows from its loss: RTMPose and DWPose minimise the divergence of softmax(10 logits) from softmax(10 G),
 with G a Gaussian of height 1, so their peak stands 1 above the rest; RTMW's loss has softmax(logits) there, so that its
 peak stands 10 above the rest. Only differences of logits count in either, therefore the height is taken above the
-median of all bins. `confidence` divides it by 1 or 10, whichever the heights of the clip say, and cuts at 1.
+median of all bins. `peak_confidence` divides it by 1 or 10, whichever the heights of the clip say, and cuts at 1.
 """
 
 from collections.abc import Sequence
@@ -72,7 +72,7 @@ class SimCC:
             boxes: Left, top, right, bottom of the person; pixels.
 
         Returns:
-            x, y in pixels of the image, and the height of the peak: `confidence` makes a confidence of it.
+            x, y in pixels of the image, and the height of the peak: `peak_confidence` makes a confidence of it.
         """
         regions = np.array([region(box, self.size) for box in boxes]).reshape(-1, 4)
         outputs = self.model.run([self._cut(image, part) for image, part in zip(images, regions, strict=True)])
@@ -131,7 +131,7 @@ def peaks(bins: Float[np.ndarray, "K n"]) -> tuple[Float[np.ndarray, "K"], Float
     return highest + np.clip(shift, -0.5, 0.5), bins.max(1) - np.median(bins, 1)
 
 
-def confidence(heights: Float[np.ndarray, "*n"], *, highest: float | None = None) -> Float[np.ndarray, "*n"]:
+def peak_confidence(heights: Float[np.ndarray, "*n"], *, highest: float | None = None) -> Float[np.ndarray, "*n"]:
     """Confidences, 0 to 1, of peaks' heights.
 
     Args:

@@ -7,7 +7,7 @@ import torch
 
 from fitting_core.body.params import BodyParams
 from fitting_core.fit.phases.frame_fits import stopped_of
-from fitting_core.fit.phases.progress import Step, reported, stage_label
+from fitting_core.fit.phases.progress import PhaseStep, reported, stage_label
 from fitting_core.fit.solvers import Solver
 from fitting_core.fit.solvers.sequence import Sequence
 from fitting_core.fit.stages import Stages
@@ -43,7 +43,7 @@ class Consistency:
 
     def _run(
         self, state: State, free: range, label: str, share: tuple[float, float], *, windowed: bool = False
-    ) -> Generator[Step, None, State]:
+    ) -> Generator[PhaseStep, None, State]:
         """The frames of `free` after the configured stages, with all others fixed; only frames coupled to them are
         evaluated."""
         near = coupled(free, len(state))
@@ -67,7 +67,7 @@ class Consistency:
             self.stopped[free.start : free.stop] = stopped_of(solution.reason[0])
         return around[inner.start : inner.stop]
 
-    def all_at_once(self, state: State) -> Generator[Step, None, State]:
+    def all_at_once(self, state: State) -> Generator[PhaseStep, None, State]:
         """All frames free, all residuals counted. Long clips are fitted in parts, each starting from the last frames of
         the one before: time is linear in the number of frames, memory is bounded.
         """
@@ -80,10 +80,10 @@ class Consistency:
             _write(state, part, found)
             if k + 1 < len(parts):
                 final = range(part.start, parts[k + 1].start)
-                yield Step("part", share[1], 0.0, self._to_look_at(state, final))
+                yield PhaseStep("part", share[1], 0.0, self._to_look_at(state, final))
         return state
 
-    def sliding_window(self, state: State) -> Generator[Step, None, State]:
+    def sliding_window(self, state: State) -> Generator[PhaseStep, None, State]:
         """The paper's windows of n frames, stride 1: no E_T for a window's last frame; the frame before it is fixed."""
         frames = len(state)
         size = min(self.stages.config.temporal.window_size, frames)
@@ -96,10 +96,10 @@ class Consistency:
             found = yield from self._run(state, window, label, share, windowed=True)
             _write(state, window, found)
             final = range(first, first + 1) if first < last else window
-            yield Step("window", share[1], 0.0, self._to_look_at(state, final))
+            yield PhaseStep("window", share[1], 0.0, self._to_look_at(state, final))
         return state
 
-    def rerun(self, state: State, frames: range) -> Generator[Step, None, State]:
+    def rerun(self, state: State, frames: range) -> Generator[PhaseStep, None, State]:
         """Only `frames` move; all others are fixed but coupled, so that no seam appears."""
         found = yield from self._run(state, frames, "", (0.0, 1.0))
         return state.put(torch.arange(frames.start, frames.stop, device=state.vector.device), found)

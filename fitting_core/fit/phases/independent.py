@@ -12,12 +12,18 @@ from fitting_core.fit.events import mapped
 from fitting_core.fit.evidence.given_start import state_of
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.phases.frame_fits import FrameFits
-from fitting_core.fit.phases.initialize import guess_depth, seen_from_side, starting_state, thighs_foreshortened, turned
+from fitting_core.fit.phases.initialize import (
+    guess_depth,
+    half_turned,
+    seen_from_side,
+    starting_state,
+    thighs_foreshortened,
+)
 from fitting_core.fit.phases.limb_flips import LimbFlips
-from fitting_core.fit.phases.progress import Step, mirrored_label, reported, stage_label
+from fitting_core.fit.phases.progress import PhaseStep, mirrored_label, reported, stage_label
 from fitting_core.fit.solvers import Solver, make_solver
 from fitting_core.fit.solvers.problem import IndependentFrames
-from fitting_core.fit.solvers.solution import Solution, joined
+from fitting_core.fit.solvers.solution import Solution, joined_solutions
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.variables.state import State
 from fitting_core.results.provenance import TURNED, Start
@@ -46,7 +52,7 @@ trials of each of 91 poses that finds the best one in 97 % (after 4 iterations t
 
 def fit_frames(
     stages: Stages, solver: Solver, *, first_frame: int = 0, known: FrameFits | None = None
-) -> Generator[Step, None, FrameFits]:
+) -> Generator[PhaseStep, None, FrameFits]:
     """Camera step, five stages from the neutral pose, frames between key frames, relay.
 
     Frames with a given start begin with the last stage from there; all of them count as key frames.
@@ -138,7 +144,7 @@ class _Frames:
         *,
         final: bool = False,
         cold: bool = False,
-    ) -> Generator[Step, None, FrameFits]:
+    ) -> Generator[PhaseStep, None, FrameFits]:
         """These frames minimised; the others unchanged, with an infinite cost."""
         problem = IndependentFrames(objective, self.frames, cold=cold)
         minimisation = self.solver.minimise(problem, start.state[self.frames], final=final)
@@ -147,7 +153,7 @@ class _Frames:
 
     def _restart(
         self, last: _LastStage, start: FrameFits, label: str, share: tuple[float, float], *, final: bool = False
-    ) -> Generator[Step, None, FrameFits]:
+    ) -> Generator[PhaseStep, None, FrameFits]:
         """These frames minimised in the last stage; the others unchanged, with an infinite cost."""
         found, done = list[Solution](), 0.0
         for part, objective, own in last.of(self.frames):
@@ -159,7 +165,7 @@ class _Frames:
                 self.solver.iterations,
             )
             found.append((yield from steps))
-        return start.solved(self.frames, joined(found))
+        return start.solved(self.frames, joined_solutions(found))
 
     def only(self, frames: Tensor, solver: Solver | None = None) -> "_Frames":
         """The same for other frames, or with another solver."""
@@ -170,7 +176,7 @@ class _Frames:
         given = self.stages.given[self.frames]
         return self.frames[given], self.frames[~given]
 
-    def from_the_camera(self, depth: Tensor, known: FrameFits | None) -> Generator[Step, None, tuple[FrameFits, State]]:
+    def from_the_camera(self, depth: Tensor, known: FrameFits | None) -> Generator[PhaseStep, None, tuple[FrameFits, State]]:
         """The camera step and the five stages, in blocks of frames so that results can be shown early; frames that are
         known are skipped.
 
@@ -192,11 +198,11 @@ class _Frames:
                 found, before = (each.lower(known[part.start : part.stop])[0] for each in (found, before))
             fits, camera = fits.with_frames(part, found), camera.with_frames(part, before)
             last = len(fits) if k + 1 == len(parts) else part.stop
-            yield Step("first fits", end, 0.0, self._to_look_at(fits, range(shown, last)))
+            yield PhaseStep("first fits", end, 0.0, self._to_look_at(fits, range(shown, last)))
             shown = last
         return fits, camera.state
 
-    def _all_stages(self, depth: Tensor) -> Generator[Step, None, tuple[FrameFits, FrameFits]]:
+    def _all_stages(self, depth: Tensor) -> Generator[PhaseStep, None, tuple[FrameFits, FrameFits]]:
         """Fits of these frames, and the camera step's result for those without a given start."""
         given, searched = self.divided()
         fits = camera = FrameFits.at(starting_state(self.stages, depth, 0.0), Start.TURNED_0)
@@ -209,7 +215,7 @@ class _Frames:
             fits, _ = fits.lower((yield from self.only(given).from_given(fits)))
         return fits, camera
 
-    def from_given(self, fits: FrameFits) -> Generator[Step, None, FrameFits]:
+    def from_given(self, fits: FrameFits) -> Generator[PhaseStep, None, FrameFits]:
         """The last stage, from the given start: earlier ones would pull it to the neutral pose."""
         stages, start = self.stages, self.stages.start
         assert start is not None, "frames with a given start have one"
@@ -229,7 +235,7 @@ class _Frames:
         state = near.filled(near.cost.isfinite()).state[before:]
         return frames, self.stages.parametrisation.to_params(state)
 
-    def camera_step(self, depth: Tensor) -> Generator[Step, None, FrameFits]:
+    def camera_step(self, depth: Tensor) -> Generator[PhaseStep, None, FrameFits]:
         """Orientation and translation on the torso, from each starting yaw; the lowest cost wins."""
         objective, settings = self.stages.camera_objective(depth), self.stages.config.settings
         solver = make_solver(self.stages.config.solver, replace(settings, final_tolerance=settings.camera_tolerance))
@@ -244,7 +250,7 @@ class _Frames:
             best, _ = best.lower(trial)
         return best
 
-    def five_stages(self, fits: FrameFits) -> Generator[Step, None, FrameFits]:
+    def five_stages(self, fits: FrameFits) -> Generator[PhaseStep, None, FrameFits]:
         for stage in range(1, N_STAGES + 1):
             free = self.stages.free(stage, betas=True, resting=True, translation=not self.stages.config.camera_frozen)
             if stage == N_STAGES and free.hands and self.stages.config.curled_hands:
@@ -258,18 +264,18 @@ class _Frames:
             fits = yield from self._minimise(objective, fits, stage_label(stage), share, final=last, cold=cold)
         return fits
 
-    def both_sides(self, camera: FrameFits) -> Generator[Step, None, FrameFits]:
+    def both_sides(self, camera: FrameFits) -> Generator[PhaseStep, None, FrameFits]:
         """The five stages; frames seen from the side also with the orientation turned by 180 degrees."""
         fits = yield from self.five_stages(camera)
         # Seen from the side, shoulders and hips lie on one line, and the camera step cannot tell left from right.
         side = self.frames[seen_from_side(self.stages)[self.frames]]
         if not len(side):
             return fits
-        behind = camera.restarted(side, turned(camera.state[side]), Start.TURNED_180)
+        behind = camera.restarted(side, half_turned(camera.state[side]), Start.TURNED_180)
         trial = yield from self.only(side).five_stages(behind)
         return fits.lower(trial)[0]
 
-    def relay(self, fits: FrameFits, camera: State, keys: "_Frames") -> Generator[Step, None, FrameFits]:
+    def relay(self, fits: FrameFits, camera: State, keys: "_Frames") -> Generator[PhaseStep, None, FrameFits]:
         """Every frame restarts from its neighbours' solutions and keeps the lower cost, for a few rounds.
 
         Before that, frames with foreshortened thighs also start from a sitting pose, upright as found by the camera
@@ -302,7 +308,7 @@ class _Frames:
         share = _SETTLED, 1.0
         return (yield from self._restart(_LastStage(stages, fits.state), fits, "last steps", share, final=True))
 
-    def seats(self, objective: _LastStage, fits: FrameFits, camera: State) -> Generator[Step, None, FrameFits]:
+    def seats(self, objective: _LastStage, fits: FrameFits, camera: State) -> Generator[PhaseStep, None, FrameFits]:
         """Frames with foreshortened thighs restart from a sitting pose."""
         _, searched = self.divided()
         seated = searched[thighs_foreshortened(self.stages)[searched]]
@@ -314,7 +320,7 @@ class _Frames:
 
     def rounds(
         self, objective: _LastStage, fits: FrameFits, share: tuple[float, float]
-    ) -> Generator[Step, None, FrameFits]:
+    ) -> Generator[PhaseStep, None, FrameFits]:
         """Frames restart from their neighbours, alternating forwards and backwards. A round takes half as long as the
         one before."""
         rounds, fresh = self.stages.config.relay_rounds, fits.cost.isfinite()
@@ -337,7 +343,7 @@ class _Frames:
             fresh = changed
         return fits
 
-    def flip_limbs(self, objective: _LastStage, fits: FrameFits) -> Generator[Step, None, FrameFits]:
+    def flip_limbs(self, objective: _LastStage, fits: FrameFits) -> Generator[PhaseStep, None, FrameFits]:
         """Frames restart with their limbs mirrored in depth, one at a time, and keep the lowest cost."""
         stages, settings = self.stages, self.stages.config.settings
         flips = LimbFlips(stages)

@@ -106,7 +106,7 @@ def starting_state(stages: Stages, depth: Float[Tensor, "T"], yaw_degrees: float
     return State(orient.expand(len(depth), 3, 3).clone(), state.vector)
 
 
-def turned(state: State) -> State:
+def half_turned(state: State) -> State:
     """The same bodies turned by 180 degrees about their own vertical axis."""
     return State(state.orient @ rotations.yaw(180.0, state.orient), state.vector)
 

@@ -14,7 +14,7 @@ from fitting_core.results.provenance import STARTS, Start
 
 
 @dataclass(frozen=True)
-class Step:
+class PhaseStep:
     """One solver iteration inside a phase, or frames that can be shown."""
 
     label: str
@@ -27,7 +27,7 @@ class Step:
     terms: Callable[[], dict[str, float]] = dict
     """Evaluates the mean cost per frame by term; call it before the phase continues."""
 
-    def between(self, begin: float, end: float) -> "Step":
+    def between(self, begin: float, end: float) -> "PhaseStep":
         """The same step as part of the phase, from progress `begin` to `end`."""
         return replace(self, share=begin + (end - begin) * self.share)
 
@@ -39,7 +39,7 @@ def reported(
     iterations: int,
     *,
     frames: int = 1,
-) -> Generator[Step, None, Solution]:
+) -> Generator[PhaseStep, None, Solution]:
     """A minimisation as steps between two progress values of the phase; its costs are sums over `frames`.
 
     Most converge after a quarter of the maximum number of iterations. Each sixth of the maximum does half of what is
@@ -47,11 +47,11 @@ def reported(
     """
     begin, end = share
 
-    def step(progress: Progress) -> Step:
+    def step(progress: Progress) -> PhaseStep:
         done = 1 - 0.5 ** (_HALVES * progress.iteration / iterations)
         finite = progress.cost[progress.cost.isfinite()]
         cost = float(finite.mean()) / frames if len(finite) else float("inf")
-        return Step(label, begin + (end - begin) * done, cost, terms=progress.terms)
+        return PhaseStep(label, begin + (end - begin) * done, cost, terms=progress.terms)
 
     return (yield from mapped(minimisation, step))
 
@@ -69,7 +69,7 @@ class TermSampling:
     def __init__(self) -> None:
         self._due = 0.0
 
-    def terms(self, step: Step) -> dict[str, float]:
+    def terms(self, step: PhaseStep) -> dict[str, float]:
         """The step's costs, or empty if the last evaluation is recent."""
         begin = time.monotonic()
         if begin < self._due:

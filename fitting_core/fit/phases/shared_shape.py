@@ -12,7 +12,7 @@ from fitting_core import keypoints as kp
 from fitting_core.config.schema import ShapeSample
 from fitting_core.errors import InputError
 from fitting_core.fit.phases.outlines import outlined_shape, samples_of
-from fitting_core.fit.phases.progress import Step, reported, stage_label
+from fitting_core.fit.phases.progress import PhaseStep, reported, stage_label
 from fitting_core.fit.solvers import Solver
 from fitting_core.fit.solvers.problem import SharedShape
 from fitting_core.fit.stages import Stages
@@ -123,7 +123,7 @@ class SampledShape:
     """For users."""
 
 
-def fit_shape(sights: Sequence[Sight], solver: Solver, sample: ShapeSample) -> Generator[Step, None, SampledShape]:
+def fit_shape(sights: Sequence[Sight], solver: Solver, sample: ShapeSample) -> Generator[PhaseStep, None, SampledShape]:
     """Minimises E_beta' + mean of E_o over frames of a clip, or of several clips of one person, with shared beta'; then
     with silhouettes, if enough are good.
 

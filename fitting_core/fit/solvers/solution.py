@@ -35,7 +35,7 @@ class Solution:
     """Cost evaluations, summed over groups."""
 
 
-def joined(parts: Sequence[Solution]) -> Solution:
+def joined_solutions(parts: Sequence[Solution]) -> Solution:
     """One solution of the groups of all, in order."""
     return Solution(
         state=State.cat([part.state for part in parts]),

@@ -23,7 +23,7 @@ from fitting_core.io.keypoints.json_points import (
     json_files,
     kind,
     numbers,
-    read_json,
+    read_keypoint_json,
     stray_confidences,
     told_detector,
 )
@@ -99,7 +99,7 @@ def read_coco_wholebody(path: Path) -> Detections:
 
 
 def _of_file(path: Path) -> CocoContent:
-    content = read_json(path, advice=_ADVICE)
+    content = read_keypoint_json(path, advice=_ADVICE)
     form = next((form for fits, form in FORMS if fits(content)), None)
     if form is None:
         found = f"an object with {some_of(content)}" if isinstance(content, dict) else ""

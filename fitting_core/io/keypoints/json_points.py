@@ -43,7 +43,7 @@ def json_files(folder: Path) -> list[Path]:
     return sorted(files, key=lambda file: natural_key(file.stem))
 
 
-def read_json(file: Path, *, advice: str) -> Any:
+def read_keypoint_json(file: Path, *, advice: str) -> Any:
     """The content of a JSON file. Raises InputError if it is missing, unreadable, damaged, or nested deeper than Python
     can read.
 

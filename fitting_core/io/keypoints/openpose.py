@@ -20,7 +20,7 @@ from fitting_core.io.keypoints.json_points import (
     json_files,
     kind,
     numbers,
-    read_json,
+    read_keypoint_json,
     short,
     stray_confidences,
     told_detector,
@@ -136,7 +136,7 @@ def _frames(file: Path, one_each: bool) -> list[_Frame]:
         file: To read.
         one_each: Whether other files beside it hold the other frames.
     """
-    content = read_json(file, advice=_ADVICE)
+    content = read_keypoint_json(file, advice=_ADVICE)
     stem = stem_of(file.name)
     if not isinstance(content, list) or not content or not all(isinstance(one, dict) for one in content):
         return [_frame(content, name=file.name, where=str(file), stem=stem)]

@@ -20,7 +20,7 @@ from fitting_core.io.points.named_points import (
     MOST_POINTS,
     NamedPoints,
     check_names,
-    read_camera,
+    read_world,
     stated_camera,
     without_subject,
 )
@@ -205,7 +205,7 @@ def _read(path: Path, reader: c3d.Reader) -> NamedPoints:
         frame_rate=rate,
         # The first frame's number is 1 even in a trimmed trial.
         first_frame=max(reader.first_frame - 1, 0) or None,
-        camera=read_camera(path, [] if (param := reader.get("TCFIT:CAMERA")) is None else param.float_array.tolist()),
+        camera=read_world(path, [] if (param := reader.get("TCFIT:CAMERA")) is None else param.float_array.tolist()),
     )
 
 

@@ -56,7 +56,7 @@ def stated_camera(camera: World) -> list[float]:
     return [float(value) for row in (*camera.rotation, camera.translation) for value in row]
 
 
-def read_camera(path: object, numbers: Sequence[float | str]) -> World | None:
+def read_world(path: object, numbers: Sequence[float | str]) -> World | None:
     """The inverse of `stated_camera`; None for nothing. Raises InputError if these are no pose."""
     if not len(numbers):
         return None

@@ -11,7 +11,7 @@ from fitting_core.io.points.named_points import (
     MOST_POINTS,
     NamedPoints,
     check_names,
-    read_camera,
+    read_world,
     stated_camera,
     without_subject,
 )
@@ -100,7 +100,7 @@ def read_trc(path: Path) -> NamedPoints:
         frame_rate=rate,
         # Programs that trim a trial often restart its time at 0.
         first_frame=round(times[0] * rate) or None,
-        camera=read_camera(path, lines[0].partition(_CAMERA)[2].split()),
+        camera=read_world(path, lines[0].partition(_CAMERA)[2].split()),
         notes=(f"Its header says {stated[:20]} frames; it has {len(rows)}.",) if cut else (),
     )
 

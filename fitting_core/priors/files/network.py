@@ -125,7 +125,9 @@ class PriorAbout(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     """How it came about, for people."""
 
 
-def write_network(path: Path, network: PriorNetwork, *, dtype: type[np.floating] = np.float32, notes: str = "") -> None:
+def write_prior_network(
+    path: Path, network: PriorNetwork, *, dtype: type[np.floating] = np.float32, notes: str = ""
+) -> None:
     """Write a pose prior, whole or not at all.
 
     Args:
@@ -152,8 +154,9 @@ def write_network(path: Path, network: PriorNetwork, *, dtype: type[np.floating]
     write_npz(path, {"about": np.array(msgspec.json.encode(about).decode()), **arrays})
 
 
-def read_network(path: Path) -> PriorNetwork:
-    """Read what `write_network` wrote. Raises InputError if it is missing, damaged, of another version, or its layers
+def read_prior_network(path: Path) -> PriorNetwork:
+    """Read a file of `write_prior_network`. Raises InputError if it is missing, damaged, of another version, or its
+    layers
     do not fit together."""
     arrays = _arrays(path)
     try:

@@ -8,7 +8,7 @@ import platformdirs
 
 from fitting_core.errors import InputError
 from fitting_core.files.archives import open_members
-from fitting_core.priors.files.network import PriorNetwork, read_network, write_network
+from fitting_core.priors.files.network import PriorNetwork, read_prior_network, write_prior_network
 from fitting_core.priors.files.vposer import read_vposer, snapshots_among
 from fitting_core.shipped import POSE_PRIOR
 
@@ -35,7 +35,7 @@ def user_file() -> Path:
 def read_prior(path: Path) -> PriorNetwork:
     """A latent pose prior from an npz of our own form, or else from VPoser's files. Raises InputError if it is missing,
     damaged or neither."""
-    return read_network(path) if path.suffix.lower() == ".npz" else read_vposer(path)
+    return read_prior_network(path) if path.suffix.lower() == ".npz" else read_vposer(path)
 
 
 def registered_vposer() -> Path:
@@ -65,7 +65,7 @@ def register_vposer(path: Path) -> PriorFile:
     network, target = read_vposer(path), user_file()
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        write_network(target, network, notes=f"read from {path.name}")
+        write_prior_network(target, network, notes=f"read from {path.name}")
     except OSError as error:
         raise InputError(
             f"{target.parent}: cannot be written ({error.strerror or error}). Free space or correct it."
@@ -84,6 +84,6 @@ def list_priors() -> list[PriorFile]:
 
 def _record(name: str, path: Path, origin: Literal["free", "user"]) -> PriorFile:
     try:
-        return PriorFile(name=name, path=path, origin=origin, title=read_network(path).title)
+        return PriorFile(name=name, path=path, origin=origin, title=read_prior_network(path).title)
     except InputError as error:
         return PriorFile(name=name, path=path, origin=origin, problem=str(error))

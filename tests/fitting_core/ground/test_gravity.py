@@ -11,7 +11,7 @@ from fitting_core.camera import Camera, World, path_of
 from fitting_core.ground.gravity import (
     Gravity,
     RolledView,
-    angles,
+    angles_to,
     gravity_before_fit,
     robust_mean,
     rolled_views,
@@ -25,7 +25,7 @@ from tests.samples.walkers import CAMERA, RATE, TILT, walker
 def test_the_tilt_of_the_camera_is_found():
     made = walker()
     gravity = gravity_before_fit(made.lifted(), made.confidence, CAMERA)
-    assert angles(gravity.up, made.up) < 1e-5 and np.linalg.norm(gravity.up) == pytest.approx(1)
+    assert angles_to(gravity.up, made.up) < 1e-5 and np.linalg.norm(gravity.up) == pytest.approx(1)
     assert gravity.tilt == pytest.approx(TILT)
 
 
@@ -34,8 +34,8 @@ def test_some_frames_that_see_the_world_lie_down_do_not_matter():
     lifted = made.lifted()
     up = lifted.up.copy()
     up[::5] = Rotation.from_euler("z", 80, degrees=True).apply(up[::5])
-    assert angles(up.mean(0), made.up) > 10
-    assert angles(gravity_before_fit(replace(lifted, up=up), made.confidence, CAMERA).up, made.up) < 3
+    assert angles_to(up.mean(0), made.up) > 10
+    assert angles_to(gravity_before_fit(replace(lifted, up=up), made.confidence, CAMERA).up, made.up) < 3
 
 
 def test_short_vectors_count_less_and_make_unsure():
@@ -47,7 +47,7 @@ def test_short_vectors_count_less_and_make_unsure():
     )
     one, other = np.array([0.0, -1.0, 0.0]), np.array([0.2, -0.9, 0.1])
     near = robust_mean(np.stack([one, other]), np.array([1.0, 0.1]))
-    assert angles(near, one) < 3
+    assert angles_to(near, one) < 3
 
 
 def test_without_legs_less_is_known():
@@ -68,8 +68,8 @@ def test_how_a_camera_is_rolled_is_found(degrees: int, moving: bool):
     lifted = lift(xy, made.confidence, camera, RATE, calibrated=True)
     level = gravity_before_fit(lifted, made.confidence, camera)
     found = gravity_before_fit(lifted, made.confidence, camera, rolled_views(xy, made.confidence, camera, RATE))
-    assert angles(found.up, turn @ made.up) < min(2 * found.deviation, 8)
-    assert degrees == 0 or angles(level.up, turn @ made.up) > 2 * level.deviation
+    assert angles_to(found.up, turn @ made.up) < min(2 * found.deviation, 8)
+    assert degrees == 0 or angles_to(level.up, turn @ made.up) > 2 * level.deviation
 
 
 def test_turns_that_are_as_likely_make_unsure():
@@ -84,7 +84,7 @@ def test_turns_that_are_as_likely_make_unsure():
         return gravity_before_fit(made.lifted(), made.confidence, CAMERA, views)
 
     alike, surer, level = found(0.04), found(0.2), gravity_before_fit(made.lifted(), made.confidence, CAMERA)
-    assert angles(alike.up, made.up) < 0.2 and alike.deviation > level.deviation + 2
+    assert angles_to(alike.up, made.up) < 0.2 and alike.deviation > level.deviation + 2
     assert surer.deviation == pytest.approx(level.deviation, abs=0.1)
 
 
@@ -92,13 +92,13 @@ def test_turns_that_are_as_likely_make_unsure():
 def test_an_upright_trunk_counts_as_far_as_the_lifter_is_unsure(deviation: float, pulled: tuple[float, float]):
     up, trunk = np.array([0.0, -1.0, 0.0]), Rotation.from_euler("x", 12, degrees=True).apply([[0.0, -0.5, 0.0]] * 9)
     found = with_trunk(Gravity(up=up, deviation=deviation), trunk)
-    assert pulled[0] < angles(found.up, up) < pulled[1] and angles(found.up, trunk[0] / 0.5) < 12
+    assert pulled[0] < angles_to(found.up, up) < pulled[1] and angles_to(found.up, trunk[0] / 0.5) < 12
     assert np.linalg.norm(found.up) == pytest.approx(1)
 
 
 def test_who_lies_does_not_turn_the_world():
     up, trunk = np.array([0.0, -1.0, 0.0]), np.tile([0.5, 0.0, 0.0], (9, 1))
-    assert angles(with_trunk(Gravity(up=up, deviation=9.0), trunk).up, up) < 2
+    assert angles_to(with_trunk(Gravity(up=up, deviation=9.0), trunk).up, up) < 2
 
 
 def test_a_calibration_that_says_what_is_up_tells_gravity():

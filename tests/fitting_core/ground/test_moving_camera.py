@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from fitting_core.camera import Camera, CameraPath, path_of
 from fitting_core.ground.contacts import Contacts, contacts_of
-from fitting_core.ground.gravity import angles, gravity_before_fit
+from fitting_core.ground.gravity import angles_to, gravity_before_fit
 from fitting_core.lifting.clip_lifting import LiftedClip, lift
 from tests.samples.walkers import CAMERA, RATE, Walker, walker
 
@@ -52,7 +52,7 @@ def test_a_camera_that_turns_is_lifted_as_one_that_stands_still():
     blind = lift(seen_by(moving, made)[1], made.confidence, CAMERA, RATE, calibrated=True)
     assert np.median(np.linalg.norm(moving.turned_to_still(blind.points) - one.points, axis=-1)) > 2 * np.median(off)
     ups = [gravity_before_fit(found, made.confidence, c).up for found, c in ((one, CAMERA), (other, moving))]
-    assert angles(ups[0], ups[1]) < 3
+    assert angles_to(ups[0], ups[1]) < 3
 
 
 @pytest.mark.parametrize("metres", [0.0, 1.0])

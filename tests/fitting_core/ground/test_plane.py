@@ -10,7 +10,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.frame_runs import runs_where
 from fitting_core.ground.contacts import FOOT_POINTS, Contacts
 from fitting_core.ground.feet import sole_heights
-from fitting_core.ground.gravity import Gravity, angles
+from fitting_core.ground.gravity import Gravity, angles_to
 from fitting_core.ground.grounding import Grounding, grounding_of
 from fitting_core.ground.plane import Ground, ground_under
 from tests.samples.before_fit import USUAL_SOLES, grounding_before_fit
@@ -117,4 +117,4 @@ def test_the_trunk_has_a_say_only_where_there_is_no_ground():
         )
         return found.gravity.up
 
-    assert angles(up_of(whole), whole.up) < 1e-5 and 0.5 < angles(up_of(half), whole.up) < 10
+    assert angles_to(up_of(whole), whole.up) < 1e-5 and 0.5 < angles_to(up_of(half), whole.up) < 10

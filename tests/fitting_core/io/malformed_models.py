@@ -9,7 +9,7 @@ from pathlib import Path
 from fitting_core.body.files.reading import load_body
 from fitting_core.config.toml import read_config
 from fitting_core.files.archives import open_members
-from fitting_core.priors.files.network import read_network
+from fitting_core.priors.files.network import read_prior_network
 from fitting_core.priors.files.vposer import read_vposer
 from fitting_core.video.frames import FrameSource
 from tcfit_app.project.project import Project
@@ -50,7 +50,7 @@ MODELS: dict[str, Case] = {
         f"vposer of {name}": Case(content("TR00_E096.pt", hostile), read_vposer, "is not VPoser")
         for name, (hostile, _) in HOSTILE.items()
     },
-    "prior bomb": Case(content("prior.npz", zip_bomb("about")), read_network, "unpacks to 4.0 GB"),
+    "prior bomb": Case(content("prior.npz", zip_bomb("about")), read_prior_network, "unpacks to 4.0 GB"),
 }
 
 

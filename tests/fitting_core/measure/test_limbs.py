@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fitting_core import keypoints as kp
-from fitting_core.measure.limbs import LIMB_FIGURES, limb_figures, limb_flexion, pa_mpjpe
+from fitting_core.measure.limbs import LIMB_FIGURES, limb_figures, limb_flexion, limb_pa_mpjpe
 
 STANDING = {
     **dict(shoulder=(0.2, 1.4, 0), elbow=(0.2, 1.1, 0), wrist=(0.2, 1.1, 0.3)),
@@ -38,7 +38,7 @@ def test_one_rotation_of_the_clip_is_no_error_and_a_second_one_is():
     assert limb_figures(turned, truth) == pytest.approx(dict.fromkeys(LIMB_FIGURES, 0.0), abs=1e-9)
     half = np.concatenate([turned[:3], truth[3:]])
     assert limb_figures(half, truth)["turned_mpjpe"] > 100
-    assert pa_mpjpe(half, truth) == pytest.approx(np.zeros(6), abs=1e-9)
+    assert limb_pa_mpjpe(half, truth) == pytest.approx(np.zeros(6), abs=1e-9)
 
 
 def test_distances_from_the_middle_of_the_hips_and_root_mean_squares_of_angles():
@@ -56,7 +56,7 @@ def test_what_is_not_known_does_not_count():
     found = truth.copy()
     found[1, kp.LIMBS.index(kp.INDEX["left_wrist"])] = np.nan
     found[1, kp.LIMBS.index(kp.INDEX["right_ankle"])] += 0.3
-    errors = pa_mpjpe(found, truth)
+    errors = limb_pa_mpjpe(found, truth)
     assert np.isnan(errors[1]) and errors[[0, 2]] == pytest.approx(0, abs=1e-9)
     figures = limb_figures(found, truth)
     assert figures["turned_mpjpe"] == pytest.approx(0, abs=1e-9) and figures["elbow_flexion"] == pytest.approx(0)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from fitting_core.keypoints import COUNT
 from fitting_core.people import following
-from fitting_core.people.following import MOST_FOLLOWED, follow_all, optimal
+from fitting_core.people.following import MOST_FOLLOWED, optimal, tracks_of
 from fitting_core.people.sightings import Sighting
 
 
@@ -39,5 +39,5 @@ def test_false_detections_all_over_the_frames_are_not_all_followed():
     places = rng.uniform(0, 1e6, (20, 50, 2))
     frames = [[Sighting.of(k, points + np.array([*place, 0.0])) for k, place in enumerate(frame)] for frame in places]
     with patch.object(following, "_prices", wraps=following._prices) as prices:
-        assert len(follow_all(frames, 30.0)) == 20 * 50
+        assert len(tracks_of(frames, 30.0)) == 20 * 50
     assert max(len(call.args[2]) for call in prices.call_args_list) == MOST_FOLLOWED

@@ -18,7 +18,7 @@ from fitting_core.config.schema import FitConfig, ShapeSample, SolverSettings, T
 from fitting_core.errors import InputError
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.priors import latent
-from fitting_core.priors.files.network import Activation, Layer, PriorNetwork, write_network
+from fitting_core.priors.files.network import Activation, Layer, PriorNetwork, write_prior_network
 from fitting_core.priors.latent import ACTIVATIONS, LatentPrior
 from fitting_core.priors.pose import AxisAnglePrior, make_prior
 from tests.fitting_core.priors.networks import (
@@ -147,7 +147,7 @@ def test_what_an_encoder_looks_at(form: int, monkeypatch: pytest.MonkeyPatch):
 
 def test_choosing_by_name_and_by_path(tmp_path: Path):
     network = random_network()
-    write_network(tmp_path / "mine.npz", network)
+    write_prior_network(tmp_path / "mine.npz", network)
     prior = make_prior(str(tmp_path / "mine.npz"), dtype=torch.float32, device="cpu")
     assert isinstance(prior, LatentPrior) and prior.title == f"random ({network.hash})"
     assert prior.neutral.dtype == torch.float32
@@ -161,7 +161,7 @@ def test_choosing_by_name_and_by_path(tmp_path: Path):
 def test_whole_fit_in_a_latent_space(tiny_body: BodyModel, tmp_path: Path, solver: str):
     """All three phases, from a file: poses that lie in the space are found."""
     network = with_fitted_encoder(random_network("leaky_relu_0.2", size=8, hidden=32, spread=0.2))
-    write_network(tmp_path / "prior.npz", network)
+    write_prior_network(tmp_path / "prior.npz", network)
     prior = LatentPrior(network)
     along = torch.linspace(0, 0.5, 3, dtype=torch.float64)[:, None]
     truth = replace(arms_in_motion(3), body_pose=prior.decode(random_latents(1, 8) + along * random_latents(1, 8, 1)))

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from fitting_core.errors import InputError
-from fitting_core.priors.files.network import Layer, PriorNetwork, read_network, write_network
+from fitting_core.priors.files.network import Layer, PriorNetwork, read_prior_network, write_prior_network
 from tests.fitting_core.priors.networks import random_network
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float16])
 def test_round_trip(tmp_path: Path, dtype: type):
     network = random_network("leaky_relu_0.01", size=5, hidden=7)
-    write_network(tmp_path / "a.npz", network, dtype=dtype, notes="made up")
-    again = read_network(tmp_path / "a.npz")
+    write_prior_network(tmp_path / "a.npz", network, dtype=dtype, notes="made up")
+    again = read_prior_network(tmp_path / "a.npz")
     assert (again.title, again.licence, again.size) == ("random", "none", 5)
     for before, after in zip((*network.decoder, *network.encoder), (*again.decoder, *again.encoder), strict=True):
         assert before.activation == after.activation
@@ -78,23 +78,23 @@ BAD: dict[str, tuple[dict[str, Any], str]] = {
 @pytest.mark.parametrize("case", BAD)
 def test_bad_files_are_refused(tmp_path: Path, case: str):
     path = tmp_path / "prior.npz"
-    write_network(path, random_network(size=5, hidden=7))
+    write_prior_network(path, random_network(size=5, hidden=7))
     changes, message = BAD[case]
     with pytest.raises(InputError, match=message) as caught:
-        read_network(changed(path, **changes))
+        read_prior_network(changed(path, **changes))
     assert str(path) in str(caught.value)
 
 
 def test_other_files_are_refused(tmp_path: Path):
     path = tmp_path / "prior.npz"
     with pytest.raises(InputError, match="does not exist"):
-        read_network(path)
+        read_prior_network(path)
     np.savez(path, v_template=np.zeros(3))
     with pytest.raises(InputError, match="an npz of another kind"):
-        read_network(path)
-    write_network(path, random_network(size=5, hidden=7))
+        read_prior_network(path)
+    write_prior_network(path, random_network(size=5, hidden=7))
     whole = path.read_bytes()
     for bytes_ in (whole[: len(whole) // 2], b"", b"{}"):
         path.write_bytes(bytes_)
         with pytest.raises(InputError, match="is not a complete npz archive"):
-            read_network(path)
+            read_prior_network(path)

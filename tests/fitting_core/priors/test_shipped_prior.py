@@ -18,7 +18,7 @@ from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.config.schema import PRESETS
 from fitting_core.fit.terms.limits import AngleTable
-from fitting_core.priors.files.network import read_network
+from fitting_core.priors.files.network import read_prior_network
 from fitting_core.priors.latent import LatentPrior
 from fitting_core.priors.pose import make_prior, relaxed_pose
 from fitting_core.shipped import POSE_PRIOR
@@ -26,7 +26,7 @@ from fitting_core.shipped import POSE_PRIOR
 
 @pytest.fixture(scope="module")
 def prior() -> LatentPrior:
-    return LatentPrior(read_network(POSE_PRIOR))
+    return LatentPrior(read_prior_network(POSE_PRIOR))
 
 
 @pytest.fixture(scope="module")

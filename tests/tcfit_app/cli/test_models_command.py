@@ -14,7 +14,7 @@ from fitting_core.detect.known_models import KNOWN_MODELS
 from fitting_core.detect.mediapipe import networks, packages
 from fitting_core.errors import InputError
 from fitting_core.priors.files import registry as priors
-from fitting_core.priors.files.network import write_network
+from fitting_core.priors.files.network import write_prior_network
 from tcfit_app.cli.doctor import check_detector
 from tcfit_app.cli.models_command import list_models, register_models
 from tests.fitting_core.detect.mediapipe.fake_packages import asked, fake_programs, know, make_packages
@@ -91,7 +91,7 @@ def test_pose_priors_are_added_and_shown(places: Path, capsys: pytest.CaptureFix
     register_models([folder_1(places / "downloads" / "vposer_v1_0", trained(version_1))])
     assert capsys.readouterr().out.splitlines()[-1].split() == ["vposer", "VPoser", "1", "yours", str(own)]
     (places / "free").mkdir()
-    write_network(places / "free" / "prior.npz", random_network())
+    write_prior_network(places / "free" / "prior.npz", random_network())
     list_models()
     lines = [line.split() for line in capsys.readouterr().out.splitlines()]
     start = lines.index(["POSE", "PRIOR", "KIND", "FROM", "FILE"])

@@ -22,7 +22,7 @@ from fitting_core.io.motion.imported_motion import ImportedMotion
 from fitting_core.io.motion.smplifyx import write_smplifyx
 from fitting_core.keypoints import Keypoints
 from fitting_core.motion import Motion
-from fitting_core.priors.files.network import write_network
+from fitting_core.priors.files.network import write_prior_network
 from tcfit_app.analysis.curves import curve
 from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.analysis.posed_fit import PosedFit
@@ -145,7 +145,7 @@ def test_vposers_numbers_take_the_vposer_that_was_given(project: Project, tmp_pa
         file.write_bytes(pickle.dumps(content, protocol=2))
     with pytest.raises(InputError, match="32 VPoser numbers instead of angles"):
         import_run(project, OneBody(tiny_body), folder)
-    write_network(tmp_path / "vposer.npz", random_network(), notes="")
+    write_prior_network(tmp_path / "vposer.npz", random_network(), notes="")
     run = import_run(project, OneBody(tiny_body), folder, ImportChoices(vposer=tmp_path / "vposer.npz"))
     assert project.runs.load(run.id).last.params.body_pose.abs().max() > 0.1
 

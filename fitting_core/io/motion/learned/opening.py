@@ -58,7 +58,7 @@ _UNPACKED: dict[bytes, Callable[[BinaryIO], Any]] = {
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[Any]:
+def opened_result(path: Path) -> Iterator[Any]:
     """The content of a file of Python objects while the block lasts: arrays in it are read on access.
 
     Args:

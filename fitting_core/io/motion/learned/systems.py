@@ -21,7 +21,7 @@ from fitting_core.files.regular import refusal
 from fitting_core.files.torch_pickles import plain
 from fitting_core.io.motion.imported_motion import ImportedMotion, PersonTrack, body_params
 from fitting_core.io.motion.learned import per_image, whole_image
-from fitting_core.io.motion.learned.opening import opened
+from fitting_core.io.motion.learned.opening import opened_result
 from fitting_core.io.motion.learned.tracks import System, SystemMotion, is_mapping_with
 
 SYSTEMS: tuple[System, ...] = (*whole_image.SYSTEMS, *per_image.SYSTEMS)
@@ -160,5 +160,5 @@ def _content(path: Path) -> Iterator[Any]:
     elif (arrays := per_image.of_file(path)) is not None:
         yield arrays
     else:
-        with opened(path) as content:
+        with opened_result(path) as content:
             yield content or None

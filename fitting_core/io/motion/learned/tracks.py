@@ -66,7 +66,7 @@ def is_mapping_with(content: object, *keys: str) -> bool:
     return isinstance(content, dict) and any(key in content for key in keys)
 
 
-def mapping(content: object, what: str) -> dict[Any, Any]:
+def as_mapping(content: object, what: str) -> dict[Any, Any]:
     """The content, if it is a dictionary. Raises InputError if it is not."""
     if not isinstance(content, dict):
         raise InputError(f"{what} is a {type(content).__name__}, expected a dictionary")
@@ -98,7 +98,7 @@ def flat(values: object, key: str, count: int) -> Float[np.ndarray, "count"]:
 
 
 def _numbers(values: object, key: str) -> np.ndarray:
-    if key not in (found := mapping(values, f"what holds '{key}'")):
+    if key not in (found := as_mapping(values, f"what holds '{key}'")):
         raise InputError(f"has no '{key}' (it has {some_of(map(plain, found))})")
     try:
         array = as_array(found[key])
@@ -129,7 +129,7 @@ def shape_numbers(values: object, key: str, frames: int) -> Float[np.ndarray, "T
     return np.broadcast_to(found, (frames, N_BETAS)).copy()
 
 
-def frame_numbers(values: object, key: str) -> Int[np.ndarray, "T"]:
+def stated_frames(values: object, key: str) -> Int[np.ndarray, "T"]:
     """Frame numbers, without repetitions. Raises InputError if they are not."""
     array = _numbers(values, key).reshape(-1)
     whole = finite(array, key).astype(np.int64)
@@ -142,7 +142,7 @@ def frame_numbers(values: object, key: str) -> Int[np.ndarray, "T"]:
 
 def by_person(people: object) -> dict[int, Any]:
     """A dictionary's entries by the numbers of people. Raises InputError if its keys are not."""
-    found = {plain(key): values for key, values in mapping(people, "what holds the people").items()}
+    found = {plain(key): values for key, values in as_mapping(people, "what holds the people").items()}
     if not all(type(key) is int for key in found):
         raise InputError("has people without numbers, expected a number for each")
     return found
@@ -150,7 +150,7 @@ def by_person(people: object) -> dict[int, Any]:
 
 def people_by(people: object, key: str) -> dict[int, list[int]]:
     """For each person in a dictionary, the frames under one of their keys. Raises InputError if they are missing."""
-    return {number: frame_numbers(values, key).tolist() for number, values in by_person(people).items()}
+    return {number: stated_frames(values, key).tolist() for number, values in by_person(people).items()}
 
 
 def first_of(content: object) -> object:
@@ -158,7 +158,7 @@ def first_of(content: object) -> object:
     return next(iter(content.values()), None) if isinstance(content, dict) else None
 
 
-def angles(matrices: Float[np.ndarray, "T n"], key: str) -> Float[np.ndarray, "T m"]:
+def axis_angles(matrices: Float[np.ndarray, "T n"], key: str) -> Float[np.ndarray, "T m"]:
     """Axis-angle of flattened row-major rotation matrices. Raises InputError if they are not rotations."""
     turns = torch.as_tensor(matrices).reshape(len(matrices), -1, 3, 3)
     off = (turns @ turns.mT - torch.eye(3, dtype=turns.dtype)).abs().amax()

@@ -31,18 +31,18 @@ from fitting_core.io.motion.learned.tracks import (
     SMPL_JOINTS,
     System,
     SystemMotion,
-    angles,
+    as_mapping,
+    axis_angles,
     body_angles,
     by_person,
     centred,
     first_of,
     flat,
-    frame_numbers,
     is_mapping_with,
-    mapping,
     people_by,
     rows,
     shape_numbers,
+    stated_frames,
 )
 
 _TOLD = "told by the result"
@@ -72,7 +72,7 @@ def gvhmr_track(content: Any, person: int) -> SystemMotion:
 def wham_track(content: Any, person: int) -> SystemMotion:
     """One of the people."""
     values = by_person(content)[person]
-    numbers = frame_numbers(values, "frame_ids")
+    numbers = stated_frames(values, "frame_ids")
     return SystemMotion(
         pose=body_angles(rows(values, "pose", 3 * SMPL_JOINTS, len(numbers))),
         betas=shape_numbers(values, "betas", len(numbers)),
@@ -84,14 +84,14 @@ def wham_track(content: Any, person: int) -> SystemMotion:
 
 def prompthmr_people(content: Any) -> Mapping[int, Sequence[int]]:
     """Of each person, the frames."""
-    return people_by(mapping(content["people"], "'people'"), "frames")
+    return people_by(as_mapping(content["people"], "'people'"), "frames")
 
 
 def prompthmr_track(content: Any, person: int) -> SystemMotion:
     """One of the people. `pose` continues with jaw and eyes, which are zero."""
     track = by_person(content["people"])[person]
-    values = mapping(track, "a person").get("smplx_cam")
-    numbers = frame_numbers(track, "frames")
+    values = as_mapping(track, "a person").get("smplx_cam")
+    numbers = stated_frames(track, "frames")
     return SystemMotion(
         pose=rows(values, "pose", 75, len(numbers))[:, :66],
         betas=shape_numbers(values, "shape", len(numbers)),
@@ -113,7 +113,7 @@ def _phalp_frames(content: Any, person: int | None = None) -> Iterator[tuple[str
     Ghosts, which the tracker extrapolates but did not see, are left out.
     """
     for name, frame in content.items():
-        values = mapping(frame, "an image's result")
+        values = as_mapping(frame, "an image's result")
         ids = _list(values, "tid")
         unseen = _list(values, "tracked_time") if "tracked_time" in values else [0] * len(ids)
         for place, track in enumerate(ids):
@@ -142,7 +142,7 @@ def phalp_people(content: Any) -> Mapping[int, Sequence[int]]:
     for _, track, _, values in _phalp_frames(content):
         if type(track) is not int:
             raise InputError("'tid' holds something other than numbers of people")
-        people.setdefault(track, []).append(int(frame_numbers({"time": values.get("time")}, "time")[0]))
+        people.setdefault(track, []).append(int(stated_frames({"time": values.get("time")}, "time")[0]))
     return people
 
 
@@ -157,10 +157,10 @@ def phalp_track(content: Any, person: int) -> SystemMotion:
     sizes = [flat({"size": _entry(values, "size", place)}, "size", 2)[::-1] for values, _, place in places]
     size = np.median(sizes, axis=0)
     return SystemMotion(
-        pose=body_angles(angles(turns, "smpl")),
+        pose=body_angles(axis_angles(turns, "smpl")),
         betas=np.concatenate([shape_numbers(smpl, "betas", 1) for _, smpl, _ in places]),
         translation=np.stack(cameras),
-        numbers=np.array([int(frame_numbers({"time": values["time"]}, "time")[0]) for values, _, _ in places]),
+        numbers=np.array([int(stated_frames({"time": values["time"]}, "time")[0]) for values, _, _ in places]),
         stems=tuple(PurePosixPath(name.replace("\\", "/")).stem for name, _, _, _ in found),
         camera=_phalp_camera(size),
     )

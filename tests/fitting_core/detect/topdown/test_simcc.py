@@ -28,7 +28,7 @@ def test_points_come_back_where_they_are_in_the_image(tmp_path: Path, layout: st
     apart = np.linalg.norm(points[:, :2] - expected(), axis=1)
     assert apart.max() < min(1.0, pixel / 2), f"{apart.max():.2f} px, a bin is {pixel / 2:.2f}"
     # A spot between two pixels of the input is seen a little darker than it is.
-    assert simcc.confidence(points[:, 2]).min() > 0.9
+    assert simcc.peak_confidence(points[:, 2]).min() > 0.9
 
 
 def test_a_box_beyond_the_image_and_one_of_another_aspect(tmp_path: Path):
@@ -67,16 +67,16 @@ def test_peaks_between_bins():
 
 
 def test_confidence_of_both_kinds_of_heads():
-    assert np.allclose(simcc.confidence(np.array([1.1, 0.5, 0.0, -0.2])), [1.0, 0.5, 0.0, 0.0])
-    assert np.allclose(simcc.confidence(np.array([11.0, 5.0, 0.3])), [1.0, 0.5, 0.03])
-    assert simcc.confidence(np.zeros(0)).shape == (0,)
+    assert np.allclose(simcc.peak_confidence(np.array([1.1, 0.5, 0.0, -0.2])), [1.0, 0.5, 0.0, 0.0])
+    assert np.allclose(simcc.peak_confidence(np.array([11.0, 5.0, 0.3])), [1.0, 0.5, 0.03])
+    assert simcc.peak_confidence(np.zeros(0)).shape == (0,)
 
 
 def test_a_dim_spot_is_less_certain(tmp_path: Path):
     model = load_pose_model(brightest_model(tmp_path / "m.onnx"), threads=1)
     image = spots(SIZE, PLACES)
     image[..., 1] //= 4
-    confidence = simcc.confidence(model.points([image], BOX[None])[0][:, 2])
+    confidence = simcc.peak_confidence(model.points([image], BOX[None])[0][:, 2])
     assert 0.2 < confidence[channels_of_points() == 1].max() < 0.3
     assert confidence[channels_of_points() == 0].min() > 0.95
 

@@ -25,7 +25,7 @@ from fitting_core.fit.terms.quadratic import Quadratic
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.state import Free, State
-from fitting_core.priors.files.network import write_network
+from fitting_core.priors.files.network import write_prior_network
 from tests.fitting_core.priors.networks import random_network
 from tests.samples.scenes import finished, keypoints_of, noisy, random_params, random_state, stages_of
 
@@ -139,7 +139,7 @@ def test_every_stage_is_the_same(free_body: BodyModel, preset: str, stage: int, 
 
 @pytest.mark.parametrize("activation", ["leaky_relu_0.2", "elu", "softplus", "tanh"])
 def test_priors_of_other_networks(tiny_body: BodyModel, activation: str, tmp_path: Path):
-    write_network(tmp_path / "prior.npz", random_network(activation, size=9, hidden=30, spread=1.0))
+    write_prior_network(tmp_path / "prior.npz", random_network(activation, size=9, hidden=30, spread=1.0))
     made = stages(tiny_body, config_of("smplifyx", str(tmp_path / "prior.npz")))
     state = random_state(made.parametrisation, len(FRAMES))
     assert_same(*both(made, 5, state), state)
@@ -148,7 +148,7 @@ def test_priors_of_other_networks(tiny_body: BodyModel, activation: str, tmp_pat
 def test_a_prior_of_one_layer_stays_in_torch(tiny_body: BodyModel, tmp_path: Path):
     network = random_network("silu", size=9, hidden=30, spread=1.0)
     layer = replace(network.decoder[-1], weight=network.decoder[-1].weight[:, :9])
-    write_network(tmp_path / "prior.npz", replace(network, decoder=(layer,)))
+    write_prior_network(tmp_path / "prior.npz", replace(network, decoder=(layer,)))
     made = stages(tiny_body, config_of("tcfit", str(tmp_path / "prior.npz")))
     assert objective(made, 5, made.parametrisation.neutral(len(FRAMES))).fused is None
 

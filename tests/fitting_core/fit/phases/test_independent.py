@@ -19,7 +19,7 @@ from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.phases import independent
 from fitting_core.fit.phases.frame_fits import FrameFits, filled
 from fitting_core.fit.phases.independent import _Frames, fit_frames
-from fitting_core.fit.phases.initialize import guess_depth, turned
+from fitting_core.fit.phases.initialize import guess_depth, half_turned
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.variables.state import Free, State
@@ -139,7 +139,7 @@ def test_relay_never_raises_a_cost_and_frees_a_stuck_frame(free_body: BodyModel,
     config = replace(QUICK, relay_rounds=2)
     stages = stages_of(free_body, clip, config)
     alone = finished(fit_frames(stages_of(free_body, clip, QUICK), solver_of(stages)))
-    stuck = alone.state.put(torch.tensor([2]), turned(alone.state[2:3]))  # seen from behind
+    stuck = alone.state.put(torch.tensor([2]), half_turned(alone.state[2:3]))  # seen from behind
     run = _Frames(stages, solver_of(stages), torch.arange(5))
     objective = stages.objective(N_STAGES, stuck, stages.free(N_STAGES, betas=True))
     before = objective.cost(stuck, torch.arange(5))
@@ -182,7 +182,7 @@ def test_side_views_take_the_better_of_both_orientations(free_body: BodyModel):
     turn = torch.stack([rotations.exp(FACING) @ rotations.yaw(angle, FACING) for angle in (85.0, -85.0)])
     place = stages.parametrisation.columns.translation
     right = State(turn, truth.with_columns(place, torch.tensor([[0.05, 0.2, 3.5]]).double()).vector)
-    wrong = turned(right)
+    wrong = half_turned(right)
     start = FrameFits.at(wrong, Start.TURNED_0)
     high = finished(run.five_stages(start)).cost
     fits = finished(run.both_sides(start))
