@@ -78,7 +78,7 @@ if TYPE_CHECKING:  # the table of public names, which `lazy_names` reads
     from fitting_core.render.overlay import write_overlay as write_overlay
     from fitting_core.results.fit_result import FitResult as FitResult
     from fitting_core.results.fit_result import PhaseResult as PhaseResult
-    from fitting_core.results.known_shape import KnownShape as KnownShape
+    from fitting_core.results.given_start import KnownShape as KnownShape
     from fitting_core.starts.reading import read_start as read_start
 
 

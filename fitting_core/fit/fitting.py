@@ -44,8 +44,7 @@ from fitting_core.fit.variables.state import State
 from fitting_core.keypoints import SEEN
 from fitting_core.results.error_bars import ErrorBars
 from fitting_core.results.fit_result import FitResult, PhaseResult
-from fitting_core.results.given_start import GivenStart
-from fitting_core.results.known_shape import KnownShape
+from fitting_core.results.given_start import GivenStart, KnownShape
 from fitting_core.results.provenance import Provenance, Start
 from fitting_core.video.frame_names import spans
 

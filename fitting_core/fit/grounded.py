@@ -1,7 +1,7 @@
 """Gravity, contacts and floor of a fitted clip, and where its feet are held."""
 
 from fitting_core.body.params import BodyParams
-from fitting_core.fit.evidence.stances import stances
+from fitting_core.fit.evidence.observations import stances
 from fitting_core.fit.stages import Stages
 from fitting_core.ground.feet import has_feet, sole_heights, stance_of
 from fitting_core.ground.grounding import Grounding, grounding_of

@@ -6,7 +6,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.clip import Clip
 from fitting_core.keypoints import BODY, SEEN
-from fitting_core.results.known_shape import KnownShape
+from fitting_core.results.given_start import KnownShape
 
 _FAR, _NEAR = 60.0, 0.25
 """Distances in metres from the camera at which keypoints of people can be found."""

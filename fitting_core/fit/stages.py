@@ -18,8 +18,7 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.collision.colliding_body import CollidingBody
 from fitting_core.fit.evidence.given_start import corrected_start
-from fitting_core.fit.evidence.observations import LIFTED_HEIGHT, LifterEvidence, Observations
-from fitting_core.fit.evidence.stances import Stances
+from fitting_core.fit.evidence.observations import LIFTED_HEIGHT, LifterEvidence, Observations, Stances
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.terms.positions import evidence_weight
 from fitting_core.fit.terms.setting import Looked, Setting

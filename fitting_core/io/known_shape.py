@@ -12,7 +12,7 @@ from fitting_core.errors import InputError
 from fitting_core.files.npz import read_npz
 from fitting_core.files.regular import StrPath, regular_file
 from fitting_core.io.result_files import FIT_NAME
-from fitting_core.results.known_shape import KnownShape
+from fitting_core.results.given_start import KnownShape
 
 _MOST = 64 * 2**20
 """Bytes of a JSON file with ten numbers and other content."""

@@ -1,4 +1,4 @@
-"""What another system found, as the start of a fit, and what is remembered of it with the fit."""
+"""Values given to a fit: another system's result as its start, and a known shape."""
 
 from dataclasses import dataclass, replace
 
@@ -80,3 +80,17 @@ class GivenStart:
         """
         known = self.there[:, None] & np.isfinite(self.points).all(-1)
         return np.where(known, np.sqrt(deviation**2 + self.off**2 / 2), np.inf)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class KnownShape:
+    """What phase 2 takes instead of looking for a shape."""
+
+    betas: Float[np.ndarray, "10"]
+    """Of the body that is fitted: on another one they mean another shape."""
+    source: str = ""
+    """Where they come from, for the user."""
+
+    def sentence(self) -> str:
+        """For the user."""
+        return f"shape as given from {self.source}" if self.source else "shape as given"

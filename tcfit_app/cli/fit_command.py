@@ -22,8 +22,7 @@ from fitting_core.io.people_file import PEOPLE_NAME, holds_people, read_people_f
 from fitting_core.io.result_files import FIT_NAME, OVERLAY_NAME, SUMMARY_NAME, is_result, write_result
 from fitting_core.keypoints import ERROR_GROUPS
 from fitting_core.results.fit_result import FitResult
-from fitting_core.results.given_start import GivenStart
-from fitting_core.results.known_shape import KnownShape
+from fitting_core.results.given_start import GivenStart, KnownShape
 from tcfit_app.cli.json_lines import Note, Step, StepDone, emit, emit_figures, emit_wrote, told
 from tcfit_app.cli.progress import DetectionShown, ProgressShown
 from tcfit_app.exports.motions import write_together

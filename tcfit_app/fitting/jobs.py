@@ -20,8 +20,7 @@ from fitting_core.fit.fitting import KnownFrames, fit_events, shape_events
 from fitting_core.fit.refitting import refit_events
 from fitting_core.keypoints import BODY, COUNT, Keypoints
 from fitting_core.results.fit_result import FitResult
-from fitting_core.results.given_start import GivenStart
-from fitting_core.results.known_shape import KnownShape
+from fitting_core.results.given_start import GivenStart, KnownShape
 from tcfit_app.project.frame_words import in_words
 
 

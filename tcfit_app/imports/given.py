@@ -11,8 +11,7 @@ from fitting_core.clip import Clip
 from fitting_core.errors import InputError
 from fitting_core.io.known_shape import read_known_shape
 from fitting_core.results.fit_result import FitResult
-from fitting_core.results.given_start import GivenStart
-from fitting_core.results.known_shape import KnownShape
+from fitting_core.results.given_start import GivenStart, KnownShape
 from fitting_core.starts.reading import read_start, start_from_fit
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.imports.results import vposer_decoder

@@ -156,8 +156,7 @@ def write_prior_network(
 
 def read_prior_network(path: Path) -> PriorNetwork:
     """Read a file of `write_prior_network`. Raises InputError if it is missing, damaged, of another version, or its
-    layers
-    do not fit together."""
+    layers do not fit together."""
     arrays = _arrays(path)
     try:
         about = msgspec.json.decode(str(arrays.pop("about")), type=PriorAbout)

@@ -21,8 +21,8 @@ from fitting_core.config.schema import PRESETS, FitConfig, ShapeSample, SolverSe
 from fitting_core.errors import InputError
 from fitting_core.fit import fitting
 from fitting_core.fit.events import Finished, FitEvent, FramesFitted, Iteration, PhaseFinished, PhaseStarted
+from fitting_core.fit.evidence.observations import Stances
 from fitting_core.fit.evidence.sides import PAIRED
-from fitting_core.fit.evidence.stances import Stances
 from fitting_core.fit.fitting import _on_one_thread, fit_clip, fit_events, rerun_events
 from fitting_core.fit.grounded import holding_feet
 from fitting_core.fit.phase_figures import evaluated, patched

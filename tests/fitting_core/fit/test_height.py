@@ -13,7 +13,7 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig, Weights
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.plausibility import other_height, small_adult
-from fitting_core.results.known_shape import KnownShape
+from fitting_core.results.given_start import KnownShape
 from fitting_core.shipped import FREE_FOLDER
 from tests.samples.scenes import CAMERA, keypoints_of, random_params
 

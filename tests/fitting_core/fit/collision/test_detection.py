@@ -15,8 +15,12 @@ from fitting_core.body.bounding_tree import build_tree
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, JOINTS
 from fitting_core.body.params import BodyParams
-from fitting_core.fit.collision.broad_phase import LEAF_SIZE, overlapping_triangles
-from fitting_core.fit.collision.detection import body_collision_finder, collision_finder
+from fitting_core.fit.collision.detection import (
+    LEAF_SIZE,
+    body_collision_finder,
+    collision_finder,
+    overlapping_triangles,
+)
 from fitting_core.fit.collision.intersection import orientation, triangles_intersect
 from fitting_core.fit.collision.parts import body_parts, neighbouring_parts
 

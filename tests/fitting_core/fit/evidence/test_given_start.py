@@ -27,8 +27,7 @@ from fitting_core.fit.stages import Stages
 from fitting_core.fit.subject_shape import subject_shape
 from fitting_core.keypoints import Keypoints
 from fitting_core.metrics import point_error
-from fitting_core.results.given_start import GivenStart, StartRecord
-from fitting_core.results.known_shape import KnownShape
+from fitting_core.results.given_start import GivenStart, KnownShape, StartRecord
 from fitting_core.results.provenance import Start
 from tests.samples.scenes import CAMERA, arms_in_motion, clip_of, hidden, keypoints_of
 from tests.samples.told_twist import with_told_twist

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fitting_core.camera import Camera, path_of
-from fitting_core.fit.evidence.stances import stances
+from fitting_core.fit.evidence.observations import stances
 from fitting_core.ground.contacts import FOOT_POINTS, Contacts
 
 UP = np.array([0.0, -1.0, 0.0])

@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-from fitting_core.fit.solvers.curvature import CurvatureHistory
-from fitting_core.fit.solvers.lbfgs import CostFunction, Limits, Reason, Result, lbfgs_steps
+from fitting_core.fit.solvers.lbfgs import CostFunction, CurvatureHistory, Limits, Reason, Result, lbfgs_steps
 from fitting_core.fit.solvers.line_search import CURVATURE, SUFFICIENT_DECREASE, LineSearches
 from tests.samples.scenes import finished
 
