@@ -12,7 +12,7 @@ from build_assets.lifter.figure import Figure
 from build_assets.lifter.filming import Film, Studio
 from build_assets.lifter.motions import Corpus, Windows
 from build_assets.lifter.training import Schedule, Training, losses, score
-from build_assets.motion_capture.overlap import unlike
+from build_assets.motion_capture.collections import unlike
 from build_assets.motion_capture.retarget import MotionClip
 from fitting_core import keypoints as kp
 from fitting_core.body.model import JOINT, BodyModel

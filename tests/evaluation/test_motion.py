@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evaluation import motion, motion_runs
+from evaluation import motion
 from evaluation.__main__ import main
 from evaluation.synthetic.motion_suite import clips
 from evaluation.synthetic.motion_suite.clips import MotionClipMade, make_motion, motion_sequences
@@ -44,8 +44,8 @@ def fitted(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Clip, FitConfig]]:
         observed = np.ones((len(true), 55), bool)
         return FitResult(phases=phases, camera=clip.camera, config=config, observed=observed)
 
-    monkeypatch.setattr(motion_runs, "make_motion", make)
-    monkeypatch.setattr(motion_runs, "fit_clip", fit)
+    monkeypatch.setattr(motion, "make_motion", make)
+    monkeypatch.setattr(motion, "fit_clip", fit)
     return found
 
 
