@@ -176,7 +176,9 @@ class _Frames:
         given = self.stages.given[self.frames]
         return self.frames[given], self.frames[~given]
 
-    def from_the_camera(self, depth: Tensor, known: FrameFits | None) -> Generator[PhaseStep, None, tuple[FrameFits, State]]:
+    def from_the_camera(
+        self, depth: Tensor, known: FrameFits | None
+    ) -> Generator[PhaseStep, None, tuple[FrameFits, State]]:
         """The camera step and the five stages, in blocks of frames so that results can be shown early; frames that are
         known are skipped.
 
