@@ -184,7 +184,7 @@ def timeline(review: Reviewing) -> Iterator[str]:
     show(review, plots=("reprojection", "jitter_difference", "hand_phases"))
     yield "rows"
     session, author = review.session, review.page.tab.author
-    review.app.post(lambda: session.mark(range(40, 52), "flag", author=author))
+    review.app.post(lambda: session.project.marks.set(range(40, 52), "flag", author=author))
     review.app.post(lambda: session.write_note(range(20, 34), "The left hand is hidden here", author=author))
     show(review, frames=range(60, 81), frame=70)
     yield "marked"

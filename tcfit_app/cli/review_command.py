@@ -207,7 +207,6 @@ def _review(
     load_app()
     from tcfit_app.fitting.bodies import Bodies
     from tcfit_app.review.app import ReviewApp
-    from tcfit_app.review.session.group import Group
     from tcfit_app.review.session.session import Session
 
     prepare_fits()
@@ -215,7 +214,7 @@ def _review(
     bodies = Bodies(models, body)
     sessions = [Session(one, bodies) for one in ([project] if people is None else [one for _, one in people.projects])]
     session = next(one for one in sessions if one.project is project)
-    app = ReviewApp(session, server.viser, files=options.files, group=people and Group(people, sessions))
+    app = ReviewApp(session, server.viser, files=options.files, people=people, sessions=sessions)
     try:
         for one in sessions:
             if fit is not None and (why_not := _begun(one, fit, find)):

@@ -9,7 +9,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -28,28 +27,7 @@ PATH = "/clip/"
 """Before the key of a clip in the address of its review."""
 GRACE = 20.0
 """Seconds after which a review without a viewer is closed. A page that is reloaded is back by then."""
-_END = 30.0
-"""Seconds that the end of an app may take."""
 _log = logging.getLogger(__name__)
-
-
-@dataclass(kw_only=True, eq=False)
-class Review:
-    """One that is open."""
-
-    project: "Project"
-    app: "ReviewApp"
-    thread: threading.Thread
-    tabs: dict[int, str] = field(default_factory=dict)
-    """By viser's number, under what names their users are known."""
-    left: float = field(default_factory=time.monotonic)
-    """When the last tab was closed."""
-
-    @property
-    def busy(self) -> bool:
-        """Whether it has a viewer, or work goes on in it."""
-        session = self.app.session
-        return bool(self.tabs or session.jobs or session.tasks.busy or session.edit_follower.busy)
 
 
 class Reviews:
@@ -72,7 +50,7 @@ class Reviews:
     ) -> None:
         self._folder_of, self._changed, self._files, self._models = folder_of, changed, files, models
         self._server: viser.ViserServer | None = None
-        self._open: dict[str, Review] = {}
+        self._open: dict[str, ReviewApp] = {}
         self._guard = threading.RLock()
         self._bodies: Bodies | None = None
 
@@ -82,7 +60,7 @@ class Reviews:
         server.on_client_connect(self._connected)
         server.on_client_disconnect(self._disconnected)
 
-    def open(self, key: str) -> Review:
+    def open(self, key: str) -> "ReviewApp":
         """The review of a clip, opened if it is not yet. Takes a moment, and the first one torch's two seconds. Raises
         InputError if there is no such project, or it cannot be opened."""
         with self._guard:
@@ -95,7 +73,7 @@ class Reviews:
             review.left = time.monotonic()
             return review
 
-    def _opened(self, folder: Path) -> Review:
+    def _opened(self, folder: Path) -> "ReviewApp":
         from tcfit_app.fitting.bodies import Bodies
         from tcfit_app.review.app import ReviewApp
         from tcfit_app.review.opening import open_project
@@ -109,15 +87,14 @@ class Reviews:
         except BaseException:
             project.close()
             raise
-        thread = threading.Thread(target=app.run, name=f"tcfit reviews {folder.name}")
-        thread.start()
-        return Review(project=project, app=app, thread=thread)
+        app.start()
+        return app
 
-    def _entered(self, key: str, client: int, name: str) -> Review:
+    def _entered(self, key: str, client: int, name: str) -> "ReviewApp":
         """As `open`, for a tab: nothing can close the review before it counts the tab."""
         with self._guard:
             review = self.open(key)
-            review.tabs[client] = name
+            review.viewers[client] = name
             return review
 
     @contextmanager
@@ -130,7 +107,7 @@ class Reviews:
     def viewers(self, key: str) -> str:
         """Who has a review open, for the user; empty if no one."""
         review = self._open.get(key)
-        return "" if review is None else ", ".join(dict.fromkeys(review.tabs.values()))
+        return "" if review is None else ", ".join(dict.fromkeys(review.viewers.values()))
 
     def release(self, key: str, *, grace: float = 0.0) -> bool:
         """Close a review that is not busy, and has not been for `grace` seconds. Returns whether it is closed."""
@@ -154,9 +131,7 @@ class Reviews:
     def _close(self, key: str) -> None:
         review = self._open.pop(key)
         try:
-            review.app.stop()
-            review.thread.join(_END)
-            review.app.close()
+            review.close()
         finally:
             review.project.close()
         self._changed(key)
@@ -176,21 +151,21 @@ class Reviews:
             return
         if client.client_id not in self._server.get_clients():
             review.left = time.monotonic()
-            review.tabs.pop(client.client_id, None)
+            review.viewers.pop(client.client_id, None)
             return
         set_title(client, f"tcfit: {review.project.footage.name}")
-        await review.app.connected(client)
+        await review.connected(client)
         await asyncio.to_thread(self._tell, key, review)
 
     async def _disconnected(self, client: viser.ClientHandle) -> None:
         for key, review in list(self._open.items()):
-            if client.client_id in review.tabs:
+            if client.client_id in review.viewers:
                 review.left = time.monotonic()
-                review.tabs.pop(client.client_id, None)
-                await review.app.disconnected(client)
+                review.viewers.pop(client.client_id, None)
+                await review.disconnected(client)
                 await asyncio.to_thread(self._tell, key, review)
 
-    def _tell(self, key: str, review: Review) -> None:
+    def _tell(self, key: str, review: "ReviewApp") -> None:
         """Report the viewers to other processes and lists."""
         with suppress(OSError):
             review.project.tell_who_works(self.viewers(key))

@@ -4,7 +4,7 @@ import logging
 import queue
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -13,16 +13,17 @@ from pathlib import Path
 import viser
 
 from fitting_core.errors import InputError
+from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.fitting.reports import Notice
+from tcfit_app.project.people import OpenPeople
+from tcfit_app.project.project import Project
+from tcfit_app.project.storage.clip_review import Worst
 from tcfit_app.review.browser.page_events import Hello, PageEvent
-from tcfit_app.review.faults import Faults
-from tcfit_app.review.keeping import Keeping
-from tcfit_app.review.page import REST, Page
-from tcfit_app.review.session.group import Group
+from tcfit_app.review.page import REST, Faults, Page
 from tcfit_app.review.session.session import Session
 from tcfit_app.review.shared.drawing_data import DrawingData
 from tcfit_app.review.shared.shared_video import Videos
-from tcfit_app.review.tab.people import Someone, alone, together
+from tcfit_app.review.tab.people import Group, Someone
 from tcfit_app.review.tab.tab import REMEMBERED, Tab
 from tcfit_app.server.gated_viser import visitor
 from tcfit_app.server.page_files import PageFiles
@@ -35,17 +36,24 @@ LATELY = 5.0
 """Seconds."""
 MOST_COMMANDS = 5000
 """Commands that may wait for the drawing thread; further ones from pages are dropped."""
+_END = 30.0
+"""Seconds that the end of the drawing thread may take."""
+EVERY = 20.0
+"""Seconds between two times that the worst places are looked for."""
+_PATIENCE = 5.0
+"""Seconds for which the end waits for the worst place of a run of which none is kept."""
 _log = logging.getLogger(__name__)
 
 
 class ReviewApp:
-    """Draws one person's project, or those of a clip's people, in every connected tab.
+    """An open clip: draws one person's project, or those of the clip's people, in every connected tab.
 
     Args:
         session: the open project; with several people that of the one shown first.
         server: behind its gate.
         files: the only folder whose files pages may name; None: see `PageFiles`.
-        group: all people, if there are several.
+        people: all people of the clip, if there are several.
+        sessions: theirs, in the same order.
         listen: to all of the server's tabs; otherwise the server of several apps calls `connected` and `disconnected`.
     """
 
@@ -55,7 +63,8 @@ class ReviewApp:
         server: viser.ViserServer,
         *,
         files: Path | None = None,
-        group: Group | None = None,
+        people: OpenPeople | None = None,
+        sessions: Sequence[Session] = (),
         listen: bool = True,
     ) -> None:
         self.session, self._server, self._files = session, server, files
@@ -63,13 +72,18 @@ class ReviewApp:
         self._obeyed = 0.0
         """When something was last requested."""
         self._stop = threading.Event()
-        self.people = self._people(group)
+        self.people = self._people(people, sessions)
         self._first = next(someone for someone in self.people if someone.session is session)
         self.data = self._first.data
         self.pages: dict[int, Page] = {}
         """By client: the page of the person it shows."""
         self._pages: dict[int, dict[int, Page]] = {}
         """By client: the pages of everyone it has shown, by their numbers."""
+        self.viewers: dict[int, str] = {}
+        """By client: the names of the users who have it open, as far as the server of several apps has told."""
+        self.left = time.monotonic()
+        """When the last of them left."""
+        self._thread: threading.Thread | None = None
         self._shown: dict[str, int] = {}
         """The person each tab showed last, by the tab's own name."""
         self._faults = Faults(lambda notice: self._tell(self._first, notice))
@@ -81,12 +95,11 @@ class ReviewApp:
             server.on_client_connect(self.connected)
             server.on_client_disconnect(self.disconnected)
 
-    def _people(self, group: Group | None) -> tuple[Someone, ...]:
-        if group is None:
-            return (alone(DrawingData(self.session, self._wake)),)
-        sessions = [member.session for member in group.members]
+    def _people(self, people: OpenPeople | None, sessions: Sequence[Session]) -> tuple[Someone, ...]:
+        if people is None:
+            return (Someone(data=DrawingData(self.session, self._wake)),)
         videos = Videos([session.project.footage for session in sessions], self._wake)
-        return together(group, [DrawingData(session, self._wake, videos) for session in sessions])
+        return Group(people, [DrawingData(session, self._wake, videos) for session in sessions]).members
 
     async def connected(self, client: viser.ClientHandle) -> None:
         """A tab has come."""
@@ -103,7 +116,7 @@ class ReviewApp:
     def _wake(self) -> None:
         self.post(lambda: None)
 
-    def _take(self, client: int, command: Callable[[], None]) -> None:
+    def _take(self, command: Callable[[], None]) -> None:
         """Take a tab's command, unless too many are waiting: a foreign page may send more than can be done."""
         if self._commands.qsize() < MOST_COMMANDS:
             self.post(command)
@@ -118,7 +131,7 @@ class ReviewApp:
             if isinstance(event, Hello):
                 self._go_back(client)
 
-        self._take(client, take)
+        self._take(take)
 
     def _open(self, client: viser.ClientHandle) -> None:
         number = client.client_id
@@ -126,7 +139,7 @@ class ReviewApp:
         tab = Tab(
             client,
             self._first,
-            do=partial(self._take, number),
+            do=self._take,
             receive=partial(self._receive, number),
             files=PageFiles(here=whose.here, root=self._files),
             visitor=whose,
@@ -171,6 +184,22 @@ class ReviewApp:
             other = page.tab.someone is not about
             page.tab.notify(replace(notice, title=f"{about.name}: {notice.title}") if other else notice)
 
+    @property
+    def project(self) -> Project:
+        """Of the person shown first."""
+        return self.session.project
+
+    @property
+    def busy(self) -> bool:
+        """Whether it has a viewer, or work goes on in it."""
+        sessions = [someone.session for someone in self.people]
+        return bool(self.viewers) or any(one.jobs or one.tasks.busy or one.edit_follower.busy for one in sessions)
+
+    def start(self) -> None:
+        """Call `run` on a thread of its own, which `close` ends."""
+        self._thread = threading.Thread(target=self.run, name=f"tcfit reviews {self.project.folder.name}")
+        self._thread.start()
+
     def run(self) -> None:
         """Draw until `stop` is called."""
         self.data.warm_up()  # while the browser loads the page
@@ -196,6 +225,9 @@ class ReviewApp:
 
     def close(self) -> None:
         """End all work. Finished work is on disk."""
+        if self._thread is not None:
+            self.stop()
+            self._thread.join(_END)
         with suppress(InputError):  # write errors are reported to the tabs
             self._keeping.keep((one.data for one in self.people), last=True)
         for client in list(self._pages):
@@ -231,3 +263,45 @@ class ReviewApp:
             command()
         except Exception:
             _log.exception("The review app could not do what was asked")
+
+
+class Keeping:
+    """Keeps the worst place of each person's last fit in the project, where the list of clips reads it."""
+
+    def __init__(self) -> None:
+        self._worst: dict[Project, Worst] = {}
+        self._next = time.monotonic() + EVERY
+
+    def keep(self, people: Iterable[DrawingData], *, last: bool = False) -> None:
+        """Write it down if it is time to, or for the last time. Raises InputError if a project cannot be written."""
+        if time.monotonic() < self._next and not last:
+            return
+        self._next = time.monotonic() + EVERY
+        for data in people:
+            self._keep_worst(data, _PATIENCE if last else 0.0)
+
+    def _keep_worst(self, data: DrawingData, patience: float) -> None:
+        session, project = data.session, data.session.project
+        run = session.fits.meant(FitChoice())
+        if project.read_only or run is None or run.state != "finished" or run.kind == "imported":
+            return
+        kept = project.review.now.worst
+        if kept is not None and kept.run == run.id and kept.off:
+            patience = 0.0
+        end = time.monotonic() + patience
+        try:
+            while (worst := _worst(data)) is None and time.monotonic() < end:
+                time.sleep(0.05)
+        except InputError:  # which the panels tell
+            return
+        if worst is not None and self._worst.get(project) != worst:
+            project.review.set_worst(worst)
+            self._worst[project] = worst
+
+
+def _worst(data: DrawingData) -> Worst | None:
+    """That of the newest run; None while it is computed. Raises InputError if its fit or its body cannot be read."""
+    shown = data.session.stored.show(FitChoice())
+    if shown is not None and (problem := data.problem("suspects", shown)):
+        raise InputError(problem)
+    return None if shown is None or data.session.edit_follower.lags else data.worst(shown)

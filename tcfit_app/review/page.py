@@ -3,10 +3,13 @@
 In a clip with several people, a tab has a page for each person it has shown, one of which is drawn.
 """
 
+import asyncio
+import logging
 import time
 from collections.abc import Callable, Hashable
 from dataclasses import replace
 from functools import cached_property
+from traceback import walk_tb
 from typing import Any
 
 import msgspec
@@ -22,7 +25,6 @@ from tcfit_app.review.drawing.picture import Picture
 from tcfit_app.review.drawing.rows import MOST_ROWS, PLOTS
 from tcfit_app.review.drawing.status import Status
 from tcfit_app.review.drawing.timeline import Timeline
-from tcfit_app.review.faults import Faults
 from tcfit_app.review.gestures.actions import ACTIONS, Gestures, bindings, key_text
 from tcfit_app.review.gestures.edit_words import part_name
 from tcfit_app.review.gestures.keyframing import HANDS_OF
@@ -33,6 +35,8 @@ from tcfit_app.review.tab.tab import Tab
 from tcfit_app.server.serving import set_theme
 from tcfit_app.server.uploads import too_large
 
+AGAIN = 1.0
+"""Seconds until something that failed is retried: the loop would do so at each turn."""
 REST = 0.25
 """Seconds after which everything is drawn again if something may have changed unnoticed: tasks report progress, and
 messages expire."""
@@ -41,10 +45,66 @@ _BEAT = 5.0
 _PAUSE = 10.0
 """Menus and panels pause for this many times as long as drawing them took: they are rebuilt whole each time, and must
 not take time from bodies that play or follow a drag."""
+_log = logging.getLogger(__name__)
 SKELETON = Skeleton(
     names=tuple(full_name(joint) for joint in range(COUNT)),
     hands=tuple((wrist, hand.start, hand.stop) for wrist, hand in HANDS_OF.items()),
 )
+
+
+class Faults:
+    """Runs steps repeatedly, in spite of any errors.
+
+    Args:
+        tell: reports an error to users, once until it changes or is gone.
+    """
+
+    def __init__(self, tell: Callable[[Notice], None]) -> None:
+        self._tell = tell
+        self._known: dict[str, tuple[str, float]] = {}
+        """What failed, by what was done, and when it is retried."""
+
+    def attempt(self, what: str, do: Callable[[], object], now: float) -> None:
+        """Do something, unless it has just failed.
+
+        viser's queue may fail when two threads wake its sender at once, because it sets an asyncio event outside of the
+        event's loop. Only that is tried a second time at once: another step may have been half done, and saving again
+        would hide the first error.
+
+        Args:
+            what: in words, after "could not".
+            do: does it.
+            now: seconds of a clock.
+        """
+        known, again = self._known.get(what, ("", now))
+        if now < again:
+            return
+        try:
+            try:
+                do()
+            except RuntimeError as error:
+                if not _is_of_an_event(error):
+                    raise
+                do()
+        except Exception as error:
+            text = f"{type(error).__name__}: {error}"
+            self._known[what] = (text, now + AGAIN)
+            if known != text:
+                _log.exception("The review app could not %s", what)
+                self._tell(_notice(what, text))
+        else:
+            self._known.pop(what, None)
+
+
+def _is_of_an_event(error: RuntimeError) -> bool:
+    """Whether an asyncio event raised it: its waiters changed in another thread while it woke them."""
+    *_, (frame, _) = walk_tb(error.__traceback__)
+    return frame.f_code is asyncio.Event.set.__code__
+
+
+def _notice(what: str, text: str) -> Notice:
+    message = f"Could not {what}: {text}. Nothing is lost, and tcfit keeps trying; its terminal has the details."
+    return Notice(title="Something went wrong in tcfit", text=message, kind="error")
 
 
 class Page:

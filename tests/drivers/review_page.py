@@ -18,7 +18,6 @@ from tcfit_app.project.project import Project
 from tcfit_app.review.app import ReviewApp
 from tcfit_app.review.browser.channel import web_files
 from tcfit_app.review.page import Page
-from tcfit_app.review.session.group import Group
 from tcfit_app.review.session.session import Session
 from tcfit_app.server.serving import ReviewServer, review_server
 
@@ -146,7 +145,7 @@ def reviewed_people(people: OpenPeople, server: ReviewServer, *, first: int = 0)
     """The app of a clip's people."""
     bodies = Bodies()
     sessions = [Session(project, bodies) for _, project in people.projects]
-    return ReviewApp(sessions[first], server.viser, group=Group(people, sessions))
+    return ReviewApp(sessions[first], server.viser, people=people, sessions=sessions)
 
 
 def opened(app: ReviewApp, server: ReviewServer, browser: "Browser", *, script: str = "") -> Reviewing:

@@ -130,10 +130,10 @@ def runs_list(act: Act) -> None:
         return
     run = everything[int(act.rng.integers(len(everything)))]
     commands: list[Callable[[], object]] = [
-        lambda: session.rename(run.id, f"run {act.rng.integers(100)}"),
-        lambda: session.restore(run.id) if run.deleted else session.delete(run.id),
+        lambda: session.project.runs.rename(run.id, f"run {act.rng.integers(100)}"),
+        lambda: session.project.runs.undelete(run.id) if run.deleted else session.delete(run.id),
         lambda: session.cancel(run.id),
-        lambda: session.purge(),
+        lambda: session.project.runs.purge(),
     ]
     act.do(commands[int(act.rng.choice(4, p=[0.3, 0.4, 0.25, 0.05]))])
 

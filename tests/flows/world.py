@@ -31,7 +31,7 @@ from tcfit_app.fitting import edit_follower, worker
 from tcfit_app.project.edits.edit_log import LogEntry, encode
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_record import Run
-from tcfit_app.review import keeping
+from tcfit_app.review import app as app_module
 from tcfit_app.review.app import ReviewApp
 from tcfit_app.review.browser import page_events
 from tcfit_app.review.page import Page
@@ -335,7 +335,7 @@ def world() -> Iterator[World]:
         patch.setattr(edit_follower, "SETTLING", 0.0)
         patch.setattr(worker, "LINGER", 0.05)
         patch.setattr(session_module, "RETRY", 0.0)
-        patch.setattr(keeping, "EVERY", 0.0)
+        patch.setattr(app_module, "EVERY", 0.0)
         built = World(folder / "lab", made, errors)
         try:
             yield built

@@ -11,8 +11,7 @@ from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.project.edits.kinds import TakeOver
 from tcfit_app.project.edits.packed_points import packed
 from tcfit_app.review.gestures.correcting import Correcting
-from tcfit_app.review.session.group import Doubt
-from tcfit_app.review.tab.people import Someone
+from tcfit_app.review.tab.people import Doubt, Someone
 from tcfit_app.review.tab.tab import Tab
 
 _ALL = tuple(range(COUNT))
@@ -36,9 +35,8 @@ class Exchanging:
         someone = self._tab.someone
         if (group := someone.group) is None:
             return []
-        span = group.members[someone.number].span
         return [
-            f"{_words(span(entry)).capitalize()} were taken over from {other.person.name}, but not in exchange. Undo "
+            f"{_words(someone.span(entry)).capitalize()} were taken over from {other.name}, but not in exchange. Undo "
             "that."
             for other, entry in group.half_exchanged(someone.number)
         ]

@@ -133,7 +133,7 @@ class Fitting:
     def _edited_windows(self, shown: Shown, reach: int) -> tuple[range, ...]:
         session = self._tab.session
         flagged = {frame for frame, mark in session.project.marks.all().items() if mark.state == "flag"}
-        return around(flagged | session.frames_edited_since(shown.run), reach, self._tab.length)
+        return around(flagged | session.project.frames_edited_since(shown.run.edits_seen), reach, self._tab.length)
 
     def _rerun(self, windows: tuple[range, ...]) -> None:
         before = self.base()

@@ -153,7 +153,7 @@ class Reviewing:
         """Flag the selected frames, or the one on show; unflag them if all are flagged."""
         tab, frames = self._tab, self._tab.frames_to_change
         flagged = self.are("flag", frames)
-        tab.session.mark(frames, None if flagged else "flag", author=tab.author)
+        tab.session.project.marks.set(frames, None if flagged else "flag", author=tab.author)
         where = in_words(frames, tab.first_frame)
         tab.say(f"Flag removed: {where}" if flagged else f"Flagged: {where}. Press T again to remove it")
 
@@ -179,7 +179,7 @@ class Reviewing:
     def _dismiss_frames(self) -> None:
         tab, frames = self._tab, self._tab.frames_to_change
         if self.are("checked", frames):
-            tab.session.mark(frames, None, author=tab.author)
+            tab.session.project.marks.set(frames, None, author=tab.author)
             tab.say(f"No longer marked as looking fine: {in_words(frames, tab.first_frame)}")
             return
         marks = tab.session.project.marks.all()
@@ -187,7 +187,7 @@ class Reviewing:
         flagged = len(frames) - len(fine)
         if not fine:
             raise InputError("All of these frames are flagged: remove the flags first (T).")
-        tab.session.mark(fine, "checked", author=tab.author)
+        tab.session.project.marks.set(fine, "checked", author=tab.author)
         but = f", except {flagged} flagged" if flagged else ""
         tab.say(f"Looks fine{but}: {in_words(fine, tab.first_frame)}. Press O again to undo")
 
@@ -213,7 +213,7 @@ class Reviewing:
                 limbs.setdefault(frame, set()).update(suspect.about)
         frames = sorted(limbs)
         tab = self._tab
-        tab.session.mark(frames, state, limbs=[tuple(sorted(limbs[f])) for f in frames], author=tab.author)
+        tab.session.project.marks.set(frames, state, limbs=[tuple(sorted(limbs[f])) for f in frames], author=tab.author)
 
 
 def kinds_of(suspects: Sequence[Suspect]) -> Counter[str]:

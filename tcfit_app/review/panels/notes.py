@@ -67,7 +67,7 @@ class Notes:
     def _keep_elan(self, found: tuple[WriteNotes | None, ElanNotes]) -> None:
         notes, counts = found
         if notes is not None:
-            self._tab.session.keep_notes(notes, author=self._tab.author)
+            self._tab.session.project.append(notes, author=self._tab.author)
         self._tab.say(f"Imported: {counts.in_words()}")
 
     def _write(self) -> None:

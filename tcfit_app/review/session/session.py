@@ -5,7 +5,6 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -109,18 +108,6 @@ class Session:
             self.edit_follower.went_back(entry.id, shown)
         return entry
 
-    def mark(
-        self,
-        frames: Iterable[int],
-        state: Literal["checked", "flag"] | None,
-        *,
-        author: str,
-        limbs: Iterable[tuple[str, ...]] = (),
-    ) -> None:
-        """Mark frames, or for each the limbs given, as fine or as needing attention, or remove the mark. Raises
-        InputError if that cannot be stored."""
-        self.project.marks.set(frames, state, limbs=limbs, author=author)
-
     def write_note(self, frames: Iterable[int], text: str, *, author: str, replaces: int | None = None) -> None:
         """Save a note on consecutive frames. Raises InputError if the note is invalid, or the project cannot be
         written.
@@ -135,14 +122,10 @@ class Session:
         self.project.append(note, author=author)
 
     def read_elan(self, name: str, content: bytes, tiers: tuple[str, ...]) -> tuple[WriteNotes | None, ElanNotes]:
-        """The notes in an uploaded .eaf file, for `keep_notes`. Slow: for `tasks`. Raises InputError as `import_notes`
+        """The notes in an uploaded .eaf file. Slow: for `tasks`. Raises InputError as `import_notes`
         does; nothing is stored then."""
         with kept_as("upload.eaf", content, name_of_file(name)) as path:
             return notes_of(path, self.project, tiers)
-
-    def keep_notes(self, notes: WriteNotes, *, author: str) -> None:
-        """Save several notes at once. Raises InputError as `write_note`."""
-        self.project.append(notes, author=author)
 
     # --- fits ---
 
@@ -355,23 +338,10 @@ class Session:
             if run in (None, job.run):
                 self.worker.cancel(job.number)
 
-    def rename(self, run: int, name: str) -> None:
-        """Rename a run. Raises InputError if the name is invalid."""
-        self.project.runs.rename(run, name)
-
     def delete(self, run: int) -> None:
         """Remove a run from the list; it can be restored. Raises InputError while it is running."""
         self.project.runs.delete(run)
         self.fits.forget(run)
-
-    def restore(self, run: int) -> None:
-        """Restore a deleted run. Raises InputError if it was removed permanently."""
-        self.project.runs.undelete(run)
-
-    def purge(self) -> int:
-        """Remove deleted runs permanently; returns how many. Raises InputError if the project cannot be written."""
-        gone = self.project.runs.purge()
-        return len(gone)
 
     def edits_since(self, run: Run) -> int:
         """How many edits were made or undone since a run."""
@@ -386,10 +356,6 @@ class Session:
         if not self.edits_since(base):
             return base
         return run if run.kind == "corrections" else self.edit_follower.of(base.id)
-
-    def frames_edited_since(self, run: Run) -> frozenset[int]:
-        """The frames of those edits."""
-        return self.project.frames_edited_since(run.edits_seen)
 
     # --- live correction ---
 

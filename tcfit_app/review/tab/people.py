@@ -1,16 +1,20 @@
 """The people under review: one, or all those of a clip, each with a project of their own."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+
+import msgspec
 
 from fitting_core.errors import InputError
-from fitting_core.io.people_file import Span
+from fitting_core.io.people_file import Span, read_people_file, write_people_file
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.project.edits.edit_log import LogEntry
 from tcfit_app.project.edits.kinds import TakeOver
+from tcfit_app.project.people import OpenPeople
 from tcfit_app.project.project import Project
-from tcfit_app.review.session.group import Group
-from tcfit_app.review.session.session import Session
+from tcfit_app.review.session.session import RETRY, Session
 from tcfit_app.review.shared.drawing_data import DrawingData
 from tcfit_app.review.tab.state import TabState
 
@@ -22,12 +26,12 @@ class Someone:
     data: DrawingData
     name: str = ""
     """Empty if there is only one."""
-    others: tuple["Someone", ...] = ()
-    """The clip's other people, in order."""
     number: int = 0
-    """The position in that order."""
-    group: Group | None = None
-    """The folder of all people, if there are several."""
+    """The position among `everybody`."""
+    listed: int | None = None
+    """The number from 1 in people.json, used in links and for --person; None if there is only one."""
+    group: "Group | None" = None
+    """All people of the clip, if there are several."""
     remembered: dict[str, TabState] = field(default_factory=dict)
     """States of tabs that were closed or reloaded, or that now show someone else, by the tab's own name."""
 
@@ -39,12 +43,22 @@ class Someone:
     @property
     def everybody(self) -> tuple["Someone", ...]:
         """This person and the others, in order."""
-        return (*self.others[: self.number], self, *self.others[self.number :])
+        return (self,) if self.group is None else self.group.members
 
     @property
-    def listed(self) -> int | None:
-        """The number from 1 in people.json, used in links; None if there is only one."""
-        return None if self.group is None else self.group.members[self.number].number
+    def others(self) -> tuple["Someone", ...]:
+        """The clip's other people, in order."""
+        return tuple(one for one in self.everybody if one is not self)
+
+    @property
+    def exchanges(self) -> dict[str, LogEntry]:
+        """What this person has taken over from others, by the key shared by both edits."""
+        return {_taken(entry).exchange: entry for entry in self.session.project.exchanges}
+
+    def span(self, entry: LogEntry) -> Span:
+        """The video frame numbers of an exchange."""
+        first, frames = self.session.project.footage.first_frame, _taken(entry).frames
+        return first + frames[0], first + frames[-1]
 
     def numbered(self, listed: int) -> "Someone":
         """The person a link refers to. Raises InputError if there is no such person here.
@@ -133,17 +147,124 @@ def _is(taken: TakeOver, entry: LogEntry | None) -> bool:
     return entry is not None and isinstance(entry.action, TakeOver) and entry.action.exchange == taken.exchange
 
 
-def alone(data: DrawingData) -> Someone:
-    """The only person."""
-    return Someone(data=data)
+@dataclass(frozen=True, kw_only=True)
+class Doubt:
+    """Frames, as video frame numbers, in which a person may be someone else."""
+
+    span: Span
+    listed: Span
+    """As in people.json, which does not record exchanges."""
+    owner: int
+    """The member whose entry there contains it."""
 
 
-def together(group: Group, data: list[DrawingData]) -> tuple[Someone, ...]:
-    """The people of a group, in order, linked to each other."""
-    people = [
-        Someone(data=one, name=member.person.name, number=number, group=group)
-        for number, (member, one) in enumerate(zip(group.members, data, strict=True))
+class Group:
+    """Several people under review. For the drawing thread only.
+
+    Args:
+        people: Their open projects.
+        data: To draw them, in the same order.
+    """
+
+    def __init__(self, people: OpenPeople, data: Sequence[DrawingData]) -> None:
+        self.folder = people.folder
+        self.name = people.file.name
+        """The clip's."""
+        self._persons = [person for person, _ in people.projects]
+        """The members' entries in people.json."""
+        self.members = tuple(
+            Someone(
+                data=one,
+                name=person.name,
+                number=number,
+                listed=people.file.people.index(person) + 1,
+                group=self,
+            )
+            for number, (person, one) in enumerate(zip(self._persons, data, strict=True))
+        )
+        self._doubts: tuple[object, list[list[Doubt]]] = (), []
+        """What they were found from, and they."""
+        self._next_try: float | None = None
+        """When to retry undoing half an exchange, if one is pending."""
+        self.undo_halves()
+
+    def doubts(self, number: int) -> list[Doubt]:
+        """What is uncertain about a member, in order; for two who were exchanged, later doubts are exchanged too."""
+        versions = [member.session.project.keypoints_version for member in self.members]
+        state = self._persons.copy(), versions
+        if self._doubts[0] != state:
+            found = [
+                [Doubt(span=span, listed=span, owner=k) for span in person.uncertain]
+                for k, person in enumerate(self._persons)
+            ]
+            for one, other, span in self._exchanges():
+                mine, theirs = found[one], found[other]
+                found[one], found[other] = _after(mine, theirs, span), _after(theirs, mine, span)
+            self._doubts = state, found
+        return self._doubts[1][number]
+
+    def _exchanges(self) -> list[tuple[int, int, Span]]:
+        """Which members were exchanged, and in which frames; oldest first."""
+        found = []
+        for (i, one), (j, other) in combinations(enumerate(self.members), 2):
+            taken = one.exchanges
+            found += [(taken[name].time, i, j, one.span(taken[name])) for name in taken.keys() & other.exchanges]
+        return [(i, j, span) for _, i, j, span in sorted(found)]
+
+    def half_exchanged(self, number: int) -> list[tuple[Someone, LogEntry]]:
+        """From whom a member has taken frames over without an exchange in return, and by which edits."""
+        return [
+            (other, entry)
+            for name, entry in self.members[number].exchanges.items()
+            for other in self.members
+            if other.name == _taken(entry).source and name not in other.exchanges
+        ]
+
+    def undo_halves(self) -> None:
+        """Undo half exchanges, unless something was done after them. A full disk or a killed process leaves them: two
+        projects cannot be written at once. What cannot be written now is tried again by `take_up`."""
+        self._next_try = None
+        for number, member in enumerate(self.members):
+            project, halves = member.session.project, {entry.id for _, entry in self.half_exchanged(number)}
+            try:
+                while not project.read_only and (last := project.undoable) is not None and last.id in halves:
+                    member.session.undo(author=last.author)
+            except InputError:
+                self._next_try = time.monotonic() + RETRY
+
+    def take_up(self) -> None:
+        """Undo what could not be undone before, if possible now."""
+        if self._next_try is not None and time.monotonic() >= self._next_try:
+            self.undo_halves()
+
+    def settle(self, doubt: Doubt) -> None:
+        """Mark these frames as certain, removing them from people.json. Raises InputError if people.json can no longer
+        be read or written; nothing has changed then."""
+        file = read_people_file(self.folder)  # again: another process may have settled others
+        folder = self._persons[doubt.owner].folder
+        people = tuple(
+            msgspec.structs.replace(one, uncertain=tuple(span for span in one.uncertain if span != doubt.listed))
+            if one.folder == folder
+            else one
+            for one in file.people
+        )
+        write_people_file(self.folder, msgspec.structs.replace(file, people=people))
+        by_folder = {one.folder: one for one in people}
+        self._persons = [by_folder.get(person.folder, person) for person in self._persons]
+
+
+def _after(own: list[Doubt], others: list[Doubt], exchanged: Span) -> list[Doubt]:
+    """The doubts about one of two people after an exchange, which settles those it begins in."""
+    first, last = exchanged
+    stay = [doubt for doubt in own if doubt.span[1] + 1 < first or doubt.span[0] > last]
+    come = [
+        replace(doubt, span=(doubt.span[0], min(doubt.span[1], last)))
+        for doubt in others
+        if first < doubt.span[0] <= last
     ]
-    for someone in people:
-        someone.others = tuple(other for other in people if other is not someone)
-    return tuple(people)
+    return sorted([*stay, *come], key=lambda doubt: doubt.span)
+
+
+def _taken(entry: LogEntry) -> TakeOver:
+    assert isinstance(entry.action, TakeOver)
+    return entry.action

@@ -60,7 +60,7 @@ def test_frames_that_looked_fine_are_looked_at_again_after_another_fit(
 
     monkeypatch.setattr(drawing_data_module, "review_queue", queue)
     session, first = data.session, newest(data.session)
-    session.mark([2, 5], "checked", author="me")
+    session.project.marks.set([2, 5], "checked", author="me")
     until(session, lambda: data.suspects(first) is not None)
     session.rerun_frames(first, replace(QUICK, last_phase=3), (range(4, 7),))
     idle(session)

@@ -10,7 +10,7 @@ import viser
 
 from tcfit_app.fitting.reports import Notice
 from tcfit_app.review.browser.page_events import Hello
-from tcfit_app.review.faults import AGAIN, Faults
+from tcfit_app.review.page import AGAIN, Faults
 from tests.drivers.lone_page import LonePage, lone_page, sample_project
 
 

@@ -12,8 +12,8 @@ from fitting_core.errors import InputError
 from tcfit_app.project.glance import glance
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.clip_review import Worst
+from tcfit_app.review.app import Keeping
 from tcfit_app.review.gestures.actions import ACTIONS
-from tcfit_app.review.keeping import Keeping
 from tests.drivers.lone_page import lone_page
 from tests.samples.project_samples import sample_clip
 from tests.samples.sessions import OneBody

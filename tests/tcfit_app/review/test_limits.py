@@ -44,7 +44,7 @@ def test_what_pages_ask_for_waits_only_so_long(tmp_path: Path, monkeypatch: pyte
     with sample_project(tmp_path / "walk.tcfit") as project:
         app = ReviewApp(Session(project, Bodies()), MagicMock())
         for i in range(30):
-            app._take(0, lambda i=i: done.append(i))
+            app._take(lambda i=i: done.append(i))
         app.post(lambda: done.append(-1))
         app._obey(0.0)
         app.close()

@@ -34,9 +34,8 @@ from tcfit_app.review.browser.page_states import Hints
 from tcfit_app.review.drawing.rows import MOST_ROWS, PLOTS
 from tcfit_app.review.opening import open_project
 from tcfit_app.review.panels.review_panel import ReviewPanel
-from tcfit_app.review.session.group import Group
 from tcfit_app.review.session.session import Session
-from tcfit_app.review.tab.people import alone
+from tcfit_app.review.tab.people import Someone
 from tcfit_app.review.tab.state import TabState, seen_alike
 from tests.samples.people_projects import FRAMES, LATE, open_two, two_people
 
@@ -58,7 +57,7 @@ def reviewed(folder: Path, server: viser.ViserServer) -> Iterator[ReviewApp]:
     with open_two(folder) as people:
         bodies = Bodies()
         sessions = [Session(project, bodies) for _, project in people.projects]
-        app = ReviewApp(sessions[0], MagicMock(), group=Group(people, sessions))
+        app = ReviewApp(sessions[0], MagicMock(), people=people, sessions=sessions)
         client = MagicMock()
         client.gui, client.scene, client.client_id = server.gui, server.scene, 1
         client.camera.image_width, client.camera.image_height = 1000, 700
@@ -193,7 +192,7 @@ def test_a_link_means_the_same_person_where_another_cannot_be_opened(folder: Pat
         with pytest.raises(InputError, match="this clip has 2 "):
             page.tab.someone.numbered(1)
         with pytest.raises(InputError, match="one person's project"):
-            alone(page.tab.data).numbered(2)
+            Someone(data=page.tab.data).numbered(2)
 
 
 def test_news_of_somebody_else_say_whose_they_are(folder: Path, panel_server: viser.ViserServer):
@@ -384,7 +383,7 @@ def test_no_half_exchange_stays_whichever_write_fails_or_is_the_last_before_a_ki
     folder: Path, panel_server: viser.ViserServer, monkeypatch: pytest.MonkeyPatch, what: str, count: int
 ):
     """Two people are exchanged, undone or done again, whole or not at all."""
-    monkeypatch.setattr("tcfit_app.review.session.group.RETRY", 0.0)
+    monkeypatch.setattr("tcfit_app.review.tab.people.RETRY", 0.0)
     disk = Disk(monkeypatch)
     for number, error in itertools.product(range(3), (InputError("full"), KeyboardInterrupt())):
         with reviewed(folder, panel_server) as app:

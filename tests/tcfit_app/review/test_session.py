@@ -618,7 +618,7 @@ def test_edits_that_no_window_holds_stay_unseen(session: Session):
     idle(session)
     after = newest(session)
     assert after.run.kind == "corrections" and torch.equal(after.params.body_pose[0], before.params.body_pose[0])
-    assert session.frames_edited_since(after.run) == {0, 7}, "counted from the first that is not in"
+    assert session.project.frames_edited_since(after.run.edits_seen) == {0, 7}, "counted from the first that is not in"
     partly = session.rerun_frames(after, QUICK, (range(6, 8),))
     wholly = session.rerun_frames(after, QUICK, (range(0, 8),))
     assert (partly.edits_seen, wholly.edits_seen) == (0, 2)
@@ -739,14 +739,14 @@ def test_news_that_cannot_be_taken_up_leave_the_others(session: Session, monkeyp
 
 def test_runs_are_renamed_deleted_and_restored(session: Session):
     before = newest(session)
-    session.rename(before.run.id, "first")
+    session.project.runs.rename(before.run.id, "first")
     assert newest(session).run.name == "first"
     session.delete(before.run.id)
     assert session.fits.show(FitChoice()) is None and session.fits.show(FitChoice(run=before.run.id)) is None
-    session.restore(before.run.id)
+    session.project.runs.undelete(before.run.id)
     assert newest(session).run.id == before.run.id
     session.delete(before.run.id)
-    assert session.purge() == 1 and not session.fits.runs
+    assert len(session.project.runs.purge()) == 1 and not session.fits.runs
 
 
 def test_everything_is_there_after_a_restart(folder: Path, tiny_body: BodyModel):
@@ -769,10 +769,10 @@ def test_read_only(folder: Path, tiny_body: BodyModel):
         assert session.edit_follower.begin_drag(shown, 4, (WRIST,), xy) is None
         for command in (
             lambda: session.edit(edit, author="me"),
-            lambda: session.mark([1], "flag", author="me"),
+            lambda: session.project.marks.set([1], "flag", author="me"),
             lambda: session.fit_everything(QUICK, kind="smplx", gender="neutral"),
             lambda: session.rerun_frames(shown, QUICK, (range(2, 4),)),
-            lambda: session.rename(1, "other"),
+            lambda: session.project.runs.rename(1, "other"),
         ):
             with pytest.raises(InputError):
                 command()

@@ -357,7 +357,7 @@ def test_deleted_corrections_are_purged_with_their_changes(session: Session, fol
     drag(session, 4, 40.0)
     idle(session)
     session.delete(newest(session).run.id)
-    session.purge()
+    session.project.runs.purge()
     assert [entry.name for entry in (folder / "runs").iterdir()] == ["000001.npz"]
 
 

@@ -98,7 +98,7 @@ class RunsPanel:
 
     def _rename(self, run: Run) -> None:
         self._tab.refuse_read_only()
-        self._tab.session.rename(run.id, self._name.value)
+        self._tab.session.project.runs.rename(run.id, self._name.value)
         self._tab.say("Renamed")
 
     def _delete(self, run: Run) -> None:
@@ -239,14 +239,14 @@ class DeletedRuns:
             self._board = Board(tab)
 
     def _restore(self, run: Run) -> None:
-        self._tab.session.restore(run.id)
+        self._tab.session.project.runs.undelete(run.id)
         self._tab.say(f"Restored: {run.name}")
 
     def _ask(self, asked: bool) -> None:
         self._asked = asked
 
     def _remove(self) -> None:
-        self._asked, gone = False, self._tab.session.purge()
+        self._asked, gone = False, len(self._tab.session.project.runs.purge())
         self._tab.say(f"Removed: {gone} run{'s' if gone != 1 else ''}")
 
     def draw(self) -> None:

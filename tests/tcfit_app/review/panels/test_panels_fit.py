@@ -332,11 +332,11 @@ def test_edited_and_flagged_frames_are_re_run(tested: LonePage):
     session, run = tested.page.tab.session, tested.fit()
     assert tested.button("Re-run around edits").disabled
     session.edit(MarkBad(frames=(1,), joints=(4,)), author="test")
-    assert session.frames_edited_since(run) == {1}
+    assert session.project.frames_edited_since(run.edits_seen) == {1}
     session.undo(author="test")
-    assert session.frames_edited_since(run) == set() and session.edits_since(run) == 0
+    assert session.project.frames_edited_since(run.edits_seen) == set() and session.edits_since(run) == 0
     session.redo(author="test")
-    session.mark([5], "flag", author="test")
+    session.project.marks.set([5], "flag", author="test")
     tested.enter("Margin (frames)", "0")
     tested.click("Re-run around edits: 1, 5")
     tested.until(lambda: not session.jobs)

@@ -189,7 +189,7 @@ def test_a_run_outlives_the_one_it_came_from(panel_of: Opener):
     assert ">Run 1<" in of_parent(tested)
     session.delete(first.id)
     assert "Run 1 (deleted)" in of_parent(tested)
-    session.purge()
+    session.project.runs.purge()
     assert "a run that was removed" in of_parent(tested)
 
 
@@ -523,7 +523,7 @@ def test_long_names_of_runs_are_told_apart(panel_of: Opener):
     tested = panel_of(ExportPanel)
     run = tested.fit()
     name = f"a very long name {'of a run ' * 15}corrected"
-    tested.page.tab.session.rename(run.id, name)
+    tested.page.tab.session.project.runs.rename(run.id, name)
     shown = tested.html()
     assert f'<span class="tcfit-name">{name}</span><span class="tcfit-phase"> · temporal</span>' in shown
     assert f'title="{name} · temporal"' in shown
