@@ -1,4 +1,4 @@
-"""The progress of a fit, the same in the terminal, in `--json`, in the list of clips and in the app."""
+"""The progress of fits and other work, the same in the terminal, in `--json`, in the list of clips and in the app."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -18,59 +18,30 @@ _AGREEMENT, _SLACK = 0.25, 2.0
 """Largest difference of two agreeing estimates: a fraction of the remaining time, and seconds."""
 
 
-class FitProgress:
-    """One fraction that never decreases, one phrase, and the remaining time once its estimate is stable.
+class Progress:
+    """One fraction that never decreases, and the remaining time once its estimate is stable."""
 
-    Args:
-        phases: What the fit runs, in order: phases, after KEYPOINTS if these are detected first.
-    """
-
-    def __init__(self, phases: Sequence[int]) -> None:
-        self._phases = tuple(phases)
-        self.phase = self._phases[0]
+    def __init__(self) -> None:
         self.fraction = 0.0
-        """Of the whole fit, 0 to 1."""
+        """0 to 1."""
         self._begun: tuple[float, float] | None = None
         """Seconds and fraction when the fraction first advanced: reading and setting up have another speed."""
         self._ends = deque[tuple[float, float]]()
-        """Recent estimates: when each was made, and the time at which the fit will end."""
+        """Recent estimates: when each was made, and the time at which the work will end."""
         self._now, self._end = 0.0, float("nan")
-
-    @property
-    def phrase(self) -> str:
-        """What is being done."""
-        return PHRASES[self.phase]
 
     @property
     def remaining(self) -> float | None:
         """Seconds; None while estimates differ. Counts down between estimates."""
         return max(0.0, self._end - self._now) if self._end == self._end else None
 
-    def detected(self, share: float, seconds: float) -> None:
-        """Update from the detection before the fit: its share, and the time worked so far."""
+    def worked(self, seconds: float) -> None:
+        """Set the time worked so far, without pauses."""
         self._now = max(self._now, seconds)
-        self._advance(KEYPOINTS, share)
 
-    def take(self, event: FitEvent, seconds: float) -> None:
-        """Update from an event.
-
-        Args:
-            event: Of the fit.
-            seconds: Time worked so far, without pauses.
-        """
-        self._now = max(self._now, seconds)
-        if isinstance(event, PhaseStarted):
-            self.phase = event.phase
-        elif isinstance(event, Iteration):
-            self._advance(event.phase, event.share)
-        elif isinstance(event, PhaseFinished):
-            self._advance(event.phase, 1.0)
-
-    def _advance(self, phase: int, share: float) -> None:
-        weights = {p: _WEIGHTS[p] for p in self._phases}
-        before = sum(weight for p, weight in weights.items() if p < phase)
-        fraction = (before + share * weights.get(phase, 0.0)) / sum(weights.values())
-        self.phase, self.fraction = phase, max(self.fraction, min(1.0, fraction))
+    def advance(self, fraction: float) -> None:
+        """So much has been done in the time worked."""
+        self.fraction = max(self.fraction, min(1.0, fraction))
         if self._begun is None or self._begun[1] == self.fraction:
             self._begun = self._now, self.fraction
         else:
@@ -89,6 +60,55 @@ class FitProgress:
             self._end = float("nan")
         elif not abs(self._end - ends[-1]) <= tolerance:
             self._end = ends[-1]
+
+
+class FitProgress(Progress):
+    """The progress of a fit.
+
+    Args:
+        phases: What the fit runs, in order: phases, after KEYPOINTS if these are detected first.
+    """
+
+    def __init__(self, phases: Sequence[int]) -> None:
+        super().__init__()
+        self._weights = {phase: _WEIGHTS[phase] for phase in phases}
+        self.phase = phases[0]
+
+    @property
+    def phrase(self) -> str:
+        """What is being done."""
+        return PHRASES[self.phase]
+
+    def detected(self, share: float, seconds: float) -> None:
+        """Update from the detection before the fit: its share, and the time worked so far."""
+        self.worked(seconds)
+        self._advance(KEYPOINTS, share)
+
+    def take(self, event: FitEvent, seconds: float) -> None:
+        """Update from an event.
+
+        Args:
+            event: Of the fit.
+            seconds: Time worked so far, without pauses.
+        """
+        self.worked(seconds)
+        if isinstance(event, PhaseStarted):
+            self.phase = event.phase
+        elif isinstance(event, Iteration):
+            self._advance(event.phase, event.share)
+        elif isinstance(event, PhaseFinished):
+            self._advance(event.phase, 1.0)
+
+    def _advance(self, phase: int, share: float) -> None:
+        before = sum(weight for p, weight in self._weights.items() if p < phase)
+        self.phase = phase
+        self.advance((before + share * self._weights.get(phase, 0.0)) / sum(self._weights.values()))
+
+
+def in_words(phrase: str, remaining: float | None) -> str:
+    """What is being done, and the remaining time if it is known."""
+    left = time_left(remaining)
+    return f"{phrase}, {left}" if left else phrase
 
 
 def time_left(seconds: float | None) -> str:

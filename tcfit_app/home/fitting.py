@@ -19,7 +19,7 @@ from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.analysis.posed_fit import PosedFit
 from tcfit_app.analysis.suspicion import review_queue, worst_place
 from tcfit_app.fitting.bodies import record_of
-from tcfit_app.fitting.fit_progress import KEYPOINTS, FitProgress, time_left
+from tcfit_app.fitting.fit_progress import KEYPOINTS, FitProgress, in_words
 from tcfit_app.fitting.process_queue import Report, Work
 from tcfit_app.home.catalogue import project_beside
 from tcfit_app.home.found import Found
@@ -71,8 +71,7 @@ def fit_project(folder: Path, report: Report, *, models: Path | None = None, con
         begin = time.monotonic()
 
         def shown() -> None:
-            left = time_left(progress.remaining)
-            words = progress.phrase.capitalize() + (f", {left}" if left else "")
+            words = in_words(progress.phrase.capitalize(), progress.remaining)
             report(Work(step=words, share=progress.fraction))
 
         def found(step: str, share: float | None) -> None:

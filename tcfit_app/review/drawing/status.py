@@ -1,6 +1,7 @@
 """The status line of one tab: what is being fitted, what was saved, what is wrong."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import torch
@@ -10,12 +11,13 @@ from fitting_core.camera import project
 from fitting_core.errors import InputError
 from fitting_core.keypoints import BODY, NAMES
 from tcfit_app.analysis.body_regions import spoken
-from tcfit_app.fitting.fit_progress import time_left
+from tcfit_app.fitting.fit_progress import in_words
 from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.review.browser.page_states import Chip, Chips, Notice
 from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.gestures.edit_words import also_here, part_name
+from tcfit_app.review.session.tasks import Task
 from tcfit_app.review.shared.drawing_data import DrawingData, FrameBody
 from tcfit_app.review.tab.tab import Tab
 
@@ -69,8 +71,7 @@ class Status:
         if framing is not None:
             chips.append(Chip(text=f"Draw a rectangle around the {part_name(framing)}; Esc cancels"))
         if going is not None and going.state == "running":
-            progress = None if going.share is None else round(going.share, 2)
-            chips.append(Chip(text=f"{going.title}: {going.text}", kind="busy", progress=progress))
+            chips.append(task_chip(going))
         return chips
 
     def _notice(self) -> Notice | None:
@@ -86,9 +87,7 @@ class Status:
         going = self._tab.session.source.going
         if self._tab.session.project.has_detections or going is None or going.state != "running":
             return None
-        progress = None if going.share is None else round(going.share, 2)
-        left = time_left(going.remaining)
-        return Chip(text=f"{going.title}: {going.text}{left and f', {left}'}", kind="busy", progress=progress)
+        return task_chip(going)
 
 
 GAP = 0.01
@@ -151,9 +150,14 @@ def progress_chip(job: RunningJob) -> Chip:
     progress = job.progress
     if progress is None:
         return Chip(text=f"{job.title}: starting", kind="busy")
-    left = time_left(progress.remaining)
-    text = f"{job.title}: {progress.phrase}{left and f', {left}'}"
+    text = f"{job.title}: {in_words(progress.phrase, progress.remaining)}"
     return Chip(text=text, kind="busy", progress=round(progress.fraction, 2))
+
+
+def task_chip(task: Task[Any]) -> Chip:
+    """The progress of a task, in one line."""
+    progress = None if task.share is None else round(task.share, 2)
+    return Chip(text=f"{task.title}: {task.words}", kind="busy", progress=progress)
 
 
 def duration(seconds: float) -> str:

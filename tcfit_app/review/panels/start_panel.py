@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, ClassVar
 
 import viser
 
-from tcfit_app.fitting.fit_progress import time_left
 from tcfit_app.imports.keypoint_jobs import Download, FetchNetworks, ImportFiles, ImportUpload
 from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.panels.elements.camera_input import CameraInput
@@ -207,8 +206,7 @@ def _said(going: Going, people: int, cancel: Callable[[], object]) -> list[Html]
         return [title, paragraph("Cancelled. Keypoints found so far are kept; starting again continues from there.")]
     if going.state == "finished":
         return [title, paragraph("Done.", "good")]
-    left = time_left(going.remaining)
-    doing = "Stopping …" if going.stopping else f"{going.text}{left and f', {left}'} …"
+    doing = "Stopping …" if going.stopping else f"{going.words} …"
     several = f"{people} people found. To choose someone other than the one in colour, click on them in the picture."
     return [
         title,

@@ -17,6 +17,7 @@ from typing import Any, Generic, Literal, TypeVar, get_args
 import torch
 
 from fitting_core.errors import InputError
+from tcfit_app.fitting.fit_progress import Progress, in_words
 
 KEPT = 64
 """Number of values kept, the most recently requested."""
@@ -24,8 +25,6 @@ IN_USE = 5.0
 """Seconds after its last request until a value counts as unwanted; tabs request several times a second."""
 _PATIENCE = 10.0
 """How long `close` waits for work to notice that it was cancelled, seconds."""
-_EARLY = 3.0
-"""Seconds of work before which no remaining time is estimated."""
 Value = TypeVar("Value")
 Step = Callable[[str, float | None], None]
 """Receives the current step and the progress (0 to 1; None: unknown). Raises to end the work."""
@@ -52,8 +51,7 @@ class Task(Generic[Value]):
         """What it produced, until `then` has returned; see `result`."""
         self._error: Exception | None = None
         self._cancelled = threading.Event()
-        self._known_from: tuple[float, float] | None = None
-        """When its share of the work was first known, and what it was: some may have been done before."""
+        self._progress, self._began = Progress(), time.monotonic()
 
     def cancel(self) -> None:
         """Stop at the work's next step."""
@@ -65,13 +63,9 @@ class Task(Generic[Value]):
         return self._cancelled.is_set() and self.state == "running"
 
     @property
-    def remaining(self) -> float | None:
-        """Seconds it will probably still take; None: that cannot be said yet."""
-        if self.share is None or self._known_from is None:
-            return None
-        since, share = self._known_from
-        elapsed, done = time.monotonic() - since, self.share - share
-        return elapsed * (1 - self.share) / done if elapsed > _EARLY and done > 0 else None
+    def words(self) -> str:
+        """The current step, and the remaining time once it is known."""
+        return in_words(self.text, None if self.share is None else self._progress.remaining)
 
     def result(self) -> Value:
         """What a finished task produced, until `then` has returned; raises the error of a failed one."""
@@ -85,8 +79,11 @@ class Task(Generic[Value]):
         if self._cancelled.is_set():
             raise _Cancelled
         self.text, self.share = text, share
-        if share is not None and self._known_from is None:
-            self._known_from = time.monotonic(), share
+        if share is not None:
+            if share < self._progress.fraction:  # the next part of the work
+                self._progress = Progress()
+            self._progress.worked(time.monotonic() - self._began)
+            self._progress.advance(share)
 
     def run(self, work: Work[Value]) -> None:
         """Do the work, on the task's own thread."""

@@ -179,18 +179,3 @@ def test_one_end_that_raises_does_not_lose_the_others(tasks: Tasks):
     ]
     until(lambda: all(task.state == "finished" for task in all_of))
     until(lambda: tasks.take() or ended == ["B"])
-
-
-def test_the_remaining_time_counts_from_where_the_work_began(monkeypatch: pytest.MonkeyPatch):
-    now = [100.0]
-    monkeypatch.setattr(module.time, "monotonic", lambda: now[0])
-    task = Task("Detecting", None, lambda task: None)
-    task.report("Opening the detector", None)
-    assert task.remaining is None
-    task.report("100 of 200 frames", 0.5)  # found before
-    now[0] = 102.0
-    task.report("110 of 200 frames", 0.55)
-    assert task.remaining is None
-    now[0] = 110.0
-    task.report("150 of 200 frames", 0.75)
-    assert task.remaining == pytest.approx(10.0)
