@@ -18,7 +18,7 @@ from fitting_core.files.regular import regular_file
 from fitting_core.video.frames import FrameSource
 from tcfit_app.home.catalogue import Catalogue, Entry
 from tcfit_app.home.found import RESULT
-from tcfit_app.project.picture import NAME, SIZE, as_jpeg, keep
+from tcfit_app.project.picture import NAME, SIZE, as_jpeg, crop_around, keep
 
 _MOST_BYTES = 1 << 20
 """Of a picture from another author of the project."""
@@ -85,22 +85,12 @@ def _of_person(entry: Entry) -> bytes:
 def _cut(image: UInt8[np.ndarray, "H W 3"], points: Float[np.ndarray, "n 2"] | None) -> UInt8[np.ndarray, "h w 3"]:
     """The part around some points, or the middle, in the picture's proportions."""
     height, width = image.shape[:2]
-    if points is None:
-        middle, tall = np.array([width / 2, height / 2]), float(height)
-    else:
-        low, high = points.min(0), points.max(0)
-        middle = (low + high) / 2
-        tall = max(_MARGIN * max(high[1] - low[1], (high[0] - low[0]) * SIZE[1] / SIZE[0]), _LEAST)
-    size = (2 * SIZE[0], 2 * SIZE[1])
-    scale = size[1] / min(tall, height, width * SIZE[1] / SIZE[0])
-    # Nothing outside the image is shown.
-    shift = np.clip(np.array(SIZE) - scale * middle, np.array(size) - scale * np.array([width, height]), 0)
-    moved = np.array([[scale, 0, shift[0]], [0, scale, shift[1]]])
-    # Strongly reduced, a warp alone would leave out most pixels.
-    if scale < 0.5:
-        image = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-        moved[:, :2] = np.eye(2)
-    return cv2.warpAffine(image, moved, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    around = np.array([(width / 2, 0.0), (width / 2, height)]) if points is None else points
+    margin = 1.0 if points is None else _MARGIN
+    left, top, right, bottom = crop_around(
+        around, (width, height), shape=SIZE[0] / SIZE[1], margin=margin, least=_LEAST
+    )
+    return image[top:bottom, left:right]
 
 
 def _drawn(xy: Float[np.ndarray, "137 2"], confidence: Float[np.ndarray, "137"]) -> bytes:

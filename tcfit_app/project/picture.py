@@ -4,7 +4,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from jaxtyping import UInt8
+from jaxtyping import Float, UInt8
 
 from fitting_core.files.atomic import replacing
 
@@ -15,6 +15,26 @@ SIZE = (96, 120)
 GROUND = (128, 132, 138)
 """Where there is no image: neither glaring in a dark list nor in a light one."""
 _QUALITY = 72
+
+
+def crop_around(
+    points: Float[np.ndarray, "n 2"], size: tuple[int, int], *, shape: float, margin: float = 1.0, least: float = 0.0
+) -> tuple[int, int, int, int]:
+    """Left, top, right and bottom of the part of an image around some points, within the image.
+
+    Args:
+        points: At least one, pixels.
+        size: Of the image, width and height.
+        shape: Width of the part / its height.
+        margin: Height of the part / that of the points.
+        least: Minimum height, pixels.
+    """
+    low, high = points.min(0), points.max(0)
+    tall = max(margin * max(high[1] - low[1], (high[0] - low[0]) / shape), least)
+    height = min(tall, size[1], size[0] / shape)
+    width = min(shape * height, size[0])
+    left, top = np.clip((low + high) / 2 - (width / 2, height / 2), 0, (size[0] - width, size[1] - height))
+    return int(left), int(top), int(left + width), int(top + height)
 
 
 def as_jpeg(image: UInt8[np.ndarray, "H W 3"]) -> bytes:

@@ -8,6 +8,7 @@ from jaxtyping import Bool, Float
 
 from fitting_core import keypoints as kp
 from tcfit_app.analysis.suspicion import Suspect
+from tcfit_app.project.picture import crop_around
 from tcfit_app.review.panels.elements.html import Board, Html, tag
 from tcfit_app.review.shared.shared_video import SharedVideo
 from tcfit_app.review.shared.video_frames import Crop
@@ -79,12 +80,8 @@ def crop_of(
         return 0, 0, *size
     own = [joint for joint in joints if seen[joint]]
     shown = xy[own] if own else person
-    low, high = shown.min(0), shown.max(0)
-    tall = max(_MARGIN * max(high[1] - low[1], (high[0] - low[0]) / _SHAPE), _LEAST * float(np.ptp(person[:, 1])), 16.0)
-    height = min(tall, size[1], size[0] / _SHAPE)
-    width = min(_SHAPE * height, size[0])
-    left, top = np.clip((low + high) / 2 - (width / 2, height / 2), 0, (size[0] - width, size[1] - height))
-    return int(left), int(top), int(left + width), int(top + height)
+    least = max(_LEAST * float(np.ptp(person[:, 1])), 16.0)
+    return crop_around(shown, size, shape=_SHAPE, margin=_MARGIN, least=least)
 
 
 def _class(suspect: Suspect) -> str:
