@@ -143,7 +143,7 @@ def _screened(
         if found != known:  # viser would say so in the terminal, each time
             await connection.close(CloseCode.PROTOCOL_ERROR, f"This page is of {found}, and the server of {known}")
             return
-        screen = Screen(connection, room, here=whose.here)
+        screen = Screen(connection, room)
         _screen.set(screen)
         _visitor.set(whose)
         try:

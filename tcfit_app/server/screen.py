@@ -53,10 +53,9 @@ class Dropped:
 
 
 class Screen:
-    """A websocket as viser sees it; `here` says whether its browser runs on this computer."""
+    """A websocket as viser sees it."""
 
-    def __init__(self, connection: ServerConnection, room: UploadRoom, *, here: bool) -> None:
-        self.here = here
+    def __init__(self, connection: ServerConnection, room: UploadRoom) -> None:
         self.client: Callable[[], viser.ClientHandle | None] = lambda: None
         """Finds viser's tab, which there is from the first message about the camera."""
         self._connection = connection
