@@ -24,7 +24,7 @@ from tcfit_app.review.session.session import Session
 from tcfit_app.review.shared.drawing_data import DrawingData
 from tcfit_app.review.shared.shared_video import Videos
 from tcfit_app.review.tab.people import Group, Someone
-from tcfit_app.review.tab.tab import REMEMBERED, Tab
+from tcfit_app.review.tab.tab import Tab, remember
 from tcfit_app.server.gated_viser import visitor
 from tcfit_app.server.page_files import PageFiles
 
@@ -159,20 +159,14 @@ class ReviewApp:
             known[someone.number] = Page(page.tab.beside(someone))
         self.pages[client] = known[someone.number]
         self.pages[client].come_from(page)
-        self._remember(page.tab.name, someone)
+        if page.tab.name is not None:
+            remember(self._shown, page.tab.name, someone.number)
 
     def _go_back(self, client: int) -> None:
         """After a reload, show the person the tab showed before."""
         page = self.pages.get(client)
         if page is not None and (known := self._shown.get(page.tab.name or "")) is not None:
             self._go_to(client, self.people[known])
-
-    def _remember(self, name: str | None, someone: Someone) -> None:
-        if name is not None:
-            self._shown.pop(name, None)
-            self._shown[name] = someone.number
-            while len(self._shown) > REMEMBERED:
-                del self._shown[next(iter(self._shown))]
 
     def _close(self, client: int) -> None:
         self.pages.pop(client, None)

@@ -3,9 +3,12 @@
 The one call with which viser starts its network server is answered here (`viser_bridge.network_server`).
 """
 
+import asyncio
+import errno
 import getpass
 import logging
 import socket
+import time
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
@@ -16,14 +19,14 @@ from weakref import WeakKeyDictionary
 import rich
 import viser
 import websockets.asyncio.server
-from websockets.asyncio.server import ServerConnection
+from websockets.asyncio.server import Server, ServerConnection
 from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed, InvalidMessage
 from websockets.frames import CloseCode
 from websockets.http11 import Request, Response
+from websockets.protocol import State
 
 from tcfit_app.server import viser_bridge
-from tcfit_app.server.connections import BACKLOG, PAGES, Connection, LoopErrors, hang_up
 from tcfit_app.server.gate import HOME, Gate, Site, busy, protect
 from tcfit_app.server.page_files import on_this_computer
 from tcfit_app.server.page_messages import MESSAGE_BYTES
@@ -34,6 +37,15 @@ REQUEST_SECONDS = 30.0
 """How long one request may take, from the connection to the answer's last byte: the page (0.7 MB) at 22 KB/s."""
 GOODBYE_SECONDS = 1.0
 """How long browsers have to hang up when the server stops."""
+WAITING = 40
+"""Connections that may wait for a request or its answer; a browser has six at a time."""
+BACKLOG = 64
+"""New connections that may be waiting to be taken, and are taken at once. Fewer, and a page that comes with a crowd has
+to knock again, a second later."""
+PAGES = 32
+"""Websockets that may be open, one for each tab."""
+_TOLD_AGAIN = 60.0
+"""Seconds between two warnings that no connection can be taken."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -219,3 +231,65 @@ def _quiet() -> Iterator[None]:
         yield
     finally:
         console.quiet = before
+
+
+# --- connections: as many as leave the process able to open files, and one request from each ---
+
+
+def hang_up(server: Server, *, keep: int) -> None:
+    """Close connections that wait, until `keep` are left: idle ones first, and of the others the old ones."""
+    waiting = [connection for connection in server.handlers if connection.protocol.state is State.CONNECTING]
+    waiting.sort(key=lambda connection: connection.request is not None)
+    for connection in waiting[: max(len(waiting) - keep, 0)]:
+        connection.transport.abort()
+
+
+_END = b"\r\n\r\n"
+
+
+class Connection(ServerConnection):
+    """A connection that makes room for itself, and reads nothing between a request and its answer.
+
+    Browsers send nothing there. websockets would take it for part of a websocket that does not exist yet, and stumble.
+    """
+
+    def __init__(self, protocol: Any, server: Server, **options: Any) -> None:
+        hang_up(server, keep=WAITING - 1)
+        super().__init__(protocol, server, **options)
+        self._before = b""
+        """The request's last bytes, for its end may come in two parts."""
+
+    def data_received(self, data: bytes) -> None:
+        """As asyncio calls it."""
+        if self.protocol.state is State.CONNECTING:
+            if self.request is not None:
+                return
+            begun = self._before + data
+            end = begun.find(_END)
+            if end >= 0:
+                data = begun[len(self._before) : end + len(_END)]
+            self._before = begun[1 - len(_END) :]
+        super().data_received(data)
+
+
+class LoopErrors:
+    """Handles errors in asyncio's own callbacks, in place of a traceback for each."""
+
+    def __init__(self, server: Server) -> None:
+        self._server = server
+        self._told = -_TOLD_AGAIN
+
+    def __call__(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        """As asyncio calls it."""
+        error = context.get("exception")
+        if isinstance(error, OSError) and error.errno in (errno.EMFILE, errno.ENFILE):
+            self._out_of_files()
+        else:
+            loop.default_exception_handler(context)
+
+    def _out_of_files(self) -> None:
+        hang_up(self._server, keep=WAITING // 8)
+        now = time.monotonic()
+        if now - self._told >= _TOLD_AGAIN:
+            self._told = now
+            _log.warning("No connection can be taken: this process may open no more files (ulimit -n)")

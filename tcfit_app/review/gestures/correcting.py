@@ -37,8 +37,7 @@ from tcfit_app.review.browser.page_events import Drag as DragEvent
 from tcfit_app.review.browser.page_events import DragDepth as DragDepthEvent
 from tcfit_app.review.gestures.edit_words import FEW, describe, whose
 from tcfit_app.review.gestures.keyframing import depth_edit, filled, keys_in, moved, placed, removed, with_hands
-from tcfit_app.review.tab.tab import Tab
-from tcfit_app.review.tab.toasts import LONG
+from tcfit_app.review.tab.tab import LONG, Tab
 
 NUDGES = (1, 10)
 """Pixels of a nudge."""

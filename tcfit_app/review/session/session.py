@@ -2,7 +2,7 @@
 
 import logging
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Hashable, Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from fitting_core.io.cameras.reading import CameraFile, read_camera
 from fitting_core.results.fit_result import FitResult
 from tcfit_app.fitting.bodies import Bodies, record_of
 from tcfit_app.fitting.edit_follower import EditFollower
-from tcfit_app.fitting.fits import Fits, Shown
+from tcfit_app.fitting.fits import FitChoice, Fits, Shown
 from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.fitting.jobs import FitEverything, FitShape, Job, RerunFrames, RunJob
 from tcfit_app.fitting.reports import DragEnded, ErrandEnded, JobEnded, JobReported, JobStarted, Notice, Report
@@ -32,12 +32,56 @@ from tcfit_app.project.project import Project
 from tcfit_app.project.storage.names import name_of_file
 from tcfit_app.project.storage.run_record import Given, Run, RunKind
 from tcfit_app.review.session.keypoint_source import Going, KeypointSource
-from tcfit_app.review.session.stored_fits import StoredFits
 from tcfit_app.review.session.tasks import Step, Tasks
 
 RETRY = 5.0
 """Seconds between attempts to write what could not be written."""
 _log = logging.getLogger(__name__)
+
+
+class StoredFits:
+    """Fits for the drawing thread, which must not wait for the disk: those not in memory are read in another thread.
+
+    See `Fits`. All methods raise InputError for what cannot be read.
+
+    Args:
+        fits: Of the project.
+        tasks: Reads them.
+    """
+
+    def __init__(self, fits: Fits, tasks: Tasks) -> None:
+        self._fits, self._tasks = fits, tasks
+
+    def here(self, run: Run) -> bool:
+        """Whether a run's fit is in memory; if not, reading it has been started."""
+        if self._fits.held(run):
+            return True
+        key: Hashable = ("stored fit", run.id, self._fits.version)
+        if self._tasks.get(key, lambda: bool(self._fits.phases(run)), lane="disk"):
+            self._tasks.drop(key)  # it may have to be read again
+        if problem := self._tasks.problem(key):
+            raise InputError(problem)
+        return self._fits.held(run)
+
+    def reading(self, run: Run) -> bool:
+        """Whether a run's fit is still being read."""
+        try:
+            return not self.here(run)
+        except InputError:
+            return False
+
+    def show(self, choice: FitChoice) -> Shown | None:
+        """What a choice refers to now; None if there is nothing, or nothing yet."""
+        run = self._fits.meant(choice)
+        return self._fits.show(choice) if run is not None and self.here(run) else None
+
+    def fit(self, run: Run) -> FitResult | None:
+        """The result of a run; None while it is being read."""
+        return self._fits.fit(run) if self.here(run) else None
+
+    def phases(self, run: Run) -> tuple[int, ...]:
+        """Which phases of a run can be shown; none while it is being read."""
+        return self._fits.phases(run) if self.here(run) else ()
 
 
 class Session:

@@ -8,8 +8,7 @@ from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from tcfit_app.fitting.edit_follower import LiveWindow
 from tcfit_app.fitting.fits import FitChoice, Shown
-from tcfit_app.review.session.session import Session
-from tcfit_app.review.session.stored_fits import StoredFits
+from tcfit_app.review.session.session import Session, StoredFits
 from tcfit_app.review.shared.drawing_data import FrameBody
 from tcfit_app.review.tab.state import TabState
 

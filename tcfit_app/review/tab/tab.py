@@ -4,8 +4,8 @@ import logging
 import time
 from collections.abc import Callable, Hashable, Sequence
 from copy import copy
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import viser
 
@@ -25,7 +25,6 @@ from tcfit_app.review.tab.on_show import OnShow, on_show
 from tcfit_app.review.tab.people import Someone
 from tcfit_app.review.tab.playback import Playback
 from tcfit_app.review.tab.state import SIDE_WIDTHS, FitSettings, TabState, seen_alike
-from tcfit_app.review.tab.toasts import SHORT, Toasts
 from tcfit_app.server.gate import HOME
 from tcfit_app.server.gated_viser import Visitor
 from tcfit_app.server.page_files import PageFiles
@@ -33,6 +32,9 @@ from tcfit_app.server.page_files import PageFiles
 REMEMBERED = 256
 """Number of tabs whose states are kept after they were closed."""
 NO_ONE = Visitor()
+_COLORS: dict[str, Literal["blue", "green", "red"]] = {"info": "blue", "done": "green", "error": "red"}
+SHORT, LONG = 4.0, 12.0
+"""Seconds for which a message stays; errors stay longer."""
 _log = logging.getLogger(__name__)
 
 
@@ -217,12 +219,8 @@ class Tab:
         self.state = replace(self.state, **(suggested | changes))
         if "speed" in changes:
             self.playback.begin(time.monotonic(), self.state.frame)
-        name = self.name
-        if name is not None:
-            self._remembered.pop(name, None)  # so that the newest is last
-            self._remembered[name] = self.state
-            while len(self._remembered) > REMEMBERED:
-                del self._remembered[next(iter(self._remembered))]
+        if self.name is not None:
+            remember(self._remembered, self.name, self.state)
 
     def seek(self, frame: int) -> None:
         """Go to a frame, clamped to the clip."""
@@ -373,3 +371,48 @@ class Tab:
         if shown is not None and shown.id == run.id != corrected.id:
             self.set(b=replace(self.state.b, run=corrected.id))
             self.say(f"B shows {corrected.name}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Toast:
+    handle: viser.NotificationHandle
+    until: float
+    count: int
+
+
+class Toasts:
+    """Passing messages in a corner of a tab: a repeated one replaces the previous one, with a count.
+
+    Args:
+        client: viser's tab.
+        clock: in seconds.
+    """
+
+    def __init__(self, client: viser.ClientHandle, clock: Callable[[], float] = time.monotonic) -> None:
+        self._client, self._clock = client, clock
+        self._shown: dict[Notice, _Toast] = {}
+
+    def show(self, notice: Notice) -> None:
+        """Show a notice, for its full time even if it was already shown."""
+        now = self._clock()
+        self._shown = {text: toast for text, toast in self._shown.items() if toast.until > now}
+        before = self._shown.pop(notice, None)
+        if before is not None:
+            before.handle.remove()  # rather than updated: the user may have closed it
+        count = before.count + 1 if before is not None else 1
+        stay = LONG if notice.kind == "error" else SHORT
+        handle = self._client.add_notification(
+            notice.title if count == 1 else f"{notice.title} ({count} times)",
+            notice.text,
+            color=_COLORS[notice.kind],
+            auto_close_seconds=stay,
+        )
+        self._shown[notice] = _Toast(handle=handle, until=now + stay, count=count)
+
+
+def remember(kept: dict[str, Any], name: str, value: object) -> None:
+    """Keep something of a tab by its own name, and forget the tabs for which this was done longest ago."""
+    kept.pop(name, None)  # so that the newest is last
+    kept[name] = value
+    while len(kept) > REMEMBERED:
+        del kept[next(iter(kept))]

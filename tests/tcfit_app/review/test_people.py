@@ -36,7 +36,6 @@ from tcfit_app.review.opening import open_project
 from tcfit_app.review.panels.review_panel import ReviewPanel
 from tcfit_app.review.session.session import Session
 from tcfit_app.review.tab.people import Someone
-from tcfit_app.review.tab.state import TabState, seen_alike
 from tests.samples.people_projects import FRAMES, LATE, open_two, two_people
 
 
@@ -243,14 +242,6 @@ def test_who_cannot_be_opened_is_told_and_left_out(folder: Path, capsys: pytest.
 def test_options_of_a_new_project_are_refused(talk: Path, options: list[str], told: str, capsys: pytest.CaptureFixture):
     assert main(["review", str(talk), "--no-browser", "--port", "0", *options]) == 2
     assert told in capsys.readouterr().err
-
-
-def test_how_things_are_looked_at_goes_along(talk: Path):
-    mine = TabState(frame=3, selection=(1,), frames=range(2))
-    other = TabState(frame=9, selection=(2,), opacity=0.2, others=False, mode="ab", playing=True)
-    found = seen_alike(mine, other)
-    assert (found.frame, found.selection, found.frames, found.playing) == (3, (1,), range(2), False)
-    assert (found.opacity, found.others, found.mode) == (0.2, False, "ab")
 
 
 def exchanged(app: ReviewApp, number: int) -> None:

@@ -7,7 +7,6 @@ import pytest
 
 from fitting_core.body.model import BodyModel
 from fitting_core.keypoints import INDEX
-from tcfit_app.review.browser.page_events import GoToPerson
 from tests.drivers.review_page import Reviewing, opened, reviewed_people, serving, until
 from tests.samples.people_projects import FRAMES, LATE, open_two, two_people
 
@@ -154,12 +153,3 @@ def test_a_correction_belongs_to_the_person_on_show(review: Reviewing):
     until(lambda: len(review.app.people[1].session.project.log) == logs[1] + 1, "the edit")
     assert len(review.app.people[0].session.project.log) == logs[0]
     review.press("Control+z", lambda: len(review.app.people[1].session.project.log) == logs[1] + 2)
-
-
-def test_nobody_is_there_for_a_forged_number(review: Reviewing):
-    back(review)
-    shown = review.page
-    for number in (2, 999):
-        review.app.post(lambda number=number: shown.receive(GoToPerson(number)))
-    review.rest()
-    assert review.page is shown and person(review) == "person 1"

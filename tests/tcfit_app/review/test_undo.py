@@ -324,9 +324,9 @@ def test_changes_of_an_earlier_version_are_undone_and_redone(folder: Path, tiny_
 
 def test_undoing_a_remark_leaves_the_corrections(folder: Path, tiny_body: BodyModel):
     with session_of(folder, tiny_body) as session:
-        session.mark([1], "flag", author="me")
+        session.project.marks.set([1], "flag", author="me")
         drag(session, 4, 40.0)
-        session.mark([2], "flag", author="me")
+        session.project.marks.set([2], "flag", author="me")
         idle(session)
         after = on_show(session)
         undo(session)

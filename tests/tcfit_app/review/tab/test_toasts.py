@@ -3,7 +3,7 @@
 from unittest.mock import MagicMock
 
 from tcfit_app.fitting.reports import Notice
-from tcfit_app.review.tab.toasts import LONG, Toasts
+from tcfit_app.review.tab.tab import LONG, Toasts
 
 REFUSED = Notice(title="Interpolate: not possible", text="Correct it in a second frame first.", kind="error")
 OTHER = Notice(title="Copy: not possible", text="This is the first frame.", kind="error")
