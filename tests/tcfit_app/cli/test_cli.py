@@ -22,7 +22,7 @@ from tcfit_app.cli import fit_command
 from tcfit_app.cli.main import main, parse
 from tcfit_app.options import preparing
 from tcfit_app.options.fit import BodyOptions, fit_config
-from tcfit_app.options.removed import SETTINGS
+from tcfit_app.options.removed import REMOVED
 from tests.drivers.processes import INTERRUPTIBLE
 from tests.tcfit_app.conftest import FRAMES, FinishedRun
 
@@ -87,13 +87,12 @@ def test_settings_by_their_own_options():
     assert (found.device, found.height, found.hip_weight) == ("cuda", 182.5, 1.0)
 
 
-@pytest.mark.parametrize("command", ["fit", "batch", "demo", "settings"])
-@pytest.mark.parametrize("option", SETTINGS)
-def test_a_removed_option_names_its_replacement(command: str, option: str, capsys: pytest.CaptureFixture[str]):
-    name = "--" + option.replace("_", "-")
-    assert main([command, name, "3"]) == 2 and main([command, f"{name}=3"]) == 2
-    first, second = capsys.readouterr().err.splitlines()
-    assert first == second == f"tcfit: tcfit {command} {name} was removed. Use --set {SETTINGS[option]}=VALUE."
+@pytest.mark.parametrize("used", REMOVED)
+def test_what_was_removed_names_its_replacement(used: str, capsys: pytest.CaptureFixture[str]):
+    command, *option = used.split()
+    for given in ([command, *option, "3"], [command, f"{option[0]}=3"] if option else [command]):
+        assert main(given) == 2
+        assert capsys.readouterr().err == f"tcfit: tcfit {used} was removed. {REMOVED[used]}\n"
 
 
 def test_preset_then_file_then_command_line(tmp_path: Path):

@@ -172,8 +172,6 @@ def test_what_it_refuses(
         ([*base, "--first-frame", "50", "--last-frame", "40"], "frames 50–40 are not all in"),
         ([*base, "--last-frame", "70"], "which has frames 0–69"),
         ([*base, "--provider", "tpu"], "expected one of cpu, cuda"),
-        (["detect", "--list"], "was removed. Use tcfit models."),
-        (["detect", "--download", "dwpose-m"], "was removed. Use tcfit models add NAME."),
     ]
     for command, words in cases:
         assert main(command) == 2, command

@@ -245,11 +245,6 @@ def test_pictures_of_a_project_and_of_a_result(project: Path, free_body: BodyMod
     assert int(cv2.VideoCapture(str(tmp_path / "c" / name)).get(cv2.CAP_PROP_FRAME_COUNT)) == 2
 
 
-def test_render_names_its_replacement(project: Path, capsys: pytest.CaptureFixture[str]):
-    assert main(["render", str(project), "--view", "side"]) == 2
-    assert "tcfit render was removed. Use tcfit export PATH --formats picture, sheet or" in capsys.readouterr().err
-
-
 def test_the_project_as_one_file_and_back(project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(tmp_path)
     exported(project, tmp_path, "--formats", "project")
@@ -263,9 +258,6 @@ def test_the_project_as_one_file_and_back(project: Path, tmp_path: Path, monkeyp
     [
         (["--formats", "maya"], "expected some of glb, fbx, npz"),
         (["--formats", "npz", "rig-bvh"], "rig-bvh: was removed. Export bvh, mixamo-bvh or unreal-bvh and retarget it"),
-        (["--rig", "hero.glb"], "--rig was removed. Export mixamo, unreal, vrma, glb or bvh and retarget it"),
-        (["--rig=hero.glb"], "--rig was removed."),
-        (["--keys", "2"], "--keys was removed. Every frame has a key. Reduce keyframes in your program"),
         (["--run", "middle"], "'near' (#1), 'far' (#2)"),
         (["--frames", "0:3"], "from 7 to 12"),
         (["--frames", "9:8"], "from 7 to 12"),

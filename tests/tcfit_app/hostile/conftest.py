@@ -35,7 +35,6 @@ def hostile_world(tmp_path_factory: pytest.TempPathFactory, keypoint_folder: Pat
         "import": ["import", "walk.tcfit", "result"],
         "export": ["export", "walk.tcfit", "--formats", "npz", "--out", "new"],
         "evaluate": ["evaluate", "result", "--reference", "result/fit.npz", "--out", "new"],
-        "render": ["render", "result", "--out", "new.png"],
         "batch": ["batch", "clips.csv", "--jobs", "1", "--no-overlay", *QUICK],
         "models": ["models", "add", "body.npz"],
         "settings": ["settings", "--config", "settings.toml"],

@@ -58,7 +58,6 @@ POSITIONAL = {
     "import": {"project": "walk.tcfit", "path": "result"},
     "export": {"path": "walk.tcfit"},
     "evaluate": {"fit": "result"},
-    "render": {"path": "result"},
     "batch": {"manifest": "clips.csv"},
     "models": {"paths": "body.npz"},
     "settings": {},
