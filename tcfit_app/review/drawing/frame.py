@@ -29,6 +29,7 @@ from tcfit_app.review.scene.poster import PLATE
 from tcfit_app.review.scene.room import Room
 from tcfit_app.review.scene.side_view import SideView, side_view
 from tcfit_app.review.scene.space import Rings
+from tcfit_app.review.scene.windows import Arrangement
 from tcfit_app.review.shared.drawing_data import FrameBody
 from tcfit_app.review.tab.on_show import SLOTS, OnShow, Slot, live_window
 from tcfit_app.review.tab.people import Someone
@@ -76,6 +77,8 @@ class Frame:
     """Of the fit on show, relative to the camera of the frame; the previous one while another is computed."""
     side: SideView | None
     """If there is a side view."""
+    arrangement: Arrangement
+    """Of two pictures."""
     labels: tuple[tuple[str, str], ...]
     """Name and colour of each body's place."""
     rings: Rings | None
@@ -137,6 +140,7 @@ class Frames:
             others=self._others(),
             room=room and tab.once("room", (room, camera, frame), lambda: room.before(camera, frame)),
             side=self._side(shown.held.camera, frame) if beside and shown.held is not None else None,
+            arrangement=tab.arrangement,
             labels=tuple(_label(shown, side, present) for place in shown.places for side in place or (None,)),
             rings=self._rings(shown) if state.mode == "space" and state.bodies and bodies else None,
         )

@@ -119,7 +119,7 @@ class Picture:
             for place, made in zip(frame.shown.places, frame.places, strict=True)
         )
         camera = self._tab.session.project.footage.camera
-        return Posters(camera=camera, posters=posters, side=side, arrangement=self._tab.arrangement)
+        return Posters(camera=camera, posters=posters, side=side, arrangement=frame.arrangement)
 
     def _space(self, frame: Frame, others: tuple[BodyLayer, ...]) -> Space:
         shown, room, data = frame.shown, frame.room, self._tab.data

@@ -79,7 +79,7 @@ class Timeline:
         a, b = tab.shown.a, tab.shown.b
         if a is None or b is None or a.result is None or b.result is None or a == b:
             return ()
-        found = tab.data.distances(a, b)
+        found = tab.data.between(a, b)
         return () if found is None else tuple(peaks(found.values))
 
     def _draw_keyframes(self) -> None:

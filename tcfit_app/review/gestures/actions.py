@@ -9,8 +9,7 @@ from fitting_core.errors import InputError
 from fitting_core.keypoints import PARTS
 from tcfit_app.review.browser.page_states import Hint, Hints, KeyBinding
 from tcfit_app.review.gestures.correcting import NUDGES, Correcting
-from tcfit_app.review.gestures.correcting_depth import CorrectingDepth
-from tcfit_app.review.gestures.depths import limbs_of
+from tcfit_app.review.gestures.correcting_depth import CorrectingDepth, limbs_of
 from tcfit_app.review.gestures.detecting_again import DetectingAgain
 from tcfit_app.review.gestures.edit_words import part_name
 from tcfit_app.review.gestures.exchanging import Exchanging

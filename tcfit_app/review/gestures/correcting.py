@@ -180,7 +180,7 @@ class Correcting:
         joints, frames = self.selected(), self._tab.frames_to_change
         corrected = self._tab.session.project.corrected
         bad = corrected.bad[np.ix_(frames, joints)].all()
-        self.make(Restore(frames=frames, joints=joints) if bad else MarkBad(frames=frames, joints=joints))
+        self.make((Restore if bad else MarkBad)(frames=frames, joints=joints))
 
     def swap_sides(self, name: str) -> None:
         """Exchange left and right of a part of PAIRED_PARTS."""

@@ -10,6 +10,7 @@ from fitting_core.keypoints import COUNT
 from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.project.edits.kinds import TakeOver
 from tcfit_app.project.edits.packed_points import packed
+from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.gestures.correcting import Correcting
 from tcfit_app.review.tab.people import Doubt, Someone
 from tcfit_app.review.tab.tab import Tab
@@ -111,4 +112,4 @@ def _keypoints(someone: Someone, numbers: range) -> bytes:
 
 
 def _words(span: Span) -> str:
-    return f"frame {span[0]}" if span[0] == span[1] else f"frames {span[0]}–{span[1]}"
+    return in_words(range(span[0], span[1] + 1), 0)

@@ -102,7 +102,7 @@ class ComparePanel:
     def _draw_figures(self, a: Shown, b: Shown) -> None:
         """The figures available so far, once keypoints and fits have settled."""
         data = self._tab.data
-        apart = data.distances(a, b)
+        apart = data.between(a, b)
         self._draw_against(a, b)
         self._peaks.show(*([] if apart is None or a == b else self._peak_buttons(apart.values)))
         one, other = data.metrics(a), data.metrics(b)

@@ -205,7 +205,7 @@ class ExportPanel:
                 )
                 for name, export in exports().items()
                 if export.group == group
-                for missing in [export.missing()]
+                for missing in [self._tab.once(f"needs of {name}", None, export.missing)]  # it stays so until a restart
             ]
             if buttons:
                 rows.append(row(tag("div", joined(*buttons), class_="tcfit-cells"), label=group))

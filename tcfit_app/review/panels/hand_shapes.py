@@ -6,10 +6,9 @@ from fitting_core.body.handshapes import HANDSHAPES
 from fitting_core.errors import InputError
 from fitting_core.keypoints import Side
 from tcfit_app.review.gestures.actions import ACTIONS, Gestures, refusal
-from tcfit_app.review.gestures.shaping import HAND_POINTS, MOST_BLEND
+from tcfit_app.review.gestures.shaping import HAND_POINTS, MOST_BLEND, keep_handshape, own_handshapes
 from tcfit_app.review.panels.elements.field import Field, for_writers
 from tcfit_app.review.panels.elements.html import Board, action, button, choice, choices, heading, paragraph, row
-from tcfit_app.review.shared.own_handshapes import keep_handshape, own_handshapes
 
 _BLEND = "Frames before and after, in which the hand goes over into the shape and out of it"
 _NAME = "Name of a shape of your own: Save keeps the hand of the frame on show under it, for all projects"

@@ -24,10 +24,10 @@ _TARGET_DEPTH = 0.1
 """Posters are orbited around a point this far behind them, in image heights: they hide the cross that viser draws
 there."""
 _MARGIN = 1.03
-_BODY_FROM = np.array([0.62, -0.28, -0.73])
+_BODY_FROM: Vector = (0.62, -0.28, -0.73)
 """From the body towards the viewer in 3D: the video camera's side, from the right and slightly above."""
-_OVERVIEW_FROM = np.array([0.74, -0.38, -0.6])
-SPACE_FROM = {"front": (0.0, -0.05, -1.0), "side": (1.0, -0.05, 0.0), "top": (0.0, -1.0, -0.002)}
+_OVERVIEW_FROM: Vector = (0.74, -0.38, -0.6)
+SPACE_FROM: dict[str, Vector] = {"front": (0.0, -0.05, -1.0), "side": (1.0, -0.05, 0.0), "top": (0.0, -1.0, -0.002)}
 """From the body towards the viewer, by name. From exactly above, the screen would have no up direction."""
 _BODY_DISTANCE, _OVERVIEW_DISTANCE = 1.3, 0.95
 """Distance of the viewer, in diagonals of the subject."""
@@ -120,16 +120,6 @@ def straightened(pose: Pose) -> Pose:
     return replace(pose, position=(x, y, z - pose.distance), up=(0.0, -1.0, 0.0))
 
 
-def space_pose(bounds: Float[np.ndarray, "2 3"], window: Window) -> Pose:
-    """Looks at bodies in a bounding box (least and greatest coordinates), from half to the side."""
-    return _space_pose(bounds, window, _BODY_FROM, _BODY_DISTANCE)
-
-
-def named_pose(name: str, bounds: Float[np.ndarray, "2 3"], window: Window) -> Pose:
-    """Looks at bodies in a bounding box from one of SPACE_FROM."""
-    return _space_pose(bounds, window, np.array(SPACE_FROM[name]), _BODY_DISTANCE)
-
-
 def filming_pose(
     camera: Camera,
     turn: Float[np.ndarray, "3 3"],
@@ -206,18 +196,29 @@ def _is_free(target: Float[np.ndarray, "3"], away: Float[np.ndarray, "3"], obsta
 def overview_pose(bounds: Float[np.ndarray, "2 3"], window: Window, place: Float[np.ndarray, "3"] = _ORIGIN) -> Pose:
     """Looks at bodies in a bounding box and at the video camera's position, from the side."""
     everything = np.stack([np.minimum(bounds[0], place), np.maximum(bounds[1], place)])
-    return _space_pose(everything, window, _OVERVIEW_FROM, _OVERVIEW_DISTANCE)
+    return space_pose(everything, window, _OVERVIEW_FROM, _OVERVIEW_DISTANCE)
 
 
-def _space_pose(
-    bounds: Float[np.ndarray, "2 3"], window: Window, view_from: Float[np.ndarray, "3"], diagonals: float
+def space_pose(
+    bounds: Float[np.ndarray, "2 3"],
+    window: Window,
+    view_from: Vector = _BODY_FROM,
+    diagonals: float = _BODY_DISTANCE,
 ) -> Pose:
+    """Looks at bodies in a bounding box (least and greatest coordinates), by default from half to the side.
+
+    Args:
+        bounds: The box.
+        window: The canvas.
+        view_from: From the box towards the viewer, such as one of SPACE_FROM.
+        diagonals: Distance of the viewer, in diagonals of the box.
+    """
     middle = bounds.mean(0)  # the centre of rotation
     free = (window.height - window.covered) / window.height
     # A window higher than wide needs a greater distance.
     distance = diagonals * math.dist(bounds[0], bounds[1]) / free * max(1.0, window.height / window.width)
     middle[1] += distance * math.tan(SPACE_FOV / 2) * window.covered / window.height  # bodies above the covered part
-    position = middle + view_from / np.linalg.norm(view_from) * distance
+    position = middle + np.array(view_from) / np.linalg.norm(view_from) * distance
     return Pose(
         position=_vector(position),
         look_at=_vector(middle),

@@ -12,12 +12,12 @@ from jaxtyping import Float
 from tcfit_app.review.scene.layers import RGB
 from tcfit_app.review.scene.nodes import MeshDressing
 from tcfit_app.review.scene.poses import (
+    SPACE_FROM,
     Pose,
     Rectangle,
     Window,
     clear_pose,
     filming_pose,
-    named_pose,
     nearer_pose,
     overview_pose,
     poster_pose,
@@ -120,23 +120,19 @@ class Cameras:
     def zoom_in_space(self, bounds: Float[np.ndarray, "2 3"], obstacles: Float[np.ndarray, "n 3"]) -> None:
         """In 3D: fit a bounding box (least and greatest coordinates) to the window, from the current direction; from
         another one if the camera would be inside or behind a body with these vertices."""
-        if self._scene == "space":
-            self._go(clear_pose(nearer_pose(self.pose, bounds, self._window), obstacles), moved=True)
+        self._go(clear_pose(nearer_pose(self.pose, bounds, self._window), obstacles), moved=True)
 
-    def look_from(self, name: str) -> None:
-        """In 3D: look from one of SPACE_FROM. The video's picture is hidden if it would be in the way."""
-        if self._scene == "space":
-            pose = named_pose(name, self._bounds, self._window)
-            near = _BEYOND_IMAGE - pose.position[2] if name == "front" else pose.near
-            self._go(replace(pose, near=max(pose.near, near)), moved=True)
-
-    def look_as_filmed(self, space: Space) -> None:
-        """In 3D: look from the video camera. Everything nearer than its picture is hidden."""
-        if self._scene == "space":
+    def look_from(self, name: str, space: Space) -> None:
+        """In 3D: look from one of SPACE_FROM, or as the video's "camera". A picture in the way is hidden."""
+        if name == "camera":
             pose = filming_pose(
                 space.camera, space.turn, self._bounds, self._window, near=_BEYOND_IMAGE, place=space.place
             )
-            self._go(pose, moved=True)
+        else:
+            pose = space_pose(self._bounds, self._window, SPACE_FROM[name])
+            near = _BEYOND_IMAGE - pose.position[2] if name == "front" else pose.near
+            pose = replace(pose, near=max(pose.near, near))
+        self._go(pose, moved=True)
 
     def touched(self) -> None:
         """The user moves the camera."""
@@ -267,12 +263,8 @@ class SceneView:
 
     def look_from(self, name: str) -> None:
         """In 3D: look from one of SPACE_FROM, or as the video's "camera"."""
-        if not isinstance(self._last, Space):
-            return
-        if name == "camera":
-            self.cameras.look_as_filmed(self._last)
-        else:
-            self.cameras.look_from(name)
+        if isinstance(self._last, Space):
+            self.cameras.look_from(name, self._last)
 
     def zoom_to(self, pixels: Rectangle) -> None:
         """In 2D: fit a rectangle of image pixels (left, top, right, bottom) to each picture's window."""

@@ -166,13 +166,6 @@ class DrawingData:
         """One of LEVELS for the timeline; None while it is computed."""
         return self._made(("levels", name, self.key(shown)), shown, lambda posed: level_spans(name, posed))
 
-    def between(self, a: Shown, b: Shown) -> Curve | None:
-        """The distance between two runs along the clip; None while it is computed."""
-        one, other = self._ready(a), self._ready(b)
-        if one is None or other is None:
-            return None
-        return self.tasks.get(("between", self.key(a), self.key(b)), lambda: between_runs(one(), other()))
-
     def level(self, shown: Shown) -> Level | None:
         """The camera's tilt and the floor according to a run; None if unknown, or not computed yet."""
         return None if shown.result is None else level_of(self.session.fits.fit(shown.run).grounding)
@@ -253,12 +246,12 @@ class DrawingData:
     def _reference_key(self, shown: Shown) -> Hashable:
         return "reference", *shown.version, self.session.project.reference_version
 
-    def distances(self, a: Shown, b: Shown) -> Curve | None:
+    def between(self, a: Shown, b: Shown) -> Curve | None:
         """The distance between two runs, by frame; None while it is computed."""
         one = self._ready(a)
         if one is None:
             return None
-        key = "distances", a.version, b.version
+        key = "between", a.version, b.version
         return self._made(key, b, lambda other: between_runs(one(), other))
 
     def suspects(self, shown: Shown) -> tuple[Suspect, ...] | None:
