@@ -8,7 +8,7 @@ import torch
 
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
-from tcfit_app.analysis.meshes import KEPT, FrameByFrame, Meshes
+from tcfit_app.analysis.meshes import FrameByFrame, Meshes
 from tests.samples.scenes import random_params
 
 
@@ -56,17 +56,6 @@ def test_the_nearest_of_what_is_known_is_taken(params: BodyParams):
     assert count.asked == [12, 10, 1]
     assert known(far) is known(far)
     assert count.asked == [12, 10, 1]
-
-
-def test_the_oldest_are_forgotten(params: BodyParams):
-    count = Counting()
-    known = FrameByFrame(count)
-    every = list(range(12))
-    for k in range(KEPT + 1):
-        known(moved(params, every, 0.1 * k))
-    known(moved(params, every, 0.1))
-    known(params)
-    assert count.asked == [12] * (KEPT + 2)
 
 
 def test_other_lengths_and_other_hands_are_others(params: BodyParams):

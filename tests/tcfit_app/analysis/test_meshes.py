@@ -1,7 +1,5 @@
 """Vertices for the views."""
 
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 import pytest
 
@@ -23,10 +21,6 @@ def test_one_frame_is_that_of_the_batch(meshes: Meshes):
         np.testing.assert_allclose(meshes.vertices("a", params, frame), together[frame], rtol=0, atol=1e-6)
 
 
-def test_no_frames(meshes: Meshes):
-    assert meshes.batch(random_params(0)).shape == (0, len(meshes.body.template), 3)
-
-
 def test_a_version_is_evaluated_once_and_cannot_be_written(meshes: Meshes):
     first, second = random_params(2, seed=1), random_params(2, seed=2)
     vertices = meshes.vertices("run 1", first, 1)
@@ -43,12 +37,3 @@ def test_memory_is_limited(tiny_body: BodyModel):
     assert [meshes.vertices("a", params, frame) is found[frame] for frame in (4, 3, 2)] == [True] * 3
     assert meshes.vertices("a", params, 0) is not found[0]
     assert all(vertices.base is None or vertices.base.nbytes == size for vertices in found)
-
-
-def test_threads_get_what_one_gets(meshes: Meshes):
-    params = random_params(12)
-    alone = meshes.batch(params)
-    with ThreadPoolExecutor(4) as pool:
-        found = list(pool.map(lambda frame: meshes.vertices("a", params, frame % 12), range(48)))
-    for frame, vertices in enumerate(found):
-        np.testing.assert_allclose(vertices, alone[frame % 12], rtol=0, atol=1e-6)

@@ -17,7 +17,7 @@ from fitting_core.results.fit_result import FitResult, PhaseResult
 from tcfit_app.analysis.curves import between_runs, vertex_distances
 from tcfit_app.analysis.posed_fit import PosedFit
 from tcfit_app.analysis.run_metrics import METRICS, ComparedMetric, MeasuredRun, Metric, compare, run_metrics
-from tests.samples.posed import displaced, fit_of, keypoints_of, still_fit, still_params, with_keypoints
+from tests.samples.posed import displaced, fit_of, keypoints_of, still_params, with_keypoints
 from tests.samples.scenes import noisy, random_params
 
 OBJECTIVE = {"data": 12.0, "hand_pose": 3.0, "total": 15.0}
@@ -135,22 +135,6 @@ def test_two_runs_side_by_side():
 @pytest.mark.parametrize(("a", "b", "better"), [(2.0, 1.9, "b"), (2.0, 1.99, ""), (0.0, 0.0, ""), (1.0, None, "")])
 def test_which_is_better(a: float, b: float | None, better: str):
     assert compare((metric("x", a),), (metric("x", b),))[0].better == better
-
-
-def test_a_run_is_as_good_as_itself(tiny_body: BodyModel):
-    fit = still_fit(tiny_body, 5)
-    figures = run_metrics(MeasuredRun(fit=fit, phase=phase_of(fit.params), seconds=1.0))
-    rows = compare(figures, figures)
-    assert not any(row.difference for row in rows) and not any(row.better for row in rows)
-
-
-def test_distances_between_runs(tiny_body: BodyModel):
-    params = random_params(3)
-    shifted = params.camera_translation + torch.tensor([0.003, 0.0, -0.004])
-    one, other = fit_of(tiny_body, params), fit_of(tiny_body, replace(params, camera_translation=shifted))
-    np.testing.assert_allclose(between_runs(one, other).values, 5, rtol=1e-6)
-    a, b = (fit.meshes.vertices("v", fit.params, 1) for fit in (one, other))
-    np.testing.assert_allclose(vertex_distances(a, b), 5, atol=1e-2)
 
 
 def test_distances_are_those_of_the_meshes(tiny_body: BodyModel):

@@ -78,7 +78,6 @@ def test_what_is_there_is_not_made_again(data: DrawingData, monkeypatch: pytest.
         "figures": lambda: data.metrics(shown),
         "room": lambda: data.room(shown, shown),
         "between": lambda: data.between(shown, shown),
-        "distances": lambda: data.distances(shown, shown),
     }
     for draw in draws.values():
         until(session, lambda draw=draw: draw() is not None)

@@ -1,44 +1,31 @@
 """Close-ups and trails: what they follow, and what the page is told of them. No browser."""
 
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import viser
 
-from fitting_core.body.model import BodyModel
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.keypoints import GROUPS, INDEX
-from tcfit_app.project.project import Project
 from tcfit_app.review.browser.page_events import Hello, Key
 from tcfit_app.review.browser.page_states import Focus, Trail
 from tcfit_app.review.drawing.overlays import TRAIL_REACH, followed, in_image
 from tcfit_app.review.gestures.zooming import show_close_up, usual_size
 from tcfit_app.review.panels.view_panel import ViewPanel
 from tcfit_app.review.tab.state import CLOSE_UPS, HELD_BY, Part
-from tests.drivers.lone_page import LonePage, lone_page, told
-from tests.samples.sessions import QUICK, OneBody, idle, small_clip
+from tests.drivers.lone_page import LonePage, told
 
 WRIST = INDEX["right_wrist"]
 
 
 @pytest.fixture
-def tested(panel_server: viser.ViserServer, tmp_path: Path, tiny_body: BodyModel) -> Iterator[LonePage]:
+def tested(fitted_page: LonePage) -> LonePage:
     """A page of a project of the tiny body, with a fit."""
-    with (
-        Project.create(tmp_path / "walk.tcfit", small_clip(tiny_body)) as project,
-        lone_page(panel_server, project, bodies=OneBody(tiny_body)) as made,
-    ):
-        session = made.page.tab.session
-        session.fit_everything(QUICK, kind="smplx", gender="neutral")
-        idle(session)
-        made.only(ViewPanel)
-        made.page.receive(Hello("me", 1000, 700))
-        made.page.tab.set(video=False)
-        yield made
+    fitted_page.only(ViewPanel)
+    fitted_page.page.receive(Hello("me", 1000, 700))
+    fitted_page.page.tab.set(video=False)
+    return fitted_page
 
 
 def heard(tested: LonePage) -> dict[str, Any]:

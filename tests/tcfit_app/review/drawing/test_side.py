@@ -1,6 +1,5 @@
 """The side view of a tab: what the page is told, and what keys and buttons make of it. No browser."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,23 +22,16 @@ from tcfit_app.review.shared.drawing_data import FrameBody
 from tcfit_app.review.tab.state import CLOSE_UPS, HELD_BY, SIDE_WIDTHS
 from tests.drivers.lone_page import LonePage, lone_page
 from tests.samples.project_samples import sample_error_bars
-from tests.samples.sessions import QUICK, OneBody, idle, small_clip, until
+from tests.samples.sessions import OneBody, small_clip, until
 
 
 @pytest.fixture
-def tested(panel_server: viser.ViserServer, tmp_path: Path, tiny_body: BodyModel) -> Iterator[LonePage]:
+def tested(fitted_page: LonePage) -> LonePage:
     """A page of a project of the tiny body, with a fit."""
-    with (
-        Project.create(tmp_path / "walk.tcfit", small_clip(tiny_body)) as project,
-        lone_page(panel_server, project, bodies=OneBody(tiny_body)) as made,
-    ):
-        session = made.page.tab.session
-        session.fit_everything(QUICK, kind="smplx", gender="neutral")
-        idle(session)
-        made.only(ViewPanel)
-        made.page.receive(Hello("me", 1000, 700))
-        made.page.tab.set(video=False)
-        yield made
+    fitted_page.only(ViewPanel)
+    fitted_page.page.receive(Hello("me", 1000, 700))
+    fitted_page.page.tab.set(video=False)
+    return fitted_page
 
 
 def told(tested: LonePage, name: str) -> Any:

@@ -1,13 +1,10 @@
 """Correcting depth with the panels' buttons and keys: what is stored, what is said, and that the fit follows."""
 
-from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
 import pytest
-import viser
 
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
@@ -22,8 +19,8 @@ from tcfit_app.review.panels.keypoints_panel import KeypointsPanel
 from tcfit_app.review.panels.review_panel import ReviewPanel
 from tcfit_app.review.tab.state import FitSettings, Mode
 from tcfit_app.review.tab.tab import Tab
-from tests.drivers.lone_page import LonePage, lone_page
-from tests.samples.sessions import QUICK, OneBody, small_clip
+from tests.drivers.lone_page import LonePage
+from tests.samples.sessions import QUICK
 
 ROOT, ELBOW, WRIST = (INDEX[f"right_{n}"] for n in ("shoulder", "elbow", "wrist"))
 
@@ -31,28 +28,11 @@ PERSPECTIVE = 0.1
 """Metres by which a limb that looks alike is off the mirror image in depth, 2.5 m from the camera."""
 
 
-@pytest.fixture(scope="module")
-def fitted(tiny_body: BodyModel, tmp_path_factory: pytest.TempPathFactory, panel_server: viser.ViserServer) -> Path:
-    """A project with one whole fit; not to be changed."""
-    folder = tmp_path_factory.mktemp("fitted") / "walk.tcfit"
-    with Project.create(folder, small_clip(tiny_body)) as project, page_of(panel_server, project, tiny_body) as tested:
-        tested.fit()
-    return folder
-
-
-def page_of(server: viser.ViserServer, project: Project, body: BodyModel):
-    return lone_page(server, project, bodies=OneBody(body))
-
-
 @pytest.fixture
-def tested(fitted: Path, tmp_path: Path, tiny_body: BodyModel, panel_server: viser.ViserServer) -> Iterator[LonePage]:
-    import shutil
-
-    folder = Path(shutil.copytree(fitted, tmp_path / "walk.tcfit"))
-    with Project.open(folder) as project, page_of(panel_server, project, tiny_body) as made:
-        made.only(KeypointsPanel)
-        made.page.tab.set(settings=FitSettings(config=QUICK, preset="paper"))
-        yield made
+def tested(fitted_page: LonePage) -> LonePage:
+    fitted_page.only(KeypointsPanel)
+    fitted_page.page.tab.set(settings=FitSettings(config=QUICK, preset="paper"))
+    return fitted_page
 
 
 def depths(tested: LonePage, body: BodyModel) -> np.ndarray:
@@ -174,7 +154,7 @@ def test_a_joint_is_locked_as_it_is_turned(tested: LonePage):
         tested.press("action", "lock")
 
 
-def test_what_cannot_be_said_of_depth(tested: LonePage, fitted: Path, monkeypatch: pytest.MonkeyPatch):
+def test_what_cannot_be_said_of_depth(tested: LonePage, monkeypatch: pytest.MonkeyPatch):
     tab = tested.page.tab
     with pytest.raises(InputError, match="Select keypoints first"):
         tested.press("action", "mirror_depth")

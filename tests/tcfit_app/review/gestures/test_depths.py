@@ -10,7 +10,7 @@ from fitting_core.body.geometry import unit
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT, INDEX, Keypoints
-from tcfit_app.review.gestures.depths import LimbPoints, SeenBody, Way, limbs_of
+from tcfit_app.review.gestures.correcting_depth import LimbPoints, SeenBody, Way, limbs_of
 
 CAMERA = Camera(focal=(1e5, 1e5), center=(500.0, 500.0), size=(1000, 1000))
 PELVIS, DISTANCE = 399.0, 400.0

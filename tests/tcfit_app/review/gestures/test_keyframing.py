@@ -1,53 +1,31 @@
 """Keyframes and drags as a user makes them: what is stored, which frames follow, and what goes along."""
 
-import shutil
-from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import viser
 
-from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
 from fitting_core.keypoints import INDEX, LEFT_HAND
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project import project as project_module
 from tcfit_app.project.edits.corrected import Corrected
 from tcfit_app.project.edits.kinds import MarkBad, MoveKey, MoveKeypoint, Nudge, PlaceKey, RemoveKey, SetDepth
-from tcfit_app.project.project import Project
 from tcfit_app.review.browser.page_events import Drag, DragDepth
 from tcfit_app.review.gestures.edit_words import describe
 from tcfit_app.review.gestures.keyframing import filled, with_hands
 from tcfit_app.review.panels.keypoints_panel import KeypointsPanel
 from tcfit_app.review.shared.drawing_data import FrameBody
-from tests.drivers.lone_page import LonePage, lone_page
-from tests.samples.sessions import OneBody, small_clip
+from tests.drivers.lone_page import LonePage
 
 WRIST, ELBOW = INDEX["left_wrist"], INDEX["left_elbow"]
 
 
-@pytest.fixture(scope="module")
-def fitted(tiny_body: BodyModel, tmp_path_factory: pytest.TempPathFactory, panel_server: viser.ViserServer) -> Path:
-    """A project with one whole fit; not to be changed."""
-    folder = tmp_path_factory.mktemp("fitted") / "walk.tcfit"
-    bodies = OneBody(tiny_body)
-    with (
-        Project.create(folder, small_clip(tiny_body)) as project,
-        lone_page(panel_server, project, bodies=bodies) as made,
-    ):
-        made.fit()
-    return folder
-
-
 @pytest.fixture
-def tested(fitted: Path, tmp_path: Path, tiny_body: BodyModel, panel_server: viser.ViserServer) -> Iterator[LonePage]:
-    folder = Path(shutil.copytree(fitted, tmp_path / "walk.tcfit"))
-    with Project.open(folder) as project, lone_page(panel_server, project, bodies=OneBody(tiny_body)) as made:
-        made.only(KeypointsPanel)
-        yield made
+def tested(fitted_page: LonePage) -> LonePage:
+    fitted_page.only(KeypointsPanel)
+    return fitted_page
 
 
 def last_edit(tested: LonePage) -> object:

@@ -1,13 +1,10 @@
 """Hands given a shape with the panel's buttons and keys: what is stored, what is said, and that the fit follows."""
 
 import json
-import shutil
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
-import viser
 
 from fitting_core.body.handshapes import HANDSHAPES, finger_angles, in_hand
 from fitting_core.body.model import POSE_JOINTS, BodyModel
@@ -15,13 +12,12 @@ from fitting_core.body.params import full_pose
 from fitting_core.errors import InputError
 from fitting_core.keypoints import FINGER_JOINTS, HAND_21, INDEX, LEFT_HAND, RIGHT_HAND, Side
 from tcfit_app.project.edits.kinds import ShapeHand
-from tcfit_app.project.project import Project
+from tcfit_app.review.gestures import shaping
+from tcfit_app.review.gestures.shaping import keep_handshape
 from tcfit_app.review.panels.keypoints_panel import KeypointsPanel
-from tcfit_app.review.shared import own_handshapes
-from tcfit_app.review.shared.own_handshapes import keep_handshape
 from tcfit_app.review.tab.state import FitSettings
-from tests.drivers.lone_page import LonePage, lone_page
-from tests.samples.sessions import QUICK, OneBody, small_clip
+from tests.drivers.lone_page import LonePage
+from tests.samples.sessions import QUICK
 
 RIGHT = INDEX["right_wrist"]
 
@@ -30,32 +26,15 @@ RIGHT = INDEX["right_wrist"]
 def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The user's file, which is not there yet."""
     path = tmp_path / "user" / "handshapes.json"
-    monkeypatch.setattr(own_handshapes, "own_handshapes_file", lambda: path)
+    monkeypatch.setattr(shaping, "own_handshapes_file", lambda: path)
     return path
 
 
-@pytest.fixture(scope="module")
-def fitted(tiny_body: BodyModel, tmp_path_factory: pytest.TempPathFactory, panel_server: viser.ViserServer) -> Path:
-    """A project with one whole fit; not to be changed."""
-    folder = tmp_path_factory.mktemp("fitted") / "walk.tcfit"
-    with (
-        Project.create(folder, small_clip(tiny_body)) as project,
-        lone_page(panel_server, project, bodies=OneBody(tiny_body)) as tested,
-    ):
-        tested.fit()
-    return folder
-
-
 @pytest.fixture
-def tested(fitted: Path, tmp_path: Path, tiny_body: BodyModel, panel_server: viser.ViserServer) -> Iterator[LonePage]:
-    folder = Path(shutil.copytree(fitted, tmp_path / "walk.tcfit"))
-    with (
-        Project.open(folder) as project,
-        lone_page(panel_server, project, bodies=OneBody(tiny_body)) as made,
-    ):
-        made.only(KeypointsPanel)
-        made.page.tab.set(settings=FitSettings(config=QUICK, preset="paper"), selection=(RIGHT,))
-        yield made
+def tested(fitted_page: LonePage) -> LonePage:
+    fitted_page.only(KeypointsPanel)
+    fitted_page.page.tab.set(settings=FitSettings(config=QUICK, preset="paper"), selection=(RIGHT,))
+    return fitted_page
 
 
 def fitted_hand(tested: LonePage, body: BodyModel, side: Side) -> np.ndarray:

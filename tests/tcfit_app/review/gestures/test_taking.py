@@ -1,11 +1,7 @@
 """Limbs of one fit taken into the other: what is stored, what is said, and that the fit follows."""
 
-from collections.abc import Iterator
-from pathlib import Path
-
 import numpy as np
 import pytest
-import viser
 
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import full_pose
@@ -13,26 +9,20 @@ from fitting_core.errors import InputError
 from fitting_core.keypoints import FINGER_JOINTS, INDEX, LOCKABLE
 from tcfit_app.project.edits.kinds import TakeRotations
 from tcfit_app.project.edits.packed_points import unpacked
-from tcfit_app.project.project import Project
 from tcfit_app.review.panels.compare_panel import ComparePanel
 from tcfit_app.review.tab.state import FitSettings
-from tests.drivers.lone_page import LonePage, lone_page
-from tests.samples.sessions import QUICK, OneBody, small_clip
+from tests.drivers.lone_page import LonePage
+from tests.samples.sessions import QUICK
 
 ARM = [INDEX[f"right_{name}"] for name in ("shoulder", "elbow", "wrist")]
 
 
 @pytest.fixture
-def tested(tmp_path: Path, tiny_body: BodyModel, panel_server: viser.ViserServer) -> Iterator[LonePage]:
+def tested(fitted_page: LonePage) -> LonePage:
     """With a fit, whose phase 1 is A."""
-    with (
-        Project.create(tmp_path / "walk.tcfit", small_clip(tiny_body)) as project,
-        lone_page(panel_server, project, bodies=OneBody(tiny_body)) as made,
-    ):
-        made.fit()
-        made.only(ComparePanel)
-        made.page.tab.set(settings=FitSettings(config=QUICK, preset="paper"))
-        yield made
+    fitted_page.only(ComparePanel)
+    fitted_page.page.tab.set(settings=FitSettings(config=QUICK, preset="paper"))
+    return fitted_page
 
 
 def rotations(tested: LonePage, body: BodyModel, slot: str) -> np.ndarray:

@@ -1,9 +1,6 @@
 """A joint turned in 3D by its rings: where they are, what is stored, and that the fit follows."""
 
-import shutil
-from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,36 +14,20 @@ from fitting_core.body.points.positions import joints_in_space
 from fitting_core.errors import InputError
 from fitting_core.keypoints import INDEX
 from tcfit_app.project.edits.kinds import Lock
-from tcfit_app.project.project import Project
 from tcfit_app.review.panels.keypoints_panel import KeypointsPanel
 from tcfit_app.review.scene.space import Quaternion, Rings, TurnPhase
-from tests.drivers.lone_page import LonePage, lone_page
-from tests.samples.sessions import OneBody, small_clip
+from tests.drivers.lone_page import LonePage
 
 ELBOW, WRIST = INDEX["left_elbow"], INDEX["left_wrist"]
 FRAME = 3
 
 
-@pytest.fixture(scope="module")
-def fitted(tiny_body: BodyModel, tmp_path_factory: pytest.TempPathFactory, panel_server: viser.ViserServer) -> Path:
-    """A project with one whole fit; not to be changed."""
-    folder = tmp_path_factory.mktemp("fitted") / "walk.tcfit"
-    with (
-        Project.create(folder, small_clip(tiny_body)) as project,
-        lone_page(panel_server, project, bodies=OneBody(tiny_body)) as made,
-    ):
-        made.fit()
-    return folder
-
-
 @pytest.fixture
-def tested(fitted: Path, tmp_path: Path, tiny_body: BodyModel, panel_server: viser.ViserServer) -> Iterator[LonePage]:
+def tested(fitted_page: LonePage) -> LonePage:
     """In 3D, with an elbow selected."""
-    folder = Path(shutil.copytree(fitted, tmp_path / "walk.tcfit"))
-    with Project.open(folder) as project, lone_page(panel_server, project, bodies=OneBody(tiny_body)) as made:
-        made.only(KeypointsPanel)
-        made.page.tab.set(mode="space", frame=FRAME, selection=(ELBOW,))
-        yield made
+    fitted_page.only(KeypointsPanel)
+    fitted_page.page.tab.set(mode="space", frame=FRAME, selection=(ELBOW,))
+    return fitted_page
 
 
 def rings(tested: LonePage) -> Rings | None:

@@ -10,7 +10,7 @@ from fitting_core.ground.level import Level, upright
 from tcfit_app.review.scene.poses import Window
 from tcfit_app.review.scene.poster import Poster, Posters, SidePoster
 from tcfit_app.review.scene.room import Room, room_around
-from tcfit_app.review.scene.side_view import Direction, SideView, direction_text, side_view, usual_width, view_axes
+from tcfit_app.review.scene.side_view import Direction, SideView, side_view, usual_width
 
 CAMERA = Camera(focal=(1000.0, 1000.0), center=(270.0, 360.0), size=(540, 720))
 HIGH = 1.4
@@ -75,13 +75,6 @@ def test_directions(direction: Direction, ahead: tuple[float, float], aside: tup
         np.testing.assert_allclose([forward - sole, sideways - sole], [ahead, aside], atol=1e-9)
     else:
         np.testing.assert_allclose([(forward - sole)[0], (sideways - sole)[0]], [ahead[0], aside[0]], atol=1e-9)
-
-
-@pytest.mark.parametrize("direction", ["left", "right", "top", 33.0])
-def test_a_view_is_a_turn_and_no_mirror(direction: Direction):
-    axes = view_axes(direction)
-    np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)
-    assert np.linalg.det(axes) == pytest.approx(1.0)
 
 
 def test_what_is_nearer_to_the_viewer_hides_the_rest():
@@ -169,15 +162,3 @@ def test_the_plate_stands_at_the_right_of_the_pictures():
 
 def test_plates_are_narrow_beside_wide_pictures():
     assert usual_width(16 / 9) == 0.5 and usual_width(9 / 16) == 0.9 and usual_width(1.0) == 0.75
-
-
-def test_directions_have_names():
-    named = [direction_text(direction) for direction in ("left", "right", "top", 90.0, -90.0, 30.0)]
-    assert named == [
-        "from the picture's left",
-        "from the picture's right",
-        "from above",
-        "from the picture's right",
-        "from the picture's left",
-        "turned by 30°",
-    ]

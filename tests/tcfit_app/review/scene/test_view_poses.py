@@ -21,7 +21,6 @@ from tcfit_app.review.scene.poses import (
     Window,
     clear_pose,
     filming_pose,
-    named_pose,
     nearer_pose,
     overview_pose,
     poster_pose,
@@ -82,7 +81,7 @@ def test_the_overview_holds_bodies_and_video_camera():
 
 @pytest.mark.parametrize("name", SPACE_FROM)
 def test_presets_look_at_the_bodies_from_their_side(name: str):
-    pose = named_pose(name, BOUNDS, WINDOW)
+    pose = space_pose(BOUNDS, WINDOW, SPACE_FROM[name])
     assert all(-1 < edge < 1 for edge in extent(pose, BOUNDS))
     way = np.subtract(pose.position, pose.look_at) / pose.distance
     assert way @ {"front": [0, 0, -1], "side": [1, 0, 0], "top": [0, -1, 0]}[name] > 0.99
@@ -299,7 +298,7 @@ def test_a_zoom_in_space_puts_the_camera_neither_inside_the_body_nor_behind_it(f
     vertices = meshes.vertices(0, params, 0).astype(float)
     triangles = vertices[np.asarray(meshes.faces)]
     bounds = np.stack([vertices.min(0), vertices.max(0)])
-    pose = named_pose("front" if view == "behind" else view, bounds, WINDOW)
+    pose = space_pose(bounds, WINDOW, SPACE_FROM["front" if view == "behind" else view])
     if view == "behind":
         x, y, z = 2 * np.array(pose.look_at) - pose.position
         pose = replace(pose, position=(x, y, z))

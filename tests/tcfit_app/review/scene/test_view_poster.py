@@ -4,8 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from fitting_core.camera import Camera
 from tcfit_app.review.scene.layers import BodyLayer, color_index, color_table
@@ -31,12 +29,6 @@ def test_pixels_count_from_the_corner():
     corners = np.array([(0.0, 0.0), (1280.0, 720.0), (640.0, 360.0)])
     expected = [(-640 / 720, -0.5), (640 / 720, 0.5), (0, 0)]
     np.testing.assert_allclose(world_of_pixels(corners, CAMERA.size), expected)
-
-
-@given(st.floats(-2000, 2000), st.floats(-2000, 2000))
-def test_there_and_back(u: float, v: float):
-    there = world_of_pixels(np.array([u, v]), CAMERA.size)
-    np.testing.assert_allclose(pixels_of_world(there, CAMERA.size), [u, v], atol=1e-9)
 
 
 def test_a_relief_lies_on_its_pixels():

@@ -74,14 +74,6 @@ def test_the_image_lies_where_its_pixels_are(shown: Screen):
     assert plate_errors(shown.picture(), posters, shown.view.cameras.pose) < 0.5
 
 
-def test_two_posters(shown: Screen):
-    other = plain_body(*capsule(0.3, 2.6))
-    posters = Posters(camera=CAMERA, posters=tuple(Poster(image=PLATE, bodies=(b,)) for b in (BODY, other)))
-    shown.show(posters)
-    shown.settle()
-    assert overlap(seen_body(shown.picture()), expected_body(posters, shown.view.cameras.pose, WINDOW)) > 0.97
-
-
 def test_pictures_that_are_zoomed_stay_in_their_windows(shown: Screen):
     other = plain_body(*capsule(0.3, 2.6))
     posters = Posters(camera=CAMERA, posters=tuple(Poster(image=PLATE, bodies=(b,)) for b in (BODY, other)))
