@@ -53,25 +53,17 @@ class MeshDressing:
             opacities: 255 for the mesh's own opacity, which must be less than 1 for others to count; None: all 255.
         """
         texts = [None if a is None else base64.b64encode(a.tobytes()).decode() for a in (indices, opacities)]
-        self._dress(name, colors=texts if any(texts) else None)
+        self.dress(name, colors=texts if any(texts) else None)
 
-    def show_front_only(self, name: str, front: Front) -> None:
-        """Whether the node's mesh hides its own far side although it is transparent; a ghost's only its own."""
-        self._dress(name, front=front)
+    def dress(self, name: str, **wish: object) -> None:
+        """Change how the page draws a node.
 
-    def show_nothing(self, name: str, nothing: bool) -> None:
-        """Whether the node's mesh is invisible but hides what is behind it."""
-        self._dress(name, nothing=nothing)
-
-    def draw_last(self, name: str) -> None:
-        """Draw a node's lines after the bodies, which may hide them."""
-        self._dress(name, last=True)
-
-    def keep_dark(self, name: str) -> None:
-        """Draw an image node dark instead of white until the browser has decoded its first image."""
-        self._dress(name, dark=True)
-
-    def _dress(self, name: str, **wish: object) -> None:
+        Args:
+            name: Of the node.
+            wish: `front`: whether a transparent mesh hides its own far side; "ghost": only its own. `nothing`: whether
+                a mesh is invisible but hides what is behind it. `last`: lines are drawn after the bodies, which may
+                hide them. `dark`: an image is dark, not white, until its first one is decoded. `colors`: see `paint`.
+        """
         self._call("dress", name, wish)
 
     def _call(self, name: str, *values: object) -> None:
@@ -138,7 +130,10 @@ class BodyNode:
         self._node.position = self._position
         self._node.visible = True
         self._paint(layer)
-        self._show_front_only("ghost" if ghost else transparent)
+        front: Front = "ghost" if ghost else transparent
+        if front != self._front:
+            self._front = front
+            self._dressing.dress(self._name, front=front)
         self._outline(layer if outlined else None, vertices)
 
     def hide(self) -> None:
@@ -166,7 +161,7 @@ class BodyNode:
         if layer is None:
             if self._lines is not None and self._lines.visible:
                 self._lines.visible = False
-                self._dressing.show_nothing(self._name, False)
+                self._dressing.dress(self._name, nothing=False)
             return
         before, self._outlined = self._outlined, (vertices, layer.opacities)
         if self._lines is None or any(new is not old for new, old in zip(self._outlined, before, strict=True)):
@@ -176,13 +171,13 @@ class BodyNode:
                     f"{self._name}/outline", points, layer.color, thickness=_LINE, thickness_units="screen"
                 )
                 self._lines.visible = False
-                self._dressing.draw_last(f"{self._name}/outline")
+                self._dressing.dress(f"{self._name}/outline", last=True)
             else:
                 self._lines.points = points
         self._lines.colors = np.array(layer.color, np.uint8)
         if not self._lines.visible:
             self._lines.visible = True
-            self._dressing.show_nothing(self._name, True)
+            self._dressing.dress(self._name, nothing=True)
 
     def _paint(self, layer: BodyLayer) -> None:
         """Update the vertex colours if they changed."""
@@ -190,11 +185,6 @@ class BodyNode:
             self._values, self._opacities = layer.values, layer.opacities
             indices = None if layer.values is None else color_index(layer.values)
             self._dressing.paint(self._name, indices, layer.opacities)
-
-    def _show_front_only(self, front: Front) -> None:
-        if front != self._front:
-            self._front = front
-            self._dressing.show_front_only(self._name, front)
 
 
 class ImageNode:
@@ -205,7 +195,7 @@ class ImageNode:
             name, np.zeros((1, 1, 3), np.uint8), 1.0, 1.0, cast_shadow=False, receive_shadow=False
         )
         self._image: FrameImage | None = None
-        dressing.keep_dark(name)
+        dressing.dress(name, dark=True)
         self.draw(first, (1.0, 1.0))
 
     def draw(
