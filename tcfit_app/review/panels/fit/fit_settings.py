@@ -310,7 +310,7 @@ class FitInputs:
         def options() -> Sequence[str]:
             return tuple(dict.fromkeys((*runs(), *also, read(tab.state.settings))))
 
-        self._add_dropdown(name, label, (none, *also), hint, take, read, options)
+        self._add_dropdown(name, label, options(), hint, take, read, options)
 
     # --- what is entered ---
 
