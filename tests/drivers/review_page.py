@@ -22,7 +22,7 @@ from tcfit_app.review.session.session import Session
 from tcfit_app.server.serving import ReviewServer, review_server
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser
+    from playwright.sync_api import Browser, Locator
     from playwright.sync_api import Page as Tab
 
 QUICK = replace(
@@ -78,6 +78,22 @@ class Reviewing:
         self.tab.keyboard.press(key)
         until(condition, f"the effect of {key}")
 
+    def panel(self, title: str) -> None:
+        """Show a panel. While panels arrive, a press on a tab would drag it out of their row."""
+        self.tab.wait_for_selector("html.tcfit-ready", state="attached")
+        tab = self.tab.get_by_role("tab", name=title, exact=True)
+        if tab.get_attribute("aria-selected") != "true":
+            tab.click()
+
+    def field(self, label: str) -> "Locator":
+        """viser's input with a label, which is no label to the browser."""
+        return self.tab.locator(f"xpath=//*[normalize-space(text())='{label}']/following::input[1]")
+
+    def choose(self, label: str, option: str) -> None:
+        """Choose an option of a drop-down."""
+        self.field(label).click()
+        self.tab.get_by_role("option", name=option).click()
+
     def place(self, joint: str, poster: int = 0) -> tuple[float, float]:
         """Where a keypoint of the frame on show is in the window."""
         x, y = self.session.project.corrected.xy[self.frame, INDEX[joint]].tolist()
@@ -126,9 +142,11 @@ def reviewing(folder: Path, browser: "Browser", *, read_only: bool = False, titl
 
 
 @contextmanager
-def serving(title: str, made: Callable[[ReviewServer], ReviewApp]) -> Iterator[tuple[ReviewApp, ReviewServer]]:
+def serving(
+    title: str, made: Callable[[ReviewServer], ReviewApp], *, port: int = 0
+) -> Iterator[tuple[ReviewApp, ReviewServer]]:
     """Let an app draw, behind a server."""
-    server = review_server(title, port=0, open_browser=False, scripts=web_files(), say=lambda text: None)
+    server = review_server(title, port=port, open_browser=False, scripts=web_files(), say=lambda text: None)
     with server as running:
         app = made(running)
         thread = threading.Thread(target=app.run)

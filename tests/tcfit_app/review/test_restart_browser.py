@@ -2,7 +2,6 @@
 
 import re
 import shutil
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,10 +13,9 @@ from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.project.edits.kinds import MarkBad
 from tcfit_app.project.project import Project
 from tcfit_app.review.app import ReviewApp
-from tcfit_app.review.browser.channel import web_files
 from tcfit_app.review.session.session import Session
-from tcfit_app.server.serving import ReviewServer, review_server
-from tests.drivers.review_page import PATIENCE, until
+from tcfit_app.server.serving import ReviewServer
+from tests.drivers.review_page import serving, until
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -29,17 +27,9 @@ pytestmark = pytest.mark.thorough
 def served(folder: Path, port: int) -> Iterator[tuple[ReviewApp, ReviewServer]]:
     with (
         Project.open(folder) as project,
-        review_server("again", port=port, open_browser=False, scripts=web_files(), say=lambda text: None) as server,
+        serving("again", lambda server: ReviewApp(Session(project, Bodies()), server.viser), port=port) as running,
     ):
-        app = ReviewApp(Session(project, Bodies()), server.viser)
-        thread = threading.Thread(target=app.run)
-        thread.start()
-        try:
-            yield app, server
-        finally:
-            app.stop()
-            thread.join(PATIENCE)
-            app.close()
+        yield running
 
 
 def test_a_page_goes_on_with_the_next_tcfit(demo_project: Path, browser: "Browser", tmp_path: Path):

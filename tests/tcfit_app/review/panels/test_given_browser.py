@@ -12,7 +12,7 @@ from tests.drivers.lone_page import sample_project
 from tests.drivers.review_page import Reviewing, reviewing, until
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Locator
+    from playwright.sync_api import Browser
 
 pytestmark = pytest.mark.thorough
 
@@ -26,45 +26,30 @@ def opened(tmp_path_factory: pytest.TempPathFactory, browser: "Browser") -> Iter
         yield found
 
 
-def panel(review: Reviewing, title: str) -> None:
-    review.tab.get_by_role("tab", name=title, exact=True).click()
-
-
-def field(review: Reviewing, label: str) -> "Locator":
-    """viser's input with a label, which is no label to the browser."""
-    return review.tab.locator(f"xpath=//*[normalize-space(text())='{label}']/following::input[1]")
-
-
-def choose(review: Reviewing, label: str, option: str) -> None:
-    field(review, label).click()
-    review.tab.get_by_role("option", name=option).click()
-
-
 def test_a_start_and_a_shape_are_chosen_and_stay_after_a_reload(opened: Reviewing, tmp_path: Path):
     state = lambda: opened.page.tab.state.settings  # noqa: E731 - the page is another one after the reload
-    panel(opened, "Fit")
+    opened.panel("Fit")
     opened.tab.get_by_text("Start, person").click()
-    choose(opened, "Start from", "2 · second")
-    choose(opened, "Same person as", "1 · first")
+    opened.choose("Start from", "2 · second")
+    opened.choose("Same person as", "1 · first")
     until(lambda: state().given == Given(start=Source(run=2), shape=Source(run=1)))
     opened.tab.get_by_text("and uses the shape of first").wait_for()
     opened.tab.get_by_text("Re-run shape as first").wait_for()
-    choose(opened, "Same person as", "a file")
+    opened.choose("Same person as", "a file")
     opened.tab.get_by_text("Path of the shape is empty").nth(1).wait_for()  # at the top, and beside its field
     path = tmp_path / "her.json"
     path.write_text(json.dumps({"betas": [0.5] * 10}))
-    field(opened, "Path of the shape").fill(str(path))
+    opened.field("Path of the shape").fill(str(path))
     until(lambda: state().given.shape == Source(path=str(path)) and not state().problems)
     opened.tab.reload()
-    opened.tab.get_by_role("tab", name="Fit", exact=True).wait_for(timeout=60_000)
-    panel(opened, "Fit")
+    opened.panel("Fit")
     opened.tab.get_by_text("and uses the shape of her.json").wait_for()
     assert state().given.start == Source(run=2)
 
 
 def test_why_a_run_cannot_be_refined_is_told(opened: Reviewing):
     """Its body is not here; nothing is begun."""
-    panel(opened, "Runs")
+    opened.panel("Runs")
     opened.tab.get_by_role("button", name="Refine").click()
     opened.tab.get_by_text("of this run is missing").first.wait_for()  # a notice, or a short message
     assert len(opened.session.fits.runs) == 2 and not opened.session.jobs
@@ -73,11 +58,11 @@ def test_why_a_run_cannot_be_refined_is_told(opened: Reviewing):
 def test_a_camera_file_is_read_and_its_problems_are_told(opened: Reviewing, tmp_path: Path):
     width, height = opened.session.project.clip.camera.size
     path = tmp_path / "scene.json"
-    panel(opened, "Fit")
+    opened.panel("Fit")
     use = opened.tab.get_by_role("button", name="Use this camera")
     if not use.is_visible():
         opened.tab.get_by_text("How it was filmed").click()
-    field(opened, "Camera file").fill(str(path))
+    opened.field("Camera file").fill(str(path))
     use.click()
     opened.tab.get_by_text("scene.json: does not exist").wait_for()
     matrix = [[700.0, 0.0, width / 2], [0.0, 700.0, height / 2], [0.0, 0.0, 1.0]]

@@ -19,7 +19,7 @@ from tests.samples.fake_detector import FakeDetector, known
 from tests.samples.spot_clips import FRAMES, empty_project, imported_xy, keypoint_files, nose, spot_video
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Locator
+    from playwright.sync_api import Browser
 
 pytestmark = pytest.mark.thorough
 
@@ -72,11 +72,6 @@ def review(
         assert not found.complaints
 
 
-def field(review: Reviewing, label: str) -> "Locator":
-    """viser's input with a label, which is no label to the browser."""
-    return review.tab.locator(f"xpath=//*[normalize-space(text())='{label}']/following::input[1]")
-
-
 def unfold(review: Reviewing, title: str, label: str) -> None:
     """Open a folder of the panel, and wait for what is in it."""
     review.tab.locator(f"text='{title}' >> visible=true").first.click()
@@ -97,7 +92,7 @@ def test_keypoints_of_a_path_appear_in_all_tabs_and_stay(review: Reviewing, tmp_
     assert drawn(review) == 0
     second = opened(review.app, review.server, browser)
     unfold(review, "Import keypoints", "Import from this path")
-    field(review, "Path").fill(str(keypoint_files(tmp_path / "kp")))
+    review.field("Path").fill(str(keypoint_files(tmp_path / "kp")))
     review.tab.get_by_text("Import from this path").click()
     review.tab.get_by_text(f"Found in {FRAMES} of {FRAMES} frames").wait_for()
     for tab in (review, second):
@@ -200,7 +195,7 @@ def test_a_click_says_who_is_meant_while_people_are_found_and_afterwards(review:
 def test_what_fails_is_told_in_the_panel(review: Reviewing, tmp_path: Path):
     (tmp_path / "text.json").write_text("hello")
     unfold(review, "Import keypoints", "Path")
-    field(review, "Path").fill(str(tmp_path / "text.json"))
+    review.field("Path").fill(str(tmp_path / "text.json"))
     review.tab.get_by_text("Import from this path").click()
     review.tab.get_by_text("text.json").first.wait_for()
     until(lambda: "No keypoints yet" in chips(review), "the status line")
