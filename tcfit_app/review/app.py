@@ -68,7 +68,7 @@ class ReviewApp:
         listen: bool = True,
     ) -> None:
         self.session, self._server, self._files = session, server, files
-        self._commands: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._commands: queue.SimpleQueue[Callable[[], object]] = queue.SimpleQueue()
         self._obeyed = 0.0
         """When something was last requested."""
         self._stop = threading.Event()
@@ -109,7 +109,7 @@ class ReviewApp:
         """A tab is gone."""
         self.post(lambda: self._close(client.client_id))
 
-    def post(self, command: Callable[[], None]) -> None:
+    def post(self, command: Callable[[], object]) -> None:
         """Do something on the drawing thread, soon; from any thread."""
         self._commands.put(command)
 
@@ -251,7 +251,7 @@ class ReviewApp:
             return
 
     @staticmethod
-    def _do(command: Callable[[], None]) -> None:
+    def _do(command: Callable[[], object]) -> None:
         """Run a command; the loop survives any error. Tabs report their own."""
         try:
             command()

@@ -209,7 +209,11 @@ class Session:
         thread. Raises InputError if the run's body model is missing; it raises as `read_given`, and if the frames
         fitted until then cannot be read."""
         self.refuse_without_keypoints()
-        body, clip, edited = self.bodies.of(run.body), self.project.footage, self.frames_edited_since(run)
+        body, clip, edited = (
+            self.bodies.of(run.body),
+            self.project.footage,
+            self.project.frames_edited_since(run.edits_seen),
+        )
 
         def read() -> KnownInputs:
             frames = self.project.runs.load_partial(run.id)

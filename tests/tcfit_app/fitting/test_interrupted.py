@@ -119,7 +119,7 @@ def test_a_killed_fit_is_continued_without_fitting_its_frames_again(
         assert after.run.state == "finished" and after.phase == 3
         assert torch.allclose(after.params.body_pose, whole.last.params.body_pose, atol=1e-4)
         session.delete(session.fits.runs[0].id)
-        session.purge()
+        session.project.runs.purge()
     assert not list((folder / "runs").glob("*.partial.npz"))
 
 
