@@ -3,7 +3,7 @@
 import os
 import re
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from pathlib import Path
@@ -264,7 +264,18 @@ def test_ten_bits_a_channel(tmp_path, name, codec):
         assert [shown(frames.frame(index)) for index in (11, *range(12))] == [11, *range(12)]
 
 
+@pytest.fixture
+def same_priority() -> Iterator[None]:
+    """Restores the thread's scheduling. SVT-AV1 gives root's encoding thread the highest real-time priority, and browsers
+    started from it later stall the computer."""
+    before = os.sched_getscheduler(0) if hasattr(os, "sched_getscheduler") else None
+    yield
+    if before is not None:
+        os.sched_setscheduler(0, before, os.sched_param(0))
+
+
 @pytest.mark.parametrize("codec", ["libsvtav1", "libx265", "libvpx-vp9"])
+@pytest.mark.usefixtures("same_priority")
 def test_codecs_of_today(tmp_path, codec):
     encode(tmp_path / "a.mp4", 15, codec, size=(128, 96))
     with FrameSource(tmp_path / "a.mp4") as frames:
