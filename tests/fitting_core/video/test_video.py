@@ -266,7 +266,7 @@ def test_ten_bits_a_channel(tmp_path, name, codec):
 
 @pytest.fixture
 def same_priority() -> Iterator[None]:
-    """Restores the thread's scheduling. SVT-AV1 gives root's encoding thread the highest real-time priority, and browsers
+    """Restores the scheduling. SVT-AV1 gives root's encoding thread the highest real-time priority, and browsers
     started from it later stall the computer."""
     before = os.sched_getscheduler(0) if hasattr(os, "sched_getscheduler") else None
     yield
