@@ -183,10 +183,10 @@ def test_a_link_means_the_same_person_where_another_cannot_be_opened(folder: Pat
     shutil.rmtree(folder / "person-1")
     with reviewed(folder, panel_server) as app:
         hello(app, "mine")
-        page, sent = app.pages[1], MagicMock()
-        page.tab.channel.send = sent
+        page, asked = app.pages[1], MagicMock()
+        page.tab.channel.ask = asked
         page.gestures.noting.copy_link()
-        assert [call.args[1].person for call in sent.call_args_list] == [2]
+        assert [call.args[0].person for call in asked.call_args_list] == [2]
         assert page.tab.someone.numbered(2) is page.tab.someone
         with pytest.raises(InputError, match="this clip has 2 "):
             page.tab.someone.numbered(1)

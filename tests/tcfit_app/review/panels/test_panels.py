@@ -453,14 +453,15 @@ def test_what_looks_fine_gives_way_to_the_next_entry(tested: LonePage):
 
     ready = True
     page.tab.data.queue = made_anew  # pyright: ignore[reportAttributeAccessIssue]
-    mark = page.tab.session.mark
+    marks = page.tab.session.project.marks
+    mark = marks.set
 
     def marked(*given: Any, **named: Any) -> None:
         nonlocal ready
         mark(*given, **named)
         ready = False
 
-    page.tab.session.mark = marked  # pyright: ignore[reportAttributeAccessIssue]
+    marks.set = marked  # pyright: ignore[reportAttributeAccessIssue]
     tested.press("action", "fine")
     assert page.tab.state.frame == 5, "the one after it, though the queue is being made anew"
     ready = True

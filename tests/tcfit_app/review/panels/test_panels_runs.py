@@ -464,15 +464,13 @@ def test_a_view_of_pictures_is_chosen(panel_of: Opener):
         assert tested.panels[0]._source(EXPORTS["picture"]).views == views
 
 
-def test_fbx_waits_for_blender(panel_of: Opener, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setitem(EXPORTS, "fbx", replace(EXPORTS["fbx"], missing=lambda: "Install Blender first."))
+@pytest.mark.parametrize("missing", ["Install Blender first.", ""])
+def test_fbx_waits_for_blender(panel_of: Opener, monkeypatch: pytest.MonkeyPatch, missing: str):
+    monkeypatch.setitem(EXPORTS, "fbx", replace(EXPORTS["fbx"], missing=lambda: missing))
     tested = panel_of(ExportPanel)
     tested.fit()
     tested.draw()
-    assert tested.button("Character (FBX)").disabled and "Install Blender first." in tested.html()
-    monkeypatch.setitem(EXPORTS, "fbx", replace(EXPORTS["fbx"], missing=str))
-    tested.page.tab.set(frames=range(2, 4))  # drawn anew
-    assert not tested.button("Character (FBX)").disabled
+    assert tested.button("Character (FBX)").disabled == bool(missing) and missing in tested.html()
 
 
 def test_the_axes_of_the_calibration_are_offered_where_a_camera_stands_in_a_world(panel_of: Opener):

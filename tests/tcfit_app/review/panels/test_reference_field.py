@@ -16,7 +16,7 @@ def test_an_upload_is_read_when_it_comes_and_not_when_it_is_taken_up(
 ):
     waiting: list[Callable[[], None]] = []
     taken: list[viser.UploadedFile] = []
-    monkeypatch.setattr(ReferenceField, "_uploaded", lambda self, file: taken.append(file))
+    monkeypatch.setattr(ReferenceField, "_take", lambda self, file: taken.append(file))
     files = [viser.UploadedFile(name=f"{i}.npz", content=b"") for i in range(2)]
     with sample_project(tmp_path / "walk.tcfit") as project, lone_page(panel_server, project, waiting.append) as tested:
         upload = tested.field("Upload a reference")
