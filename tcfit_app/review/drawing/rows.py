@@ -131,7 +131,9 @@ class Rows:
             curve = self._curve(PLOTS[name].curve, side)
             if curve is not None:
                 curves.append((side, curve))
-        return _Found(name=name, curves=tuple(curves))
+        fits = [] if curves else [fit for side in self._sides if (fit := self._tab.shown.fit(side)) is not None]
+        problem = next((why for fit in fits if (why := self._tab.data.problem("metrics", fit))), "")
+        return _Found(name=name, curves=tuple(curves), empty=problem)
 
     def _levels(self, name: str) -> _Found:
         shown = self._tab.shown.held

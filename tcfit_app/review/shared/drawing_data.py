@@ -314,6 +314,8 @@ class DrawingData:
         try:
             if not self.warming:
                 self.meshes(shown)
+                if shown.run.partial:
+                    self.session.fits.fit(shown.run)
         except InputError as error:
             return str(error)
         keys = {

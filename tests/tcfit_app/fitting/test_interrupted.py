@@ -22,6 +22,7 @@ from tcfit_app.project.glance import glance
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_record import Given, Source
 from tcfit_app.review.session.session import Session
+from tcfit_app.review.shared.drawing_data import DrawingData
 from tests.drivers.processes import killed_after, needs_fork
 from tests.samples.sessions import FRAMES, PATIENCE, QUICK, OneBody, idle, newest, session_of, small_clip, until
 
@@ -103,6 +104,8 @@ def test_frames_of_a_killed_fit_are_on_show_and_the_run_is_not_taken_for_a_finis
         ):
             with pytest.raises(InputError):
                 command()
+        data = DrawingData(session, lambda: None)
+        assert "Continue it" in data.problem("suspects", shown), "its figures are not measured for ever"
     assert glance(folder).fit is None
 
 

@@ -115,6 +115,8 @@ def test_levels_are_those_of_b(tested: LonePage):
 def test_a_row_says_why_there_is_no_curve(tested: LonePage):
     tab = tested.page.tab
     tab.set(plots=("reprojection",))
+    assert "body of this run is missing" in sent(tested)[-1]["rows"][0]["empty"]
+    tab.data.problem = lambda what, shown: ""  # pyright: ignore[reportAttributeAccessIssue]
     nothing = of("reprojection", np.full(6, np.nan))
     for curve, said in ((None, "Measuring"), (nothing, "nothing to measure")):
         tab.data.curve = lambda name, shown, curve=curve: curve  # pyright: ignore[reportAttributeAccessIssue]
