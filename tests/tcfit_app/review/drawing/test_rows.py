@@ -115,6 +115,7 @@ def test_levels_are_those_of_b(tested: LonePage):
 def test_a_row_says_why_there_is_no_curve(tested: LonePage):
     tab = tested.page.tab
     tab.set(plots=("reprojection",))
+    tab.data.curve = lambda name, shown: None  # pyright: ignore[reportAttributeAccessIssue]
     assert "body of this run is missing" in sent(tested)[-1]["rows"][0]["empty"]
     tab.data.problem = lambda what, shown: ""  # pyright: ignore[reportAttributeAccessIssue]
     nothing = of("reprojection", np.full(6, np.nan))
