@@ -184,8 +184,8 @@ def _first(one: Found) -> tuple[bool, bool, float]:
 
 
 def _spans(topics: Iterable[_Topic]) -> list[list[_Topic]]:
-    """Those of neighbouring frames that are about the same limbs, or about some of them; and all with the same lasting
-    finding, whatever else is found in some of its frames."""
+    """Group topics of neighbouring frames whose limbs are equal or a subset. Topics with one lasting finding form one
+    group, also if some frames have further findings."""
     spans: list[list[_Topic]] = []
     lasting: dict[str, list[_Topic]] = {}
     for topic in topics:

@@ -145,7 +145,7 @@ def _sources(folder: Path, people: People, options: ExportOptions, stack: ExitSt
         first = min(person.frames[0] for person in people.people)
         last = max(person.frames[1] for person in people.people)
         raise InputError(
-            f"--frames {options.frames}: nobody is there; expected frames from {first} to {last}, the first not behind "
-            "the last."
+            f"--frames {options.frames}: no person is visible; expected frames from {first} to {last}, the first not "
+            "behind the last."
         )
     return found

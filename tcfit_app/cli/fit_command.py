@@ -23,7 +23,7 @@ from fitting_core.io.result_files import FIT_NAME, OVERLAY_NAME, SUMMARY_NAME, i
 from fitting_core.keypoints import ERROR_GROUPS
 from fitting_core.results.fit_result import FitResult
 from fitting_core.results.given_start import GivenStart, KnownShape
-from tcfit_app.cli.json_lines import Note, Step, StepDone, emit, emit_figures, emit_wrote, told
+from tcfit_app.cli.json_lines import Note, Step, StepDone, emit, emit_figures, emit_wrote, share_reporter
 from tcfit_app.cli.progress import DetectionShown, ProgressShown
 from tcfit_app.exports.motions import write_together
 from tcfit_app.exports.pictures import write_comparison
@@ -157,7 +157,7 @@ def _emit_result(folder: Path, clip: Clip, fit: FitResult, summary: dict[str, An
 def _overlay_written(path: Path, fit: FitResult, clip: Clip, body: BodyModel) -> bool:
     try:
         emit(Step(step="overlay", title="Overlay video"))
-        write_comparison(path, fit, clip, body, progress=told("overlay"))
+        write_comparison(path, fit, clip, body, progress=share_reporter("overlay"))
         emit(StepDone(step="overlay"))
     except (InputError, OSError) as error:
         tell([f"{path.name} was not written, but the fit is complete. {error}"])
@@ -302,7 +302,7 @@ def _started(
         except InputError as error:
             refused.append(error)
             starts.append(None)
-            note = f"Fitted without --start, because nobody in it matches these keypoints. {error}"
+            note = f"Fitted without --start, because no person in it matches these keypoints. {error}"
             noted.append(replace(one, clip=replace(one.clip, notes=(*one.clip.notes, note))))
     if len(refused) == len(people):
         raise refused[0]

@@ -153,7 +153,7 @@ def emit(event: AnyEvent) -> None:
         lines.write(event)
 
 
-def told(step: str) -> Callable[[float], None]:
+def share_reporter(step: str) -> Callable[[float], None]:
     """A function that reports shares of a step."""
     return lambda share: emit(StepProgress(step=step, share=share, text=""))
 

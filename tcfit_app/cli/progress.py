@@ -12,14 +12,14 @@ from tqdm import tqdm
 from fitting_core.detect.detecting import DetectionProgress
 from fitting_core.fit.events import FitEvent, Iteration, PhaseFinished, PhaseStarted
 from fitting_core.motion import Progress
-from tcfit_app.cli.json_lines import Step, StepDone, StepProgress, emit, told
+from tcfit_app.cli.json_lines import Step, StepDone, StepProgress, emit, share_reporter
 from tcfit_app.fitting.fit_progress import FitProgress, time_left
 
 
 @contextmanager
 def bar(title: str, step: str) -> Iterator[Progress]:
     """A bar on a terminal; what it yields takes shares, moves the bar, and reports them as those of a step."""
-    form, tell = "{desc} {percentage:3.0f} % |{bar}| {elapsed} < {remaining}", told(step)
+    form, tell = "{desc} {percentage:3.0f} % |{bar}| {elapsed} < {remaining}", share_reporter(step)
     with tqdm(total=1.0, desc=f"{title:26}", bar_format=form, file=sys.stderr, disable=None, leave=False) as shown:
 
         def advance(share: float) -> None:

@@ -392,8 +392,8 @@ class EditFollower:
             self._fits.advance(now, {base.id: frames.put_into(fit)})
 
     def _collecting(self, run: int) -> Run:
-        """The run whose corrections are added to, which may be one of which all were undone; the run itself if there
-        are none yet."""
+        """The run that receives new corrections, possibly one whose corrections were all undone; without corrections,
+        the run itself."""
         base = self.of(run)
         undone = [
             one for one in self._project.runs.corrections(self._fits.at) if one.emptied and _corrects(one, base.id)

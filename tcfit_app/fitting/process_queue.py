@@ -99,8 +99,8 @@ class ProcessQueue:
         self._begin()
         ends = [end for worker in self._workers for end in (worker.pipe, worker.process.sentinel)]
         ready = wait(ends, seconds)
-        told = (self._heard(w) for w in list(self._workers) if w.pipe in ready or w.process.sentinel in ready)
-        return [one for one in told if one is not None]
+        reports = (self._heard(w) for w in list(self._workers) if w.pipe in ready or w.process.sentinel in ready)
+        return [one for one in reports if one is not None]
 
     def close(self) -> None:
         """Kill all processes; nothing else is started."""

@@ -105,7 +105,7 @@ def test_the_export_of_everybody(fitted: Path, tmp_path: Path, capsys: pytest.Ca
     assert main(["export", str(fitted), "--out", str(tmp_path), "--formats", "glb"]) == 2
     assert "talk.glb: is there already" in capsys.readouterr().err
     assert main(["export", str(fitted), "--out", str(tmp_path / "b"), "--frames", "7:9"]) == 2
-    assert "nobody is there; expected frames from 0 to 5" in capsys.readouterr().err
+    assert "no person is visible; expected frames from 0 to 5" in capsys.readouterr().err
     # Who has gone by then is left out.
     assert main(["export", str(fitted), "--out", str(tmp_path / "c"), "--formats", "npz", "--frames", "5"]) == 0
     assert [path.name for path in (tmp_path / "c").iterdir()] == ["talk person 2.smplx.npz"]
