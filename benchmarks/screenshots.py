@@ -147,14 +147,7 @@ def compared(review: Reviewing) -> Iterator[str]:
     review.press("f", lambda: review.page.tab.state.close_up is None)
     show(review, mode="edit", outline=True)
     yield "outline"
-    show(review, outline=False, selection=(INDEX["right_wrist"],), trail=True)
-    yield "trail"
-    show(review, trail=False)
-    review.tab.keyboard.down("p")
-    settle(review)
-    yield "video-only"
-    review.tab.keyboard.up("p")
-    show(review, selection=())
+    show(review, outline=False)
 
 
 def depth(review: Reviewing) -> Iterator[str]:

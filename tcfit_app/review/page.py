@@ -173,7 +173,7 @@ class Page:
         """Add the actions to the command palette, which all people's pages of a browser share."""
         tab = self.tab
         for name, action in ACTIONS.items():
-            if not action.held and name not in tab.commands:
+            if name not in tab.commands:
                 command = tab.client.gui.add_command(action.title, description=key_text(name) or None)
                 chosen = page_events.Key(action=name, repeat=False)
                 command.on_trigger(lambda _, chosen=chosen: tab.receive(chosen))

@@ -25,7 +25,7 @@ from tests.flows.world import TABS, World
 from tests.samples.project_samples import random_edit
 from tests.samples.sessions import FRAMES, QUICK
 
-_NOT_HERE = ("fit", "save_picture", "list", "next_clip", "previous_clip")
+_NOT_HERE = ("fit", "list", "next_clip", "previous_clip")
 """Actions that need a page, or take long with the default settings."""
 NAMES = [name for name in ACTIONS if name not in _NOT_HERE and not name.startswith(("detect_", "frame_"))]
 OFTEN = ("undo", "undo", "undo", "redo", "bad", "nudge10_left", "flag", "fine", "reset", "approve", "rerun", "cancel")

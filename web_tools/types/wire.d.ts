@@ -3,7 +3,6 @@
 
 export interface Poster {
   node: string;
-  bodies: string[];
   window: [number, number, number, number];
   width: number;
   kind: "picture" | "side" | "video";
@@ -87,25 +86,12 @@ export interface Keypoints {
   locked: number[];
   deep: number[];
   ignored: number[];
-  detections: [number, number, number][];
 }
 
 export interface Style {
   groups: string[];
-  color_by: "confidence" | "group";
   points: boolean;
-  bones: boolean;
-  minimum: number;
-  ghosts: boolean;
   hand_along: boolean;
-  error_bars: boolean;
-}
-
-export interface Trail {
-  now: number;
-  detected: (([number, number] | null)[])[];
-  fitted: ((([number, number] | null)[])[])[];
-  colors: string[];
 }
 
 export interface Silhouette {
@@ -259,7 +245,6 @@ export interface KeyBinding {
   action: string;
   shift: boolean;
   ctrl: boolean;
-  held: boolean;
 }
 
 export interface Keys {
@@ -294,11 +279,6 @@ export interface Legend {
   low: number;
   high: number;
   colors: string[];
-}
-
-export interface SavePicture {
-  type: "save_picture";
-  name: string;
 }
 
 export interface ShowPanel {
@@ -479,7 +459,6 @@ export interface States {
   style: Style;
   selection: Selection;
   framing: Framing;
-  trail: Trail;
   focus: Focus;
   timeline: Timeline;
   rows: Rows;
@@ -499,7 +478,7 @@ export interface States {
   beat: Beat;
 }
 
-export type PageRequest = SavePicture | ShowPanel | CopyLink | Leave | Hints;
+export type PageRequest = ShowPanel | CopyLink | Leave | Hints;
 
 export type PageEvent =
   Hello | Theme | Resized | Key | Seek | Range | OpenLink | Plot | MoveKey | LookAt | Select | Drag | DragDepth | Widen | Framed | Press | TooLarge | Gesture | GoToPerson | Drawn | Stranger;

@@ -32,8 +32,6 @@ class Poster(_State, frozen=True, kw_only=True):
 
     node: str = "/posters/0"
     """viser's node for it."""
-    bodies: tuple[str, ...] = ()
-    """The nodes of the bodies in it."""
     window: Place = (0.0, 0.0, 1.0, 1.0)
     """The part of the canvas to which it is clipped."""
     width: float
@@ -184,8 +182,6 @@ class Keypoints(_State, frozen=True, kw_only=True):
     """Those whose depth was set, but not pinned."""
     ignored: tuple[int, ...] = ()
     """Of a hand with a given shape: those that do not count."""
-    detections: tuple[tuple[int, float, float], ...] = ()
-    """Of edited ones: the keypoint, and its detected position."""
 
 
 class Style(_State, frozen=True, kw_only=True):
@@ -193,34 +189,10 @@ class Style(_State, frozen=True, kw_only=True):
 
     groups: tuple[str, ...] = tuple(keypoints.GROUPS)
     """Groups shown."""
-    color_by: Literal["group", "confidence"] = "group"
     points: bool = True
-    bones: bool = True
-    minimum: float = 0.0
-    """Points of less confidence are hidden, unless selected."""
-    ghosts: bool = False
-    """Draw the detected positions of edited keypoints."""
+    """Points and bones are shown; selected points are in any case."""
     hand_along: bool = True
     """A dragged wrist takes its hand along."""
-    error_bars: bool = True
-    """In the side view and in 3D."""
-
-
-Path = tuple[tuple[float, float] | None, ...]
-"""Image pixels, one per frame; None where missing."""
-
-
-class Trail(_State, frozen=True, kw_only=True):
-    """Positions of the selected keypoints in the frames around the one on show."""
-
-    now: int
-    """Index of the frame on show."""
-    detected: tuple[Path, ...]
-    """Of each keypoint, corrected."""
-    fitted: tuple[tuple[Path, ...], ...]
-    """By picture, of each keypoint."""
-    colors: tuple[Color, ...]
-    """By picture: the fit's."""
 
 
 class Silhouette(_State, frozen=True, kw_only=True):
@@ -469,8 +441,6 @@ class KeyBinding(_State, frozen=True, kw_only=True):
     shift: bool = False
     ctrl: bool = False
     """Control, or Command on a Mac."""
-    held: bool = False
-    """The page itself acts while it is held: pictures show only the video."""
 
 
 class Keys(_State, frozen=True, kw_only=True):
@@ -528,13 +498,6 @@ class _Request(msgspec.Struct, frozen=True, kw_only=True, tag_field="type"):
     """An action of the page, executed once."""
 
 
-class SavePicture(_Request, frozen=True, kw_only=True, tag="save_picture"):
-    """Save the canvas as a picture."""
-
-    name: str
-    """The file's name."""
-
-
 class ShowPanel(_Request, frozen=True, kw_only=True, tag="show_panel"):
     """Show a panel, and focus a text field of it."""
 
@@ -573,7 +536,7 @@ class Hints(_Request, frozen=True, kw_only=True, tag="hints"):
     steps: tuple[Hint, ...]
 
 
-PageRequest = SavePicture | ShowPanel | CopyLink | Leave | Hints
+PageRequest = ShowPanel | CopyLink | Leave | Hints
 
 STATES: dict[str, type[_State]] = {
     "layout": Layout,
@@ -586,7 +549,6 @@ STATES: dict[str, type[_State]] = {
     "style": Style,
     "selection": Selection,
     "framing": Framing,
-    "trail": Trail,
     "focus": Focus,
     "timeline": Timeline,
     "rows": Rows,

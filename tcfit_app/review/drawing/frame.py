@@ -25,7 +25,6 @@ from tcfit_app.review.scene.layers import (
     FrameImage,
     css,
 )
-from tcfit_app.review.scene.poster import PLATE
 from tcfit_app.review.scene.room import Room
 from tcfit_app.review.scene.side_view import SideView, side_view
 from tcfit_app.review.scene.space import Rings
@@ -157,8 +156,6 @@ class Frames:
     def _image(self) -> FrameImage | None:
         """The video frame; the previous one while a paused frame is being decoded."""
         tab, state, video = self._tab, self._tab.state, self._data.video
-        if not state.video:
-            return PLATE
         if state.playing:
             frames = coming(state.frame, tab.played, _AHEAD, loop=state.loop)
             video.prefetch([state.frame, *frames], reader=tab)

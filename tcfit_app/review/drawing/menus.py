@@ -31,14 +31,14 @@ _OF_KEYPOINTS = (
     ("bad", "reset", "copy", "interpolate", "delete_key"),
     ("mirror_depth", "in_front", "behind", "clear_depth"),
     ("pin", "lock", "unlock"),
-    ("zoom", "save_picture"),
+    ("zoom",),
 )
 _OF_PICTURE = (
     ("all", "undo", "redo"),
     ("detect", "frame"),
     ("fine", "flag", "note"),
     ("bodies", "keypoints", "outline", "side"),
-    ("fit_view", "save_picture", "copy_link"),
+    ("fit_view", "copy_link"),
 )
 _BY_PART = {"detect": "Detect again", "frame": "Detect in a rectangle"}
 """Submenus of everything that can be detected, by the first word of the actions."""

@@ -1,4 +1,4 @@
-"""What the page draws over the picture besides bodies: keypoints, people found, silhouette, close-up and trails.
+"""What the page draws over the picture besides bodies: keypoints, people found, silhouette and close-up.
 
 Each state is made again only when what it depends on has changed.
 """
@@ -16,21 +16,16 @@ from tcfit_app.review.browser.page_states import (
     Keypoints,
     OtherPeople,
     OtherPerson,
-    Path,
     Silhouette,
     Style,
-    Trail,
     pixel_pairs,
     shares,
 )
 from tcfit_app.review.drawing.frame import Frame, Other
-from tcfit_app.review.scene.layers import NEAREST, RUN_COLORS, BodyLayer, css
-from tcfit_app.review.tab.on_show import SLOTS, OnShow, Slot
+from tcfit_app.review.scene.layers import NEAREST, BodyLayer
 from tcfit_app.review.tab.state import HELD_BY, Part
 from tcfit_app.review.tab.tab import Tab
 
-TRAIL_REACH = 5
-"""Frames on a path before and after the one on show."""
 _STEADIED = 2.0
 """Standard deviation in frames of the smoothing that steadies a close-up: detections jitter."""
 _SEEN = 8
@@ -49,13 +44,8 @@ def draw_overlays(tab: Tab, frame: Frame) -> None:
     state, project, send = tab.state, tab.session.project, tab.channel.send
     style = Style(
         groups=tuple(sorted(state.groups)),
-        color_by=state.color_by,
         points=state.keypoints,
-        bones=state.keypoints and state.bones,
-        minimum=state.minimum,
-        ghosts=state.detections,
         hand_along=state.hand_along,
-        error_bars=state.error_bars,
     )
     send("style", style)
     key, clip, part = (state.frame, frame.edits), project.footage, state.close_up
@@ -75,33 +65,31 @@ def draw_overlays(tab: Tab, frame: Frame) -> None:
 def _keypoints(tab: Tab) -> Keypoints:
     """Corrected keypoints of the frame on show."""
     project, frame = tab.session.project, tab.state.frame
-    corrected, found = project.corrected, project.detected
+    corrected = project.corrected
     here, ignored = corrected[frame], corrected[[frame]].keypoints().overruled[0]
-    edited = np.flatnonzero(here.edited)
-    detected = [int(j) for j in edited if found.confidence[frame, j] > 0]
     return Keypoints(
         frame=frame,
         xy=pixel_pairs(corrected.xy[frame]),
         confidence=shares(corrected.confidence[frame]),
         bad=tuple(np.flatnonzero(here.bad).tolist()),
-        edited=tuple(edited.tolist()),
+        edited=tuple(np.flatnonzero(here.edited).tolist()),
         pinned=tuple(np.flatnonzero(here.pinned).tolist()),
         locked=tuple(np.flatnonzero(here.locked[BODY]).tolist()),
         deep=tuple(np.flatnonzero(np.isfinite(here.told_depth) & ~here.pinned).tolist()),
         ignored=tuple(np.flatnonzero(ignored).tolist()),
-        detections=tuple((j, *pixel_pairs(found.xy[frame, [j]])[0]) for j in detected),
     )
 
 
-# --- close-ups and trails ---
+# --- close-ups ---
 
 
 def _focus(tab: Tab, part: Part) -> Focus | None:
-    corrected, frames = tab.session.project.corrected, _frames(tab, _SEEN)
-    near = slice(frames.start, frames.stop)
+    corrected, frame = tab.session.project.corrected, tab.state.frame
+    first = max(frame - _SEEN, 0)
+    near = slice(first, frame + _SEEN + 1)
     for group in (GROUPS[part], [HELD_BY[part]]):
         there = corrected.confidence[near, group] > 0
-        found = followed(corrected.xy[near, group], there, tab.state.frame - frames.start)
+        found = followed(corrected.xy[near, group], there, frame - first)
         if found is not None:
             return Focus(x=float(found[0]), y=float(found[1]))
     return None
@@ -115,53 +103,6 @@ def followed(xy: Float[np.ndarray, "t K 2"], there: Bool[np.ndarray, "t K"], now
     middles = np.array([xy[t][there[t]].mean(0) for t in seen])
     weights = np.exp(-0.5 * ((seen - now) / _STEADIED) ** 2) + 1e-9
     return weights @ middles / weights.sum()
-
-
-def draw_trail(tab: Tab, frame: Frame) -> None:
-    """Send the paths of the selected keypoints around the frame."""
-    state = tab.state
-    joints = state.selection if state.trail and state.mode != "space" else ()
-    tab.channel.send(
-        "trail", tab.once("trail", frame.key, lambda: _trail(tab, frame.shown, joints)) if joints else None
-    )
-
-
-def _trail(tab: Tab, shown: OnShow, joints: tuple[int, ...]) -> Trail:
-    frames, corrected = _frames(tab, TRAIL_REACH), tab.session.project.corrected
-    part, chosen = slice(frames.start, frames.stop), list(joints)
-    there = corrected.confidence[part][:, chosen, None] > 0
-    detected = np.where(there, corrected.xy[part][:, chosen].astype(float), np.nan)
-    fitted = [_fitted(tab, shown, place[0], frames)[:, chosen] if place else None for place in shown.places]
-    return Trail(
-        now=shown.frame - frames.start,
-        detected=_paths(detected),
-        fitted=tuple(() if points is None else _paths(points) for points in fitted),
-        colors=tuple(css(RUN_COLORS[SLOTS.index(place[0])]) if place else "" for place in shown.places),
-    )
-
-
-def _fitted(tab: Tab, shown: OnShow, side: Slot, frames: range) -> Float[np.ndarray, "t 137 2"]:
-    """Pixels of a body's keypoints, NaN where missing."""
-    pixels = np.full((len(frames), COUNT, 2), np.nan)
-    for frame in frames:
-        body = shown.body(side, frame)
-        if body is not None:
-            pixels[frame - frames.start] = in_image(tab.data.keypoints(body), body.shown.camera)
-    return pixels
-
-
-def _frames(tab: Tab, reach: int) -> range:
-    return range(max(tab.state.frame - reach, 0), min(tab.state.frame + reach + 1, tab.length))
-
-
-def _paths(xy: Float[np.ndarray, "t n 2"]) -> tuple[Path, ...]:
-    """The path of each point, with None where it is missing."""
-    known = np.asarray(np.isfinite(xy).all(-1))
-    pairs = [pixel_pairs(np.nan_to_num(points)) for points in xy.swapaxes(0, 1)]
-    return tuple(
-        tuple(pair if there else None for pair, there in zip(path, known[:, i].tolist(), strict=True))
-        for i, path in enumerate(pairs)
-    )
 
 
 def in_image(points: Float[np.ndarray, "n 3"], camera: Camera) -> Float[np.ndarray, "n 2"]:

@@ -22,11 +22,11 @@ from tcfit_app.review.browser.page_states import (
 from tcfit_app.review.browser.page_states import Poster as PosterPlace
 from tcfit_app.review.browser.page_states import Space as SpaceState
 from tcfit_app.review.drawing.frame import COLORS, PLAIN_COLOR, Frame, Frames
-from tcfit_app.review.drawing.overlays import draw_overlays, draw_trail
+from tcfit_app.review.drawing.overlays import draw_overlays
 from tcfit_app.review.drawing.status import lasting
 from tcfit_app.review.scene.layers import DISTANCE_LIMIT, BodyLayer, color_table, css
 from tcfit_app.review.scene.poses import Window
-from tcfit_app.review.scene.poster import PICTURE_NODES, SIDE_NODE, Poster, Posters, SidePoster, body_nodes
+from tcfit_app.review.scene.poster import PICTURE_NODES, SIDE_NODE, Poster, Posters, SidePoster
 from tcfit_app.review.scene.room import Room
 from tcfit_app.review.scene.side_view import SideView, direction_text
 from tcfit_app.review.scene.space import Rings, Space, offsets
@@ -81,7 +81,6 @@ class Picture:
                 self._draw_scene(frame)
                 draw_overlays(tab, frame)
             self._send_bodies(frame)
-            draw_trail(tab, frame)
         tab.once("flushed", frame.shown.version, tab.client.flush)  # viser would wait 16 ms for more
         return True
 
@@ -213,7 +212,6 @@ def poster_layout(snapshot: Posters, named: tuple[tuple[str, str], ...], canvas:
     posters = tuple(
         PosterPlace(
             node=node,
-            bodies=body_nodes(node),
             window=(left / canvas.width, top / canvas.height, right / canvas.width, bottom / canvas.height),
             width=snapshot.width if snapshot.side is None or i < pictures else snapshot.side.view.width,
             kind="side" if i >= pictures else "video" if snapshot.posters[i].plain else "picture",

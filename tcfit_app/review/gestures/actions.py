@@ -112,8 +112,6 @@ class Action:
     """The shared line for actions of one family in lists of keys."""
     repeats: bool = False
     """Whether it repeats while its key is held down."""
-    held: bool = False
-    """The page does it while its key is held down, so it is not in the command palette."""
     needs: tuple[Need, ...] = ()
     """What must hold before it can be done."""
 
@@ -251,23 +249,10 @@ def settings(g: Gestures) -> None:
     g.fitting.refuse_wrong_settings()
 
 
-def video(g: Gestures) -> None:
-    """Requires the video."""
-    if g.tab.session.project.media.path is None:
-        raise InputError("The video is missing: relink it in the panel Review.")
-
-
 def picture(g: Gestures) -> None:
     """Requires a mode with pictures."""
     if g.tab.state.mode == "space":
         raise InputError("3D has no picture for that: go to Edit (1) or A | B (2) first.")
-
-
-def error_bars(g: Gestures) -> None:
-    """Requires a fit with error bars."""
-    shown = g.tab.shown.held
-    if shown is None or shown.result is None or shown.result.error_bars is None:
-        raise InputError("This fit has no error bars: only phase 3 with the lifter has.")
 
 
 def silhouettes(g: Gestures) -> None:
@@ -284,12 +269,10 @@ def others(g: Gestures) -> None:
 
 NEEDS: Mapping[StateNeed, Need] = {
     "bodies": bodies,
-    "error_bars": error_bars,
     "keypoints": keypoints,
     "others": others,
     "picture": picture,
     "silhouettes": silhouettes,
-    "video": video,
     "writable": writable,
 }
 """What the rows of TabState need."""
@@ -384,9 +367,8 @@ _VIEW: tuple[_Row, ...] = (
     *_switches("fits", "bodies", "side", "picture"),
     ("arrangement", "A | B: side by side, stacked or wipe", "w", _rearrange, (bodies,)),
     ("next_person", "Next person of the clip", "q", _go_to_next_person, (others,)),
-    ("peek", "Video only, while held", "p", lambda g: None, (video,)),
-    ("fainter", "Less opacity", ",", lambda g: _change_opacity(g.tab, -0.1), ()),
-    ("denser", "More opacity", ".", lambda g: _change_opacity(g.tab, 0.1), ()),
+    ("fainter", "Less opacity", ",", lambda g: _change_opacity(g.tab, -0.1), (bodies,)),
+    ("denser", "More opacity", ".", lambda g: _change_opacity(g.tab, 0.1), (bodies,)),
     ("turn_side", "Side view from the next side", "Shift+v", _turn_side, (bodies,)),
     ("fit_view", "Whole picture", "f", lambda g: show_whole(g.tab), ()),
     ("zoom", "Zoom to the selected keypoints", "z", lambda g: zoom_to_selection(g.tab), (joints,)),
@@ -397,7 +379,6 @@ _VIEW: tuple[_Row, ...] = (
         lambda g: next_close_up(g.tab),
         (picture,),
     ),
-    ("save_picture", "Save the picture", "", lambda g: g.tab.save_picture(), ()),
     ("first_steps", "Show the first steps", "", lambda g: g.show_first_steps(), ()),
     ("help", "Show all keys", "h", _toggle("keys"), ()),
 )
@@ -519,7 +500,6 @@ _REPEATING = {
     "redo",
     *(_nudge(name, pixels) for name in _WAYS for pixels in _NUDGES),
 }
-_HELD = {"peek"}
 _GROUPS = {"Playing": _PLAYING, "View": _VIEW, "Keypoints": _KEYPOINTS, "Frames": _FRAMES, "Fit": _FIT, "Clips": _CLIPS}
 ACTIONS: dict[str, Action] = {
     name: Action(
@@ -529,7 +509,6 @@ ACTIONS: dict[str, Action] = {
         group=group,
         family=_FAMILY.get(name, ""),
         repeats=name in _REPEATING,
-        held=name in _HELD,
         needs=needs,
     )
     for group, rows in _GROUPS.items()
@@ -555,7 +534,7 @@ def panel_actions(titles: Sequence[str]) -> dict[str, Action]:
 def bindings() -> tuple[KeyBinding, ...]:
     """All keys, in the page's form."""
     return tuple(
-        KeyBinding(key=key.key, action=name, shift=key.shift, ctrl=key.ctrl, held=action.held)
+        KeyBinding(key=key.key, action=name, shift=key.shift, ctrl=key.ctrl)
         for name, action in ACTIONS.items()
         for key in action.keys
     )

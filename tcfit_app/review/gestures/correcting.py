@@ -162,7 +162,7 @@ class Correcting:
         self._dragging = None
 
     def select_all(self) -> None:
-        """Select the visible keypoints: of the groups and confidences shown, in this frame or any selected one.
+        """Select the visible keypoints: of the groups shown, in this frame or any selected one.
 
         A selection that does not include the frame on show is ignored.
         """
@@ -171,7 +171,7 @@ class Correcting:
         if not state.keypoints:
             raise InputError("Keypoints are hidden: show them first (K).")
         confidence = self._tab.session.project.corrected.confidence[frames].max(0)
-        there = (confidence > 0) & (confidence >= state.minimum)
+        there = confidence > 0
         chosen = (j for name, part in GROUPS.items() if name in state.groups for j in range(COUNT)[part] if there[j])
         self._tab.set(selection=tuple(chosen))
 

@@ -11,7 +11,7 @@ from tcfit_app.fitting.fits import SHORT_TITLES, FitChoice, Shown, phase_title
 from tcfit_app.project.storage.run_record import Run
 from tcfit_app.review.gestures.actions import ACTIONS, Gestures, key_text
 from tcfit_app.review.gestures.zooming import show_close_up
-from tcfit_app.review.panels.elements.field import Dropdown, Field, slider
+from tcfit_app.review.panels.elements.field import Dropdown, Field
 from tcfit_app.review.panels.elements.html import (
     GROUP_LABELS,
     Board,
@@ -54,13 +54,11 @@ class ViewPanel:
         self._speed = Board(tab)
         self._runs = RunsShown(gestures)
         self._layers = Board(tab)
-        opacity = slider(gestures, "opacity")
         self._side = Board(tab)
         self._turn = gui.add_slider("Turn", -180, 180, 5, 90, hint=_TURN)
         self._keypoints = Board(tab)
         self._fields = (
             Field(tab, frame, self._jump, lambda: tab.state.frame + first),
-            opacity,
             Field(
                 tab,
                 self._turn,
@@ -68,7 +66,6 @@ class ViewPanel:
                 lambda: angle_of(tab.state.side_from),
                 off=lambda: angle_of(tab.state.side_from) is None,
             ),
-            slider(gestures, "minimum"),
         )
         Board(tab).show(row(self._action("help", "All keys and gestures")))
 
@@ -129,9 +126,10 @@ class ViewPanel:
                 obstacle=ACTIONS["bodies"].obstacle(self._gestures),
                 hint="Cut bodies off at the picture's edge",
             )
-            more = [row(clip, self._action("peek", "Video only, while held"))]
+            more = [row(clip)]
         pairs = (row(*shown[i : i + 2]) for i in range(0, len(shown), 2))
-        self._layers.show(heading("Bodies"), *pairs, *more)
+        opacity = row(choice(self._action("fainter", "Less"), self._action("denser", "More")), label="Opacity")
+        self._layers.show(heading("Bodies"), *pairs, *more, *([opacity] if state.mode != "space" else []))
 
     def _draw_side(self, held: Shown | None) -> None:
         tab, state = self._tab, self._tab.state
@@ -176,11 +174,9 @@ class ViewPanel:
                 act("fit_view", "Whole body" if state.mode == "space" else "Whole picture"),
                 act("zoom", "Zoom to selected"),
             ),
-            row(act("save_picture", "Save picture")),
             row(choice(*parts), label=f"Close-up {key_text('close_up')}"),
             row(*switches(self._gestures, "picture"), wrap=True),
             row(*groups, wrap=True),
-            options(tab, "color_by"),
         )
 
     def _switch_close_up(self, part: Part) -> None:

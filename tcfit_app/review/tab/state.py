@@ -34,7 +34,7 @@ HELD_BY: dict[Part, int] = {
 }
 """What it follows where the group was not detected: a keypoint of the body."""
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
-Need = Literal["bodies", "picture", "video", "silhouettes", "others", "error_bars", "writable", "keypoints"]
+Need = Literal["bodies", "picture", "silhouettes", "others", "writable", "keypoints"]
 """What must hold before a control can be used: a name in `NEEDS` of the gestures."""
 Section = Literal["playing", "fits", "bodies", "side", "picture", "space", "keyframes"]
 """The part of a panel in which a control is."""
@@ -65,19 +65,7 @@ class Choice:
     """The values and what they are called."""
 
 
-@dataclass(frozen=True)
-class Slider:
-    """The row of a field with a number."""
-
-    label: str
-    hint: str
-    low: float = 0.0
-    high: float = 1.0
-    step: float = 0.05
-    needs: tuple[Need, ...] = ()
-
-
-def control(default: object, row: Switch | Choice | Slider) -> Any:
+def control(default: object, row: Switch | Choice) -> Any:
     """A field of TabState that users set by the control of a row."""
     return field(default=default, metadata={"control": row})
 
@@ -161,24 +149,9 @@ class TabState:
     playing: bool = False
     speed: float = control(1.0, Choice("Speed", {speed: f"{speed:g}×" for speed in SPEEDS}))
     loop: bool = control(True, Switch("playing", "Loop", "Loop on or off", "l"))
-    video: bool = control(True, Switch("picture", "Video", "Video on or off", needs=("video",)))
     keypoints: bool = control(True, Switch("picture", "Keypoints", "Keypoints on or off", "k"))
-    bones: bool = control(True, Switch("picture", "Bones", "Bones of keypoints on or off"))
-    detections: bool = control(
-        True, Switch("picture", "Trace", "Lines from corrected keypoints to their detected positions, on or off")
-    )
-    trail: bool = control(False, Switch("picture", "Trail", "Trail of the selected keypoints on or off", "j"))
     silhouette: bool = control(
         False, Switch("picture", "Silhouette", "Silhouette on or off", "Shift+u", needs=("silhouettes", "picture"))
-    )
-    error_bars: bool = control(
-        True,
-        Switch(
-            "picture",
-            "Error bars",
-            "Error bars on or off: about two thirds of joints lie within",
-            needs=("error_bars",),
-        ),
     )
     bodies: bool = control(True, Switch("bodies", "Bodies", "Bodies on or off", "m", needs=("bodies",)))
     outline: bool = control(False, Switch("bodies", "Outline", "Outline on or off", "u", needs=("bodies", "picture")))
@@ -188,13 +161,10 @@ class TabState:
     difference: bool = control(
         False, Switch("bodies", "A–B distance", "Colour by distance between A and B", "d", needs=("bodies",))
     )
-    opacity: float = control(OPACITY, Slider("Opacity", "Of bodies; keys , and .", *OPACITIES, needs=("bodies",)))
+    opacity: float = OPACITY
+    """Of bodies."""
     groups: frozenset[str] = frozenset(GROUPS)
     """Keypoint groups shown."""
-    color_by: Literal["group", "confidence"] = control(
-        "group", Choice("Colour by", {"group": "group", "confidence": "confidence"})
-    )
-    minimum: float = control(0.0, Slider("Hide below", "Keypoints of a lower confidence are hidden, unless selected"))
     plots: tuple[str, ...] = ("reprojection", "jitter")
     """The rows of the timeline, names of PLOTS."""
     queue: QueueView = field(default_factory=QueueView)
@@ -205,7 +175,7 @@ class TabState:
     """The window of all keys is open."""
 
 
-CONTROLS: Mapping[str, Switch | Choice | Slider] = {
+CONTROLS: Mapping[str, Switch | Choice] = {
     one.name: one.metadata["control"] for one in fields(TabState) if "control" in one.metadata
 }
 """The rows, by field."""

@@ -15,7 +15,7 @@ from tcfit_app.project.frame_words import in_words
 from tcfit_app.project.storage.clip_review import BROWSER
 from tcfit_app.review.browser.channel import Channel
 from tcfit_app.review.browser.page_events import Hello, PageEvent
-from tcfit_app.review.browser.page_states import SavePicture, ShowPanel
+from tcfit_app.review.browser.page_states import ShowPanel
 from tcfit_app.review.scene.scene import SceneView
 from tcfit_app.review.scene.side_view import usual_width
 from tcfit_app.review.scene.windows import Arrangement, divide
@@ -157,12 +157,6 @@ class Tab:
     def say(self, text: str, seconds: float = SHORT) -> None:
         """Show a passing message about what was done."""
         self.message = (text, time.monotonic() + seconds)
-
-    def save_picture(self) -> None:
-        """Have the page save its canvas."""
-        name = f"{self.session.project.footage.name} frame {self.state.frame + self.first_frame}.png"
-        self.channel.ask(SavePicture(name=name))
-        self.say(f"Saved: {name}")
 
     def show_panel(self, title: str, field: str = "") -> None:
         """Show the panel of this title, and let the user type into the field of this label, if any."""

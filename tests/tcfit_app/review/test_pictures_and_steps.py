@@ -1,12 +1,10 @@
-"""Pictures that are saved, and the first steps, which a browser shows until they have been read."""
+"""The first steps, which a browser shows until they have been read."""
 
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import cv2
-import numpy as np
 import pytest
 
 from tests.drivers.review_page import Reviewing, reviewing, until
@@ -23,33 +21,6 @@ def review(demo_project: Path, browser: "Browser", tmp_path_factory: pytest.Temp
     with reviewing(folder, browser) as found:
         until(lambda: found.tab.evaluate("tcfit.place(0, 0)"), "the picture")
         yield found
-
-
-def test_the_picture_is_saved_as_it_is_on_show(review: Reviewing, tmp_path: Path):
-    review.app.post(lambda: review.page.tab.seek(12))
-    until(lambda: review.tab.evaluate("tcfit.state('keypoints').frame") == 12)
-    review.rest()
-    with review.tab.expect_download() as saved:
-        review.tab.get_by_role("button", name="Save picture").click()
-    assert saved.value.suggested_filename == "demo frame 12.png"
-    saved.value.save_as(tmp_path / "saved.png")
-    found = cv2.imread(str(tmp_path / "saved.png"))
-    assert found is not None
-    box = review.tab.locator("canvas[aria-label^=Picture]").bounding_box()
-    assert box is not None
-    review.tab.add_style_tag(content=".tcfit-chips, .mantine-Notifications-root { visibility: hidden }")
-    review.tab.mouse.move(5, 5)
-    x, y, width, height = (round(box[key]) for key in ("x", "y", "width", "height"))
-    saved_picture = cv2.resize(found, (width, height)).astype(int)
-
-    def is_alike() -> bool:
-        screen = cv2.imdecode(np.frombuffer(review.tab.screenshot(), np.uint8), cv2.IMREAD_COLOR)
-        assert screen is not None
-        seen = screen[y : y + height, x : x + width]
-        apart = np.abs(saved_picture - seen).max(2)
-        return seen.std() > 20 and np.median(apart) <= 3 and (apart > 40).mean() < 0.03
-
-    until(is_alike, "a screen like the saved picture")
 
 
 def test_the_first_steps_stay_until_they_have_been_read(review: Reviewing, browser: "Browser"):

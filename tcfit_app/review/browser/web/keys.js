@@ -4,7 +4,6 @@ import { emit, states } from "./connection.js";
 import { leaveField } from "./elements.js";
 import { closeWindow } from "./panels/buttons.js";
 import { cancelGesture } from "./picture/dragging.js";
-import { peek } from "./picture/peeking.js";
 
 const TEXT_FIELDS = "textarea, select, [contenteditable]:not([contenteditable=false]), [role=dialog] *, " +
   "[role=menu] *, input:not([type=checkbox], [type=radio], [type=range], [type=button], [type=submit])";
@@ -61,25 +60,10 @@ function keyDown(event) {
   if (keyIsTaken(event)) return;
   const plain = !event.ctrlKey && !event.metaKey && !event.altKey;
   const binding = bindingFor(event);
-  if (binding?.held) hold(event.code);
-  else if (binding) emit({ type: "key", action: binding.action, repeat: event.repeat });
+  if (binding) emit({ type: "key", action: binding.action, repeat: event.repeat });
   if (!binding && !(plain && CAMERA_KEYS.includes(event.code))) return;
   if (event.target === reachedByKeyboard) keepFromOthers(event); // keyboard users keep their focus
   else swallow(event);
-}
-
-/** The key that is held to see the video alone. @type {string | null} */
-let held = null;
-
-/** @param {string} code */
-function hold(code) {
-  held = code;
-  peek(true);
-}
-
-/** @param {KeyboardEvent} event */
-function keyUp(event) {
-  if (event.code === held || PRESSING_KEYS.includes(event.key)) peek(false);
 }
 
 /** Keeps a key from viser and from the browser. @param {KeyboardEvent} event */
@@ -96,4 +80,3 @@ export function swallow(event) {
 }
 
 window.addEventListener("keydown", keyDown, true);
-window.addEventListener("keyup", keyUp, true);

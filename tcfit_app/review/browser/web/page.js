@@ -12,7 +12,6 @@ import { showPanel } from "./panels/tabs.js";
 import "./picture/dragging.js";
 import { fitPlaces } from "./picture/fits.js";
 import "./picture/overlay.js";
-import { savePicture } from "./picture/saving.js";
 import { posterMaps, toScreen } from "./picture/projection.js";
 import "./timeline/drawing.js";
 import "./timeline/gestures.js";
@@ -23,7 +22,7 @@ import { dress, setColorTable } from "./viser/meshes.js";
 import "./viser/names.js";
 
 /** @type {{ [type in PageRequest["type"]]: (request: any) => void }} */
-const REQUESTS = { save_picture: savePicture, show_panel: showPanel, copy_link: copyLink, leave, hints: showHints };
+const REQUESTS = { show_panel: showPanel, copy_link: copyLink, leave, hints: showHints };
 
 export const calls = {
   connect,

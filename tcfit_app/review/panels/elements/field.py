@@ -9,8 +9,6 @@ from typing import Any, Generic, TypeVar
 import viser
 
 from fitting_core.errors import InputError
-from tcfit_app.review.gestures.actions import NEEDS, Gestures, refusal
-from tcfit_app.review.tab.state import CONTROLS, Slider
 from tcfit_app.review.tab.tab import Tab
 
 Value = TypeVar("Value", str, int, float, Any)
@@ -75,21 +73,6 @@ class Field(Generic[Value]):
         """Whether the user can set it."""
         if self._handle.disabled is on:
             self._handle.disabled = not on
-
-
-def slider(gestures: Gestures, name: str) -> Field[float]:
-    """The slider of a field of TabState, made from its row."""
-    tab, row = gestures.tab, CONTROLS[name]
-    assert isinstance(row, Slider)
-    value = getattr(tab.state, name)
-    handle = tab.client.gui.add_slider(row.label, row.low, row.high, row.step, value, hint=row.hint)
-    return Field(
-        tab,
-        handle,
-        lambda value: tab.set(**{name: value}),
-        lambda: getattr(tab.state, name),
-        off=lambda: any(refusal(NEEDS[need], gestures) for need in row.needs),
-    )
 
 
 def for_writers(tab: Tab, *handles: viser.GuiInputHandle[Any]) -> None:

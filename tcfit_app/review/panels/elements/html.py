@@ -81,7 +81,7 @@ def button(
         obstacle: why it cannot be pressed now, if it cannot; its tooltip says so.
         keys: that do the same.
         hint: its tooltip.
-        kind: its style: "main", "danger", "left", "mini"; "held": acts while it is held down; "close": in a window,
+        kind: its style: "main", "danger", "left", "mini"; "close": in a window,
         Escape and a click outside press it.
         enter: Enter in the text field above presses it.
     """
@@ -150,7 +150,7 @@ def action(
         obstacle=why,
         keys=keys,
         hint=hint,
-        kind="held" if known.held else kind,
+        kind=kind,
     )
 
 

@@ -3,7 +3,7 @@
 import logging
 import time
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -84,7 +84,7 @@ def tab(opened: Tab) -> Iterator[Tab]:
 CLEARED = "notice chips legend marks suspicions fit provenance range selection menus framing focus beat".split()
 START = {
     "skeleton": states.Skeleton(),
-    "style": states.Style(bones=False),
+    "style": states.Style(),
     "layout": POSTER,
     "timeline": TIMELINE,
     "rows": ROWS,
@@ -211,7 +211,8 @@ def test_attributes_of_a_keypoint_are_drawn_and_named(tab: Tab) -> None:
         ("deep", 1.05, "edited  depth set"),
     ):
         tab.page.mouse.move(2, 300)
-        tab.show(**{name: (WRIST,)})
+        marks: dict[str, Any] = {name: (WRIST,)}
+        tab.show(**marks)
         assert drawn() > more * edited, name
         tab.hover(x + 4, y + 4)
         assert tab.text(TOOLTIP) == f"right_wrist  0.83  {said}"
@@ -347,23 +348,6 @@ def test_the_divider_is_dragged_and_moved_by_keys(tab: Tab) -> None:
     assert divider.get_attribute("aria-valuenow") == "50"
     tab.send(layout=POSTER)
     assert divider.is_hidden()
-
-
-def test_while_its_key_is_held_the_video_is_seen_alone(tab: Tab) -> None:
-    tab.send(keys=states.Keys(bindings=(states.KeyBinding(key="p", action="peek", held=True),)))
-    place = tab.screen(*PLACES[WRIST])
-    assert tab.painted(*place)
-    for let_go in (
-        lambda: tab.page.keyboard.up("p"),
-        lambda: tab.page.evaluate("() => window.dispatchEvent(new Event('blur'))"),
-    ):
-        tab.page.keyboard.down("p")
-        assert not tab.painted(*place)
-        let_go()
-        assert tab.painted(*place)
-    tab.page.keyboard.up("p")
-    tab.settle()
-    assert not tab.received(Key)
 
 
 def test_a_close_up_has_its_pixel_in_the_middle_of_the_picture(tab: Tab) -> None:

@@ -47,7 +47,7 @@ def tab(opened: Tab) -> Iterator[Tab]:
     opened.post(**dict.fromkeys("timeline marks keyframes suspicions fit provenance range menus".split()))
     opened.send(
         skeleton=states.Skeleton(),
-        style=states.Style(bones=False),
+        style=states.Style(),
         layout=POSTER,
         timeline=TIMELINE,
         rows=ROWS,

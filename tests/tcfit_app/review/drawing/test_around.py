@@ -1,4 +1,4 @@
-"""Close-ups and trails: what they follow, and what the page is told of them. No browser."""
+"""Close-ups: what they follow, and the states that the page receives. No browser."""
 
 from typing import Any
 
@@ -9,8 +9,8 @@ from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.keypoints import GROUPS, INDEX
 from tcfit_app.review.browser.page_events import Hello, Key
-from tcfit_app.review.browser.page_states import Focus, Trail
-from tcfit_app.review.drawing.overlays import TRAIL_REACH, followed, in_image
+from tcfit_app.review.browser.page_states import Focus
+from tcfit_app.review.drawing.overlays import followed, in_image
 from tcfit_app.review.gestures.zooming import show_close_up, usual_size
 from tcfit_app.review.panels.view_panel import ViewPanel
 from tcfit_app.review.tab.state import CLOSE_UPS, HELD_BY, Part
@@ -24,7 +24,6 @@ def tested(fitted_page: LonePage) -> LonePage:
     """A page of a project of the tiny body, with a fit."""
     fitted_page.only(ViewPanel)
     fitted_page.page.receive(Hello("me", 1000, 700))
-    fitted_page.page.tab.set(video=False)
     return fitted_page
 
 
@@ -96,7 +95,6 @@ def test_a_close_up_follows_its_part_until_the_whole_picture_is_asked_for(tested
 
 def test_a_close_up_has_the_video_alone_beside_the_fit_and_the_side_view(tested: LonePage):
     tab = tested.page.tab
-    tab.set(trail=True, selection=(WRIST,))
     heard(tested)
     show_close_up(tab, "right_hand")
     found = heard(tested)
@@ -104,7 +102,6 @@ def test_a_close_up_has_the_video_alone_beside_the_fit_and_the_side_view(tested:
     assert [poster.kind for poster in posters] == ["video", "picture", "side"] and posters[0].label == "Video"
     widths = [right - left for left, _, right, _ in (poster.window for poster in posters)]
     assert widths == pytest.approx([widths[0]] * 3, rel=0.05), "three windows of one size"
-    assert found["trail"].fitted[0] == () and len(found["trail"].fitted[1]) == 1
     pose = tab.scene.cameras.pose
     tab.set(mode="ab")
     assert [poster.kind for poster in heard(tested)["layout"].posters] == ["picture", "picture", "side"]
@@ -117,25 +114,3 @@ def test_a_close_up_has_the_video_alone_beside_the_fit_and_the_side_view(tested:
     tab.set(mode="ab")
     heard(tested)
     assert tab.scene.cameras.moved
-
-
-def test_a_trail_has_the_detections_and_each_picture_s_fit(tested: LonePage):
-    tab = tested.page.tab
-    tab.seek(3)
-    tab.set(selection=(WRIST,), mode="ab")
-    assert heard(tested).get("trail") is None
-    tested.page.receive(Key(action="trail", repeat=False))
-    trail = heard(tested)["trail"]
-    assert isinstance(trail, Trail)
-    first, last = max(0, 3 - TRAIL_REACH), min(3 + TRAIL_REACH, tab.length - 1)
-    assert trail.now == 3 - first and len(trail.detected[0]) == last - first + 1
-    corrected = tab.session.project.corrected
-    assert trail.detected[0][trail.now] == pytest.approx(corrected.xy[3, WRIST], abs=0.01)
-    assert len(trail.fitted) == 2 and trail.colors == ("#5aa0ff", "#ff963c")
-    shown = tab.look().b
-    assert shown is not None
-    points = tab.data.meshes(shown).keypoints(shown.params)[3, [WRIST]]
-    assert trail.fitted[1][0][trail.now] == pytest.approx(in_image(points, shown.camera)[0], abs=0.01)
-    assert "trail" not in heard(tested), "nothing has changed"
-    tab.set(selection=())
-    assert heard(tested)["trail"] is None

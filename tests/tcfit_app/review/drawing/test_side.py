@@ -30,7 +30,6 @@ def tested(fitted_page: LonePage) -> LonePage:
     """A page of a project of the tiny body, with a fit."""
     fitted_page.only(ViewPanel)
     fitted_page.page.receive(Hello("me", 1000, 700))
-    fitted_page.page.tab.set(video=False)
     return fitted_page
 
 
@@ -191,5 +190,4 @@ def test_without_a_fit_there_is_none(panel_server: viser.ViserServer, tmp_path: 
         lone_page(panel_server, project, bodies=OneBody(tiny_body)) as made,
     ):
         made.page.receive(Hello("me", 1000, 700))
-        made.page.tab.set(video=False)
         assert plates(made) == []

@@ -75,7 +75,6 @@ def page(panel_server: viser.ViserServer, tmp_path: Path, request: pytest.Fixtur
 
 def test_it_is_sent_where_it_is_wanted_and_known(page: LonePage):
     tab = page.page.tab
-    tab.set(video=False)
 
     def draw() -> None:
         tab.look()

@@ -162,13 +162,13 @@ def test_what_others_wrote_is_shown_as_text(hidden: str, tested: LonePage):
 
 def test_what_the_server_sets_is_no_wish_of_the_user(tested: LonePage):
     tested.draw()
-    opacity = tested.field("Opacity")
-    tested.page.tab.set(opacity=0.3)
+    frame = tested.field("Frame")
+    tested.page.tab.seek(3)
     tested.draw()
-    assert opacity.value == 0.3 and tested.page.tab.state.opacity == 0.3
-    opacity._impl.value = 0.9
-    tested.call_back(opacity, None)
-    assert tested.page.tab.state.opacity == 0.3
+    assert frame.value == FIRST + 3 and tested.page.tab.state.frame == 3
+    frame._impl.value = FIRST + 1
+    tested.call_back(frame, None)
+    assert tested.page.tab.state.frame == 3
 
 
 def test_view_inputs(tested: LonePage):
@@ -176,8 +176,6 @@ def test_view_inputs(tested: LonePage):
     page = tested.page
     tested.enter("Frame", FIRST + 4)
     assert page.tab.state.frame == 4
-    tested.enter("Hide below", 0.35)
-    assert page.tab.state.minimum == 0.35
 
 
 def test_view_buttons(tested: LonePage):
@@ -188,11 +186,9 @@ def test_view_buttons(tested: LonePage):
     assert page.tab.state.mode == "space" and page.tab.state.beside == "apart" and "Side by side" in tested.html()
     tested.press("view.group", "face")
     assert page.tab.state.groups == set(GROUPS) - {"face"}
-    tested.press("view.color_by", "confidence")
-    tested.press("action", "bones")
+    tested.press("action", "keypoints")
     tested.press("view.speed", "0.25")
-    assert (page.tab.state.color_by, page.tab.state.bones, page.tab.state.speed) == ("confidence", False, 0.25)
-    assert tested.button("Video").disabled, "there is none"
+    assert (page.tab.state.keypoints, page.tab.state.speed) == (False, 0.25)
     assert 'data-value="0.25" aria-pressed="true"' in tested.html()
 
 
@@ -269,10 +265,7 @@ def test_all_keypoints_are_those_on_show(tested: LonePage):
     confidence = page.tab.session.project.detections.confidence
     tested.press("action", "all")
     assert page.tab.state.selection == tuple(np.flatnonzero(confidence[0, :46]))
-    page.tab.set(minimum=float(np.median(confidence[0, page.tab.state.selection])))
-    tested.press("action", "all")
-    assert page.tab.state.selection == tuple(np.flatnonzero(confidence[0, :46] >= page.tab.state.minimum))
-    page.tab.set(minimum=0.0, frames=range(3))
+    page.tab.set(frames=range(3))
     tested.press("action", "all")
     assert page.tab.state.selection == tuple(np.flatnonzero(confidence[:3, :46].any(0))), "seen in any of the frames"
     page.tab.set(keypoints=False)
@@ -595,8 +588,7 @@ def test_what_needs_a_fit_or_the_video_is_off_without(panel_server: viser.ViserS
         for name in ("ab", "space", "blinked", "bodies", "outline", "difference", "side"):
             assert "There is no fit yet" in ACTIONS[name].obstacle(gestures), name
         assert "no finished fit" in ACTIONS["approve"].obstacle(gestures)
-        assert "The video is missing" in ACTIONS["peek"].obstacle(gestures)
-        for title in ("Swap A and B", "Overlay", "Video", "Clip to the picture"):
+        for title in ("Swap A and B", "Clip to the picture"):
             assert tested.button(title).disabled, title
         assert tested.field("A shows").disabled and not tested.field("Name").visible
 

@@ -45,8 +45,8 @@ def test_a_button_that_is_drawn_anew_under_the_pointer(opened: Reviewing):
     button = opened.tab.locator("[data-tcfit='view.group'][data-value=face]")
     button.hover()
     opened.tab.mouse.down()
-    opened.page.tab.do(lambda: opened.page.tab.set(bones=False))
-    until(lambda: opened.tab.locator("[data-value=bones][aria-pressed=false]").count() > 0)
+    opened.page.tab.do(lambda: opened.page.tab.set(keypoints=False))
+    until(lambda: opened.tab.locator("[data-value=keypoints][aria-pressed=false]").count() > 0)
     opened.tab.mouse.up()
     until(lambda: "face" not in opened.page.tab.state.groups)
 
@@ -64,9 +64,9 @@ def test_a_press_that_ends_elsewhere_does_nothing(opened: Reviewing):
 
 
 def test_buttons_by_keyboard(opened: Reviewing):
-    opened.tab.locator("[data-tcfit='view.color_by'][data-value=confidence]").focus()
+    opened.tab.locator("[data-tcfit='view.speed'][data-value='0.5']").focus()
     opened.tab.keyboard.press("Enter")
-    until(lambda: opened.page.tab.state.color_by == "confidence")
+    until(lambda: opened.page.tab.state.speed == 0.5)
     opened.tab.keyboard.press("Escape")
 
 

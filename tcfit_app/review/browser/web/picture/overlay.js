@@ -8,10 +8,9 @@ import { addPainter, invalidate, known, paint, states, watch } from "../connecti
 import { cleared, overlayCanvas, placeTooltip, shortenedName, tooltip } from "../elements.js";
 import { COLORS, FONT } from "../style.js";
 import { beforeSceneDrawn, canvas, canvasSize, onSceneDrawn, redrawScene } from "../viser/bridge.js";
-import { drawInWindow, leaveOut } from "../viser/meshes.js";
+import { drawInWindow } from "../viser/meshes.js";
 import { placeDivider } from "./divider.js";
 import { REACH, borderAt, inPicture, pick, pictureAt, pointer, within } from "./picking.js";
-import { peeking } from "./peeking.js";
 import { drawPeople, placePeople } from "./people.js";
 import { drawn, placeInWorld, plateSeen, posterMaps, toScreen, viewChanged } from "./projection.js";
 import { circle, clipTo, cross, disc, rim, ring, stamp, stroke } from "./shapes.js";
@@ -19,35 +18,18 @@ import { wayOf } from "./depth.js";
 import { fitLine } from "./fits.js";
 import { drawBorder, drawFits, drawSide } from "./side.js";
 import {
-  chosen, groupOf, groupShown, isPicture, isSide, isSpace, jointRadius, located, marked, placesOf, position, shown,
+  chosen, groupOf, groupShown, isPicture, isSide, isSpace, jointRadius, marked, placesOf, position, shown,
   shownJoints, skeletonReady, zoomFactor,
 } from "./skeleton.js";
 import { drawSilhouette } from "./silhouette.js";
-import { drawTrail } from "./trail.js";
 
 const GAP = 0.01; // image diagonals from which on a correction counts as not reached
-const CONFIDENCE_COLORS = [
-  [224, 58, 50],
-  [242, 197, 61],
-  [62, 190, 90],
-];
-
 const FINE_BONES = 1.3; // CSS pixels: too fine for a rim
 const NAME_ROOM = 260; // CSS pixels for a fit's name, also beyond a narrow picture
-const PLAIN_BONES = "#c3cad4";
-
-/** Red over yellow to green, in twenty steps. @param {number} confidence */
-function confidenceColor(confidence) {
-  const place = Math.round(Math.min(Math.max(confidence, 0), 1) * 20) / 10;
-  const from = Math.min(Math.floor(place), 1);
-  const mixed = CONFIDENCE_COLORS[from].map((c, i) => c + (CONFIDENCE_COLORS[from + 1][i] - c) * (place - from));
-  return `rgb(${mixed.map(Math.round).join(", ")})`;
-}
 
 /** @param {number} joint */
 function jointPaint(joint) {
   const confidence = known("keypoints").confidence[joint];
-  if (known("style").color_by === "confidence") return { color: confidenceColor(confidence), alpha: 1 };
   return { color: known("skeleton").groups[groupOf[joint]].color, alpha: 0.35 + 0.65 * Math.min(confidence, 1) };
 }
 
@@ -77,23 +59,20 @@ function drawSkeleton(context) {
 function drawOnPoster(context, map, joints) {
   if (isSide(map)) return drawSide(context, map);
   if (isSpace(map)) return drawFits(context, map);
-  if (!isPicture(map) || peeking.now) return;
+  if (!isPicture(map)) return;
   drawSilhouette(context, map);
-  if (known("style").ghosts) drawGhosts(context, map);
   drawGaps(context, map);
   drawPeople(context, map);
-  if (known("style").bones) drawBones(context, map);
-  drawTrail(context, map);
+  if (known("style").points) drawBones(context, map);
   for (const joint of [...joints].reverse()) drawJoint(context, map, joint); // the body's last, on top
 }
 
 /** @param {Context} context @param {PosterMap} map */
 function drawBones(context, map) {
   const { groups, bones } = known("skeleton");
-  const { minimum, color_by } = known("style");
   const { confidence } = known("keypoints");
   /** @param {number} joint */
-  const sure = (joint) => confidence[joint] > 0 && confidence[joint] >= minimum && !marked("bad", joint);
+  const sure = (joint) => confidence[joint] > 0 && !marked("bad", joint);
   const lines = groups.map(() => new Path2D());
   for (const [a, b] of bones) {
     if (![a, b].every((joint) => sure(joint) && groupShown(joint))) continue;
@@ -105,7 +84,7 @@ function drawBones(context, map) {
     const width = (0.7 + 0.26 * group.radius) * zoomFactor(map);
     if (width > FINE_BONES) stroke(context, lines[i], "rgba(8, 10, 14, 0.5)", width + 1.6);
     context.globalAlpha = 0.85;
-    stroke(context, lines[i], color_by === "group" ? group.color : PLAIN_BONES, width);
+    stroke(context, lines[i], group.color, width);
     context.globalAlpha = 1;
   });
 }
@@ -194,28 +173,12 @@ function drawGaps(context, map) {
   context.setLineDash([]);
 }
 
-/** Where edited keypoints were detected, and the way from there. @param {Context} context @param {PosterMap} map */
-function drawGhosts(context, map) {
-  for (const [joint, ...xy] of known("keypoints").detections) {
-    if (!groupShown(joint) || !located(joint)) continue;
-    const [x, y] = toScreen(map, xy);
-    const way = new Path2D();
-    way.moveTo(x, y);
-    way.lineTo(...toScreen(map, position(joint)));
-    context.globalAlpha = 0.75;
-    stroke(context, way, COLORS.edited, 1);
-    stroke(context, cross(x, y, 3.5), "#0a0c10", 3);
-    stroke(context, cross(x, y, 3.5), "#dfe6ee", 1.2);
-    context.globalAlpha = 1;
-  }
-}
-
 /** @param {Context} context */
 function drawHovered(context) {
   const { hovered } = pointer;
   if (!hovered) return;
   const { joint, poster, body } = hovered;
-  if (inPicture(hovered) && (peeking.now || !shown(joint))) return;
+  if (inPicture(hovered) && !shown(joint)) return;
   for (const map of drawn.maps)
     clipTo(context, map.seen, () => {
       for (const { x, y } of !isPicture(map) || shown(joint) ? placesOf(map, [joint]) : [])
@@ -332,10 +295,8 @@ watch("framing", () => invalidate("overlay"));
 // viser draws its scene only now and then; right after it, the overlay follows a camera that has moved.
 beforeSceneDrawn(() => {
   if (states.layout?.mode === "space") return;
-  for (const map of posterMaps()) {
+  for (const map of posterMaps())
     drawInWindow(map.poster.node, placeInWorld(map), map.poster.clipped ? plateSeen(map) : map.seen);
-    if (peeking.now && !isSide(map)) map.poster.bodies.forEach(leaveOut);
-  }
 });
 onSceneDrawn(() => {
   if (viewChanged()) paint("overlay");

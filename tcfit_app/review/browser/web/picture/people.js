@@ -8,7 +8,6 @@ import { emit, invalidate, states, watch } from "../connection.js";
 import { element, layer } from "../elements.js";
 import { openMenu } from "../menu.js";
 import { canvas } from "../viser/bridge.js";
-import { peeking } from "./peeking.js";
 import { inBox, toImage, toScreen } from "./projection.js";
 import { stroke } from "./shapes.js";
 
@@ -35,7 +34,7 @@ function nameOf({ name, hint, number }) {
  * @param {HTMLButtonElement} name @param {PosterMap} map @param {readonly [number, number]} at */
 function place(name, map, at) {
   const [x, y] = toScreen(map, [at[0], at[1]]);
-  name.hidden = peeking.now || !inBox(map.seen, { x, y: Math.max(y, map.seen.top) });
+  name.hidden = !inBox(map.seen, { x, y: Math.max(y, map.seen.top) });
   const top = Math.max(y - ABOVE, map.seen.top + 26); // a head may be cut off
   name.style.transform = `translate(-50%, -100%) translate(${Math.round(x)}px, ${Math.round(top)}px)`;
 }

@@ -35,8 +35,8 @@ export function drawSide(context, map) {
 /** The fits' keypoints and bones. @param {Context} context @param {PosterMap} map of the side view or of 3D */
 export function drawFits(context, map) {
   const bodies = states.bodies?.bodies ?? [];
-  if (known("style").error_bars) drawErrorBars(context, map, bodies);
-  if (known("style").bones && groupShown(0)) drawBones(context, map, bodies);
+  drawErrorBars(context, map, bodies);
+  if (known("style").points && groupShown(0)) drawBones(context, map, bodies);
   // The body that is corrected on top, and on each body the joints in the order of the picture.
   for (const { joint, x, y, body } of placedOn(map).sort((a, b) => a.body - b.body || b.joint - a.joint)) {
     const radius = 0.8 * jointRadius(joint, map);

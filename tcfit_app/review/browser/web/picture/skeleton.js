@@ -110,8 +110,7 @@ export function located(joint) {
 export function shown(joint) {
   if (!groupShown(joint)) return false;
   if (chosen.joints.has(joint)) return chosen.joints.size === 1 || located(joint);
-  const confidence = known("keypoints").confidence[joint];
-  return known("style").points && confidence > 0 && confidence >= known("style").minimum;
+  return known("style").points && known("keypoints").confidence[joint] > 0;
 }
 
 /** Whether there is all there is to draw. */

@@ -170,13 +170,6 @@ export function onSceneDrawn(change) {
   };
 }
 
-/** viser's canvas with the scene drawn on it just now: what is on it is gone once the browser has shown it. */
-export function drawnCanvas() {
-  const { scene, camera, canvas: drawn } = viewer();
-  scene.__r3f?.root.getState().gl.render(scene, camera);
-  return drawn;
-}
-
 /** From viser's world (which three.js turns so that its upward axis is up) to the canvas, each -1 to 1. */
 export function worldToCanvas() {
   const { camera, nodeRefFromName } = viewer();

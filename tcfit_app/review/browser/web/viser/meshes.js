@@ -201,12 +201,3 @@ export function drawInWindow(name, [x, y], window) {
     if (child.isMesh) hookOf(child).window = window;
   });
 }
-
-const NOWHERE = { left: 0, top: 0, right: 0, bottom: 0 };
-
-/** Draws nothing of a node. @param {string} name */
-export function leaveOut(name) {
-  nodeOf(name)?.traverse((child) => {
-    if (child.isMesh) hookOf(child).window = NOWHERE;
-  });
-}
