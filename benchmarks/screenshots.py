@@ -174,7 +174,7 @@ def depth(review: Reviewing) -> Iterator[str]:
 
 def timeline(review: Reviewing) -> Iterator[str]:
     """A difference and hand phases; menus; notes and flags in their lanes."""
-    show(review, plots=("reprojection", "jitter_difference", "hand_phases"))
+    show(review, plots=("reprojection", "between_runs", "hand_phases"))
     yield "rows"
     session, author = review.session, review.page.tab.author
     review.app.post(lambda: session.project.marks.set(range(40, 52), "flag", author=author))

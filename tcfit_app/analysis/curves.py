@@ -147,7 +147,6 @@ CURVES: dict[str, CurveKind] = {
     },
     "jitter": CurveKind(title="Jitter", unit="mm/frame²", values=lambda fit: fit.jumps.mean(1)),
     "temporal": CurveKind(title="Temporal residual", unit="mm", values=_temporal_residual),
-    "volume": CurveKind(title="Volume", unit="dm³", values=lambda fit: fit.volumes),
     "confidence": CurveKind(title="Mean confidence", unit="", values=_confidence),
     "depth": CurveKind(title="Depth of the pelvis", unit="m", values=lambda fit: fit.root[:, 2]),
     **{
@@ -167,12 +166,10 @@ CURVES: dict[str, CurveKind] = {
         for i, name in enumerate(ANGLES)
     },
 }
-"""By name; "volume" is slow because it needs whole meshes.
-
-Reprojection errors are confidence-weighted means over the counted keypoints of a region (an arm, a hand, the face; not
-the neck), and the largest of these; the mean confidence is
-over keypoints detected in any frame; the temporal residual is the root mean square over joints of what E_T penalises,
-in the space in which the fit compares joints; wrist speeds are relative to the chest.
+"""By name. Reprojection errors are confidence-weighted means over the counted keypoints of a region (an arm, a hand,
+the face; not the neck), and the largest of these; the mean confidence is over keypoints detected in any frame; the
+temporal residual is the root mean square over joints of what E_T penalises, in the space in which the fit compares
+joints; wrist speeds are relative to the chest.
 """
 
 

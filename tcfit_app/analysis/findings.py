@@ -82,11 +82,6 @@ _ENDS = [kp.INDEX[f"{side}_{name}"] for name in ("elbow", "wrist", "knee", "ankl
 """Limb keypoints, whose depth and loss matter individually: the others are constrained by their neighbours."""
 _LEG_ENDS = [joint for joint in _ENDS if LIMB_OF[joint].endswith("leg")]
 """All still: the person stands, as with a still foot under a moving knee. A limb is frozen if both its ends are."""
-_FEWEST = 25
-"""Minimum number of frames for usual values."""
-_ERROR_GROUPS = [list(group) for group in kp.ERROR_GROUPS.values()]
-_COST_RATIO = 1.5
-"""Factor by which a frame must exceed the usual cost."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -350,29 +345,6 @@ def _failed(fit: PosedFit) -> Iterator[Finding]:
         yield Finding(frame=frame, score=_FAILED_SCORE, reason="the fit failed here", joints=())
 
 
-def _costs(fit: PosedFit) -> Iterator[Finding]:
-    """Frames whose cost is not explained by their reprojection errors: an unlikely pose.
-
-    The cost of the data term depends on the number of keypoints (with hands it is five times as large), so the part
-    explained by the squared errors of body, hands and face is subtracted first, by least squares.
-    """
-    from scipy.optimize import nnls  # 0.15 s that the app's start need not wait for
-
-    if fit.frame_cost is None:
-        return
-    finite = np.isfinite(fit.frame_cost)
-    if finite.sum() < _FEWEST:
-        return
-    cost, frames = fit.frame_cost[finite], np.flatnonzero(finite)
-    weighted = (np.nan_to_num(fit.errors[finite]) * fit.clip.keypoints.confidence[finite]) ** 2
-    explaining = np.stack([np.ones(len(cost)), *(weighted[:, group].sum(1) for group in _ERROR_GROUPS)], 1)
-    usual = np.maximum(explaining @ nnls(explaining, cost)[0], 1e-9)
-    found = scores((cost - usual)[:, None], _COST_RATIO * usual[:, None])[:, 0]
-    for i in np.flatnonzero(found >= 1).tolist():
-        reason = f"unlikely pose: cost {cost[i] / usual[i]:.1f} times the usual"
-        yield Finding(frame=int(frames[i]), score=float(found[i]), reason=reason, joints=())
-
-
 def _above(found: Float[np.ndarray, "T K"]) -> Iterator[tuple[int, list[int]]]:
     """Frames with a score of at least 1, and their columns with one, worst first."""
     for frame in np.flatnonzero((found >= 1).any(1)).tolist():
@@ -397,7 +369,6 @@ FINDINGS: dict[str, Callable[[PosedFit], Iterator[Finding]]] = {
     "detection": _detection_jumps,
     "depth": _depths,
     "frozen": _frozen,
-    "cost": _costs,
     "confidence": _low_confidence,
 }
 """By kind. Of findings with equal scores the earlier kind is reported."""

@@ -15,7 +15,6 @@ from fitting_core.clip import Clip
 from fitting_core.fit.evidence.sides import PAIRED, unswapped
 from fitting_core.ground.grounding import Grounding
 from fitting_core.io.summary import counted_keypoints
-from fitting_core.measure.mesh.volume import Enclosed
 from fitting_core.metrics import reprojection_errors
 from fitting_core.motion import Motion
 from fitting_core.results.error_bars import ErrorBars
@@ -24,8 +23,6 @@ from tcfit_app.analysis.meshes import Meshes
 
 _NEAR = 0.01
 """Metres: points closer to the camera's plane, or behind it, are not visible."""
-_TOGETHER = 16
-"""Frames whose meshes are in memory at once."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -200,13 +197,6 @@ class PosedFit:
     def jumps(self) -> Float[np.ndarray, "T 55"]:
         """Length of each joint's second difference in time, mm per frame^2, in still space; NaN at both ends."""
         return second_differences(self.still_joints)
-
-    @cached_property
-    def volumes(self) -> Float[np.ndarray, "T"]:
-        """Volume of the closed mesh, dm^3."""
-        enclosed = Enclosed.of(self.meshes.body.faces)
-        parts = torch.arange(len(self)).split(_TOGETHER)
-        return np.concatenate([np.zeros(0), *(enclosed(self.meshes.batch(self.params[i])) for i in parts if len(i))])
 
     @property
     def root(self) -> Float[np.ndarray, "T 3"]:

@@ -72,10 +72,7 @@ COST = "cost_"
 
 
 def run_metrics(run: MeasuredRun) -> tuple[Metric, ...]:
-    """All figures of a run: METRICS, and the mean cost by term of the phase of its parameters.
-
-    The mean volume needs whole meshes: a second per thousand frames.
-    """
+    """All figures of a run: METRICS, and the mean cost by term of the phase of its parameters."""
     figures = [_metric(name, kind, run) for name, kind in METRICS.items()]
     return (*figures, *(_cost(term, value) for term, value in run.phase.objective.items()))
 
@@ -161,12 +158,6 @@ METRICS: dict[str, MetricKind] = {
         unit="σ",
         value=lambda run: float(run.fit.params.betas.mean(0).norm()),
         better="",
-    ),
-    "volume_mean": MetricKind(
-        title="Volume, mean", unit="dm³", value=lambda run: float(run.fit.volumes.mean()), better=""
-    ),
-    "volume_std": MetricKind(
-        title="Volume, standard deviation", unit="dm³", value=lambda run: float(run.fit.volumes.std())
     ),
     "betas_std": MetricKind(
         title="Shape, standard deviation",

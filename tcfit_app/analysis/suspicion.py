@@ -3,10 +3,7 @@
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
-from fitting_core.results.error_bars import JOINTS, ErrorBars
-from tcfit_app.analysis.findings import FINDINGS, LIMB_OF_BONE, WHOLE, Finding
+from tcfit_app.analysis.findings import FINDINGS, WHOLE, Finding
 from tcfit_app.analysis.posed_fit import PosedFit
 from tcfit_app.project.storage.clip_review import Worst
 from tcfit_app.project.storage.marks import Mark
@@ -15,12 +12,8 @@ _GAP = 2
 """Maximum distance in frames between findings about the same limb that are one entry."""
 _CAUSES = ("failed", "swap")
 """Kinds that explain others: swapped arms are far off and jump too."""
-_LIMB_OF_JOINT = {joint: LIMB_OF_BONE[joint] for joint in range(len(JOINTS))}
-"""Of the joints with error bars."""
 _LASTING = "steady"
 """The finding of a while."""
-_SYMPTOM = "cost"
-"""The kind that others explain, for it names no limb."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,8 +36,6 @@ class Suspect:
     """The limbs concerned in any of its frames, and WHOLE if it is the whole body."""
     also: tuple[str, ...]
     """Other findings about the same in that frame."""
-    unsure: float = 0.0
-    """The largest error bar of its limbs in that frame, metres; 0 if unknown."""
 
     @property
     def key(self) -> str:
@@ -54,7 +45,6 @@ class Suspect:
 
 ORDERS: dict[str, Callable[[Suspect], tuple[float, int]]] = {
     "suspicion": lambda suspect: (-suspect.score, suspect.frame),
-    "uncertainty": lambda suspect: (-suspect.unsure, suspect.frame),
     "time": lambda suspect: (suspect.frames.start, suspect.frame),
 }
 """Keys to sort the queue by."""
@@ -98,33 +88,22 @@ def findings(fit: PosedFit) -> tuple[Found, ...]:
 
 
 def review_queue(
-    fit: PosedFit,
-    found: Sequence[Found] | None = None,
-    *,
-    checked: Collection[int] = (),
-    limbs: Mapping[str, Collection[int]] | None = None,
+    found: Sequence[Found], *, checked: Collection[int] = (), limbs: Mapping[str, Collection[int]] | None = None
 ) -> ReviewQueue:
     """All suspicious frames of a whole clip, except for those marked as fine (see `still_checked`).
 
     Args:
-        fit: The clip and its fit.
-        found: Its `findings`, where they are known.
+        found: The clip's `findings`.
         checked: Frames marked as fine altogether.
         limbs: By limb, or WHOLE, the frames in which that was marked as fine.
     """
     fine = {limb: frozenset(frames) for limb, frames in (limbs or {}).items()}
-    looked_at = frozenset[int]().union(*fine.values())
 
     def left(one: Found) -> bool:
-        kind, finding = one
-        if finding.frame in checked:
-            return False
-        if kind == _SYMPTOM:  # a reviewer who confirmed a limb has seen the pose
-            return finding.frame not in looked_at
-        return any(finding.frame not in fine.get(limb, ()) for limb in finding.about)
+        _, finding = one
+        return finding.frame not in checked and any(finding.frame not in fine.get(limb, ()) for limb in finding.about)
 
-    found = findings(fit) if found is None else found
-    entries = [_entry(span, fit.error_bars) for span in _spans(_topics(filter(left, found)))]
+    entries = [_entry(span) for span in _spans(_topics(filter(left, found)))]
     reviewed = (not any(left(one) for topic in span for one in topic.found) for span in _spans(_topics(found)))
     return ReviewQueue(left=tuple(sorted(entries, key=ORDERS["suspicion"])), looked_at=sum(reviewed))
 
@@ -167,10 +146,7 @@ def _topics(found: Iterable[Found]) -> list[_Topic]:
     topics: dict[int, list[_Topic]] = {}
     for kind, finding in sorted(found, key=_first):
         there = topics.setdefault(finding.frame, [])
-        if kind == _SYMPTOM:
-            known = max(there, key=lambda topic: topic.score, default=None)
-        else:
-            known = next((topic for topic in there if topic.about >= finding.about or WHOLE in topic.about), None)
+        known = next((topic for topic in there if topic.about >= finding.about or WHOLE in topic.about), None)
         if known is not None:
             known.found.append((kind, finding))
         else:
@@ -178,9 +154,9 @@ def _topics(found: Iterable[Found]) -> list[_Topic]:
     return [topic for frame in sorted(topics) for topic in topics[frame]]
 
 
-def _first(one: Found) -> tuple[bool, bool, float]:
+def _first(one: Found) -> tuple[bool, float]:
     kind, finding = one
-    return kind not in _CAUSES, kind == _SYMPTOM, -finding.score
+    return kind not in _CAUSES, -finding.score
 
 
 def _spans(topics: Iterable[_Topic]) -> list[list[_Topic]]:
@@ -199,11 +175,10 @@ def _spans(topics: Iterable[_Topic]) -> list[list[_Topic]]:
     return spans
 
 
-def _entry(span: Sequence[_Topic], bars: ErrorBars | None) -> Suspect:
+def _entry(span: Sequence[_Topic]) -> Suspect:
     worst = max(span, key=lambda topic: topic.score)
     (kind, first), *others = worst.found
-    located = [finding.about for topic in span for of, finding in topic.found if of != _SYMPTOM]
-    about = frozenset[str]().union(*located) or frozenset({WHOLE})
+    about = frozenset[str]().union(*(finding.about for topic in span for _, finding in topic.found))
     return Suspect(
         frame=worst.frame,
         frames=range(span[0].frame, span[-1].frame + 1),
@@ -212,11 +187,5 @@ def _entry(span: Sequence[_Topic], bars: ErrorBars | None) -> Suspect:
         reason=first.reason,
         joints=first.joints,
         about=tuple(sorted(about)),
-        unsure=0.0 if bars is None else _unsure(bars, worst.frame, about),
         also=tuple(dict.fromkeys(other.reason for _, other in others)),
     )
-
-
-def _unsure(bars: ErrorBars, frame: int, about: frozenset[str]) -> float:
-    own = [joint for joint, limb in _LIMB_OF_JOINT.items() if limb in about or WHOLE in about]
-    return float(np.nan_to_num(bars.joints[frame, own]).max())

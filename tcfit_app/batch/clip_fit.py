@@ -37,7 +37,7 @@ from fitting_core.io.summary import summary
 from fitting_core.results.fit_result import FitResult
 from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.analysis.posed_fit import PosedFit
-from tcfit_app.analysis.suspicion import review_queue, worst_place
+from tcfit_app.analysis.suspicion import findings, review_queue, worst_place
 from tcfit_app.batch.inputs import FIRST_NAME, SHAPE_NAME, detector_of, inputs_of, missing_input, unchanged
 from tcfit_app.batch.manifest import ClipTask, Form
 from tcfit_app.batch.records import (
@@ -307,7 +307,9 @@ def _added(attempt: Attempt, project: Project, clip: Clip, fit: FitResult) -> Co
     run = project.runs.start(
         fit.config, fit=fit, body=body, edits_seen=seen, summary=content, given=given, name=_run_name(attempt)
     )
-    project.review.set_worst(worst_place(run.id, review_queue(PosedFit.of(clip, fit, Meshes(attempt.body))).left))
+    project.review.set_worst(
+        worst_place(run.id, review_queue(findings(PosedFit.of(clip, fit, Meshes(attempt.body)))).left)
+    )
     return content, list(fit.warnings)
 
 

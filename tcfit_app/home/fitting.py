@@ -17,7 +17,7 @@ from fitting_core.fit.fused.ready import cores
 from fitting_core.io.summary import summary
 from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.analysis.posed_fit import PosedFit
-from tcfit_app.analysis.suspicion import review_queue, worst_place
+from tcfit_app.analysis.suspicion import findings, review_queue, worst_place
 from tcfit_app.fitting.bodies import record_of
 from tcfit_app.fitting.fit_progress import KEYPOINTS, FitProgress, in_words
 from tcfit_app.fitting.process_queue import Report, Work
@@ -99,7 +99,7 @@ def fit_project(folder: Path, report: Report, *, models: Path | None = None, con
             raise
         project.runs.finish(run.id, fit, summary=summary(fit, clip, body, complete=True, command=""))
         report(Work(step="Looking for suspicious frames", share=1.0))
-        suspects = review_queue(PosedFit.of(clip, fit, Meshes(body))).left
+        suspects = review_queue(findings(PosedFit.of(clip, fit, Meshes(body)))).left
         project.review.set_worst(worst_place(run.id, suspects))
 
 

@@ -77,6 +77,8 @@ from tcfit_app.project.storage.media import Media
 from tcfit_app.project.storage.reference import store_reference, stored_reference
 from tcfit_app.project.storage.runs import Runs
 
+_REMOVED = ('{"kind":"take_rotations"',)
+"""Beginnings of edits that only earlier versions made. They stay in the log, and are ignored."""
 _REPLACING = "The keypoints are being replaced, because the lens or the person has changed. Try again in a moment."
 
 
@@ -543,9 +545,16 @@ def _fixed(keypoints: Keypoints) -> Keypoints:
 
 
 def _readable_log(store: Database) -> list[LogEntry]:
-    rows = store.rows("SELECT * FROM edits ORDER BY id")
-    log = (store.damage.read(row, f"edit {row['id']}", _entry) for row in rows)
-    return [entry for entry in log if entry is not None]
+    """The undamaged entries, without removed kinds of edits and their undos."""
+    log, removed = list[LogEntry](), set[int]()
+    for row in store.rows("SELECT * FROM edits ORDER BY id"):
+        if str(row["action"]).startswith(_REMOVED):
+            removed.add(row["id"])
+            continue
+        entry = store.damage.read(row, f"edit {row['id']}", _entry)
+        if entry is not None and not (isinstance(entry.action, Undo | Redo) and entry.action.edit in removed):
+            log.append(entry)
+    return log
 
 
 def _entry(row: Columns) -> LogEntry:

@@ -247,7 +247,7 @@ TIMELINE = states.Timeline(
     choices=(
         states.Choice(name="error", title="Error (px)"),
         states.Choice(name="jitter", title="Jitter (mm)"),
-        states.Choice(name="error_difference", title="Error, B − A (px)", group="compared"),
+        states.Choice(name="distance", title="A to B distance (mm)", group="compared"),
     ),
 )
 ROWS = states.Rows(

@@ -43,7 +43,6 @@ from tcfit_app.project.edits.kinds import (
     ShapeHand,
     SwapSides,
     TakeOver,
-    TakeRotations,
     Unlock,
 )
 from tcfit_app.project.edits.packed_points import packed
@@ -203,13 +202,6 @@ def _locks(draw: st.DrawFn) -> Lock:
 
 
 @st.composite
-def _taken_rotations(draw: st.DrawFn) -> TakeRotations:
-    frames, joints = draw(_FRAMES), (*draw(_LOCKABLE), *FINGER_JOINTS["left"][:2])
-    turns = np.random.default_rng(draw(st.integers(0, 99))).uniform(-3, 3, (len(frames), len(joints), 3))
-    return TakeRotations(frames=frames, joints=joints, source="run 2", packed=packed(turns))
-
-
-@st.composite
 def _shaped_hands(draw: st.DrawFn) -> ShapeHand:
     first, last = sorted(draw(st.tuples(*[st.integers(0, FRAMES - 1)] * 2)))
     blend = draw(st.integers(0, (last - first) // 2))
@@ -280,7 +272,6 @@ def edits() -> st.SearchStrategy[Edit]:
         _depths(),
         _depths().map(_pinned),
         _locks(),
-        _taken_rotations(),
         _shaped_hands(),
         _taken_over(),
         _detected_again(),
@@ -312,7 +303,6 @@ def random_edit(seed: int) -> Edit:
         SetDepth(frames=frames, joints=(4, 7), depth=tuple(map(tuple, rng.uniform(-1, 1, (2, 2)).tolist()))),
         PlaceKey(frames=tuple(range(FRAMES)), joints=joints, at=frames[0], xy=xy[0]),
         Lock(frames=frames, joints=(4,), turn=((0.1, -0.2, 0.3),)),
-        TakeRotations(frames=frames, joints=(4, 7), source="A", packed=packed(rng.uniform(-0.5, 0.5, (2, 2, 3)))),
         ShapeHand(frames=frames[:1], joints=FINGER_JOINTS["left"], name="x", shape=((0.1, -0.2, 0.3),) * 15),
     ]
     return kinds[seed % len(kinds)]

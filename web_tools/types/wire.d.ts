@@ -131,7 +131,6 @@ export interface Row {
   title: string;
   unit: string;
   curves: Curve[];
-  signed: boolean;
   levels: Levels | null;
   empty: string;
 }

@@ -286,28 +286,6 @@ class Lock(_Edit, frozen=True, tag="lock"):
         return _turns_problem(self.turn) or _lock_problem(self.joints)
 
 
-class TakeRotations(_Edit, frozen=True, tag="take_rotations"):
-    """Lock the rotation of joints in each frame as another fit has it; keypoints stay as they are."""
-
-    source: str
-    """That fit's name, for people."""
-    packed: bytes
-    """The result of `packed_points.packed`: axis-angle in radians, for each of `frames` and each of `joints`."""
-
-    def change(self, here: Corrected, now: Corrected) -> None:
-        here.turn[:] = unpacked(self.packed, len(self.frames), len(self.joints), 3)
-
-    def problem(self, length: int) -> str:
-        fingers = {joint for joints in FINGER_JOINTS.values() for joint in joints}
-        if problem := _lock_problem(tuple(joint for joint in self.joints if joint not in fingers)):
-            return problem
-        try:
-            turns = unpacked(self.packed, len(self.frames), len(self.joints), 3)
-        except ValueError as error:
-            return str(error)
-        return _turns_problem(tuple(turn) for turn in turns.reshape(-1, 3).tolist())
-
-
 class Unlock(_Edit, frozen=True, tag="unlock"):
     """Unlock the rotation of joints; everything else stays."""
 
@@ -503,7 +481,6 @@ Edit = (
     | MoveKey
     | Pin
     | Lock
-    | TakeRotations
     | Unlock
     | ShapeHand
     | TakeOver

@@ -89,10 +89,11 @@ class Standing(Generic[SaidEntry]):
         """How many counting statements stood after the entry `seen`."""
         return self._after(seen).counted
 
-    def stood(self, number: int, seen: int | None = None) -> bool:
-        """Whether an entry's statement stood after the entry `seen`; None: whether it stands now."""
+    def stood(self, number: int, seen: int | None = None) -> bool | None:
+        """Whether an entry's statement stood after the entry `seen`, by default the last one; None for an entry that is
+        missing, because it is damaged or was removed."""
         state, then = self._of.get(number), self._now if seen is None else self._after(seen)
-        return state is not None and _parted(state, then) is state
+        return None if state is None else _parted(state, then) is state
 
     def said(self, number: int) -> SaidEntry:
         """The statement of an entry."""

@@ -257,8 +257,6 @@ class Row(_State, frozen=True, kw_only=True):
     title: str
     unit: str = ""
     curves: tuple[Curve, ...] = ()
-    signed: bool = False
-    """Values have both signs, like differences."""
     levels: Levels | None = None
     """Replaces curves."""
     empty: str = "Curves appear here once there is a fit."

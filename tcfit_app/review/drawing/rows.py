@@ -1,7 +1,7 @@
 """The rows of the timeline: curves of A and B, their differences, and the table of everything that can be plotted."""
 
 from collections.abc import Callable, Hashable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal, TypeVar
 
 import numpy as np
@@ -37,24 +37,19 @@ class Plot:
     unit: str
     curve: str
     """One of CURVES or LEVELS, or BETWEEN."""
-    how: Literal["each", "levels", "difference", "between"] = "each"
-    """A line per fit; levels, of B; B minus A; the distance between them."""
+    how: Literal["each", "levels", "between"] = "each"
+    """A line per fit; levels, of B; the distance between A and B."""
 
     @property
     def group(self) -> str:
         """Choices with the same group are listed together."""
-        return "compared" if self.how in ("difference", "between") else "each" if self.how == "each" else "other"
+        return {"each": "each", "levels": "other", "between": "compared"}[self.how]
 
 
 PLOTS: dict[str, Plot] = {
     **{name: Plot(title=kind.title, unit=kind.unit, curve=name) for name, kind in CURVES.items()},
     **{name: Plot(title=kind.title, unit="", curve=name, how="levels") for name, kind in LEVELS.items()},
     BETWEEN: Plot(title="A to B distance", unit="mm", curve=BETWEEN, how="between"),
-    # As in the panel Compare: above zero where B has more.
-    **{
-        f"{name}_difference": Plot(title=f"{kind.title}, B − A", unit=kind.unit, curve=name, how="difference")
-        for name, kind in CURVES.items()
-    },
 }
 """By the name that the page requests."""
 CHOICES = tuple(
@@ -141,23 +136,12 @@ class Rows:
             return _Found(name=name)
         return _Found(name=name, levels=self._latest(name, "b", _origin(shown), self._tab.data.levels(name, shown)))
 
-    def _difference(self, name: str) -> _Found:
-        if problem := self._nothing_to_compare():
-            return _Found(name=name, empty=problem)
-        found = self._each(name)
-        return found if len(found.curves) == len(SLOTS) else replace(found, curves=())
-
     def _between(self, name: str) -> _Found:
         a, b = self._tab.shown.a, self._tab.shown.b
-        if (problem := self._nothing_to_compare()) or a is None or b is None:
-            return _Found(name=name, empty=problem)
+        if a is None or b is None or self._same:
+            return _Found(name=name, empty=_SAME if self._same else _MISSING)
         curve = self._latest(name, "b", (_origin(a), _origin(b)), self._tab.data.between(a, b))
         return _Found(name=name, curves=() if curve is None else (("b", curve),))
-
-    def _nothing_to_compare(self) -> str:
-        if self._tab.shown.a is None or self._tab.shown.b is None:
-            return _MISSING
-        return _SAME if self._same else ""
 
     def _curve(self, name: str, side: Slot) -> Curve | None:
         shown = self._tab.shown.fit(side)
@@ -179,18 +163,12 @@ class Rows:
             name=found.name,
             title=plot.title,
             unit=plot.unit,
-            signed=plot.how == "difference",
             curves=tuple(self._lines(plot, found)) if found.curves else (),
             levels=None if found.levels is None else _levels(plot, found.levels),
             empty=found.empty or (_NOTHING if measured else _MEASURING if self._sides else _NO_FIT),
         )
 
     def _lines(self, plot: Plot, found: _Found) -> Iterator[states.Curve]:
-        if plot.how == "difference":
-            (_, a), (_, b) = found.curves
-            both = curve_values(b.values - a.values)
-            yield states.Curve(label="", color=_COMPARED, values=both, unseen=_unseen(a))
-            return
         for side, curve in found.curves:
             label, color = ("", _COMPARED) if plot.how == "between" else (self._label(side), _color(side))
             bars = () if curve.error_bars is None else curve_values(curve.error_bars, digits=3)
@@ -201,7 +179,6 @@ class Rows:
 _WAYS: dict[str, Callable[[Rows, str], _Found]] = {
     "each": Rows._each,
     "levels": Rows._levels,
-    "difference": Rows._difference,
     "between": Rows._between,
 }
 

@@ -9,20 +9,15 @@ from typing import Literal
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.spatial.transform import Rotation
 
 from fitting_core.body.geometry import unit
-from fitting_core.body.model import JOINT, POSE_JOINTS
-from fitting_core.body.params import full_pose
+from fitting_core.body.model import JOINT
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.fit.evidence.sides import other_side
-from fitting_core.keypoints import BODY, FACE, FINGER_JOINTS, INDEX, LOCKABLE, Keypoints
-from tcfit_app.analysis.body_regions import LIMB_OF, REGION_OF
-from tcfit_app.fitting.fits import Shown
-from tcfit_app.project.edits.kinds import ClearDepth, Lock, Pin, TakeRotations, Unlock
-from tcfit_app.project.edits.packed_points import packed
+from fitting_core.keypoints import BODY, INDEX, LOCKABLE, Keypoints
+from tcfit_app.project.edits.kinds import ClearDepth, Lock, Pin, Unlock
 from tcfit_app.project.frame_words import in_words
 from tcfit_app.review.gestures.correcting import Correcting, across_sides, swapped_sides
 from tcfit_app.review.gestures.keyframing import depth_edit
@@ -48,14 +43,6 @@ _FEET = {
 _IN_PLANE = 0.05
 """Metres of depth from its root below which a keypoint is on neither side of it: there the fit does not determine the
 limb's depth, only its length in the image does."""
-_JOINT_AT = {joint: JOINT[name] for joint, name in LOCKABLE.items()} | {
-    joint: POSE_JOINTS[f"{side}_hand_pose"].start + place
-    for side, joints in FINGER_JOINTS.items()
-    for place, joint in enumerate(joints)
-}
-"""The joint of the full pose whose rotation is stated at a keypoint."""
-_LEAD = 3
-"""Frames at each end of those taken from another fit in which a limb goes over to it."""
 
 
 class CorrectingDepth:
@@ -104,30 +91,6 @@ class CorrectingDepth:
         shown = self._tab.look().b
         return joints if shown is None else across_sides(self._tab, shown, self._tab.state.frame, joints)
 
-    def take_from_a(self) -> None:
-        """Lock limbs in the chosen frames to their rotations in fit A: the arms, legs, hands and head of the selected
-        keypoints, or all of them if none is selected. The first and last frames lead there from B and back."""
-        tab, frames, on_show = self._tab, self._tab.frames_to_change, self._tab.look()
-        a, b = on_show.a, on_show.b
-        if a is None or b is None or (a.run.id, a.phase) == (b.run.id, b.phase):
-            raise InputError("Limbs are taken from fit A into another fit B: choose two fits in the panel View.")
-        if missing := [frame for frame in frames if not (a.has(frame) and b.has(frame))]:
-            raise InputError(f"Fit A or B has no pose in {in_words(tuple(missing), tab.first_frame)}.")
-        joints = _stated_with(self._of_body(tab.state.selection))
-        if not joints:
-            raise InputError("Arms, legs, hands and the head can be taken from A: select a keypoint of one, or none.")
-        theirs, ours = (self._rotations(fit, frames, joints) for fit in (a, b))
-        share = _lead(len(frames), start=frames[0] > 0, end=frames[-1] + 1 < tab.length)
-        own, other = (Rotation.from_rotvec(turns.reshape(-1, 3)) for turns in (ours, theirs))
-        way = np.repeat(share, len(joints))[:, None] * (own.inv() * other).as_rotvec()
-        made = packed((own * Rotation.from_rotvec(way)).as_rotvec().reshape(ours.shape))
-        self._correcting.make(TakeRotations(frames=frames, joints=joints, source=a.title, packed=made))
-
-    def _rotations(self, fit: Shown, frames: tuple[int, ...], joints: tuple[int, ...]) -> Float[np.ndarray, "F n 3"]:
-        """Axis-angle of the joints at these keypoints."""
-        pose = full_pose(self._tab.session.bodies.of(fit.run.body), fit.params[list(frames)]).numpy()
-        return pose[:, [_JOINT_AT[joint] for joint in joints]]
-
     def unlock(self) -> None:
         """Unlock the joints of the selected keypoints."""
         frames, joints = self._tab.frames_to_change, self._of_body(self.lockable())
@@ -156,24 +119,6 @@ class CorrectingDepth:
             camera=shown.camera,
             swapped=swapped_sides(project, shown, frames),
         )
-
-    def interpolate_depth(self) -> None:
-        """Interpolate the depths of the selected limbs between frames where they are set: the ends of the selected
-        frames, or the nearest ones before and after the frame on show. Their image positions stay."""
-        joints = self._limb_ends()
-        told = self._tab.session.project.corrected[:, list(joints)].told_depth
-        known = np.flatnonzero(np.isfinite(told).all(1))
-        frames, apart = self._tab.frames_to_change, int(self._tab.state.frames is None)
-        before, after = known[known <= frames[0] - apart], known[known >= frames[-1] + apart]
-        if not len(before) or not len(after) or after[0] - before[-1] < 2:
-            raise InputError(
-                "Interpolating depth needs a frame before and a frame after, with one or more in between, in which the "
-                "depths of the selected limbs were set."
-            )
-        ends = [int(before[-1]), int(after[0])]
-        between = tuple(range(ends[0] + 1, ends[1]))
-        depths = np.stack([np.interp(between, ends, values) for values in told[ends].T], 1)
-        self._set_depth(between, joints, depths)
 
     def clear_depth(self) -> None:
         """Clear the depths set for the selected limbs."""
@@ -212,23 +157,6 @@ class CorrectingDepth:
         places = tuple((round(float(u), 3), round(float(v), 3)) for u, v in xy)
         detected = self._as_detected(joints)
         self._correcting.make(Pin(frames=frames, joints=detected, xy=places, depth=tuple(map(tuple, depths.tolist()))))
-
-
-def _stated_with(joints: tuple[int, ...]) -> tuple[int, ...]:
-    """The keypoints that state the rotations of these keypoints' limbs; all of them without any. A hand's
-    keypoints stand for the hand alone."""
-    limbs = LIMB_OF | {INDEX["neck"]: "head"}
-    chosen = {REGION_OF[joint] if BODY.stop <= joint < FACE.start else limbs[joint] for joint in joints}
-    hands = {joint: {REGION_OF[joint]} if joint >= BODY.stop else set() for joint in _JOINT_AT}
-    return tuple(joint for joint in _JOINT_AT if not joints or chosen & {limbs[joint], *hands[joint]})
-
-
-def _lead(frames: int, *, start: bool, end: bool) -> Float[np.ndarray, "F"]:
-    """Shares of the other fit in consecutive frames: 1, but for those near an end at which the clip goes on."""
-    place = np.arange(frames) + 1.0
-    near = np.minimum(place if start else np.inf, place[::-1] if end else np.inf)
-    share = np.clip(near / (min(_LEAD, (frames - 1) // 3) + 1), 0, 1)
-    return share**2 * (3 - 2 * share)
 
 
 # --- limbs flipped in depth about their roots, with the same image: the values of `SetDepth` ---

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from fitting_core.keypoints import FINGER_JOINTS, PartOfPerson
-from tcfit_app.analysis.body_regions import REGION_OF, full_name
+from tcfit_app.analysis.body_regions import full_name
 from tcfit_app.project.edits.edit_log import MarkFrames, MarkState, Said, WriteNote, WriteNotes
 from tcfit_app.project.edits.kinds import (
     ClearDepth,
@@ -29,7 +29,6 @@ from tcfit_app.project.edits.kinds import (
     ShapeHand,
     SwapSides,
     TakeOver,
-    TakeRotations,
     Unlock,
 )
 from tcfit_app.project.frame_words import in_words
@@ -60,7 +59,6 @@ VERBS: dict[type[Edit], str] = {
     Lock: "rotation locked",
     Unlock: "unlocked",
     ShapeHand: "given the shape",
-    TakeRotations: "taken from",
     TakeOver: "exchanged with",
     DetectAgain: "detected again",
 }
@@ -85,9 +83,6 @@ def describe(edit: Said, first_frame: int = 0) -> str:
         return f"{len(edit.notes)} notes imported, {in_words(edit.frames, first_frame)}"
     if isinstance(edit, ShapeHand):
         return _shape_in_words(edit, first_frame)
-    if isinstance(edit, TakeRotations):
-        parts = ", ".join(dict.fromkeys(REGION_OF[joint] for joint in edit.joints))
-        return f"{parts} {VERBS[TakeRotations]} {shortened(edit.source)}, {in_words(edit.frames, first_frame)}"
     what = part_name(edit.part) if isinstance(edit, DetectAgain) else _keypoints_in_words(edit.joints)
     verb = _in_depth(edit) if isinstance(edit, SetDepth) else VERBS[type(edit)]
     if isinstance(edit, MoveKey):

@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Literal
 
 from fitting_core.errors import InputError
@@ -54,12 +53,6 @@ class Reviewing:
         view = self._tab.state.queue
         through = (s for s in found if view.kind in ("", s.kind) and (not view.limb or view.limb in s.about))
         return tuple(sorted(through, key=ORDERS[view.order]))
-
-    def filter_next_kind(self) -> None:
-        """List only the next kind that there is in the queue; after the last one, all kinds."""
-        view, counts = self._tab.state.queue, kinds_of(self.everything or ())
-        there = [kind for kind in ("", *FINDINGS) if kind in ("", view.kind) or counts[kind]]
-        self._tab.set(queue=replace(view, kind=there[(there.index(view.kind) + 1) % len(there)]))
 
     def go(self, step: int) -> None:
         """Go to the next (1) or previous (-1) queue entry. Raises InputError while the first queue is computed."""

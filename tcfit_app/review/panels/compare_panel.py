@@ -27,7 +27,6 @@ from tcfit_app.review.panels.elements.file_input import FileInput, TextRow
 from tcfit_app.review.panels.elements.html import (
     Board,
     Html,
-    action,
     button,
     dot,
     heading,
@@ -92,7 +91,8 @@ class ComparePanel:
         named = zip("AB", RUN_COLORS, (a, b), strict=True)
         rows = [paragraph(joined(dot(css(color)), text(f"{name}: {fit.title}"))) for name, color, fit in named]
         same = (a.run.id, a.phase) == (b.run.id, b.phase)
-        rows.append(paragraph(_SAME, "dim") if same else row(action(self._gestures, "take_from_a")))
+        if same:
+            rows.append(paragraph(_SAME, "dim"))
         parent = parent_of(self._tab, b.run)
         if parent is not None and a.run.id != parent.id:
             beside = partial(show_beside_parent, self._tab, b.run)

@@ -186,7 +186,7 @@ class KeypointsPanel:
             row(act("hand_along")),
             heading("Depth", named("of arms and legs", tab)),
             row(act("mirror_depth"), act("in_front", "In front"), act("behind", "Behind")),
-            row(act("interpolate_depth"), act("clear_depth")),
+            row(act("clear_depth")),
             row(act("pin", "Pin in space"), act("lock", "Lock rotation"), act("unlock", "Unlock")),
         )
         set_all = button(

@@ -46,7 +46,6 @@ _MOST = 40
 """Entries listed; a checked one makes room for the next."""
 _ORDERS = {
     "suspicion": ("Suspicion", "The most suspicious entry first"),
-    "uncertainty": ("Uncertainty", "The entry with the largest error bar first"),
     "time": ("Time", "The earliest entry first"),
 }
 KIND_WORDS = {
@@ -58,7 +57,6 @@ KIND_WORDS = {
     "detection": "Detection jumps",
     "depth": "Depth",
     "frozen": "Frozen",
-    "cost": "Unlikely pose",
     "confidence": "Lost",
 }
 """Kinds of findings, as users read them."""

@@ -266,15 +266,15 @@ class DrawingData:
         if found is None:
             return None
 
-        def queue(posed: PosedFit) -> ReviewQueue:
+        def queue() -> ReviewQueue:
             edited, refitted = project.frames_changed_after(0), self._refitted(shown.run)
             limbs = project.marks.of_limbs()
             checked, *of_limbs = (
                 still_checked(marks, edited, refitted=refitted) for marks in (project.marks.all(), *limbs.values())
             )
-            return review_queue(posed, found, checked=checked, limbs=dict(zip(limbs, of_limbs, strict=True)))
+            return review_queue(found, checked=checked, limbs=dict(zip(limbs, of_limbs, strict=True)))
 
-        return self._made(self._suspects_key(shown), shown, queue)
+        return self.tasks.get(self._suspects_key(shown), queue)
 
     def worst(self, shown: Shown) -> Worst | None:
         """The worst place of a run's queue, and how far it is off; None while they are computed."""

@@ -88,7 +88,7 @@ class FitSettings:
     """Invalid inputs: the name of the setting, and why. No fit can be started until they are corrected."""
 
 
-QueueOrder = Literal["suspicion", "uncertainty", "time"]
+QueueOrder = Literal["suspicion", "time"]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,7 +20,7 @@ from tcfit_app.analysis.body_regions import LIMB_OF
 from tcfit_app.analysis.curves import curve
 from tcfit_app.analysis.findings import FINDINGS, Finding, scores
 from tcfit_app.analysis.posed_fit import PosedFit
-from tcfit_app.analysis.suspicion import Suspect, review_queue, still_checked
+from tcfit_app.analysis.suspicion import Suspect, findings, review_queue, still_checked
 from tcfit_app.project.edits.edit_log import LogAction, LogEntry, Redo, Undo, frames_changed
 from tcfit_app.project.edits.kinds import MarkBad
 from tcfit_app.project.storage.marks import Mark, MarkState
@@ -39,7 +39,7 @@ def queue_of(fit: PosedFit, *, kinds: list[str], **options: Any) -> tuple[Suspec
     """The review queue of these kinds of findings alone."""
     chosen = {kind: FINDINGS[kind] for kind in kinds if kind in FINDINGS}
     with patch("tcfit_app.analysis.suspicion.FINDINGS", chosen):
-        return review_queue(fit, **options).left
+        return review_queue(findings(fit), **options).left
 
 
 def knowing(body: BodyModel, *, unsure: dict[str, float] | None = None) -> Callable[..., LiftedClip]:
@@ -74,7 +74,7 @@ def fine(tiny_body: BodyModel) -> PosedFit:
 
 
 def test_a_fine_clip_has_an_empty_queue(fine: PosedFit):
-    assert review_queue(fine).left == ()
+    assert review_queue(findings(fine)).left == ()
 
 
 def test_a_keypoint_off_comes_first_with_its_name(fine: PosedFit):
@@ -85,7 +85,9 @@ def test_a_keypoint_off_comes_first_with_its_name(fine: PosedFit):
     subject, pixels = first.reason.removesuffix(" px off").rsplit(" ", 1)
     assert subject == "left wrist is" and abs(int(pixels) - 40) <= 4  # the detector's noise is 1 px
     assert second.frame == 30 and second.reason.startswith("right knee")
-    assert [s.frame for s in review_queue(fit).left] == [17, 30], "with all kinds too each frame is there once"
+    assert [s.frame for s in review_queue(findings(fit)).left] == [17, 30], (
+        "with all kinds too each frame is there once"
+    )
 
 
 def test_many_keypoints_of_a_hand_are_the_hand(fine: PosedFit):
@@ -104,7 +106,7 @@ def test_consecutive_frames_are_one_entry_with_the_worst(fine: PosedFit):
 
 
 def test_what_is_off_in_every_frame_is_the_detectors_habit(fine: PosedFit):
-    assert review_queue(displaced(fine, slice(None), "left_ear", (20.0, 0.0))).left == ()
+    assert review_queue(findings(displaced(fine, slice(None), "left_ear", (20.0, 0.0)))).left == ()
 
 
 def test_half_of_a_clip_can_be_far_off(fine: PosedFit):
@@ -232,7 +234,7 @@ def test_an_arm_that_lies_beside_its_keypoints_for_a_while_is_one_entry(fine: Po
     seen = fine.clip.keypoints.confidence.copy()
     seen[:, [joint for joint in LIMB_OF if LIMB_OF[joint].endswith("leg")]] = 0  # as of a signer
     fit = with_keypoints(fine, xy=xy, confidence=seen)
-    (entry,) = review_queue(fit).left
+    (entry,) = review_queue(findings(fit)).left
     assert (entry.kind, entry.about, set(entry.joints)) == ("steady", ("left arm", "right arm"), set(elbows))
     assert abs(entry.frames.start - 10) < 5 and abs(entry.frames.stop - 34) < 5
     pixels = 22 * fine.clip.camera.focal[0] / fine.root[20, 2] / 1e3
@@ -276,42 +278,26 @@ def test_entries_about_different_limbs_are_apart_and_looked_at_apart(fine: Posed
     fit = displaced(displaced(fine, 17, "left_wrist", (90.0, 0.0)), 17, "left_knee", (60.0, 0.0))
     wrist, knee = queue_of(fit, kinds=["reprojection"])
     assert (wrist.frame, wrist.about, knee.about) == (17, ("left arm",), ("left leg",)) and wrist.key != knee.key
-    found = review_queue(fit, limbs={"left leg": {16, 17, 18}})
+    found = review_queue(findings(fit), limbs={"left leg": {16, 17, 18}})
     assert [entry.about for entry in found.left] == [("left arm",)] and found.looked_at == 1
-    assert review_queue(fit, checked={16, 17, 18}).left == ()
+    assert review_queue(findings(fit), checked={16, 17, 18}).left == ()
 
 
 def test_what_is_off_for_a_while_is_one_entry_whatever_else_is_found_meanwhile(fine: PosedFit):
     wrists = (WRIST, kp.INDEX["right_wrist"])
-    findings = [
+    found = [
         ("steady", Finding(frame=f, score=1.0, reason="both wrists, frames 10-20", joints=wrists))
         for f in range(10, 21)
     ]
-    findings += [
+    found += [
         ("reprojection", Finding(frame=14, score=5.0, reason="left wrist", joints=(WRIST,))),
         ("jump", Finding(frame=17, score=4.0, reason="everything", joints=())),
     ]
     for checked in ((), range(12, 18)):
-        left = review_queue(fine, findings, checked=checked).left
+        left = review_queue(found, checked=checked).left
         assert sum("both wrists" in " ".join((entry.reason, *entry.also)) for entry in left) <= 1
         assert {10, 20} <= {frame for entry in left for frame in entry.frames}
-    assert len(review_queue(fine, findings).left) == 1
-
-
-def test_an_unlikely_pose_goes_with_the_limb_that_explains_it(fine: PosedFit):
-    fit = displaced(fine, 17, "left_wrist", (90.0, 0.0))
-    findings = (
-        ("reprojection", Finding(frame=17, score=1.5, reason="left wrist", joints=(WRIST,))),
-        ("cost", Finding(frame=17, score=3.0, reason="unlikely", joints=())),
-        ("jump", Finding(frame=18, score=2.0, reason="everything", joints=())),
-        ("depth", Finding(frame=18, score=1.0, reason="left wrist", joints=(WRIST,))),
-    )
-    arm, whole = review_queue(fit, findings).left
-    assert (arm.kind, arm.about, arm.also, arm.score) == ("reprojection", ("left arm",), ("unlikely",), 3.0)
-    assert (whole.kind, whole.about) == ("jump", ("left arm", "whole body"))
-    assert review_queue(fit, findings, limbs={"left arm": {17}}).left == (whole,)
-    fine_again = {limb: {18} for limb in whole.about}
-    assert [entry.frame for entry in review_queue(fit, findings, limbs=fine_again).left] == [17]
+    assert len(review_queue(found).left) == 1
 
 
 def test_what_is_about_many_limbs_is_about_the_whole_body(fine: PosedFit):
@@ -351,7 +337,7 @@ def test_swapped_sides_are_the_cause_that_is_told(fine: PosedFit, pair: str):
     frames = np.arange(18, 22)
     xy[np.ix_(frames, one + other)] = xy[np.ix_(frames, other + one)]
     fit = displaced(with_keypoints(fine, xy=xy), 30, "nose", (20.0, 10.0))
-    first, second = review_queue(fit).left
+    first, second = review_queue(findings(fit)).left
     assert first.frame == 30, "what the fit has put right is not as bad as what is off"
     assert second.reason == f"{pair} were swapped, but corrected in the fit" and second.score == 1
     assert second.kind == "swap" and set(second.joints) == {*one, *other}
@@ -380,20 +366,10 @@ def test_a_clip_that_is_swapped_throughout_is_seen_from_the_fit(fine: PosedFit):
     assert queue_of(with_keypoints(fine, xy=xy), kinds=["swap"])[0].frames == range(len(fine))
 
 
-def test_a_pose_that_costs_more_than_its_errors_explain(fine: PosedFit):
-    squared = (np.nan_to_num(fine.errors) * fine.clip.keypoints.confidence) ** 2
-    cost = 300 + 3 * squared[:, kp.BODY].sum(1) + 0.5 * squared[:, kp.FACE].sum(1)
-    cost += np.random.default_rng(0).normal(0, 5, len(cost))
-    assert queue_of(replace(fine, frame_cost=cost), kinds=["cost"]) == ()
-    cost[9] += 6 * np.median(cost)
-    (entry,) = queue_of(replace(fine, frame_cost=cost), kinds=["cost"])
-    assert entry.frame == 9 and entry.joints == () and entry.reason.startswith("unlikely pose: cost")
-
-
 def test_a_frame_whose_fit_failed(fine: PosedFit):
     cost = np.full(len(fine), 100.0)
     cost[7] = np.inf
-    (entry,) = review_queue(replace(fine, frame_cost=cost)).left
+    (entry,) = review_queue(findings(replace(fine, frame_cost=cost))).left
     assert entry.frame == 7 and entry.reason == "the fit failed here"
 
 
@@ -441,11 +417,11 @@ def test_scores_are_in_units_of_the_threshold():
 
 @pytest.mark.parametrize("frames", [1, 2, 3])
 def test_the_shortest_clips_have_a_queue(tiny_body: BodyModel, frames: int):
-    assert review_queue(still_fit(tiny_body, frames)).left == ()
+    assert review_queue(findings(still_fit(tiny_body, frames))).left == ()
 
 
 def test_without_any_keypoint(tiny_body: BodyModel):
     params = still_params(5)
     keypoints = keypoints_of(tiny_body, params)
     fit = fit_of(tiny_body, params, replace(keypoints, confidence=np.zeros_like(keypoints.confidence)))
-    assert review_queue(fit).left == ()
+    assert review_queue(findings(fit)).left == ()

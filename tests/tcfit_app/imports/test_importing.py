@@ -26,7 +26,7 @@ from fitting_core.priors.files.network import write_prior_network
 from tcfit_app.analysis.curves import curve
 from tcfit_app.analysis.meshes import Meshes
 from tcfit_app.analysis.posed_fit import PosedFit
-from tcfit_app.analysis.suspicion import review_queue
+from tcfit_app.analysis.suspicion import findings, review_queue
 from tcfit_app.cli.main import main
 from tcfit_app.fitting.fits import FitChoice, Fits, Shown
 from tcfit_app.imports import results as importing
@@ -117,7 +117,7 @@ def test_a_result_of_a_part_of_the_clip_is_shown_and_measured_there_alone(
     for name in ("reprojection_body", "jitter"):
         values = curve(name, posed).values
         assert np.isnan(values[[0, 4, 5]]).all() and np.isfinite(values[1:4]).any(), name
-    assert not {found.frame for found in review_queue(posed).left} & {0, 4, 5}
+    assert not {found.frame for found in review_queue(findings(posed)).left} & {0, 4, 5}
 
 
 def test_a_body_that_is_not_here_is_named(project: Project, tmp_path: Path, tiny_body: BodyModel):

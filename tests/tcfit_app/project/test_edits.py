@@ -35,10 +35,8 @@ from tcfit_app.project.edits.kinds import (
     SetDepth,
     ShapeHand,
     SwapSides,
-    TakeRotations,
     Unlock,
 )
-from tcfit_app.project.edits.packed_points import packed
 from tests.samples.project_samples import edits, same_keypoints, sample_keypoints
 
 NOW: Any = None
@@ -268,16 +266,6 @@ def test_joints_are_locked_until_they_are_unlocked_or_reset(detected: Keypoints)
     assert after(detected, lock, Unlock(frames=(0, 1, 2), joints=(4, 7))).keypoints.turn is None
 
 
-def test_rotations_are_taken_frame_by_frame(detected: Keypoints):
-    turns = np.linspace(-1, 1, 18).reshape(2, 3, 3)
-    take = TakeRotations(frames=(1, 2), joints=(4, 7, FINGER_JOINTS["right"][0]), source="A", packed=packed(turns))
-    history = after(detected, take)
-    assert untouched(history, detected, [], []) and history.corrected.locked.sum() == 6
-    assert history.keypoints.turn is not None
-    np.testing.assert_allclose(history.keypoints.turn[np.ix_(take.frames, take.joints)], turns, atol=1e-6)
-    assert not after(detected, take, Unlock(frames=(1, 2), joints=(4, 7))).corrected.locked[:, [4, 7]].any()
-
-
 FIST = ((0.0, 0.0, -1.0),) * 15
 FLAT = ((0.0, 0.0, 0.0),) * 15
 LEFT_FINGERS = FINGER_JOINTS["left"]
@@ -420,18 +408,6 @@ REFUSED = {
     "too few positions of a key": (PlaceKey(**ONE, at=0, xy=()), "not have one position for each of 1 keypoints"),
     "key far away": (PlaceKey(**ONE, at=0, xy=((1e9, 1.0),)), "a position is not a number between"),
     "too few turns": (Lock(frames=(0,), joints=(4, 7), turn=((0.0, 0.0, 0.0),)), "not have one rotation for each of 2"),
-    "a face taken": (
-        TakeRotations(frames=(0,), joints=(100,), source="A", packed=packed(np.zeros((1, 1, 3)))),
-        "cannot be locked",
-    ),
-    "rotations missing": (
-        TakeRotations(frames=(0, 1), joints=(4,), source="A", packed=packed(np.zeros((1, 1, 3)))),
-        "does not have one position for each of 2 frames",
-    ),
-    "taken too far": (
-        TakeRotations(frames=(0,), joints=(4,), source="A", packed=packed(np.full((1, 1, 3), 8.0))),
-        "not between -7 and 7 radians",
-    ),
     "turned too far": (Lock(frames=(0,), joints=(4,), turn=((8.0, 0.0, 0.0),)), "not between -7 and 7 radians"),
     "a hand locked": (Lock(frames=(0,), joints=(30,), turn=((0.0, 0.0, 0.0),)), "cannot be locked"),
     "too few pinned": (Pin(**ONE, xy=(), depth=((0.0,),)), "not have one position for each of 1 keypoints"),
@@ -473,7 +449,7 @@ def test_an_edit_reads_back_from_its_text(edit: Edit):
 
 
 def test_every_kind_is_drawn_in_these_tests():
-    assert set(KINDS.values()) == set(get_args(Edit)) and len(KINDS) == 21
+    assert set(KINDS.values()) == set(get_args(Edit))
     assert set(get_args(edit_log.LogAction)) == {
         *KINDS.values(),
         edit_log.MarkFrames,

@@ -1,7 +1,9 @@
 """A project that an earlier tcfit made and packed opens, is reviewed and exported, with everything that is in it."""
 
+import sqlite3
 import zipfile
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,9 +18,10 @@ from tcfit_app.cli.main import main
 from tcfit_app.exports.table import EXPORTS
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.edits.edit_log import Undo
-from tcfit_app.project.edits.kinds import SwapSides
+from tcfit_app.project.edits.kinds import MarkBad, SwapSides
 from tcfit_app.project.packed import unpack
 from tcfit_app.project.project import Project
+from tcfit_app.project.storage.database import NAME
 from tcfit_app.review.shared.drawing_data import FrameBody
 from tests.drivers.lone_page import lone_page
 from tests.samples.project_samples import FRAMES, assert_same_fit, random_edit, same_keypoints, sample_fit
@@ -69,6 +72,20 @@ def test_all_that_it_holds_is_there(project: Project):
     marks = project.marks.all()
     assert {frame: mark.state for frame, mark in marks.items()} == {1: "checked", 2: "checked", 4: "flag"}
     assert marks[4].author == "tab 1"
+
+
+def test_edits_of_removed_kinds_stay_in_the_file_and_are_ignored(folder: Path):
+    taken = '{"kind":"take_rotations","frames":[1],"joints":[4],"source":"A","packed":"eJxjYGD4DwABAgEA"}'
+    rows = [("2026-01-01T00:00:00+00:00", "a", action) for action in (taken, '{"kind":"undo","edit":7}')]
+    with closing(sqlite3.connect(folder / NAME)) as connection, connection:
+        connection.executemany("INSERT INTO edits (time, author, action) VALUES (?, ?, ?)", rows)
+    for count in (6, 7):
+        with Project.open(folder) as project:
+            assert len(project.log) == count and not project.damage
+            project.append(MarkBad(frames=(1,), joints=(4,)))
+            assert not project.standing.stood(7), "it neither stands nor was undone"
+    with closing(sqlite3.connect(folder / NAME)) as connection:
+        assert connection.execute("SELECT action FROM edits WHERE id = 7").fetchall() == [(taken,)]
 
 
 def test_its_runs_are_there_and_go_on(project: Project):

@@ -88,12 +88,12 @@ def test_going_to_somebody_keeps_the_moment_and_the_looks_and_not_what_is_the_ot
     with reviewed(folder, panel_server) as app:
         hello(app, "mine")
         first = app.pages[1]
-        first.tab.set(frame=7, frames=range(6, 9), selection=(4,), opacity=0.3, plots=("volume",), playing=True)
+        first.tab.set(frame=7, frames=range(6, 9), selection=(4,), opacity=0.3, plots=("depth",), playing=True)
         first.receive(GoToPerson(1))
         second = app.pages[1]
         assert second is not first and second.tab.someone.name == "person 2"
         state = second.tab.state
-        assert (state.frame, state.opacity, state.plots) == (7 - LATE, 0.3, ("volume",))
+        assert (state.frame, state.opacity, state.plots) == (7 - LATE, 0.3, ("depth",))
         assert (state.frames, state.selection, state.playing, first.tab.state.playing) == (None, (), False, False)
         second.tab.set(selection=(7,), opacity=0.5)
         second.receive(GoToPerson(0))
@@ -107,8 +107,8 @@ def test_going_to_somebody_keeps_the_moment_and_the_looks_and_not_what_is_the_ot
 def test_rows_that_a_browser_remembers_are_those_that_there_are(folder: Path, panel_server: viser.ViserServer):
     with reviewed(folder, panel_server) as app:
         usual = app.pages[1].tab.state.plots
-        app.pages[1].receive(Hello(tab="a", width=1000, height=700, plots=("volume", "gone", "volume", "reprojection")))
-        assert app.pages[1].tab.state.plots == ("volume", "reprojection")
+        app.pages[1].receive(Hello(tab="a", width=1000, height=700, plots=("depth", "gone", "depth", "reprojection")))
+        assert app.pages[1].tab.state.plots == ("depth", "reprojection")
         app.pages[1].receive(Hello(tab="b", width=1000, height=700, plots=(*PLOTS,)))
         assert app.pages[1].tab.state.plots == (*PLOTS,)[:MOST_ROWS] != usual
 

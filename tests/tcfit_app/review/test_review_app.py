@@ -11,6 +11,7 @@ import pytest
 import torch
 
 from fitting_core.keypoints import INDEX
+from tcfit_app.analysis.curves import BETWEEN
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.edits.kinds import SetDepth
 from tcfit_app.project.project import Project
@@ -130,19 +131,19 @@ def test_the_timeline_plots_what_is_chosen_in_it(review: Reviewing):
     tab = review.page.tab
     usual = tab.state.plots
     review.tab.get_by_role("button", name="Curves ▾").click()
-    for title in ("Jitter, B − A (mm/frame²)", "Hand phases, B"):
+    for title in ("A to B distance (mm)", "Hand phases, B"):
         review.tab.get_by_role("menuitemcheckbox", name=title).click()
     review.tab.keyboard.press("Escape")
-    until(lambda: tab.state.plots == (*usual, "jitter_difference", "hand_phases"), "the rows")
+    until(lambda: tab.state.plots == (*usual, BETWEEN, "hand_phases"), "the rows")
 
     def filled() -> list[dict[str, Any]] | None:
         found = review.tab.evaluate("() => tcfit.state('rows').rows")
         return found if len(found) == len(usual) + 2 and all(r["curves"] or r["levels"] for r in found) else None
 
-    difference, hands = until(filled, "the rows with what is in them")[-2:]
-    assert difference["signed"] and len(difference["curves"][0]["values"]) == tab.length
+    distance, hands = until(filled, "the rows with what is in them")[-2:]
+    assert len(distance["curves"][0]["values"]) == tab.length
     assert len(hands["levels"]["spans"]) == len(hands["levels"]["parts"]) == 2
-    for title in ("Jitter, B − A", "Hand phases, B"):
+    for title in ("A to B distance", "Hand phases, B"):
         review.tab.get_by_role("button", name=f"Close {title}", exact=True).click()
     until(lambda: tab.state.plots == usual, "the rows before")
 

@@ -1,7 +1,7 @@
 // Light and dark, as the system has it: colours of what stands beside the picture. What lies on it is dark always.
 
 const DARK = {
-  surface: "#14171c", bed: "#1b1f26", grid: "#222730", zero: "#4a525e", line: "#2a2f38", thumb: "#56616f",
+  surface: "#14171c", bed: "#1b1f26", grid: "#222730", line: "#2a2f38", thumb: "#56616f",
   "whole-thumb": "#2b323c", hair: "rgba(255, 255, 255, 0.35)",
   text: "#cfd6df", dim: "#a3adba", strong: "#ffffff", key: "#b3becb", off: "#8a94a3", cursor: "#f4f7fb",
   "on-cursor": "#10131a", selected: "#ffe14d", bad: "#ff5a52", edited: "#35d6ee", flagged: "#ffb02e",
@@ -14,7 +14,7 @@ const DARK = {
 
 /** @type {typeof DARK} */
 const LIGHT = {
-  surface: "#f4f6f8", bed: "#e4e8ed", grid: "#dde2e8", zero: "#98a2ae", line: "#d3d9e0", thumb: "#98a2ae",
+  surface: "#f4f6f8", bed: "#e4e8ed", grid: "#dde2e8", line: "#d3d9e0", thumb: "#98a2ae",
   "whole-thumb": "#c9d0d8", hair: "rgba(0, 0, 0, 0.4)",
   text: "#22272e", dim: "#525c68", strong: "#000000", key: "#475260", off: "#69727e", cursor: "#14171c",
   "on-cursor": "#ffffff", selected: "#8a6d00", bad: "#c92a2a", edited: "#0b7285", flagged: "#945200",

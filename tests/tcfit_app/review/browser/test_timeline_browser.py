@@ -239,17 +239,17 @@ def test_keyframes_are_gone_to_and_dragged(tab: Tab) -> None:
 
 def test_the_axis_starts_at_zero_and_names_its_top(tab: Tab) -> None:
     curve = states.Curve(label="A", color="#ff0000", values=states.curve_values(np.linspace(31, 38, LENGTH)))
-    difference = states.Curve(label="", color="#ff0000", values=states.curve_values(np.linspace(-3, 12, LENGTH)))
+    angle = states.Curve(label="", color="#ff0000", values=states.curve_values(np.linspace(-3, 12, LENGTH)))
     rows = (
         states.Row(name="error", title="Error", curves=(curve,)),
-        states.Row(name="error_difference", title="Error, B − A", curves=(difference,), signed=True),
+        states.Row(name="angle", title="Flexion", curves=(angle,)),
         states.Row(name="jitter", title="Jitter", empty="Nothing here."),
     )
     tab.page.evaluate(RECORD)
     tab.send(rows=states.Rows(rows=rows))
     written = tab.page.evaluate("window.written")
     after_ruler = written[written.index("Frame") :]
-    assert {"0", "40", "−5", "+15", "Nothing here."} <= set(after_ruler)
+    assert {"0", "40", "−5", "15", "Nothing here."} <= set(after_ruler)
 
 
 def test_levels_are_drawn_ever_stronger_and_named_in_the_tooltip(tab: Tab) -> None:
@@ -305,14 +305,14 @@ def test_rows_are_chosen_in_the_timeline(tab: Tab) -> None:
     button.click()
     menu = tab.page.get_by_role("menu", name="Curves")
     items = menu.get_by_role("menuitemcheckbox")
-    assert items.all_text_contents() == ["Error (px)", "Jitter (mm)", "Error, B − A (px)"]
+    assert items.all_text_contents() == ["Error (px)", "Jitter (mm)", "A to B distance (mm)"]
     assert [item.get_attribute("aria-checked") for item in items.all()] == ["true", "false", "false"]
     items.nth(1).click()
     assert tab.await_event(Plot) == Plot(name="jitter", shown=True)
     assert menu.is_visible(), "another one can be chosen"
     tab.page.keyboard.press("ArrowDown")
     tab.page.keyboard.press("Enter")
-    assert tab.await_event(Plot, 2) == Plot(name="error_difference", shown=True)
+    assert tab.await_event(Plot, 2) == Plot(name="distance", shown=True)
     tab.page.keyboard.press("Escape")
     assert not menu.is_visible() and button.evaluate("(b) => b === document.activeElement")
     tab.page.get_by_role("button", name="Close Error").click()

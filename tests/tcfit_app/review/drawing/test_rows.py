@@ -66,7 +66,7 @@ def test_curves_are_sent_with_their_error_bars(tested: LonePage):
 
 def test_a_new_page_shows_what_can_be_plotted():
     assert set(TabState().plots) <= set(PLOTS) and {choice.name for choice in CHOICES} == set(PLOTS)
-    assert len({choice.title for choice in CHOICES}) == len(CHOICES) == 2 * len(CURVES) + len(LEVELS) + 1
+    assert len({choice.title for choice in CHOICES}) == len(CHOICES) == len(CURVES) + len(LEVELS) + 1
 
 
 def test_each_fit_has_its_line(tested: LonePage):
@@ -78,20 +78,18 @@ def test_each_fit_has_its_line(tested: LonePage):
     assert not sent(tested), "nothing has changed"
 
 
-def test_the_same_fit_has_one_line_and_no_difference(tested: LonePage):
-    tested.page.tab.set(a=FitChoice(run=2), plots=("jitter", "jitter_difference", BETWEEN))
+def test_the_same_fit_has_one_line_and_no_distance(tested: LonePage):
+    tested.page.tab.set(a=FitChoice(run=2), plots=("jitter", BETWEEN))
     (state,) = sent(tested)
     each, *compared = state["rows"]
     assert [fit["label"] for fit in state["fits"]] == ["A and B"] == [curve["label"] for curve in each["curves"]]
     assert all(not row["curves"] and "same fit" in row["empty"] for row in compared)
 
 
-def test_a_difference_is_b_minus_a(tested: LonePage):
-    tested.page.tab.set(plots=("jitter_difference", BETWEEN))
+def test_the_distance_is_a_row(tested: LonePage):
+    tested.page.tab.set(plots=(BETWEEN,))
     (state,) = sent(tested)
-    difference, distance = state["rows"]
-    assert difference["signed"] and not distance["signed"]
-    assert list(difference["curves"][0]["values"]) == [1, 0, -1, -2, -3, None]
+    (distance,) = state["rows"]
     assert list(distance["curves"][0]["values"]) == [0, 1, 2, 3, 4, 5]
 
 
@@ -150,11 +148,11 @@ def test_the_curve_of_a_fit_stays_until_that_of_its_corrections_is_there(tested:
 
 def test_rows_come_and_go(tested: LonePage):
     tab, page = tested.page.tab, tested.page
-    page.receive(Plot(name="volume", shown=True))
-    page.receive(Plot(name="volume", shown=True))
+    page.receive(Plot(name="depth", shown=True))
+    page.receive(Plot(name="depth", shown=True))
     page.receive(Plot(name="reprojection", shown=False))
     page.receive(Plot(name="error_by_part", shown=True))  # a row of earlier versions, which a browser may remember
-    assert tab.state.plots == ("jitter", "volume")
+    assert tab.state.plots == ("jitter", "depth")
     full = tuple(PLOTS)[:MOST_ROWS]
     with pytest.raises(InputError, match="at most"):
         with_plot(full, tuple(PLOTS)[-1], shown=True)

@@ -84,20 +84,11 @@ def test_a_range_goes_to_one_side(tested: LonePage, tiny_body: BodyModel, name: 
         np.testing.assert_array_equal(copy.clip.keypoints.told_depth, stored)
 
 
-def test_depths_are_interpolated_between_told_ones(tested: LonePage):
+def test_depths_are_cleared(tested: LonePage):
     tab, project = tested.page.tab, tested.page.tab.session.project
     tab.session.edit_follower.after_edits = False
-    tab.set(selection=(WRIST,))
-    tab.seek(3)
-    with pytest.raises(InputError, match="in which the depths of the selected limbs were set"):
-        tested.press("action", "interpolate_depth")
     project.append(SetDepth(frames=(1, 5), joints=(ELBOW, WRIST), depth=((0.1, 0.2), (0.3, -0.2))))
-    tested.press("action", "interpolate_depth")
-    edit = last_edit(tested)
-    assert isinstance(edit, SetDepth) and edit.frames == (2, 3, 4)
-    np.testing.assert_allclose(edit.depth, [(0.15, 0.1), (0.2, 0.0), (0.25, -0.1)])
-    assert np.array_equal(project.clip.keypoints.xy, project.detections.xy)
-    tab.set(frames=range(1, 6))
+    tab.set(selection=(WRIST,), frame=3, frames=range(1, 6))
     tested.press("action", "clear_depth")
     assert last_edit(tested) == ClearDepth(frames=(1, 2, 3, 4, 5), joints=(ELBOW, WRIST))
     assert project.clip.keypoints.depth is None

@@ -202,13 +202,13 @@ def test_selected_keypoints_and_frames_leave_the_panel_as_wide_and_its_buttons_i
 
 def test_the_next_tab_has_the_curves_that_were_chosen_last(opened: Reviewing):
     first, page = opened.page, opened.tab
-    opened.app.post(lambda: first.timeline.plot("volume", shown=True))
-    until(lambda: "volume" in page.evaluate("() => tcfit.state('rows').rows.map(({ name }) => name)"), "the curve")
+    opened.app.post(lambda: first.timeline.plot("depth", shown=True))
+    until(lambda: "depth" in page.evaluate("() => tcfit.state('rows').rows.map(({ name }) => name)"), "the curve")
     other = page.context.new_page()
     other.goto(page.url)
     until(lambda: opened.page is not first and opened.page.tab.ready, "the other tab")
     until(lambda: opened.page.tab.state.plots == first.tab.state.plots, "its curves")  # it is greeted after
-    assert "volume" in opened.page.tab.state.plots
+    assert "depth" in opened.page.tab.state.plots
     other.close()
     until(lambda: opened.page is first, "the end of the other tab")
 

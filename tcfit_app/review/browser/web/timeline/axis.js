@@ -74,8 +74,8 @@ const firstShown = () => Math.max(Math.floor(axis.first), 0);
 const lastShown = () => Math.min(Math.ceil(axis.last), clipLength()) - 1;
 
 /** The axis of values: from zero to a round number above what is on show, and below zero where values can be.
- * Null without values. @param {Curve[]} curves @param {boolean} signed */
-export function valueScale(curves, signed) {
+ * Null without values. @param {Curve[]} curves */
+export function valueScale(curves) {
   let [low, high] = [Infinity, -Infinity];
   for (const { values, error_bars } of curves)
     for (let frame = firstShown(); frame <= lastShown(); frame++) {
@@ -90,7 +90,7 @@ export function valueScale(curves, signed) {
   const step = niceStep(extent, 4);
   const top = Math.ceil(high / step - 1e-9) * step;
   const bottom = Math.floor(low / step + 1e-9) * step;
-  return { low: Math.min(bottom, signed ? -step : 0), high: Math.max(top, step), step };
+  return { low: Math.min(bottom, 0), high: Math.max(top, step), step };
 }
 
 /** A curve as a path. Where several frames share a pixel, from their lowest to their highest value.

@@ -161,7 +161,7 @@ const frameTitle = (frame) => `Frame ${frameNumber(frame)}  ${clockText(frame)}`
 /** @param {number} frame */
 function frameLines(frame) {
   const lines = [frameTitle(frame)];
-  for (const { title, unit, curves, signed, levels } of states.rows?.rows ?? []) {
+  for (const { title, unit, curves, levels } of states.rows?.rows ?? []) {
     const words = levels ? levelWords(levels, frame) : [];
     if (words.length) lines.push(`${title}  ${words.join("   ")}`);
     const there = curves.filter(({ values }) => (values[frame] ?? null) !== null);
@@ -169,7 +169,7 @@ function frameLines(frame) {
       const bar = error_bars[frame] ?? null;
       const value = Number(Number(values[frame]).toPrecision(3));
       const off = bar === null ? "" : ` ± ${Number(bar.toPrecision(2))}`;
-      const number = `${signed && value > 0 ? "+" : ""}${value}`.replace("-", "−") + off;
+      const number = `${value}`.replace("-", "−") + off;
       const seen = !unseen.some(([first, last]) => first <= frame && frame <= last);
       return [label, number, unit, seen ? "" : "(not seen)"].filter(Boolean).join(" ");
     });

@@ -27,17 +27,15 @@ export function drawRows(context) {
 function drawRow(context, row, band) {
   fillBox(context, tones.line, 0, band.bottom - 1, GUTTER + plotWidth(), 1);
   if (row.levels) return drawLevels(context, row.levels, band);
-  const scale = valueScale(row.curves, row.signed);
+  const scale = valueScale(row.curves);
   if (!scale) return write(context, row.empty, GUTTER + 12, (band.top + band.bottom) / 2, tones.dim);
   const { low, high, step } = scale;
   const [top, bottom] = [band.top + ABOVE, band.bottom - BELOW];
   /** @param {number} value */
   const y = (value) => bottom - ((value - low) / (high - low)) * (bottom - top);
   for (const value of labelled(scale, bottom - top)) {
-    const zero = row.signed && Math.abs(value) < step / 2;
-    fillBox(context, zero ? tones.zero : tones.grid, GUTTER, Math.round(y(value)), plotWidth(), 1);
-    const sign = row.signed && value > step / 2 ? "+" : "";
-    write(context, sign + valueText(value, step).replace("-", "−"), GUTTER - 7, y(value), tones.dim, "right");
+    fillBox(context, tones.grid, GUTTER, Math.round(y(value)), plotWidth(), 1);
+    write(context, valueText(value, step).replace("-", "−"), GUTTER - 7, y(value), tones.dim, "right");
   }
   clipToPlot(context, band, () => {
     context.lineJoin = "round";
