@@ -65,7 +65,7 @@ from fitting_core.results.error_bars import ErrorBars, error_bar_arrays, error_b
 from fitting_core.results.fit_result import FitResult, stopped_note
 from fitting_core.results.provenance import STARTS, STOPS, Provenance
 
-FIT_NAME, SUMMARY_NAME, OVERLAY_NAME = "fit.npz", "summary.json", "overlay.mp4"
+RESULT_NAMES = FIT_NAME, SUMMARY_NAME, OVERLAY_NAME = "fit.npz", "summary.json", "overlay.mp4"
 _SUMMARY_BYTES = 2**24
 FORMAT = "tcfit fit 1"
 AXES = (

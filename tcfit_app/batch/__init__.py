@@ -1,1 +1,1 @@
-"""Fits many clips: their list, the processes that fit them, and the records from which a stopped batch goes on."""
+"""Fits many clips: their list, the processes that fit them, and what is found done when a stopped batch continues."""

@@ -92,8 +92,7 @@ def columns() -> dict[str, Column]:
     for group, kind in _OPTIONS.items():
         hints = get_type_hints(kind)
         named += [Column(name=name, group=group, type=_plain(hint)) for name, hint in hints.items()]
-    named += [Column(name="subject", group="batch"), Column(name="part_minutes", group="batch", type=float)]
-    named += [Column(name="preset", group="preset")]
+    named += [Column(name="part_minutes", group="batch", type=float), Column(name="preset", group="preset")]
     named += [Column(name=option, group="setting", setting=name) for option, name in (SHORTCUTS | SETTINGS).items()]
     return {column.name: column for column in named}
 
@@ -108,6 +107,8 @@ def find(header: str) -> Column | None:
 
 def suggestion(header: str) -> str:
     """The message for an unknown column."""
+    if header.lower() == "subject":
+        return "the column subject was removed; fit one of its clips, and name the result as shape of the others"
     near = nearest(header, [*columns(), *settings()])
     expected = ", ".join(name for name in columns() if name not in SETTINGS)
     known = f"did you mean {' or '.join(near)}?" if near else f"expected {expected}, or a setting's name"

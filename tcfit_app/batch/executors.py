@@ -6,28 +6,26 @@ import socket
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import closing, contextmanager
 from functools import partial
-from pathlib import Path
 from typing import Any, Protocol
 
 from fitting_core.errors import InputError
-from tcfit_app.batch.clip_fit import failure, fit_clip
-from tcfit_app.batch.inputs import inputs_of
+from tcfit_app.batch.clip_fit import fit_clip
 from tcfit_app.batch.manifest import ClipTask
-from tcfit_app.batch.records import Record
+from tcfit_app.batch.outcome import ClipOutcome, failure
 from tcfit_app.fitting.process_queue import Ended, ProcessQueue, Work
 
 _TRIES = 2
 """How often a clip's process may die: the first time may not be its fault, as when memory runs out."""
-News = Generator[tuple[int, Work | Record], None, None]
+News = Generator[tuple[int, Work | ClipOutcome], None, None]
 """Of a task, by its index: its progress, and its end."""
 
 
 class Executor(Protocol):
     """Fits clips, several at a time."""
 
-    def run(self, tasks: Sequence[ClipTask], folder: Path) -> News:
+    def run(self, tasks: Sequence[ClipTask]) -> News:
         """Fit them all; each ends exactly once. Closing the generator stops at once and leaves nothing half-done that
-        matters. `folder` is the batch's."""
+        matters."""
         ...
 
 
@@ -37,11 +35,11 @@ class LocalProcesses(Executor):
     def __init__(self, jobs: int) -> None:
         self.jobs = jobs
 
-    def run(self, tasks: Sequence[ClipTask], folder: Path) -> News:
+    def run(self, tasks: Sequence[ClipTask]) -> News:
         """See `Executor.run`."""
         with closing(ProcessQueue(processes=self.jobs, tries=_TRIES)) as processes:
             for index, task in enumerate(tasks):
-                processes.add(index, partial(fit_clip, task, folder))
+                processes.add(index, partial(fit_clip, task))
             while processes.busy:
                 for index, news in processes.news():
                     if isinstance(news, Ended):
@@ -50,9 +48,9 @@ class LocalProcesses(Executor):
                         yield index, news
 
 
-def _died(task: ClipTask, how: str) -> Record:
+def _died(task: ClipTask, how: str) -> ClipOutcome:
     advice = "Memory may have run out: try fewer --jobs, or shorter clips."
-    return failure(inputs_of(task), f"Its process ended {how}, {_TRIES} times. {advice}")
+    return failure(task, f"Its process ended {how}, {_TRIES} times. {advice}")
 
 
 # --- Ray, which is an extra: pip install tcfit[ray] ---
@@ -76,7 +74,7 @@ class RayCluster(Executor):
     def __init__(self, address: str | None, jobs: int | None) -> None:
         self.address, self.jobs = address, jobs
 
-    def run(self, tasks: Sequence[ClipTask], folder: Path) -> News:
+    def run(self, tasks: Sequence[ClipTask]) -> News:
         """See `Executor.run`. Ray ends what runs for a driver that has died."""
         with _connected(self.address, self.jobs) as ray:
             fit = ray.remote(num_cpus=1, max_retries=1)(fit_clip)
@@ -86,19 +84,19 @@ class RayCluster(Executor):
                 while waiting and len(under_way) < room:
                     index, task = waiting.pop()
                     gpus = int(task.config.device.startswith("cuda"))
-                    under_way[fit.options(num_gpus=gpus).remote(task, folder)] = index
+                    under_way[fit.options(num_gpus=gpus).remote(task)] = index
                     yield index, Work(step="reading", share=0.0)
                 for ready in ray.wait(list(under_way), num_returns=1)[0]:
                     index = under_way.pop(ready)
-                    yield index, _record(ray, ready, tasks[index])
+                    yield index, _outcome(ray, ready, tasks[index])
 
 
-def _record(ray: Any, ready: Any, task: ClipTask) -> Record:
+def _outcome(ray: Any, ready: Any, task: ClipTask) -> ClipOutcome:
     try:
         return ray.get(ready)
     except ray.exceptions.RayError as error:
         reason = f"Ray could not fit it ({str(error).splitlines()[0]}). Does every node have tcfit and see the files?"
-        return failure(inputs_of(task), reason, trace=str(error))
+        return failure(task, reason)
 
 
 def _check_answers(address: str | None) -> None:

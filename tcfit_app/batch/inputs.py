@@ -18,12 +18,10 @@ from fitting_core.errors import InputError
 from fitting_core.files.regular import at_home, regular_file
 from fitting_core.io.cameras.reading import camera_files
 from fitting_core.io.known_shape import read_known_shape
-from tcfit_app.batch.manifest import ClipTask, Form
+from tcfit_app.batch.manifest import ClipTask
 from tcfit_app.options.fit import StartOptions
 from tcfit_app.options.preparing import body_file
 
-FIRST_NAME, SHAPE_NAME = "first.npz", "shape.json"
-"""Files of a first phase, and of a shape that several clips share."""
 _BLOCK = 1 << 20
 
 
@@ -58,7 +56,7 @@ def detector_of(task: ClipTask) -> str | None:
         _, keypoints = locate(task.fit.video, task.fit.keypoints)
     except InputError:
         return None  # the fit reports it
-    return task.fit.clip.detector if keypoints is None and task.form != "shape" else None
+    return task.fit.clip.detector if keypoints is None else None
 
 
 @cache
@@ -81,7 +79,7 @@ def settings_of(task: ClipTask) -> str:
     fit = task.fit
     # The detector is not used if keypoints are given.
     clip = fit.clip if detector_of(task) else replace(fit.clip, detector="")
-    common = _common(clip, fit.camera, fit.begin, body_file(fit.body), task.config, task.form, fit.overlay)
+    common = _common(clip, fit.camera, fit.begin, body_file(fit.body), task.config, fit.overlay)
     return _hashed([common, *shape])
 
 
@@ -92,7 +90,6 @@ def _common(
     begin: StartOptions,
     body: Path,
     config: FitConfig,
-    form: Form,
     overlay: bool,
 ) -> bytes:
     """Settings without the shape."""
@@ -104,16 +101,13 @@ def _common(
         "body": _file_hash(body),
         "config": {name: value for name, value in as_plain(config).items() if name != "device"},
         "prior": "" if config.pose_prior in POSE_PRIORS else _file_hash(Path(config.pose_prior)),
-        "project": form == "project",
-        "overlay": overlay and form == "files",
+        "overlay": overlay,
     }
-    if form in ("first", "shape"):
-        plain["form"] = form
     return msgspec.json.encode(plain, order="sorted")
 
 
 def _betas(path: Path) -> list[float] | None:
-    """The betas, because a shape that is found again unchanged must not cause another fit. None if unreadable."""
+    """The betas, because the same shape in another file must not cause another fit. None if unreadable."""
     try:
         return read_known_shape(path).betas.tolist()
     except InputError:
@@ -137,9 +131,6 @@ def _detector_line(task: ClipTask) -> list[bytes]:
 
 def _inputs(task: ClipTask) -> Iterator[tuple[str, Path]]:
     """Every input file with its role, in a fixed order."""
-    yield from (("first", member.out / FIRST_NAME) for member in task.members)
-    if task.form == "shape":
-        return
     try:
         images, keypoints = locate(task.fit.video, task.fit.keypoints)
     except InputError:

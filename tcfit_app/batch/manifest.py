@@ -4,10 +4,10 @@ import csv
 import itertools
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 import numpy as np
 
@@ -26,14 +26,9 @@ _SHOWN = 30
 _DELIMITERS = ",;\t"
 
 
-Form = Literal["files", "project", "first", "shape"]
-"""What a task makes: a result as files or as a project; for a subject, before that, the first phase of a clip and the
-shape that its clips share."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class ClipTask:
-    """A clip to fit, or an intermediate step."""
+    """A clip to fit."""
 
     line: int
     """Its line in the list, from 1."""
@@ -41,13 +36,6 @@ class ClipTask:
     """Its `out`, as in the list."""
     fit: FitOptions
     config: FitConfig
-    form: Form = "files"
-    subject: str = ""
-    """The person in the clip, if other clips show the same one; else empty."""
-    start: Path | None = None
-    """Folder of the first phase to continue from."""
-    members: tuple["ClipTask", ...] = ()
-    """For a shape: the first phases from which it is estimated."""
     command: str = ""
     """For the record."""
 
@@ -94,7 +82,6 @@ def read_manifest(options: BatchOptions, complaints: Complaints, *, command: str
     columns = _columns(header, complaints)
     tasks = [task for line, cells in lines for task in rows.tasks(line, cells, columns)]
     _refuse_shared_folders(tasks, complaints)
-    _check_shapes(tasks, complaints)
     return tuple(tasks)
 
 
@@ -178,16 +165,12 @@ class _Rows:
                 config = self._changed(config, column, text)
             except InputError as error:
                 complain(str(error))
-        fit = self._fit_options(given, method, complain) if name else None
+        fit = self._fit_options(given, method, config.height, complain) if name else None
         if fit is None or len(self.complaints.found) > before:
             return []
-        form: Form = "project" if self.options.projects else "files"
-        subject, minutes = (given["batch"].get(key) for key in ("subject", "part_minutes"))
-        whole = ClipTask(
-            line=line, name=name, fit=fit, config=config, form=form, subject=subject or "", command=self.command
-        )
+        whole = ClipTask(line=line, name=name, fit=fit, config=config, command=self.command)
         try:
-            return _parts(whole, self.options.part_minutes if minutes is None else minutes)
+            return _parts(whole, given["batch"].get("part_minutes", self.options.part_minutes))
         except InputError as error:
             complain(str(error), "part_minutes")
             return []
@@ -204,7 +187,9 @@ class _Rows:
                 self.complaints.add(line, f"is {error}.", column.name)
         return given
 
-    def _fit_options(self, given: Given, method: MethodOptions, complain: Callable[..., None]) -> FitOptions:
+    def _fit_options(
+        self, given: Given, method: MethodOptions, height: float | None, complain: Callable[..., None]
+    ) -> FitOptions:
         """The clip's options of `tcfit fit`."""
         options, files, camera = self.options, given["files"], given["camera"]
         focal = [name for name in FOCAL if name in camera]
@@ -216,6 +201,8 @@ class _Rows:
         clip = replace(options.clip, **given["clip"])
         if clip.first_frame is not None and clip.last_frame is not None and clip.first_frame > clip.last_frame:
             complain(f"first_frame {clip.first_frame} lies behind last_frame {clip.last_frame}.")
+        if "shape" in files and height is not None:
+            complain("has both a known shape and a height; give one of them.")
         if given["start"] and "start" not in given["start"]:
             complain(f"{', '.join(given['start'])} without start; give the result.", "start")
         return FitOptions(
@@ -239,9 +226,8 @@ def _changed(config: FitConfig, column: str, text: str) -> FitConfig:
 
 
 def _parts(task: ClipTask, minutes: float | None) -> list[ClipTask]:
-    """Parts of equal length of a clip, named by their start in the video, with one subject if its shape is estimated;
-    or the clip itself, if it is not longer than a part (None: not divided). Raises InputError if there is no video, it
-    cannot be read, or it has other frames."""
+    """Parts of equal length of a clip, named by their start in the video; or the clip itself, if it is not longer than
+    a part (None: not divided). Raises InputError if there is no video, it cannot be read, or it has other frames."""
     if minutes is None:
         return [task]
     fit = task.fit
@@ -254,7 +240,6 @@ def _parts(task: ClipTask, minutes: float | None) -> list[ClipTask]:
     count = math.ceil(len(numbers) / (60 * minutes * rate))
     if count < 2:
         return [task]
-    subject = task.subject or (task.name if fit.shape is None and task.config.last_phase > 1 else "")
     borders = np.linspace(0, len(numbers), count + 1).round().astype(int).tolist()
     tasks = []
     for begin, end in itertools.pairwise(borders):
@@ -262,7 +247,7 @@ def _parts(task: ClipTask, minutes: float | None) -> list[ClipTask]:
         name = f"{minute // 60:02}-{minute % 60:02}-{second:02}"
         clip = replace(fit.clip, first_frame=numbers[begin], last_frame=numbers[end - 1])
         part = replace(fit, out=fit.out / name, clip=clip)
-        tasks.append(replace(task, name=f"{task.name}/{name}", fit=part, subject=subject))
+        tasks.append(replace(task, name=f"{task.name}/{name}", fit=part))
     return tasks
 
 
@@ -280,32 +265,3 @@ def _refuse_shared_folders(tasks: list[ClipTask], complaints: Complaints) -> Non
         around = next((owner[parent] for parent in folder.parents if parent in owner), None)
         if around:
             complaints.add(task.line, f"{task.name} is inside the folder of line {around.line}.", "out")
-
-
-def _check_shapes(tasks: list[ClipTask], complaints: Complaints) -> None:
-    """Report shapes that are given twice, and subjects whose clips differ in body or settings."""
-    first: dict[str, ClipTask] = {}
-    for task in tasks:
-        if task.fit.shape is not None and task.config.height is not None:
-            complaints.add(task.line, "has both a known shape and a height; give one of them.")
-        if not task.subject:
-            continue
-        if task.fit.shape is not None:
-            complaints.add(
-                task.line, "has both a subject, whose shape is estimated, and a known shape; give one of them."
-            )
-        if task.config.last_phase < 2:
-            complaints.add(
-                task.line,
-                "has a subject, and last_phase is 1; expected 2 or 3, because phase 1 estimates no common shape.",
-            )
-        other = first.setdefault(task.subject, task)
-        differing = [f.name for f in fields(FitConfig) if getattr(task.config, f.name) != getattr(other.config, f.name)]
-        differing += [] if task.fit.body == other.fit.body else ["body"]
-        if differing:
-            complaints.add(
-                task.line,
-                f"{task.subject} has another {', '.join(differing)} here than in line {other.line}; expected the same "
-                "body and settings in all clips of a subject.",
-                "subject",
-            )

@@ -1,45 +1,45 @@
-"""The outcome of a batch: a row for each clip, in files and as tables on the terminal."""
+"""The outcome of each clip of a batch: in its summary.json, in summary.csv, and on the terminal."""
 
 import csv
 import io
-from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
+import msgspec
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from fitting_core.files.atomic import replacing
-from fitting_core.keypoints import ERROR_GROUPS
+from fitting_core.files.regular import regular_file
+from fitting_core.io.result_files import SUMMARY_NAME, is_result
+from tcfit_app.batch.inputs import unchanged
 from tcfit_app.batch.manifest import ClipTask
-from tcfit_app.batch.records import Record, write_json
+from tcfit_app.project.glance import off_by_phase
+from tcfit_app.project.storage.accessing import accessing
 
-SUMMARY_CSV, SUMMARY_JSON = "summary.csv", "summary.json"
-State = Literal["done", "done before", "failed", "failed before", "left"]
+SUMMARY_CSV = "summary.csv"
+State = Literal["done", "done before", "failed", "left"]
 STATES: dict[State, str] = {
     "done": "fitted now",
     "done before": "finished before, with the same files and settings",
-    "failed": "failed now",
-    "failed before": "failed before, skipped (--retry fits them again)",
+    "failed": "failed",
     "left": "not reached",
 }
 """Texts for the table."""
-FAILURES: tuple[State, ...] = ("failed", "failed before")
 _LISTED = 40
-"""Maximum number of failures on the terminal; the files have all."""
+"""Maximum number of failures on the terminal; the file has all."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ClipOutcome:
-    """One clip."""
+    """One clip: a row of summary.csv."""
 
     line: int
     clip: str
-    subject: str = ""
-    state: State
+    state: State = "left"
     seconds: float | None = None
     frames: int | None = None
     body_p95_px: float | None = None
@@ -52,61 +52,85 @@ class ClipOutcome:
     notes: str = ""
 
 
-def outcome_of(task: ClipTask, record: Record | None, before: bool) -> ClipOutcome:
-    """The row of a clip by its record (None: not reached), which may be from an earlier run (`before`)."""
-    if record is None:
-        return ClipOutcome(line=task.line, clip=task.name, subject=task.subject, state="left")
-    state: State = record.state
-    if before:
-        state = "done before" if state == "done" else "failed before"
-    figures = record.figures
-    off = figures.off if figures else {}
+class Mark(msgspec.Struct, frozen=True, kw_only=True):
+    """`batch` in the summary.json of a clip that is done."""
+
+    inputs: str
+    """See `inputs_of`."""
+    seconds: float
+    notes: list[str] = []
+
+
+class _Summary(msgspec.Struct, frozen=True):
+    frames: int = 0
+    reprojection_px: dict[str, dict[str, float | None]] = {}
+    jitter: dict[str, dict[str, float | None]] = {}
+    warnings: list[str] = []
+    batch: Mark | None = None
+
+
+def failure(task: ClipTask, reason: str, *, seconds: float = 0.0) -> ClipOutcome:
+    """The outcome of a clip that failed."""
+    return ClipOutcome(line=task.line, clip=task.name, state="failed", seconds=round(seconds, 3), reason=reason)
+
+
+def mark_done(task: ClipTask, content: dict[str, Any], mark: Mark) -> ClipOutcome:
+    """Write the hash of a result that is complete into its summary.json. Raises InputError if that is impossible."""
+    data = msgspec.json.encode(content | {"batch": mark})
+    with accessing(task.out), replacing(task.out / SUMMARY_NAME) as draft:
+        draft.write_bytes(msgspec.json.format(data, indent=2) + b"\n")
+    return _outcome(task, msgspec.json.decode(data, type=_Summary), mark, "done")
+
+
+def done_before(task: ClipTask) -> ClipOutcome | None:
+    """The outcome of a clip whose result is complete and up to date; None if it must be fitted."""
+    if not is_result(task.out):
+        return None
+    try:
+        found = msgspec.json.decode(regular_file(task.out / SUMMARY_NAME).read_bytes(), type=_Summary)
+    except (OSError, ValueError):
+        return None
+    if found.batch is None or not unchanged(found.batch.inputs, task):
+        return None
+    return _outcome(task, found, found.batch, "done before")
+
+
+def _outcome(task: ClipTask, found: _Summary, mark: Mark, state: State) -> ClipOutcome:
+    off, jitter = off_by_phase(found.reprojection_px), found.jitter
     return ClipOutcome(
         line=task.line,
         clip=task.name,
-        subject=task.subject,
         state=state,
-        seconds=round(record.seconds, 3),
-        frames=figures.frames if figures else None,
-        **{f"{name}_p95_px": off.get(name) for name in ERROR_GROUPS},
-        jitter_mm_per_frame2=figures.jitter_mm if figures else None,
-        reason=record.reason,
-        notes=" | ".join(figures.notes) if figures else "",
+        seconds=round(mark.seconds, 3),
+        frames=found.frames,
+        body_p95_px=off.get("body"),
+        hands_p95_px=off.get("hands"),
+        face_p95_px=off.get("face"),
+        jitter_mm_per_frame2=jitter[max(jitter)].get("camera_space_mm_per_frame2") if jitter else None,
+        notes=" | ".join([*found.warnings, *mark.notes]),
     )
 
 
-def write_summary(folder: Path, rows: Sequence[ClipOutcome], *, seconds: float) -> None:
-    """Write summary.csv and summary.json into the batch's folder. Raises OSError if that is impossible."""
+def write_summary(folder: Path, rows: Sequence[ClipOutcome]) -> None:
+    """Write summary.csv into the batch's folder. Raises OSError if that is impossible."""
     text = io.StringIO(newline="")
     writer = csv.DictWriter(text, fieldnames=list(ClipOutcome.__dataclass_fields__))
     writer.writeheader()
     writer.writerows(asdict(row) for row in rows)
     with replacing(folder / SUMMARY_CSV) as draft:
         draft.write_text(text.getvalue(), encoding="utf-8")
-    content = {
-        "seconds": round(seconds, 3),
-        "clips": counts(row.state for row in rows),
-        "rows": [asdict(row) for row in rows],
-    }
-    write_json(folder / SUMMARY_JSON, content)
-
-
-def counts(states: Iterable[State]) -> dict[State, int]:
-    """Clips in each state, from theirs."""
-    found = Counter(states)
-    return {state: found[state] for state in STATES}
 
 
 def show_summary(rows: Sequence[ClipOutcome], *, seconds: float, console: Console) -> None:
     """Print the number of clips in each state, with times, and the reasons of failures."""
     table = Table("clips", "", "seconds each", title=f"{len(rows)} clips, {_duration(seconds)}", title_justify="left")
     table.columns[0].justify = table.columns[2].justify = "right"
-    for state, count in counts(row.state for row in rows).items():
-        if count:
-            times = sorted(row.seconds for row in rows if row.state == state and row.seconds is not None)
-            table.add_row(str(count), STATES[state], f"{times[0]:.1f} to {times[-1]:.1f}" if times else "")
+    for state, text in STATES.items():
+        if some := [row for row in rows if row.state == state]:
+            times = sorted(row.seconds for row in some if row.seconds is not None)
+            table.add_row(str(len(some)), text, f"{times[0]:.1f} to {times[-1]:.1f}" if times else "")
     console.print(table)
-    failures = [row for row in rows if row.state in FAILURES]
+    failures = [row for row in rows if row.state == "failed"]
     if failures:
         console.print(_failures(failures))
     if len(failures) > _LISTED:

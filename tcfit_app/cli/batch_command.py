@@ -4,39 +4,38 @@ import os
 import shlex
 import sys
 import time
-from collections.abc import Callable, Hashable, Iterable, Sequence
-from contextlib import closing
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 from rich.console import Console
 from tqdm import tqdm
 
 from fitting_core.errors import InputError
+from fitting_core.files.locking import locked
 from fitting_core.fit.fused.ready import cores
 from fitting_core.io.known_shape import read_known_shape
-from tcfit_app.batch.clip_fit import tidy
+from fitting_core.keypoints import ERROR_GROUPS
 from tcfit_app.batch.columns import LEAST_PART
 from tcfit_app.batch.executors import Executor, LocalProcesses, RayCluster
-from tcfit_app.batch.inputs import SHAPE_NAME, detector_of, detector_version, missing_input
+from tcfit_app.batch.inputs import detector_of, detector_version, missing_input
 from tcfit_app.batch.manifest import ClipTask, Complaints, read_manifest
-from tcfit_app.batch.outcome import FAILURES, SUMMARY_CSV, ClipOutcome, outcome_of, show_summary, write_summary
-from tcfit_app.batch.records import Record, batch_folder, done_record, failed_path, patient_lock, write_json, write_log
-from tcfit_app.batch.rounds import Course, Round, with_shape
+from tcfit_app.batch.outcome import SUMMARY_CSV, ClipOutcome, done_before, show_summary, write_summary
 from tcfit_app.cli.json_lines import ClipEnded, StepProgress, emit, emit_wrote
 from tcfit_app.fitting.process_queue import Work
+from tcfit_app.home.found import BATCH_SUFFIX
 from tcfit_app.options.batch import BatchOptions
 from tcfit_app.options.preparing import body_file, check_out, compile_kernels, prepare_solver
 from tcfit_app.project.storage.accessing import accessing
 
-_PATIENCE = 3.0
-"""Seconds to wait for the lock of a batch that was killed."""
+_LOCK = "batch.lock"
 
 
 def run_batch(options: BatchOptions, *, command: str = "") -> int:
     """Fit the unfinished clips of a list, and report the outcome of each.
 
     Returns:
-        The exit code: 1 if clips failed, now or before.
+        The exit code: 1 if clips failed.
 
     Raises:
         InputError: The list or the command line has errors. Nothing is started then.
@@ -51,48 +50,44 @@ def run_batch(options: BatchOptions, *, command: str = "") -> int:
     tasks = read_manifest(options, complaints, command=command)
     _check_each(_first_by(tasks, lambda task: task.fit.body), complaints, lambda task: body_file(task.fit.body))
     complaints.raise_any()  # the hash of a clip includes the body
-    folder = batch_folder(options.manifest)
-    course = Course(tasks, folder, retry=options.retry and not options.report)
-    if options.report:
-        return _reported(course)
-    _check(course, complaints, here=options.ray is None)
+    rows = [done_before(task) or ClipOutcome(line=task.line, clip=task.name) for task in tasks]
+    _check([task for task, row in zip(tasks, rows, strict=True) if row.state == "left"], complaints, options)
     complaints.raise_any()
-    held = patient_lock(folder, seconds=_PATIENCE, wanted="fit this list")
-    try:
-        _run(_executor(options), course)
-        rows = _told(course, time.monotonic() - begin)
-    except KeyboardInterrupt:
-        rows = _told(course, time.monotonic() - begin)
-        left = sum(row.state == "left" for row in rows)
-        print(f"Stopped. The same command continues with the {left} remaining clips.")
-        raise
-    finally:
-        held.release()
-    return int(any(row.state in FAILURES for row in rows))
+    folder = options.manifest.with_name(f"{options.manifest.stem}{BATCH_SUFFIX}")
+    with _alone(folder):
+        try:
+            _fit(_executor(options), tasks, rows)
+        except KeyboardInterrupt:
+            left = sum(row.state == "left" for row in rows)
+            print(f"Stopped. The same command continues with the {left} remaining clips.")
+            raise
+        finally:
+            _report(folder, tasks, rows, time.monotonic() - begin)
+    return int(any(row.state == "failed" for row in rows))
 
 
-def _reported(course: Course) -> int:
-    """Report the state of each clip without fitting."""
-    for _ in course.later():
-        pass
-    with accessing(course.folder):
-        course.folder.mkdir(parents=True, exist_ok=True)
-    rows = _told(course, 0.0)
-    return int(any(row.state in FAILURES for row in rows))
-
-
-def _told(course: Course, seconds: float) -> list[ClipOutcome]:
-    """Write and print the outcome."""
-    outcomes = [course.outcome(place) for place in range(len(course.tasks))]
-    rows = [outcome_of(task, *found) for task, found in zip(course.tasks, outcomes, strict=True)]
-    folder = course.folder
+@contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Hold the lock of a batch's folder. Raises InputError if another process has it, or it cannot be written."""
     with accessing(folder):
-        write_summary(folder, rows, seconds=seconds)
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = locked(folder / _LOCK)
+    if lock is None:
+        raise InputError(f"{folder}: another process fits this list. Wait for it, or stop it.")
+    try:
+        yield
+    finally:
+        os.close(lock)
+
+
+def _report(folder: Path, tasks: Sequence[ClipTask], rows: Sequence[ClipOutcome], seconds: float) -> None:
+    """Write and print the outcome."""
+    with accessing(folder):
+        write_summary(folder, rows)
     show_summary(rows, seconds=seconds, console=Console())
     emit_wrote(folder / SUMMARY_CSV)
-    common = _common_folder([task.out.absolute().parent for task in course.tasks])
+    common = _common_folder([task.out.absolute().parent for task in tasks])
     print(f"Wrote {folder / SUMMARY_CSV}. To see the clips: {shlex.join(['tcfit', 'review', common])}")
-    return rows
 
 
 def _common_folder(folders: Sequence[Path]) -> str:
@@ -109,50 +104,25 @@ def _executor(options: BatchOptions) -> Executor:
     return LocalProcesses(options.jobs or cores())
 
 
-def _run(executor: Executor, course: Course) -> None:
-    """Run the rounds, one after the other."""
-    _work_off(executor, course.first, course.folder)
-    for later in course.later():
-        for index in later.to_do:
-            task = later.tasks[index]
-            if task.form == "shape" and (task.out / SHAPE_NAME).exists():
-                print(f"{task.subject}: the clips have changed, or their settings, so the shape is estimated again.")
-                print("If it differs, all clips of the subject are fitted again.")
-        _work_off(executor, later, course.folder)
-
-
-def _work_off(executor: Executor, work: Round, folder: Path) -> None:
-    """Run the unfinished tasks of a round, and store each record in it."""
-    for index in work.before:
-        tidy(work.tasks[index])
-    to_do = work.to_do
-    tasks = [work.tasks[index] for index in to_do]
-    if tasks and isinstance(executor, LocalProcesses):
-        compile_kernels(tasks[0].config)  # once, not in each process
-    progress = _Lines(len(work.tasks), len(work.before), tasks, work.what)
-    with closing(progress), closing(executor.run(tasks, folder)) as all_news:
+def _fit(executor: Executor, tasks: Sequence[ClipTask], rows: list[ClipOutcome]) -> None:
+    """Fit the clips that are left, and store the outcome of each in its row."""
+    places = [place for place, row in enumerate(rows) if row.state == "left"]
+    left = [tasks[place] for place in places]
+    if left and isinstance(executor, LocalProcesses):
+        compile_kernels(left[0].config)  # once, not in each process
+    progress = _Lines(len(tasks), left)
+    with closing(progress), closing(executor.run(left)) as all_news:
         for index, news in all_news:
-            if isinstance(news, Record):
-                _keep(folder, tasks[index], news)
-                work.records[to_do[index]] = news
+            if isinstance(news, ClipOutcome):
+                rows[places[index]] = news
             progress.show(index, news)
-
-
-def _keep(folder: Path, task: ClipTask, record: Record) -> None:
-    path = failed_path(folder, task)
-    with accessing(path):
-        path.parent.mkdir(exist_ok=True)
-        if record.state == "failed":
-            write_json(path, record)
-            write_log(folder, "failed", task, reason=record.reason)
-        else:
-            path.unlink(missing_ok=True)
 
 
 class _Lines:
     """Prints a line for each clip that ends; on a terminal, a bar with the running clips below them."""
 
-    def __init__(self, total: int, before: int, tasks: list[ClipTask], what: str) -> None:
+    def __init__(self, total: int, tasks: list[ClipTask]) -> None:
+        before = total - len(tasks)
         self._tasks, self._total, self._count = tasks, total, before
         self._running: dict[int, str] = {}
         self._width = min(40, max((len(task.name) for task in tasks), default=0))
@@ -166,11 +136,11 @@ class _Lines:
             bar_format="{n_fmt}/{total_fmt} |{bar:20}| {elapsed} < {remaining}{postfix}",
         )
         if before:
-            tqdm.write(f"{what}: {before} of {total} were done, or failed, in an earlier run.", file=sys.stdout)
+            tqdm.write(f"{before} of {total} clips were finished before.", file=sys.stdout)
 
-    def show(self, index: int, news: Work | Record) -> None:
+    def show(self, index: int, news: Work | ClipOutcome) -> None:
         task = self._tasks[index]
-        if isinstance(news, Record):
+        if isinstance(news, ClipOutcome):
             self._running.pop(index, None)
             self._count += 1
             emit(
@@ -179,7 +149,7 @@ class _Lines:
                     state=news.state,
                     place=self._count,
                     total=self._total,
-                    seconds=news.seconds,
+                    seconds=news.seconds or 0.0,
                     reason=news.reason,
                 )
             )
@@ -192,36 +162,30 @@ class _Lines:
             self._running[index] = f"{news.step} {share:.0%}" if share else news.step
         self._bar.set_postfix_str(", ".join(f"{self._tasks[i].name} {how}" for i, how in self._running.items()))
 
-    def _line(self, task: ClipTask, record: Record) -> str:
+    def _line(self, task: ClipTask, row: ClipOutcome) -> str:
         place = f"[{self._count:>{len(str(self._total))}}/{self._total}]"
-        head = f"{place} {record.state:6} {task.name:{self._width}} {record.seconds:7.1f} s"
-        if record.figures is None:
-            return f"{head}  {record.reason.splitlines()[0]}"
-        off = ", ".join(f"{part} {px:.0f} px" for part, px in record.figures.off.items())
-        return f"{head}  {record.figures.frames} frames{off and f'; 95 % off by less than {off}'}"
+        head = f"{place} {row.state:6} {task.name:{self._width}} {row.seconds or 0.0:7.1f} s"
+        if row.state == "failed":
+            return f"{head}  {row.reason.splitlines()[0]}"
+        shown = {name: getattr(row, f"{name}_p95_px") for name in ERROR_GROUPS}
+        off = ", ".join(f"{part} {px:.0f} px" for part, px in shown.items() if px is not None)
+        return f"{head}  {row.frames} frames{off and f'; 95 % off by less than {off}'}"
 
     def close(self) -> None:
         self._bar.close()
 
 
-def _check(course: Course, complaints: Complaints, *, here: bool) -> None:
-    """Report what would prevent a fit; `here`: also of this computer's devices and detectors."""
-    to_do = [course.tasks[place] for place in course.first.to_do]
-    for task in to_do:
+def _check(tasks: Sequence[ClipTask], complaints: Complaints, options: BatchOptions) -> None:
+    """Report what would prevent a fit; without Ray also of this computer's devices and detectors."""
+    for task in tasks:
         for column, path in missing_input(task):
             complaints.add(task.line, f"{path} does not exist.", column)
-    _check_each(to_do, complaints, lambda task: task.fit.shape and read_known_shape(task.fit.shape), "shape")
-    to_do += [task for task in course.waiting() if not done_record(with_shape(task, course.folder))]
-    _check_each(
-        to_do,
-        complaints,
-        lambda task: check_out(task.out, overwrite=task.fit.overwrite or task.form == "project"),
-        "out",
-    )
-    if here:
-        devices = _first_by(to_do, lambda task: (task.config.device, task.config.precision))
+    _check_each(tasks, complaints, lambda task: task.fit.shape and read_known_shape(task.fit.shape), "shape")
+    _check_each(tasks, complaints, lambda task: check_out(task.out, overwrite=options.overwrite), "out")
+    if options.ray is None:
+        devices = _first_by(tasks, lambda task: (task.config.device, task.config.precision))
         _check_each(devices, complaints, lambda task: prepare_solver(task.config, 1))
-        detectors = _first_by([task for task in to_do if detector_of(task)], detector_of)
+        detectors = _first_by([task for task in tasks if detector_of(task)], detector_of)
         _check_each(detectors, complaints, lambda task: detector_version(detector_of(task) or ""), "detector")
 
 

@@ -19,7 +19,7 @@ from fitting_core.fit.events import FitEvent, PhaseFinished
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.io.motion_files import motion_of
 from fitting_core.io.people_file import PEOPLE_NAME, holds_people, read_people_file, write_people_file
-from fitting_core.io.result_files import FIT_NAME, OVERLAY_NAME, SUMMARY_NAME, is_result, write_result
+from fitting_core.io.result_files import FIT_NAME, OVERLAY_NAME, RESULT_NAMES, SUMMARY_NAME, is_result, write_result
 from fitting_core.keypoints import ERROR_GROUPS
 from fitting_core.results.fit_result import FitResult
 from fitting_core.results.given_start import GivenStart, KnownShape
@@ -195,7 +195,6 @@ def tell(lines: Iterable[str]) -> None:
 
 GLB_NAME = "people.glb"
 """Everybody, in one world."""
-_RESULT = (FIT_NAME, SUMMARY_NAME, OVERLAY_NAME)
 
 
 def run_fit_people(options: FitOptions, *, command: str = "") -> list[Outcome]:
@@ -261,7 +260,7 @@ def _check_out(folder: Path, *, overwrite: bool) -> list[Path]:
         return old
     known = {folder / PEOPLE_NAME, folder / GLB_NAME, *old} if old else set()
     others = [path for path in sorted(folder.iterdir()) if path not in known]
-    others += [path for one in old if one.is_dir() for path in sorted(one.iterdir()) if path.name not in _RESULT]
+    others += [path for one in old if one.is_dir() for path in sorted(one.iterdir()) if path.name not in RESULT_NAMES]
     if others:
         some = ", ".join(str(path.relative_to(folder)) for path in others[:4]) + (", ..." if len(others) > 4 else "")
         raise InputError(
@@ -275,7 +274,7 @@ def _check_out(folder: Path, *, overwrite: bool) -> list[Path]:
 def _remove(folder: Path, old: Sequence[Path]) -> None:
     """Delete an earlier fit of several people, so that the next fit has no person of it."""
     try:
-        for path in (folder / PEOPLE_NAME, folder / GLB_NAME, *(one / name for one in old for name in _RESULT)):
+        for path in (folder / PEOPLE_NAME, folder / GLB_NAME, *(one / name for one in old for name in RESULT_NAMES)):
             path.unlink(missing_ok=True)
     except OSError as error:
         raise InputError(f"{error.filename}: cannot be replaced ({error.strerror}). Choose another --out.") from error

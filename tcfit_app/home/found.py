@@ -25,7 +25,7 @@ _IMAGES = "images"
 RESULT = "fit.npz"
 """`result_files.FIT_NAME`, which would take torch's two seconds to import."""
 BATCH_SUFFIX = ".batch"
-"""`records.FOLDER_SUFFIX`, like it."""
+"""Of the folder beside a list of clips with the outcome of its batch."""
 EXPORTS_SUFFIX = ".exports"
 """Of the folder beside a project into which the list exports it."""
 MOST = 20_000

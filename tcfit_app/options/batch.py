@@ -16,28 +16,21 @@ class BatchOptions:
 
     Columns are options of `tcfit fit` and settings of `tcfit settings`, by name: video, keypoints, out, focal_length,
     first_frame, preset, temporal.weight, ... The column out is required, and video or keypoints. An empty cell has the
-    value of the command line. Paths are relative to the CSV file. Clips with the same subject get one shape.
+    value of the command line. Paths are relative to the CSV file.
 
     Each result is that of `tcfit fit`. Finished clips are skipped until their files or settings change. Failed clips do
-    not stop the others; --retry fits them again.
+    not stop the others; the same command fits them again.
     """
 
     manifest: Annotated[Positional[Path], arg(metavar="CLIPS.csv")]
-    """The list of clips. Summary and log are written to CLIPS.batch beside it."""
+    """The list of clips. CLIPS.batch/summary.csv beside it receives the outcome of each."""
     jobs: Annotated[int | None, shown("N", "one for each core")] = None
     """Number of clips that are fitted at the same time, each in its own process with one thread."""
     ray: Annotated[tuple[str] | tuple[()] | None, shown("[ADDRESS]", "this computer's processes")] = None
     """Fit on a Ray cluster whose nodes see the same files. Without an address: the one that Ray finds; local: start one
     here. Needs tcfit[ray]."""
     part_minutes: Annotated[float | None, shown("MINUTES", "the whole clip")] = None
-    """Fit longer clips in parts of at most this length, with one shape. Each part gets a folder in `out`, named by its
-    start time."""
-    retry: bool = False
-    """Fit failed clips again."""
-    report: bool = False
-    """Only print the state of each clip, and update summary.csv."""
-    projects: bool = False
-    """Make a project of each clip instead of a folder of files."""
+    """Fit longer clips in parts of at most this length. Each part gets a folder in `out`, named by its start time."""
     overlay: bool = True
     """Write overlay.mp4 beside each result: phase 1 and the final fit side by side."""
     overwrite: bool = False

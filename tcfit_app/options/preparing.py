@@ -9,9 +9,10 @@ import torch
 from fitting_core.body.files.registry import find_body
 from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError, some_of
+from fitting_core.files.atomic import sweep
 from fitting_core.files.regular import at_home
 from fitting_core.fit.fused import ready
-from fitting_core.io.result_files import is_result
+from fitting_core.io.result_files import RESULT_NAMES, is_result
 from fitting_core.shipped import FREE_FOLDER
 from tcfit_app.options.fit import BodyOptions
 
@@ -29,13 +30,14 @@ def check_out(folder: Path, *, overwrite: bool) -> None:
         raise InputError(
             f"--out {folder}: cannot be written, because {there} is read-only. Allow writing, or choose another folder."
         )
-    if overwrite or is_result(folder) or not folder.exists() or not any(folder.iterdir()):
+    if overwrite or is_result(folder) or not folder.exists():
         return
-    names = sorted(entry.name for entry in folder.iterdir())
-    raise InputError(
-        f"--out {folder}: contains files that are not a result of tcfit ({some_of(names, most=4)}). "
-        "Choose another folder, or give --overwrite to write the result beside them."
-    )
+    sweep(folder)  # delete the remains of killed processes
+    if names := sorted(entry.name for entry in folder.iterdir() if entry.name not in RESULT_NAMES):
+        raise InputError(
+            f"--out {folder}: contains files that are not a result of tcfit ({some_of(names, most=4)}). "
+            "Choose another folder, or give --overwrite to write the result beside them."
+        )
 
 
 def prepare_solver(config: FitConfig, threads: int) -> None:

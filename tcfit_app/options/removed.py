@@ -22,6 +22,9 @@ REMOVED = {
         for command in ("fit", "batch", "demo", "settings")
         for option, setting in SETTINGS.items()
     },
+    "batch --retry": "Leave it out: the same command fits failed clips again.",
+    "batch --report": "See CLIPS.batch/summary.csv, or list the clips with tcfit review FOLDER.",
+    "batch --projects": "tcfit review FOLDER opens each result as a project.",
     "detect --list": "Use tcfit models.",
     "detect --download": "Use tcfit models add NAME.",
     "evaluate --pictures": "The report has no pictures. See the worst frames with tcfit review.",

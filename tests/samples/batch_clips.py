@@ -2,7 +2,7 @@
 
 import csv
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -101,17 +101,13 @@ def broken_places(clips: int, broken: int) -> dict[int, str]:
     return dict(zip(places.tolist(), BREAKAGES, strict=False))
 
 
-def write_batch(
-    folder: Path, body: BodyModel, *, clips: int, broken: int = 0, frames: int = 3, subjects: int = 0
-) -> Path:
-    """So many clips, and the list of them, whose path this returns; of so many subjects in turn, if there are any."""
+def write_batch(folder: Path, body: BodyModel, *, clips: int, broken: int = 0, frames: int = 3) -> Path:
+    """So many clips, and the list of them, whose path this returns."""
     for index in range(clips):
         write_clip(folder / "keypoints" / f"c{index:03}", body, frames=frames, seed=index)
     for index, how in broken_places(clips, broken).items():
         BREAKAGES[how](folder / "keypoints" / f"c{index:03}")
-    rows = [{"keypoints": f"keypoints/c{i:03}", "out": f"fits/c{i:03}"} for i in range(clips)]
-    who = [{"subject": f"person {i % subjects}", "last_phase": "2"} if subjects else {} for i in range(clips)]
-    return write_list(folder, [row | more for row, more in zip(rows, who, strict=True)])
+    return write_list(folder, [{"keypoints": f"keypoints/c{i:03}", "out": f"fits/c{i:03}"} for i in range(clips)])
 
 
 def write_list(folder: Path, rows: list[dict[str, str]]) -> Path:
@@ -124,9 +120,18 @@ def write_list(folder: Path, rows: list[dict[str, str]]) -> Path:
     return path
 
 
-def events(folder: Path, kind: str) -> Iterator[str]:
-    """The clips of all lines of one kind in a batch's log."""
-    for line in (folder / "clips.batch" / "log.jsonl").read_text().splitlines():
-        entry = json.loads(line)
-        if entry["event"] == kind:
-            yield entry["clip"]
+def rows_of(folder: Path) -> dict[str, dict[str, str]]:
+    """The rows of a batch's summary, by clip."""
+    with (folder / "clips.batch" / "summary.csv").open(newline="", encoding="utf-8") as file:
+        return {row["clip"]: row for row in csv.DictReader(file)}
+
+
+def states_of(folder: Path) -> list[str]:
+    """The state of each clip of a batch, in the order of its list."""
+    return [row["state"] for row in rows_of(folder).values()]
+
+
+def fitted(folder: Path) -> dict[str, float]:
+    """The time of each result that is done, by the name of its folder."""
+    marks = ((path.parent.name, json.loads(path.read_text())) for path in folder.glob("fits/*/summary.json"))
+    return {name: (folder / "fits" / name / "fit.npz").stat().st_mtime_ns for name, mark in marks if "batch" in mark}

@@ -10,7 +10,7 @@ from fitting_core.config.schema import FitConfig
 from fitting_core.errors import InputError
 from tcfit_app.batch.inputs import files_of
 from tcfit_app.batch.manifest import ClipTask, Complaints, read_manifest
-from tcfit_app.batch.records import read_record
+from tcfit_app.batch.outcome import done_before
 from tcfit_app.options.batch import BatchOptions
 from tcfit_app.options.fit import FitOptions
 from tcfit_app.project.packed import packed_creation_time, unpack
@@ -55,9 +55,12 @@ def test_detections_of_a_project(tmp_path: Path, make: Callable[[Path], None]):
         Project.open(tmp_path / "p")
 
 
-def test_a_record_that_is_none_is_no_record(tmp_path: Path):
-    pipe(tmp_path / "summary.json")
-    assert read_record(tmp_path) is None
+def test_pipe_in_place_of_a_summary_is_not_a_finished_clip(tmp_path: Path):
+    clip = task(tmp_path, tmp_path)
+    clip.out.mkdir()
+    (clip.out / "fit.npz").touch()
+    pipe(clip.out / "summary.json")
+    assert done_before(clip) is None
 
 
 def test_special_files_in_a_clips_folder_do_not_count(tmp_path: Path):

@@ -72,7 +72,7 @@ def test_every_column_has_its_effect(tmp_path: Path):
 
 def test_every_option_of_a_clip_is_a_column():
     options = {f.name for kind in (ClipOptions, CameraOptions, BodyOptions, StartOptions) for f in fields(kind)}
-    own = {"video", "keypoints", "out", "shape", "subject", "preset", "part_minutes"}
+    own = {"video", "keypoints", "out", "shape", "preset", "part_minutes"}
     assert options | set(SHORTCUTS) | set(SETTINGS) | own == set(columns())
     assert all(find(name) for name in settings())
 
@@ -140,13 +140,7 @@ WRONG = {
     "keypoints,out,gender\nk,o,man\n": ["column gender: is 'man'; expected one of neutral, male, female"],
     "keypoints,out,preset\nk,o,papre\n": ["column preset: is 'papre'; expected one of smplifyx, paper, tcfit"],
     "keypoints,out,window_size\nk,o,1\n": ["line 2: window_size: temporal.window_size is 1; expected 2 or more"],
-    "keypoints,out,subject,shape\nk,o,anna,s.npz\n": [
-        "line 2: has both a subject, whose shape is estimated, and a known"
-    ],
-    "keypoints,out,subject,gender,seed\nk,o,anna,,\nk,p,anna,female,4\nk,q,carl,male,5\n": [
-        "line 3, column subject: anna has another shape_sample, body here than in line 2"
-    ],
-    "keypoints,out,subject,last_phase\nk,o,anna,1\n": ["line 2: has a subject, and last_phase is 1; expected 2 or 3"],
+    "keypoints,out,subject\nk,o,anna\n": ["line 1: the column subject was removed; fit one of its clips"],
     "keypoints,out,shape,height\nk,o,s.npz,172\n": ["line 2: has both a known shape and a height"],
     "keypoints,out,solver\nk,o,newton\n": ["line 2: solver: solver is newton; expected one of lm, lbfgs"],
 }
@@ -186,28 +180,23 @@ def filmed(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_long_clip_has_parts(filmed: Path):
-    """All frames are in one part each, and no part is longer than was said, nor much shorter."""
-    parts = tasks_of(filmed, "video,out,frame_rate,part_minutes\nday.avi,fits/day,1,0.1\n")
-    spans = [(task.fit.clip.first_frame, task.fit.clip.last_frame) for task in parts]
-    assert spans == [(0, 4), (5, 8), (9, 13)]
-    assert [task.name for task in parts] == [f"fits/day/00-00-{begin:02}" for begin in (0, 5, 9)]
-    assert [task.out for task in parts] == [filmed / task.name for task in parts]
-    assert {task.subject for task in parts} == {"fits/day"} and {task.line for task in parts} == {2}
+@pytest.mark.parametrize(
+    ("more", "expected"),
+    [
+        ("", [(0, 4, "00-00-00"), (5, 8, "00-00-05"), (9, 13, "00-00-09")]),
+        ("2,11", [(2, 6, "00-00-02"), (7, 11, "00-00-07")]),
+    ],
+)
+def test_long_clip_is_divided_into_equal_parts(filmed: Path, more: str, expected: list[tuple[int, int, str]]):
+    header = "video,out,frame_rate,part_minutes" + ",first_frame,last_frame" * bool(more)
+    parts = tasks_of(filmed, f"{header}\nday.avi,fits/day,1,0.1{more and ','}{more}\n")
+    found = [(task.fit.clip.first_frame, task.fit.clip.last_frame, task.out.name) for task in parts]
+    assert found == expected and {task.out.parent for task in parts} == {filmed / "fits/day"}
 
 
-def test_parts_of_a_part(filmed: Path):
-    text = "video,out,frame_rate,first_frame,last_frame,subject\nday.avi,o,1,2,11,anna\n"
-    parts = tasks_of(filmed, text, "--part-minutes", "0.1")
-    assert [(task.fit.clip.first_frame, task.fit.clip.last_frame) for task in parts] == [(2, 6), (7, 11)]
-    assert {task.subject for task in parts} == {"anna"}
-
-
-@pytest.mark.parametrize("more", [("--set", "last_phase=1"), ("--part-minutes", "1")])
-def test_parts_without_a_common_shape(filmed: Path, more: tuple[str, ...]):
-    """Phase 1 has none, and a clip in one piece needs none."""
-    tasks = tasks_of(filmed, "video,out,frame_rate\nday.avi,o,1\n", "--part-minutes", "0.1", *more)
-    assert {task.subject for task in tasks} == {""} and len(tasks) == (1 if more[0] == "--part-minutes" else 3)
+def test_short_clip_has_no_parts_and_a_cell_overrides_the_option(filmed: Path):
+    (task,) = tasks_of(filmed, "video,out,frame_rate,part_minutes\nday.avi,o,1,1\n", "--part-minutes", "0.1")
+    assert task.out == filmed / "o"
 
 
 def test_parts_need_a_video_and_some_length(filmed: Path):

@@ -18,7 +18,7 @@ from tcfit_app.cli.ending import INPUT_ERROR
 from tcfit_app.cli.main import main
 from tcfit_app.fitting import process_queue
 from tests.drivers.processes import needs_fork
-from tests.samples.batch_clips import CAMERA, CHEAP, events, write_clip, write_list
+from tests.samples.batch_clips import CAMERA, CHEAP, fitted, states_of, write_clip, write_list
 from tests.samples.fake_detector import FakeDetector, known, one_person
 
 pytestmark = needs_fork
@@ -65,14 +65,9 @@ def batch(folder: Path, *options: str, jobs: int = 1) -> int:
     return main(["batch", str(folder / "clips.csv"), *OPTIONS, "--jobs", str(jobs), *options])
 
 
-def fitted(folder: Path) -> list[str]:
-    """The clips that were fitted so far, in all runs."""
-    return sorted(events(folder, "fitted"))
-
-
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_a_video_is_enough(folder: Path, jobs: int, keypoint_store: Path):
-    assert batch(folder, jobs=jobs) == 0 and fitted(folder) == ["fits/a", "fits/b", "fits/c"]
+    assert batch(folder, jobs=jobs) == 0 and states_of(folder) == ["done"] * 3
     found, given = read_fit(folder / "fits/a"), read_fit(folder / "fits/c")
     assert found.params.body_pose.shape == given.params.body_pose.shape
     assert (found.params.body_pose - given.params.body_pose).abs().max() < 0.05
@@ -89,14 +84,14 @@ def test_clips_of_one_video_that_are_fitted_at_once(folder: Path, keypoint_store
     assert sorted(file.name for file in found.iterdir()) == ["part-000000.npz", "settings.json"]
 
 
-def test_it_is_fitted_again_when_the_detector_changes(folder: Path, monkeypatch: pytest.MonkeyPatch):
-    """And only where it has found the keypoints."""
-    assert batch(folder) == 0 and batch(folder) == 0 and len(fitted(folder)) == 3
+def test_clip_is_fitted_again_when_its_detector_changes(folder: Path, monkeypatch: pytest.MonkeyPatch):
+    """Only clips whose keypoints it has found."""
+    assert batch(folder) == 0
     put(monkeypatch, folder, version="2")
-    assert batch(folder) == 0 and len(fitted(folder)) == 5
+    assert batch(folder) == 0 and states_of(folder) == ["done", "done", "done before"]
     put(monkeypatch, folder, name="mediapipe-fast")
-    assert batch(folder, "--detector", "mediapipe-fast") == 0 and len(fitted(folder)) == 7
-    assert fitted(folder).count("fits/c") == 1
+    assert batch(folder, "--detector", "mediapipe-fast") == 0
+    assert states_of(folder) == ["done", "done", "done before"]
 
 
 def test_what_is_done_does_not_need_its_detector(
@@ -106,7 +101,7 @@ def test_what_is_done_does_not_need_its_detector(
     monkeypatch.undo()
     monkeypatch.setenv("TCFIT_DETECTORS", str(tmp_path / "empty"))
     forget()
-    assert batch(folder) == 0 and len(fitted(folder)) == 3
+    assert batch(folder) == 0 and states_of(folder) == ["done before"] * 3
     capsys.readouterr()
     assert batch(folder, "--set", "shape_sample.seed=7") == INPUT_ERROR
     said = capsys.readouterr().err
@@ -116,21 +111,14 @@ def test_what_is_done_does_not_need_its_detector(
 def test_nobody_in_a_video_is_that_clips_failure(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys):
     nobody = FakeDetector(lambda frame: np.zeros((0, 137, 3)))
     monkeypatch.setitem(DETECTORS, "mediapipe", known(nobody))
-    assert batch(folder) == 1 and fitted(folder) == ["fits/c"]
+    assert batch(folder) == 1 and states_of(folder) == ["failed", "failed", "done"]
     assert "fake found nobody in any of the 3 frames of" in capsys.readouterr().out
 
 
-def test_a_long_video_in_parts(folder: Path, capsys: pytest.CaptureFixture[str]):
-    """Each part is a clip of its own; started again, the list is done; and all have one shape."""
-    part = {"frame_rate": "0.2", "part_minutes": "0.1", "last_phase": "2"}
-    write_list(folder, [{"video": "a.avi", "out": "fits/a"} | part])
+def test_long_video_is_fitted_in_parts(folder: Path, capsys: pytest.CaptureFixture[str]):
+    write_list(folder, [{"video": "a.avi", "out": "fits/a", "frame_rate": "0.2", "part_minutes": "0.1"}])
     assert batch(folder) == 0
     parts = sorted((folder / "fits/a").iterdir())
     assert [part.name for part in parts] == ["00-00-00", "00-00-05", "00-00-10"]
-    fits = [read_fit(part) for part in parts]
-    assert [(fit.first_frame, len(fit.params)) for fit in fits] == [(0, 1), (1, 1), (2, 1)]
-    assert all((fit.params.betas == fits[0].params.betas).all() for fit in fits)
-    before = fitted(folder)
-    capsys.readouterr()
-    assert batch(folder) == 0 and fitted(folder) == before
-    assert "3 of 3 were done" in capsys.readouterr().out
+    assert [(fit.first_frame, len(fit.params)) for fit in map(read_fit, parts)] == [(0, 1), (1, 1), (2, 1)]
+    assert batch(folder) == 0 and "3 of 3 clips were finished before" in capsys.readouterr().out

@@ -16,7 +16,7 @@ import pytest
 
 from fitting_core.body.model import BodyModel
 from fitting_core.io.result_files import write_result
-from tcfit_app.batch.records import Record, ResultFigures
+from tcfit_app.batch.outcome import ClipOutcome
 from tcfit_app.cli.batch_command import _Lines
 from tcfit_app.cli.json_lines import EVENTS, SCHEMA, AnyEvent, StepProgress, emit, json_lines
 from tcfit_app.cli.main import main
@@ -104,11 +104,11 @@ def test_an_export_and_an_evaluation(tmp_path: Path, free_body: BodyModel, capsy
 
 def test_a_batch(capsys: pytest.CaptureFixture[str]):
     tasks: list[Any] = [SimpleNamespace(name="a"), SimpleNamespace(name="b")]
-    record = partial(Record, inputs="", finished=0.0, seconds=2.0)
-    with json_lines(), closing(_Lines(2, 0, tasks, "clips")) as shown:
+    outcome = partial(ClipOutcome, line=2, clip="", seconds=2.0)
+    with json_lines(), closing(_Lines(2, tasks)) as shown:
         shown.show(1, Work(step="phase 1", share=0.25))
-        shown.show(1, record(state="failed", reason="No keypoints."))
-        shown.show(0, record(state="done", figures=ResultFigures(frames=3)))
+        shown.show(1, outcome(state="failed", reason="No keypoints."))
+        shown.show(0, outcome(state="done", frames=3))
     first, second, third = (json.loads(line) for line in capsys.readouterr().out.splitlines())
     assert (first["event"], first["clip"], first["step"], first["share"]) == ("progress", "b", "phase 1", 0.25)
     assert (second["clip"], second["state"], second["reason"]) == ("b", "failed", "No keypoints.")

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from fitting_core.io.result_files import FIT_NAME, SUMMARY_NAME
-from tcfit_app.batch.records import FOLDER_SUFFIX
 from tcfit_app.home import catalogue
-from tcfit_app.home.found import BATCH_SUFFIX, RESULT, are_frames, find
+from tcfit_app.home.found import RESULT, are_frames, find
 from tcfit_app.project.storage.database import NAME
 
 
@@ -100,4 +99,4 @@ def test_what_cannot_be_read_is_left_out(tmp_path: Path):
 
 
 def test_names_that_are_known_elsewhere_are_the_same():
-    assert (RESULT, BATCH_SUFFIX, catalogue.SUMMARY) == (FIT_NAME, FOLDER_SUFFIX, SUMMARY_NAME)
+    assert (RESULT, catalogue.SUMMARY) == (FIT_NAME, SUMMARY_NAME)

@@ -11,11 +11,9 @@ import numpy as np
 import pytest
 
 from fitting_core.body.model import BodyModel
-from fitting_core.files.atomic import drafting
 from fitting_core.io.result_files import write_result
 from fitting_core.keypoints import Keypoints
 from fitting_core.measure.references.files import read_reference
-from tcfit_app.batch import clip_fit
 from tcfit_app.cli.main import main
 from tcfit_app.project.packed import pack, unpack
 from tcfit_app.project.project import Project
@@ -75,13 +73,6 @@ def _result(folder: Path, body: BodyModel) -> Path:
     return folder / "out" / "summary.json"
 
 
-def _batch(folder: Path, body: BodyModel) -> Path:
-    with drafting(folder / "out") as draft:
-        write_result(draft, waving_fit(0.0), sample_clip(), body)
-        clip_fit._put(draft, folder / "out")
-    return folder / "out"
-
-
 def _import(folder: Path, body: BodyModel) -> Path:
     write_result(folder / "out", waving_fit(0.0), sample_clip(), body)
     Project.create(folder / "new", sample_clip()).close()
@@ -106,7 +97,6 @@ WRITES: dict[str, Callable[[Path, BodyModel], Path]] = {
     "detections": _detections,
     "a reference": _reference,
     "the result of a fit": _result,
-    "the result of a batch": _batch,
     "import": _import,
     "export of a file": _export("npz", "walk.smplx.npz"),
     "export of a folder": _export("smplifyx", "walk-smplifyx"),
