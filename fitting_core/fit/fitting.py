@@ -144,20 +144,14 @@ def fit_clip(
     *,
     start: GivenStart | None = None,
     shape: KnownShape | None = None,
-    first: FitResult | None = None,
     tell: Callable[[FitEvent], object] = lambda event: None,
 ) -> FitResult:
     """Fit a clip to its end. Arguments and errors as of `fit_events`, and:
 
     Args:
-        first: its first phase is kept, as in `shape_events`; None: all phases are fitted.
         tell: receives each event; what it raises cancels the fit.
     """
-    if first is None:
-        events = fit_events(clip, body, config, start=start, shape=shape)
-    else:
-        events = shape_events(clip, body, config, first, shape=shape)
-    return drained(mapped(events, tell))
+    return drained(mapped(fit_events(clip, body, config, start=start, shape=shape), tell))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -329,11 +323,10 @@ class _Fit:
             state = state.with_columns(betas, torch.as_tensor(self.shape.betas).to(state.vector).expand(len(state), -1))
             yield self._finish(2, state, start, (self.shape.sentence(),), poses=poses)
             return state
-        found = yield from _events(fit_shape([sight], self.solver, self.config.shape_sample), 2)
-        (frames,) = found.frames
+        found = yield from _events(fit_shape(sight, self.solver, self.config.shape_sample), 2)
         state = state.with_columns(betas, found.state.vector[0, betas].expand(len(state), -1))
-        note = "shape from frames " + ", ".join(map(str, (self.clip.first_frame + frames).tolist()))
-        yield self._finish(2, state, start, (note, *found.notes), sample=(found.state, frames), poses=poses)
+        note = "shape from frames " + ", ".join(map(str, (self.clip.first_frame + found.frames).tolist()))
+        yield self._finish(2, state, start, (note, *found.notes), sample=(found.state, found.frames), poses=poses)
         return state
 
     def _third(self, state: State) -> Generator[FitEvent, None, None]:

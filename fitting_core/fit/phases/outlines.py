@@ -10,7 +10,6 @@ normal of the outline (point-to-line ICP; Y. Chen, G. Medioni, Image and Vision 
 Geman-McClure function.
 """
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -133,23 +132,24 @@ class _Outline:
         return weight * residual, weight[:, None] * rows
 
 
-def outlined_shape(used: Sequence[tuple[Stages, torch.Tensor]], sampled: State) -> OutlinedShape | None:
+def outlined_shape(stages: Stages, frames: Int[torch.Tensor, "n"], sampled: State) -> OutlinedShape | None:
     """The shape of the sampled frames, refined by their silhouettes; None if fewer than FEWEST are good.
 
     Args:
-        used: Each clip with the frames sampled from it.
-        sampled: Their state, clip by clip, with shared betas.
+        stages: Those of the clip.
+        frames: The sampled ones.
+        sampled: Their state, with shared betas.
     """
-    sights = _sights(used, sampled)
-    columns = used[0][0].parametrisation.columns
+    sights = _sights(stages, frames, sampled)
+    columns = stages.parametrisation.columns
     clothes, outlines = CLOTHES, {}
-    height, free = _HeldHeight.of(used[0][0], sampled), Free(body=False, hands=False, face=False)
+    height, free = _HeldHeight.of(stages, sampled), Free(body=False, hands=False, face=False)
     for _ in range(ROUNDS):
         outlines = {row: found for row, sight in sights.items() if (found := _outline(sight, sampled, row))}
         if len(outlines) < FEWEST:
             return None
         for _ in range(STEPS):
-            problem = SharedShape(*samples_of(used, sampled, N_STAGES, free))
+            problem = SharedShape(sample_of(stages, frames, sampled, N_STAGES, free))
             _, gradient, matrix, held, holding = (
                 a[0].double().cpu().numpy() for a in problem.normal(sampled, torch.zeros(1, dtype=torch.long))
             )
@@ -158,7 +158,7 @@ def outlined_shape(used: Sequence[tuple[Stages, torch.Tensor]], sampled: State) 
                 (gradient[:, 3:], matrix[:, 3:, 3:], held + height.gradient(sampled), holding + height.matrix),
                 {row: _rows(outline, sampled, row, clothes) for row, outline in outlines.items()},
                 clothes,
-                used[0][0].config.weights.shape[N_STAGES - 1],
+                stages.config.weights.shape[N_STAGES - 1],
             )
             vector = sampled.vector.clone()
             vector[:, columns.translation] += torch.as_tensor(moves).to(vector)
@@ -194,12 +194,10 @@ def _betas(sampled: State, columns: slice) -> Float[np.ndarray, "10"]:
     return sampled.vector[0, columns].double().cpu().numpy()
 
 
-def samples_of(used: Sequence[tuple[Stages, torch.Tensor]], sampled: State, stage: int, free: Free) -> Iterator[Sample]:
-    """A stage's objectives of some frames of each clip alone; `sampled` is the state of these, clip by clip."""
-    first = 0
-    for stages, own in used:
-        part, rows = stages.picked(own.cpu().numpy()), sampled[first : (first := first + len(own))]
-        yield Sample(part.objective(stage, rows, free), part.all_frames)
+def sample_of(stages: Stages, frames: Int[torch.Tensor, "n"], sampled: State, stage: int, free: Free) -> Sample:
+    """A stage's objective of some frames alone; `sampled` is their state."""
+    part = stages.picked(frames.cpu().numpy())
+    return Sample(part.objective(stage, sampled, free), part.all_frames)
 
 
 def _rows(outline: _Outline, sampled: State, row: int, clothes: float) -> tuple[np.ndarray, np.ndarray]:
@@ -247,17 +245,16 @@ def _solved(
     return -eliminated[..., -1] - eliminated[..., :-1] @ shared, shared[:-1], float(shared[-1])
 
 
-def _sights(used: Sequence[tuple[Stages, torch.Tensor]], sampled: State) -> dict[int, _Sight]:
+def _sights(stages: Stages, frames: Int[torch.Tensor, "n"], sampled: State) -> dict[int, _Sight]:
     """Sampled frames that have a silhouette and show the limbs, by row."""
-    whose = [(stages, frame) for stages, own in used for frame in own.tolist()]
-    masks = [None if stages.silhouettes is None else stages.silhouettes.mask(frame) for stages, frame in whose]
-    good = [
-        row
-        for row, (stages, frame) in enumerate(whose)
-        if masks[row] is not None and bool(stages.observations.seen[frame, _SEEN].all())
-    ]
+    if stages.silhouettes is None:
+        return {}
+    found = ((row, stages.silhouettes.mask(frame)) for row, frame in enumerate(frames.tolist()))
+    masks = {row: mask for row, mask in found if mask is not None}
+    limbs = stages.observations.seen[frames][:, _SEEN].all(1).tolist()
+    good = [row for row in masks if limbs[row]]
     spread = np.unique(np.linspace(0, len(good) - 1, min(MOST, len(good))).round().astype(int))
-    return {row: _sight(whose[row][0], masks[row], sampled[row : row + 1]) for row in np.array(good, int)[spread]}
+    return {row: _sight(stages, masks[row], sampled[row : row + 1]) for row in np.array(good, int)[spread].tolist()}
 
 
 def _sight(stages: Stages, mask: Bool[np.ndarray, "h w"], state: State) -> _Sight:

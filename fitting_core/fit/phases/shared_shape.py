@@ -1,7 +1,7 @@
-"""Phase 2: one shape, from a sample of frames of a clip, or of several clips of one person."""
+"""Phase 2: one shape, from a sample of frames."""
 
-from collections.abc import Callable, Generator, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -11,13 +11,13 @@ from torch import Tensor
 from fitting_core import keypoints as kp
 from fitting_core.config.schema import ShapeSample
 from fitting_core.errors import InputError
-from fitting_core.fit.phases.outlines import outlined_shape, samples_of
+from fitting_core.fit.phases.outlines import outlined_shape, sample_of
 from fitting_core.fit.phases.progress import PhaseStep, reported, stage_label
 from fitting_core.fit.solvers import Solver
 from fitting_core.fit.solvers.problem import SharedShape
 from fitting_core.fit.stages import Stages
-from fitting_core.fit.variables.state import Free, State
-from fitting_core.results.fit_result import FitResult, PhaseResult
+from fitting_core.fit.variables.state import State
+from fitting_core.results.fit_result import FitResult
 
 
 def _random(confidence: np.ndarray, sample: ShapeSample, count: int) -> np.ndarray:
@@ -66,7 +66,7 @@ def sample_frames(confidence: Float[np.ndarray, "T K"], sample: ShapeSample) -> 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sight:
-    """A clip after phase 1, one of those that show a person."""
+    """A clip after phase 1."""
 
     stages: Stages
     """Builds the objectives."""
@@ -79,36 +79,18 @@ class Sight:
     def after_first_phase(stages: Stages, fit: FitResult) -> "Sight":
         """A clip with a fit. Frames are sampled from those fitted in phase 1, or from all. Raises InputError if the fit
         has no phase 1."""
-        first = _first(fit)
+        first = fit.phase(1)
+        if first is None:
+            raise InputError("There is no phase 1 to find a shape from: run everything.")
         found = torch.as_tensor(first.frame_cost).isfinite()
         return Sight.of(stages, stages.parametrisation.from_params(first.params), found)
 
     @staticmethod
-    def candidates(stages: Stages, fit: FitResult, sample: ShapeSample) -> "tuple[Sight, Int[np.ndarray, 'n']]":
-        """The same of a sample of its frames alone, all of them usable; and which frames these are."""
-        first = _first(fit)
-        usable = _usable(stages, torch.as_tensor(first.frame_cost).isfinite()).cpu().numpy()
-        frames = usable[sample_frames(stages.keypoints.confidence[usable][:, kp.BODY], sample)]
-        picked = stages.picked(frames)
-        state = picked.parametrisation.from_params(first.params[torch.as_tensor(frames)])
-        return Sight(stages=picked, state=state, usable=picked.all_frames), frames
-
-    @staticmethod
     def of(stages: Stages, state: State, found: Bool[Tensor, "T"]) -> "Sight":
         """As `after_first_phase`, from its state and the fitted frames."""
-        return Sight(stages=stages, state=state, usable=_usable(stages, found))
-
-
-def _first(fit: FitResult) -> PhaseResult:
-    first = fit.phase(1)
-    if first is None:
-        raise InputError("There is no phase 1 to find a shape from: run everything.")
-    return first
-
-
-def _usable(stages: Stages, found: Bool[Tensor, "T"]) -> Int[Tensor, "n"]:
-    good = stages.observations.usable & found.to(stages.observations.usable.device)
-    return good.nonzero()[:, 0] if bool(good.any()) else stages.all_frames
+        good = stages.observations.usable & found.to(stages.observations.usable.device)
+        usable = good.nonzero()[:, 0] if bool(good.any()) else stages.all_frames
+        return Sight(stages=stages, state=state, usable=usable)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -116,46 +98,32 @@ class SampledShape:
     """A shape, and the frames that determined it."""
 
     state: State
-    """Of these frames, clip by clip: their betas are the shape."""
-    frames: tuple[Int[Tensor, "n"], ...]
-    """For each clip."""
+    """Of these frames: their betas are the shape."""
+    frames: Int[Tensor, "n"]
     notes: tuple[str, ...] = ()
     """For users."""
 
 
-def fit_shape(sights: Sequence[Sight], solver: Solver, sample: ShapeSample) -> Generator[PhaseStep, None, SampledShape]:
-    """Minimises E_beta' + mean of E_o over frames of a clip, or of several clips of one person, with shared beta'; then
-    with silhouettes, if enough are good.
-
-    Frames are sampled as if the clips were one: a strategy based on visibility takes more from a clip that shows more.
+def fit_shape(sight: Sight, solver: Solver, sample: ShapeSample) -> Generator[PhaseStep, None, SampledShape]:
+    """Minimises E_beta' + mean of E_o over sampled frames with shared beta'; then with silhouettes, if enough are good.
 
     Args:
-        sights: at least one, all of the same body and pose prior.
+        sight: a clip after phase 1.
         solver: minimises.
-        sample: how many frames, of all clips together, and in which stages.
+        sample: how many frames, and in which stages.
     """
-    seen = [sight.stages.keypoints.confidence[sight.usable.cpu().numpy()][:, kp.BODY] for sight in sights]
-    chosen = torch.as_tensor(sample_frames(np.concatenate(seen), sample), device=sights[0].usable.device)
-    whose = torch.cat([torch.full_like(sight.usable, i) for i, sight in enumerate(sights)])[chosen]
-    which = torch.cat([sight.usable for sight in sights])[chosen]
-    frames = [which[whose == i] for i in range(len(sights))]
-    used = [(sight.stages, own) for sight, own in zip(sights, frames, strict=True) if len(own)]
-    betas = used[0][0].parametrisation.columns.betas
-    sampled = State.cat([sight.state[own] for sight, own in zip(sights, frames, strict=True)])
+    stages = sight.stages
+    confidence = stages.keypoints.confidence[sight.usable.cpu().numpy()][:, kp.BODY]
+    frames = sight.usable[torch.as_tensor(sample_frames(confidence, sample), device=sight.usable.device)]
+    betas, sampled = stages.parametrisation.columns.betas, sight.state[frames]
     sampled = sampled.with_columns(betas, sampled.vector[:, betas].mean(0).expand(len(sampled), -1))
     for i, stage in enumerate(sample.stages):
-        problem = SharedShape(*samples_of(used, sampled, stage, _free((stages for stages, _ in used), stage)))
+        problem = SharedShape(sample_of(stages, frames, sampled, stage, stages.free(stage, betas=True)))
         minimisation = solver.minimise(problem, sampled, final=i == len(sample.stages) - 1)
         share = (i / len(sample.stages), (i + 1) / len(sample.stages))
         solution = yield from reported(minimisation, stage_label(stage), share, solver.iterations)
         sampled = solution.state
-    outlined = outlined_shape(used, sampled)
+    outlined = outlined_shape(stages, frames, sampled)
     if outlined is not None:
-        return SampledShape(state=outlined.state, frames=tuple(frames), notes=(outlined.note(),))
-    return SampledShape(state=sampled, frames=tuple(frames))
-
-
-def _free(clips: Iterable[Stages], stage: int) -> Free:
-    """What moves in a stage: groups visible in any of the clips are free in all."""
-    frees = [stages.free(stage, betas=True) for stages in clips]
-    return replace(frees[0], hands=any(f.hands for f in frees), face=any(f.face for f in frees))
+        return SampledShape(state=outlined.state, frames=frames, notes=(outlined.note(),))
+    return SampledShape(state=sampled, frames=frames)

@@ -132,32 +132,23 @@ class SharedShape(OnFrames):
     E_beta' + mean of E_o, and E_o contains E_beta.
 
     Args:
-        samples: Of one clip, or of several of the same person. Their objectives move the same columns; the terms that
-            count once are the first one's. The rows of a state are their frames, sample by sample.
+        sample: Its objective, and its frames, which are the rows of a state.
     """
 
     groups = 1
     coupled_in_time = False
 
-    def __init__(self, *samples: Sample) -> None:
-        self.objective, self.samples = samples[0].objective, samples
-        assert self.objective.free.betas and all(s.objective.free == self.objective.free for s in samples)
+    def __init__(self, sample: Sample) -> None:
+        self.objective, self.sample = sample.objective, sample
+        assert self.objective.free.betas
         self.own = len(self.objective.index) - N_BETAS
-        self.count = sum(len(sample.frames) for sample in samples)
+        self.count = len(sample.frames)
         self.unknowns = self.count * self.own + N_BETAS
 
     def softened(self) -> "SharedShape | None":
-        """As `OnFrames.softened`, of every sample."""
-        gentle = [sample.objective.softened(cold=self.cold) for sample in self.samples]
-        if not any(gentle):
-            return None
-        pairs = zip(gentle, self.samples, strict=True)
-        return SharedShape(*(Sample(objective or sample.objective, sample.frames) for objective, sample in pairs))
-
-    def _parts(self, state: State) -> Iterator[tuple[Sample, State]]:
-        first = 0
-        for sample in self.samples:
-            yield sample, state[first : (first := first + len(sample.frames))]
+        """As `OnFrames.softened`."""
+        gentle = self.objective.softened(cold=self.cold)
+        return None if gentle is None else SharedShape(Sample(gentle, self.sample.frames))
 
     def rows(self, groups: Tensor) -> Tensor:
         """All frames."""
@@ -170,26 +161,20 @@ class SharedShape(OnFrames):
 
     def cost(self, state: State, groups: Tensor) -> Tensor:
         """E_beta' + mean of E_o."""
-        costs = torch.cat([sample.objective.cost(rows, sample.frames) for sample, rows in self._parts(state)])
+        costs = self.objective.cost(state, self.sample.frames)
         return sum(self.objective.shared_costs(state).values(), costs.mean()[None])
 
     def terms(self, state: State) -> dict[str, float]:
         """Of E_o, and what counts once."""
         shared = {name: float(cost) for name, cost in self.objective.shared_costs(state).items()}
-        costs = [sample.objective.costs(rows, sample.frames) for sample, rows in self._parts(state)]
-        names = dict.fromkeys(name for found in costs for name in found)
-        # A term that a clip lacks, such as one of hands that it does not show, costs nothing there.
-        zeros = [state.vector.new_zeros(len(sample.frames)) for sample in self.samples]
-        whole = {n: torch.cat([c.get(n, z) for c, z in zip(costs, zeros, strict=True)]) for n in names}
-        return {**mean_costs(whole), **shared}
+        return {**mean_costs(self.objective.costs(state, self.sample.frames)), **shared}
 
     def normal(self, state: State, groups: Tensor) -> tuple[Tensor, ...]:
         """Cost, the frames' gradients and matrices (with the betas' part), and those of terms on the shared betas."""
-        parts = [sample.objective.normal(rows, sample.frames) for sample, rows in self._parts(state)]
-        gradient, matrix = torch.cat([n.gradient for n in parts]), torch.cat([n.matrix for n in parts])
+        frames = self.objective.normal(state, self.sample.frames)
         once, share = self.objective.shared_normal(state), 1 / self.count
         held, holding = once.gradient[:, self.own :], once.matrix[:, self.own :, self.own :]
-        return self.cost(state, groups), share * gradient[None], share * matrix[None], held, holding
+        return self.cost(state, groups), share * frames.gradient[None], share * frames.matrix[None], held, holding
 
     def solve(self, normal: tuple[Tensor, ...], damping: Tensor) -> Step:
         """Eliminates every frame's own columns, solves for the betas, and substitutes back."""

@@ -52,7 +52,7 @@ def found(body: BodyModel, truth: BodyParams, silhouettes: Silhouettes) -> Outli
     config = FitConfig(pose_prior="axis_angle", silhouettes=True)
     stages = Stages.of(keypoints_of(body, truth), CAMERA, body, config, silhouettes=silhouettes)
     start = stages.parametrisation.from_params(replace(truth, betas=torch.as_tensor(lean).expand(FRAMES, 10)))
-    return outlined_shape([(stages, stages.all_frames)], start)
+    return outlined_shape(stages, stages.all_frames, start)
 
 
 @pytest.mark.parametrize("clothes", [0.0, 0.015])

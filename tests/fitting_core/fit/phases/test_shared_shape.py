@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
@@ -13,7 +12,7 @@ from fitting_core.body.model import BodyModel
 from fitting_core.config.schema import FitConfig, ShapeSample, SolverSettings, Weights
 from fitting_core.fit.phases.shared_shape import STRATEGIES, Sight, fit_shape, sample_frames
 from fitting_core.fit.solvers import make_solver
-from tests.samples.scenes import CAMERA, finished, hidden, keypoints_of, noisy, random_params, random_state, stages_of
+from tests.samples.scenes import finished, hidden, keypoints_of, random_params, random_state, stages_of
 
 
 @given(
@@ -66,8 +65,8 @@ def fitted_shape(body: BodyModel, config: FitConfig, usable: list[int] | None = 
     start = state.with_columns(betas, spread)
     frames = torch.arange(6) if usable is None else torch.tensor(usable)
     sight = Sight(stages=stages, state=start, usable=frames)
-    found = finished(fit_shape([sight], make_solver("lm", config.settings), config.shape_sample))
-    return stages, truth, start, found.state, found.frames[0]
+    found = finished(fit_shape(sight, make_solver("lm", config.settings), config.shape_sample))
+    return stages, truth, start, found.state, found.frames
 
 
 CONFIG = FitConfig(
@@ -100,48 +99,5 @@ def test_the_configured_stages_run_in_order(tiny_body: BodyModel):
     config = replace(CONFIG, shape_sample=sample, settings=SolverSettings(iterations=2))
     built = stages_of(tiny_body, hidden(keypoints_of(tiny_body, random_params(3)), kp.HANDS, kp.FACE), config)
     sight = Sight(stages=built, state=random_state(built.parametrisation, 3, 0), usable=torch.arange(3))
-    labels = [s.label for s in fit_shape([sight], make_solver("lm", config.settings), config.shape_sample)]
+    labels = [s.label for s in fit_shape(sight, make_solver("lm", config.settings), config.shape_sample)]
     assert list(dict.fromkeys(labels)) == ["stage 1 of 5", "stage 3 of 5"]
-
-
-@pytest.mark.thorough
-def test_a_shape_from_several_clips_is_nearer_than_from_any_of_them(tiny_body: BodyModel):
-    """One clip shows no legs, one no arms, one hands too; before different cameras, with noise."""
-    truth = random_params(12, 2, size=0.15)
-    truth = replace(truth, betas=0.6 * truth.betas[:1].expand(12, 10) / 0.15)
-    legs, arms = slice(9, 15), slice(2, 8)
-    unseen = ((kp.HANDS, kp.FACE, legs), (kp.HANDS, kp.FACE, arms), (kp.FACE,))
-    sights = []
-    for i, parts in enumerate(unseen):
-        own = truth[slice(4 * i, 4 * i + 4)]
-        camera = replace(CAMERA, focal=(700.0 + 300 * i, 700.0 + 300 * i))
-        seen = hidden(noisy(keypoints_of(tiny_body, own, camera), 4.0, seed=i), *parts)
-        stages = stages_of(tiny_body, seen, CONFIG, camera=camera)
-        start = stages.parametrisation.from_params(own)
-        start = start.with_columns(stages.parametrisation.columns.betas, torch.zeros(4, 10, dtype=torch.float64))
-        sights.append(Sight(stages=stages, state=start, usable=torch.arange(4)))
-    solver, betas = make_solver("lm", CONFIG.settings), stages.parametrisation.columns.betas
-
-    def error(used: list[Sight]) -> float:
-        found = finished(fit_shape(used, solver, replace(CONFIG.shape_sample, size=4 * len(used)))).state
-        assert torch.equal(found.vector[:, betas], found.vector[:1, betas].expand(len(found), -1))
-        return float((found.vector[0, betas] - truth.betas[0]).norm())
-
-    assert error(sights) < min(error([sight]) for sight in sights)
-
-
-def test_frames_are_shared_out_by_what_is_seen(tiny_body: BodyModel):
-    exact = hidden(keypoints_of(tiny_body, random_params(6)), kp.HANDS, kp.FACE)
-    config = replace(
-        CONFIG, settings=SolverSettings(iterations=1), shape_sample=ShapeSample(size=4, strategy="confident")
-    )
-    unsure = replace(exact, confidence=0.4 * exact.confidence)
-    sights = [
-        Sight(stages=built, state=random_state(built.parametrisation, 6, 0), usable=torch.tensor([1, 2, 5]))
-        for built in (stages_of(tiny_body, points, config) for points in (unsure, exact))
-    ]
-    solver = make_solver("lm", config.settings)
-    found = finished(fit_shape(sights, solver, config.shape_sample))
-    assert [own.tolist() for own in found.frames] == [[1], [1, 2, 5]] and len(found.state) == 4
-    found = finished(fit_shape(sights, solver, replace(config.shape_sample, size=3)))
-    assert [own.tolist() for own in found.frames] == [[], [1, 2, 5]]

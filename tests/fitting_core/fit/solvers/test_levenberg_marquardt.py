@@ -252,23 +252,6 @@ def test_step_of_shared_shape_is_the_dense_one(objective):
     torch.testing.assert_close(normal[0][0], n.cost.mean() + shape_cost)
 
 
-def test_a_shape_of_several_clips_is_that_of_one_with_all_their_frames(objective):
-    e, state = objective
-    betas = e.view.parametrisation.columns.betas
-    state = state.with_columns(betas, state.vector[:, betas].mean(0).expand(5, -1))
-    held, everyone = holding(e, 3.0), torch.tensor([0])
-    whole = SharedShape(Sample(held, torch.arange(5)))
-    cut = SharedShape(Sample(held, torch.arange(2)), Sample(holding(e, 3.0), torch.arange(2, 5)))
-    assert cut.unknowns == whole.unknowns and len(cut.rows(everyone)) == 5
-    for one, other in zip(cut.normal(state, everyone), whole.normal(state, everyone), strict=True):
-        torch.testing.assert_close(one, other)
-    assert cut.terms(state) == pytest.approx(whole.terms(state))
-    cut.cold = whole.cold = True
-    gentle, known = cut.softened(), whole.softened()
-    assert gentle is not None and known is not None
-    torch.testing.assert_close(gentle.cost(state, everyone), known.cost(state, everyone))
-
-
 def test_whole_descents_find_their_way_back_from_rejected_steps(objective):
     """Where a step too long is not made shorter, a descent goes on proposing it until its iterations are over."""
     e, state = objective
