@@ -1,8 +1,6 @@
-"""The worker's reports to the drawing loop: the latest progress is overwritten, everything else is queued."""
+"""The worker's reports to the drawing loop, and messages for users."""
 
-import threading
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 from fitting_core.body.params import BodyParams
@@ -92,55 +90,4 @@ class ErrandEnded:
     """Why it failed, as in JobEnded; empty if it did not."""
 
 
-Report = JobStarted | JobReported | JobEnded | DragEnded | ErrandEnded
-"""Reports that must not be lost."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class WorkerNews:
-    """The reports since the last call."""
-
-    progress: JobProgress | None = None
-    moved: tuple[DragMoved, ...] = ()
-    """The newest for each drag."""
-    reports: list[Report] = field(default_factory=list)
-    """In order."""
-
-
-class Reports:
-    """Filled by the worker, emptied by the drawing loop; neither waits for the other."""
-
-    def __init__(self) -> None:
-        self.arrived: Callable[[], None] = lambda: None
-        """Called on the worker's thread when there is something new."""
-        self._lock = threading.Lock()
-        self._progress: JobProgress | None = None
-        self._moved: dict[int, DragMoved] = {}
-        """By drag."""
-        self._reports: list[Report] = []
-
-    def show(self, latest: JobProgress | DragMoved) -> None:
-        """Replaces the previous progress."""
-        with self._lock:
-            if isinstance(latest, JobProgress):
-                self._progress = latest
-            else:
-                self._moved[latest.drag] = latest
-        self.arrived()
-
-    def tell(self, report: Report) -> None:
-        """Queued after all previous reports; the progress of a job or drag that ends is dropped."""
-        with self._lock:
-            if isinstance(report, JobEnded):
-                self._progress = None
-            if isinstance(report, DragEnded):
-                self._moved.pop(report.drag, None)
-            self._reports.append(report)
-        self.arrived()
-
-    def take(self) -> WorkerNews:
-        """Everything since the last call."""
-        with self._lock:
-            news = WorkerNews(progress=self._progress, moved=tuple(self._moved.values()), reports=self._reports)
-            self._progress, self._moved, self._reports = None, {}, []
-            return news
+Report = JobProgress | JobStarted | JobReported | JobEnded | DragMoved | DragEnded | ErrandEnded

@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable
 from contextlib import closing
 from itertools import count
+from queue import SimpleQueue
 from typing import Protocol
 
 import numpy as np
@@ -20,7 +21,7 @@ from fitting_core.results.fit_result import FitResult
 from tcfit_app.fitting.job_progress import JobClock
 from tcfit_app.fitting.jobs import Job
 from tcfit_app.fitting.live import Correction, LiveCorrection, Target
-from tcfit_app.fitting.reports import DragEnded, DragMoved, ErrandEnded, JobEnded, JobReported, JobStarted, Reports
+from tcfit_app.fitting.reports import DragEnded, DragMoved, ErrandEnded, JobEnded, JobReported, JobStarted, Report
 
 LINGER = 2.0
 """Seconds for which a job waits for a resting pointer before it continues under the drag."""
@@ -90,7 +91,10 @@ class Worker:
     """A daemon thread that does one thing at a time. Methods return immediately and may be called from any thread."""
 
     def __init__(self, sink: Sink) -> None:
-        self.reports = Reports()
+        self.reports: SimpleQueue[Report] = SimpleQueue()
+        """For the drawing thread, in order."""
+        self.arrived: Callable[[], None] = lambda: None
+        """Called from any thread after each report."""
         self._sink = sink
         self._changed = threading.Condition()
         self._numbers = count(1)
@@ -101,6 +105,10 @@ class Worker:
         self._cancelled = self._closing = False
         self._thread = threading.Thread(target=self._serve, name="tcfit fits", daemon=True)
         self._thread.start()
+
+    def _report(self, report: Report) -> None:
+        self.reports.put(report)
+        self.arrived()
 
     def submit(self, job: Job) -> int:
         """Append a job to the queue; returns its number, used in reports."""
@@ -118,7 +126,7 @@ class Worker:
             dropped = [number for number, _ in self._queue if job in (None, number)]
             self._queue = deque(entry for entry in self._queue if entry[0] not in dropped)
             for number in dropped:
-                self.reports.tell(JobEnded(job=number, how="cancelled"))
+                self._report(JobEnded(job=number, how="cancelled"))
             self._changed.notify_all()
 
     def run_errand(self, errand: Callable[[], None]) -> int:
@@ -170,7 +178,7 @@ class Worker:
                 self._run(*entry)
         self._run_errands()
         for drag in self._drags:
-            self.reports.tell(DragEnded(drag=drag.number, how="abandoned"))
+            self._report(DragEnded(drag=drag.number, how="abandoned"))
 
     def _run_errands(self) -> None:
         while self._errands:
@@ -181,13 +189,13 @@ class Worker:
             except Exception as error:  # any error: reported to the user, and the worker continues
                 reason = _reason(error)
                 _log.warning("An errand failed", exc_info=not isinstance(error, InputError))
-            self.reports.tell(ErrandEnded(errand=number, reason=reason))
+            self._report(ErrandEnded(errand=number, reason=reason))
 
     def _waiting_drag(self) -> LiveDrag | None:
         return None if self._closing else next((drag for drag in self._drags if drag.wants), None)
 
     def _run(self, number: int, job: Job) -> None:
-        self.reports.tell(JobStarted(job=number))
+        self._report(JobStarted(job=number))
         try:
             ended = self._outcome(number, job)
         except InputError as error:
@@ -198,7 +206,7 @@ class Worker:
             _log.exception("Job %d (%s) failed", number, job.title)
         with self._changed:
             self._running = None
-        self.reports.tell(ended)
+        self._report(ended)
         give_back()
 
     def _outcome(self, number: int, job: Job) -> JobEnded:
@@ -228,12 +236,12 @@ class Worker:
     def _pass_on(self, number: int, job: Job, event: FitEvent, clock: JobClock) -> None:
         clock.take(event)
         if isinstance(event, Iteration):
-            self.reports.show(clock.progress)
+            self._report(clock.progress)
             return
         if isinstance(event, PhaseFinished | FramesFitted):
             self._sink.keep(job, event)
         if not isinstance(event, Finished):  # reported as the outcome
-            self.reports.tell(JobReported(job=number, event=event))
+            self._report(JobReported(job=number, event=event))
 
     def _follow_drags(self) -> None:
         """Take a step for each drag in turn, until they have ended or their pointers have rested for a while."""
@@ -254,7 +262,7 @@ class Worker:
             if (ended := self._followed(drag, target)) is not None:
                 with self._changed:
                     self._drags.remove(drag)
-                self.reports.tell(ended)
+                self._report(ended)
 
     def _followed(self, drag: LiveDrag, target: Target | None) -> DragEnded | None:
         """One step of a drag; returns its end, if it has ended."""
@@ -271,7 +279,7 @@ class Worker:
         except Exception as error:  # any error: reported to the user, and a running job continues
             _log.exception("Following drag %d failed", drag.number)
             return DragEnded(drag=drag.number, how="failed", reason=_reason(error))
-        self.reports.show(DragMoved(drag=drag.number, frames=drag.correction.frames, params=params))
+        self._report(DragMoved(drag=drag.number, frames=drag.correction.frames, params=params))
         return None
 
     def _aimed(self, drag: LiveDrag, target: Target | None) -> LiveCorrection:

@@ -89,7 +89,7 @@ class ReviewApp:
         self._faults = Faults(lambda notice: self._tell(self._first, notice))
         for someone in self.people:
             someone.session.tell = partial(self._tell, someone)
-            someone.session.tasks.arrived = someone.session.worker.reports.arrived = self._wake
+            someone.session.tasks.arrived = someone.session.worker.arrived = self._wake
         self._keeping = Keeping()
         if listen:
             server.on_client_connect(self.connected)

@@ -263,13 +263,14 @@ class Page:
         self.tab.channel.send("beat", Beat(milliseconds=round(1e3 * _BEAT), number=int(now // _BEAT)))
         if self.tab.state.playing and not self.tab.advance(now):
             return
-        self._attempt("resolve what is on show", self.tab.look, now)
+        state = self.tab.state
+        asked = replace(state, frame=0), self.tab.session.project.keypoints_version
+        whole = asked != self._drawn or now >= self._next_rest
+        self._attempt("resolve what is on show", self.tab.look if whole or state.playing else self.tab.follow, now)
         state, revision = self.tab.state, self.tab.shown.revision
         if revision not in (None, self._followed) and self.tab.playback.waits(now):
             return  # bodies queued for a busy browser would lag more and more
-        moving = state.playing or revision is not None
-        asked = replace(state, frame=0), self.tab.session.project.keypoints_version
-        due = not moving or now >= self._next_rest or asked != self._drawn
+        due = whole or not (state.playing or revision is not None)
         if due or (state.frame, revision) != self._pictured:
             self._attempt("draw the picture", lambda: self._draw_picture(now, whole=due), now)
         if self.tab.data.warming or not due:
@@ -299,7 +300,8 @@ class Page:
         self._faults.attempt(what, draw, now)
 
     def _draw_picture(self, now: float, *, whole: bool) -> None:
-        self.gestures.turning.settle()
+        if whole:
+            self.gestures.turning.settle()
         tab, revision = self.tab, self.tab.shown.revision
         following = revision not in (None, self._followed)
         if self.picture.draw(whole=whole):

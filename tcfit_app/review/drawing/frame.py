@@ -8,12 +8,12 @@ from collections.abc import Callable, Hashable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Float32
 
 from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from tcfit_app.analysis.curves import vertex_distances
-from tcfit_app.analysis.seen import seen_joints
+from tcfit_app.analysis.seen import seen_joints, unseen_keypoints
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.review.scene.layers import (
     MOST_OTHERS,
@@ -30,9 +30,8 @@ from tcfit_app.review.scene.side_view import SideView, side_view
 from tcfit_app.review.scene.space import Rings
 from tcfit_app.review.scene.windows import Arrangement
 from tcfit_app.review.shared.drawing_data import FrameBody
-from tcfit_app.review.tab.on_show import SLOTS, OnShow, Slot, live_window
+from tcfit_app.review.tab.on_show import SLOTS, OnShow, Slot, coming, live_window
 from tcfit_app.review.tab.people import Someone
-from tcfit_app.review.tab.playback import coming
 from tcfit_app.review.tab.state import TabState
 from tcfit_app.review.tab.tab import Tab
 
@@ -41,6 +40,8 @@ _AHEAD = 24
 PLAIN_COLOR = "#8a94a3"
 """Colour of the names that are not those of fits."""
 COLORS: dict[Slot, RGB] = dict(zip(SLOTS, RUN_COLORS, strict=True))
+CSS_COLORS = {side: css(color) for side, color in COLORS.items()}
+Vertices = Float32[np.ndarray, "V 3"]
 Present = Bool[np.ndarray, "137"] | None
 _OTHER: dict[Slot, Slot] = {"a": "b", "b": "a"}
 _UNKNOWN = Room(turn=np.eye(3), floor=1.0, boxes=np.array([[(-1.0, -1.0, 2.0), (1.0, 1.0, 4.0)]]))
@@ -64,8 +65,8 @@ class Frame:
     shown: OnShow
     edits: int
     """`Project.keypoints_version`."""
-    present: Present
-    """See `DrawingData.present`."""
+    unseen: tuple[int, ...]
+    """BODY_25 keypoints of which there is no evidence."""
     image: FrameImage
     bodies: dict[Slot, BodyLayer]
     """Those of the fits that can be drawn; also hidden ones whose keypoints the side view or 3D shows."""
@@ -132,7 +133,7 @@ class Frames:
             state=state,
             shown=shown,
             edits=edits,
-            present=present,
+            unseen=() if present is None else unseen_keypoints(present),
             image=image,
             bodies=bodies,
             problem=problem,
@@ -145,13 +146,18 @@ class Frames:
         )
 
     def moved(self, frame: Frame, shown: OnShow) -> Frame | None:
-        """A frame whose bodies a drag has changed; None if anything else has changed too."""
-        if frame.state is not self._tab.state or not shown.follows(frame.shown):
+        """A frame whose bodies a drag has changed; None if anything else has changed, or a body cannot be drawn."""
+        if frame.state is not self._tab.state or shown.stored != frame.shown.stored:
             return None
-        hidden = frame.side is not None or frame.state.mode == "space"
-        bodies, problem = self._bodies(shown, frame.present, hidden=hidden)
-        rings = None if frame.rings is None else self._rings(shown)
-        return replace(frame, shown=shown, bodies=bodies, problem=problem, rings=rings)
+        bodies: dict[Slot, BodyLayer] = {}
+        for side, layer in frame.bodies.items():
+            body = shown.body(side)
+            assert body is not None
+            vertices = self._data.vertices(body)
+            bodies[side] = replace(layer, vertices=vertices, values=self._distances(shown, side, vertices))
+        if any(layer.problem for layer in bodies.values()):
+            return None
+        return replace(frame, shown=shown, bodies=bodies, rings=frame.rings and self._rings(shown))
 
     def _image(self) -> FrameImage | None:
         """The video frame; the previous one while a paused frame is being decoded."""
@@ -183,15 +189,9 @@ class Frames:
         return {side: body for side, body in bodies.items() if not body.problem}, problems[-1] if problems else ""
 
     def _body(self, shown: OnShow, side: Slot, present: Present) -> BodyLayer:
-        tab, state, data = self._tab, self._tab.state, self._data
-        body, other = shown.body(side), shown.body(_OTHER[side]) if state.difference else None
+        state, data, body = self._tab.state, self._data, shown.body(side)
         assert body is not None
-        vertices, values = data.vertices(body), None
-        theirs = None if other is None else data.vertices(other)
-        if other is not None and theirs is not None and theirs.shape == vertices.shape:
-            key = body.version, other.version  # sent once for the same bodies
-            values = tab.once(f"distances {side}", key, lambda: vertex_distances(vertices, theirs) / 1e3)
-        meshes = data.meshes(body.shown)
+        vertices, meshes = data.vertices(body), data.meshes(body.shown)
         return BodyLayer(
             vertices=vertices,
             faces=meshes.faces,
@@ -200,8 +200,16 @@ class Frames:
             opacity=state.opacity,
             opacities=None if present is None else meshes.opacities(seen_joints(present)),
             outline=state.outline,
-            values=values,
+            values=self._distances(shown, side, vertices),
         )
+
+    def _distances(self, shown: OnShow, side: Slot, vertices: Vertices) -> Float[np.ndarray, "V"] | None:
+        """Metres between each vertex of a body and the other fit's, if they are drawn."""
+        other = shown.body(_OTHER[side]) if self._tab.state.difference else None
+        if other is None or (theirs := self._data.vertices(other)).shape != vertices.shape:
+            return None
+        key = shown.version  # sent once for the same bodies
+        return self._tab.once(f"distances {side}", key, lambda: vertex_distances(vertices, theirs) / 1e3)
 
     def _side(self, camera: Camera, frame: int) -> SideView:
         tab, room, direction, width = self._tab, self._room or _UNKNOWN, self._tab.state.side_from, self._tab.side_width
@@ -260,4 +268,4 @@ def _label(shown: OnShow, side: Slot | None, present: Present) -> tuple[str, str
         title = f"{fit.title}: {'not fitted yet' if fit.result is None else 'no pose in this frame'}"
     else:
         title = fit.title if present is None or present.any() else f"{fit.title}: no keypoints here"
-    return f"{side.upper()}   {title}", css(COLORS[side])
+    return f"{side.upper()}   {title}", CSS_COLORS[side]

@@ -6,7 +6,6 @@ import numpy as np
 
 from fitting_core.keypoints import BODY, GROUPS, NAMES
 from fitting_core.results.error_bars import JOINTS
-from tcfit_app.analysis.seen import unseen_keypoints
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.review.browser.page_states import (
     Bodies,
@@ -21,7 +20,7 @@ from tcfit_app.review.browser.page_states import (
 )
 from tcfit_app.review.browser.page_states import Poster as PosterPlace
 from tcfit_app.review.browser.page_states import Space as SpaceState
-from tcfit_app.review.drawing.frame import COLORS, PLAIN_COLOR, Frame, Frames
+from tcfit_app.review.drawing.frame import CSS_COLORS, PLAIN_COLOR, Frame, Frames
 from tcfit_app.review.drawing.overlays import draw_overlays
 from tcfit_app.review.drawing.status import lasting
 from tcfit_app.review.scene.layers import DISTANCE_LIMIT, BodyLayer, color_table, css
@@ -117,8 +116,7 @@ class Picture:
             Poster(image=frame.image, bodies=made, others=others) if place else Poster(image=frame.image, plain=True)
             for place, made in zip(frame.shown.places, frame.places, strict=True)
         )
-        camera = self._tab.session.project.footage.camera
-        return Posters(camera=camera, posters=posters, side=side, arrangement=frame.arrangement)
+        return Posters(camera=frame.shown.camera, posters=posters, side=side, arrangement=frame.arrangement)
 
     def _space(self, frame: Frame, others: tuple[BodyLayer, ...]) -> Space:
         shown, room, data = frame.shown, frame.room, self._tab.data
@@ -151,15 +149,15 @@ class Picture:
             tab.channel.send("side", tab.once("side", frame.key, lambda: self._side(frame, view)))
 
     def _bodies(self, frame: Frame, room: Room) -> Bodies | None:
-        made, present = [], frame.present
+        made = []
         for side, body in frame.fitted.items():
             made.append(
                 FitBody(
-                    color=css(COLORS[side]),
+                    color=CSS_COLORS[side],
                     points=points_in_space(self._tab.data.body_points(body)),
                     pelvis=round(self._tab.data.pelvis_depth(body), 4),
                     error_bars=() if body.live is not None else error_bars_of(body.shown, body.frame),
-                    unseen=() if present is None else unseen_keypoints(present),
+                    unseen=frame.unseen,
                     camera=(*body.shown.camera.focal, *body.shown.camera.center),
                     followed=self._followed(body),
                 )
@@ -181,7 +179,7 @@ class Picture:
         fitted = list(frame.fitted.values())
         if frame.room is None or not fitted:
             return None
-        height, camera = self._tab.session.project.footage.camera.size[1], fitted[-1].shown.camera
+        height, camera = frame.shown.camera.size[1], fitted[-1].shown.camera
         shifts = view.shifts([frame.bodies[side].vertices for side in frame.fitted])
         origins = pixel_pairs(np.stack([view.pixels(np.zeros(3), shift, height) for shift in shifts]))
         metre, plate, sight = view.scale * height, view.plate(height), view.sight(camera, height)

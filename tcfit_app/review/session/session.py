@@ -20,7 +20,17 @@ from tcfit_app.fitting.edit_follower import EditFollower
 from tcfit_app.fitting.fits import FitChoice, Fits, Shown
 from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.fitting.jobs import FitEverything, FitShape, Job, RerunFrames, RunJob
-from tcfit_app.fitting.reports import DragEnded, ErrandEnded, JobEnded, JobReported, JobStarted, Notice, Report
+from tcfit_app.fitting.reports import (
+    DragEnded,
+    DragMoved,
+    ErrandEnded,
+    JobEnded,
+    JobProgress,
+    JobReported,
+    JobStarted,
+    Notice,
+    Report,
+)
 from tcfit_app.fitting.worker import LiveDrag, Worker
 from tcfit_app.imports.elan import ElanNotes, notes_of
 from tcfit_app.imports.given import NOTHING, KnownInputs, read_given
@@ -120,7 +130,8 @@ class Session:
         self.tasks.close()
         self.take_news()
         self.worker.close()
-        for report in self.worker.reports.take().reports:  # jobs that ended before they were cancelled
+        while not self.worker.reports.empty():  # jobs that ended before they were cancelled
+            report = self.worker.reports.get()
             if not (isinstance(report, JobEnded) and report.how == "cancelled"):
                 self._take_whatever_comes(report)
         for job in self.jobs.values():
@@ -428,13 +439,8 @@ class Session:
 
     def take_news(self) -> None:
         """Process what the worker has reported since the last call."""
-        news = self.worker.reports.take()
-        for report in news.reports:
-            self._take_whatever_comes(report)
-        if news.progress is not None and (job := self.jobs.get(news.progress.job)):
-            job.take(news.progress)
-        for moved in news.moved:
-            self.edit_follower.take_move(moved)
+        while not self.worker.reports.empty():
+            self._take_whatever_comes(self.worker.reports.get())
         self.tasks.take()
         self._end_late(time.monotonic())
         correction = self.edit_follower.due(self.tell)
@@ -459,6 +465,8 @@ class Session:
             self.tell(Notice(title="Something went wrong in tcfit", text=text, kind="error"))
 
     def _take(self, report: Report) -> None:
+        if isinstance(report, DragMoved):
+            return self.edit_follower.take_move(report)
         if isinstance(report, DragEnded):
             self.edit_follower.take_end(report)
             if report.how == "failed":
@@ -474,7 +482,9 @@ class Session:
         job = self.jobs.get(report.job)
         if job is None:
             return
-        if isinstance(report, JobStarted):
+        if isinstance(report, JobProgress):
+            job.take(report)
+        elif isinstance(report, JobStarted):
             job.started = True
         elif isinstance(report, JobReported):
             if isinstance(report.event, PhaseStarted):

@@ -1,6 +1,6 @@
-"""What a tab shows, resolved once per drawing from the tab's state and the project."""
+"""What a tab shows: the frame that is due while a clip plays, and the fits and bodies of each drawing."""
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -67,13 +67,20 @@ class OnShow:
     @property
     def version(self) -> Hashable:
         """Identifies the frame and the bodies of both fits."""
-        fits = tuple(None if fit is None else fit.version for fit in (self.a, self.b))
-        return self.frame, fits, tuple(None if live is None else live.revision for live in (self.live_a, self.live_b))
+        return self.stored, *(None if live is None else live.revision for live in (self.live_a, self.live_b))
 
-    def follows(self, other: "OnShow") -> bool:
-        """Whether it is another one on show, but for bodies that a drag has changed."""
-        still = replace(self, live_a=other.live_a, live_b=other.live_b)
-        return self.revision is not None and self.version != other.version and still == other
+    @property
+    def stored(self) -> Hashable:
+        """Identifies the frame and both fits, without drags."""
+        return self.frame, *(None if fit is None else fit.version for fit in (self.a, self.b))
+
+    def followed(self, session: Session) -> "OnShow | None":
+        """The same with the newest bodies of drags; None if one has begun or ended, because the fits may have changed
+        too."""
+        live = [live_window(session, fit, self.frame) for fit in (self.a, self.b)]
+        if any((one is None) != (was is None) for one, was in zip(live, (self.live_a, self.live_b), strict=True)):
+            return None
+        return replace(self, live_a=live[0], live_b=live[1])
 
 
 def on_show(state: TabState, session: Session) -> OnShow:
@@ -116,3 +123,66 @@ def _places(state: TabState, there: bool) -> tuple[tuple[Slot, ...], ...]:
     if state.mode == "edit":
         return ((), edited) if state.close_up and state.bodies and there else (edited,)
     return (("b",), ("a",)) if state.blinked else (("a",), ("b",))
+
+
+# --- playing: in real time, but no faster than the page draws ---
+
+PATIENCE = 0.5
+"""Seconds after which a frame counts as drawn although the page did not report it: a hidden tab reports nothing."""
+
+
+class Playback:
+    """Says which frame is due. Times are in seconds of one clock.
+
+    Args:
+        frame_rate: of the clip.
+    """
+
+    def __init__(self, frame_rate: float) -> None:
+        self.frame_rate = frame_rate
+        self._start: tuple[float, int] = (0.0, 0)
+        self._sent: tuple[float, int] | None = None
+
+    def begin(self, now: float, frame: int) -> None:
+        """Play from this frame."""
+        self._start, self._sent = (now, frame), None
+
+    def sent(self, now: float, frame: int) -> None:
+        """A frame was sent to the page."""
+        self._sent = (now, frame)
+
+    def drawn(self, frame: int) -> None:
+        """The page has drawn a frame."""
+        if self._sent is not None and self._sent[1] == frame:
+            self._sent = None
+
+    def waits(self, now: float) -> bool:
+        """Whether the page is still busy with the last frame; later ones are dropped meanwhile."""
+        return self._sent is not None and now - self._sent[0] < PATIENCE
+
+    def due(self, now: float, speed: float, frames: range, *, loop: bool) -> tuple[int, bool]:
+        """The frame to show, and whether playing continues.
+
+        Args:
+            now: the time.
+            speed: 1 for real time.
+            frames: the frames to play.
+            loop: start again at the end; otherwise stop there.
+        """
+        began, first = self._start
+        frame = first + int((now - began) * self.frame_rate * speed)
+        if frame in frames:
+            return frame, True
+        if not loop or len(frames) < 2:
+            return frames[-1], False
+        start = frames.start + (frame - frames.start) % len(frames) if frame >= frames.stop else frames.start
+        self.begin(now, start)
+        return start, True
+
+
+def coming(frame: int, frames: range, count: int, *, loop: bool) -> Sequence[int]:
+    """The frames after this one, in playing order."""
+    rest = list(range(frame + 1, min(frame + 1 + count, frames.stop)))
+    if loop and len(rest) < count:
+        rest += list(frames[: count - len(rest)])
+    return rest

@@ -21,9 +21,8 @@ from tcfit_app.review.scene.side_view import usual_width
 from tcfit_app.review.scene.windows import Arrangement, divide
 from tcfit_app.review.session.tasks import Task, Value, Work
 from tcfit_app.review.tab.buttons import Buttons
-from tcfit_app.review.tab.on_show import OnShow, on_show
+from tcfit_app.review.tab.on_show import OnShow, Playback, on_show
 from tcfit_app.review.tab.people import Someone
-from tcfit_app.review.tab.playback import Playback
 from tcfit_app.review.tab.state import SIDE_WIDTHS, FitSettings, TabState, seen_alike
 from tcfit_app.server.gate import HOME
 from tcfit_app.server.gated_viser import Visitor
@@ -345,6 +344,12 @@ class Tab:
         self._go_over_to_corrections()
         self._shown = on_show(self.state, self.session)
         return self._shown
+
+    def follow(self) -> None:
+        """Resolve again the bodies of a drag alone, while nothing else can have changed; everything without a drag."""
+        last = self._shown
+        moved = None if last is None or last.revision is None else last.followed(self.session)
+        self._shown = moved or self.look()
 
     def _go_over_to_corrections(self) -> None:
         """If B is a run that this tab has corrected, switch to the run of its corrections; and back to the run itself

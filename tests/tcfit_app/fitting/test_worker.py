@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from queue import SimpleQueue
 from typing import Any
 
 import numpy as np
@@ -34,7 +35,6 @@ from tcfit_app.fitting.reports import (
     JobReported,
     JobStarted,
     Report,
-    Reports,
 )
 from tcfit_app.fitting.worker import LiveDrag, Worker
 from tests.samples import sessions
@@ -127,16 +127,16 @@ def until(condition: Callable[[], Any]) -> None:
 class Reader:
     """The draw loop's side: everything that came out of the worker so far."""
 
-    source: Reports
+    source: SimpleQueue[Report]
     reports: list[Report] = field(default_factory=list)
     progress: list[JobProgress] = field(default_factory=list)
     moved: list[DragMoved] = field(default_factory=list)
 
     def look(self) -> "Reader":
-        news = self.source.take()
-        self.reports += news.reports
-        self.progress += [news.progress] if news.progress else []
-        self.moved += news.moved
+        while not self.source.empty():
+            report = self.source.get()
+            kinds = {JobProgress: self.progress, DragMoved: self.moved}
+            kinds.get(type(report), self.reports).append(report)
         return self
 
     def of(self, *kinds: Kind) -> list[Any]:
@@ -299,20 +299,6 @@ def test_a_drag_holds_a_job_between_iterations_and_does_not_count(
     assert 0 < reader.progress[-1].elapsed < time.perf_counter() - begin - 0.3
     worker.cancel()
     reader.wait(JobCancelled)
-
-
-def test_the_slot_holds_the_newest_and_ends_empty():
-    reports = Reports()
-    seen = [JobProgress(job=1, phrase="", fraction=s, terms={}, elapsed=s, remaining=None) for s in (0.1, 0.2)]
-    for progress in seen:
-        reports.show(progress)
-    reports.tell(JobStarted(job=1))
-    assert reports.take().progress is seen[1]
-    assert reports.take().progress is None
-    reports.show(seen[0])
-    reports.tell(JobEnded(job=1, how="cancelled"))
-    news = reports.take()
-    assert news.progress is None and len(news.reports) == 1
 
 
 def drag_of(clip: Clip, body: BodyModel, params: BodyParams) -> Correction:

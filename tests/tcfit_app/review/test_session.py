@@ -28,7 +28,7 @@ from tcfit_app.fitting import fits as fits_module
 from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.fitting.job_progress import RunningJob
 from tcfit_app.fitting.jobs import Job, RerunFrames, around
-from tcfit_app.fitting.reports import DragEnded, DragMoved, JobEnded
+from tcfit_app.fitting.reports import DragEnded, JobEnded
 from tcfit_app.project.edits.kinds import MarkBad, MoveKeypoint, Nudge, SetDepth
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_record import Given, Source
@@ -282,22 +282,6 @@ def test_the_end_of_one_drag_leaves_another_tabs_alone(session: Session, monkeyp
     other.abandon()
     until(session, lambda: not follower.busy)
     assert follower.live is None and follower.window(shown.run.id, FRAMES - 1) is None
-
-
-def test_windows_of_two_drags_are_both_told(session: Session):
-    """Neither takes the other's place among the reports, and the end of one leaves the news of the other there."""
-    reports, params = session.worker.reports, newest(session).params
-
-    def show(drag: int) -> None:
-        reports.show(DragMoved(drag=drag, frames=range(2), params=params))
-
-    for drag in (1, 2, 1):
-        show(drag)
-    assert sorted(moved.drag for moved in reports.take().moved) == [1, 2]
-    for drag in (1, 2):
-        show(drag)
-    reports.tell(DragEnded(drag=1, how="abandoned"))
-    assert [moved.drag for moved in reports.take().moved] == [2] and reports.take().moved == ()
 
 
 def test_corrections_of_a_run_that_was_deleted_are_not_kept(session: Session):
@@ -730,8 +714,8 @@ def test_news_that_cannot_be_taken_up_leave_the_others(session: Session, monkeyp
 
     monkeypatch.setattr(session.edit_follower, "take_end", fail)
     session.jobs[99] = RunningJob(number=99, run=None, title="job", phases=(3,))
-    session.worker.reports.tell(DragEnded(drag=7, how="abandoned"))
-    session.worker.reports.tell(JobEnded(job=99, how="finished"))
+    session.worker.reports.put(DragEnded(drag=7, how="abandoned"))
+    session.worker.reports.put(JobEnded(job=99, how="finished"))
     session.take_news()
     assert not session.jobs
     assert [notice.kind for notice in told(session)] == ["error"] and "no such drag" in told(session)[0].text
@@ -796,9 +780,9 @@ def test_closing_leaves_what_has_ended_by_itself_as_it_ended(
     session: Session, monkeypatch: pytest.MonkeyPatch, while_closing: bool
 ):
     """The session has not asked for the worker's news by then."""
-    ended, tell, close = [], session.worker.reports.tell, session.worker.close
+    ended, tell, close = [], session.worker._report, session.worker.close
     monkeypatch.setattr(
-        session.worker.reports, "tell", lambda report: (tell(report), ended.append(isinstance(report, JobEnded)))
+        session.worker, "_report", lambda report: (tell(report), ended.append(isinstance(report, JobEnded)))
     )
 
     def wait() -> None:
