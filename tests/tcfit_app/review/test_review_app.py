@@ -235,28 +235,6 @@ def test_a_right_click_beside_all_keypoints_opens_the_picture_s_menu(review: Rev
     review.press("m", lambda: review.page.tab.state.bodies)
 
 
-def test_the_video_is_seen_alone_while_a_button_is_held(review: Reviewing):
-    button = review.tab.get_by_role("button", name="Video only, while held")
-    review.tab.locator("[role=tab]", has=review.tab.locator("svg")).first.click()
-    button.hover()
-    x, y = review.tab.evaluate("([x, y]) => tcfit.place(x, y)", review.session.project.corrected.xy[8, WRIST].tolist())
-    painted = f"""() => {{
-      const canvas = document.querySelector('.tcfit > canvas'), {{ left, top, width }} = canvas.getBoundingClientRect();
-      const k = canvas.width / width;
-      return canvas.getContext('2d').getImageData(k * ({x} - left), k * ({y} - top), 1, 1).data[3] > 0;
-    }}"""
-    until(lambda: review.tab.evaluate(painted), "the keypoint")
-    for press, let_go in (
-        (review.tab.mouse.down, review.tab.mouse.up),
-        (lambda: review.tab.keyboard.down("Enter"), lambda: review.tab.keyboard.up("Enter")),
-    ):
-        button.focus()
-        press()
-        until(lambda: not review.tab.evaluate(painted), "the video alone")
-        let_go()
-        until(lambda: review.tab.evaluate(painted), "the keypoint again")
-
-
 def test_the_side_view_follows_the_frame_and_is_widened(review: Reviewing):
     def side() -> dict:
         return review.tab.evaluate("() => tcfit.state('side')")
