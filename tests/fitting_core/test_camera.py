@@ -12,7 +12,6 @@ from fitting_core.camera import (
     DEFAULT_FOCAL,
     Camera,
     FocalFrom,
-    default_focal,
     focal_from_35mm,
     focal_from_fov,
     focal_from_words,
@@ -74,8 +73,3 @@ def test_35mm_equivalent_by_the_diagonal():
     # A full frame of 3600 x 2400 pixels has 100 pixels to the millimetre.
     assert focal_from_35mm(50.0, (3600, 2400)) == pytest.approx(5000)
     assert focal_from_35mm(50.0, (2400, 3600)) == pytest.approx(5000)
-
-
-def test_default_is_the_diagonal():
-    assert default_focal((640, 480)) == pytest.approx(800)
-    assert default_focal((640, 480)) == pytest.approx(focal_from_35mm(math.hypot(36, 24), (640, 480)))

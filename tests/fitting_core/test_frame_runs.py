@@ -6,12 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fitting_core.frame_runs import runs, runs_where
-
-
-def test_a_gap_ends_a_run():
-    assert runs([3, 7, 8, 9, 12]) == [range(3, 4), range(7, 10), range(12, 13)]
-    assert runs([]) == []
+from fitting_core.frame_runs import runs_where
 
 
 @given(st.lists(st.booleans(), max_size=40))

@@ -22,11 +22,6 @@ def test_openpose_order_of_the_documentation():
     assert {i: kp.NAMES[i] for i in expected} == expected
 
 
-def test_index_prefers_the_body_wrist():
-    assert (kp.INDEX["left_wrist"], kp.INDEX["right_wrist"]) == (7, 4)
-    assert all(kp.INDEX[name] == i for i, name in enumerate(kp.NAMES) if i not in (25, 46))
-
-
 def test_bones_stay_in_their_group_and_connect_it():
     for name in ("body", "left_hand", "right_hand"):
         members = set(range(137)[kp.GROUPS[name]])
@@ -58,9 +53,3 @@ def test_not_finite_is_refused(broken: str, value: float):
     arrays[broken].reshape(-1)[3] = value
     with pytest.raises(AssertionError):
         Keypoints(**arrays)
-
-
-@pytest.mark.parametrize("shapes", [((2, 135, 2), (2, 135)), ((2, 137, 2), (3, 137)), ((2, 137, 3), (2, 137))])
-def test_other_shapes_are_refused(shapes: tuple):
-    with pytest.raises(AssertionError):
-        Keypoints(xy=np.zeros(shapes[0]), confidence=np.zeros(shapes[1]))

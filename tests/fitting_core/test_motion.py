@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 
 from fitting_core.body.model import BodyModel
 from fitting_core.camera import World
-from fitting_core.errors import InputError
 from fitting_core.ground.level import Level, level_of, upright
 from fitting_core.motion import AXES, OWN_WORLD, stated, stated_by_frame
 from tests.fitting_core.io.motion.motions import meshes, swinging
@@ -25,15 +24,6 @@ def test_the_mesh_turns_as_a_whole(tiny_body: BodyModel, start: str, axes: str):
     assert np.allclose(meshes(turned), meshes(motion) @ turn.T, atol=1e-5)
     assert np.allclose(turned.joints(), motion.joints() @ turn.T, atol=1e-5)
     assert np.allclose(turned.pelvis, turned.joints()[:, 0], atol=1e-5)
-
-
-def test_upright_is_upright(free_body: BodyModel):
-    motion = swinging(free_body)
-    joints = {axes: motion.in_axes(axes).joints() for axes in AXES}
-    assert (joints["y-up"][..., 2] < 0).all(), "the camera looks along -z"
-    assert (joints["z-up"][..., 1] > 0).all(), "what is farther away has the greater y"
-    assert np.allclose(joints["y-up"][..., 1], -joints["camera"][..., 1], atol=1e-6)
-    assert np.allclose(joints["z-up"][..., 2], -joints["camera"][..., 1], atol=1e-6)
 
 
 def test_the_translation_takes_the_pelvis_into_account(free_body: BodyModel):
@@ -114,19 +104,6 @@ def test_a_calibrated_camera_puts_the_motion_into_its_world(free_body: BodyModel
     said = stated(moved)
     assert np.allclose(plain.joints() @ np.array(said["camera_to_world"]).T + said["camera_place"], expected, atol=1e-5)
     assert "calibration" in said["axes_text"] and f"{axes[0] if axes != OWN_WORLD else 'z'} up" in said["axes_text"]
-
-
-def test_there_is_no_world_without_a_calibration(tiny_body: BodyModel):
-    with pytest.raises(InputError, match="Give it by --camera"):
-        swinging(tiny_body).in_axes(OWN_WORLD)
-
-
-def test_gravity_alone_turns_and_moves_nothing(tiny_body: BodyModel):
-    camera = replace(swinging(tiny_body), level=replace(FLOOR, height=None))
-    world = camera.in_axes("y-up")
-    assert np.allclose(world.joints()[..., 1], camera.joints() @ UP, atol=1e-5)
-    said = stated(world)
-    assert said["camera_place"] == [0, 0, 0] and "by gravity" in said["axes_text"] and "floor" not in said["axes_text"]
 
 
 def test_without_a_level_the_camera_counts_as_held_level(tiny_body: BodyModel):

@@ -62,13 +62,6 @@ def test_smplx_arrays_are_those_of_the_file(tmp_path: Path):
     assert all(getattr(body, name).dtype == np.int64 for name in INDICES)
 
 
-def test_expressions_start_after_300_shapes_in_files_of_400_columns(tmp_path: Path):
-    arrays = body_arrays("smplx", columns=400)
-    body = load_body(write_npz(tmp_path / "SMPLX_MALE.npz", arrays))
-    np.testing.assert_array_equal(body.shape_directions, arrays["shapedirs"][:, :, :10])
-    np.testing.assert_array_equal(body.expression_directions, arrays["shapedirs"][:, :, 300:310])
-
-
 @pytest.mark.parametrize("kind", KINDS)
 def test_official_meshes_have_their_keypoint_vertices(tmp_path: Path, kind: str):
     body = load_body(write_npz(tmp_path / "body.npz", full_size_body(kind)))
@@ -111,14 +104,6 @@ def test_posed_body_is_that_of_the_file(tmp_path: Path, kind: str):
         body.template, body.pose_directions, body.joint_regressor, body.skinning_weights, body.parents, rotations
     )
     np.testing.assert_allclose(found, expected, atol=1e-12)
-
-
-def test_plain_hands_bend_fingers_first():
-    components = plain_hand_components()
-    np.testing.assert_array_equal(components @ components.T, np.eye(45))
-    bent = components[:12].sum(axis=0).reshape(15, 3)
-    np.testing.assert_array_equal(bent[:12], np.tile([0.0, 0.0, 1.0], (12, 1)))
-    assert not bent[12:].any()
 
 
 def test_file_without_hands_gets_plain_ones(tmp_path: Path):
@@ -377,21 +362,6 @@ def test_npz_that_unpacks_too_large_is_refused_before_unpacking(tmp_path: Path, 
         load_body(path)
     monkeypatch.setattr("fitting_core.body.files.raw_file.MAX_BYTES", size)
     assert len(load_body(path).template) == VERTICES
-
-
-@pytest.mark.parametrize(
-    ("name", "gender"),
-    [
-        ("SMPLX_NEUTRAL.npz", "neutral"),
-        ("SMPLH_female.npz", "female"),
-        ("basicModel_m_lbs_10_207_0_v1.0.0.npz", "male"),
-        ("male/model.npz", "male"),
-        ("folder/body.npz", "neutral"),
-        ("male/SMPLX_FEMALE.npz", "female"),
-    ],
-)
-def test_gender_comes_from_the_name(tmp_path: Path, name: str, gender: str):
-    assert load_body(write_npz(tmp_path / name, body_arrays())).gender == gender
 
 
 def test_a_body_in_use_is_not_read_again_and_a_changed_file_is(tmp_path: Path):

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from build_assets.free_body.face.expressions import EXPRESSIONS
-from build_assets.free_body.skin.skinning import JAW_OPENING, MAX_INFLUENCES, joint_mirror
+from build_assets.free_body.skin.skinning import JAW_OPENING, joint_mirror
 from build_assets.free_body.skin.surface_keypoints import SMPLX_VERTICES
 from fitting_core.body.files.forms import PARENTS
 from fitting_core.body.model import JOINT, JOINTS
@@ -16,8 +16,6 @@ from fitting_core.shipped import FREE_FOLDER
 GENDERS = ("neutral", "male", "female")
 MIRROR = np.array([-1.0, 1.0, 1.0])
 FINGERS = ("thumb", "index", "middle", "ring", "pinky")
-LONG_FINGERS = FINGERS[1:]
-YAW_ORDER = np.r_[78:39:-1, 0:40]  # bins from 39 degrees over 0 to -39
 
 Arrays = dict[str, np.ndarray]
 
@@ -83,16 +81,6 @@ def landmarks(body: Arrays, vertices: np.ndarray) -> np.ndarray:
     return np.einsum("lk,lkd->ld", body["lmk_bary_coords"], vertices[body["f"][body["lmk_faces_idx"]]])
 
 
-def contour(body: Arrays) -> np.ndarray:
-    corners = body["v_template"][body["f"][body["dynamic_lmk_faces_idx"]]]
-    return np.einsum("ylk,ylkd->yld", body["dynamic_lmk_bary_coords"], corners)
-
-
-@pytest.mark.parametrize("key", ["f", "weights", "lmk_faces_idx", "lmk_bary_coords", "dynamic_lmk_faces_idx"])
-def test_genders_share_their_topology(key: str) -> None:
-    assert all((load(gender)[key] == load("neutral")[key]).all() for gender in GENDERS)
-
-
 def test_surface_is_closed_and_oriented(neutral: Arrays) -> None:
     faces = neutral["f"].astype(int)
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
@@ -140,14 +128,6 @@ def test_shapes_within_two_deviations_are_plausible(body: Arrays) -> None:
     assert volume(shaped(body, 3, 2.0), body["f"]) > 1.8 * volume(shaped(body, 3, -2.0), body["f"])
 
 
-def test_weights_are_few_and_sum_to_one(neutral: Arrays) -> None:
-    weights = neutral["weights"]
-    assert (weights >= 0).all()
-    assert (weights > 0).sum(1).max() <= MAX_INFLUENCES
-    assert np.abs(weights.sum(1) - 1).max() < 1e-6
-    assert (weights.sum(0) > 0).all(), "a joint moves nothing"
-
-
 @pytest.mark.parametrize("side", ["left", "right"])
 @pytest.mark.parametrize("finger", FINGERS)
 def test_fingertips_lie_beyond_the_last_joint(body: Arrays, side: str, finger: str) -> None:
@@ -191,27 +171,6 @@ def test_landmarks_are_ordered_on_the_front_of_the_face(body: Arrays) -> None:
     assert np.allclose(body["lmk_bary_coords"].sum(1), 1, atol=1e-6)
 
 
-def test_contour_runs_without_jumps(body: Arrays) -> None:
-    steps = np.linalg.norm(np.diff(contour(body)[YAW_ORDER], axis=0), axis=-1)
-    assert steps.max() < 4e-3, "metres per degree of yaw"
-    assert np.allclose(body["dynamic_lmk_bary_coords"].sum(-1), 1, atol=1e-6)
-    assert (body["dynamic_lmk_bary_coords"] >= 0).all()
-
-
-def test_contour_lies_on_the_outline_of_the_turned_face(neutral: Arrays) -> None:
-    """The far cheek's points are the outermost of the face, chin to temple, as a camera in front sees them."""
-    face = neutral["v_template"][neutral["weights"][:, JOINT["head"]] + neutral["weights"][:, JOINT["jaw"]] > 0.99]
-    for degrees, bin_number, far in [(30, 69, slice(12, 16)), (-30, 30, slice(1, 5))]:
-        turn = Rotation.from_euler("y", degrees, degrees=True).as_matrix().T
-        seen = contour(neutral)[bin_number] @ turn
-        skin = face @ turn
-        skin = skin[skin[:, 2] > skin[:, 2].max() - 0.11]
-        sign = 1 if degrees > 0 else -1
-        for point in seen[far]:
-            outermost = (sign * skin[np.abs(skin[:, 1] - point[1]) < 0.004, 0]).max()
-            assert abs(sign * point[0] - outermost) < 0.006
-
-
 def test_expressions_move_the_face_only(neutral: Arrays) -> None:
     directions = neutral["shapedirs"][..., 10:]
     moved = np.linalg.norm(directions, axis=1).max(-1)
@@ -253,21 +212,6 @@ def test_jaw_opens_the_mouth(body: Arrays) -> None:
     assert abs(drop[51]) < 0.003 and abs(drop[33]) < 0.001
 
 
-def test_correctives_keep_a_twisted_wrist_thick(body: Arrays) -> None:
-    wrist, elbow = body["J"][JOINT["left_wrist"]], body["J"][JOINT["left_elbow"]]
-    along = (body["v_template"] - elbow) @ (wrist - elbow) / ((wrist - elbow) ** 2).sum()
-    ring = (np.abs(along - 1) < 0.04) & (np.linalg.norm(body["v_template"] - wrist, axis=1) < 0.06)
-
-    def thickness(vertices: np.ndarray) -> float:
-        return float(np.linalg.norm((vertices[ring] - wrist)[:, 1:], axis=1).mean())
-
-    rest = thickness(body["v_template"])
-    twisted = {c: thickness(posed(body, {"left_wrist": (90, 0, 0)}, corrected=c)) for c in (False, True)}
-    # Measured: 0.75 without and 0.93 with correctives; a full linear blend of the twist in them would give 0.83.
-    assert twisted[False] < 0.80 * rest
-    assert twisted[True] > 0.90 * rest
-
-
 @pytest.mark.parametrize(
     "pose",
     [
@@ -284,17 +228,3 @@ def test_correctives_preserve_volume(neutral: Arrays, pose: dict[str, tuple[floa
     rest = volume(neutral["v_template"].astype(float), neutral["f"])
     lost = {c: abs(rest - volume(posed(neutral, pose, corrected=c), neutral["f"])) for c in (False, True)}
     assert lost[True] < lost[False]
-
-
-@pytest.mark.parametrize("side", ["left", "right"])
-def test_first_hand_component_closes_the_hand(body: Arrays, side: str) -> None:
-    key = side[0]
-    angles = body[f"hands_mean{key}"] + 2.2 * body[f"hands_components{key}"][0]
-    first = JOINT[f"{side}_index1"]
-    pose = {JOINTS[first + k]: tuple(np.degrees(turn)) for k, turn in enumerate(angles.reshape(15, 3))}
-    closed = posed(body, pose)
-    wrist = body["J"][JOINT[f"{side}_wrist"]]
-    for finger in LONG_FINGERS:
-        tip, knuckle = SMPLX_VERTICES[f"{side}_{finger}"], body["J"][JOINT[f"{side}_{finger}1"]]
-        assert np.linalg.norm(closed[tip] - wrist) < 0.75 * np.linalg.norm(body["v_template"][tip] - wrist)
-        assert closed[tip, 1] < knuckle[1] - 0.015, "the palm faces down"

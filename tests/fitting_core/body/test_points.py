@@ -80,20 +80,6 @@ def test_offset_moves_with_its_bone(tiny_body: BodyModel):
         np.testing.assert_allclose(posed.points[i, 0], expected, rtol=0, atol=1e-12)
 
 
-def test_keypoints_of_the_free_body_lie_on_its_mesh(free_body: BodyModel):
-    """All keypoints that are joints or fixed surface points, on the real mesh with correctives."""
-    # Without translation: the landmarks' float32 weights sum to 1 only within 1e-7.
-    params = replace(random_params(2), camera_translation=torch.zeros(2, 3, dtype=torch.float64))
-    known = [p for p in keypoint_points(free_body) if p is not None and not isinstance(p, Contour | Offset)]
-    assert len(known) > 100
-    posed = posed_points(BodyPoints(free_body, known), params, free_body, None)
-    mesh = Mesh(free_body, dtype=torch.float64)
-    vertices, joints = mesh(params).numpy(), mesh.joints(params).numpy()
-    for i in range(2):
-        expected = [point_of_mesh(free_body, p, vertices[i], joints[i], 0) for p in known]
-        np.testing.assert_allclose(posed.points[i], np.array(expected), rtol=0, atol=1e-12)
-
-
 class Scene:
     """Points of a body in some state, and the derivatives of their positions by a step of joints and coefficients."""
 
@@ -143,12 +129,6 @@ def test_entries_are_the_derivative_with_the_correctives_held(scene: Scene, tiny
     assert float((scene.by_joint() - expected).abs().max()) > 1e-4  # the correctives do matter
     plain = Scene(without_correctives(tiny_body))
     torch.testing.assert_close(plain.entries(EVERY), plain.by_joint(), rtol=0, atol=1e-12)
-
-
-def test_left_factor_is_applied_to_each_point(scene: Scene):
-    left = torch.randn(4, len(POINTS), 2, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(1))
-    expected = torch.einsum("bnrx,bnxjk->bnrjk", left, scene.entries(EVERY))
-    torch.testing.assert_close(scene.entries(left), expected, rtol=0, atol=1e-12)
 
 
 def test_derivative_by_the_coefficients_is_exact(scene: Scene):

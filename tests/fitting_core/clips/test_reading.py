@@ -59,14 +59,6 @@ def alignment_note(clip: Clip) -> str:
     return re.sub(r"_0+(?=\d)", "_", notes[0]) if notes else ""
 
 
-def test_matching_counts_need_no_note(video, walk):
-    path = video(6)
-    clip = read_clip(path, walk(range(6)))
-    assert neck_numbers(clip) == [0, 1, 2, 3, 4, 5]
-    assert (clip.name, clip.source, clip.first_frame, clip.frame_rate, clip.notes) == ("walk", path, 0, 25.0, ())
-    assert (clip.camera.size, clip.camera.center) == (SIZE, (160.0, 120.0))
-
-
 BY_NAMES, FROM_1, FROM_FIRST = "the numbers in their names", "their numbers, counted from 1", "from the first file on"
 ALIGNMENTS = {
     "gaps": ([0, 1, 4, 5], [0, 1, None, None, 4, 5], f"{BY_NAMES}. 2 frames have no keypoints"),
@@ -154,24 +146,9 @@ def test_without_video_or_size_the_size_is_guessed_and_noted(walk):
     assert any("30 frames per second are assumed" in note for note in clip.notes)
 
 
-def test_part_of_a_clip(video, walk):
-    clip = read_clip(video(10), walk([0, 1, 2, 5, 6]), clip=ClipOptions(first_frame=2, last_frame=6))
-    assert neck_numbers(clip) == [2, None, None, 5, 6]
-    assert clip.first_frame == 2
-    assert "Person: found in 3 of 5 frames, not in frames 3-4." in clip.notes
-
-
 def neck_numbers_read(path: Path, clip: Clip) -> list[int | None]:
     keypoints, _, _ = read_keypoints(path, clip)
     return neck_numbers(replace(clip, keypoints=keypoints))
-
-
-def test_keypoints_for_a_part_of_a_clip_without_video(walk):
-    """The files that it was made from give the same again."""
-    folder = walk([*range(50, 62), *range(64, 100)])
-    for first, last in ((50, 53), (60, 66), (90, 99)):
-        clip = read_clip(None, folder, clip=ClipOptions(image_size=SIZE, first_frame=first, last_frame=last))
-        assert neck_numbers_read(folder, clip) == neck_numbers(clip)
 
 
 @pytest.mark.parametrize("numbers, expected", [([51, 53], [51, None, 53]), ([7, 9], [7, None, 9])])
@@ -195,13 +172,6 @@ def test_a_person_is_chosen_or_asked_for(video, write_people, figure):
     assert neck_numbers(chosen) == [100, 100, 100] and neck_numbers(asked) == [-40, -40, -40]
     assert any("largest and surest of 2 people" in note for note in chosen.notes)
     assert any("whoever is at place 0 of the list of frame 0, as asked" in note for note in asked.notes)
-
-
-def test_normalised_keypoints(video, write_people, figure):
-    person = figure(160, 120, height=100) * [1 / 319, 1 / 239, 1]
-    clip = read_clip(video(1), write_people({"walk_0": [person]}))
-    assert clip.keypoints.xy[0, 8] == pytest.approx([160, 120])
-    assert any("normalised to 0..1" in note for note in clip.notes)
 
 
 CAMERAS = {
@@ -247,12 +217,6 @@ WRONG_OPTIONS = {
 def test_wrong_options(video, walk, options, message):
     with pytest.raises(InputError, match=message):
         read_clip(video(1), walk([0]), **as_options(options))
-
-
-def test_a_frame_rate_other_than_the_videos_is_noted(video, walk):
-    clip = read_clip(video(1), walk([0]), clip=ClipOptions(frame_rate=29.97))
-    assert clip.frame_rate == 29.97
-    assert clip.notes == ("The frame rate is 29.97 as given; the video says 25.",)
 
 
 def test_a_truncated_video_is_used_as_far_as_it_goes(video, walk):
@@ -326,19 +290,6 @@ def test_keypoints_of_images_of_another_size(video, write_people, figure):
     folder = write_people({"walk_0": [figure(900, 500, height=300)]})
     with pytest.raises(InputError, match=r"100% of the keypoints lie outside the image: .* the image is 320 x 240"):
         read_clip(video(1), folder)
-
-
-def test_keypoints_partly_outside_are_noted(video, write_people, figure):
-    clip = read_clip(video(1), write_people({"walk_0": [figure(160, 200, height=100)]}))
-    assert any("lie outside the image" in note for note in clip.notes)
-
-
-def test_keypoints_without_their_images(tmp_path):
-    (tmp_path / "keypoints").mkdir()
-    with pytest.raises(InputError, match=r"SMPLify-X layout it lacks images/"):
-        read_clip(tmp_path)
-    with pytest.raises(InputError, match="Neither a video nor keypoints were given"):
-        read_clip(None)
 
 
 @pytest.mark.parametrize("broken", ["video", "keypoints", "no video", "no images"])

@@ -157,17 +157,6 @@ def test_who_is_found_in_very_few_frames_is_nobody(video: Path):
     assert [len(masks) for masks in found.silhouettes] == [1] * FRAMES
 
 
-@pytest.mark.parametrize("frames", [range(1), range(9, 10), range(2, 5)])
-def test_clips_of_very_few_frames(video: Path, frames: range):
-    found = result(detection(video, FakeDetector(one), frames))
-    assert [len(people) for people in found.people] == [1] * len(frames)
-
-
-def test_nobody_at_all(video: Path):
-    found = result(detection(video, FakeDetector(lambda frame: standing())))
-    assert [people.shape for people in found.people] == [(0, COUNT, 3)] * FRAMES
-
-
 def test_old_detections_make_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(stored, "_MOST_KEPT", 3500)
     stores = [
@@ -185,15 +174,6 @@ def test_old_detections_make_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     (stores[3].folder / "part-000001.npz").write_bytes(b"0" * 900)
     stores[4].begin()
     assert [store.folder.exists() for store in stores] == [False, True, False, True, True]
-
-
-def test_many_short_videos_stay(tmp_path: Path):
-    """The first of a list are needed again once a subject's shape is found."""
-    settings = [DetectionSettings(video=str(n), first_frame=0, last_frame=9, detector="d") for n in range(300)]
-    stores = [StoredDetection(one, tmp_path) for one in settings]
-    for store in stores:
-        store.begin()
-    assert all(store.folder.exists() for store in stores)
 
 
 def test_a_detection_that_takes_all_the_room_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

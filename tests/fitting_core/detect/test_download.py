@@ -155,15 +155,6 @@ def test_what_cannot_be_gone_on_with_begins_anew(
     assert finished(known, tmp_path).path.read_bytes() == onnx_bytes
 
 
-def test_a_beginning_that_is_longer_than_the_file(known: KnownModel, served: Served, tmp_path: Path):
-    served.breaks_after = 5000
-    with pytest.raises(InputError):
-        list(download(known, tmp_path))
-    served.breaks_after = None
-    (tmp_path / ".dwpose-l.part").write_bytes(bytes(len(served.content) + 9))
-    assert finished(known, tmp_path).checked
-
-
 def test_a_wrong_checksum_is_refused(known: KnownModel, served: Served, tmp_path: Path, onnx_bytes: bytes):
     wrong = replace(known, sha256="0" * 64)
     with pytest.raises(InputError, match=f"{hashlib.sha256(onnx_bytes).hexdigest()}; {'0' * 64} is known for it"):
@@ -218,10 +209,3 @@ def test_servers_that_are_not_there_or_refuse(known: KnownModel, served: Served,
     served.status = 404
     with pytest.raises(InputError, match="answers 404"):
         list(download(known, tmp_path))
-
-
-def test_names_that_are_no_models(tmp_path: Path):
-    with pytest.raises(InputError, match="models add dwpose-l"):
-        find_model("dwpose-l", tmp_path)
-    with pytest.raises(InputError, match=r"no such model file; expected an ONNX file .*dwpose-l"):
-        find_model("dwpose-xl", tmp_path)

@@ -8,12 +8,10 @@ from scipy.spatial.transform import Rotation
 
 from fitting_core import keypoints as kp
 from fitting_core.camera import CameraPath, PathScale, path_of
-from fitting_core.ground.contacts import FOOT_POINTS
 from fitting_core.ground.path_scale import estimate_path_scale
 from tests.samples.walkers import CAMERA, RATE, Walker, walker
 
 FRAMES = 108
-LEGS = [kp.INDEX[f"{side}_{part}"] for side in ("left", "right") for part in ("knee", "ankle")]
 
 
 def path(*, metres: float) -> CameraPath:
@@ -62,17 +60,6 @@ def test_one_who_walks_with_the_camera_does_not_hide_its_way():
     assert found is not None and abs(np.log(found.metres / 3.0)) < 0.25
 
 
-def test_without_feet_the_trunk_says_it_less_surely():
-    hidden = np.concatenate([LEGS, FOOT_POINTS.ravel()])
-    found, with_feet = (
-        estimate(standing(), path(metres=0.8), 5.0, hidden=hidden),
-        estimate(standing(), path(metres=0.8), 5.0),
-    )
-    assert found is not None and with_feet is not None and found.by == "a trunk that rests"
-    assert abs(np.log(found.metres / 5.0)) < 2 * found.deviation
-    assert found.deviation > with_feet.deviation
-
-
 @pytest.mark.parametrize(
     ("true", "hidden"),
     [
@@ -84,9 +71,3 @@ def test_without_feet_the_trunk_says_it_less_surely():
 )
 def test_where_nothing_tells_nothing_is_said(true: CameraPath, hidden: np.ndarray | None):
     assert estimate(walker(FRAMES), true, 1.0, hidden=hidden) is None
-
-
-def test_two_frames_say_nothing():
-    made, way = walker(FRAMES), path(metres=0.8)
-    two = replace(CAMERA, path=way[:2])
-    assert estimate_path_scale(made.xy[:2], made.confidence[:2], two, RATE) is None

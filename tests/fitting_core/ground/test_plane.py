@@ -7,7 +7,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fitting_core.body.model import BodyModel
-from fitting_core.frame_runs import runs_where
 from fitting_core.ground.contacts import FOOT_POINTS, Contacts
 from fitting_core.ground.feet import sole_heights
 from fitting_core.ground.gravity import Gravity, angles_to
@@ -51,23 +50,6 @@ def test_who_climbs_leaves_the_floor_where_the_climb_begins():
     assert isinstance(ground, Ground) and abs(ground.offset - HEIGHT) < 0.15
 
 
-def test_frames_that_are_far_off_do_not_move_it():
-    made = walker()
-    points = made.points.copy()
-    points[::7] += 0.6 * made.up
-    ground = ground_of(replace(made, points=points))
-    assert isinstance(ground, Ground) and ground.offset == pytest.approx(HEIGHT, abs=0.01)
-
-
-def test_feet_that_disagree_make_unsure():
-    made = walker()
-    points = made.points.copy()
-    for run in runs_where(made.standing[:, 0])[::2]:
-        points[run] += 0.1 * made.up
-    steady, shaken = ground_of(made), ground_of(replace(made, points=points))
-    assert isinstance(steady, Ground) and isinstance(shaken, Ground) and shaken.deviation > steady.deviation + 0.005
-
-
 def test_no_floor_without_feet_and_the_reason_is_told():
     made = walker()
     gravity, none = Gravity(up=made.up, deviation=3.0), np.zeros(made.standing.shape)
@@ -79,18 +61,6 @@ def test_no_floor_without_feet_and_the_reason_is_told():
 
 def grounding(made: Walker) -> Grounding:
     return grounding_before_fit(made.xy, made.confidence, made.lifted(), CAMERA, RATE)
-
-
-def test_before_a_fit_the_lifters_body_stands_on_its_floor():
-    found = grounding(walker(noise=0.5))
-    assert found.ground is not None and found.ground.offset == pytest.approx(HEIGHT, abs=0.05)
-    assert found.text.startswith("Ground: seen (feet stand in ") and "camera tilted 15° down" in found.text
-
-
-def test_half_a_body_has_gravity_and_no_ground():
-    found = grounding(walker().without_feet())
-    assert found.ground is None and found.contacts.share == 0
-    assert found.text.startswith("Ground: none, the feet are not in the image; camera tilted 15° down")
 
 
 def test_a_part_has_its_own_contacts_and_the_same_floor():

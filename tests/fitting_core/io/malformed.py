@@ -267,7 +267,6 @@ def pose(says: str, change: Callable[[bytes], bytes] = lambda data: data, **chan
     return Case(lambda f: content("clip.pose", change(_pose_bytes(f, **changed)))(f), read_detections, says)
 
 
-_HEADER = 4 + 6 + 2
 _OTHER = Component(name="HEAD", points=("a", "b"))
 KEYPOINTS |= {
     "pose empty": Case(content("clip.pose", b""), read_detections, "ends within its version, after 0 bytes"),

@@ -71,27 +71,9 @@ def test_a_malformed_file_is_refused_with_its_reason(name: str, tmp_path: Path) 
         read_people_file(tmp_path)
 
 
-def test_it_may_be_edited_on_windows(tmp_path: Path) -> None:
-    (tmp_path / PEOPLE_NAME).write_text(json.dumps(content()), encoding="utf-8-sig")
-    assert read_people_file(tmp_path).name == "a talk"
-
-
-def test_a_folder_without_the_file_says_so(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="has no people"):
-        read_people_file(tmp_path)
-
-
 @pytest.mark.skipif(sys.platform == "win32", reason="links need rights there")
 def test_a_link_in_the_place_of_a_folder_is_refused(tmp_path: Path) -> None:
     write_people_file(tmp_path, TWO)
     (tmp_path / "person-2").symlink_to(tmp_path.parent)
     with pytest.raises(InputError, match="is a link"):
         read_people_file(tmp_path)
-
-
-def test_nothing_is_written_that_could_not_be_read(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="plain name"):
-        write_people_file(tmp_path, People(name="x", people=(Person(name="a", folder="../b", frames=(0, 1)),)))
-    assert not holds_people(tmp_path)
-    with pytest.raises(InputError, match="cannot be written"):
-        write_people_file(tmp_path / "missing", TWO)

@@ -21,7 +21,7 @@ from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS
 from fitting_core.errors import InputError
 from fitting_core.io import result_files
-from fitting_core.io.result_files import fit_arrays, is_result, read_fit, write_result
+from fitting_core.io.result_files import fit_arrays, read_fit, write_result
 from fitting_core.keypoints import Keypoints
 from fitting_core.results.fit_result import FitResult, PhaseResult
 from fitting_core.results.provenance import Provenance
@@ -197,15 +197,6 @@ def test_keys_of_smplx_tools(result: Callable[..., Result]):
     assert "y down" in str(arrays["axes"])
 
 
-def test_every_array_reads_without_pickle(tmp_path: Path, result: Callable[..., Result]):
-    write_result(tmp_path, *result())
-    with np.load(tmp_path / "fit.npz", allow_pickle=False) as file:
-        arrays = {name: file[name] for name in file.files}
-    assert all(array.dtype.kind in "fiubU" for array in arrays.values())
-    assert all(f"phase1_{name}" in arrays for name in [*NAMES, "joints"])
-    assert arrays["phase1_betas"].shape == (FRAMES, 10)
-
-
 def test_where_frames_came_from_is_told_in_numbers_and_in_english(tmp_path: Path, result: Callable[..., Result]):
     fit, clip, body = result()
     provenance = Provenance(np.array([1, 5, 6, 1, 14], np.uint8), np.array([1, 1, 2, 3, 5], np.uint8))
@@ -239,17 +230,6 @@ def test_summary(tmp_path: Path, result: Callable[..., Result]):
     assert summary["config"]["temporal"]["window_size"] == 7 and summary["warnings"] == ["gap in 3"]
     assert {"tcfit", "torch", "numpy", "python"} == set(summary["versions"])
     assert summary["command"] == "tcfit fit x" and summary["detector"] == "mediapipe"
-
-
-def test_body_space_leaves_the_translation_out(tmp_path: Path, result: Callable[..., Result]):
-    fit, clip, body = result(1)
-    moved = replace(fit.last.params, camera_translation=fit.last.params.camera_translation + torch.rand(FRAMES, 3))
-    both = [
-        write_result(tmp_path, replace(fit, phases=(replace(fit.last, params=p),)), clip, body)["jitter"]["phase1"]
-        for p in (fit.last.params, moved)
-    ]
-    assert both[0]["body_space_mm_per_frame2"] == pytest.approx(both[1]["body_space_mm_per_frame2"])
-    assert both[0]["camera_space_mm_per_frame2"] != pytest.approx(both[1]["camera_space_mm_per_frame2"])
 
 
 def test_only_confident_keypoints_inside_count(tmp_path: Path, result: Callable[..., Result]):
@@ -288,12 +268,6 @@ def test_names_that_are_not_utf_8_can_be_told(tmp_path: Path, result: Callable[.
     assert summary["clip"] == "w\ufffdlk" and summary["command"] == "tcfit fit w\ufffdlk"
     assert summary["config"]["pose_prior"] == "w\ufffdlk.npz" == summary["body"]["source"]
     assert read_fit(tmp_path).gender == body.gender
-
-
-def test_overlay_of_an_earlier_fit_goes(tmp_path: Path, result: Callable[..., Result]):
-    (tmp_path / "overlay.mp4").touch()
-    write_result(tmp_path, *result(1))
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["fit.npz", "summary.json"] and is_result(tmp_path)
 
 
 def test_failing_write_leaves_the_old_file(

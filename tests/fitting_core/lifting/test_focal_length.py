@@ -23,7 +23,7 @@ from fitting_core.lifting.perspective import (
     read_perspective,
     write_perspective,
 )
-from fitting_core.lifting.rays import N_FEATURES, POINTS
+from fitting_core.lifting.rays import POINTS
 
 CAMERA = Camera(focal=(1000.0, 1000.0), center=(400.0, 300.0), size=(800, 600), focal_from=FocalFrom.DIAGONAL)
 SHARE = torch.full((len(LOG_EXTENTS),), 1 / len(LOG_EXTENTS))
@@ -93,15 +93,6 @@ def test_who_knows_nothing_keeps_to_what_is_usual(
     assert found.high > 3 * found.low
 
 
-def test_larger_pictures_of_the_same(weights: Path):
-    xy, confidence = somebody()
-    one = estimate_focal(xy, confidence, CAMERA, 20.0, weights=weights)
-    twice = replace(CAMERA, focal=(7.0, 7.0), center=(800.0, 600.0), size=(1600, 1200))
-    other = estimate_focal(2 * xy, confidence, twice, 20.0, weights=weights)
-    assert one is not None and other is not None
-    assert (other.focal, other.low, other.high) == pytest.approx((2 * one.focal, 2 * one.low, 2 * one.high), rel=1e-3)
-
-
 def test_people_who_are_cut_off_tell_nothing(weights: Path):
     xy, confidence = somebody()
     confidence[:, [INDEX["left_ankle"], INDEX["right_ankle"]]] = 0.0
@@ -110,13 +101,6 @@ def test_people_who_are_cut_off_tell_nothing(weights: Path):
 
 
 # --- the file ---
-
-
-def test_the_network_comes_back(network: PerspectiveNet, weights: Path):
-    again, share = read_perspective(weights)
-    features = torch.randn(2, FRAMES, N_FEATURES)
-    torch.testing.assert_close(again(features), network(features), rtol=0, atol=0.02)
-    np.testing.assert_allclose(share, SHARE.numpy(), atol=1e-5)
 
 
 def test_other_files_are_refused(tmp_path: Path, weights: Path):

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from fitting_core import keypoints as kp
 from fitting_core.body.model import other_side
-from fitting_core.camera import Camera, FocalFrom
+from fitting_core.camera import Camera
 from fitting_core.errors import InputError
 from fitting_core.files.npz import read_npz, write_npz
 from fitting_core.lifting.clip_lifting import LiftedClip, lift
@@ -74,16 +74,6 @@ def test_every_frame_of_a_clip_is_lifted(weights: Path, frames: int, rate: float
     assert ((found.contact > 0) & (found.contact < 1)).all() and found.contact.shape == (frames, 2)
 
 
-def test_frames_between_those_that_are_sampled_lie_between_them(weights: Path):
-    """At twice the network's rate, of a clip of twice the frames, every second frame is the same."""
-    xy, confidence = detections(31)
-    double = np.repeat(xy, 2, 0)[:-1]
-    double[1::2] = (xy[1:] + xy[:-1]) / 2
-    slow, fast = lifted(weights, xy, confidence), lifted(weights, double, np.full((61, POINTS), 0.8), 2 * RATE)
-    np.testing.assert_allclose(fast.points[::2], slow.points, atol=1e-5)
-    np.testing.assert_allclose(fast.points[1::2], (slow.points[1:] + slow.points[:-1]) / 2, atol=1e-5)
-
-
 def test_an_edit_changes_what_is_near_and_nothing_else(weights: Path):
     xy, confidence = detections(400)
     before = lifted(weights, xy, confidence)
@@ -103,23 +93,6 @@ def test_a_mirror_shows_the_same_person(weights: Path):
     np.testing.assert_allclose(other.depth_deviation[:, sides], straight.depth_deviation, rtol=1e-4)
     np.testing.assert_allclose(other.contact[:, ::-1], straight.contact, atol=1e-5)
     np.testing.assert_allclose(other.up * [-1, 1, 1], straight.up, atol=1e-5)
-
-
-def test_a_gap_of_one_frame_is_bridged(weights: Path):
-    xy, confidence = detections(60)
-    confidence[31, 7] = 0.0
-    gone = lifted(weights, xy, confidence, 60.0)
-    xy[31, 7] = -5000.0
-    np.testing.assert_array_equal(lifted(weights, xy, confidence, 60.0).points, gone.points)
-
-
-def test_a_guessed_focal_length_is_told(weights: Path):
-    xy, confidence = detections(20)
-    guess = Camera(focal=CAMERA.focal, center=CAMERA.center, size=CAMERA.size, focal_from=FocalFrom.DIAGONAL)
-    assert CAMERA.calibrated and not guess.calibrated
-    assert not np.array_equal(
-        lifted(weights, xy, confidence).points, lifted(weights, xy, confidence, camera=guess).points
-    )
 
 
 def test_the_file_holds_the_network(weights: Path):

@@ -7,7 +7,6 @@ import ezc3d
 import numpy as np
 import pytest
 import torch
-from scipy.interpolate import CubicSpline
 
 from fitting_core.body.markers.marker_set import STANDARD, MarkerSet, marker_places
 from fitting_core.body.markers.places import PLACES
@@ -22,7 +21,7 @@ from fitting_core.measure.comparison import Comparison, compare
 from fitting_core.measure.pairing import PosedMotion
 from fitting_core.measure.references.bodies import reference_of
 from fitting_core.measure.references.files import read_reference
-from fitting_core.measure.references.resampling import at_frames_of, interpolated
+from fitting_core.measure.references.resampling import at_frames_of
 
 RATE, OWN_RATE, SECONDS = 30.0, 120.0, 6.0
 START = -0.37
@@ -192,40 +191,3 @@ def test_other_movements_and_stillness_are_refused(fit: PosedMotion, tmp_path: P
     short = replace(fit, params=fit.params[:20])
     with pytest.raises(InputError, match="too little in common"):
         found_offset(short, reference)
-
-
-def test_a_clip_from_the_middle_of_the_video(fit: PosedMotion, tmp_path: Path):
-    """The fit's own first frame counts: it begins at the video's frame 45."""
-    later = replace(fit, params=fit.params[45:150], first_frame=45)
-    path = written(tmp_path, "c3d", *measured(fit.body, "joints", gaps=False, noise=0.0))
-    assert found_offset(later, read_reference(path)).seconds == pytest.approx(START, abs=0.005)
-
-
-def test_values_between_frames():
-    seconds = np.arange(40) / 20
-    values = np.stack([np.sin(3 * seconds), seconds**2, 0 * seconds], -1)[:, None].repeat(3, 1)
-    values[10:20, 1] = np.nan
-    values[5:, 2], values[0:4, 2] = np.nan, np.nan
-    moments = np.array([-0.5, 0.0, 3.5, 4.0, 8.7, 9.0, 12.25, 19.0, 20.5, 39.0, 39.2])
-    found = interpolated(values, moments)
-    expected = CubicSpline(np.arange(40), values[:, 0])(moments)
-    outside = (moments < 0) | (moments > 39)
-    np.testing.assert_allclose(found[~outside, 0], expected[~outside], atol=1e-12)
-    assert np.isnan(found[outside]).all()
-    gap = (moments > 9) & (moments < 20)
-    assert np.isnan(found[gap, 1]).all() and np.isfinite(found[~gap & ~outside, 1]).all()
-    assert np.isfinite(found[:, 2]).all(-1).tolist() == [moment == 4.0 for moment in moments]
-
-
-@pytest.mark.thorough
-def test_the_standard_error_holds_where_the_reference_is_a_part_of_the_clip(fit: PosedMotion, tmp_path: Path):
-    """By four parts of what lies in both: of what lies beside it, few frames would tell anything."""
-    names, places = places_of(fit.body, np.arange(0, SECONDS, 1 / OWN_RATE), "joints")
-    off = []
-    for start in np.arange(0.3, 3.8, 0.35):
-        first = round(start * OWN_RATE)
-        path = written(tmp_path, "trc", names, places[first : first + round(1.6 * OWN_RATE)])
-        found = found_offset(fit, read_reference(path))
-        assert found.deviation is not None
-        off.append((found.seconds - first / OWN_RATE) / found.deviation)
-    assert max(map(abs, off)) < 6, "in Student's distribution of 3 degrees of freedom, one of a hundred is"

@@ -36,15 +36,6 @@ def test_triangles_in_disorder(seed: int, count: int, spread: float):
     np.testing.assert_allclose(np.linalg.norm(points - found.point, axis=1), found.distance, atol=1e-12)
 
 
-def test_the_point_lies_on_its_face():
-    box = trimesh.creation.box((1, 2, 3))
-    points = np.random.default_rng(0).normal(size=(200, 3)) * 2
-    found = SurfaceTree.of(box.vertices, box.faces).closest(points)
-    corners = box.vertices[box.faces[found.face]]
-    nearest = trimesh.triangles.closest_point(corners, points)
-    np.testing.assert_allclose(found.point, nearest, atol=1e-9)
-
-
 def test_a_posed_body_in_another_pose_than_its_tree(free_body: BodyModel):
     vertices = Mesh(free_body)(random_params(2)).numpy().astype(np.float64)
     tree = SurfaceTree.of(free_body.template, free_body.faces).moved(vertices[0])
@@ -52,12 +43,6 @@ def test_a_posed_body_in_another_pose_than_its_tree(free_body: BodyModel):
     np.testing.assert_allclose(
         tree.closest(points).distance, brute_force(points, vertices[0], free_body.faces), atol=1e-7
     )
-
-
-def test_points_on_the_surface_have_no_distance(free_body: BodyModel):
-    tree = SurfaceTree.of(free_body.template, free_body.faces)
-    middles = free_body.template[free_body.faces].mean(1)
-    assert tree.closest(middles).distance.max() < 1e-9
 
 
 @pytest.mark.parametrize("point", [(0.0, 0, 2), (5, 0, 0), (-1, 0.5, 0), (0.5, 0, 0)])

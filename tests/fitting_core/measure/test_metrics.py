@@ -25,13 +25,6 @@ def polynomial(order: int, frames: int = 9) -> np.ndarray:
     return points + CLOUD[:1, :2]
 
 
-def test_similarity_is_found_again():
-    np.testing.assert_allclose(metrics.similarity(CLOUD, moved(CLOUD, scale=1.7))(CLOUD), moved(CLOUD, scale=1.7))
-    rigid = metrics.similarity(CLOUD, moved(CLOUD), scaled=False)
-    np.testing.assert_allclose(rigid(CLOUD), moved(CLOUD))
-    np.testing.assert_allclose(rigid.scale, 1)
-
-
 def test_a_mirrored_cloud_is_not_mirrored_back():
     mirrored = CLOUD * [-1, 1, 1]
     assert (np.linalg.det(metrics.similarity(mirrored, CLOUD).rotation) > 0).all()
@@ -69,13 +62,6 @@ def test_acceleration_error_counts_the_difference_alone():
     assert np.isnan(errors[[0, -1]]).all()
     np.testing.assert_allclose(errors[1:-1], 3)
     assert np.isnan(metrics.acceleration_error(CLOUD[:2], CLOUD[:2], RATE)).all()
-
-
-def test_depth_jitter_is_that_of_the_whole_body():
-    swaying = np.zeros((9, 2, 3))
-    swaying[:, 0, 2], swaying[:, 1, 2] = (-1.0) ** np.arange(9), -((-1.0) ** np.arange(9))
-    assert metrics.depth_jitter(swaying, RATE) == 0 and metrics.jitter(swaying) > 0
-    assert metrics.depth_jitter(polynomial(2)[..., [2, 1, 0]], RATE) == pytest.approx(6)
 
 
 def test_reprojection_by_hand():

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 
 from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
@@ -168,15 +167,6 @@ def amass(body: BodyModel, params: BodyParams) -> dict[str, np.ndarray]:
     }
 
 
-def test_amass_of_a_world_gets_into_the_camera(tmp_path: Path, camera: Path, free_body: BodyModel):
-    params = random_params(3)
-    params = replace(params, betas=params.betas[:1].expand(3, -1), expression=torch.zeros(3, 10, dtype=torch.float64))
-    np.savez(tmp_path / "a.npz", body_hash=np.array(free_body.hash), **amass(free_body, params))
-    found = read_reference(tmp_path / "a.npz", camera=camera)
-    assert found.frame_rate == 100 and found.in_camera
-    np.testing.assert_allclose(found.joints, joints_in_space(free_body, params) @ TURN.T + SHIFT, atol=1e-9)
-
-
 def test_amass_of_any_make_is_the_same_reference(tmp_path: Path, camera: Path, free_body: BodyModel):
     """Objects beside, parts in place of `poses`, a frame rate or shape for each frame: as `import` reads them."""
     params = random_params(3)
@@ -213,16 +203,6 @@ def test_tcfits_own_export_of_any_world_gets_into_the_camera(tmp_path: Path, fre
     found = read_reference(tmp_path / "a.npz")
     assert found.in_camera and found.first_frame == motion.first_frame
     np.testing.assert_allclose(found.joints, joints_in_space(free_body, motion.params), atol=1e-6)
-
-
-def test_axes_without_a_camera_are_a_world_of_its_own(tmp_path: Path, free_body: BodyModel):
-    arrays = amass(free_body, random_params(3)) | {"body_hash": np.array(free_body.hash)}
-    for axes, placed in (("camera: x right", True), ("y up", False)):
-        np.savez(tmp_path / "a.npz", axes=np.array(axes), **arrays)
-        assert read_reference(tmp_path / "a.npz").in_camera == placed
-    np.savez(tmp_path / "a.npz", camera_to_world=np.diag([1.0, 1.0, -1.0]), **arrays)
-    with pytest.raises(InputError, match="'camera_to_world' is not a rotation"):
-        read_reference(tmp_path / "a.npz")
 
 
 def test_amass_needs_the_official_model(tmp_path: Path, free_body: BodyModel):
@@ -269,11 +249,6 @@ def test_points_in_another_unit_are_refused(tmp_path: Path, scale: float, said: 
         read_reference(standing(scale, tmp_path))
 
 
-@pytest.mark.parametrize("size", [0.4, 1, 1.3])
-def test_people_of_all_sizes_are_taken(tmp_path: Path, size: float):
-    assert len(read_reference(standing(size, tmp_path))) == 3
-
-
 def test_a_stored_reference_is_the_same(tmp_path: Path, free_body: BodyModel):
     params = random_params(2)
     made = replace(reference_of("x", "made here", free_body, params, frame_rate=None, in_camera=True), notes=("a", "b"))
@@ -306,16 +281,6 @@ def test_frames_are_matched_by_number_or_time():
     assert of_length(5000, rate=29.97).frames_of(2, 4000, 60.0)[0] == 2000
     with pytest.raises(InputError, match="expected a reference of the same clip"):
         of_length(5).frames_of(4, 10, 25.0)
-
-
-def test_a_reference_at_another_rate_begins_at_its_own_time(tmp_path: Path):
-    """50 per second from 2.00 s on, beside frames 60 (2.00 s) and so on of a video at 25 and at 30 per second."""
-    (tmp_path / "x.trc").write_text(trc(np.tile(POINTS, (5, 1, 1)), first=2.0))
-    found = read_reference(tmp_path / "x.trc")
-    assert found.frames_of(4, 49, 25.0).tolist() == [-1, 0, 2, 4]
-    assert found.frames_of(4, 60, 30.0).tolist() == [0, 2, 3, 5]
-    with pytest.raises(InputError, match=r"has 20 frames from the video's frame 60 on, .* frames 0 to 3;"):
-        found.frames_of(4, 0, 30.0)
 
 
 def cut(frames: int, folder: Path, **keys: Any) -> Reference:

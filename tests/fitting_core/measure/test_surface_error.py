@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.measure.mesh.closest_point import SurfaceTree
-from fitting_core.measure.mesh.errors import PosedBody, closest_rigid, mesh_errors, vertex_to_surface
+from fitting_core.measure.mesh.errors import closest_rigid, vertex_to_surface
 from fitting_core.metrics import Similarity, similarity
 from tests.samples.scenes import random_params
 
@@ -43,13 +43,3 @@ def test_it_ends_no_higher_than_plain_icp(free_body: BodyModel):
     plain = np.square(tree.closest(moved).distance).mean()
     before = np.square(tree.closest(start(points[None])[0]).distance).mean()
     assert plain < 0.98 * before and ours < 1.02 * plain
-
-
-def test_frames_that_are_left_out_are_not_measured(free_body: BodyModel):
-    params = random_params(3)
-    body = PosedBody(body=free_body, params=params)
-    counted: list[int] = []
-    found = mesh_errors(body, body, every=2, done=counted.append)
-    assert np.isfinite(found.vertex_to_surface).tolist() == [True, False, True] and sum(counted) == 2
-    assert np.nanmax(found.vertex_to_surface) < 1e-6
-    assert found.per_vertex is not None and np.nanmax(found.per_vertex) < 1e-6

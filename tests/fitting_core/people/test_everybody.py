@@ -9,7 +9,6 @@ import pytest
 
 from fitting_core.detections import Detections
 from fitting_core.errors import InputError
-from fitting_core.io import read_detections
 from fitting_core.people.everybody import Everybody, find_everybody
 
 Figure = Callable[..., np.ndarray]
@@ -70,15 +69,6 @@ def test_an_exchange_that_nobody_could_see_is_named(figure: Figure):
     assert all({40} <= named for named in uncertain(found(frames)))
 
 
-def test_without_others_near_nothing_is_uncertain(figure: Figure):
-    frames = [[figure(200, 300), figure(900, 300)] for _ in range(60)]
-    for t in range(20, 32):
-        frames[t] = [frames[t][1]]
-    everybody = found(frames)
-    assert len(everybody.people) == 2 and uncertain(everybody) == [set(), set()]
-    assert [t for t, entry in enumerate(everybody.people[0].entries) if entry is None] == list(range(20, 32))
-
-
 def test_one_of_two_who_leaves_and_comes_back_is_the_same_and_it_is_said(figure: Figure):
     frames = []
     for t in range(200):
@@ -96,19 +86,6 @@ def test_of_two_who_are_away_a_like_one_is_somebody_new(figure: Figure):
     gone = [[figure(300, 300), figure(800, 300)]] * 30 + [[]] * 60
     everybody = found([*gone, *[[figure(550, 300)]] * 30])
     assert [one.frames for one in everybody.people] == [range(30), range(30), range(90, 120)]
-
-
-def test_of_two_who_are_away_the_size_tells(figure: Figure):
-    gone = [[figure(300, 300, height=100), figure(800, 300)]] * 30 + [[]] * 60
-    everybody = found([*gone, *[[figure(550, 300, height=105)]] * 30])
-    assert [one.frames for one in everybody.people] == [range(120), range(30)]
-    assert uncertain(everybody)[0] == set(range(29, 91))
-
-
-def test_nobody_crosses_the_image_in_no_time(figure: Figure):
-    """Who is somewhere else a moment later is another person."""
-    everybody = found([*[[figure(100, 300)]] * 30, *[[]] * 30, *[[figure(1900, 300)]] * 30])
-    assert len(everybody.people) == 2
 
 
 def test_a_person_detected_twice_is_one(figure: Figure):
@@ -161,10 +138,3 @@ def test_crowds_take_a_bounded_time(figure: Figure):
     # Where two of them stand in one place they are one.
     assert 90 <= len(everybody.people) <= 100
     assert "In frames 109 more than 100 people are detected; the largest were followed." in everybody.note
-
-
-@pytest.mark.parametrize("camera", ["cam03", "cam04"])
-def test_the_man_on_the_treadmill_is_one_person(shared_data: Path, camera: str):
-    everybody = find_everybody(read_detections(shared_data / "balancing" / camera / "keypoints"), frame_rate=60.0)
-    whole = [one for one in everybody.people if one.entries == (0,) * 100]
-    assert len(whole) == 1

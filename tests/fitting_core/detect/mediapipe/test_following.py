@@ -101,8 +101,3 @@ def test_somebody_who_is_lost_for_long_is_another_person():
 
     people, _ = followed(where, [20, 20, 20])
     assert [sorted(person.bodies)[0] for person in people] == [0, 40]
-
-
-def test_nobody_at_all():
-    people, world = followed(lambda t: {}, [7, 7])
-    assert people == [] and world.looks == list(range(14)) and world.hard_looks == [0, LOOK_EVERY]

@@ -8,8 +8,8 @@ import pytest
 from fitting_core.detect.mediapipe import body as blaze
 from fitting_core.detect.mediapipe.face import Face
 from fitting_core.detect.mediapipe.following import Followed
-from fitting_core.detect.mediapipe.hands import Hand, different, square_at_wrist
-from fitting_core.detect.mediapipe.hands_and_face import KEPT, PartsFinder, SeenParts, assigned, worth_of
+from fitting_core.detect.mediapipe.hands import Hand, square_at_wrist
+from fitting_core.detect.mediapipe.hands_and_face import PartsFinder, SeenParts, assigned
 from fitting_core.detect.mediapipe.memory import recalled, remembered
 from fitting_core.detect.mediapipe.squares import Square
 from tests.fitting_core.detect.mediapipe.seen import body_at, hand_at
@@ -42,18 +42,6 @@ def test_one_hand_is_not_both():
     xy[[blaze.LEFT_WRIST, blaze.RIGHT_WRIST]] = (320, 240)
     found = assigned([hand, hand], body_at(320, 240, 400, xy=xy))
     assert sum(one is not None for one in found.values()) == 1
-
-
-def test_far_and_weak_hands_are_nobody_s():
-    assert assigned([hand_at(600, 40)], BODY) == {"left": None, "right": None}
-    assert assigned([hand_at(*LEFT, score=0.4 * KEPT, right=0.1)], BODY)["left"] is None
-    assert worth_of(hand_at(600, 40), "left", BODY) == 0
-
-
-def test_of_two_hands_in_one_place_the_better_one_stays():
-    weak, strong = hand_at(100, 100, score=0.5), hand_at(102, 101, score=0.8)
-    apart = hand_at(200, 100, score=0.3)
-    assert different([weak, apart, strong]) == [strong, apart]
 
 
 def test_a_hand_that_points_at_the_camera_gets_no_tiny_square():

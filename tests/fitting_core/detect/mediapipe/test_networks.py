@@ -1,6 +1,5 @@
 """The networks on this computer: which are there, what is said of those that are not, and running them."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -68,12 +67,6 @@ def test_one_that_is_damaged(place: Path):
 )
 def test_a_list_that_is_none(place: Path, content: str):
     (place / "networks.json").write_text(content)
-    assert networks.missing() == NEEDED
-
-
-def test_a_list_of_an_earlier_version(place: Path):
-    found = json.loads((place / "networks.json").read_text())
-    (place / "networks.json").write_text(json.dumps(found | {"version": "0.10.20-000000"}))
     assert networks.missing() == NEEDED
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from fitting_core.detect.mediapipe import body as blaze
 from fitting_core.detect.mediapipe.face import Face
-from fitting_core.detect.mediapipe.openpose_points import LEAST, confidence, points_of, small_toes
+from fitting_core.detect.mediapipe.openpose_points import LEAST, points_of
 from fitting_core.keypoints import BODY_25, FACE, INDEX, LEFT_HAND, RIGHT_HAND
 from tests.fitting_core.detect.mediapipe.seen import body_at, hand_at
 
@@ -29,14 +29,6 @@ def test_every_point_of_the_body_is_the_one_of_its_name():
     assert not points[25:].any()
 
 
-def test_small_toes_lie_outwards_of_big_ones():
-    toes = small_toes(BODY)
-    big = {side: BODY.xy[getattr(blaze, f"{side.upper()}_TOE")] for side in toes}
-    assert toes["left"][0] > big["left"][0] and toes["right"][0] < big["right"][0]
-    # 200 pixels are a metre here, and a small toe lies 40 mm out of a foot that points a little outwards.
-    assert abs(toes["left"][0] - big["left"][0] - 8) < 2
-
-
 def test_knees_and_elbows_that_the_heat_map_does_not_show_are_not_detected():
     heat = BODY.heat.copy()
     heat[[blaze.LEFT_KNEE, blaze.LEFT_ELBOW]] = 0.04
@@ -55,13 +47,6 @@ def test_points_beyond_the_picture_are_put_onto_its_border_without_being_sure():
     near = body_at(320, 300, 480)
     ankle = points_of(near, NO_HANDS, None, SIZE)[INDEX["left_ankle"]]
     assert ankle[1] == SIZE[1] - 1 and ankle[2] == pytest.approx(0.25)
-
-
-def test_confidence_falls_where_plain_and_mirrored_picture_differ():
-    spread = np.zeros(blaze.COUNT)
-    spread[blaze.LEFT_WRIST] = 0.04 * BODY.square.side
-    sure = confidence(replace(BODY, spread=spread))
-    assert sure[blaze.LEFT_WRIST] == pytest.approx(sure[blaze.RIGHT_WRIST] / 2)
 
 
 def test_hands_and_face():

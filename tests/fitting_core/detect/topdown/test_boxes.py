@@ -6,13 +6,10 @@ import numpy as np
 import pytest
 
 from fitting_core.detect.onnx_model import OnnxModel
-from fitting_core.detect.topdown import rtmdet
 from fitting_core.detect.topdown.boxes import (
-    Boxes,
     BoxModel,
     intersection_over_union,
     letterboxed,
-    non_maximum_suppressed,
 )
 from fitting_core.detect.topdown.families import FAMILIES, family_of, load_box_model
 from fitting_core.errors import InputError
@@ -40,11 +37,6 @@ def test_boxes_of_a_model_with_suppression(tmp_path: Path, focus: bool, kind: st
     model = load_box_model(constant_model(tmp_path / "m.onnx", outputs, image=INPUT, focus=focus), threads=1)
     assert family_of(model.model) is FAMILIES[kind]
     assert only_box(model) == ([20.0, 10.0, 60.0, 80.0], pytest.approx(0.9))
-
-
-def test_labels_before_boxes(tmp_path: Path):
-    path = constant_model(tmp_path / "m.onnx", {"labels": LABELS, "dets": DETS}, image=INPUT)
-    assert only_box(rtmdet.make(OnnxModel(path, threads=1)))[0] == [20.0, 10.0, 60.0, 80.0]
 
 
 @pytest.mark.parametrize("swapped", [False, True])
@@ -100,15 +92,6 @@ def test_the_image_keeps_its_aspect_ratio_and_turns_blue_green_red():
     whole, scale = letterboxed(image, (100, 60))
     assert scale == 0.5 and whole.shape == (60, 100, 3)
     assert (whole[:25] == [0, 0, 200]).all() and (whole[25:] == 114).all()
-
-
-def test_overlaps():
-    box, others = np.array([0.0, 0, 10, 10]), np.array([[0.0, 0, 10, 10], [5, 0, 15, 10], [20, 20, 30, 30]])
-    assert np.allclose(intersection_over_union(box, others), [1, 1 / 3, 0])
-    boxes = Boxes(
-        corners=np.array([[0.0, 0, 10, 10], [0, 1, 10, 10], [8, 0, 20, 10]]), scores=np.array([0.9, 0.8, 0.7])
-    )
-    assert non_maximum_suppressed(boxes).scores.tolist() == [0.9, 0.7]
 
 
 def test_every_family_recognises_its_models_alone(tmp_path: Path):

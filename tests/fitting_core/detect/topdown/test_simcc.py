@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fitting_core.detect.topdown import simcc
-from fitting_core.detect.topdown.families import load_box_model, load_pose_model
+from fitting_core.detect.topdown.families import load_pose_model
 from fitting_core.errors import InputError
 from tests.fitting_core.detect.onnx_files import brightest_model, channels_of_points, constant_model, spots
 
@@ -38,19 +38,6 @@ def test_a_box_beyond_the_image_and_one_of_another_aspect(tmp_path: Path):
         assert np.linalg.norm(points[:, :2] - expected(), axis=1).max() < 1.0
 
 
-def test_a_batch_gives_what_one_by_one_gives(tmp_path: Path):
-    rng = np.random.default_rng(1)
-    images = [spots(SIZE, {c: tuple(rng.uniform(150, 330, 2)) for c in range(3)}) for _ in range(5)]
-    boxes = np.array([[100.0 + 3 * i, 90, 400, 380 - 2 * i] for i in range(5)])
-    free = load_pose_model(brightest_model(tmp_path / "free.onnx"), threads=1)
-    together = free.points(images, boxes)
-    single = np.stack([free.points([image], box[None])[0] for image, box in zip(images, boxes, strict=True)])
-    assert np.array_equal(together, single)
-    for batch in (1, 2, 8):
-        fixed = load_pose_model(brightest_model(tmp_path / f"{batch}.onnx", batch=batch), threads=1)
-        assert np.allclose(fixed.points(images, boxes), together, atol=1e-9), batch
-
-
 def test_the_order_of_the_outputs_and_the_bins_of_a_pixel_are_read_from_the_model(tmp_path: Path):
     for number, changes in enumerate(({"swapped": True}, {"ratio": 3}, {"ratio": 1})):
         made = brightest_model(tmp_path / f"{number}.onnx", size=(96, 128), **changes)
@@ -64,21 +51,6 @@ def test_peaks_between_bins():
     places, heights = simcc.peaks(curves + 5.0)
     assert np.allclose(places, [10.0, 17.3, 0.0, 39.0], atol=0.02)
     assert np.allclose(heights, curves.max(1) - np.median(curves, 1))
-
-
-def test_confidence_of_both_kinds_of_heads():
-    assert np.allclose(simcc.peak_confidence(np.array([1.1, 0.5, 0.0, -0.2])), [1.0, 0.5, 0.0, 0.0])
-    assert np.allclose(simcc.peak_confidence(np.array([11.0, 5.0, 0.3])), [1.0, 0.5, 0.03])
-    assert simcc.peak_confidence(np.zeros(0)).shape == (0,)
-
-
-def test_a_dim_spot_is_less_certain(tmp_path: Path):
-    model = load_pose_model(brightest_model(tmp_path / "m.onnx"), threads=1)
-    image = spots(SIZE, PLACES)
-    image[..., 1] //= 4
-    confidence = simcc.peak_confidence(model.points([image], BOX[None])[0][:, 2])
-    assert 0.2 < confidence[channels_of_points() == 1].max() < 0.3
-    assert confidence[channels_of_points() == 0].min() > 0.95
 
 
 # --- models of another kind ---
@@ -133,21 +105,3 @@ def test_a_provider_that_is_not_there(tmp_path: Path):
     if "CUDAExecutionProvider" not in onnxruntime.get_available_providers():
         with pytest.raises(InputError, match="onnxruntime-gpu"):
             load_pose_model(path, provider="cuda")
-
-
-@pytest.mark.parametrize(
-    ("name", "words"),
-    [
-        ("rtmdet_nano", ("a detector of boxes", "any x 3 x any x any", "dets")),
-        ("lm_model0_opt", ("66 points, those of a face", "any x 3 x 224 x 224", "198 x 28 x 28", "heat maps")),
-        ("hand_landmark", ("21 points, those of a hand", "1 x 224 x 224 x 3 (NHWC)", "1 x 63", "coordinates")),
-    ],
-)
-def test_real_models_of_other_kinds(shared_data: Path, name: str, words: tuple[str, ...]):
-    path = shared_data / "onnx" / f"{name}.onnx"
-    with pytest.raises(InputError) as caught:
-        load_pose_model(path, threads=1)
-    assert all(word in str(caught.value) for word in words), str(caught.value)
-    if name != "rtmdet_nano":
-        with pytest.raises(InputError, match="Expected a detector of people: RTMDet or YOLOX"):
-            load_box_model(path, threads=1)

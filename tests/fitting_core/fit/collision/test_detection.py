@@ -6,7 +6,6 @@ from itertools import combinations, product
 
 import numpy as np
 import pytest
-import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
@@ -38,11 +37,6 @@ def intersect_by_separating_axes(first, second):
     axes += [np.cross(normal_a, u) for u in edges_a] + [np.cross(normal_b, u) for u in edges_b]
     spans = [([np.dot(axis, p) for p in a], [np.dot(axis, p) for p in b]) for axis in axes]
     return not any(max(p) < min(q) or max(q) < min(p) for p, q in spans)
-
-
-def all_intersecting_pairs(vertices, faces):
-    pairs = [(s, t) for s, t in combinations(range(len(faces)), 2) if not set(faces[s]) & set(faces[t])]
-    return [pair for pair in pairs if intersect_by_separating_axes(*vertices[faces[list(pair)]])]
 
 
 def soup(seed, count, size):
@@ -95,24 +89,6 @@ def test_broad_phase_finds_what_all_pairs_find(seed, count, size, n_groups):
     expected = {(s, t) for s, t in pairs if (low[s] <= high[t]).all() and (low[t] <= high[s]).all()}
     assert len(found) == len(set(found))
     assert set(found) == expected
-
-
-@settings(max_examples=6, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.sampled_from([0.02, 0.1, 0.3]))
-def test_collisions_of_a_soup(seed, size):
-    vertices, faces = soup(seed, 15, size)
-    faces[::5, 0] = faces[1::5, 1]  # some triangles share a vertex
-    assert list(map(tuple, collision_finder(vertices, faces).find(vertices))) == all_intersecting_pairs(vertices, faces)
-
-
-def test_closed_surfaces_collide_only_while_they_overlap():
-    ball = trimesh.creation.icosphere(subdivisions=2, radius=0.1)
-    faces = np.concatenate([ball.faces, ball.faces + len(ball.vertices)])
-    for distance, collide in [(0.0, True), (0.15, True), (0.21, False)]:
-        vertices = np.concatenate([ball.vertices, ball.vertices + np.array([distance, 0.003, 0.001])])
-        pairs = collision_finder(vertices, faces).find(vertices)
-        assert (len(pairs) > 0) == collide
-        assert (pairs[:, 0] < len(ball.faces)).all() and (pairs[:, 1] >= len(ball.faces)).all()
 
 
 def test_ignored_parts_do_not_count():

@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 import torch
-import trimesh
 
-from fitting_core.fit.collision.detection import collision_finder
 from fitting_core.fit.collision.distance_field import (
     SIGMA,
     pair_vertices,
@@ -79,25 +77,6 @@ def test_jacobian_equals_automatic_differentiation(sigma, scale):
     torch.testing.assert_close(jacobian, expected, rtol=1e-9, atol=1e-9 * float(expected.abs().max()))
 
 
-def two_balls(offset, subdivisions=2):
-    ball = trimesh.creation.icosphere(subdivisions=subdivisions, radius=0.1)
-    faces = np.concatenate([ball.faces, ball.faces + len(ball.vertices)])
-    return torch.tensor(np.concatenate([ball.vertices, ball.vertices + offset])), torch.tensor(faces)
-
-
-def colliding(vertices, faces):
-    return torch.tensor(collision_finder(vertices.numpy(), faces.numpy()).find(vertices.numpy()))
-
-
-def cost_and_gradient(vertices, faces, pairs):
-    """The penalty and its gradient by all vertices, from the closed-form derivatives of each pair."""
-    residuals, jacobian = residuals_with_jacobian(vertices, faces, pairs)
-    by_corner = 2 * torch.einsum("pr,prcx->pcx", residuals, jacobian)
-    gradient = torch.zeros_like(vertices)
-    gradient.index_add_(0, pair_vertices(faces, pairs).flatten(), by_corner.reshape(-1, 3))
-    return residuals.square().sum(), gradient
-
-
 @pytest.mark.parametrize("points", ["on the axis", "no area"])
 def test_degenerate_geometry_stays_finite(points):
     other = {
@@ -109,20 +88,3 @@ def test_degenerate_geometry_stays_finite(points):
     (gradient,) = torch.autograd.grad(penetration(vertices, TWO_FACES, ONE_PAIR, sigma=0.3).sum(), vertices)
     assert residuals.isfinite().all() and jacobian.isfinite().all()
     torch.testing.assert_close(jacobian[0].sum(dim=0), gradient)
-
-
-def test_following_the_gradient_separates_two_balls():
-    offset = np.array([0.15, 0.003, 0.001])
-    costs = []
-    for _ in range(100):
-        vertices, faces = two_balls(offset)
-        pairs = colliding(vertices, faces)
-        cost, gradient = cost_and_gradient(vertices, faces, pairs)
-        costs.append(float(cost))
-        if not len(pairs):
-            break
-        push = gradient[len(vertices) // 2 :].sum(dim=0).numpy()
-        offset = offset - 0.001 * push / np.linalg.norm(push)
-    assert costs[0] > 100 and costs[-1] == 0.0
-    # Two polyhedra inscribed in spheres of radius 0.1 part a little before their centres are 0.2 apart.
-    assert 0.18 < np.linalg.norm(offset) < 0.202

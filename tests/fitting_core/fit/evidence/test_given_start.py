@@ -106,18 +106,6 @@ def test_frames_that_do_not_follow_the_keypoints_are_left_out(free_body: BodyMod
     assert start.about.frames == 2 and start.about.clip_frames == 3 and start.about.off < FOLLOWS
 
 
-def test_what_is_off_across_the_line_of_sight_may_be_as_far_off_along_it(free_body: BodyModel):
-    truth = arms_in_motion(1)
-    keypoints = body_seen(free_body, truth)
-    xy = keypoints.xy.copy()
-    depth = joints_in_space(free_body, truth)[0, JOINT["left_elbow"], 2]
-    xy[0, ELBOW, 0] += 0.3 / depth * CAMERA.focal[0]
-    deviation = start_of(free_body, truth, replace(keypoints, xy=xy)).deviation(0.05)[0]
-    assert deviation[ELBOW] == pytest.approx(np.hypot(0.05, 0.3 / np.sqrt(2)), rel=0.05)
-    assert deviation[kp.INDEX["right_knee"]] == pytest.approx(0.05, rel=0.05)
-    assert np.isinf(start_of(free_body, truth, keypoints, there=[False]).deviation(0.05)).all()
-
-
 def test_hands_of_any_number_of_components_become_those_of_the_fit(free_body: BodyModel):
     truth = arms_in_motion(2)
     truth = replace(truth, left_hand_pose=truth.left_hand_pose + 0.3)

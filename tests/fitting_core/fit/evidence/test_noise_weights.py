@@ -10,7 +10,6 @@ from fitting_core import keypoints as kp
 from fitting_core.config.schema import PRESETS, FitConfig
 from fitting_core.fit.evidence.observations import Observations
 from fitting_core.fit.fitting import fit_clip
-from fitting_core.fit.objective_values import evaluate_objective
 from fitting_core.keypoint_noise import keypoint_weights
 from fitting_core.keypoints import Keypoints
 from tests.samples.posed_clips import clip_of, motion, shipped_body
@@ -51,27 +50,6 @@ def test_what_a_person_has_placed_has_no_detectors_noise():
     placed = by_hand(standing(), (name,), [3])
     found = observed("mediapipe", keypoints=placed).confidence[:, kp.INDEX[name]].numpy()
     assert found[3] == placed.confidence[3, kp.INDEX[name]] and (np.delete(found, 3) != found[3]).all()
-
-
-def test_the_data_term_has_the_square_of_the_weight():
-    """Of one keypoint that alone is detected, whose noise is another detector's."""
-    weights = keypoint_weights("mediapipe", "")
-    name = next(n for n in kp.BODY_25 if weights[kp.INDEX[n]] != 1 and n.startswith("left_"))
-    params = motion(2, amplitude=0.2)
-    clip = clip_of(params)
-    confidence = np.zeros_like(clip.keypoints.confidence)
-    confidence[:, kp.INDEX[name]] = 0.7
-    keypoints = Keypoints(xy=clip.keypoints.xy + 8.0, confidence=confidence)
-    config = replace(WEIGHED, pose_prior="axis_angle")
-
-    def cost(detector: str) -> np.ndarray:
-        values = evaluate_objective(
-            shipped_body(), params, clip.camera, keypoints, config, frame_rate=25.0, detector=detector
-        )
-        return values.frames["data"].numpy()
-
-    assert (cost("openpose") > 0).all()
-    np.testing.assert_allclose(cost("mediapipe"), weights[kp.INDEX[name]] ** 2 * cost("openpose"), rtol=1e-9)
 
 
 def test_fits_from_openposes_keypoints_are_the_same_to_the_last_bit():

@@ -2,19 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from build_assets.motion_capture.retarget import load
 from evaluation.synthetic.acting.performance import perform, standing_root
 from evaluation.synthetic.acting.script import Build, Failure, Script, failures
-from evaluation.synthetic.motions import demo_script
 from evaluation.synthetic.simulated_detector import Detector, detect
-from evaluation.synthetic.studio import studio
 from evaluation.synthetic.studio.view import View
 from evaluation.synthetic.suite import LEVELS, MOTIONS, SEQUENCES, subject_body
 from fitting_core import keypoints as kp
@@ -95,17 +91,6 @@ def test_swaps_of_people_who_turn_are_found(free_body: BodyModel, pair: str, ste
     np.testing.assert_array_equal(corrected.xy, detected(truth).xy)
 
 
-@pytest.mark.thorough
-def test_motion_capture_keeps_its_sides(free_body: BodyModel, shared_data: Path):
-    """Walks and turns, at their own rate and a third of it."""
-    for i, clip in enumerate(load(shared_data / "mocap")[::4]):
-        orient = Rotation.from_euler("y", 77.0 * i, degrees=True) * Rotation.from_matrix(clip.orient)
-        truth = before_camera(free_body, clip.body_pose, orient)
-        for every in (1, 3):
-            part = replace(truth, keypoints=truth.keypoints[::every], frame_rate=clip.fps / every)
-            assert unswapped(detected(part))[1] == {}, (clip.name, every)
-
-
 def acted(body: BodyModel, script: Script, times: np.ndarray, betas: Sequence[float], view: View, camera: Camera):
     world = perform(body, script, times, np.random.default_rng(0), betas=betas)
     rest, _ = standing_root(body, betas)
@@ -116,14 +101,6 @@ def in_swap(happened: Sequence[Failure], times: np.ndarray, pair: str) -> np.nda
     """Frames in which the detector swapped a pair of limbs."""
     spans = [(f.start - 1e-9, f.stop - 1e-9) for f in happened if f.kind == "swapped" and pair in f.groups]
     return np.flatnonzero([any(start <= t < stop for start, stop in spans) for t in times])
-
-
-def test_the_swap_of_the_demo_clip_is_found(free_body: BodyModel):
-    times = np.arange(round(25 * demo_script.SECONDS)) / 25
-    truth = acted(free_body, demo_script.SCRIPT, times, demo_script.BETAS, studio.VIEW, studio.CAMERA)
-    _, swaps = unswapped(detected(truth, demo_script.FAILURES))
-    assert set(swaps) == {"arms"}
-    np.testing.assert_array_equal(swaps["arms"], in_swap(demo_script.FAILURES, times, "arms"))
 
 
 @pytest.mark.parametrize("name", ["complex_1", "complex_3"])
@@ -232,16 +209,6 @@ def test_a_keypoint_marked_bad_hides_no_swap(part: str, bad: list[int]):
     assert swaps["arms"].tolist() == [6, 7, 8, 9, 10]
     np.testing.assert_array_equal(corrected.xy, true.xy)
     assert np.flatnonzero(corrected.confidence[:, kp.INDEX[f"right_{part}"]] == 0).tolist() == bad
-
-
-def test_frames_that_tell_nothing_go_with_their_neighbours():
-    true = standing()
-    broken = swapped(true, ARMS, [6, 7, 8, 9, 10])
-    for frame in (8, 14):
-        broken.confidence[frame, [kp.INDEX["left_elbow"], kp.INDEX["left_wrist"]]] = 0
-    corrected, swaps = unswapped(broken)
-    assert swaps["arms"].tolist() == [6, 7, 8, 9, 10]
-    np.testing.assert_array_equal(corrected.xy, true.xy)
 
 
 def test_a_keypoint_that_a_person_nudged_goes_with_its_limb():

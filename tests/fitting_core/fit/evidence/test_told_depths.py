@@ -12,7 +12,7 @@ from fitting_core.body.points.positions import joints_in_space, keypoints_in_spa
 from fitting_core.clip import Clip
 from fitting_core.config.schema import PRESETS, FitConfig
 from fitting_core.fit.evidence.observations import TOLD
-from fitting_core.fit.fitting import fit_clip, rerun_events
+from fitting_core.fit.fitting import rerun_events
 from fitting_core.fit.phases.limb_flips import LIMBS, LimbFlips, mirrored_as_told
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.terms.positions import RelativePosition
@@ -84,26 +84,6 @@ def test_the_fit_follows_a_depth_in_every_preset(clip: Clip, params: BodyParams,
     every = list(range(1, 8))
     whole = refitted(told(clip, every, [ELBOW, WRIST], target[1:8]), params, preset, range(1, 8))
     assert abs(whole[2:7][:, [ELBOW, WRIST]] - target[2:7]).max() < 0.04
-
-
-@pytest.mark.parametrize("preset", ["tcfit", "paper"])
-def test_a_depth_counts_where_nothing_is_detected(clip: Clip, params: BodyParams, preset: str):
-    confidence = clip.keypoints.confidence.copy()
-    confidence[:, WRIST] = 0
-    blind = replace(clip, keypoints=replace(clip.keypoints, confidence=confidence))
-    target = mirrored(params)[:, [1]]
-    every = list(range(FRAMES))
-    found = refitted(told(blind, every, [WRIST], target), params, preset, range(FRAMES))
-    assert abs(found[:, WRIST] - target[:, 0]).max() < 0.01
-
-
-def test_a_fit_from_the_start_takes_it_up(clip: Clip, params: BodyParams):
-    target, every = mirrored(params), list(range(FRAMES))
-    config = replace(PRESETS["tcfit"], pose_prior="relaxed")
-    found = depths(fit_clip(told(clip, every, [ELBOW, WRIST], target), shipped_body(), config).last.params)
-    assert abs(found[:, [ELBOW, WRIST]] - target).max() < 0.04
-    without = depths(fit_clip(clip, shipped_body(), config).last.params)
-    assert abs(without[:, WRIST] - target[:, 1]).min() > 0.2
 
 
 def test_a_person_overrides_the_lifter(clip: Clip, params: BodyParams, monkeypatch: pytest.MonkeyPatch):

@@ -21,7 +21,6 @@ from fitting_core.fit.solvers.problem import IndependentFrames
 from fitting_core.fit.solvers.sequence import Sequence
 from fitting_core.fit.stages import Stages
 from fitting_core.fit.terms.bending import Bending
-from fitting_core.fit.terms.quadratic import Quadratic
 from fitting_core.fit.terms.term import Term
 from fitting_core.fit.variables.estimate import Estimate
 from fitting_core.fit.variables.state import Free, State
@@ -153,16 +152,6 @@ def test_a_prior_of_one_layer_stays_in_torch(tiny_body: BodyModel, tmp_path: Pat
     assert objective(made, 5, made.parametrisation.neutral(len(FRAMES))).fused is None
 
 
-def test_two_terms_on_the_same_columns(tiny_body: BodyModel):
-    made = stages(tiny_body, config_of("tcfit"))
-    state = random_state(made.parametrisation, len(FRAMES))
-    fused, plain = both(made, 5, state)
-    second = Quadratic("again", slice(5, 8), torch.full((3,), 2.0, dtype=torch.float64))
-    kernels = FrameObjective([*fused.terms, second], fused.view, fused.free)
-    with without_kernels():
-        assert_same(kernels, FrameObjective([*plain.terms, second], plain.view, plain.free), state)
-
-
 def test_nothing_of_a_fit_is_kept(tiny_body: BodyModel):
     made = stages(tiny_body, config_of("tcfit"))
     prior = weakref.ref(made.parametrisation.prior)
@@ -170,12 +159,6 @@ def test_nothing_of_a_fit_is_kept(tiny_body: BodyModel):
     del made
     gc.collect()
     assert prior() is None
-
-
-def test_hands_of_other_spaces(tiny_body: BodyModel):
-    made = stages(tiny_body, replace(config_of("tcfit"), hand_components=45))
-    state = random_state(made.parametrisation, len(FRAMES))
-    assert_same(*both(made, 5, state), state)
 
 
 @pytest.mark.parametrize("moving", [Free(betas=False), Free(betas=False, hands=False, face=False)], ids=["all", "body"])

@@ -35,24 +35,6 @@ def start_of(body: BodyModel, config: FitConfig, frames: int = FRAMES) -> tuple[
     return Consistency(stages, make_solver("lm", config.settings)), state
 
 
-def test_windows_run_their_stages_from_first_to_last(tiny_body: BodyModel):
-    consistency, state = start_of(tiny_body, CONFIG)
-    steps, _ = listed(consistency.sliding_window(state))
-    labels = list(dict.fromkeys(s.label for s in steps if s.fitted is None))
-    assert labels == [f"window {w} of 4, stage {s} of 5" for w in (1, 2, 3, 4) for s in (4, 5)]
-    shares = [s.share for s in steps]
-    assert shares == sorted(shares) and shares[-1] == 1.0
-
-
-@pytest.mark.parametrize("size", [FRAMES, FRAMES + 5])
-def test_a_window_as_long_as_the_clip_is_all_at_once(tiny_body: BodyModel, size: int):
-    config = replace(CONFIG, temporal=replace(CONFIG.temporal, window_size=size))
-    consistency, state = start_of(tiny_body, config)
-    window, together = finished(consistency.sliding_window(state)), finished(consistency.all_at_once(state))
-    assert torch.equal(window.vector, together.vector) and torch.equal(window.orient, together.orient)
-    assert not torch.equal(window.vector, state.vector)
-
-
 @pytest.mark.usefixtures("in_torch")
 def test_a_window_poses_no_frame_that_it_is_not_coupled_to(tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch):
     """Else the cost of all windows is quadratic in the clip's length."""

@@ -19,7 +19,7 @@ from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.phases import independent
 from fitting_core.fit.phases.frame_fits import FrameFits, filled
 from fitting_core.fit.phases.independent import _Frames, fit_frames
-from fitting_core.fit.phases.initialize import guess_depth, half_turned
+from fitting_core.fit.phases.initialize import half_turned
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.stages import N_STAGES, Stages
 from fitting_core.fit.variables.state import Free, State
@@ -150,16 +150,6 @@ def test_relay_never_raises_a_cost_and_frees_a_stuck_frame(free_body: BodyModel,
     assert float(before[2]) > 100 * float(alone.cost[2])
     assert float(cost[2]) < 1.2 * float(alone.cost[2])
     assert fits.start[2] in (Start.FRAME_BEFORE, Start.FRAME_AFTER), "what freed it is told"
-
-
-def test_the_camera_step_has_its_own_tolerance(free_body: BodyModel, clip: Keypoints):
-    costs = []
-    for tolerance in (1e-6, 0.5):
-        config = replace(QUICK, settings=replace(QUICK.settings, camera_tolerance=tolerance))
-        stages = stages_of(free_body, clip, config)
-        run = _Frames(stages, solver_of(stages), torch.arange(5))
-        costs.append(finished(run.camera_step(guess_depth(stages).depth)).cost.sum())
-    assert costs[0] < costs[1]
 
 
 def profile(body: BodyModel) -> Keypoints:

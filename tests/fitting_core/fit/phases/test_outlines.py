@@ -7,13 +7,12 @@ import pytest
 import torch
 from jaxtyping import Float
 
-from evaluation.synthetic.studio.clothing import Outfit
 from fitting_core.body.geometry import vertex_normals
 from fitting_core.body.mesh import shared_mesh
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.config.schema import FitConfig
-from fitting_core.fit.phases.outlines import OutlinedShape, border_distance, outlined_shape
+from fitting_core.fit.phases.outlines import OutlinedShape, outlined_shape
 from fitting_core.fit.stages import Stages
 from fitting_core.measure.mesh.volume import Enclosed
 from fitting_core.render.rasterize import rasterize
@@ -69,26 +68,9 @@ def test_the_volume_and_the_clothes_are_found(free_body: BodyModel, clothes: flo
     assert shape.state.vector[:, -13:-10].numpy() == pytest.approx(truth.camera_translation.numpy(), abs=0.05)
 
 
-def test_bare_forearms_say_nothing_of_the_clothes(free_body: BodyModel):
-    outfit = Outfit.of(free_body)
-    worn = np.max([amount for _, amount in outfit.clothes(free_body.template)], axis=0)
-    truth = standing()
-    shape = found(free_body, truth, silhouettes_of(free_body, truth, 0.02 * worn[:, None]))
-    assert shape is not None and shape.clothes == pytest.approx(0.02, abs=0.007)
-    # With forearms the body came 12 mm nearer.
-    assert shape.state.vector[:, -11].numpy() == pytest.approx(truth.camera_translation[:, 2].numpy(), abs=0.008)
-
-
 def test_silhouettes_of_somebody_else_do_not_count(free_body: BodyModel):
     truth = standing()
     aside = replace(truth, camera_translation=truth.camera_translation + torch.tensor([0.6, 0.0, 0.0]))
     assert found(free_body, truth, silhouettes_of(free_body, aside, 0.0)) is None
     few = silhouettes_of(free_body, truth, 0.0)
     assert found(free_body, truth, replace(few, known=np.array([True, True, False, False]))) is None
-
-
-def test_the_border_lies_between_pixels():
-    mask = np.zeros((9, 12), bool)
-    mask[2:7, 3:9] = True
-    distance = border_distance(mask)
-    assert distance[4, 2:5].tolist() == pytest.approx([-0.5, 0.5, 1.5]) and distance[4, 9] == pytest.approx(-0.5)

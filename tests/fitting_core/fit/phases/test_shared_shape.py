@@ -31,19 +31,6 @@ def test_samples_are_frames_of_the_clip_each_once(frames: int, size: int, seed: 
     assert np.array_equal(chosen, sample_frames(confidence, sample))
 
 
-def test_another_seed_draws_another_random_sample():
-    samples = [ShapeSample(size=10, strategy="random", seed=seed) for seed in range(4)]
-    assert len({tuple(sample_frames(np.ones((60, 25)), sample)) for sample in samples}) == 4
-
-
-def test_confident_takes_the_highest_mean():
-    confidence = np.full((20, 25), 0.3)
-    confidence[[4, 11, 17]] = 0.9
-    confidence[0, 0] = 1.0
-    chosen = sample_frames(confidence, ShapeSample(size=3, strategy="confident"))
-    assert chosen.tolist() == [4, 11, 17]
-
-
 def test_coverage_shows_every_part_though_few_frames_do():
     """Legs are seen in frame 13 alone, and at low confidence."""
     confidence = np.zeros((40, 25))
@@ -83,21 +70,3 @@ def test_one_shape_for_all_sampled_frames(tiny_body: BodyModel):
     found = sampled.vector[:, betas]
     assert len(chosen) == 4 and torch.equal(found, found[:1].expand(4, 10))
     assert not torch.allclose(found[0], start.vector[chosen][:, betas].mean(0), atol=0.05)
-
-
-def test_start_is_the_mean_of_the_sampled_betas(tiny_body: BodyModel):
-    config = replace(CONFIG, settings=SolverSettings(iterations=0))
-    stages, _, start, sampled, chosen = fitted_shape(tiny_body, config)
-    betas = stages.parametrisation.columns.betas
-    torch.testing.assert_close(sampled.vector[0, betas], start.vector[chosen][:, betas].mean(0))
-    frame = slice(0, betas.start)
-    assert torch.equal(sampled.vector[:, frame], start.vector[chosen][:, frame])  # poses start from phase 1
-
-
-def test_the_configured_stages_run_in_order(tiny_body: BodyModel):
-    sample = replace(CONFIG.shape_sample, stages=(1, 3))
-    config = replace(CONFIG, shape_sample=sample, settings=SolverSettings(iterations=2))
-    built = stages_of(tiny_body, hidden(keypoints_of(tiny_body, random_params(3)), kp.HANDS, kp.FACE), config)
-    sight = Sight(stages=built, state=random_state(built.parametrisation, 3, 0), usable=torch.arange(3))
-    labels = [s.label for s in fit_shape(sight, make_solver("lm", config.settings), config.shape_sample)]
-    assert list(dict.fromkeys(labels)) == ["stage 1 of 5", "stage 3 of 5"]

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-from fitting_core.fit.solvers.lbfgs import CostFunction, CurvatureHistory, Limits, Reason, Result, lbfgs_steps
+from fitting_core.fit.solvers.lbfgs import CostFunction, Limits, Reason, Result, lbfgs_steps
 from fitting_core.fit.solvers.line_search import CURVATURE, SUFFICIENT_DECREASE, LineSearches
 from tests.samples.scenes import finished
 
@@ -94,29 +94,6 @@ def torch_lbfgs(cost: Cost, x0: Tensor, row: int, *, rounds: int = 30) -> tuple[
             break
         last = value
     return float(cost(x.detach(), torch.tensor([row]))), evaluations
-
-
-def bowls(n: int) -> tuple[CostFunction, Tensor]:
-    """Four quadratics with minimum 0 and curvatures of at least one, and where their minima lie."""
-    roots = random(4, n, n)
-    matrix = roots @ roots.mT / n + torch.eye(n, dtype=torch.float64)
-    optimum = random(4, n, seed=1)
-
-    def function(x: Tensor, rows: Tensor) -> tuple[Tensor, Tensor]:
-        gradient = (matrix[rows] @ (x - optimum[rows])[:, :, None])[:, :, 0]
-        return ((x - optimum[rows]) * gradient).sum(-1) / 2, gradient
-
-    return function, optimum
-
-
-@pytest.mark.parametrize("n", [1, 2, 10, 40])
-def test_quadratics_reach_their_optimum(n: int):
-    function, optimum = bowls(n)
-    result = minimise_lbfgs(function, optimum + 10 * random(4, n, seed=2), relative_tolerance=0, change_tolerance=0)
-    assert result.reasons == (Reason.GRADIENT,) * 4
-    # With curvatures of at least one the error is no larger than the gradient.
-    assert float((result.x - optimum).norm(dim=1).max()) <= 1e-9 * n**0.5
-    assert float(result.cost.max()) <= 1e-17 * n
 
 
 @pytest.mark.parametrize("name", COSTS)
@@ -234,39 +211,3 @@ def test_strong_wolfe_conditions_hold_at_accepted_steps(name: str):
     torch.testing.assert_close(lines.low_gradient[:, 0], slope, rtol=0, atol=0)
     assert bool((cost <= cost0 + SUFFICIENT_DECREASE * step * slope0).all())
     assert bool((slope.abs() <= -CURVATURE * slope0).all())
-
-
-def test_directions_agree_with_the_two_loop_recursion_over_a_full_ring():
-    size, n = 5, 9
-    history = CurvatureHistory(torch.zeros(3, n, dtype=torch.float64), size=size)
-    pairs: list[list[tuple[Tensor, Tensor]]] = [[], [], []]
-    for k, rows in enumerate([[0, 1], [0], [0, 1], [0], [0, 1], [0], [0, 1], [0, 1], [0]]):
-        steps = random(len(rows), n, seed=k)
-        changes = steps + 0.3 * random(len(rows), n, seed=100 + k)
-        changes[0] *= -1 if k == 3 else 1  # a pair without curvature, which must be skipped
-        history.add(torch.tensor(rows), steps, changes)
-        for row, s, y in zip(rows, steps, changes, strict=True):
-            if s @ y > 0:
-                pairs[row] = [*pairs[row], (s, y)][-size:]
-    gradient = random(3, n, seed=50)
-    directions = history.direction(torch.tensor([2, 1, 0]), gradient)
-    for row, g, direction in zip([2, 1, 0], gradient, directions, strict=True):
-        torch.testing.assert_close(direction, two_loops(pairs[row], g), rtol=1e-11, atol=1e-11)
-    history.forget(torch.tensor([0]))
-    torch.testing.assert_close(history.direction(torch.tensor([0]), gradient[:1]), -gradient[:1], rtol=0, atol=0)
-    both = history.direction(torch.tensor([1, 0]), gradient[[1, 0]])
-    torch.testing.assert_close(both, torch.stack([directions[1], -gradient[0]]))
-
-
-def two_loops(pairs: list[tuple[Tensor, Tensor]], gradient: Tensor) -> Tensor:
-    """Nocedal and Wright, algorithm 7.4, as it stands there."""
-    q, alphas = gradient.clone(), []
-    for s, y in reversed(pairs):
-        alphas.append((s @ q) / (s @ y))
-        q -= alphas[-1] * y
-    if pairs:
-        s, y = pairs[-1]
-        q *= (s @ y) / (y @ y)
-    for (s, y), alpha in zip(pairs, reversed(alphas), strict=True):
-        q += s * (alpha - (y @ q) / (s @ y))
-    return -q

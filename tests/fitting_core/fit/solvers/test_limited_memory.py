@@ -4,10 +4,8 @@ from collections.abc import Generator
 
 import pytest
 import torch
-from torch import Tensor
 
-from fitting_core.body.params import BodyParams
-from fitting_core.config.schema import FitConfig, SolverSettings, Weights
+from fitting_core.config.schema import FitConfig, SolverSettings
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.solvers import make_solver
 from fitting_core.fit.solvers.problem import IndependentFrames, Problem, Sample, SharedShape
@@ -22,8 +20,6 @@ from tests.samples.posed_clips import clip_of, motion, shipped_body
 pytestmark = pytest.mark.thorough
 
 FRAMES = 5
-WITHOUT_COLLISION = FitConfig(weights=Weights(collision=(0.0,) * 5), pose_prior="axis_angle")
-"""For speed; tests/fitting_core/fit/terms/test_collision.py has both solvers on the collision term."""
 TIGHT = SolverSettings(final_tolerance=1e-13, sequence_tolerance=1e-13, iterations=200)
 
 
@@ -130,35 +126,3 @@ def test_yields_between_evaluations_and_can_be_closed(stages, near_truth):
     assert torch.is_grad_enabled()
     with pytest.raises(StopIteration):
         next(again)
-
-
-def staged(stages: Stages, name: str, start: State) -> Tensor:
-    """Final costs after five stages from the same start, with the settings that users get."""
-    state, solver = start, make_solver(name, SolverSettings())
-    for stage in range(1, 6):
-        problem = every_frame_at(stages, stage, state)
-        solution = solve(solver.minimise(problem, state, final=stage == 5))[1]
-        state = solution.state
-    return solution.cost
-
-
-def every_frame_at(stages: Stages, stage: int, state: State) -> Problem:
-    free = stages.free(stage, betas=True, resting=True)
-    return IndependentFrames(stages.objective(stage, state, free), stages.all_frames)
-
-
-def test_levenberg_marquardt_ends_no_higher_on_average_after_five_stages():
-    """Frame by frame either may find the lower valley.
-
-    Means of lm and lbfgs over 20 frames of 10 motions: 173.4 and 173.7 at 0.2 rad, 230.7 and 228.0 at 0.3 rad (one of
-    the 20 frames makes the difference); over 10 real frames 196.2 and 199.7.
-    """
-    motions = [motion(2, seed=seed) for seed in range(5)]
-    params = BodyParams(**{name: torch.cat([getattr(m, name) for m in motions]) for name in vars(motions[0])})
-    clip = clip_of(params, noise=3.0, seed=2)
-    stages = Stages.of(clip.keypoints, clip.camera, shipped_body(), WITHOUT_COLLISION)
-    truth, neutral = stages.parametrisation.from_params(params), stages.parametrisation.neutral(len(params))
-    where = stages.parametrisation.columns.translation
-    start = State(truth.orient, neutral.with_columns(where, truth.vector[:, where]).vector)
-    lm, lbfgs = (staged(stages, name, start) for name in ("lm", "lbfgs"))
-    assert lm.mean() <= 1.005 * lbfgs.mean()

@@ -1,6 +1,6 @@
 """The collision term in E_o: its value, its derivatives, and that both solvers free what it sees."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -187,24 +187,6 @@ def freed(problem: IndependentFrames, start: State, end: Solution) -> Tensor:
     assert (before["collision"] > 500).all() and (after["collision"] < 0.1 * before["collision"]).all()
     assert (end.cost < sum(before.values())).all()
     return end.cost / sum(before.values())
-
-
-@dataclass(frozen=True)
-class Faithful(Collision):
-    """The term without its softened form."""
-
-    def softened(self, *, cold: bool) -> Collision:
-        return self
-
-
-@pytest.mark.thorough
-def test_softened_term_frees_what_the_faithful_one_leaves_inside(hands_in_thighs, freed_by_lm):
-    """Levenberg-Marquardt on the faithful term alone stops on its staircase."""
-    start, problem = hands_in_thighs
-    terms = [Faithful(t.weight, t.body) if isinstance(t, Collision) else t for t in problem.objective.terms]
-    rigid = FrameObjective(terms, problem.objective.view, problem.objective.free)
-    stuck = minimised("lm", IndependentFrames(rigid, problem.frames), start)
-    assert freed_by_lm.cost < 0.6 * stuck.cost < 0.6 * problem.cost(start, problem.frames)
 
 
 def test_stages_take_the_term_in_when_its_weight_says_so(stages, state):

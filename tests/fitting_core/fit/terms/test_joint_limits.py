@@ -1,33 +1,19 @@
 """Joint limits: angles against rotations made by scipy, what people can and cannot do, derivatives, in float64."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
-from torch import Tensor
 
-from fitting_core import keypoints as kp
 from fitting_core.body.handshapes import HANDSHAPES, finger_angles
 from fitting_core.body.joint_ranges import JointRange, joint_ranges
 from fitting_core.body.model import JOINT, BodyModel
-from fitting_core.config.schema import FitConfig, Weights
-from fitting_core.fit.fused import ready
-from fitting_core.fit.objective import FrameObjective
-from fitting_core.fit.stages import Stages
 from fitting_core.fit.terms.limits import AngleTable, JointLimits
-from fitting_core.fit.variables.estimate import Estimate
-from fitting_core.fit.variables.state import Free, State
-from fitting_core.priors.pose import relaxed_pose
-from tests.samples.scenes import differentiated, hidden, keypoints_of, random_params, random_state, stages_of
 
 LIKE = torch.zeros(0, dtype=torch.float64)
-CONFIG = FitConfig(weights=replace(Weights(), limits=(0, 0, 0, 0, 37.0), collision=(0,) * 5))
 NAMES = ("flexion", "side", "twist")
-FRAMES = torch.tensor([2, 0, 1])
 
 
 @pytest.fixture(scope="module")
@@ -132,15 +118,6 @@ def test_what_nobody_can_do_costs(ranges: dict[str, JointRange], name: str):
     assert np.linalg.norm(list(excess(ranges, {joint: rotation}).values())) > 10
 
 
-def test_fits_start_within_the_limits(ranges: dict[str, JointRange]):
-    vectors = relaxed_pose().view(21, 3).numpy()
-    relaxed = {name: Rotation.from_rotvec(vectors[JOINT[name] - 1]) for name in ranges if JOINT[name] < 22}
-    seat = {"left_hip": Rotation.from_rotvec([-1.4, 0, 0]), "left_knee": Rotation.from_rotvec([1.4, 0, 0])}
-    assert not excess(ranges, dict.fromkeys(ranges, turn()))
-    assert not excess(ranges, relaxed)
-    assert not excess(ranges, seat)
-
-
 @pytest.mark.parametrize("shape", [*HANDSHAPES, "mean"])
 def test_handshapes_are_free(ranges: dict[str, JointRange], free_body: BodyModel, shape: str):
     if shape == "mean":
@@ -203,63 +180,6 @@ def test_left_and_right_mirror_each_other(ranges: dict[str, JointRange], vector:
         assert right[f"right_{part}", angle] == pytest.approx(degrees, abs=0.5 if part == "thumb1" else 1e-6)
 
 
-def stages(body: BodyModel, *, latent: bool = False, fingers: bool = True) -> Stages:
-    detections = keypoints_of(body, random_params(3, 5))
-    if not fingers:
-        detections = hidden(detections, kp.HANDS)
-    return stages_of(body, detections, CONFIG, latent=latent)
-
-
-def only(stages: Stages, state: State, free: Free) -> FrameObjective:
-    """The limits of stage 5 alone, with a data term of weight 0, which kernels need."""
-    objective = stages.objective(5, state, free)
-    silent = replace(objective.data, weight=torch.zeros_like(objective.data.weight))
-    return FrameObjective([silent, *(t for t in objective.terms if t.name == "limits")], objective.view, free)
-
-
-def wild(stages: Stages) -> State:
-    """Poses of which about every second angle is beyond its range."""
-    state = random_state(stages.parametrisation, 3, 11)
-    c = stages.parametrisation.columns
-    vector = state.vector.clone()
-    vector[:, c.body] *= 4
-    vector[:, c.hands] *= 4
-    return State(state.orient, vector)
-
-
-FREES = {"all": Free(), "no hands": Free(hands=False), "no body": Free(body=False)}
-
-
-@pytest.mark.parametrize("kernels", [True, False])
-@pytest.mark.parametrize(("which", "latent"), [*((which, False) for which in FREES), ("all", True)])
-def test_derivatives_are_exact(
-    tiny_body: BodyModel, which: str, latent: bool, kernels: bool, monkeypatch: pytest.MonkeyPatch
-):
-    """Against automatic differentiation of the residual, through hand components and the decoders of two priors,
-    whose derivative the kernels have in float32."""
-    ready.prepare(print)
-    monkeypatch.setattr(ready._Use, "allowed", kernels)
-    setting, free = stages(tiny_body, latent=latent), FREES[which]
-    state = wild(setting)[FRAMES]
-    objective = only(setting, wild(setting), free)
-
-    def residual(state: State) -> Tensor:
-        return objective.terms[-1].residual(Estimate(objective.view, state, FRAMES))
-
-    value = residual(state)
-    assert value.shape == (3, 3 * 51)
-    assert 0.1 < float((value != 0).double().mean()) < 0.9
-    jacobian = differentiated(residual, state, free.index(setting.parametrisation.columns))
-    assert (objective.fused is not None) == kernels
-    normal = objective.normal(state, FRAMES)
-    torch.testing.assert_close(normal.cost, value.square().sum(1), rtol=1e-12, atol=0)
-    for found, expected, close in (
-        (normal.gradient, (jacobian.mT @ value[..., None])[..., 0], 1e-9),
-        (normal.matrix, jacobian.mT @ jacobian, 1e-6 if kernels else 1e-9),
-    ):
-        torch.testing.assert_close(found, expected, rtol=close, atol=10 * close * max(float(expected.abs().max()), 1.0))
-
-
 def test_slopes_are_finite_and_right_at_rest(ranges: dict[str, JointRange]):
     """Where a rotation is zero, and where it stands in the middle of a joint's range."""
     table = AngleTable.of(ranges, LIKE)
@@ -274,23 +194,3 @@ def test_slopes_are_finite_and_right_at_rest(ranges: dict[str, JointRange]):
         steps = 1e-5 * torch.eye(3, dtype=torch.float64)
         by_differences = [(table.angles(pose + step) - table.angles(pose - step)) / 2e-5 for step in steps]
         torch.testing.assert_close(forward, torch.stack(by_differences, -1), rtol=1e-7, atol=1e-7)
-
-
-def test_within_the_limits_there_is_nothing_to_pull(tiny_body: BodyModel):
-    flat = replace(tiny_body, hand_mean=np.zeros((2, 45)))
-    setting = stages(flat)
-    neutral = setting.parametrisation.neutral(3)
-    translated = neutral.with_columns(
-        setting.parametrisation.columns.translation, torch.tensor([0.0, 0.0, 3.0]).double()
-    )
-    normal = only(setting, translated, Free()).normal(translated, FRAMES)
-    assert not normal.cost.any() and not normal.gradient.any() and not normal.matrix.any()
-
-
-def test_fingers_that_no_image_shows_are_left_out(tiny_body: BodyModel):
-    setting = stages(tiny_body, fingers=False)
-    state = wild(setting)
-    objective = only(setting, state, setting.free(5, betas=False))
-    estimate = Estimate(objective.view, state, torch.arange(3))
-    (limits,) = (term for term in objective.terms if term.name == "limits")
-    assert limits.residual(estimate).shape == (3, 3 * 21)

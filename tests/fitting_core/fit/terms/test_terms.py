@@ -11,6 +11,7 @@ from torch import Tensor
 
 from fitting_core import keypoints as kp
 from fitting_core.body import rotations
+from fitting_core.body.joint_ranges import joint_ranges
 from fitting_core.body.mesh import Mesh
 from fitting_core.body.model import JOINT, BodyModel
 from fitting_core.body.params import BodyParams
@@ -100,6 +101,8 @@ class Scene:
     def term(self, name: str) -> Term:
         if name == Huddle.name:
             return Huddle()
+        if name == JointLimits.name:
+            return JointLimits.of(37.0, joint_ranges(self.body), fingers=True, like=self.state.vector[:0, 0])
         objective = self.objectives["camera" if name == "depth" else "stage 5"]
         return next(t for t in (*objective.terms, *objective.shared) if t.name == name)
 
@@ -115,7 +118,7 @@ class Scene:
 
     def _everything(self, state: State) -> dict[str, Tensor]:
         estimate = self.estimate(state)
-        residuals = {name: self.term(name).residual(estimate) for name in (*BY_HAND, Huddle.name)}
+        residuals = {name: self.term(name).residual(estimate) for name in DERIVED}
         return {"pixels": estimate.pixels, **residuals}
 
     @cached_property
@@ -396,6 +399,8 @@ BY_HAND = {
     "depth": depth_by_hand,
 }
 """Cost of each term in FRAMES, from the formulas of the method."""
+DERIVED = (*BY_HAND, JointLimits.name, Huddle.name)
+"""Terms whose derivatives are compared; test_joint_limits.py has the limits' values."""
 
 
 def test_every_term_is_written_out_by_hand(scene: Scene):
@@ -468,7 +473,7 @@ def normal_of(scene: Scene, term: Term, free: Free, *, kernels: bool, monkeypatc
 
 
 @pytest.mark.parametrize(("free", "kernels"), BY_KERNELS, ids=WAYS)
-@pytest.mark.parametrize("name", [*BY_HAND, Huddle.name])
+@pytest.mark.parametrize("name", DERIVED)
 @pytest.mark.parametrize("which", ["scene", "latent_scene"])
 def test_gradient_is_exact_and_matrix_gauss_newton(
     name: str, free: Free, kernels: bool, which: str, request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
@@ -481,6 +486,7 @@ def test_gradient_is_exact_and_matrix_gauss_newton(
     jacobian = scene.jacobian(name, free)
     gradient, matrix = (jacobian.mT @ scene.values[name][..., None])[..., 0], jacobian.mT @ jacobian
     scale = max(float(gradient.abs().max()), 1.0)
+    torch.testing.assert_close(found.cost, scene.values[name].square().sum(1), rtol=1e-10, atol=0)
     torch.testing.assert_close(found.gradient, gradient, rtol=1e-9, atol=1e-10 * scale)
     if name not in ("data", "relative_position", "held_position", Huddle.name):
         close = 1e-6 if kernels and which == "latent_scene" else 1e-10

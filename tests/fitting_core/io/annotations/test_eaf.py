@@ -174,12 +174,6 @@ def test_frames_come_back_from_their_time(first: int, count: int, rate: float):
     assert frames_of(*milliseconds_of(frames, rate), rate) == frames
 
 
-def test_a_moment_is_one_frame():
-    assert frames_of(1000, 1000, 25) == range(25, 26)
-    assert frames_of(1010, 1030, 25) == range(25, 26)
-    assert frames_of(1010, 1050, 25) == range(25, 27)
-
-
 def linked(path: Path, *media: tuple[str, str, str]) -> Path:
     """A file with an annotation from 1000 to 1400 ms, and media: file, kind, and where ELAN lets it begin."""
     write_eaf(path, [Tier(name="gloss", kind="any", annotations=(Annotation(start=1000, end=1400, text="SIGN"),))])
@@ -210,11 +204,3 @@ ORIGINS = {
 def test_times_are_those_of_the_video(tmp_path: Path, name: str):
     media, start = ORIGINS[name]
     assert starts(linked(tmp_path / "x.eaf", *media), "my walk.mp4" if name == "two cameras" else "walk.mp4") == start
-
-
-def test_videos_that_begin_at_different_times_and_none_is_the_clip_s(tmp_path: Path):
-    path = linked(tmp_path / "x.eaf", ("a.mp4", "video/mp4", ""), ("b.mp4", "video/mp4", LATER))
-    with pytest.raises(InputError, match=r"a at 0 ms, b at 2000 ms.*none is named as the clip's video walk.mp4"):
-        starts(path)
-    with pytest.raises(InputError, match="begins at 'soon'"):
-        starts(linked(tmp_path / "x.eaf", ("walk.mp4", "video/mp4", 'TIME_ORIGIN="soon"')))

@@ -83,13 +83,6 @@ def test_of_several_cameras_one_is_named(tmp_path: Path):
     assert right.focal[0] == 2 * K[0, 0] and right.world and right.world.translation == (1, 2, 3) and not right.lens
 
 
-def test_colmap_without_images_has_cameras_by_number(tmp_path: Path):
-    folder = files.colmap(tmp_path / "model")
-    (folder / "images.txt").unlink()
-    camera, _ = read_camera(CameraFile(path=folder, name="1"), SIZE)
-    assert camera.world is None and camera.lens
-
-
 def test_what_an_npz_has_beside_is_said_to_be_passed_over(tmp_path: Path):
     """A user's distortion was not read since it was called dist_coeffs, and nobody was told."""
     path = files.own(tmp_path / "camera.npz", dist=None, dist_coeffs=DISTORTION, size=None, image_size=SIZE, up="z")
@@ -154,12 +147,6 @@ def test_the_files_of_a_camera(tmp_path: Path):
     both = [model / "cameras.txt", model / "images.txt"]
     assert camera_files(model) == camera_files(both[0]) == both
     assert camera_files(files.own(tmp_path / "camera.npz")) == [tmp_path / "camera.npz"]
-
-
-def test_a_camera_upside_down_is_noted(tmp_path: Path):
-    path = files.own(tmp_path / "camera.npz", R=np.eye(3), t=(0, 0, 0), up="y")
-    _, notes = read_camera(CameraFile(path=path), SIZE)
-    assert any("upside down" in note for note in notes)
 
 
 def _lens_profile(path: Path, **params: object) -> Path:

@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 from fitting_core.camera import Camera, is_possible, path_of
 from fitting_core.clips.options import CameraOptions, ClipOptions
 from fitting_core.clips.reading import read_clip
-from fitting_core.errors import InputError
 from fitting_core.frame_alignment import Timeline
 from fitting_core.io.camera_arrays import camera_arrays, camera_from
 from fitting_core.io.cameras.moving import ClipFrames
@@ -102,17 +101,6 @@ def test_short_gaps_are_filled_between_their_neighbours(tmp_path: Path):
     half = Rotation.from_matrix(turns[0] @ turns[1].T).magnitude()
     assert half == pytest.approx(Rotation.from_matrix(turns[1] @ turns[2].T).magnitude())
     assert any("those of 3 frames are interpolated" in note for note in notes)
-
-
-def test_other_numbers_are_of_another_clip(tmp_path: Path):
-    path = files.transforms(tmp_path / "t.json", names=[f"f{i}.png" for i in range(40, 40 + COUNT)])
-    with pytest.raises(InputError, match=r"numbered from 40 to 47, and the clip has frames 0 to 4"):
-        read(path, clip(5))
-
-
-def test_without_frames_it_is_what_the_file_has(tmp_path: Path):
-    camera, _ = read_camera(CameraFile(path=files.moving_colmap(tmp_path / "model")), SIZE)
-    assert camera.path is not None and len(camera.path) == COUNT
 
 
 def test_a_named_image_is_a_camera_that_stands(tmp_path: Path):

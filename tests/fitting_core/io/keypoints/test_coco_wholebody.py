@@ -47,15 +47,6 @@ def test_the_layout_is_the_one_of_the_paper():
     assert layout.PLACES[112:] == tuple(range(RIGHT_HAND.start, RIGHT_HAND.stop))
 
 
-def test_neck_and_mid_hip_are_means_with_the_smaller_confidence():
-    points = whole()
-    points[5], points[6] = (100, 50, 0.4), (200, 70, 0.8)
-    points[11, 2] = 0
-    found = layout.from_wholebody(points)
-    assert np.allclose(found[INDEX["neck"]], (150, 60, 0.4))
-    assert not found[INDEX["mid_hip"]].any() and not found[INDEX["left_hip"]].any()
-
-
 @settings(max_examples=20)
 @given(keypoints())
 def test_what_was_written_reads_back(clip: Keypoints):
@@ -94,11 +85,6 @@ def test_results_of_several_people_with_gaps(tmp_path: Path):
     clip = read_clip(None, tmp_path / "clip.json", clip=ClipOptions(person=1, image_size=(640, 480)))
     assert len(clip) == 6 and clip.first_frame == 7 and not clip.keypoints.confidence[1:].any()
     assert any("clip.json has 2 frames" in note and "4 frames have no keypoints" in note for note in clip.notes)
-
-
-def test_results_named_by_their_images(tmp_path: Path):
-    results = [{"image_id": f"images/{k}.jpg", "keypoints": whole(k).tolist()} for k in (10, 9)]
-    assert read_detections(written(tmp_path, results)).stems == ("9", "10")
 
 
 def test_predictions_of_mmpose(tmp_path: Path):

@@ -35,13 +35,6 @@ def changed(values: list, index: int, value: object) -> list:
     return [*values[:index], value, *values[index + 1 :]]
 
 
-def test_numbers_start_above_zero_and_have_gaps(write_people):
-    folder = write_people({f"walk_{n:012d}": [PERSON] for n in (12, 7, 100)})
-    detections = read_openpose(folder)
-    assert detections.numbers == (7, 12, 100)
-    assert detections.stems[0] == "walk_000000000007"
-
-
 @pytest.mark.parametrize("suffix", ["_2d", ""])
 @pytest.mark.parametrize(
     "key, part, count",
@@ -69,20 +62,6 @@ def test_coco_18(write_people, key):
     hips = points[[INDEX["right_hip"], INDEX["left_hip"]]]
     assert points[INDEX["mid_hip"]].tolist() == [*hips[:, :2].mean(0), 0.3]
     assert (points[[INDEX[name] for name in BODY_25 if "toe" in name or "heel" in name], 2] == 0).all()
-
-
-def test_coco_mid_hip_needs_both_hips(write_people):
-    values = triples(18)
-    hip = 3 * COCO.index("left_hip")
-    values[hip : hip + 3] = [0, 0, 0]
-    points = read_openpose(write_people({"a_0": [{"pose_keypoints_2d": values}]})).frames[0][0]
-    assert points[INDEX["mid_hip"]].tolist() == [0, 0, 0]
-
-
-def test_a_single_file_is_one_frame(write_people):
-    file = write_people({"photo": [PERSON]}) / "photo_keypoints.json"
-    detections = read_detections(file)
-    assert len(detections) == 1 and detections.stems == ("photo",) and detections.numbers is None
 
 
 def test_byte_order_mark_and_hidden_files(write_people):
@@ -189,14 +168,6 @@ def test_normalised_coordinates(write_people, figure, scale, option):
     assert (scale in notes[0]) if scale != "pixels" else notes == ()
 
 
-def test_the_scale_is_judged_by_the_whole_clip(write_people, figure):
-    corner = scaled(figure(630.0, 300.0, height=1.0), "0..1")
-    everywhere = scaled(figure(100.0, 200.0), "-1..1")
-    detections = read_openpose(write_people({"a_0": [np.abs(corner)], "a_1": [everywhere]}))
-    assert guess_scale(detections.detected_points()) == "-1..1"
-    assert guess_scale(np.zeros((0, 2))) == "pixels"
-
-
 def test_normalised_coordinates_need_the_image_size(write_people, figure):
     detections = read_openpose(write_people({"a_0": [scaled(figure(100.0, 200.0), "0..1")]}))
     with pytest.raises(InputError, match=r"normalised to 0..1 \(judged by their range\), so the image size is needed"):
@@ -258,21 +229,6 @@ def test_a_canvas_that_is_none(tmp_path: Path, figure, name: str):
         read_detections(tmp_path / "poses.json")
 
 
-def test_a_list_of_frames_in_a_folder(tmp_path: Path, figure):
-    """ComfyUI saves a list for every picture."""
-    for k in range(2):
-        (tmp_path / f"pose_{k:05}_.json").write_text(json.dumps([of_controlnet(figure, shares=True)]))
-    assert read_detections(tmp_path).numbers == (0, 1)
-    (tmp_path / "pose_00002_.json").write_text(json.dumps([of_controlnet(figure, shares=True)] * 2))
-    with pytest.raises(InputError, match=r"pose_00002_\.json: holds 2 frames; expected one per file in a folder"):
-        read_detections(tmp_path)
-
-
-def test_a_face_of_68_points_lacks_the_pupils(write_people):
-    (found,) = read_openpose(write_people({"a_0": [{"face_keypoints_2d": triples(68)}]})).frames
-    assert (found[0, FACE, 2] > 0).tolist() == [True] * 68 + [False] * 2
-
-
 @st.composite
 def clips(draw: st.DrawFn) -> Keypoints:
     count = draw(st.integers(1, 3))
@@ -294,20 +250,6 @@ def test_what_is_written_reads_back_the_same(tmp_path_factory, clip, first):
         assert (points[:, 2] == confidence).all()
         assert (points[detected, :2] == xy[detected]).all()
         assert (points[~detected] == 0).all()
-
-
-def test_written_files_look_like_openpose(tmp_path, figure):
-    points = np.stack([figure(50, 200), np.zeros((137, 3))])
-    points[1, :, :2] = 7
-    paths = write_openpose(tmp_path / "new", Keypoints(xy=points[..., :2], confidence=points[..., 2]), name="walk")
-    assert [path.name for path in paths] == ["walk_000000000000_keypoints.json", "walk_000000000001_keypoints.json"]
-    assert sorted(tmp_path.joinpath("new").iterdir()) == paths
-    first, second = (json.loads(path.read_text()) for path in paths)
-    assert {key: len(values) for key, values in first["people"][0].items()} == {
-        "person_id": 1, "pose_keypoints_2d": 75, "face_keypoints_2d": 0, "hand_left_keypoints_2d": 0,
-        "hand_right_keypoints_2d": 0,
-    }  # fmt: skip
-    assert second["people"] == []
 
 
 def test_writing_replaces_own_files_and_refuses_among_others(tmp_path, figure):

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from fitting_core.clips.reading import read_clip
 from fitting_core.io import read_detections
 from fitting_core.io.keypoints.pose_binary import Component, PoseFile, read_pose_file, write_pose_file
 from fitting_core.io.keypoints.pose_file import COMPONENTS, write_pose
-from fitting_core.keypoints import CONTOUR, COUNT, FACE, INDEX, LEFT_HAND, NAMES, RIGHT_HAND, Keypoints
+from fitting_core.keypoints import COUNT, INDEX, LEFT_HAND, RIGHT_HAND, Keypoints
 from tests.fitting_core.io.keypoints.keypoint_samples import SIZE, as_points, by_frame, keypoints
 
 MEDIAPIPE_BODY = (
@@ -85,34 +84,6 @@ def test_mediapipe_holistic(tmp_path: Path):
     )
 
 
-def test_a_reduced_face_mesh(tmp_path: Path):
-    """Sign language datasets keep MediaPipe's contours alone, which have no nose and no pupils."""
-    contours = sorted(int(k) for k in list(COMPONENTS["FACE_LANDMARKS"]) if int(k) not in range(1, 7))
-    face = [k for k in contours if k not in (168, 197, 98, 97, 2, 326, 327, 468, 473)]
-    found = read_detections(holistic(tmp_path, face=face)[0])
-    person = found.frames[0][0]
-    assert person[CONTOUR, 2].all() and not person[FACE.start + 68 :].any()
-    missing = [NAMES[k] for k in range(CONTOUR.stop, INDEX["face_right_pupil"]) if not person[k, 2]]
-    assert all("nose" in name or "nostrils" in name for name in missing) and len(missing) == 9
-    assert "it lacks 13 of our 137: left_small_toe, right_small_toe, face_nose_bridge0" in found.notes[0]
-
-
-def test_the_face_mesh_points_mirror_each_other():
-    """In MediaPipe's mesh the left half has the numbers from 248 on; points of the middle line mirror themselves."""
-    middle_line = (0, 2, 4, 5, 13, 14, 17, 152, 168, 197)
-    points = {NAMES[place]: int(name) for name, place in COMPONENTS["FACE_LANDMARKS"].items()}
-    middle = {name.removeprefix("face_") for name, point in points.items() if point in middle_line}
-    assert middle == {
-        *(f"nose_bridge{k}" for k in range(4)),
-        *("contour8", "nostrils2", "outer_lip3", "outer_lip9", "inner_lip2", "inner_lip6"),
-    }
-    left = [f"contour{k}" for k in range(9, 17)] + ["nostrils3", "nostrils4", "outer_lip4", "outer_lip8", "inner_lip3"]
-    left += [f"left_{part}{k}" for part, count in (("brow", 5), ("eyelid", 6)) for k in range(count)]
-    right = [f"contour{k}" for k in range(8)] + ["nostrils0", "nostrils1", "outer_lip2", "outer_lip10", "inner_lip1"]
-    right += [f"right_{part}{k}" for part, count in (("brow", 5), ("eyelid", 6)) for k in range(count)]
-    assert all(points[f"face_{name}"] >= 248 for name in left) and all(points[f"face_{name}"] < 248 for name in right)
-
-
 def test_version_0_1_takes_its_number_of_frames_from_the_files_size(tmp_path: Path):
     """Its counts are 16 bits: a clip of 70000 frames says 4464."""
     file, pose = holistic(tmp_path, face=[])
@@ -122,11 +93,6 @@ def test_version_0_1_takes_its_number_of_frames_from_the_files_size(tmp_path: Pa
     file.write_bytes(old)
     found = read_pose_file(file)
     assert found.frame_rate == 12 and np.allclose(found.data, pose.data, atol=1e-4, equal_nan=True)
-
-
-def test_a_clip_without_a_video_has_the_files_size_and_frame_rate(tmp_path: Path):
-    clip = read_clip(None, holistic(tmp_path)[0])
-    assert clip.camera.size == (640, 480) and clip.frame_rate == 12.5 and len(clip) == 3
 
 
 def test_the_formats_own_library_reads_what_was_written_and_the_other_way_round(tmp_path: Path):

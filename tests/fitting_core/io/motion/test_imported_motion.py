@@ -230,10 +230,6 @@ def test_frames_by_their_numbers_with_gaps(tiny_body: BodyModel, tmp_path: Path)
     assert covered.missing == [1, 2]
 
 
-def test_as_many_frames_as_the_clip_are_its_frames(tiny_body: BodyModel, tmp_path: Path):
-    assert cover(_named(tiny_body, tmp_path, [1, 2, 3]), 3, clip_first=50, clip_rate=25).places.tolist() == [0, 1, 2]
-
-
 def test_frames_are_those_of_the_images_that_they_are_named_after(tiny_body: BodyModel, tmp_path: Path):
     motion = _named(tiny_body, tmp_path, [3, 4, 5, 6])
     named, padded = ([f"{prefix}{n:0{width}d}" for n in range(1, 9)] for prefix, width in (("walk_", 6), ("walk_", 2)))
@@ -245,29 +241,6 @@ def test_frames_are_those_of_the_images_that_they_are_named_after(tiny_body: Bod
     with pytest.raises(InputError, match="for the video's frames 2 to 5; expected some of the clip's 2 frames, 6 to 7"):
         cover(motion, 2, clip_first=6, clip_rate=25, images=named)
     assert cover(motion, 4, clip_first=4, clip_rate=25, images=named, first_frame=4).places.tolist() == [0, 1, 2, 3]
-
-
-def test_a_result_of_frames_of_which_some_have_no_image(tiny_body: BodyModel, tmp_path: Path):
-    motion = _named(tiny_body, tmp_path, list(range(12)))
-    for form in ("walk_{:06d}", "shot{}"):
-        images = [form.format(n) for n in (0, 1, 2, 5, 6, 8)]
-        covered = cover(motion, 6, clip_first=0, clip_rate=25, images=images)
-        assert covered.places.tolist() == [0, 1, 2, 5, 6, 8] and covered.there.all() and not covered.notes
-
-
-def test_frames_that_do_not_reach_over_the_clip(tiny_body: BodyModel, tmp_path: Path):
-    motion = _named(tiny_body, tmp_path, [0, 1, 2, 3])
-    found, wanted = "has 4 frames at 25 per second, for the video's frames 0 to 3", "clip's 3 frames, 4 to 6 at 25 per"
-    with pytest.raises(InputError, match=f"{found}; expected some of the {wanted} second. Give --first-frame"):
-        cover(motion, 3, clip_first=4, clip_rate=25)
-    assert cover(motion, 3, clip_first=2, clip_rate=25).there.tolist() == [True, True, False]
-    assert cover(motion, 3, clip_first=2, clip_rate=25, first_frame=1).places.tolist() == [1, 2, 3]
-
-
-def test_frames_of_another_rate(tiny_body: BodyModel, tmp_path: Path):
-    np.savez(tmp_path / "a.npz", poses=np.zeros((12, 165)), trans=np.zeros((12, 3)), mocap_frame_rate=100.0)
-    covered = cover(read_motion(tmp_path / "a.npz"), 3, clip_first=0, clip_rate=25)
-    assert covered.places.tolist() == [0, 4, 8] and "100 frames per second and the clip 25" in covered.notes[0]
 
 
 NTSC = 30000 / 1001

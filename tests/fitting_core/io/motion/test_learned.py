@@ -147,17 +147,6 @@ def test_packed_files_of_joblib(packing: str, alignment: int | None, tmp_path: P
     assert torch.allclose(found.params.body_pose, params.body_pose, atol=1e-5) and found.numbers == tuple(LATE)
 
 
-@pytest.mark.parametrize("protocol", [2, 3, 4, 5])
-@pytest.mark.parametrize("write", [joblib_bytes, lambda content, protocol: pickle.dumps(content, protocol)])
-def test_protocols_of_pickles(write: Callable[..., bytes], protocol: int, tmp_path: Path):
-    params = truth()
-    content = wham({np.int64(2): (params, LATE)})  # pyright: ignore[reportArgumentType]
-    content[2]["betas"] = np.asfortranarray(content[2]["betas"]).astype(">f8")
-    content[2]["names"] = np.array(["a", None], dtype=object)
-    found = read_motion(written(tmp_path / "wham.pkl", write(content, protocol=protocol)))
-    assert torch.allclose(found.params.betas, params.betas, atol=1e-5)
-
-
 @pytest.mark.parametrize("kind", [torch.float16, torch.bfloat16, torch.float32, torch.float64])
 @pytest.mark.parametrize("new", [True, False])
 def test_tensors_of_every_kind(kind: torch.dtype, new: bool, tmp_path: Path):
@@ -180,13 +169,6 @@ def test_a_systems_folder_holds_its_file(tmp_path: Path, tiny_body: BodyModel):
 def test_images_are_told_by_name(tmp_path: Path, tiny_body: BodyModel):
     found = read_motion(CASES["phalp"][1](tmp_path, {4: (truth(), LATE)}, tiny_body))
     assert found.stems == tuple(f"{t + 1:06d}" for t in LATE)
-
-
-def test_frames_come_in_order(tmp_path: Path):
-    params = truth()
-    turned = BodyParams(**{name: value.flip(0) for name, value in vars(params).items()})
-    found = read_motion(written(tmp_path / "a.pkl", joblib_bytes(wham({0: (turned, LATE[::-1].copy())}))))
-    assert found.numbers == tuple(LATE) and torch.allclose(found.params.body_pose, params.body_pose, atol=1e-5)
 
 
 def test_a_pickle_of_smplifyx_is_not_taken_for_another(tmp_path: Path):

@@ -55,14 +55,6 @@ def test_who_is_not_there_is_nowhere(played: Player, people: list[Motion]):
     assert hidden == {(1, 12), (1, 14), (0, 19)}
 
 
-def test_it_says_who_is_in_it(played: Player):
-    extras = played.document.asset.extras
-    assert extras["name"] == "two"
-    assert [one["name"] for one in extras["people"]] == ["person 1", "person 2"]
-    assert [one["first_frame"] for one in extras["people"]] == [12, 15]
-    assert len(played.document.cameras) == 1 and len(played.document.materials) == 2
-
-
 def test_a_camera_that_moves_goes_on_while_anybody_is_there(people: list[Motion], tmp_path: Path):
     turns = np.stack([np.eye(3)] * 8)
     way = np.stack([np.linspace(0, 0.7, 8), np.zeros(8), np.zeros(8)], 1)

@@ -1,7 +1,6 @@
 """Files of joint angles: the table, and the motion for OpenSim, played on the chain of its model."""
 
 import csv
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +8,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fitting_core.body.model import JOINT, BodyModel
-from fitting_core.camera import World
-from fitting_core.ground.level import level_of
 from fitting_core.measure.angles.angle_files import write_angles_csv, write_mot
 from fitting_core.measure.angles.joint_angles import ANGLES, joint_angles
 from fitting_core.measure.angles.segments import Segments
@@ -172,34 +169,3 @@ def test_turns_that_the_model_s_joints_can_make_come_back(free_body: BodyModel, 
     expected |= {"arm_add": -40, "arm_rot": 20, "elbow_flex": 70, "pro_sup": 40, "wrist_flex": 25, "wrist_dev": -12}
     off = {name: columns[f"{name}_{letter}"][0] - value for name, value in expected.items()}
     assert max(map(abs, off.values())) < 5 * WRITTEN, off
-
-
-def test_a_walker_from_the_side_looks_along_x(free_body: BodyModel, tmp_path: Path):
-    """The pelvis' tilt is what one calls so from whatever side it is filmed, if it is nearly one of four."""
-    for yaw, forward in ((4, "along z"), (85, "along x"), (182, "against z"), (-95, "against x")):
-        lean = [turned("Y", yaw) * turned("Z", -20)]
-        write_mot(tmp_path / "walk.mot", posed(free_body, {}, root=lean))
-        header, columns = read_mot(tmp_path / "walk.mot")
-        assert forward in next(line for line in header if line.startswith("World"))
-        off = (yaw + 45) % 90 - 45
-        pelvis = played(columns, "r")["pelvis"]
-        assert degrees_between(pelvis, (turned("Y", off) * turned("Z", -20)).as_matrix()[None]) < WRITTEN
-        # The model turns last, about a pelvis that leans: 5 degrees off one of the four make 0.07 degrees of tilt.
-        assert columns["pelvis_tilt"][0] == pytest.approx(-20, abs=0.08)
-
-
-def test_a_calibrated_world_is_named(free_body: BodyModel, tmp_path: Path):
-    """Where the camera hangs in the laboratory, no axis is the picture's."""
-    there = World(rotation=((0.0, 1.0, 0.0), (0.0, 0.0, -1.0), (-1.0, 0.0, 0.0)), translation=(0.1, 1.5, 4.0), up="z")
-    motion = posed(free_body, {}, root=[turned("Y", 2)])
-    motion = replace(motion, camera=replace(motion.camera, world=there), axes="camera")
-    motion = replace(motion, level=level_of(None, there))
-    write_mot(tmp_path / "walk.mot", motion)
-    write_angles_csv(tmp_path / "angles.csv", motion)
-    header, _ = read_mot(tmp_path / "walk.mot")
-    said = "the world of the camera's calibration, y up"
-    assert said in "\n".join(header) and said in (tmp_path / "angles.csv").read_text()
-    facing = Segments(motion.in_axes("y-up")).axes["pelvis"][0, :, 0]
-    axis = abs(facing).argmax()
-    way = f"is {'along' if facing[axis] > 0 else 'against'} {'xyz'[axis]} of the world y-up."
-    assert next(line for line in header if "mostly faces" in line).endswith(way)

@@ -16,7 +16,6 @@ from fitting_core.body.geometry import SIDES
 from fitting_core.body.model import JOINT
 from fitting_core.body.points.positions import joints_in_space
 from fitting_core.measure.hands.phases import HOLD, MOVEMENT, REST, hand_phases, wrist_height, wrist_speed
-from fitting_core.measure.hands.spans import Span, spans_of
 
 RATE = 50.0
 
@@ -78,12 +77,6 @@ def test_short_stops_and_flicks_do_not_count():
     assert told(moved(standing(60), 30, 31, 0.008)) == [("hold", 0, 60)]
 
 
-def test_slow_drift_is_a_hold_and_one_frame_too():
-    assert told(moved(standing(200), 0, 199, 0.4)) == [("hold", 0, 200)]  # 0.1 m/s
-    assert told(moved(standing(200), 0, 199, 0.72)) == [("hold", 0, 200)]  # 0.18 m/s, which never gets fast
-    assert told(standing(1)) == [("hold", 0, 1)]
-
-
 _SAME_PLACE = 0.03
 """Metres between two keys of a stop."""
 _STOP = 0.1
@@ -125,8 +118,3 @@ def test_the_signing_motion_does_what_its_script_says():
         named = [span.label for span in found for _ in span.frames]
         assert np.mean([a == b for a, b in zip(truth, named, strict=True)]) > 0.8
         assert {span.label for span in found} == {"rest", "movement", "hold"}
-
-
-def test_spans():
-    assert spans_of(["a", "a", "", "b"]) == [Span(frames=range(2), label="a"), Span(frames=range(3, 4), label="b")]
-    assert spans_of([]) == [] == spans_of([""])
