@@ -1,13 +1,11 @@
 """The hand space: its angles against the body's own kinematics, how it is learnt, and what twelve components reach."""
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
-from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from build_assets.free_body.hand.hand_space import (
@@ -21,8 +19,7 @@ from build_assets.free_body.hand.recordings import aligned, joint_angles, read_r
 from fitting_core import keypoints as kp
 from fitting_core.body.files.reading import load_body
 from fitting_core.body.geometry import unit
-from fitting_core.body.hand_skeleton import FINGERS, SIZE, HandSkeleton, axis_angle_of
-from fitting_core.body.handshapes import HANDSHAPES, finger_angles
+from fitting_core.body.hand_skeleton import FINGERS, HandSkeleton, axis_angle_of
 from fitting_core.body.model import BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.body.points.positions import keypoints_in_space
@@ -30,9 +27,6 @@ from fitting_core.errors import InputError
 from fitting_core.shipped import FREE_FOLDER
 
 _OURS = [("thumb", "index", "middle", "ring", "pinky").index(finger) for finger in FINGERS]
-RECORDINGS = (
-    Path(os.environ.get("TCFIT_SHARED_DATA", Path(__file__).parents[3] / "shared" / "data")) / "mocap/leap_hands/npz"
-)
 
 
 @pytest.fixture(scope="module")
@@ -171,72 +165,3 @@ def test_the_shipped_space_is_complete_and_in_the_bodies(body: BodyModel) -> Non
     for side, own in enumerate((basis, basis.mirrored())):
         assert np.allclose(body.hand_components[side], own.components, atol=1e-4)
         assert np.allclose(body.hand_mean[side], own.mean, atol=1e-4)
-
-
-_STEPS = 30
-
-Space = tuple[Float[np.ndarray, "45"], Float[np.ndarray, "45 45"]]
-"""Mean and components in anatomical angles."""
-
-
-def nearest(
-    hand: HandSkeleton, angles: Float[np.ndarray, "n 45"], space: Space, size: int
-) -> Float[np.ndarray, "n 5 4"]:
-    """Millimetres between the joints and tips of hands and those of the nearest hands of a space."""
-    mean, rows = torch.as_tensor(space[0]), torch.as_tensor(space[1][:size])
-
-    def posed(one: torch.Tensor) -> torch.Tensor:
-        return 1000 * hand.pose(one.view(len(FINGERS), 3, 3)).flatten()
-
-    def residual(c: torch.Tensor, target: torch.Tensor) -> torch.Tensor:
-        return torch.cat([posed(mean + c @ rows) - target, 0.02 * c])  # the last part keeps the matrix regular
-
-    target = torch.func.vmap(posed)(torch.as_tensor(angles))
-    r_of, j_of = torch.func.vmap(residual), torch.func.vmap(torch.func.jacfwd(residual))
-    c = (torch.as_tensor(angles) - mean) @ rows.T
-    r, damping = r_of(c, target), torch.ones(len(c), 1, dtype=torch.float64)
-    for _ in range(_STEPS):
-        j = j_of(c, target)
-        trial = c - torch.linalg.solve(j.mT @ j + torch.diag_embed(damping.expand_as(c)), (j.mT @ r[..., None])[..., 0])
-        new = r_of(trial, target)
-        better = (new.square().sum(1) < r.square().sum(1))[:, None]
-        c, r = torch.where(better, trial, c), torch.where(better, new, r)
-        damping = torch.where(better, damping / 4, damping * 8)
-    return r[:, :60].view(-1, 5, 4, 3).norm(dim=-1).numpy()
-
-
-def anatomical(axis_angle: Float[np.ndarray, "*n 45"], hand: HandSkeleton) -> Float[np.ndarray, "*n 45"]:
-    split = axis_angle.reshape(*axis_angle.shape[:-1], 5, 3, 3)
-    return np.einsum("...fjd,fad->...fja", split, hand.axes).reshape(axis_angle.shape)
-
-
-def named_shapes(hand: HandSkeleton) -> Float[np.ndarray, "n 45"]:
-    """The handshapes of the evaluation as anatomical angles."""
-    return anatomical(np.stack([finger_angles(s, "left").reshape(SIZE) for s in HANDSHAPES.values()]), hand)
-
-
-def test_twelve_components_reach_handshapes(hand: HandSkeleton) -> None:
-    space = read_hand_space()
-    errors = nearest(hand, named_shapes(hand), (space.mean, space.components), 12)[:, :, 3].mean(1)
-    by_name = dict(zip(HANDSHAPES, errors, strict=True))
-    assert errors.mean() < 1.7 and errors.max() < 4
-    for name in ("fist", "flat", "point", "pinch", "spread", "victory"):
-        assert by_name[name] < 2.5, name
-
-
-def test_twelve_components_reach_every_combination_of_fingers(hand: HandSkeleton) -> None:
-    """On postures like those of the training, drawn anew; a random space of twelve is five times as far."""
-    space, angles = read_hand_space(), drawn(30)
-    errors = nearest(hand, angles, (space.mean, space.components), 12)[:, :, 3].mean(1)
-    assert errors.mean() < 3
-    random = np.linalg.qr(np.random.default_rng(0).normal(size=(45, 45)))[0]
-    assert nearest(hand, angles[:10], (space.mean, random), 12)[:, :, 3].mean() > 5 * errors.mean()
-
-
-@pytest.mark.skipif(not RECORDINGS.is_dir(), reason="the hand recordings are not here: set TCFIT_SHARED_DATA")
-def test_recorded_hands_are_reached(hand: HandSkeleton) -> None:
-    recording = aligned([read_recording(RECORDINGS / "gun.npz"), read_recording(RECORDINGS / "grab.npz")])[0]
-    angles = joint_angles(recording.directions, hand)
-    assert len(angles) > 0.9 * len(recording.directions) > 50
-    space = read_hand_space()
-    assert nearest(hand, angles[::12], (space.mean, space.components), 12)[:, :, 3].mean() < 3

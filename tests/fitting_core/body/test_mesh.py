@@ -76,14 +76,3 @@ def test_hand_components_and_full_hands_are_one_pose(tiny_body: BodyModel, compo
     )
     assert full.left_hand_pose.shape == (2, 45)
     torch.testing.assert_close(full_pose(tiny_body, params), full_pose(tiny_body, full), rtol=0, atol=1e-13)
-
-
-def test_a_shaped_body_is_the_body_with_these_betas(tiny_body: BodyModel):
-    betas = np.random.default_rng(3).normal(size=10)
-    shaped, params = tiny_body.with_shape(betas), BodyParams.neutral(1)
-    given = replace(params, betas=torch.as_tensor(betas)[None])
-    mesh = Mesh(tiny_body, dtype=torch.float64)
-    assert torch.allclose(Mesh(shaped, dtype=torch.float64)(params), mesh(given), atol=1e-12)
-    upright = mesh.joints(given)[0, :25]  # fingers are bent by the mean hand
-    assert torch.allclose(torch.as_tensor(shaped.rest_joints[:25]), upright, atol=1e-12)
-    assert np.allclose(tiny_body.with_shape(list(betas)).with_shape(-betas).template, tiny_body.template)

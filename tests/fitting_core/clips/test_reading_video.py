@@ -13,9 +13,7 @@ from fitting_core import DetectionProgress, InputError, read_clip, read_people
 from fitting_core.clips.options import CameraOptions, ClipOptions
 from fitting_core.clips.reading import read_footage
 from fitting_core.detect.detectors import DETECTORS
-from fitting_core.detect.mediapipe import networks
 from fitting_core.lens import straightened_keypoints
-from fitting_core.video.frames import FrameSource
 from tests.fitting_core.io.cameras.camera_files import own
 from tests.samples.clip_options import as_options
 from tests.samples.fake_detector import FakeDetector, People, known
@@ -209,18 +207,3 @@ def test_footage_has_no_keypoints(video, walker: FakeDetector):
     clip = read_footage(video(4), clip=ClipOptions(first_frame=1))
     assert (len(clip), clip.first_frame, clip.notes, clip.found_by) == (3, 1, (), "")
     assert not clip.keypoints.confidence.any() and clip.silhouettes is None and not walker.asked
-
-
-@pytest.mark.skipif(bool(networks.missing()), reason="MediaPipe's networks are not here (tcfit models add mediapipe)")
-def test_a_real_signer(shared_data: Path):
-    """Beside OpenPose's keypoints: nose, neck, shoulders and elbows lie within a twentieth of the image's height."""
-    folder = shared_data / "signs" / "gebaerden"
-    found = read_clip(folder / "video.mp4", clip=ClipOptions(detector="mediapipe-fast", first_frame=20, last_frame=27))
-    given = read_clip(folder / "video.mp4", folder / "keypoints", clip=ClipOptions(first_frame=20, last_frame=27))
-    upper = [0, 1, 2, 3, 5, 6]
-    both = (found.keypoints.confidence[:, upper] > 0.3) & (given.keypoints.confidence[:, upper] > 0.3)
-    apart = np.linalg.norm(found.keypoints.xy[:, upper] - given.keypoints.xy[:, upper], axis=2)[both]
-    assert both.all() and np.median(apart) < 24
-    with FrameSource(folder / "video.mp4") as source:
-        assert found.camera.size == source.size
-    assert found.found_by.startswith("mediapipe-fast (version ")

@@ -104,7 +104,7 @@ def all_finite(result: FitResult) -> bool:
 def test_known_parameters_are_recovered_from_exact_keypoints(free_body: BodyModel):
     """Pose, hands, face, shape and depth: vertices under 5 mm, nothing aligned."""
     free_body = with_told_twist(free_body)
-    truth = arms_in_motion(3)
+    truth = arms_in_motion(2)
     result = fit_clip(clip_of(keypoints_of(free_body, truth)), free_body, EXACT)
     assert float(vertex_errors(free_body, result.phases[0].params, truth).mean(1).max()) < 5
     final = result.last.params
@@ -439,16 +439,6 @@ def test_float32_ends_at_the_same_place(free_body: BodyModel, short_clip: Clip, 
     single = fit_clip(short_clip, free_body, replace(QUICK, precision="float32", last_phase=1))
     assert single.last.params.body_pose.dtype == torch.float64
     assert single.last.objective["total"] == pytest.approx(quick.phases[0].objective["total"], rel=0.02)
-
-
-def test_figures_of_a_phase_add_up(quick: FitResult):
-    for phase in quick.phases:
-        parts = [v for name, v in phase.objective.items() if name != "total"]
-        assert phase.objective["total"] == pytest.approx(sum(parts))
-        assert phase.frame_cost.shape == (8,) and phase.seconds > 0
-    temporal = quick.phases[2].objective["temporal"]
-    assert quick.phases[2].frame_cost.mean() == pytest.approx(quick.phases[2].objective["total"] - temporal)
-    assert "temporal" not in quick.phases[1].objective
 
 
 def test_phase_3_tells_what_its_solver_minimised(

@@ -5,8 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
-from hypothesis import given
-from hypothesis import strategies as st
 
 from fitting_core import keypoints as kp
 from fitting_core.body import rotations
@@ -16,7 +14,6 @@ from fitting_core.body.params import BodyParams
 from fitting_core.camera import Camera
 from fitting_core.config.schema import FitConfig
 from fitting_core.fit.phases.initialize import (
-    fill_gaps,
     guess_depth,
     seen_from_side,
     starting_state,
@@ -70,24 +67,6 @@ def test_frames_without_edges_take_their_neighbours_depth(tiny_body: BodyModel):
     guess = guess_depth(stages_for(tiny_body, keypoints))
     assert float(guess.depth[1]) == pytest.approx(float(guess.depth[0] + guess.depth[2]) / 2)
     assert "neighbouring frames in 1" in guess.note()
-
-
-@given(st.lists(st.one_of(st.none(), st.floats(0.1, 50)), min_size=1, max_size=12))
-def test_fill_gaps_is_linear_between_and_constant_beyond(values: list[float | None]):
-    known = torch.tensor([v is not None for v in values])
-    given_values = torch.tensor([float("nan") if v is None else v for v in values], dtype=torch.float64)
-    filled = fill_gaps(given_values, known, otherwise=7.0)
-    if not known.any():
-        assert filled.tolist() == [7.0] * len(values)
-        return
-    assert torch.equal(filled[known], given_values[known])
-    at = known.nonzero()[:, 0].tolist()
-    for i in range(len(values)):
-        before, after = max((a for a in at if a <= i), default=at[0]), min((a for a in at if a >= i), default=at[-1])
-        share = (i - before) / (after - before) if after > before else 0.0
-        share = min(max(share, 0.0), 1.0)
-        expected = (1 - share) * given_values[before] + share * given_values[after]
-        assert float(filled[i]) == pytest.approx(float(expected))
 
 
 @pytest.mark.parametrize("yaw", [0.0, 90.0, 180.0, 270.0])

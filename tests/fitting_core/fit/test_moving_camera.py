@@ -17,7 +17,7 @@ from fitting_core.io.motion.imported_motion import from_still
 from fitting_core.metrics import jitter
 from tests.samples.scenes import CAMERA, arms_in_motion, clip_of, hidden, keypoints_of
 
-FRAMES = 6
+FRAMES = 4
 QUICK = FitConfig(
     pose_prior="axis_angle",
     weights=replace(Weights(), collision=(0.0,) * 5),
@@ -48,14 +48,14 @@ def test_the_fit_is_even_in_the_world(free_body: BodyModel):
     assert jitter(found) < 1.5 * jitter(true) < 0.5 * jitter(blind)
     assert fit.camera.path == moving.path
 
-    again = drained(rerun_events(told, free_body, QUICK, fit.last.params, range(2, 4))).params
+    again = drained(rerun_events(told, free_body, QUICK, fit.last.params, range(1, 3))).params
     anew = moving.to_still(joints_in_space(free_body, again))
     assert abs(anew - found).max() < 0.05
-    np.testing.assert_array_equal(anew[[0, 1, 4, 5]], found[[0, 1, 4, 5]])
+    np.testing.assert_array_equal(anew[[0, 3]], found[[0, 3]])
 
 
 def test_a_part_of_a_clip_has_its_part_of_the_path(free_body: BodyModel):
     moving = replace(CAMERA, path=shaking())
     keypoints = hidden(keypoints_of(free_body, arms_in_motion(FRAMES)), kp.HANDS, kp.FACE)
-    part = Stages.of(keypoints, moving, free_body, QUICK).within(range(2, 5))
-    assert part.setting.camera.path == shaking()[2:5]
+    part = Stages.of(keypoints, moving, free_body, QUICK).within(range(1, 3))
+    assert part.setting.camera.path == shaking()[1:3]

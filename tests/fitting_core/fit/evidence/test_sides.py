@@ -134,17 +134,6 @@ def test_a_whole_person_taken_the_wrong_way_round_stays(free_body: BodyModel):
     assert unswapped(swapped(right, tuple(parts), list(range(10, 16))))[1] == {}
 
 
-def test_hands_at_their_own_wrists_stay():
-    """The body's arms alone are swapped."""
-    true = standing()
-    true.confidence[:, kp.HANDS] = 0.7
-    for side, hand in (("left", kp.LEFT_HAND), ("right", kp.RIGHT_HAND)):
-        true.xy[:, hand] = true.xy[:, kp.INDEX[f"{side}_wrist"], None] + [0, 20]
-    corrected, swaps = unswapped(swapped(true, ARMS, [5, 6, 7]))
-    assert swaps["arms"].tolist() == [5, 6, 7]
-    np.testing.assert_array_equal(corrected.xy, true.xy)
-
-
 def swapped(keypoints: Keypoints, parts: tuple[str, ...], frames: list[int]) -> Keypoints:
     xy, confidence = keypoints.xy.copy(), keypoints.confidence.copy()
     left, right = ([kp.INDEX[f"{side}_{part}"] for part in parts] for side in ("left", "right"))

@@ -6,9 +6,6 @@ from typing import Literal
 import numpy as np
 import pytest
 import torch
-from hypothesis import given
-from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation, Slerp
 
 from fitting_core import keypoints as kp
 from fitting_core.body import rotations
@@ -17,7 +14,7 @@ from fitting_core.config.schema import FitConfig, SolverSettings, Weights
 from fitting_core.fit.fused import ready
 from fitting_core.fit.objective import FrameObjective
 from fitting_core.fit.phases import independent
-from fitting_core.fit.phases.frame_fits import FrameFits, filled
+from fitting_core.fit.phases.frame_fits import FrameFits
 from fitting_core.fit.phases.independent import _Frames, fit_frames
 from fitting_core.fit.phases.initialize import half_turned
 from fitting_core.fit.solvers import make_solver
@@ -34,34 +31,6 @@ QUICK = FitConfig(
     hip_weight=1.0,
     settings=SolverSettings(iterations=12),
 )
-
-
-def bodies(frames: int, seed: int = 0) -> State:
-    """Random states, no two alike."""
-    g = torch.Generator().manual_seed(seed)
-    vector = torch.randn(frames, 20, generator=g, dtype=torch.float64)
-    return State(rotations.exp(torch.randn(frames, 3, generator=g, dtype=torch.float64)), vector)
-
-
-@given(st.lists(st.booleans(), min_size=1, max_size=9))
-def test_filled_frames_lie_between_good_ones(good: list[bool]):
-    """Numbers linear, orientation along the shortest turn, the nearest good frame beyond the ends."""
-    state, mask = bodies(len(good)), torch.tensor(good)
-    result = filled(state, mask)
-    at = [i for i, g in enumerate(good) if g]
-    assert torch.equal(result.vector[mask], state.vector[mask]) and torch.equal(result.orient[mask], state.orient[mask])
-    for i in [i for i, g in enumerate(good) if not g and at]:
-        before, after = max((a for a in at if a < i), default=None), min((a for a in at if a > i), default=None)
-        if before is None or after is None:
-            nearest = after if before is None else before
-            torch.testing.assert_close(result.vector[i], state.vector[nearest], rtol=0, atol=1e-12)
-            torch.testing.assert_close(result.orient[i], state.orient[nearest], rtol=0, atol=1e-9)
-            continue
-        share = (i - before) / (after - before)
-        expected = (1 - share) * state.vector[before] + share * state.vector[after]
-        torch.testing.assert_close(result.vector[i], expected, rtol=0, atol=1e-12)
-        turn = Slerp([0, 1], Rotation.from_matrix(state.orient[[before, after]].numpy()))(share).as_matrix()
-        torch.testing.assert_close(result.orient[i], torch.as_tensor(turn), rtol=0, atol=1e-7)
 
 
 @pytest.mark.parametrize("rounds", [0, 1])

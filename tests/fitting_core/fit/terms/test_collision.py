@@ -163,6 +163,7 @@ def freed_by_lm(hands_in_thighs) -> Solution:
     return minimised("lm", problem, start)
 
 
+@pytest.mark.thorough
 def test_levenberg_marquardt_frees_hands(hands_in_thighs, freed_by_lm):
     start, problem = hands_in_thighs
     assert freed(problem, start, freed_by_lm) < 0.5

@@ -89,13 +89,6 @@ def torch_bytes(content: Any, **options: Any) -> bytes:
     return file.getvalue()
 
 
-def npy_bytes(content: Any) -> bytes:
-    """A file of np.save with a Python object."""
-    file = io.BytesIO()
-    np.save(file, np.array(content, dtype=object), allow_pickle=True)
-    return file.getvalue()
-
-
 def npz_bytes(**content: Any) -> bytes:
     """A file of np.savez with Python objects."""
     file = io.BytesIO()

@@ -13,7 +13,7 @@ from fitting_core.measure.angles.joint_angles import ANGLES, joint_angles
 from fitting_core.measure.angles.segments import Segments
 from fitting_core.results.error_bars import ANGLES as BARRED
 from tests.fitting_core.io.motion.motions import swinging
-from tests.fitting_core.measure.angles.anatomy import mirrored, posed, turned
+from tests.fitting_core.measure.angles.anatomy import posed, turned
 
 X, Y, Z = np.eye(3)
 WRITTEN = 1e-5
@@ -141,31 +141,3 @@ def test_the_model_that_plays_it_moves_as_the_fit(free_body: BodyModel, tmp_path
     place = np.stack([columns[f"pelvis_t{axis}"] for axis in "xyz"], -1)
     assert np.allclose(place + model["pelvis"] @ [-0.056276, -0.07849, 0.0], hips, atol=2e-6)
     assert all(abs(np.diff(values)).max() < 90 for values in columns.values()), "no jumps"
-
-
-@pytest.mark.parametrize("side", ["right", "left"])
-def test_turns_that_the_model_s_joints_can_make_come_back(free_body: BodyModel, tmp_path: Path, side: str):
-    """A body posed by turns about the model's own axes."""
-    index, letter = ("right", "left").index(side), side[0]
-
-    def turns(body: str, *angles: float) -> Rotation:
-        rotation = Rotation.identity()
-        for axes, angle in zip(CHAIN[body][1].values(), angles, strict=True):
-            rotation = rotation * Rotation.from_rotvec(np.radians(angle) * np.array(axes[index]))
-        return rotation
-
-    along = turned("Y", np.degrees(AROUND))
-    along = along if side == "right" else mirrored(along)
-    ankle = turns("talus", 17) * turns("calcn", -9)
-    arm = turns("ulna", 70) * turns("radius", 40)
-    pose = {
-        "knee": turns("tibia", 50), "ankle": ankle, "toes": turns("toes", 12),
-        "shoulder": turns("humerus", 35, -40, 20) * along,
-        "elbow": along.inv() * arm * along, "wrist": along.inv() * turns("hand", 25, -12) * along,
-    }  # fmt: skip
-    write_mot(tmp_path / "pose.mot", posed(free_body, {f"{side}_{joint}": [one] for joint, one in pose.items()}))
-    _, columns = read_mot(tmp_path / "pose.mot")
-    expected = {"knee_angle": 50, "ankle_angle": 17, "subtalar_angle": -9, "mtp_angle": 12, "arm_flex": 35}
-    expected |= {"arm_add": -40, "arm_rot": 20, "elbow_flex": 70, "pro_sup": 40, "wrist_flex": 25, "wrist_dev": -12}
-    off = {name: columns[f"{name}_{letter}"][0] - value for name, value in expected.items()}
-    assert max(map(abs, off.values())) < 5 * WRITTEN, off

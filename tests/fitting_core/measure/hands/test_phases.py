@@ -1,21 +1,11 @@
 """Phases of hands: against the script of the generated signing, and of motions that are known."""
 
-from collections.abc import Sequence
-from dataclasses import replace
-from itertools import pairwise
-
 import numpy as np
 import pytest
-from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from evaluation.synthetic.acting.script import ArmKey, Build
-from evaluation.synthetic.motions.signing import signing
-from evaluation.synthetic.suite import SEQUENCES, subject_body, world_params
-from fitting_core.body.geometry import SIDES
 from fitting_core.body.model import JOINT
-from fitting_core.body.points.positions import joints_in_space
-from fitting_core.measure.hands.phases import HOLD, MOVEMENT, REST, hand_phases, wrist_height, wrist_speed
+from fitting_core.measure.hands.phases import hand_phases, wrist_height, wrist_speed
 
 RATE = 50.0
 
@@ -75,46 +65,3 @@ def test_short_stops_and_flicks_do_not_count():
     back_and_forth = moved(moved(standing(100), 30, 40, 0.3), 41, 51, -0.3)
     assert [name for name, _, _ in told(back_and_forth)] == ["hold", "movement", "hold"]
     assert told(moved(standing(60), 30, 31, 0.008)) == [("hold", 0, 60)]
-
-
-_SAME_PLACE = 0.03
-"""Metres between two keys of a stop."""
-_STOP = 0.1
-"""Seconds: what is shorter belongs to the movements around it, as the phases have it."""
-_HANGING = -0.4
-"""Metres: a scripted wrist that is lower than this from the shoulders hangs down."""
-
-
-def scripted_phases(keys: Sequence[ArmKey], times: Float[np.ndarray, "T"]) -> list[str]:
-    """What an arm does at some times: between two keys it stays or goes.
-
-    Args:
-        keys: Of an arm whose wrist is told from the chest.
-        times: Seconds, ascending.
-    """
-    stretches: list[tuple[float, str]] = []  # until when, and what
-    for a, b in pairwise(keys):
-        stays = np.linalg.norm(np.subtract(a.wrist, b.wrist)) <= _SAME_PLACE
-        label = MOVEMENT if not stays else REST if a.wrist[1] < _HANGING else HOLD
-        if stretches and stretches[-1][1] == label:
-            stretches.pop()
-        stretches.append((b.time, label))
-    stops = [stop for stop, _ in stretches]
-    lasting = np.diff([keys[0].time, *stops])
-    labels = [MOVEMENT if seconds < _STOP else label for seconds, (_, label) in zip(lasting, stretches, strict=True)]
-    at = np.searchsorted(stops, times + 1e-9)
-    return [labels[i] if i < len(labels) else REST for i in at]
-
-
-def test_the_signing_motion_does_what_its_script_says():
-    """Without a fit: `evaluation/RESULTS/hands.md` has the figures of fits."""
-    sequence = replace(SEQUENCES["signing_1"], frames=100)
-    body = subject_body(sequence.subject)
-    script, _ = signing(Build.of(body, sequence.subject.betas), sequence.seconds, np.random.default_rng([300, 1]))
-    joints = joints_in_space(body, world_params(sequence, body))
-    for side in SIDES:
-        truth = scripted_phases(script.arms[side], np.arange(100) / sequence.frame_rate)
-        found = hand_phases(joints, side, sequence.frame_rate)
-        named = [span.label for span in found for _ in span.frames]
-        assert np.mean([a == b for a, b in zip(truth, named, strict=True)]) > 0.8
-        assert {span.label for span in found} == {"rest", "movement", "hold"}
