@@ -345,16 +345,13 @@ class Fits:
             partial = _Partial(phase=3, params=start.params, there=None) if run.kind == "frames" else None
             self.publish(run.id, replace(fit, phases=kept, config=run.config), partial)
 
-    def go_on(self, run: int, interrupted: FitResult) -> None:
-        """A run was submitted that continues an interrupted one."""
-        self._put(run, None, interrupted.camera, _Partial.of(interrupted))
+    def resume(self, run: int, frames: FitResult) -> None:
+        """A run goes on that ended in phase 1, with these frames."""
+        self._put(run, None, frames.camera, _Partial.of(frames))
 
     def end(self, run: int, state: Ended, message: str = "") -> None:
-        """A run was cancelled or has failed; stored phases are kept, and the frames of an unfinished first phase unless
-        the user cancelled it, without a message. Raises InputError if that cannot be written."""
+        """A run was cancelled or has failed; what it has stored stays. Raises InputError if that cannot be written."""
         self._project.runs.end(run, state, message)
-        if state == "cancelled" and not message:
-            self._project.runs.drop_partial(run)
         with self._lock:
             version = self._versions.pop(run, None)
             # A write that failed may have replaced the file: what is stored is read again then.

@@ -29,8 +29,6 @@ class KnownInputs:
     """What was chosen."""
     start: GivenStart | None = None
     shape: KnownShape | None = None
-    frames: FitResult | None = None
-    """What phase 1 of an interrupted fit has found, which this one continues; see `Runs.load_partial`."""
 
 
 NOTHING = KnownInputs()

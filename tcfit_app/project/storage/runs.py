@@ -163,8 +163,7 @@ class Runs:
         return self.get(number)
 
     def _insert(self, connection: sqlite3.Connection, row: dict[str, Any]) -> int:
-        if self.refusal:  # asked within the transaction, so that either its setter sees this run, or this sees it
-            raise InputError(self.refusal)
+        self._check_refusal()
         number = connection.execute(
             f"INSERT INTO runs ({', '.join(row)}, moment) VALUES ({', '.join('?' * len(row))}, {_NEXT})",
             tuple(row.values()),
@@ -173,6 +172,12 @@ class Runs:
         if not row["name"]:
             connection.execute("UPDATE runs SET name = ? WHERE id = ?", (f"Run {number}", number))
         return number
+
+    def _check_refusal(self) -> None:
+        """Raise InputError if no run can be added; in a transaction, so that who sets the refusal sees this run, or
+        this sees the refusal."""
+        if self.refusal:
+            raise InputError(self.refusal)
 
     def store(self, run: int, fit: FitResult) -> None:
         """Store a run's finished phases. Raises InputError if it is not running, or the project cannot be written."""
@@ -195,6 +200,24 @@ class Runs:
         if len(fit.observed) != self._frames:
             raise InputError(f"{path}: has {len(fit.observed)} frames; expected {self._frames}, the clip's.")
         return fit
+
+    def resume(self, run: int, *, edits_seen: int) -> Run:
+        """Record that a run that ended in phase 1 continues; its frames stay until phase 1 is stored. Raises InputError
+        if it ended elsewhere, or the project cannot be written.
+
+        Args:
+            run: Its number.
+            edits_seen: As in `start`.
+        """
+        if not (found := self.get(run)).partial:
+            raise InputError(f"{found.name} did not end in phase 1, so it cannot be continued.")
+        with self._writing() as connection:
+            self._check_refusal()
+            connection.execute(
+                f"UPDATE runs SET state = 'running', ended = NULL, edits_seen = ?, moment = {_NEXT} WHERE id = ?",
+                (edits_seen, run),
+            )
+        return self.get(run)
 
     def drop_partial(self, run: int) -> None:
         """Delete them. Raises InputError if that is not possible."""

@@ -3,17 +3,19 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 from msgspec import structs
 
 from fitting_core.camera import Camera, FocalFrom
 from fitting_core.config.settings import check
 from fitting_core.errors import InputError
+from fitting_core.results.fit_result import FitResult
 from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.fitting.jobs import around
 from tcfit_app.imports.given import NOTHING, KnownInputs
 from tcfit_app.project.storage.run_record import Given, Run, Source
-from tcfit_app.review.session.tasks import Task
+from tcfit_app.review.session.tasks import Task, Value
 from tcfit_app.review.tab.state import FitSettings
 from tcfit_app.review.tab.tab import Tab
 
@@ -26,7 +28,7 @@ class Fitting:
 
     def __init__(self, tab: Tab) -> None:
         self._tab = tab
-        self._reading: Task[KnownInputs] | None = None
+        self._reading: Task[Any] | None = None
         """The task that reads what the next fit is given."""
 
     def everything(self) -> None:
@@ -38,16 +40,14 @@ class Fitting:
         settings = self._checked()
         self._begin(replace(settings, given=structs.replace(settings.given, start=Source(run=run.id))))
 
-    def go_on(self, run: Run) -> None:
+    def resume(self, run: Run) -> None:
         """Continue a fit that ended in phase 1. Raises InputError as `everything`."""
         tab, session = self._tab, self._tab.session
         tab.refuse_read_only()
 
-        def begin(known: KnownInputs) -> None:
-            assert known.frames is not None
-            body, camera = {"kind": run.body.kind, "gender": run.body.gender}, known.frames.camera
-            session.fit_everything(run.config, **body, camera=camera, known=known)
-            tab.set(b=FitChoice())
+        def begin(found: tuple[FitResult, KnownInputs]) -> None:
+            session.resume(run, *found)
+            tab.set(b=FitChoice(run=run.id))
             tab.say(f"{run.name}: continued")
 
         self._read(session.interrupted(run), begin)
@@ -81,7 +81,7 @@ class Fitting:
             if source is not None and source.run is None:
                 self._tab.files.path(source.path)
 
-    def _read(self, read: Callable[[], KnownInputs], then: Callable[[KnownInputs], None]) -> None:
+    def _read(self, read: Callable[[], Value], then: Callable[[Value], None]) -> None:
         """Read what a fit is given, off the drawing thread, and then start it."""
         if self._reading is not None and self._reading.state == "running":
             raise InputError("Still loading the previous fit's start and shape: wait for it.")

@@ -198,43 +198,51 @@ class Session:
             kind: The body model.
             gender: Its gender.
             camera: None: the clip's. Runs started from this one keep it.
-            known: A start, a shape and frames, for this body and camera.
+            known: A start and a shape, for this body and camera.
         """
         self.refuse_without_keypoints()
-        body, frames = self.bodies.find(kind=kind, gender=gender), known.frames
+        body = self.bodies.find(kind=kind, gender=gender)
         job = FitEverything(
             clip=self.clip_of(camera or self.project.footage.camera),
             body=body,
             config=config,
             begun_with=known.start,
             shape=known.shape,
-            known=None if frames is None else (frames.last.params, np.asarray(frames.observed.any(1))),
         )
-        run = self._submit(job, kind="fit", start=None, given=known.given)
-        if frames is not None:
-            self.fits.go_on(run.id, frames)
-        return run
+        return self._submit(job, kind="fit", start=None, given=known.given)
 
-    def interrupted(self, run: Run) -> Callable[[], KnownInputs]:
-        """A function that reads what `fit_everything` needs to continue a run that ended in phase 1, for another
-        thread. Raises InputError if the run's body model is missing; it raises as `read_given`, and if the frames
-        fitted until then cannot be read."""
+    def interrupted(self, run: Run) -> Callable[[], tuple[FitResult, KnownInputs]]:
+        """A function that reads what `resume` needs, for another thread. Raises InputError if the run's body model is
+        missing; it raises as `read_given`, and if the frames that phase 1 had fitted cannot be read."""
         self.refuse_without_keypoints()
-        body, clip, edited = (
-            self.bodies.of(run.body),
-            self.project.footage,
-            self.project.frames_edited_since(run.edits_seen),
+        body, clip, only = self.bodies.of(run.body), self.project.footage, Given(shape=run.given.shape)
+        return lambda: (
+            self.project.runs.load_partial(run.id),
+            read_given(only, self.project, clip, body, self.bodies),
         )
 
-        def read() -> KnownInputs:
-            frames = self.project.runs.load_partial(run.id)
-            observed = frames.observed.copy()
-            observed[list(edited)] = False  # they are fitted again
-            shape = read_given(Given(shape=run.given.shape), self.project, clip, body, self.bodies).shape
-            frames = replace(frames, observed=observed)
-            return KnownInputs(given=run.given, start=frames.start, shape=shape, frames=frames)
+    def resume(self, run: Run, frames: FitResult, known: KnownInputs) -> None:
+        """Continue a run that ended in phase 1, with the current keypoints. Raises InputError as `fit_everything`.
 
-        return read
+        Args:
+            run: Which.
+            frames: Those that phase 1 had fitted; those edited since are fitted again.
+            known: Its shape.
+        """
+        self.project.refuse_read_only()
+        observed = frames.observed.copy()
+        observed[list(self.project.frames_edited_since(run.edits_seen))] = False
+        job = FitEverything(
+            clip=self.clip_of(frames.camera),
+            body=self.bodies.of(run.body),
+            config=run.config,
+            begun_with=frames.start,
+            shape=known.shape,
+            known=(frames.last.params, np.asarray(observed.any(1))),
+        )
+        self.project.runs.resume(run.id, edits_seen=self.project.last_edit)
+        self.fits.resume(run.id, replace(frames, observed=observed))
+        self._enqueue(RunJob(run_id=run.id, job=job), run.id)
 
     def preset(self, name: str = DEFAULT_PRESET) -> FitConfig:
         """A preset, with the height of the project's person."""

@@ -9,11 +9,13 @@ from pathlib import Path
 
 import pytest
 import torch
+import viser
 
 from fitting_core.body.model import BodyModel
 from fitting_core.errors import InputError
 from fitting_core.fit.fitting import fit_clip
 from fitting_core.fit.phases import independent
+from tcfit_app.cli.main import main
 from tcfit_app.fitting import fits
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.imports.given import read_given
@@ -21,8 +23,10 @@ from tcfit_app.project.edits.kinds import MarkBad
 from tcfit_app.project.glance import glance
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_record import Given, Source
+from tcfit_app.review.panels.runs.runs_panel import RunsPanel
 from tcfit_app.review.session.session import Session
 from tcfit_app.review.shared.drawing_data import DrawingData
+from tests.drivers.lone_page import lone_page
 from tests.drivers.processes import killed_after, needs_fork
 from tests.samples.sessions import FRAMES, PATIENCE, QUICK, OneBody, idle, newest, session_of, small_clip, until
 
@@ -73,12 +77,8 @@ def continued(session: Session, monkeypatch: pytest.MonkeyPatch) -> list[int]:
     monkeypatch.setattr(
         independent._Frames, "_all_stages", lambda run, depth: (found.append(len(run.frames)), fit(run, depth))[1]
     )
-    run = session.fits.runs[0]
-    known = session.interrupted(run)()
-    assert known.frames is not None
-    session.fit_everything(
-        run.config, kind=run.body.kind, gender=run.body.gender, camera=known.frames.camera, known=known
-    )
+    (run,) = session.fits.runs
+    session.resume(run, *session.interrupted(run)())
     idle(session)
     return found
 
@@ -119,10 +119,9 @@ def test_a_killed_fit_is_continued_without_fitting_its_frames_again(
         found = continued(session, monkeypatch)
         assert found[0] == 0 and sum(found) > 0
         after = newest(session)
+        assert session.fits.runs == (after.run,), "it takes the interrupted run's place"
         assert after.run.state == "finished" and after.phase == 3
         assert torch.allclose(after.params.body_pose, whole.last.params.body_pose, atol=1e-4)
-        session.delete(session.fits.runs[0].id)
-        session.project.runs.purge()
     assert not list((folder / "runs").glob("*.partial.npz"))
 
 
@@ -135,7 +134,7 @@ def test_frames_edited_since_are_fitted_again(folder: Path, tiny_body: BodyModel
 
 
 @pytest.mark.parametrize("by_user", [True, False])
-def test_only_what_the_user_cancels_is_dropped(
+def test_frames_stay_when_a_fit_is_cancelled_or_tcfit_closed(
     tmp_path: Path, tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch, by_user: bool
 ):
     monkeypatch.setattr(independent, "_AT_ONCE", 1)
@@ -150,5 +149,23 @@ def test_only_what_the_user_cancels_is_dropped(
             idle(session)
     with session_of(tmp_path / "a.tcfit", tiny_body) as session:
         (run,) = session.fits.runs
-        assert (run.state, run.stored, run.partial) == ("cancelled", False, not by_user)
-        assert file.exists() == (not by_user)
+        assert (run.state, run.stored, run.partial) == ("cancelled", False, True)
+
+
+@needs_fork
+def test_continue_is_pressed_and_the_export_waits_for_it(
+    panel_server: viser.ViserServer, folder: Path, tiny_body: BodyModel, capsys: pytest.CaptureFixture[str]
+):
+    target = folder.parent / "exports"
+    assert main(["export", str(folder), "--formats", "npz", "--out", str(target)]) != 0
+    assert "no fit to export" in capsys.readouterr().err and not target.exists()
+    with Project.open(folder) as project, lone_page(panel_server, project, bodies=OneBody(tiny_body)) as tested:
+        tested.only(RunsPanel)
+        (run,) = tested.page.tab.session.fits.runs
+        tested.draw()
+        tested.press("runs.choose", str(run.id))
+        tested.draw()
+        tested.click("Continue")
+        tested.until(lambda: not tested.page.tab.session.jobs and project.runs.get(run.id).stored)
+        assert [(one.id, one.state) for one in project.runs.all()] == [(run.id, "finished")]
+        assert "Continue" not in tested.html()

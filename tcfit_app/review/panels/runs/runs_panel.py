@@ -214,9 +214,9 @@ class RunsPanel:
         )
         use = of_run("Use its settings for the next fit", "runs.settings", self._use_settings, disabled=off)
         cancel = of_run("Cancel", "runs.cancel", lambda run: tab.session.cancel(run.id), kind="danger")
-        go_on = of_run("Continue", "runs.continue", self._gestures.fitting.go_on, disabled=off, hint=_CONTINUE)
+        resume = of_run("Continue", "runs.continue", self._gestures.fitting.resume, disabled=off, hint=_CONTINUE)
         self._buttons.show(
-            *([row(go_on)] if run.partial else []),
+            *([row(resume)] if run.partial else []),
             row(
                 of_run("Rename", "runs.rename", self._rename, disabled=off, hint=_RENAME, enter=True),
                 of_run("Delete", "runs.delete", self._delete, disabled=off, hint="It can be restored", kind="danger"),
