@@ -81,13 +81,6 @@ def _fit(options: FitOptions, command: str) -> None:
     (module.run_fit if options.people is None else module.run_fit_people)(options, command=command)
 
 
-def _demo(options: DemoOptions, command: str) -> None:
-    if options.review:
-        _in("demo_command").review_demo(options)
-    else:
-        _in("demo_command").run_demo(options, command=command)
-
-
 def _models(options: Models, command: str) -> None:
     if isinstance(options.action, ListModels):
         _in("models_command").list_models()
@@ -109,7 +102,7 @@ COMMANDS: dict[str, tuple[type, Callable[[Any, str], object]]] = {
     "fit": (FitOptions, _fit),
     "new": (NewOptions, lambda options, command: _in("new_command").make_project(options)),
     "review": (ReviewOptions, lambda options, command: _in("review_command").run_review(options)),
-    "demo": (DemoOptions, _demo),
+    "demo": (DemoOptions, lambda options, command: _in("demo_command").review_demo(options)),
     "detect": (DetectOptions, lambda options, command: _in("detect_command").run_detect(options)),
     "import": (ImportOptions, lambda options, command: _in("import_command").run_import(options)),
     "export": (ExportOptions, lambda options, command: _in("export_command").run_export(options)),

@@ -271,20 +271,11 @@ class ReviewOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class DemoOptions:
-    """Open the demo clip in the browser while it is being fitted.
+    """Open the demo clip in the browser while it is being fitted."""
 
-    With --no-review, fit it in the terminal, write the result and compare it with the truth.
-    """
-
-    out: Annotated[Path | None, shown("DIR", "tcfit-demo.tcfit; with --no-review tcfit-demo")] = None
-    """Folder of the project or result. An existing project is opened unchanged."""
-    review: bool = True
-    """Open the review; with --no-review, fit in the terminal."""
+    out: Annotated[Path | None, shown("DIR", "tcfit-demo.tcfit")] = None
+    """Folder of the project. An existing one is opened unchanged."""
     server: ServerOptions = field(default_factory=ServerOptions)
-    overwrite: bool = False
-    """With --no-review: write into a folder that contains other files too."""
-    overlay: bool = True
-    """With --no-review: write overlay.mp4, phase 1 and the final fit side by side."""
     threads: Annotated[int, shown("N", "one for each core")] = 0
     """Number of threads."""
     method: MethodOptions = field(default_factory=MethodOptions)

@@ -25,6 +25,7 @@ REMOVED = {
     "batch --retry": "Leave it out: the same command fits failed clips again.",
     "batch --report": "See CLIPS.batch/summary.csv, or list the clips with tcfit review FOLDER.",
     "batch --projects": "tcfit review FOLDER opens each result as a project.",
+    "demo --no-review": "Use tcfit demo, then tcfit evaluate tcfit-demo.tcfit.",
     "detect --list": "Use tcfit models.",
     "detect --download": "Use tcfit models add NAME.",
     "evaluate --pictures": "The report has no pictures. See the worst frames with tcfit review.",
