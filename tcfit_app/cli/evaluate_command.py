@@ -28,14 +28,7 @@ def run_evaluate(options: EvaluateOptions, *, command: str = "") -> Path:
     """
     _check(options)
     torch.set_num_threads(1)
-    fit = evaluated_fit(
-        options.fit,
-        run=options.run,
-        models=options.models,
-        person=options.person,
-        body_model=options.body_model,
-        frame_rate=options.frame_rate,
-    )
+    fit = evaluated_fit(options.fit, run=options.run, models=options.models)
     reference = fit.reference
     if options.reference is not None:
         reference = read_reference(
@@ -45,7 +38,6 @@ def run_evaluate(options: EvaluateOptions, *, command: str = "") -> Path:
             search=options.models,
             markers=None if options.markers is None else read_marker_set(options.markers),
         )
-    fit = fit.beside(reference)
     reference = in_time(reference, fit, first_frame=options.reference_first_frame, offset=options.reference_offset)
     done = _counted(fit, options.every)
     evaluation = evaluation_of(fit, reference, every=options.every, models=options.models, done=done)

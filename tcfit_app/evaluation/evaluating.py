@@ -41,9 +41,6 @@ def evaluation_of(
         models: Folder with body models, which alone is searched for the reference's.
         done: Takes how many frames' surfaces were measured; what it raises ends the measuring.
     """
-    given = reference
-    if reference is not None and not fit.placed:
-        reference = replace(reference, in_camera=False)
     truth_body = None if reference is None or reference.body is None else body_of(reference.body, search=models)
     records = []
     with tqdm(desc="measuring surfaces", unit="frame", disable=truth_body is None or not sys.stderr.isatty()) as bar:
@@ -63,7 +60,7 @@ def evaluation_of(
         title=f"Evaluation of {fit.name}",
         records=(*others, *records),
         settings=_settings(fit, reference),
-        notes=(*notes_of(fit), *_coverage(fit, reference, records), *notes_about(given, fit.frame_rate)),
+        notes=(*fit.notes, *_coverage(fit, reference, records), *notes_about(reference, fit.frame_rate)),
     )
 
 
@@ -83,13 +80,6 @@ def _settings(fit: EvaluatedFit, reference: Reference | None) -> dict[str, str]:
     body = f"{fit.body.kind}, {fit.body.gender}, {fit.body.hash[:12]}"
     compared = "none" if reference is None else f"{reference.name} ({reference.kind}, {len(reference)} frames)"
     return {"Fit": fit.source, "Body": body, "Reference": compared, "Date": date.today().isoformat()}
-
-
-def notes_of(fit: EvaluatedFit) -> tuple[str, ...]:
-    """Notes on the fit, for the user."""
-    rate = "Its frame rate is not stored: 30 frames per second are assumed. Set it with --frame-rate."
-    world = "Its position before the camera is unknown, so only its form is compared."
-    return (*fit.notes, *([] if fit.rate_known else [rate]), *([] if fit.placed else [world]))
 
 
 def notes_about(reference: Reference | None, frame_rate: float) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ class EvaluateOptions:
     """
 
     fit: Annotated[Positional[Path], arg(metavar="FIT")]
-    """A project, a result of tcfit (its folder or fit.npz), or another program's result, as for `tcfit import`."""
+    """A project, or a result of tcfit (its folder or fit.npz)."""
     reference: Annotated[Path | None, shown("PATH", "that of the project")] = None
     """3D points (npz, TRC, C3D), an AMASS-style npz, the truth.npz of a generated clip, or another fit.npz."""
     camera: Annotated[Path | None, shown("FILE.npz", "that of the clip's calibration")] = None
@@ -33,12 +33,6 @@ class EvaluateOptions:
     mesh, markers of the standard set, or joints."""
     run: Annotated[str | None, shown("NAME|N", "the latest")] = None
     """Run of the project."""
-    person: Annotated[int | None, shown("N", "the person in most frames; for SMPLify-X, person 0")] = None
-    """Person in another program's result, as numbered there."""
-    body_model: Annotated[str | None, shown("{smplx,smplh,smpl}", "the result's")] = None
-    """Pose another kind of body with the joint angles of another program's result. Its shape is not used."""
-    frame_rate: Annotated[float | None, shown("FPS", "as recorded, that of the reference, or 30")] = None
-    """Frame rate of another program's result; most formats do not store it."""
     every: Annotated[int, arg(metavar="N")] = 1
     """Measure surfaces only in every Nth frame: they are the slow part."""
     out: Annotated[Path | None, shown("DIR", "NAME-evaluation")] = None

@@ -28,6 +28,10 @@ REMOVED = {
     "demo --no-review": "Use tcfit demo, then tcfit evaluate tcfit-demo.tcfit.",
     "detect --list": "Use tcfit models.",
     "detect --download": "Use tcfit models add NAME.",
+    **{
+        f"evaluate --{option}": "Import the result into a project with tcfit import, and evaluate that."
+        for option in ("person", "body-model", "frame-rate")
+    },
     "evaluate --pictures": "The report has no pictures. See the worst frames with tcfit review.",
     "render": "Use tcfit export PATH --formats picture, sheet or overlay; --view camera side draws both views.",
     "export --rig": "Export mixamo, unreal, vrma, glb or bvh and retarget it to your character with the tools that "

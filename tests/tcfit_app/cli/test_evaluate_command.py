@@ -3,19 +3,17 @@
 import csv
 import json
 from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
-from fitting_core.body.params import full_pose
 from fitting_core.body.points.positions import joints_in_space, keypoints_in_space
 from fitting_core.clip import Clip
 from fitting_core.config.schema import FitConfig
+from fitting_core.io.result_files import write_result
 from fitting_core.io.truth import Truth, write_truth
 from fitting_core.keypoints import Keypoints
 from fitting_core.measure.pairing import LIMB_JOINTS
@@ -26,7 +24,6 @@ from tcfit_app.evaluation.evaluated_fits import evaluated_fit
 from tcfit_app.evaluation.evaluating import notes_about
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_record import BodyRecord
-from tests.fitting_core.io.motion.learned_files import gvhmr, joblib_bytes, prompthmr, torch_bytes, written
 from tests.fitting_core.measure import test_clocks as laboratory
 from tests.tcfit_app.conftest import CAMERA, FRAMES, FinishedRun, motion
 
@@ -49,54 +46,6 @@ def truth(tmp_path: Path, free_body: BodyModel) -> Path:
         ),
     )
     return path
-
-
-def write_gvhmr(path: Path, **changed: Any) -> Path:
-    return written(path, torch_bytes(gvhmr(motion(), **changed)))
-
-
-def test_another_programs_result_against_a_truth(truth: Path, tmp_path: Path, capsys: pytest.CaptureFixture):
-    """A motion that was read back is the truth itself, up to the float32 of the file."""
-    result, out = write_gvhmr(tmp_path / "hmr4d_results.pt"), tmp_path / "out"
-    arguments = ["evaluate", str(result), "--out", str(out), "--every", "6"]
-    assert main([*arguments, "--reference", str(truth)]) == 0
-    told = capsys.readouterr()
-    (record,) = records_in(out)
-    assert record["method"] == "GVHMR result" and "taken to be the reference's, 30 per second" in told.err
-    for figure in ("mpjpe_mean [mm]", "pa_mpjpe_mean [mm]", "joint_error_mean [mm]", "depth_error_mean [mm]"):
-        assert float(record[figure]) < 0.01
-    assert float(record["jitter [mm/frame²]"]) == pytest.approx(float(record["jitter_truth [mm/frame²]"]), abs=0.01)
-    assert (out / "report.html").exists() == (find_spec("plotly") is not None)
-    away = write_gvhmr(tmp_path / "away.pt", incam={"transl": motion().camera_translation.float() + 0.1})
-    assert main(["evaluate", str(away), *arguments[2:], "--reference", str(truth), "--frame-rate", "30"]) == 0
-    (record,) = records_in(out)
-    assert float(record["joint_error_mean [mm]"]) == pytest.approx(1e2 * 3**0.5, abs=0.1)
-    assert float(record["mpjpe_mean [mm]"]) < 0.01 and "frame rate" not in capsys.readouterr().err
-
-
-def test_another_programs_result_alone_and_in_parts(tmp_path: Path, capsys: pytest.CaptureFixture):
-    people = {2: (motion(), np.delete(np.arange(FRAMES + 2), [3, 4])), 5: (motion()[:2], np.arange(2))}
-    result = written(tmp_path / "results.pkl", joblib_bytes(prompthmr(people)))
-    arguments = ["evaluate", str(result), "--out", str(tmp_path / "out")]
-    assert main(arguments) == 0
-    told = capsys.readouterr().err
-    assert "30 frames per second are assumed" in told and "no result for 2 frames (3-4)" in told
-    assert records_in(tmp_path / "out")[0]["frames"] == str(FRAMES + 2)
-    assert main([*arguments, "--person", "5"]) == 0 and records_in(tmp_path / "out")[0]["frames"] == "2"
-    assert main([*arguments, "--person", "7"]) == 2 and "has no person 7" in capsys.readouterr().err
-
-
-def test_a_motion_before_no_camera_is_compared_by_its_form(
-    tmp_path: Path, truth: Path, free_body: BodyModel, capsys: pytest.CaptureFixture
-):
-    poses = full_pose(free_body, motion()).flatten(1).numpy()
-    values = {"poses": poses, "trans": np.zeros((FRAMES, 3)), "betas": np.zeros(10), "mocap_frame_rate": 30.0}
-    np.savez(tmp_path / "walk.npz", allow_pickle=False, **values)
-    arguments = ["evaluate", str(tmp_path / "walk.npz"), "--reference", str(truth), "--out", str(tmp_path / "out")]
-    assert main([*arguments, "--every", "6"]) == 0
-    assert "so only its form is compared" in capsys.readouterr().err
-    (record,) = records_in(tmp_path / "out")
-    assert float(record["pa_mpjpe_mean [mm]"]) < 0.01 and "mpjpe_mean [mm]" not in record
 
 
 def records_in(folder: Path) -> list[dict[str, str]]:
@@ -219,15 +168,25 @@ def test_a_reference_of_a_part_is_told_to_be_one(tmp_path: Path, free_body: Body
     assert "has no reference: give --reference too" in capsys.readouterr().err
 
 
+def acted(folder: Path, body: BodyModel, seconds: np.ndarray) -> Path:
+    """A result whose only phase is the truth of what laboratories measure in test_clocks.py."""
+    params = laboratory.acted(seconds)
+    nothing = Keypoints(xy=np.zeros((len(seconds), kp.COUNT, 2)), confidence=np.zeros((len(seconds), kp.COUNT)))
+    clip = Clip(keypoints=nothing, camera=CAMERA, frame_rate=laboratory.RATE, name="acted")
+    fit = fit_result(params)
+    write_result(folder / "acted", replace(fit, phases=fit.phases[:1]), clip, body)
+    return folder / "acted"
+
+
 @pytest.mark.thorough
 def test_a_laboratory_whose_clock_is_another(tmp_path: Path, free_body: BodyModel, capsys: pytest.CaptureFixture):
     """A fit that is the truth, beside markers at 120 per second that begin 0.37 s before the video."""
     seconds = np.arange(0, laboratory.SECONDS, 1 / laboratory.RATE)
-    result = written(tmp_path / "hmr4d_results.pt", torch_bytes(gvhmr(laboratory.acted(seconds))))
+    result = acted(tmp_path, free_body, seconds)
     seen = laboratory.measured(free_body, "markers", gaps=True, noise=0.001)
     path = laboratory.written(tmp_path, "c3d", *seen)
     np.savez(tmp_path / "camera.npz", R=laboratory.TURN, t=laboratory.SHIFT)
-    arguments = ["evaluate", str(result), "--out", str(tmp_path / "out"), "--frame-rate", "30"]
+    arguments = ["evaluate", str(result), "--out", str(tmp_path / "out")]
     arguments += ["--reference", str(path), "--camera", str(tmp_path / "camera.npz")]
     figures = []
     for offset in ("auto", "-0.37", "0"):
@@ -250,10 +209,10 @@ def _told(capsys: pytest.CaptureFixture) -> str:
 def test_points_between_frames_are_interpolated(tmp_path: Path, free_body: BodyModel, capsys: pytest.CaptureFixture):
     """50 per second beside 30: nearest frames would be up to 10 ms off."""
     seconds = np.arange(0, 2, 1 / laboratory.RATE)
-    result = written(tmp_path / "hmr4d_results.pt", torch_bytes(gvhmr(laboratory.acted(seconds))))
+    result = acted(tmp_path, free_body, seconds)
     names, places = laboratory.places_of(free_body, np.arange(0, 2, 1 / 50), "joints")
     np.savez(tmp_path / "points.npz", points=places, names=np.array(names), fps=50.0)
-    arguments = ["evaluate", str(result), "--out", str(tmp_path / "out"), "--frame-rate", "30"]
+    arguments = ["evaluate", str(result), "--out", str(tmp_path / "out")]
     assert main([*arguments, "--reference", str(tmp_path / "points.npz")]) == 0
     (record,) = records_in(tmp_path / "out")
     assert float(record["pa_mpjpe_mean [mm]"]) < 0.1
@@ -263,14 +222,14 @@ def test_points_between_frames_are_interpolated(tmp_path: Path, free_body: BodyM
 def test_other_systems_are_judged_beside_the_fit(tmp_path: Path, free_body: BodyModel, capsys: pytest.CaptureFixture):
     """In a laboratory's world, at another rate: each by its form, in the same frames, and in no record of its own."""
     seconds = np.arange(0, 2, 1 / laboratory.RATE)
-    result = written(tmp_path / "hmr4d_results.pt", torch_bytes(gvhmr(laboratory.acted(seconds))))
+    result = acted(tmp_path, free_body, seconds)
     moments = np.arange(0, 1.5, 1 / 50)
     points = joints_in_space(free_body, laboratory.acted(moments))[:, LIMB_JOINTS]
     points = points @ laboratory.TURN.T + laboratory.SHIFT
     noisy = points + np.random.default_rng(0).normal(0, 0.02, points.shape)
     names = np.array([kp.NAMES[i] for i in kp.LIMBS])
     np.savez(tmp_path / "points.npz", points=points, names=names, time=moments, wham=noisy)
-    arguments = ["evaluate", str(result), "--out", str(tmp_path / "out"), "--frame-rate", "30"]
+    arguments = ["evaluate", str(result), "--out", str(tmp_path / "out")]
     assert main([*arguments, "--reference", str(tmp_path / "points.npz")]) == 0
     told = capsys.readouterr().out
     assert "wham" in told and "Knee flexion by joint centres, RMS error, °" in told
@@ -282,12 +241,12 @@ def test_other_systems_are_judged_beside_the_fit(tmp_path: Path, free_body: Body
 
 def test_a_user_s_markers_say_what_points_are(tmp_path: Path, free_body: BodyModel, capsys: pytest.CaptureFixture):
     seconds = np.arange(0, 2, 1 / laboratory.RATE)
-    result = written(tmp_path / "hmr4d_results.pt", torch_bytes(gvhmr(laboratory.acted(seconds))))
+    result = acted(tmp_path, free_body, seconds)
     names, places = laboratory.places_of(free_body, np.arange(0, 2, 1 / 120), "markers")
     path = laboratory.written(tmp_path, "trc", tuple(f"P{i}" for i in range(len(names))), places)
     lines = [f'P{i} = "{name}"' for i, name in enumerate(names)]
     (tmp_path / "own.toml").write_text("\n".join(["[markers]", *lines]))
-    arguments = ["evaluate", str(result), "--out", str(tmp_path / "out"), "--frame-rate", "30"]
+    arguments = ["evaluate", str(result), "--out", str(tmp_path / "out")]
     assert main([*arguments, "--reference", str(path)]) == 2
     assert "say with --markers what they are" in _told(capsys)
     assert main([*arguments, "--reference", str(path), "--markers", str(tmp_path / "own.toml")]) == 0
@@ -304,6 +263,8 @@ WRONG = {
     "camera": (["x", "--camera", "c.npz"], "give --reference too"),
     "every": (["x", "--every", "0"], "expected 1 or more"),
     "no fit": (["nowhere"], "expected a project or a result"),
+    "another program's": ([__file__], "Import another program's result into a project (tcfit import PROJECT"),
+    "person": (["x", "--person", "2"], "was removed. Import the result into a project"),
 }
 
 
