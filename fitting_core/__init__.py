@@ -60,7 +60,6 @@ if TYPE_CHECKING:  # the table of public names, which `lazy_names` reads
     from fitting_core.io import read_motion as read_motion
     from fitting_core.io.known_shape import read_known_shape as read_known_shape
     from fitting_core.io.motion.mesh_sequence import write_obj_sequence as write_obj_sequence
-    from fitting_core.io.motion.mesh_sequence import write_ply_sequence as write_ply_sequence
     from fitting_core.io.motion_files import motion_of as motion_of
     from fitting_core.io.motion_files import stored_motion as stored_motion
     from fitting_core.io.motion_files import write_motion as write_motion

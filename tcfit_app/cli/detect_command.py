@@ -34,7 +34,7 @@ def run_detect(options: DetectOptions) -> None:
         _check_folder(folder, name, frames)
         running = Running(boxes=options.boxes, provider=options.provider, batch=options.batch, threads=options.threads)
         detector = find_detector(options.detector, running)
-        found = _found(Detection(source=source, frames=frames, detector=detector), restart=options.restart)
+        found = _found(Detection(source=source, frames=frames, detector=detector))
     write_everybody(folder, found.people, name=name, first_frame=frames[0], detector=found.points)
     emit_wrote(folder, kind="keypoints")
     seen = sum(len(people) > 0 for people in found.people)
@@ -42,11 +42,8 @@ def run_detect(options: DetectOptions) -> None:
     print(printable(f"Wrote {len(frames)} files into {folder}: {where}."))
 
 
-def _found(detection: Detection, *, restart: bool) -> Detected:
-    store = detection.store()
-    if restart:
-        store.discard()
-    with DetectionShown() as shown, closing(detection.events(store)) as events:
+def _found(detection: Detection) -> Detected:
+    with DetectionShown() as shown, closing(detection.events(detection.store())) as events:
         for event in events:
             if isinstance(event, DetectionProgress):
                 shown(event)

@@ -47,7 +47,7 @@ def run_export(options: ExportOptions) -> None:
         whole = source if options.frames is None else source[wished_frames(options.frames, source)]
         targets = {name: target(name, whole, options) for name in formats}
         for name, path in targets.items():
-            _write_one(name, path, partial(write_export, exports()[name], whole, path, zipped=options.zip))
+            _write_one(name, path, partial(write_export, exports()[name], whole, path, zipped=False))
 
 
 @contextmanager
@@ -117,7 +117,7 @@ def _export_people(folder: Path, formats: Sequence[str], options: ExportOptions)
         checked = sources if _TOGETHER in formats else []
         together = [target(_TOGETHER, replace(source, name=people.name), options) for source in checked]
         for name, source, path in targets:
-            _write_one(name, path, partial(write_export, exports()[name], source, path, zipped=options.zip))
+            _write_one(name, path, partial(write_export, exports()[name], source, path, zipped=False))
         if together:
             _write_one(_TOGETHER, together[0], partial(write_everybody, sources, together[0], name=people.name))
 

@@ -1,6 +1,6 @@
 """The fits that `tcfit evaluate` measures: a run of a project, or a result of tcfit."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,6 @@ from fitting_core.io.result_files import FIT_NAME, read_fit
 from fitting_core.measure.pairing import PosedMotion
 from fitting_core.measure.references.bodies import body_of
 from fitting_core.measure.references.reference import BodyOf, Reference
-from fitting_core.results.fit_result import FitResult
 from fitting_core.video.frame_names import spans
 from tcfit_app.fitting.bodies import Bodies
 from tcfit_app.project.project import Project
@@ -119,32 +118,25 @@ def _chosen(project: Project, wanted: str | None) -> Run:
 
 
 def _of_project(project: Project, run: Run, models: Path | None) -> EvaluatedFit:
-    fit, body = project.runs.load(run.id), Bodies(models).of(run.body)
-    found = of_run(fit, project.clip, body, name=run.name, folder=project.folder, reference=project.reference)
-    missing = np.flatnonzero(~fit.observed.any(1)).tolist() if run.kind == "imported" else []
-    if not missing:
-        return found
-    frames = spans([project.clip.first_frame + t for t in missing])
-    note = f"It has no result for {len(missing)} frames ({frames}); the nearest frames are used instead."
-    return replace(found, notes=(*found.notes, note))
-
-
-def of_run(
-    fit: FitResult, clip: Clip, body: BodyModel, *, name: str, folder: Path, reference: Reference | None
-) -> EvaluatedFit:
-    """A run of a project, with its first and its last phase."""
+    """The first and the last phase of a run."""
+    fit, clip = project.runs.load(run.id), project.clip
     seconds = [sum(p.seconds for p in fit.phases if p.phase <= phase.phase) for phase in fit.phases]
     phases = {FIRST: (fit.phases[0].params, seconds[0])} if fit.phases[0].phase == 1 else {}
     if fit.last.phase > 1:
         phases[FINAL] = (fit.last.params, seconds[-1])
+    notes: tuple[str, ...] = ()
+    if run.kind == "imported" and (missing := (clip.first_frame + np.flatnonzero(~fit.observed.any(1))).tolist()):
+        frames = spans(missing)
+        notes = (f"It has no result for {len(missing)} frames ({frames}); the nearest frames are used instead.",)
     return EvaluatedFit(
-        name=f"{clip.name}, {name}",
-        source=f"{folder}, {name}",
-        body=body,
+        name=f"{clip.name}, {run.name}",
+        source=f"{project.folder}, {run.name}",
+        body=Bodies(models).of(run.body),
         phases=phases,
         camera=fit.camera,
         frame_rate=clip.frame_rate,
         first_frame=clip.first_frame,
         clip=clip,
-        reference=reference,
+        reference=project.reference,
+        notes=notes,
     )

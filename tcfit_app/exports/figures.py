@@ -1,8 +1,6 @@
-"""Figures of exported fits: by frame as table or JSON, the summary, the report; and the corrected keypoints."""
+"""Figures of exported fits: a table by frame, and the summary; and the corrected keypoints."""
 
 import csv
-import math
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +14,9 @@ from fitting_core.io.keypoints.pose_file import write_pose
 from fitting_core.io.motion.mesh_sequence import file_stem
 from fitting_core.io.summary import summary
 from fitting_core.lens import filmed_keypoints
-from fitting_core.measure.report import MISSING, report_page
 from fitting_core.motion import Progress
 from tcfit_app.analysis.curves import CURVES
-from tcfit_app.evaluation.evaluated_fits import of_run
-from tcfit_app.evaluation.evaluating import evaluation_of
 from tcfit_app.exports.source import ExportSource
-from tcfit_app.project.storage.reference import stored_reference
 
 
 def write_figures_csv(source: ExportSource, path: Path, progress: Progress) -> None:
@@ -32,12 +26,6 @@ def write_figures_csv(source: ExportSource, path: Path, progress: Progress) -> N
         writer = csv.writer(file)
         writer.writerow(columns)
         writer.writerows([_cell(value) for value in row] for row in zip(*columns.values(), strict=True))
-
-
-def write_figures_json(source: ExportSource, path: Path, progress: Progress) -> None:
-    """The same columns as lists, null for what is not known, and what the clip is."""
-    figures = {name: values.tolist() for name, values in _figures(source, progress).items()}
-    path.write_bytes(as_json(clip_stated(source.clip) | {"figures": figures}))
 
 
 def write_summary(source: ExportSource, path: Path, progress: Progress) -> None:
@@ -86,33 +74,6 @@ def clip_stated(clip: Clip) -> dict[str, Any]:
         "intrinsics": msgspec.to_builtins(clip.camera),
         "generator": "tcfit",
     }
-
-
-SURFACES = 60
-"""Maximum number of frames of a run with measured surfaces, in 0.2 to 0.4 s each."""
-
-
-def report_missing() -> str:
-    """What to install for a report; empty if it can be written."""
-    return "" if find_spec("plotly") else MISSING
-
-
-def write_report(source: ExportSource, path: Path, progress: Progress) -> None:
-    """A page that needs no network; see `tcfit evaluate`, which can measure every frame."""
-    run, clip = source.fit, source.clip
-    reference = stored_reference(source.folder)
-    fit = of_run(run.fit, clip, run.body, name=run.shown.run.name, folder=source.folder, reference=reference)
-    every = math.ceil(len(clip) / SURFACES)
-    expected, measured = len(fit.phases) * math.ceil(len(clip) / every), 0
-
-    def done(count: int) -> None:
-        nonlocal measured
-        measured += count
-        progress(0.9 * min(1.0, measured / expected))
-
-    evaluation = evaluation_of(fit, reference, every=every, done=done)
-    path.write_text(report_page(evaluation), encoding="utf-8")
-    progress(1.0)
 
 
 # --- the corrected keypoints of a project, as detectors write theirs: on the pictures as they were filmed ---

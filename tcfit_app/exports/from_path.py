@@ -151,7 +151,7 @@ def target(name: str, source: ExportSource, options: ExportOptions) -> Path:
         raise InputError(f"--formats {name}: {reason}")
     if source.known_motion is None and export.needs != "keypoints":
         source.fit  # noqa: B018 - raises before anything is written
-    path = options.out / file_name(export, source.name, zipped=options.zip)
+    path = options.out / file_name(export, source.name, zipped=False)
     if path.exists() and not options.overwrite:
         raise InputError(f"{path}: is there already. Give --overwrite to replace it, or another --out.")
     return path

@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args
 
 from fitting_core.errors import InputError
 from fitting_core.io.motion.animation_npz import write_animation_npz
-from fitting_core.io.motion.mesh_sequence import write_obj_sequence, write_ply_sequence
+from fitting_core.io.motion.mesh_sequence import write_obj_sequence
 from fitting_core.io.motion_files import MOTION_FILES
 from fitting_core.io.points.contact_table import write_contacts
 from fitting_core.io.points.joint_table import write_joints_csv
@@ -20,13 +20,10 @@ from fitting_core.render.overlay import ViewName
 from tcfit_app.exports.blender.running import missing, write_fbx
 from tcfit_app.exports.elan import write_elan
 from tcfit_app.exports.figures import (
-    report_missing,
     write_coco,
     write_figures_csv,
-    write_figures_json,
     write_openpose_folder,
     write_pose_file,
-    write_report,
     write_summary,
 )
 from tcfit_app.exports.motions import (
@@ -162,9 +159,7 @@ EXPORTS: dict[str, Export] = {
                 "Coordinates of OpenSim's full-body model Rajagopal2015, by its own axes and signs")}),
     **_group("Meshes", {
         "obj": ("OBJ sequence", "-obj", _of_frames(write_obj_sequence, "y-up"),
-                "The fit's own vertices, correctives included; by default y up"),
-        "ply": ("PLY sequence", "-ply", _of_frames(write_ply_sequence, "z-up"),
-                "As OBJ, binary: a third of the size; by default z up")}),
+                "The fit's own vertices, correctives included; by default y up")}),
     **_group("Video", {
         "picture": ("Picture", ".png", write_picture,
                     "The middle frame with the chosen fit and the keypoints, over the video or from the side"),
@@ -191,13 +186,7 @@ EXPORTS: dict[str, Export] = {
     **_group("Figures", {
         "figures": ("CSV", ".figures.csv", write_figures_csv,
                     "All curves of the timeline by frame, of A and B, as a table"),
-        "figures-json": ("JSON", ".figures.json", write_figures_json,
-                         "All curves of the timeline by frame, of A and B"),
     }, needs="run", both=True),
-    **_group("Figures", {
-        "report": ("Report (HTML)", ".report.html", write_report,
-                   "The chosen run's errors and curves, against the project's reference if it has one"),
-    }, needs="run", missing=report_missing),
     **_group("Figures", {
         "summary": ("Summary", ".summary.json", write_summary,
                     "Errors, jitter, settings and versions of the chosen run, as JSON"),
@@ -217,6 +206,9 @@ DEFAULTS = ("glb", "npz", "bvh")
 _RETARGET = "Export {} and retarget it to your character with the tools that docs/retargeting.md lists."
 REMOVED = {
     "rig-glb": _RETARGET.format("glb, mixamo, unreal or vrma"),
+    "figures-json": "Export figures, a table of the same values.",
+    "ply": "Export obj.",
+    "report": "Use tcfit evaluate PROJECT, which writes report.html.",
     "rig-bvh": _RETARGET.format("bvh, mixamo-bvh or unreal-bvh"),
 }
 """What replaces formats that were removed, by their names."""

@@ -36,6 +36,4 @@ class DetectOptions:
     """Number of frames that such a model processes at once. It does not affect the result."""
     threads: Annotated[int, shown("N", "chosen for this computer")] = 0
     """Number of threads of each network."""
-    restart: bool = False
-    """Ignore cached detections."""
     json: JsonLines = False

@@ -43,8 +43,6 @@ class ExportOptions:
     side: upright, from the left of a person who faces the camera."""
     markers: Annotated[Path | None, shown("FILE", "as in Plug-in Gait")] = None
     """Markers of trc-markers and c3d: a TOML or JSON file of names and vertices of the body's mesh."""
-    zip: bool = False
-    """Write a zip where a format is a folder of files."""
     json: JsonLines = False
     overwrite: bool = False
     """Replace files of the same names. Other files of a folder are kept."""

@@ -27,6 +27,7 @@ REMOVED = {
     "batch --projects": "tcfit review FOLDER opens each result as a project.",
     "demo --no-review": "Use tcfit demo, then tcfit evaluate tcfit-demo.tcfit.",
     "detect --list": "Use tcfit models.",
+    "detect --restart": "Delete the cached keypoints; docs/troubleshooting.md says where they are.",
     "detect --download": "Use tcfit models add NAME.",
     **{
         f"evaluate --{option}": "Import the result into a project with tcfit import, and evaluate that."
@@ -36,6 +37,7 @@ REMOVED = {
     "render": "Use tcfit export PATH --formats picture, sheet or overlay; --view camera side draws both views.",
     "export --rig": "Export mixamo, unreal, vrma, glb or bvh and retarget it to your character with the tools that "
     "docs/retargeting.md lists.",
+    "export --zip": "Pack the folder with any archiver.",
     "export --keys": "Every frame has a key. Reduce keyframes in your program: in Blender, "
     "Graph Editor › Key › Decimate; in Maya, Curves › Simplify.",
 }

@@ -145,8 +145,6 @@ def test_ctrl_c_keeps_what_was_found_and_the_same_command_goes_on(
     assert main(command) == 0
     said = capsys.readouterr().err
     assert "Continuing" not in said and "Detecting" not in said, "all of it was found before"
-    assert main([*command, "--restart"]) == 0
-    assert f"Detecting keypoints in {FRAMES} frames ..." in capsys.readouterr().err
 
 
 def test_what_it_refuses(

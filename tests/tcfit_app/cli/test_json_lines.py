@@ -84,13 +84,13 @@ def test_a_fit(fit_arguments: list[str], tmp_path: Path, capsys: pytest.CaptureF
 def test_an_export_and_an_evaluation(tmp_path: Path, free_body: BodyModel, capsys: pytest.CaptureFixture[str]):
     write_result(tmp_path / "fit", waving_fit(2.0), sample_clip(), free_body)
     out = tmp_path / "out"
-    assert main(["export", str(tmp_path / "fit"), "--formats", "npz", "ply", "--out", str(out), "--json"]) == 0
+    assert main(["export", str(tmp_path / "fit"), "--formats", "npz", "obj", "--out", str(out), "--json"]) == 0
     found = lines(capsys)
     assert [(line["kind"], Path(line["path"]).exists()) for line in of(found, "wrote")] == [
         ("npz", True),
-        ("ply", True),
+        ("obj", True),
     ]
-    assert of(found, "progress")[-1] == of(found, "progress")[-1] | {"step": "ply", "share": 1.0}
+    assert of(found, "progress")[-1] == of(found, "progress")[-1] | {"step": "obj", "share": 1.0}
 
     given = ["--reference", str(tmp_path / "fit"), "--out", str(out / "e"), "--every", "3"]
     assert main(["evaluate", str(tmp_path / "fit"), *given, "--json"]) == 0

@@ -15,7 +15,7 @@ from fitting_core.body.model import JOINTS, BodyModel
 from fitting_core.body.params import BodyParams
 from fitting_core.io.motion.animation_npz import write_animation_npz
 from fitting_core.io.motion.bvh import continuous_euler, write_bvh
-from fitting_core.io.motion.mesh_sequence import file_stem, write_obj_sequence, write_ply_sequence
+from fitting_core.io.motion.mesh_sequence import file_stem, write_obj_sequence
 from fitting_core.motion import AXES, Motion
 from tests.fitting_core.io.motion.motions import meshes, swinging
 from tests.fitting_core.io.motion.rig_players import Bvh
@@ -52,19 +52,18 @@ def test_angles_do_not_jump(about: tuple[float, float, float]):
     assert (again.inv() * Rotation.from_rotvec(pose[:, 0])).magnitude().max() < 1e-9
 
 
-@pytest.mark.parametrize(("write", "suffix"), [(write_obj_sequence, ".obj"), (write_ply_sequence, ".ply")])
-def test_sequences_of_meshes(free_body: BodyModel, tmp_path: Path, write, suffix: str):
+def test_sequence_of_meshes(free_body: BodyModel, tmp_path: Path):
     motion, shares = swinging(free_body, 3).in_axes("y-up"), []
-    write(tmp_path, motion, shares.append)
+    write_obj_sequence(tmp_path, motion, shares.append)
     expected = meshes(motion)
     for t in range(3):
-        read = trimesh.load(tmp_path / f"swing_{12 + t:06d}{suffix}", process=False)
+        read = trimesh.load(tmp_path / f"swing_{12 + t:06d}.obj", process=False)
         assert np.array_equal(read.faces, free_body.faces)
         assert np.allclose(read.vertices, expected[t], atol=1e-6)
     assert len(list(tmp_path.iterdir())) == 4 and shares == [1 / 3, 2 / 3, 1.0]
     said = json.loads((tmp_path / "motion.json").read_text())
     assert np.allclose(said["translation"], motion.params.camera_translation, atol=1e-9)
-    head = (tmp_path / f"swing_000012{suffix}").read_bytes()[:900].decode("ascii", "replace")
+    head = (tmp_path / "swing_000012.obj").read_bytes()[:900].decode("ascii", "replace")
     for word in ("29.97", "y up", "910.0", "neutral", "translation"):
         assert word in head
 
