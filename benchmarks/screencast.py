@@ -156,7 +156,7 @@ def other_weight(film: Film) -> None:
     settle(review)
     film.shot()
     film.press("r")
-    review.app.post(lambda: tab.set(mode="ab", arrangement="wipe", frames=None))
+    review.app.post(lambda: tab.set(mode="ab", wipe=True, frames=None))
     settle(review)
     film.shot()
     left, top, right, bottom = review.tab.evaluate(
@@ -168,7 +168,7 @@ def other_weight(film: Film) -> None:
         film.move((left + right) / 2 - 120, (top + bottom) / 2, 5)
         film.move((left + right) / 2 + 80, (top + bottom) / 2, 5)
     film.shot()
-    review.app.post(lambda: tab.set(mode="edit", arrangement=None, b=FitChoice()))
+    review.app.post(lambda: tab.set(mode="edit", wipe=False, b=FitChoice()))
 
 
 def queue(film: Film) -> None:

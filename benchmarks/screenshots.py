@@ -119,11 +119,9 @@ def modes(review: Reviewing) -> Iterator[str]:
     review.tab.keyboard.press("f")
     settle(review)
     yield "space-whole"
-    show(review, beside="ghost")
+    show(review, ghost=True)
     yield "space-ghost"
-    show(review, beside="apart")
-    yield "space-apart"
-    show(review, mode="edit", beside="alone")
+    show(review, mode="edit", ghost=False)
     review.tab.keyboard.press("h")
     settle(review)
     yield "keys"
@@ -137,10 +135,9 @@ def modes(review: Reviewing) -> Iterator[str]:
 
 def compared(review: Reviewing) -> Iterator[str]:
     """The other ways to see two fits, and what shows the evidence."""
-    for arrangement in ("stacked", "wipe"):
-        show(review, mode="ab", arrangement=arrangement)
-        yield arrangement
-    show(review, arrangement=None)
+    show(review, mode="ab", wipe=True)
+    yield "wipe"
+    show(review, wipe=False)
     review.press("e", lambda: review.page.tab.state.close_up == "right_hand")
     settle(review)
     yield "close-up"
@@ -151,7 +148,7 @@ def compared(review: Reviewing) -> Iterator[str]:
 
 
 def depth(review: Reviewing) -> Iterator[str]:
-    """The side view from all sides with a line of sight, a drag in it, 3D from the side with a read-out."""
+    """The side view from all sides with a line of sight, and a drag in it."""
     wrist = INDEX["right_wrist"]
     for side in ("left", "top", "right"):
         show(review, selection=(wrist,), side_from=side)
@@ -165,11 +162,7 @@ def depth(review: Reviewing) -> Iterator[str]:
     yield "dragged"
     review.tab.keyboard.press("Escape")
     review.tab.mouse.up()
-    show(review, mode="space")
-    review.tab.locator("[data-tcfit='view.from'][data-value=side]").click()
-    settle(review)
-    yield "space-side"
-    show(review, mode="edit", selection=())
+    show(review, selection=())
 
 
 def timeline(review: Reviewing) -> Iterator[str]:

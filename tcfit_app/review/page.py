@@ -339,7 +339,6 @@ RECEIVERS: dict[type, Callable[[Page, Any], None]] = {
     page_events.Drag: lambda page, event: page.gestures.correcting.take(event),
     page_events.DragDepth: lambda page, event: page.gestures.correcting.take(event),
     page_events.Framed: lambda page, event: page.gestures.again.take(event),
-    page_events.Widen: lambda page, event: page.tab.set_side_width(event.width),
     page_events.Press: lambda page, event: page.tab.buttons.take(event),
     page_events.TooLarge: Page._tell_too_large,
     page_events.Gesture: lambda page, event: page.tab.scene.cameras.touched(),

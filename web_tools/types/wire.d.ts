@@ -46,7 +46,6 @@ export interface SidePlate {
 export interface Space {
   turn: [[number, number, number], [number, number, number], [number, number, number]];
   place: [number, number, number];
-  offsets: number[];
 }
 
 export interface OtherPerson {
@@ -396,11 +395,6 @@ export interface DragDepth {
   frame: number;
 }
 
-export interface Widen {
-  type: "widen";
-  width: number;
-}
-
 export interface Framed {
   type: "framed";
   left: number;
@@ -444,7 +438,7 @@ export interface Stranger {
 
 export interface Envelope {
   number: number;
-  event: Hello | Theme | Resized | Key | Seek | Range | Plot | MoveKey | LookAt | OpenLink | Select | Drag | DragDepth | Widen | Framed | Press | TooLarge | Gesture | GoToPerson | Drawn | Stranger;
+  event: Hello | Theme | Resized | Key | Seek | Range | Plot | MoveKey | LookAt | OpenLink | Select | Drag | DragDepth | Framed | Press | TooLarge | Gesture | GoToPerson | Drawn | Stranger;
 }
 
 export interface States {
@@ -480,4 +474,4 @@ export interface States {
 export type PageRequest = ShowPanel | CopyLink | Leave | Hints;
 
 export type PageEvent =
-  Hello | Theme | Resized | Key | Seek | Range | OpenLink | Plot | MoveKey | LookAt | Select | Drag | DragDepth | Widen | Framed | Press | TooLarge | Gesture | GoToPerson | Drawn | Stranger;
+  Hello | Theme | Resized | Key | Seek | Range | OpenLink | Plot | MoveKey | LookAt | Select | Drag | DragDepth | Framed | Press | TooLarge | Gesture | GoToPerson | Drawn | Stranger;

@@ -143,13 +143,6 @@ class DragDepth(_Event, frozen=True, tag="drag_depth"):
     """The fit that is on the screen."""
 
 
-class Widen(_Event, frozen=True, tag="widen"):
-    """The side view's left border was dragged."""
-
-    width: Annotated[float, msgspec.Meta(gt=0, le=100)]
-    """Width of its plate, in image heights."""
-
-
 class Framed(_Event, frozen=True, tag="framed"):
     """A rectangle was drawn in a picture, as requested by `Framing`."""
 
@@ -220,7 +213,6 @@ PageEvent = (
     | Select
     | Drag
     | DragDepth
-    | Widen
     | Framed
     | Press
     | TooLarge

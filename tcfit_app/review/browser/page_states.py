@@ -113,8 +113,6 @@ class Space(_State, frozen=True, kw_only=True):
     turn: tuple[Triple, Triple, Triple]
     """A point maps to turn · point + place in viser's world."""
     place: Triple
-    offsets: tuple[float, ...]
-    """The shift of each of `Bodies` along its x."""
 
 
 class OtherPerson(_State, frozen=True, kw_only=True):

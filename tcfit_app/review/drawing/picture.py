@@ -27,8 +27,8 @@ from tcfit_app.review.scene.layers import DISTANCE_LIMIT, BodyLayer, color_table
 from tcfit_app.review.scene.poses import Window
 from tcfit_app.review.scene.poster import PICTURE_NODES, SIDE_NODE, Poster, Posters, SidePoster
 from tcfit_app.review.scene.room import Room
-from tcfit_app.review.scene.side_view import SideView, direction_text
-from tcfit_app.review.scene.space import Rings, Space, offsets
+from tcfit_app.review.scene.side_view import DIRECTION_TEXTS, SideView
+from tcfit_app.review.scene.space import Rings, Space
 from tcfit_app.review.shared.drawing_data import FrameBody
 from tcfit_app.review.tab.on_show import SLOTS, OnShow
 from tcfit_app.review.tab.state import HELD_BY
@@ -37,8 +37,6 @@ from tcfit_app.review.tab.tab import Tab
 _LEGEND_COLORS = 9
 _BELOW = 34.0
 """CSS pixels below the posters kept free for the colour bar, and for messages that last."""
-_APART = 1.2
-"""Metres between A and B side by side in 3D: two bodies with outstretched arms do not touch."""
 _OTHERWISE_NAMED = {"nose": "head", "left_big_toe": "left_foot", "right_big_toe": "right_foot"}
 _JOINTS = [
     JOINTS.index(joint) if (joint := _OTHERWISE_NAMED.get(name, name)) in JOINTS else None for name in NAMES[BODY]
@@ -92,15 +90,14 @@ class Picture:
         tab.scene.cameras.follow(tab.size if tab.size[0] else None, covered)
         tab.scene.show(snapshot)
         if isinstance(snapshot, Posters):
-            beside = () if frame.side is None else ((direction_text(tab.state.side_from), PLAIN_COLOR),)
+            beside = () if frame.side is None else ((DIRECTION_TEXTS[tab.state.side_from], PLAIN_COLOR),)
             window = tab.scene.cameras.window
-            layout = poster_layout(snapshot, (*frame.labels, *beside), window, clipped=tab.clipped)
+            layout = poster_layout(snapshot, (*frame.labels, *beside), window, clipped=tab.state.clipped)
         else:
             places = tuple(PosterPlace(width=0.0, label=label, color=color) for label, color in frame.labels)
             layout = Layout(mode="space", posters=places)
             x, y, z = (triple(row) for row in snapshot.turn)
-            shifts = offsets(len(frame.bodies), snapshot.apart)
-            tab.channel.send("space", SpaceState(turn=(x, y, z), place=triple(snapshot.place), offsets=shifts))
+            tab.channel.send("space", SpaceState(turn=(x, y, z), place=triple(snapshot.place)))
         tab.channel.send("layout", layout)
 
     def _snapshot(self, frame: Frame) -> Posters | Space:
@@ -133,8 +130,7 @@ class Picture:
             turn=np.eye(3) if room is None else room.turn,
             place=np.zeros(3) if room is None else room.place,
             ground=None if room is None else room.floor,
-            apart=_APART if frame.state.beside == "apart" else 0.0,
-            ghost=frame.state.beside == "ghost" and len(bodies) == len(SLOTS),
+            ghost=frame.state.ghost and len(bodies) == len(SLOTS),
             rings=frame.rings if "b" in frame.visible else None,
         )
 

@@ -20,8 +20,8 @@ from tcfit_app.review.gestures.reviewing import Reviewing
 from tcfit_app.review.gestures.shaping import ShapingHands
 from tcfit_app.review.gestures.turning import Turning
 from tcfit_app.review.gestures.zooming import next_close_up, show_whole, zoom_to_selection
-from tcfit_app.review.scene.windows import ARRANGEMENTS
-from tcfit_app.review.tab.state import CONTROLS, MODES, OPACITIES, SIDES_SEEN, Section, Switch
+from tcfit_app.review.scene.side_view import DIRECTION_TEXTS
+from tcfit_app.review.tab.state import CONTROLS, MODES, OPACITIES, Section, Switch
 from tcfit_app.review.tab.state import Need as StateNeed
 from tcfit_app.review.tab.tab import Tab
 
@@ -146,20 +146,17 @@ def _change_opacity(tab: Tab, more: float) -> None:
     tab.set(opacity=round(min(max(tab.state.opacity + more, least), most), 2))
 
 
-def _rearrange(gestures: Gestures) -> None:
-    """Cycle A and B through side by side, stacked and wipe; from other modes, go to A | B."""
-    tab, ways = gestures.tab, tuple(ARRANGEMENTS)
-    if tab.state.mode != "ab":
-        tab.set(mode="ab")
-        return
-    tab.set(arrangement=ways[(ways.index(tab.arrangement) + 1) % len(ways)])
+def _wipe(gestures: Gestures) -> None:
+    """Switch the wipe of A and B; from other modes, go to it."""
+    state = gestures.tab.state
+    gestures.tab.set(mode="ab", wipe=state.mode != "ab" or not state.wipe)
 
 
 def _turn_side(gestures: Gestures) -> None:
     """Cycle the side view through left, right and top; switch it on if it is off."""
     tab = gestures.tab
-    named = SIDES_SEEN.index(tab.state.side_from) if tab.state.side_from in SIDES_SEEN else -1
-    tab.set(side=True, side_from=SIDES_SEEN[(named + tab.state.side) % len(SIDES_SEEN)])
+    sides = tuple(DIRECTION_TEXTS)
+    tab.set(side=True, side_from=sides[(sides.index(tab.state.side_from) + tab.state.side) % len(sides)])
 
 
 def _go_to_next_person(gestures: Gestures) -> None:
@@ -364,8 +361,8 @@ _VIEW: tuple[_Row, ...] = (
         )
         for number, (mode, name) in enumerate(MODES.items(), 1)
     ),
-    *_switches("fits", "bodies", "side", "picture"),
-    ("arrangement", "A | B: side by side, stacked or wipe", "w", _rearrange, (bodies,)),
+    *_switches("fits", "bodies", "space", "side", "picture"),
+    ("wipe", "A | B: with a divider, on or off", "w", _wipe, (bodies,)),
     ("next_person", "Next person of the clip", "q", _go_to_next_person, (others,)),
     ("fainter", "Less opacity", ",", lambda g: _change_opacity(g.tab, -0.1), (bodies,)),
     ("denser", "More opacity", ".", lambda g: _change_opacity(g.tab, 0.1), (bodies,)),

@@ -18,7 +18,6 @@ GESTURES = {
     "In the side view": (
         ("Click", "Select a keypoint of the fit"),
         ("Drag a keypoint", "Move it in depth, along its viewing ray; the fit follows"),
-        ("Drag the left border", "Make it wider"),
     ),
     "In 3D": (
         ("Drag", "Turn the view"),

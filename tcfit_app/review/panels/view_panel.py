@@ -29,14 +29,11 @@ from tcfit_app.review.panels.elements.html import (
     text,
 )
 from tcfit_app.review.scene.layers import RUN_COLORS, css
-from tcfit_app.review.scene.poses import SPACE_FROM
-from tcfit_app.review.scene.side_view import Named, angle_of, direction_text
-from tcfit_app.review.scene.windows import ARRANGEMENTS
+from tcfit_app.review.scene.side_view import DIRECTION_TEXTS, Direction
 from tcfit_app.review.tab.on_show import SLOTS, Slot
-from tcfit_app.review.tab.state import CLOSE_UPS, MODES, SIDES_SEEN, Part
+from tcfit_app.review.tab.state import CLOSE_UPS, MODES, Part
 
 _CLOSE_UP = "The view follows it from frame to frame; press again for the whole picture"
-_TURN = "Degrees about the vertical: 0 is the camera's own view"
 
 
 class ViewPanel:
@@ -55,18 +52,8 @@ class ViewPanel:
         self._runs = RunsShown(gestures)
         self._layers = Board(tab)
         self._side = Board(tab)
-        self._turn = gui.add_slider("Turn", -180, 180, 5, 90, hint=_TURN)
         self._keypoints = Board(tab)
-        self._fields = (
-            Field(tab, frame, self._jump, lambda: tab.state.frame + first),
-            Field(
-                tab,
-                self._turn,
-                lambda value: tab.set(side_from=float(value)),
-                lambda: angle_of(tab.state.side_from),
-                off=lambda: angle_of(tab.state.side_from) is None,
-            ),
-        )
+        self._frame = Field(tab, frame, self._jump, lambda: tab.state.frame + first)
         Board(tab).show(row(self._action("help", "All keys and gestures")))
 
     def _jump(self, number: int) -> None:
@@ -75,8 +62,7 @@ class ViewPanel:
 
     def draw(self) -> None:
         """Update from the tab's state."""
-        for field in self._fields:
-            field.draw()
+        self._frame.draw()
         self._draw_playing()
         self._runs.draw()
         self._draw_bodies()
@@ -85,18 +71,10 @@ class ViewPanel:
 
     def _draw_playing(self) -> None:
         tab, state, act = self._tab, self._tab.state, self._action
-        hint = f"Arrangement of A and B ({key_text('arrangement')}: the next)"
         modes = (act(mode, name, pressed=state.mode == mode) for mode, name in MODES.items())
-        ways = choices(
-            "view.arrange",
-            ARRANGEMENTS,
-            lambda way: tab.set(arrangement=way),
-            lambda way: tab.arrangement == way,
-            hint=lambda way: hint,
-        )
         self._top.show(
             row(choice(*modes)),
-            *([row(choice(*ways))] if state.mode == "ab" else []),
+            *([row(act("wipe", "Wipe", pressed=state.wipe))] if state.mode == "ab" else []),
             row(
                 choice(
                     act("previous10", "−10"),
@@ -111,40 +89,24 @@ class ViewPanel:
         self._speed.show(options(tab, "speed"), row(act("loop", f"Loop {what}"), label=" "))
 
     def _draw_bodies(self) -> None:
-        tab, state = self._tab, self._tab.state
         shown = switches(self._gestures, "bodies")
-        if state.mode == "space":
-            names = {name: name.title() for name in (*SPACE_FROM, "camera")}
-            looks = choices("view.from", names, tab.scene.look_from, lambda name: None)
-            more = [row(choice(*looks), label="Seen from"), options(tab, "beside")]
-        else:
-            clip = button(
-                "Clip to the picture",
-                "view.clip",
-                do=lambda: tab.set(clipped=not tab.clipped),
-                pressed=tab.clipped,
-                obstacle=ACTIONS["bodies"].obstacle(self._gestures),
-                hint="Cut bodies off at the picture's edge",
-            )
-            more = [row(clip)]
-        pairs = (row(*shown[i : i + 2]) for i in range(0, len(shown), 2))
+        pairs = [row(*shown[i : i + 2]) for i in range(0, len(shown), 2)]
         opacity = row(choice(self._action("fainter", "Less"), self._action("denser", "More")), label="Opacity")
-        self._layers.show(heading("Bodies"), *pairs, *more, *([opacity] if state.mode != "space" else []))
+        in_space = row(*switches(self._gestures, "space"))
+        self._layers.show(heading("Bodies"), *pairs, in_space if self._tab.state.mode == "space" else opacity)
 
     def _draw_side(self, held: Shown | None) -> None:
         tab, state = self._tab, self._tab.state
-        flat, why = state.mode != "space", ACTIONS["side"].obstacle(self._gestures)
-        self._turn.visible = flat and state.side and not why
-        if not flat:
+        if state.mode == "space":
             return self._side.show()
-        sides: dict[Named, str] = {name: name.title() for name in SIDES_SEEN}
+        sides: dict[Direction, str] = {name: name.title() for name in DIRECTION_TEXTS}
         seen = choices(
             "view.side",
             sides,
             lambda name: tab.set(side=True, side_from=name),
             lambda name: state.side_from == name,
-            obstacle=why,
-            hint=lambda name: direction_text(name).capitalize(),
+            obstacle=ACTIONS["side"].obstacle(self._gestures),
+            hint=lambda name: DIRECTION_TEXTS[name].capitalize(),
         )
         known = held is None or tab.data.level(held) is not None
         self._side.show(

@@ -99,7 +99,6 @@ class BodyNode:
         self,
         layer: BodyLayer,
         vertices: Float[np.ndarray, "V 3"],
-        position: tuple[float, float, float] | None = None,
         *,
         solid: bool = False,
         ghost: bool = False,
@@ -110,12 +109,10 @@ class BodyNode:
         Args:
             layer: What to draw.
             vertices: World units, compared by identity.
-            position: Of the node; None keeps it.
             solid: Opaque, regardless of the layer's opacity.
             ghost: Faint, regardless of the layer's opacity, and over bodies that it must not hide.
             lines: It may be drawn as an outline, because the view is along z.
         """
-        self._position = position or self._position
         if self._node is None or layer.faces is not self._faces:
             self._create(layer, vertices)
         elif vertices is not self._vertices:

@@ -7,8 +7,6 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from fitting_core.camera import Camera
-
 Vector = tuple[float, float, float]
 Rectangle = tuple[float, float, float, float]
 """Left, top, right, bottom."""
@@ -26,14 +24,10 @@ there."""
 _MARGIN = 1.03
 _BODY_FROM: Vector = (0.62, -0.28, -0.73)
 """From the body towards the viewer in 3D: the video camera's side, from the right and slightly above."""
-_OVERVIEW_FROM: Vector = (0.74, -0.38, -0.6)
-SPACE_FROM: dict[str, Vector] = {"front": (0.0, -0.05, -1.0), "side": (1.0, -0.05, 0.0), "top": (0.0, -1.0, -0.002)}
-"""From the body towards the viewer, by name. From exactly above, the screen would have no up direction."""
-_BODY_DISTANCE, _OVERVIEW_DISTANCE = 1.3, 0.95
+_BODY_DISTANCE = 1.3
 """Distance of the viewer, in diagonals of the subject."""
 
 
-_ORIGIN = np.zeros(3)
 _LEAST_SIZE, _CLOSE = 0.15, 1.3
 """Zooming in 3D: minimum size in metres, and the margin relative to the subject."""
 
@@ -120,40 +114,6 @@ def straightened(pose: Pose) -> Pose:
     return replace(pose, position=(x, y, z - pose.distance), up=(0.0, -1.0, 0.0))
 
 
-def filming_pose(
-    camera: Camera,
-    turn: Float[np.ndarray, "3 3"],
-    bounds: Float[np.ndarray, "2 3"],
-    window: Window,
-    *,
-    near: float,
-    place: Float[np.ndarray, "3"] = _ORIGIN,
-) -> Pose:
-    """Looks at bodies in a bounding box from the video camera, in its direction, with its whole picture in the window.
-
-    Args:
-        camera: Of the video; its image centre becomes the view's.
-        turn: From camera space to the world.
-        bounds: Least and greatest coordinates, in the world.
-        window: The canvas.
-        near: Metres from the camera within which nothing is drawn.
-        place: The camera's position in the world.
-    """
-    free = max(window.height - window.covered, 0.1 * window.height)
-    scale = _MARGIN * max(camera.size[0] / window.width, camera.size[1] / free)
-    ahead = turn @ np.array([0.0, 0.0, 1.0])
-    return Pose(
-        position=_vector(place),
-        look_at=_vector(place + ahead * max(float((bounds.mean(0) - place) @ ahead), 2 * near)),
-        up=_vector(turn @ np.array([0.0, -1.0, 0.0])),
-        fov=2 * math.atan(scale * window.height / 2 / camera.focal[1]),
-        near=near,
-        far=300.0,
-        least_distance=0.1,
-        most_distance=60.0,
-    )
-
-
 def nearer_pose(pose: Pose, bounds: Float[np.ndarray, "2 3"], window: Window) -> Pose:
     """Fits a bounding box (least and greatest coordinates) into the window, seen from another pose's direction."""
     away = np.subtract(pose.position, pose.look_at) / pose.distance
@@ -193,32 +153,14 @@ def _is_free(target: Float[np.ndarray, "3"], away: Float[np.ndarray, "3"], obsta
     return not between.any() and not (np.linalg.norm(moved - away, axis=1) < _FREE).any()
 
 
-def overview_pose(bounds: Float[np.ndarray, "2 3"], window: Window, place: Float[np.ndarray, "3"] = _ORIGIN) -> Pose:
-    """Looks at bodies in a bounding box and at the video camera's position, from the side."""
-    everything = np.stack([np.minimum(bounds[0], place), np.maximum(bounds[1], place)])
-    return space_pose(everything, window, _OVERVIEW_FROM, _OVERVIEW_DISTANCE)
-
-
-def space_pose(
-    bounds: Float[np.ndarray, "2 3"],
-    window: Window,
-    view_from: Vector = _BODY_FROM,
-    diagonals: float = _BODY_DISTANCE,
-) -> Pose:
-    """Looks at bodies in a bounding box (least and greatest coordinates), by default from half to the side.
-
-    Args:
-        bounds: The box.
-        window: The canvas.
-        view_from: From the box towards the viewer, such as one of SPACE_FROM.
-        diagonals: Distance of the viewer, in diagonals of the box.
-    """
+def space_pose(bounds: Float[np.ndarray, "2 3"], window: Window) -> Pose:
+    """Looks at bodies in a bounding box (least and greatest coordinates), from half to the side."""
     middle = bounds.mean(0)  # the centre of rotation
     free = (window.height - window.covered) / window.height
     # A window higher than wide needs a greater distance.
-    distance = diagonals * math.dist(bounds[0], bounds[1]) / free * max(1.0, window.height / window.width)
+    distance = _BODY_DISTANCE * math.dist(bounds[0], bounds[1]) / free * max(1.0, window.height / window.width)
     middle[1] += distance * math.tan(SPACE_FOV / 2) * window.covered / window.height  # bodies above the covered part
-    position = middle + np.array(view_from) / np.linalg.norm(view_from) * distance
+    position = middle + np.array(_BODY_FROM) / np.linalg.norm(_BODY_FROM) * distance
     return Pose(
         position=_vector(position),
         look_at=_vector(middle),

@@ -12,28 +12,23 @@ from jaxtyping import Float
 from tcfit_app.review.scene.layers import RGB
 from tcfit_app.review.scene.nodes import MeshDressing
 from tcfit_app.review.scene.poses import (
-    SPACE_FROM,
     Pose,
     Rectangle,
     Window,
     clear_pose,
-    filming_pose,
     nearer_pose,
-    overview_pose,
     poster_pose,
     space_pose,
     straightened,
 )
 from tcfit_app.review.scene.poster import PosterNodes, Posters, world_of_pixels
-from tcfit_app.review.scene.space import FRUSTUM_DEPTH, Space, SpaceNodes
+from tcfit_app.review.scene.space import Space, SpaceNodes
 from tcfit_app.review.scene.windows import Division
 from tcfit_app.server.viser_bridge import place_camera
 
 Scene = Literal["posters", "space"]
 """The scenes."""
 
-_BEYOND_IMAGE = 1.05 * FRUSTUM_DEPTH
-"""Metres from the video camera beyond which its picture hides nothing."""
 _SLACK = 0.1
 """Tolerance relative to the camera's distance: within it the 3D view stays put, rather than move with every frame."""
 
@@ -63,7 +58,6 @@ class Cameras:
         self._scene: Scene | None = None
         self._places: dict[Scene, _Place] = {}
         self._bounds = np.array([[-0.5, -0.5, 3.0], [0.5, 0.9, 4.0]])
-        self._filmed_from = np.zeros(3)
         self._canvas: tuple[float, float] | None = None
         self._window = self._current_window()
         self._division: Division | None = None
@@ -91,24 +85,19 @@ class Cameras:
         if not self.moved and self.pose != (fitted := self._fitted("posters")):
             self._go(fitted)
 
-    def show_space(self, bounds: Float[np.ndarray, "2 3"] | None, place: Float[np.ndarray, "3"] | None = None) -> None:
-        """Go to 3D, with bodies in this box and the video camera at this position: to the user's last pose, or to one
-        that shows them well; also when the box changes completely."""
+    def show_space(self, bounds: Float[np.ndarray, "2 3"] | None) -> None:
+        """Go to 3D, with bodies in this box: to the user's last pose, or to one that shows them well; also when the box
+        changes completely."""
         self._bounds = self._bounds if bounds is None else bounds
-        self._filmed_from = self._filmed_from if place is None else place
         self._enter("space")
         fitted = self._fitted("space")
         if not self.moved and math.dist(self.pose.position, fitted.position) > _SLACK * fitted.distance:
             self._go(fitted)
 
     def reset(self) -> None:
-        """Reset to the whole view of the current scene. In 3D, if that is already the case, include the video camera,
-        or exclude it again."""
-        if self._scene is None:
-            return
-        fitted = self._fitted(self._scene)
-        overview = self._scene == "space" and (not self.moved or self.pose.close_to(fitted))
-        self._go(overview_pose(self._bounds, self._window, self._filmed_from) if overview else fitted, moved=overview)
+        """Reset to the whole view of the current scene."""
+        if self._scene is not None:
+            self._go(self._fitted(self._scene))
 
     def zoom_to(self, rectangle: Rectangle) -> None:
         """In 2D: fit a part of the picture, in the poster world, to its window."""
@@ -121,18 +110,6 @@ class Cameras:
         """In 3D: fit a bounding box (least and greatest coordinates) to the window, from the current direction; from
         another one if the camera would be inside or behind a body with these vertices."""
         self._go(clear_pose(nearer_pose(self.pose, bounds, self._window), obstacles), moved=True)
-
-    def look_from(self, name: str, space: Space) -> None:
-        """In 3D: look from one of SPACE_FROM, or as the video's "camera". A picture in the way is hidden."""
-        if name == "camera":
-            pose = filming_pose(
-                space.camera, space.turn, self._bounds, self._window, near=_BEYOND_IMAGE, place=space.place
-            )
-        else:
-            pose = space_pose(self._bounds, self._window, SPACE_FROM[name])
-            near = _BEYOND_IMAGE - pose.position[2] if name == "front" else pose.near
-            pose = replace(pose, near=max(pose.near, near))
-        self._go(pose, moved=True)
 
     def touched(self) -> None:
         """The user moves the camera."""
@@ -249,7 +226,7 @@ class SceneView:
             if isinstance(snapshot, Posters):
                 self.cameras.show_posters(snapshot.divide(self.cameras.window))
             else:
-                self.cameras.show_space(snapshot.bounds(), snapshot.place)
+                self.cameras.show_space(snapshot.bounds())
             self._posters.set_visible(isinstance(snapshot, Posters))
             self._space.set_visible(isinstance(snapshot, Space))
 
@@ -260,11 +237,6 @@ class SceneView:
         else:
             self._space.draw(snapshot)
         self._last = snapshot
-
-    def look_from(self, name: str) -> None:
-        """In 3D: look from one of SPACE_FROM, or as the video's "camera"."""
-        if isinstance(self._last, Space):
-            self.cameras.look_from(name, self._last)
 
     def zoom_to(self, pixels: Rectangle) -> None:
         """In 2D: fit a rectangle of image pixels (left, top, right, bottom) to each picture's window."""
@@ -283,11 +255,7 @@ class SceneView:
         """In 3D: fit points of the bodies on show, in camera space, to the window; NaN are ignored."""
         if not isinstance(self._last, Space):
             return
-        moved = [
-            found @ self._last.turn.T + self._last.place + [x, 0.0, 0.0]
-            for found, x in zip(points, self._last.offsets, strict=False)
-        ]
-        there = np.concatenate(moved)
+        there = np.concatenate([found @ self._last.turn.T + self._last.place for found in points])
         there = there[np.isfinite(there).all(-1)]
         self.cameras.zoom_in_space(np.stack([there.min(0), there.max(0)]), self._last.obstacles())
 

@@ -16,40 +16,23 @@ from fitting_core.camera import Camera
 from tcfit_app.review.scene.layers import NEAREST
 from tcfit_app.review.scene.room import Room, extent
 
-Named = Literal["left", "right", "top"]
-Direction = Named | float
-"""Where the viewer is: left or right of the picture, above, or an angle in degrees about the vertical from the camera's
-position towards the right."""
-_ANGLES: dict[Named, float] = {"left": -90.0, "right": 90.0}
+Direction = Literal["left", "right", "top"]
+"""Where the viewer is: left or right of the picture, or above."""
+DIRECTION_TEXTS: dict[Direction, str] = {
+    "left": "from the picture's left",
+    "right": "from the picture's right",
+    "top": "from above",
+}
+_AXES: dict[Direction, Float[np.ndarray, "3 3"]] = {
+    "left": np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]),
+    "right": np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]),
+    "top": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),  # up on the plate is ahead
+}
+"""Right, down and away for a viewer: rows, unit vectors in level space."""
 _CUT = 0.15
 """Fraction of a body's height outside the picture above which it counts as cut off."""
 _FREE = 0.05
 """Margin on each side, relative to the plate's height and width, that bodies usually do not enter."""
-
-
-def angle_of(direction: Direction) -> float | None:
-    """The angle of a direction, in degrees about the vertical; None from above."""
-    if isinstance(direction, str):
-        return _ANGLES.get(direction)
-    return float(direction)
-
-
-def view_axes(direction: Direction) -> Float[np.ndarray, "3 3"]:
-    """Right, down and away for a viewer: rows, unit vectors in level space."""
-    angle = angle_of(direction)
-    if angle is None:  # up on the plate is ahead
-        return np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-    c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
-    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
-
-
-def direction_text(direction: Direction) -> str:
-    """For users."""
-    angle = angle_of(direction)
-    if angle is None:
-        return "from above"
-    named = next((name for name, known in _ANGLES.items() if known == angle), None)
-    return f"turned by {angle:.0f}°" if named is None else f"from the picture's {named}"
 
 
 def usual_width(pictures: float) -> float:
@@ -171,8 +154,7 @@ def side_view(room: Room, camera: Camera, direction: Direction, width: float) ->
         direction: Where the viewer is.
         width: Of the plate, in image heights.
     """
-    axes = view_axes(direction)
-    above = angle_of(direction) is None
+    axes, above = _AXES[direction], direction == "top"
     middles, halves = room.boxes.mean(1) @ axes.T, np.diff(room.boxes, axis=1)[:, 0] / 2 @ np.abs(axes).T
     seen = extent(np.stack([middles - halves, middles + halves], 1))[:, :2]
     if not above:

@@ -30,8 +30,6 @@ _SLOTS = 2
 _ROOT = "/space"
 _FILMED = f"{_ROOT}/filmed"
 """The node for what is in camera space."""
-_SHIFTED = f"{_FILMED}/shifted"
-"""The node for what is shifted with the last body."""
 _CELL_COLOR: RGB = (62, 66, 74)
 _SECTION_COLOR: RGB = (104, 110, 122)
 _FRUSTUM_COLOR: RGB = (190, 196, 206)
@@ -58,7 +56,7 @@ class Space:
     ghost: bool = False
     """The first of two bodies is drawn faintly, so that it does not hide the other one in the same place."""
     others: tuple[BodyLayer, ...] = ()
-    """Of other people, at most MOST_OTHERS; never shifted."""
+    """Of other people, at most MOST_OTHERS."""
     others_extents: tuple[Float[np.ndarray, "2 3"], ...] = ()
     """Their extents over the whole clip, as far as known."""
     image: FrameImage | None = None
@@ -72,9 +70,6 @@ class Space:
     extents: tuple[Float[np.ndarray, "2 3"] | None, ...] = ()
     """The extent of each body over the whole clip in the world (see `extent`), so that the viewer's camera need not
     move. None or empty: not known yet."""
-    apart: float = 0.0
-    """Distance along x between two bodies drawn side by side, metres; 0 leaves both in place."""
-
     rings: Rings | None = None
     """Around a joint of the last body."""
 
@@ -82,32 +77,20 @@ class Space:
         assert len(self.bodies) <= _SLOTS and len(self.others) <= MOST_OTHERS
         assert len(self.extents) in (0, len(self.bodies))
 
-    @property
-    def offsets(self) -> tuple[float, ...]:
-        """The shift of each body along the world's x."""
-        return offsets(len(self.bodies), self.apart)
-
     def obstacles(self) -> Float[np.ndarray, "n 3"]:
         """Vertices of the bodies as drawn, but for a ghost, in the world."""
-        solid = list(zip(self.bodies, self.offsets, strict=True))[int(self.ghost) :]
-        found = [body.vertices @ self.turn.T + self.place + [x, 0.0, 0.0] for body, x in solid]
+        found = [body.vertices @ self.turn.T + self.place for body in self.bodies[int(self.ghost) :]]
         return np.concatenate([np.zeros((0, 3)), *found])
 
     def bounds(self) -> Float[np.ndarray, "2 3"] | None:
         """Least and greatest coordinates of the bodies as drawn, over the clip as far as known; None without any."""
         extents = self.extents or (None,) * len(self.bodies)
         corners = [
-            (extent((body.vertices @ self.turn.T + self.place)[None]) if known is None else known)
-            + np.array([x, 0.0, 0.0])
-            for body, known, x in zip(self.bodies, extents, self.offsets, strict=True)
+            extent((body.vertices @ self.turn.T + self.place)[None]) if known is None else known
+            for body, known in zip(self.bodies, extents, strict=True)
         ]
         corners += self.others_extents if corners else ()
         return np.stack([np.min(corners, (0, 1)), np.max(corners, (0, 1))]) if corners else None
-
-
-def offsets(count: int, apart: float) -> tuple[float, ...]:
-    """Shifts of several bodies along x, metres, that put them this far apart."""
-    return tuple(apart * (i - (count - 1) / 2) for i in range(count))
 
 
 class RingsNode:
@@ -151,8 +134,7 @@ class SpaceNodes:
         self._filmed = client.scene.add_frame(_FILMED, show_axes=False)
         self._bodies = [BodyNode(client, f"{_FILMED}/body{i}", dressing) for i in range(_SLOTS + MOST_OTHERS)]
         self._image = ImageNode(client, f"{_FILMED}/image", dressing, PLATE)
-        self._shifted = client.scene.add_frame(_SHIFTED, show_axes=False)
-        self.rings = RingsNode(client, f"{_SHIFTED}/rings")
+        self.rings = RingsNode(client, f"{_FILMED}/rings")
         self._camera: Camera | None = None
         self._grid: viser.GridHandle | None = None
 
@@ -161,16 +143,12 @@ class SpaceNodes:
         shown = snapshot.bodies
         self._filmed.wxyz = SO3.from_matrix(snapshot.turn).wxyz
         self._filmed.position = snapshot.place
-        offsets = (*snapshot.offsets, *[0.0] * (_SLOTS - len(shown) + MOST_OTHERS))
         everybody = (*shown, *[None] * (_SLOTS - len(shown)), *snapshot.others)
-        for i, (node, body, offset) in enumerate(zip_longest(self._bodies, everybody, offsets)):
+        for i, (node, body) in enumerate(zip_longest(self._bodies, everybody)):
             if body:
-                x, y, z = offset * snapshot.turn[0]
-                ghost = snapshot.ghost and i == 0
-                node.draw(body, body.vertices, (float(x), float(y), float(z)), solid=True, ghost=ghost)
+                node.draw(body, body.vertices, solid=True, ghost=snapshot.ghost and i == 0)
             else:
                 node.hide()
-        self._shifted.position = (snapshot.offsets or (0.0,))[-1] * snapshot.turn[0]
         self.rings.draw(snapshot.rings)
         self._draw_camera(snapshot.camera)
         corners = frustum(snapshot.camera)

@@ -11,7 +11,6 @@ from tcfit_app.review.scene.poses import Rectangle, Window
 
 Arrangement = Literal["beside", "stacked", "wipe"]
 """Of two pictures: side by side, one above the other, or superimposed with a divider."""
-ARRANGEMENTS: dict[Arrangement, str] = {"beside": "Side by side", "stacked": "Stacked", "wipe": "Wipe"}
 _GAP = 8.0
 """Gap between two windows, CSS pixels."""
 _MARGIN = 1.03

@@ -119,7 +119,7 @@ def live_window(session: Session, fit: Shown | None, frame: int) -> LiveWindow |
 def _places(state: TabState, there: bool) -> tuple[tuple[Slot, ...], ...]:
     edited: tuple[Slot, ...] = ("a",) if state.blinked else ("b",)
     if state.mode == "space":
-        return (edited if state.beside == "alone" else SLOTS,)
+        return (SLOTS if state.ghost else edited,)
     if state.mode == "edit":
         return ((), edited) if state.close_up and state.bodies and there else (edited,)
     return (("b",), ("a",)) if state.blinked else (("a",), ("b",))

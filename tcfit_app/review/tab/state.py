@@ -9,19 +9,11 @@ from fitting_core.keypoints import GROUPS, INDEX
 from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.storage.run_record import Given
 from tcfit_app.review.scene.layers import OPACITY
-from tcfit_app.review.scene.side_view import Direction, Named
-from tcfit_app.review.scene.windows import Arrangement
+from tcfit_app.review.scene.side_view import Direction
 
 Mode = Literal["edit", "ab", "space"]
 MODES: dict[Mode, str] = {"edit": "Edit", "ab": "A | B", "space": "3D"}
 """One poster; two posters; a room around the bodies."""
-Beside = Literal["alone", "ghost", "apart"]
-BESIDE: dict[Beside, str] = {"alone": "B alone", "ghost": "A as a ghost", "apart": "Side by side"}
-"""Where A is in 3D: not drawn, faint in its place, or next to B."""
-SIDES_SEEN: tuple[Named, ...] = ("left", "right", "top")
-"""Directions of the side view that a key cycles through."""
-SIDE_WIDTHS = (0.25, 2.0)
-"""Minimum and maximum width of the side view's plate, in image heights."""
 OPACITIES = (0.1, 1.0)
 """Minimum and maximum opacity of bodies."""
 Part = Literal["right_hand", "left_hand", "face"]
@@ -112,10 +104,12 @@ class TabState:
     """Left in A | B; shown when blinking."""
     b: FitChoice = field(default_factory=FitChoice)
     """Right in A | B; the one that is edited."""
-    arrangement: Arrangement | None = None
-    """Arrangement of A and B in A | B; None: whichever makes them larger."""
-    clipped: bool | None = None
-    """Bodies are clipped to the picture; None: in A | B they are."""
+    wipe: bool = False
+    """A and B share a window in A | B, with a divider; otherwise each has its own, as large as possible."""
+    clipped: bool = control(
+        True,
+        Switch("bodies", "Clip to picture", "Bodies clipped to the picture, on or off", needs=("bodies", "picture")),
+    )
     blinked: bool = control(
         False, Switch("fits", "Blink A in B's place", "Blink: A in B's place", "b", needs=("bodies",))
     )
@@ -142,8 +136,6 @@ class TabState:
     """The side view is beside the picture, if there is a fit."""
     side_from: Direction = "right"
     """Where its viewer is. The plate is to the right of the picture, hence this default side."""
-    side_width: float | None = None
-    """Width of its plate, in image heights; None: chosen to suit the pictures."""
     close_up: Part | None = None
     """What the view follows from frame to frame; in Edit beside the video alone."""
     playing: bool = False
@@ -169,7 +161,7 @@ class TabState:
     """The rows of the timeline, names of PLOTS."""
     queue: QueueView = field(default_factory=QueueView)
     """Which entries of the review queue are listed, and in which order."""
-    beside: Beside = control("alone", Choice("", BESIDE))  # noqa: RUF009 - makes a field
+    ghost: bool = control(False, Switch("space", "A as a ghost", "A as a ghost in 3D, on or off", needs=("bodies",)))
     settings: FitSettings = field(default_factory=FitSettings)
     keys: bool = False
     """The window of all keys is open."""

@@ -23,7 +23,7 @@ from tcfit_app.review.session.tasks import Task, Value, Work
 from tcfit_app.review.tab.buttons import Buttons
 from tcfit_app.review.tab.on_show import OnShow, Playback, on_show
 from tcfit_app.review.tab.people import Someone
-from tcfit_app.review.tab.state import SIDE_WIDTHS, FitSettings, TabState, seen_alike
+from tcfit_app.review.tab.state import FitSettings, TabState, seen_alike
 from tcfit_app.server.gate import HOME
 from tcfit_app.server.gated_viser import Visitor
 from tcfit_app.server.page_files import PageFiles
@@ -306,31 +306,21 @@ class Tab:
     @property
     def arrangement(self) -> Arrangement:
         """How two pictures are arranged: in A | B as chosen, else as suits the canvas."""
-        if self.state.arrangement is not None and self.state.mode == "ab":
-            return self.state.arrangement
+        if self.state.wipe and self.state.mode == "ab":
+            return "wipe"
         size = self.session.project.footage.camera.size
         width = size[0] / size[1]
         side = usual_width(2 * width) if self.state.side else None
         return divide(self.scene.cameras.window, pictures=2, width=width, side=side).arrangement
 
     @property
-    def clipped(self) -> bool:
-        """Whether bodies are clipped to the picture."""
-        return self.state.mode == "ab" if self.state.clipped is None else self.state.clipped
-
-    @property
     def side_width(self) -> float:
         """Width of the side view's plate, in image heights."""
         width, height = self.session.project.footage.camera.size
         if self.state.close_up and self.state.mode == "edit":  # three windows of one size
-            return min(width / height, SIDE_WIDTHS[1])
+            return width / height
         beside = len(self.shown.places) if self.arrangement == "beside" else 1
-        return self.state.side_width or usual_width(beside * width / height)
-
-    def set_side_width(self, width: float) -> None:
-        """Set the width of the side view's plate, within its limits."""
-        least, most = SIDE_WIDTHS
-        self.set(side_width=round(min(max(width, least), most), 2))
+        return usual_width(beside * width / height)
 
     # --- what is on show ---
 

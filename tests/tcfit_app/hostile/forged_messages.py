@@ -84,7 +84,6 @@ class Forger:
                 {"type": "plot", "name": FORGED, "shown": True},
                 {"type": "select", "joints": rng.choices(range(200), k=4), "how": "toggle"},
                 {"type": "drag", "phase": "move", "joints": [1], "dx": 1e6, "dy": self._junk(), "frame": 1 << 40},
-                {"type": "widen", "width": rng.choice([1e-300, 100, float("inf")])},
                 {"type": "go_to_person", "person": rng.choice([0, 1, 999, 1 << 40, -1])},
                 {
                     "type": "open_link",

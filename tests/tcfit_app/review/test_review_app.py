@@ -235,7 +235,7 @@ def test_a_right_click_beside_all_keypoints_opens_the_picture_s_menu(review: Rev
     review.press("m", lambda: review.page.tab.state.bodies)
 
 
-def test_the_side_view_follows_the_frame_and_is_widened(review: Reviewing):
+def test_the_side_view_follows_the_frame(review: Reviewing):
     def side() -> dict:
         return review.tab.evaluate("() => tcfit.state('side')")
 
@@ -245,27 +245,11 @@ def test_the_side_view_follows_the_frame_and_is_widened(review: Reviewing):
     review.press("Shift+v", lambda: side()["floor"] is None)
     review.press("Shift+v", lambda: labels_of(review, "side") == ["from the picture's left"])
     review.press("Shift+v", lambda: labels_of(review, "side") == ["from the picture's right"])
-    review.rest()
-    left, top, right, bottom = review.tab.evaluate(SIDE_PLATE)
-    width = review.page.tab.side_width
-    review.tab.mouse.move(left, (top + bottom) / 2)
-    review.tab.mouse.down()
-    review.tab.mouse.move((left + right) / 2, (top + bottom) / 2, steps=3)
-    review.tab.mouse.up()
-    until(lambda: review.page.tab.side_width == pytest.approx(width / 2, abs=0.02), "the narrower plate")
-    review.app.post(lambda: review.page.tab.set(side_width=None))
 
 
 def test_in_3d_the_side_view_gives_way_to_the_room(review: Reviewing):
     review.press("3", lambda: review.tab.evaluate("() => tcfit.state('layout').mode") == "space")
-    for name in ("front", "top", "camera"):
-        before = review.page.tab.scene.cameras.pose
-        review.tab.locator(f"[data-tcfit='view.from'][data-value={name}]").click()
-        until(lambda before=before: review.page.tab.scene.cameras.pose != before, name)
-    # Seen from the side, a keypoint of the fit can be taken there too, and 3D does not turn.
-    before = review.page.tab.scene.cameras.pose
-    review.tab.locator("[data-tcfit='view.from'][data-value=side]").click()
-    until(lambda: review.page.tab.scene.cameras.pose != before, "the side")
+    # A keypoint of the fit can be taken there too, and 3D does not turn.
     review.rest()
     edits, pose = review.session.project.last_edit, review.page.tab.scene.cameras.pose
     place = [(0.0, 0.0)]

@@ -13,13 +13,13 @@ from fitting_core.body.points.positions import joints_in_space
 from fitting_core.keypoints import GROUPS, INDEX
 from fitting_core.results.error_bars import JOINTS
 from tcfit_app.project.project import Project
-from tcfit_app.review.browser.page_events import Hello, Key, Widen
+from tcfit_app.review.browser.page_events import Hello, Key
 from tcfit_app.review.browser.page_states import Bodies, Chip, Layout, SidePlate
 from tcfit_app.review.drawing import picture
 from tcfit_app.review.drawing.picture import error_bars_of
 from tcfit_app.review.panels.view_panel import ViewPanel
 from tcfit_app.review.shared.drawing_data import FrameBody
-from tcfit_app.review.tab.state import CLOSE_UPS, HELD_BY, SIDE_WIDTHS
+from tcfit_app.review.tab.state import CLOSE_UPS, HELD_BY
 from tests.drivers.lone_page import LonePage, lone_page
 from tests.samples.project_samples import sample_error_bars
 from tests.samples.sessions import OneBody, small_clip, until
@@ -140,10 +140,9 @@ def test_the_page_is_told_where_what_a_close_up_follows_is(tested: LonePage):
 
 
 def test_3d_shows_keypoints_too_also_of_hidden_bodies(tested: LonePage):
-    tested.page.tab.set(mode="space", bodies=False, beside="apart")
+    tested.page.tab.set(mode="space", bodies=False, ghost=True)
     until(tested.page.tab.session, lambda: len(colors(tested)) == 2)
     state = seen(tested, "space")
-    assert state.offsets == (-0.6, 0.6)
     np.testing.assert_allclose(state.turn[1], seen(tested, "bodies").down, atol=1e-4)
 
 
@@ -163,25 +162,8 @@ def test_keys_switch_and_turn_it(tested: LonePage):
         press(tested, "turn_side")
         labels += plates(tested)
     assert labels == ["from above", "from the picture's left", "from the picture's right"]
-    tested.page.tab.set(side_from=30.0)
-    press(tested, "turn_side")
-    assert plates(tested) == ["from the picture's left"]
-
-
-def test_the_panel_turns_and_widens_it(tested: LonePage):
-    tab = tested.page.tab
     tested.press("view.side", "top")
-    assert tab.state.side_from == "top"
-    tested.enter("Turn", 30)
-    assert tab.state.side_from == 30.0
-    for width, kept in ((0.01, SIDE_WIDTHS[0]), (99.0, SIDE_WIDTHS[1]), (0.777, 0.78)):
-        tested.page.receive(Widen(width))
-        assert tab.side_width == kept
-    layout = told(tested, "layout")
-    assert [poster.width for poster in layout.posters if poster.kind == "side"] == [0.78]
-    tab.set(mode="space")
-    tested.draw()
-    assert not tested.field("Turn").visible and tab.buttons.find("view.from", "front")
+    assert tested.page.tab.state.side_from == "top"
 
 
 def test_without_a_fit_there_is_none(panel_server: viser.ViserServer, tmp_path: Path, tiny_body: BodyModel):

@@ -182,8 +182,8 @@ def test_view_buttons(tested: LonePage):
     tested.draw()
     page = tested.page
     tested.press("action", "space")
-    tested.press("view.beside", "apart")
-    assert page.tab.state.mode == "space" and page.tab.state.beside == "apart" and "Side by side" in tested.html()
+    tested.press("action", "ghost")
+    assert page.tab.state.mode == "space" and page.tab.state.ghost
     tested.press("view.group", "face")
     assert page.tab.state.groups == set(GROUPS) - {"face"}
     tested.press("action", "keypoints")
@@ -581,7 +581,7 @@ def test_what_needs_a_fit_or_the_video_is_off_without(panel_server: viser.ViserS
         for name in ("ab", "space", "blinked", "bodies", "outline", "difference", "side"):
             assert "There is no fit yet" in ACTIONS[name].obstacle(gestures), name
         assert "no finished fit" in ACTIONS["approve"].obstacle(gestures)
-        for title in ("Swap A and B", "Clip to the picture"):
+        for title in ("Swap A and B", "Clip to picture"):
             assert tested.button(title).disabled, title
         assert tested.field("A shows").disabled and not tested.field("Name").visible
 

@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 from fitting_core.camera import Camera, path_of
 from fitting_core.ground.level import Level
 from tcfit_app.review.scene.layers import BodyLayer
-from tcfit_app.review.scene.poses import Window, filming_pose
 from tcfit_app.review.scene.room import Room, room_around
 from tcfit_app.review.scene.side_view import side_view
 from tcfit_app.review.scene.space import Space
@@ -43,12 +42,10 @@ def test_the_room_stands_still(room: Room, frame: int):
     bounds = space.bounds()
     assert bounds is not None
     np.testing.assert_allclose(bounds, [MAN.min(0), MAN.max(0)], atol=1e-12)
-    pose = filming_pose(CAMERA, here.turn, room.extent, Window(width=800, height=600), near=0.9, place=here.place)
-    np.testing.assert_allclose(pose.position, here.place)
     assert room.before(replace(CAMERA, path=None), frame) is room
 
 
-@pytest.mark.parametrize("direction", ["right", "top", 40.0])
+@pytest.mark.parametrize("direction", ["right", "top"])
 def test_the_side_view_stands_still(room: Room, direction):
     view = side_view(room, CAMERA, direction, 0.9)
     plates = [view.before(CAMERA, frame) for frame in range(5)]

@@ -38,9 +38,8 @@ def test_bodies_have_their_places_by_mode(tested: LonePage, mode: str, blinked: 
     assert tested.page.tab.look().places == places
 
 
-@pytest.mark.parametrize("beside", ["ghost", "apart"])
-def test_in_space_a_is_there_too_on_request(tested: LonePage, beside: str):
-    tested.page.tab.set(mode="space", beside=beside)
+def test_in_space_a_is_there_too_on_request(tested: LonePage):
+    tested.page.tab.set(mode="space", ghost=True)
     assert tested.page.tab.look().places == (("a", "b"),)
 
 

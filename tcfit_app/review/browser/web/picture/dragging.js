@@ -1,4 +1,4 @@
-// The left button: it selects and drags keypoints, and widens the side view. viser's camera it turns in 3D alone.
+// The left button: it selects and drags keypoints. viser's camera it turns in 3D alone.
 
 /** @import { Gesture, Place } from "./picking.js" */
 /** @import { Held } from "./skeleton.js" */
@@ -10,12 +10,10 @@ import { canvas, canvasSize, keepCameraFlat, moveWheel } from "../viser/bridge.j
 import { beginDepthDrag, endDepthDrag, followInDepth } from "./depth.js";
 import { meanPersonAt } from "./people.js";
 import {
-  REACH, TOUCH_REACH, borderAt, canvasPlace, inPicture, overPoster, overScene, pick, pictureAt, pointer, within,
+  REACH, TOUCH_REACH, canvasPlace, inPicture, overPoster, overScene, pick, pictureAt, pointer, within,
 } from "./picking.js";
 import { drawn, inBox, toImage } from "./projection.js";
 import { chosen, groupShown, isPicture, isSide, marked, position, select, skeletonReady } from "./skeleton.js";
-
-const [NARROWEST, WIDEST] = [0.01, 100]; // what the server takes; it has bounds of its own
 
 /** @param {PointerEvent} event */
 function press(event) {
@@ -30,7 +28,7 @@ function press(event) {
   const found = pick(place, touch ? TOUCH_REACH : REACH);
   if (!found && (touch || !overPoster(event))) return; // that pans and zooms the picture, or turns 3D
   const anchor = found && toImage(drawn.maps[found.poster], place.x, place.y);
-  const kind = found ? beginOnJoint(found.joint, event.shiftKey) : beginBesides(place, event.shiftKey);
+  const kind = found ? beginOnJoint(found.joint, event.shiftKey) : event.shiftKey ? "marquee" : "empty";
   begin(event, place, { found, anchor, kind });
 }
 
@@ -41,12 +39,6 @@ function begin(event, place, what) {
   canvas().setPointerCapture(event.pointerId);
   invalidate("overlay");
   event.stopPropagation();
-}
-
-/** @param {Place} place where there is no keypoint @param {boolean} shift */
-function beginBesides(place, shift) {
-  if (borderAt(place)) return "widen";
-  return shift ? "marquee" : "empty";
 }
 
 /** Selects what was pressed; a press on one of several that the user has selected may begin to drag them all.
@@ -146,7 +138,6 @@ function release(event) {
   if (gesture.kind === "empty") pressBesides(gesture);
   if (gesture.kind === "marquee") selectWithin(gesture);
   if (gesture.kind === "framing") frameWithin(gesture);
-  if (gesture.kind === "widen") widenSide(gesture);
   endGesture();
   event.stopPropagation();
 }
@@ -171,15 +162,6 @@ function frameWithin({ x0, y0, x, y, anchor }) {
   if (!map || !anchor || Math.hypot(x - x0, y - y0) < DRAG_THRESHOLD) return;
   const [u, v] = toImage(map, x, y);
   emit({ type: "framed", left: anchor[0], top: anchor[1], right: u, bottom: v, frame: known("keypoints").frame });
-}
-
-/** Its left border is where the pointer let it go. @param {Gesture} gesture */
-function widenSide({ x, x0 }) {
-  const side = drawn.maps.find(isSide);
-  if (!side || x === x0) return;
-  const { left, right } = side.window; // as wide as the plate is where all of the picture is seen
-  const width = (side.poster.width * (right - x)) / (right - left);
-  emit({ type: "widen", width: Math.min(Math.max(width, NARROWEST), WIDEST) });
 }
 
 function endGesture() {

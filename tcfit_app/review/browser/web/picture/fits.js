@@ -19,14 +19,14 @@ const minus = (a, b) => a.map((value, i) => value - b[i]);
  * @param {PosterMap} map of the side view or of 3D
  * @returns {((point: number[]) => [x: number, y: number] | null)[]} by body */
 export function projections(map) {
-  const { side, space } = states;
+  const { bodies, side } = states;
   if (map.poster.kind === "side")
     return (side?.shifts ?? []).map((_, body) => (point) => toScreen(map, onPlate(known("side"), body, point)));
   const matrix = worldToCanvas();
-  return (space?.offsets ?? []).map((offset) => (point) => {
+  return (bodies?.bodies ?? []).map(() => (point) => {
     const { turn, place } = known("space");
     const [right, down, ahead] = turn.map((row, axis) => dot(row, point) + place[axis]);
-    const [x, y, depth] = scenePoint(matrix, [right + offset, down, ahead]);
+    const [x, y, depth] = scenePoint(matrix, [right, down, ahead]);
     return Math.abs(depth) < 1 ? [x, y] : null;
   });
 }

@@ -10,13 +10,13 @@ import { COLORS, FONT } from "../style.js";
 import { beforeSceneDrawn, canvas, canvasSize, onSceneDrawn, redrawScene } from "../viser/bridge.js";
 import { drawInWindow } from "../viser/meshes.js";
 import { placeDivider } from "./divider.js";
-import { REACH, borderAt, inPicture, pick, pictureAt, pointer, within } from "./picking.js";
+import { REACH, inPicture, pick, pictureAt, pointer, within } from "./picking.js";
 import { drawPeople, placePeople } from "./people.js";
 import { drawn, placeInWorld, plateSeen, posterMaps, toScreen, viewChanged } from "./projection.js";
 import { circle, clipTo, cross, disc, rim, ring, stamp, stroke } from "./shapes.js";
 import { wayOf } from "./depth.js";
 import { fitLine } from "./fits.js";
-import { drawBorder, drawFits, drawSide } from "./side.js";
+import { drawFits, drawSide } from "./side.js";
 import {
   chosen, groupOf, groupShown, isPicture, isSide, isSpace, jointRadius, marked, placesOf, position, shown,
   shownJoints, skeletonReady, zoomFactor,
@@ -52,7 +52,6 @@ function drawSkeleton(context) {
   drawHovered(context);
   if (pointer.gesture?.kind === "marquee") drawMarquee(context, pointer.gesture);
   if (pointer.gesture?.kind === "framing") drawFrame(context, pointer.gesture);
-  drawBorder(context);
 }
 
 /** @param {Context} context @param {PosterMap} map @param {number[]} joints */
@@ -235,15 +234,14 @@ function drawMarquee(context, gesture) {
 
 /** @type {{ [kind: string]: string }} */
 const GESTURE_SHAPES = {
-  drag: "grabbing", depth: "grabbing", marquee: "crosshair", framing: "crosshair", widen: "col-resize",
+  drag: "grabbing", depth: "grabbing", marquee: "crosshair", framing: "crosshair",
 };
 let pointerShape = "";
 
 /** Sets the pointer's shape, and leaves it alone while it is viser's to set. */
 function showPointerShape() {
   const { hovered, place } = pointer;
-  const besides = borderAt(place) ? "col-resize" : "";
-  const met = !hovered ? besides : inPicture(hovered) || wayOf(hovered) ? "grab" : "pointer";
+  const met = !hovered ? "" : inPicture(hovered) || wayOf(hovered) ? "grab" : "pointer";
   const usual = states.framing && pictureAt(place) ? "crosshair" : met;
   const shape = skeletonReady() ? (GESTURE_SHAPES[pointer.gesture?.kind ?? ""] ?? usual) : "";
   if (shape !== pointerShape) canvas().style.cursor = shape;

@@ -6,7 +6,7 @@ import { invalidate, known, states } from "../connection.js";
 import { onRightClick, openMenu } from "../menu.js";
 import { canvas } from "../viser/bridge.js";
 import { drawn, inBox } from "./projection.js";
-import { chosen, groupOf, isPicture, isSide, placedOn, select, skeletonReady } from "./skeleton.js";
+import { chosen, groupOf, isPicture, placedOn, select, skeletonReady } from "./skeleton.js";
 
 export const REACH = 12; // CSS pixels
 export const TOUCH_REACH = 24;
@@ -19,7 +19,7 @@ const RANK_HANDICAP = 1.5;
 /**
  * A press of the left button.
  * @typedef {Place & { x0: number, y0: number, pointer: number,
- *   kind: "press" | "drag" | "depth" | "marquee" | "framing" | "empty" | "toggled" | "widen",
+ *   kind: "press" | "drag" | "depth" | "marquee" | "framing" | "empty" | "toggled",
  *   found: Found | null, anchor: [u: number, v: number] | null }} Gesture
  */
 
@@ -55,17 +55,6 @@ export const inPicture = (found) => found !== null && isPicture(drawn.maps[found
 
 /** The picture's map at this place. @param {Place | null} place */
 export const pictureAt = (place) => drawn.maps.find((map) => place && isPicture(map) && inBox(map.seen, place));
-
-const BORDER = 5; // CSS pixels
-
-/** The side view's map, if this place is on its left border. @param {Place | null} place */
-export function borderAt(place) {
-  const side = drawn.maps.find(isSide);
-  if (!place || !side) return undefined;
-  const { left, top, bottom } = side.window;
-  const beside = Math.abs(place.x - left) <= BORDER && place.y >= top && place.y <= bottom;
-  return beside ? side : undefined;
-}
 
 /** Keypoints within a gesture's rectangle, in any poster. @param {Gesture} gesture */
 export function within({ x0, y0, x, y }) {

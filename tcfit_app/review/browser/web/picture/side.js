@@ -7,10 +7,9 @@
 import { known, states } from "../connection.js";
 import { COLORS, FONT } from "../style.js";
 import { bonePath, ellipse, projections } from "./fits.js";
-import { borderAt, pointer } from "./picking.js";
-import { drawn, plateSeen, toScreen } from "./projection.js";
+import { plateSeen, toScreen } from "./projection.js";
 import { NOT_SURE, clipTo, disc, rim, ring, stamp, stroke } from "./shapes.js";
-import { chosen, groupShown, isSide, jointRadius, located, placedOn, position, zoomFactor } from "./skeleton.js";
+import { chosen, groupShown, jointRadius, located, placedOn, position, zoomFactor } from "./skeleton.js";
 
 const LINE = "rgba(200, 208, 220, 0.5)";
 const TEXT = "#b4bdc9";
@@ -190,14 +189,4 @@ function drawCamera(context, map, side) {
   context.restore();
   const leftwards = px > (plate.left + plate.right) / 2;
   write(context, "camera", px + (leftwards ? -14 : 14), py, leftwards ? "right" : "left");
-}
-
-/** The left border under the pointer, or where the pointer takes it. @param {Context} context */
-export function drawBorder(context) {
-  const { gesture, place } = pointer;
-  const side = gesture?.kind === "widen" ? drawn.maps.find(isSide) : gesture ? undefined : borderAt(place);
-  if (!side) return;
-  context.fillStyle = COLORS.accent;
-  const { left, top, bottom } = side.window;
-  context.fillRect((gesture ? gesture.x : left) - 1.5, top, 3, bottom - top);
 }

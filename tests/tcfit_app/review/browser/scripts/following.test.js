@@ -4,7 +4,7 @@ import { beforeEach, test } from "node:test";
 import { states } from "./connection.js";
 import { sideMiddle } from "./picture/following.js";
 
-const poster = { node: "", bodies: [], window: [0, 0, 1, 1], width: 2, kind: "side", clipped: true, label: "", color: "" };
+const poster = { node: "", window: [0, 0, 1, 1], width: 2, kind: "side", clipped: true, label: "", color: "" };
 const window = { left: 0, top: 0, right: 100, bottom: 100 };
 const body = (followed) => ({ color: "", points: [[0, 1, 5], [0, 0, 2]], error_bars: [], followed });
 

@@ -5,7 +5,7 @@ import { states } from "./connection.js";
 import { divider, inBox, placeInWorld, posterMaps, toImage, toScreen } from "./picture/projection.js";
 
 const poster = (window, kind = "picture") =>
-  ({ node: "", bodies: [], window, width: 4 / 3, kind, clipped: false, label: "", color: "" });
+  ({ node: "", window, width: 4 / 3, kind, clipped: false, label: "", color: "" });
 
 beforeEach(() => {
   for (const name of Object.keys(states)) delete states[name];
