@@ -245,12 +245,8 @@ def given(review: Reviewing) -> Iterator[str]:
     settle(review)
     yield "camera"
     open_panel(review, "Runs")
-    review.app.post(lambda: review.page.gestures.fitting.refine(shown))
-    until(lambda: len(review.session.fits.runs) > 1, "the refined fit's beginning")
-    while review.session.jobs:  # a minute or more on a busy computer
-        review.tab.wait_for_timeout(REST_MS)
     settle(review)
-    yield "refined"
+    yield "runs"
 
 
 def fitting(review: Reviewing) -> Iterator[str]:
@@ -259,7 +255,7 @@ def fitting(review: Reviewing) -> Iterator[str]:
     shown = fitted(review)
     open_panel(review, "Fit")
     app.post(lambda: void(session.fit_everything(PRESETS["tcfit"], kind="smplx", gender="neutral")))
-    until(lambda: any(len(job.losses) > 6 for job in session.jobs.values()), "the fit")
+    until(lambda: any(job.progress and job.progress.fraction > 0.05 for job in session.jobs.values()), "the fit")
     settle(review, busy=True)
     yield "fitting"
     app.post(session.cancel)
@@ -267,7 +263,7 @@ def fitting(review: Reviewing) -> Iterator[str]:
     sliding = replace(shown.run.config, temporal=PRESETS["paper"].temporal)
     frames = range(review.frame - 20, review.frame + 40)
     app.post(lambda: void(session.rerun_frames(shown, sliding, (frames,))))
-    until(lambda: any(job.windows or len(job.losses) > 4 for job in session.jobs.values()), "the first windows")
+    until(lambda: any(job.windows for job in session.jobs.values()), "the first windows")
     settle(review, busy=True)
     yield "fitting-frames"
     app.post(session.cancel)

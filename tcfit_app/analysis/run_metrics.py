@@ -13,7 +13,6 @@ from fitting_core.measure import comparison
 from fitting_core.measure.pairing import PosedMotion
 from fitting_core.measure.references.reference import Reference
 from fitting_core.metrics import error_figures, jitter, torso_lean
-from fitting_core.results.fit_result import PhaseResult
 from tcfit_app.analysis.posed_fit import PosedFit
 
 
@@ -22,7 +21,6 @@ class MeasuredRun:
     """The input of figures."""
 
     fit: PosedFit
-    phase: PhaseResult
     seconds: float
     """Of the phases that the run computed itself; 0 if it was not fitted here."""
 
@@ -67,30 +65,18 @@ class MetricKind:
 
 _AS_GOOD = 0.01
 """Figures that differ by a smaller fraction are equally good."""
-COST = "cost_"
-"""Prefix of the names of the objective's terms."""
 
 
 def run_metrics(run: MeasuredRun) -> tuple[Metric, ...]:
-    """All figures of a run: METRICS, and the mean cost by term of the phase of its parameters."""
-    figures = [_metric(name, kind, run) for name, kind in METRICS.items()]
-    return (*figures, *(_cost(term, value) for term, value in run.phase.objective.items()))
-
-
-def frame_metrics(run: MeasuredRun) -> tuple[Metric, ...]:
-    """The figures of a run over part of the clip, without those defined only for whole runs."""
-    return tuple(_metric(name, kind, run) for name, kind in METRICS.items() if name not in _OF_RUNS)
-
-
-def _metric(name: str, kind: MetricKind, run: MeasuredRun) -> Metric:
-    return Metric(name=name, title=kind.title, unit=kind.unit, value=kind.value(run), better=kind.better)
+    """The METRICS of a run."""
+    return tuple(
+        Metric(name=name, title=kind.title, unit=kind.unit, value=kind.value(run), better=kind.better)
+        for name, kind in METRICS.items()
+    )
 
 
 def compare(a: tuple[Metric, ...], b: tuple[Metric, ...]) -> tuple[ComparedMetric, ...]:
-    """Two runs' figures, row by row: all of the first one's, then those that only the second one has.
-
-    Costs are never "better": they are not comparable between runs with other weights or keypoints.
-    """
+    """Two runs' figures, row by row: all of the first one's, then those that only the second one has."""
     ones, others = {m.name: m for m in a}, {m.name: m for m in b}
     return tuple(_row(ones.get(name), others.get(name)) for name in dict.fromkeys([*ones, *others]))
 
@@ -115,11 +101,6 @@ def _better(a: float | None, b: float | None, rule: Literal["lower", "higher", "
     if a is None or b is None or not rule or abs(b - a) <= _AS_GOOD * max(abs(a), abs(b)):
         return ""
     return "a" if (a < b) == (rule == "lower") else "b"
-
-
-def _cost(term: str, value: float) -> Metric:
-    title = "Cost, total" if term == "total" else f"Cost: {term.replace('_', ' ')}"
-    return Metric(name=COST + term, title=title, unit="", value=value if np.isfinite(value) else None, better="")
 
 
 def _error(figure: str) -> Callable[[MeasuredRun], float | None]:
@@ -171,8 +152,6 @@ METRICS: dict[str, MetricKind] = {
 }
 """By name. Reprojection errors are over the keypoints counted in summary.json; jitter is the mean second difference of
 the 55 joints, in camera space unless stated; the shape's deviation is over frames, mean of the betas."""
-_OF_RUNS = {"seconds"}
-"""Those not defined for part of a clip."""
 
 
 # --- against a reference ---

@@ -6,13 +6,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Literal
 
-from fitting_core.fit.events import FitEvent, Iteration, PhaseFinished
+from fitting_core.fit.events import FitEvent
 from tcfit_app.fitting.fit_progress import FitProgress
 from tcfit_app.fitting.jobs import Job
 from tcfit_app.fitting.reports import JobProgress
-
-MOST_LOSSES = 1000
-"""Costs kept of a job, several times what a plot shows; beyond that, every second one is dropped."""
 
 
 class JobClock:
@@ -22,7 +19,6 @@ class JobClock:
         self.number, self.job = number, job
         self.elapsed = 0.0
         self._progress = FitProgress(job.phases)
-        self._terms: dict[str, float] = {}
 
     @contextmanager
     def working(self) -> Iterator[None]:
@@ -36,10 +32,6 @@ class JobClock:
     def take(self, event: FitEvent) -> None:
         """Update the progress from an event."""
         self._progress.take(event, self.elapsed)
-        if isinstance(event, Iteration) and event.terms:
-            self._terms = {**event.terms, "total": sum(event.terms.values())}
-        elif isinstance(event, PhaseFinished):
-            self._terms = event.result.objective
 
     @property
     def progress(self) -> JobProgress:
@@ -48,7 +40,6 @@ class JobClock:
             job=self.number,
             phrase=self._progress.phrase,
             fraction=self._progress.fraction,
-            terms=self._terms,
             elapsed=self.elapsed,
             remaining=self._progress.remaining,
         )
@@ -68,9 +59,6 @@ class RunningJob:
     started: bool = False
     phase: int | None = None
     progress: JobProgress | None = None
-    losses: list[tuple[float, dict[str, float]]] = field(default_factory=list)
-    """Working seconds, and mean cost per frame by term including "total"; at first about twice a
-    second."""
     windows: list[range] = field(default_factory=list)
     """Frames already fitted in the running phase."""
     outcome: Literal["", "finished", "cancelled", "failed"] = ""
@@ -81,7 +69,3 @@ class RunningJob:
     def take(self, progress: JobProgress) -> None:
         """Update the progress."""
         self.progress = progress
-        if progress.terms and (not self.losses or progress.terms is not self.losses[-1][1]):
-            self.losses.append((progress.elapsed, progress.terms))
-            if len(self.losses) > MOST_LOSSES:
-                del self.losses[1:-1:2]

@@ -25,8 +25,6 @@ class JobProgress:
     """What is being done, as in `FitProgress`."""
     fraction: float
     """Of the whole job, 0 to 1; never decreases."""
-    terms: dict[str, float]
-    """Mean cost per frame by term, and "total", at the last evaluation: a new dict each time. Empty before."""
     elapsed: float
     """Working seconds, without pauses."""
     remaining: float | None

@@ -9,8 +9,6 @@ from fitting_core import keypoints as kp
 from fitting_core.body.model import BodyModel
 from fitting_core.results.fit_result import FitResult
 from tcfit_app.fitting import edit_follower
-from tcfit_app.fitting.job_progress import MOST_LOSSES, RunningJob
-from tcfit_app.fitting.reports import JobProgress
 from tcfit_app.project.edits.kinds import Nudge
 from tcfit_app.project.project import Project
 from tcfit_app.review.shared.drawing_data import DrawingData
@@ -42,13 +40,3 @@ def test_edits_leave_no_fits_in_memory_but_those_of_runs(
         runs = len(session.fits.runs)
         data.close()
     assert runs == 2 and kept <= runs + 1, "and the worker's last job"
-
-
-def test_a_long_job_keeps_no_more_costs_than_a_plot_needs():
-    job = RunningJob(number=1, run=1, title="", phases=(1,))
-    for second in range(5 * MOST_LOSSES):
-        terms = {"total": 1.0}
-        job.take(JobProgress(job=1, phrase="", fraction=0.0, terms=terms, elapsed=second, remaining=None))
-    seconds = [second for second, _ in job.losses]
-    assert MOST_LOSSES / 2 <= len(seconds) <= MOST_LOSSES
-    assert seconds == sorted(seconds) and (seconds[0], seconds[-1]) == (0, 5 * MOST_LOSSES - 1)

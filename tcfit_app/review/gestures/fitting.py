@@ -5,8 +5,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from msgspec import structs
-
 from fitting_core.camera import Camera, FocalFrom
 from fitting_core.config.settings import check
 from fitting_core.errors import InputError
@@ -14,7 +12,7 @@ from fitting_core.results.fit_result import FitResult
 from tcfit_app.fitting.fits import FitChoice, Shown
 from tcfit_app.fitting.jobs import around
 from tcfit_app.imports.given import NOTHING, KnownInputs
-from tcfit_app.project.storage.run_record import Given, Run, Source
+from tcfit_app.project.storage.run_record import Given, Run
 from tcfit_app.review.session.tasks import Task, Value
 from tcfit_app.review.tab.state import FitSettings
 from tcfit_app.review.tab.tab import Tab
@@ -34,11 +32,6 @@ class Fitting:
     def everything(self) -> None:
         """Fit all phases. Raises InputError if a setting is invalid, or the fit cannot be started."""
         self._begin(self._checked())
-
-    def refine(self, run: Run) -> None:
-        """Fit all phases, starting from a run's result. Raises InputError as `everything`."""
-        settings = self._checked()
-        self._begin(replace(settings, given=structs.replace(settings.given, start=Source(run=run.id))))
 
     def resume(self, run: Run) -> None:
         """Continue a fit that ended in phase 1. Raises InputError as `everything`."""

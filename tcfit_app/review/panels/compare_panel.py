@@ -1,7 +1,6 @@
 """The Compare panel: A and B in figures, and where they differ."""
 
-import time
-from collections.abc import Hashable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -15,11 +14,10 @@ from fitting_core.camera import Camera
 from fitting_core.measure.references.files import POINT_FILES, read_reference
 from fitting_core.measure.references.reference import Reference
 from tcfit_app.analysis.curves import peaks
-from tcfit_app.analysis.run_metrics import COST, ComparedMetric, compare
+from tcfit_app.analysis.run_metrics import ComparedMetric, compare
 from tcfit_app.fitting.fits import Shown
 from tcfit_app.fitting.reports import Notice
 from tcfit_app.imports.uploads import kept_as
-from tcfit_app.project.frame_words import in_words
 from tcfit_app.project.storage.names import name_of_file
 from tcfit_app.review.gestures.actions import Gestures
 from tcfit_app.review.panels.elements.field import frame_number
@@ -38,18 +36,14 @@ from tcfit_app.review.panels.elements.html import (
     text,
     words,
 )
-from tcfit_app.review.panels.runs.runs_panel import parent_of, show_beside_parent
 from tcfit_app.review.scene.layers import RUN_COLORS, css
 from tcfit_app.review.session.tasks import Step
 from tcfit_app.review.tab.tab import Tab
 
-SETTLING = 1.0
-"""Seconds that keypoints and fits must be unchanged before figures are computed, which takes all meshes."""
 _MEASURING = "Measuring …"
 _NO_FIT = "This panel compares two fits. There is none yet: see the panel Fit."
 _BETTER = "better in green"
 _SAME = "A and B are the same fit: choose another in the panel View or Runs."
-_COSTS = "Mean per frame; comparable only between runs with the same weights and keypoints."
 
 
 class ComparePanel:
@@ -60,32 +54,27 @@ class ComparePanel:
 
     def __init__(self, gestures: Gestures) -> None:
         self._gestures, self._tab = gestures, gestures.tab
-        self._rest, tab = _Rest(), gestures.tab
+        tab = gestures.tab
         self._head, self._peaks, self._against = (Board(tab) for _ in range(3))
-        self._selected = SelectedFigures(tab)
         self._figures = Board(tab)
         with tab.client.gui.add_folder("Reference", expand_by_default=False):
             self._reference = ReferenceField(tab)
-        with tab.client.gui.add_folder("Costs", expand_by_default=False):
-            self._costs = Board(tab)
 
     def draw(self) -> None:
         """See `Panel.draw`."""
-        tab, data = self._tab, self._tab.data
+        tab = self._tab
         a, b = tab.shown.a, tab.shown.b
-        self._selected.draw(a, b)
         self._reference.draw()
         if a is None or b is None:
             self._head.show(paragraph(_NO_FIT, "dim"))
-            for board in (self._peaks, self._against, self._figures, self._costs):
+            for board in (self._peaks, self._against, self._figures):
                 board.show()
             return
         self._head.show(*self._heads(a, b))
-        if self._rest.lasts(data.key(a), data.key(b), tab.session.project.reference_version):
-            self._draw_figures(a, b)
+        if tab.session.edit_follower.lags:  # figures take all meshes, so not of fits that are about to change
+            self._figures.show(paragraph(_MEASURING, "dim"))
         else:
-            self._figures.show(paragraph(self._reason(a, b), "dim"))
-            self._costs.show()
+            self._draw_figures(a, b)
 
     def _heads(self, a: Shown, b: Shown) -> list[Html]:
         named = zip("AB", RUN_COLORS, (a, b), strict=True)
@@ -93,14 +82,10 @@ class ComparePanel:
         same = (a.run.id, a.phase) == (b.run.id, b.phase)
         if same:
             rows.append(paragraph(_SAME, "dim"))
-        parent = parent_of(self._tab, b.run)
-        if parent is not None and a.run.id != parent.id:
-            beside = partial(show_beside_parent, self._tab, b.run)
-            rows.append(row(button("Compare B with its parent", "compare.parent", do=beside, hint=parent.name)))
         return [heading("Fits on show", first=True), *rows]
 
     def _draw_figures(self, a: Shown, b: Shown) -> None:
-        """The figures available so far, once keypoints and fits have settled."""
+        """The figures available so far."""
         data = self._tab.data
         apart = data.between(a, b)
         self._draw_against(a, b)
@@ -109,9 +94,7 @@ class ComparePanel:
         if one is None or other is None:
             self._figures.show(paragraph(self._reason(a, b), "dim"))
             return
-        rows = compare(one, other)
-        self._figures.show(heading("Whole clip", _BETTER), _table(r for r in rows if not r.name.startswith(COST)))
-        self._costs.show(paragraph(_COSTS, "dim"), _table(r for r in rows if r.name.startswith(COST)))
+        self._figures.show(heading("Whole clip", _BETTER), _table(compare(one, other)))
 
     def _draw_against(self, a: Shown, b: Shown) -> None:
         """Figures against the project's reference, if any."""
@@ -149,43 +132,6 @@ class ComparePanel:
         )
         mean = f"Distance of joints; {np.nanmean(values):.1f} mm in the clip's mean."
         return [heading("Frames that differ most"), row(*buttons, wrap=True), paragraph(mean, "dim")]
-
-
-class _Rest:
-    """Tells whether something has stayed unchanged for SETTLING."""
-
-    def __init__(self) -> None:
-        self._key: tuple[Hashable, ...] = ()
-        self._since = 0.0
-
-    def lasts(self, *key: Hashable) -> bool:
-        """Whether the key has been the same for that long."""
-        if key != self._key:
-            self._key, self._since = key, time.monotonic()
-        return time.monotonic() - self._since >= SETTLING
-
-
-class SelectedFigures:
-    """Figures of the frames selected in the timeline; this part of the panel shows only while there are any.
-
-    The effect of re-running a few frames is lost in the means of a whole clip.
-    """
-
-    def __init__(self, tab: Tab) -> None:
-        self._tab, self._board, self._rest = tab, Board(tab), _Rest()
-
-    def draw(self, a: Shown | None, b: Shown | None) -> None:
-        """Update to the selection and the fits on show."""
-        data, frames = self._tab.data, self._tab.state.frames
-        if frames is None or a is None or b is None:
-            return self._board.show()
-        rests = self._rest.lasts(frames, data.key(a), data.key(b))
-        one, other = (data.metrics(fit, frames) if rests else None for fit in (a, b))
-        head = heading(f"Selected {in_words(frames, self._tab.first_frame)}", "better in green")
-        if one is None or other is None:
-            self._board.show(head, paragraph(_MEASURING, "dim"))
-        else:
-            self._board.show(head, _table(compare(one, other)))
 
 
 def _table(rows: Iterable[ComparedMetric]) -> Html:

@@ -21,7 +21,6 @@ from tcfit_app.analysis.posed_fit import PosedFit
 from tcfit_app.analysis.run_metrics import (
     MeasuredRun,
     Metric,
-    frame_metrics,
     reference_metrics,
     run_metrics,
 )
@@ -212,22 +211,15 @@ class DrawingData:
             self._points[body.version] = self.meshes(body.shown).points(body.params)[0]
         return self._points[body.version]
 
-    def metrics(self, shown: Shown, frames: range | None = None) -> tuple[Metric, ...] | None:
-        """Figures of a run, or of some of its frames; None while they are computed."""
-        result = shown.result
-        if result is None:
+    def metrics(self, shown: Shown) -> tuple[Metric, ...] | None:
+        """Figures of a run; None while they are computed."""
+        if shown.result is None:
             return None
         own, phases = own_phases(shown.run), self.session.fits.fit(shown.run).phases
         seconds = sum(p.seconds for p in phases if p.phase in own and p.phase <= shown.phase)
-
-        def measured(posed: PosedFit) -> tuple[Metric, ...]:
-            if frames is None:
-                return run_metrics(MeasuredRun(fit=posed, phase=result, seconds=seconds))
-            part = posed[frames.start : frames.stop]
-            return frame_metrics(MeasuredRun(fit=part, phase=result, seconds=seconds))
-
-        key = self._metrics_key(shown)
-        return self._made(key if frames is None else (*key, frames), shown, measured)
+        return self._made(
+            self._metrics_key(shown), shown, lambda posed: run_metrics(MeasuredRun(fit=posed, seconds=seconds))
+        )
 
     def reference_metrics(self, shown: Shown) -> tuple[Metric, ...] | None:
         """Figures of a run against the project's reference, empty without one; None while they are computed."""

@@ -32,7 +32,6 @@ from tcfit_app.fitting.fits import FitChoice, Fits, Shown
 from tcfit_app.imports import results as importing
 from tcfit_app.imports.results import ImportChoices, import_run
 from tcfit_app.project.project import Project
-from tcfit_app.review.panels import compare_panel as compare
 from tcfit_app.review.panels.compare_panel import ComparePanel
 from tcfit_app.review.panels.runs.runs_panel import RunsPanel
 from tcfit_app.review.panels.view_panel import ViewPanel
@@ -310,9 +309,8 @@ def page_a(tested: LonePage) -> Shown:
 
 
 def test_an_imported_run_is_compared_and_searched_like_any_other(
-    panel_server: viser.ViserServer, tmp_path: Path, tiny_body: BodyModel, monkeypatch: pytest.MonkeyPatch
+    panel_server: viser.ViserServer, tmp_path: Path, tiny_body: BodyModel
 ):
-    monkeypatch.setattr(compare, "SETTLING", 0.0)
     with tiny_page(panel_server, tmp_path / "p", tiny_body, ComparePanel) as tested:
         own, session = tested.fit(), tested.page.tab.session
         run = session.import_run(small_results(tmp_path / "theirs", tiny_body), NONE, lambda text, share: None)

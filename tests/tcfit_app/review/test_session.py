@@ -97,7 +97,6 @@ def test_a_fit_streams_in_phase_by_phase(tiny_body: BodyModel, tmp_path: Path):
         assert [p.phase for p in session.fits.fit(session.fits.runs[0]).phases] == [1, 2, 3]
         first, last = session.fits.show(FitChoice(phase=1)), newest(session)
         assert first is not None and first.phase == 1 and not torch.equal(first.params.betas, last.params.betas)
-        assert job.losses and all(terms["data"] > 0 for _, terms in job.losses)
         assert [n.kind for n in told(session)] == ["done"]
 
 

@@ -4,9 +4,7 @@ from collections.abc import Collection
 from functools import partial
 from typing import ClassVar
 
-import numpy as np
 import viser
-from viser import uplot
 
 from fitting_core.errors import InputError
 from tcfit_app.fitting.fit_progress import time_left
@@ -113,34 +111,13 @@ class FitPanel:
         return f"Re-run around edits: {numbers(frames, self._tab.first_frame, most=2)}"
 
 
-Losses = list[tuple[float, dict[str, float]]]
-"""As in `RunningJob.losses`."""
-TERMS = 5
-"""Curves besides the total: of the terms with the highest cost."""
-POINTS = 240
-"""Points per curve; longer ones are thinned."""
-_COLORS = ("#868e96", "#228be6", "#e8590c", "#2f9e44", "#be4bdb", "#0c8599")
-"""Distinguishable on light and on dark backgrounds."""
-_LEAST = 0.1
-"""The lowest cost drawn: the axis is logarithmic."""
-_AXIS = "#868e96"
-_GRID = uplot.Axis_Grid(stroke="rgba(128,128,128,0.22)")
-_FINE_GRID = uplot.Axis_Grid(stroke="rgba(128,128,128,0.1)")
-"""Grid lines per decade of the logarithmic axis."""
-_LABELS = 54
-"""Pixels for the labels of costs up to 1,000,000."""
-_POINTS = uplot.Series_Points(show=False)
-
-
 class RunningJobs:
     """The jobs of a session, in one tab."""
 
     def __init__(self, tab: Tab) -> None:
         self._tab = tab
-        gui = tab.client.gui
         # Buttons apart from the text, which changes many times a second: a focused button keeps its focus.
         self._buttons, self._said = Board(tab), Board(tab)
-        self._plot = _empty_plot(gui)
 
     def draw(self) -> None:
         """Send what changed."""
@@ -149,12 +126,6 @@ class RunningJobs:
         running = next((job for job in jobs if job.started), None)
         self._buttons.show(*(self._cancelling(running or jobs[0], len(jobs)) if jobs else []))
         self._said.show(*(self._running(running, jobs) if jobs else _ended(session.ended, session.fits.unwritten)))
-        fitted = running if running is not None and running.run is not None else session.ended
-        losses = fitted.losses if fitted else []
-        if len(losses) < 2:
-            self._plot.visible = False
-        else:
-            self._tab.once("losses", (losses[0], losses[-1]), lambda: self._draw_plot(losses))
 
     def _cancelling(self, job: RunningJob, count: int) -> list[Html]:
         """Buttons that cancel the running or next job, and all jobs."""
@@ -172,59 +143,6 @@ class RunningJobs:
     def _name(self, job: RunningJob) -> str:
         run = self._tab.session.fits.run(job.run) if job.run is not None else None
         return f"{run.name}, {job.title}" if run else job.title
-
-    def _draw_plot(self, losses: Losses) -> None:
-        names = charted(losses)
-        data = curves(losses, names)
-        with self._tab.client.atomic():
-            self._tab.once("loss names", names, lambda: setattr(self._plot, "series", _all_series(names)))
-            self._plot.data = data
-            self._plot.visible = True
-
-
-def charted(losses: Losses) -> tuple[str, ...]:
-    """Names of the curves: the total, and the terms with the highest final cost."""
-    last = losses[-1][1]
-    terms = sorted((name for name in last if name != "total"), key=lambda name: -last[name])
-    return ("total", *sorted(terms[:TERMS]))
-
-
-def curves(losses: Losses, names: tuple[str, ...]) -> tuple[np.ndarray, ...]:
-    """Seconds, and 1 + TERMS rows of costs in the order of the names; NaN where unknown."""
-    chosen = np.unique(np.linspace(0, len(losses) - 1, min(len(losses), POINTS)).round().astype(int))
-    rows = [losses[i] for i in chosen]
-    costs = np.array([[terms.get(name, np.nan) for _, terms in rows] for name in names])
-    costs = np.where(np.isfinite(costs), np.maximum(costs, _LEAST), np.nan)
-    unused = [np.full(len(rows), np.nan)] * (1 + TERMS - len(names))
-    return np.array([seconds for seconds, _ in rows]), *costs, *unused
-
-
-def _all_series(names: tuple[str, ...]) -> tuple[uplot.Series, ...]:
-    """Always the same number: uPlot shows nothing after an update that changes the number of curves."""
-    labels = [*names, *["–"] * (1 + TERMS - len(names))]
-    return uplot.Series(label="s"), *map(_series, labels, _COLORS)
-
-
-def _series(name: str, color: str) -> uplot.Series:
-    return uplot.Series(label=name.replace("_", " "), stroke=color, width=2 if name == "total" else 1, points=_POINTS)
-
-
-def _empty_plot(gui: viser.GuiApi) -> viser.GuiUplotHandle:
-    none = np.array([0.0, 1.0])
-    ticks = uplot.Axis_Ticks(stroke=_AXIS, width=1, size=3)
-    font = "10px sans-serif"
-    x_axis = uplot.Axis(stroke=_AXIS, grid=_GRID, ticks=ticks, size=30, font=font)
-    y_axis = uplot.Axis(stroke=_AXIS, grid=_FINE_GRID, ticks=uplot.Axis_Ticks(show=False), size=_LABELS, font=font)
-    return gui.add_uplot(
-        (none, *[none] * (1 + TERMS)),
-        _all_series(("total",)),
-        title="Mean cost per frame, by term",
-        scales={"x": uplot.Scale(time=False), "y": uplot.Scale(distr=3)},
-        axes=(x_axis, y_axis),
-        height=178,
-        padding=(8, 20, 0, 0),
-        visible=False,
-    )
 
 
 def _progress(job: RunningJob) -> list[Html]:

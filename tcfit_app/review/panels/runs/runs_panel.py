@@ -18,14 +18,13 @@ from tcfit_app.review.panels.elements.field import Field, for_writers, frame_num
 from tcfit_app.review.panels.elements.file_input import FileInput, TextRow
 from tcfit_app.review.panels.elements.html import Board, Html, button, heading, line, paragraph, row, table
 from tcfit_app.review.panels.fit.fit_settings import nearest_preset
-from tcfit_app.review.panels.runs.run_texts import Listed, details, result_of, run_line
+from tcfit_app.review.panels.runs.run_texts import Listed, remarks, result_of, run_line
 from tcfit_app.review.session.tasks import Step
 from tcfit_app.review.tab.on_show import SLOTS, Slot
 from tcfit_app.review.tab.tab import Tab
 
 LISTED = 30
 """The newest runs listed; the older ones on request."""
-_REFINE = "Fit everything, starting from this run, with the settings of the panel Fit"
 _CONTINUE = "Fit everything with this run's settings; the frames fitted so far are not fitted again"
 _RENAME = "Rename to the text in the Name field (or press Enter there)"
 
@@ -182,7 +181,7 @@ class RunsPanel:
         if not self._naming.waiting:  # otherwise what is being typed would be lost
             self._tab.once("run name", (run.id, run.name), lambda: self._naming.show(run.name))
         self._draw_buttons(chosen)
-        self._details.show(*details(chosen, session, result_of(session, run)))
+        self._details.show(*remarks(run, result_of(session, run)))
 
     def _draw_buttons(self, chosen: Listed) -> None:
         tab, run, off = self._tab, chosen.run, self._tab.session.project.read_only
@@ -209,9 +208,6 @@ class RunsPanel:
             disabled=not there or parent is None,
             hint=f"A: {parent.name}" if parent else "It did not start from another run",
         )
-        refine = of_run(
-            "Refine", "runs.refine", self._gestures.fitting.refine, disabled=off or not run.stored, hint=_REFINE
-        )
         use = of_run("Use its settings for the next fit", "runs.settings", self._use_settings, disabled=off)
         cancel = of_run("Cancel", "runs.cancel", lambda run: tab.session.cancel(run.id), kind="danger")
         resume = of_run("Continue", "runs.continue", self._gestures.fitting.resume, disabled=off, hint=_CONTINUE)
@@ -223,7 +219,6 @@ class RunsPanel:
             ),
             row(*shows),
             row(beside),
-            row(refine),
             *([] if run.kind == "imported" else [row(use)]),
             *([] if chosen.job is None else [row(cancel)]),
         )

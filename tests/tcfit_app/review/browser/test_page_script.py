@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from msgspec.structs import replace
-from viser import uplot
 from websockets.datastructures import Headers
 from websockets.http11 import Response
 
@@ -518,24 +517,6 @@ def test_text_stays_text(tab: Tab) -> None:
     assert tab.page.locator(".tcfit img").count() == 0
     tab.send(notice=None)
     assert not tab.page.locator(".tcfit-card").is_visible()
-
-
-def test_a_plot_has_its_title_on_one_line_from_the_beginning(tab: Tab, server: ReviewServer) -> None:
-    tab.page.evaluate("""() => {
-      window.heights = [];
-      const look = () => {
-        const title = document.querySelector('.uplot .u-title');
-        if (title) window.heights.push(title.getBoundingClientRect().height);
-        if (window.heights.length < 20) requestAnimationFrame(look);
-      };
-      look();
-    }""")
-    line = np.array([0.0, 1.0])
-    series = uplot.Series(label="s"), uplot.Series(label="total", stroke="white")
-    plot = server.viser.gui.add_uplot((line, line), series, title="Mean cost per frame, by term", height=170)
-    tab.page.wait_for_function("() => window.heights.length === 20")
-    plot.remove()
-    assert max(tab.page.evaluate("() => window.heights")) < 40
 
 
 def test_what_is_no_event_is_dropped(tab: Tab, caplog: pytest.LogCaptureFixture) -> None:

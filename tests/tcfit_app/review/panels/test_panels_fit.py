@@ -18,7 +18,7 @@ from tcfit_app.fitting.fits import FitChoice
 from tcfit_app.project.edits.kinds import MarkBad
 from tcfit_app.project.project import Project
 from tcfit_app.project.storage.run_record import Given, Source
-from tcfit_app.review.panels.fit.fit_panel import POINTS, FitPanel, charted, curves
+from tcfit_app.review.panels.fit.fit_panel import FitPanel
 from tcfit_app.review.panels.fit.fit_settings import ROWS, differences, nearest_preset
 from tcfit_app.review.tab.state import FitSettings
 from tests.drivers.lone_page import LonePage, tiny_page
@@ -344,16 +344,6 @@ def test_edited_and_flagged_frames_are_re_run(tested: LonePage):
     before = session.fits.fit(run).last.params.body_pose
     moved = np.flatnonzero((again != before).any(1).numpy())
     assert set(moved) <= {1, 5}
-
-
-def test_loss_curves_are_thinned_and_have_the_largest_terms():
-    costs = {f"term{i}": float(i) for i in range(9)}
-    losses = [(0.5 * i, {**costs, "total": 36.0}) for i in range(5000)]
-    names = charted(losses)
-    assert names == ("total", "term4", "term5", "term6", "term7", "term8")
-    x, *ys = curves([(0.0, {"total": 0.0, "term8": float("inf")}), *losses], names)
-    assert len(x) == POINTS and x[0] == 0 and x[-1] == losses[-1][0]
-    assert ys[0][0] > 0, "the axis is logarithmic" and np.isnan(ys[-1][0])
 
 
 def test_presets_are_told_apart():

@@ -18,8 +18,7 @@ export const CLOSE_BUTTON = ":is(.mantine-Notification-closeButton, .mantine-Mod
 export const FIELD_LABEL = 'div[style*="flex-shrink: 0"]:has(> p > label)';
 export const WINDOW_SURROUNDINGS = ".mantine-Modal-inner, .mantine-Modal-overlay";
 
-/** How viser's own elements look here. A plot of viser's learns its width only after it has been drawn: until then its
- * title would have a word a line. */
+/** How viser's own elements look here. */
 export const VISER_SHEET = `
 body:has(.tcfit-lost) .mantine-Modal-root { display: none; }
 body:has(.tcfit-lost) :has(> * > * > button[aria-label=Commands]), body:has(.tcfit-lost) .mantine-ScrollArea-root { opacity: 0.45; pointer-events: none; }
@@ -34,8 +33,6 @@ body:has(.tcfit-lost) :has(> * > * > button[aria-label=Commands]), body:has(.tcf
 .mantine-Modal-header:has(+ .mantine-Modal-body .tcfit-keys) { padding-bottom: 0 !important; min-height: 0 !important; }
 .mantine-Slider-markLabel { display: none; }
 button:has(svg[class*="tabler-icon-adjustments"]) { display: none !important; }
-.uplot-container .uplot { width: 100%; }
-.uplot-container .u-legend .u-series:first-child { display: none; }
 button[aria-label="Commands"] { width: auto !important; padding: 0 5px; color: var(--tcfit-text) !important; }
 [role=tab][aria-selected=true], [role=tab][aria-selected=true] * { color: var(--tcfit-detected) !important; }
 button[aria-label="Commands"]::after { content: "Commands"; margin-left: 5px; font-size: 13px; }
