@@ -82,22 +82,13 @@ class EditFollower:
         """Runs whose corrections are being fitted or queued."""
         self._taking_back: set[int] = set()
         """Running errands of the worker."""
-        self._since = {run.parent: run.id for run in fits.runs if run.kind == "corrections"}
-        """By run, the newest run of its corrections that future ones do not go into."""
 
     # --- the runs that collect corrections ---
 
     def of(self, run: int) -> Run:
         """The run that shows a run's current corrections, or the run itself without any."""
-        since = self._since.get(run, 0)
-        found = [one for one in self._fits.runs if one.id == run or (_corrects(one, run) and one.id > since)]
-        return max(found, key=lambda one: one.id, default=None) or self._project.runs.get(run)
-
-    def _go_on_from(self, run: Run) -> None:
-        """Future corrections start from the run on show, not from earlier corrections of it, except while some are
-        under way."""
-        if run.id not in {run.id for _, run in self._drags.values()} | {*self._pending} | self._under_way:
-            self._since[run.id] = max((one.id for one in self._fits.runs if _corrects(one, run.id)), default=0)
+        found = [one for one in self._fits.runs if one.id == run or _corrects(one, run)]
+        return found[-1] if found else self._project.runs.get(run)
 
     def edits_seen(self, base: Run, windows: tuple[range, ...], seen: int) -> int:
         """The log entry up to which a run includes all edits once windows are refitted with those up to `seen`."""
@@ -151,7 +142,6 @@ class EditFollower:
             body = self._bodies.of(shown.run.body)
         except InputError:
             return None  # the picture says so
-        self._go_on_from(shown.run)
 
         def of(clip: Clip, params: BodyParams, given: GivenStart | None, seen: int = 0) -> Correction:
             return Correction(
@@ -223,7 +213,6 @@ class EditFollower:
         """An edit was made while this fit was on show."""
         if not self.after_edits or shown.phase != 3 or shown.result is None:
             return
-        self._go_on_from(shown.run)
         self.follow(shown.run, {entry.id: True})
 
     def went_back(self, edit: int, shown: Shown | None) -> None:
@@ -386,7 +375,7 @@ class EditFollower:
                     kind="corrections",
                     parent=base.id,
                     given=base.given,
-                    name=self._name(base),
+                    name=f"{base.name} corrected",
                     change=change,
                 )
             self._fits.advance(now, {base.id: frames.put_into(fit)})
@@ -395,15 +384,8 @@ class EditFollower:
         """The run that receives new corrections, possibly one whose corrections were all undone; without corrections,
         the run itself."""
         base = self.of(run)
-        undone = [
-            one for one in self._project.runs.corrections(self._fits.at) if one.emptied and _corrects(one, base.id)
-        ]
-        return next((one for one in reversed(undone) if one.id > self._since.get(run, 0)), base)
-
-    def _name(self, base: Run) -> str:
-        name, taken = f"{base.name} corrected", {run.name for run in self._fits.runs}
-        names = (name if number == 1 else f"{name} {number}" for number in count(1))
-        return next(name for name in names if name not in taken)
+        undone = [one for one in self._project.runs.corrections(self._fits.at) if _corrects(one, base.id)]
+        return undone[-1] if undone else base
 
     def _take_back(self, edit: int, run: int | None) -> None:
         """After an undo or a redo, show all corrections as the edits stand now. Raises InputError if a fit cannot be
@@ -442,8 +424,6 @@ class EditFollower:
                 except InputError as error:
                     changed[run.id], problem = None, error
                 gone = [change for change in changes.standing(then) if change not in changes.standing(now)]
-                if run.parent is not None and not changes.standing(then):  # it is listed again, and is added to
-                    self._since[run.parent] = min(self._since.get(run.parent, 0), run.id - 1)
                 self.follow(run, self._wanted({edit: on for change in gone for edit, on in change.about.edits.items()}))
             self._fits.advance(now, changed)
         if problem is not None:

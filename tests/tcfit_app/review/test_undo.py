@@ -379,3 +379,13 @@ def test_corrections_stay_on_show_in_a_project_that_is_opened_again(folder: Path
         undo(session)
         idle(session)
         assert session.as_corrected(shown).id == corrections.parent
+
+
+def test_all_corrections_of_a_run_are_in_one(folder: Path, tiny_body: BodyModel):
+    for frame in (1, 6):
+        with session_of(folder, tiny_body) as session:
+            first = session.fits.show(FitChoice(run=1))
+            session.edit(Nudge(frames=(frame,), joints=(WRIST,), by=(25.0, 0.0)), author="me", shown=first)
+            idle(session)
+            assert [run.id for run in session.fits.runs] == [1, 2]
+            assert session.edits_since(newest(session).run) == 0
