@@ -19,7 +19,7 @@ from fitting_core.detect.mediapipe import networks
 from tests.drivers.raw_tab import admitted, raw_tab
 
 pytestmark = pytest.mark.newest
-FORMATS = "glb npz bvh smplifyx mixamo unreal-bvh vrm vrma joints trc c3d angles mot obj".split()
+FORMATS = "glb npz bvh smplifyx mixamo unreal vrm vrma joints trc c3d angles mot obj".split()
 NEEDED = {"av", "numpy", "torch", "viser", "onnxruntime"}
 
 

@@ -23,9 +23,6 @@ from fitting_core.motion import OWN_WORLD, Motion, Progress, stated_by_frame
 from tcfit_app.exports.figures import as_json
 from tcfit_app.exports.source import ExportSource
 
-_CENTIMETRES = 100.0
-"""Of a metre: what BVHs of Mixamo and Unreal are in."""
-
 
 def write_character(source: ExportSource, path: Path, progress: Progress) -> None:
     """A skinned character."""
@@ -105,7 +102,7 @@ def write_result(source: ExportSource, path: Path, progress: Progress) -> None:
 # --- skeletons of animators' programs ---
 
 
-def on_glb(rig: str) -> Callable[[ExportSource, Path, Progress], None]:
+def on_rig(rig: str) -> Callable[[ExportSource, Path, Progress], None]:
     """What writes the person on a rig, by its name in `known_rigs`."""
 
     def write(source: ExportSource, path: Path, progress: Progress) -> None:
@@ -113,20 +110,6 @@ def on_glb(rig: str) -> Callable[[ExportSource, Path, Progress], None]:
         from fitting_core.io.motion import rig_glb
 
         rig_glb.write_standard_glb(path, source.motion("y-up"), getattr(known_rigs, rig), progress)
-
-    return write
-
-
-def on_bvh(rig: str) -> Callable[[ExportSource, Path, Progress], None]:
-    """What writes the skeleton of a rig, by its name in `known_rigs`."""
-
-    def write(source: ExportSource, path: Path, progress: Progress) -> None:
-        from fitting_core.animation import animated, known_rigs
-        from fitting_core.io.motion import rig_bvh
-
-        motion = source.motion("y-up")
-        moving = animated.on_standard(motion, getattr(known_rigs, rig))
-        rig_bvh.write_rig_bvh(path, moving, motion.frame_rate, unit=_CENTIMETRES, progress=progress)
 
     return write
 

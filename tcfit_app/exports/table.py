@@ -27,8 +27,7 @@ from tcfit_app.exports.figures import (
     write_summary,
 )
 from tcfit_app.exports.motions import (
-    on_bvh,
-    on_glb,
+    on_rig,
     write_avatar,
     write_avatar_motion,
     write_character,
@@ -103,14 +102,6 @@ def _group(group: Group, formats: dict[str, tuple[str, str, Write, str]], **comm
     }
 
 
-_SKELETONS = {"mixamo": ("Mixamo", "Mixamo's joints", "a T"), "unreal": ("Unreal", "the mannequin's joints", "its A")}
-"""Of animators' programs, by their names in `known_rigs`: the title, the joints, and the rest pose."""
-_CONTAINERS = {
-    "glb": ("", on_glb, "Skinned character", "metres"),
-    "bvh": ("-bvh", on_bvh, "Skeleton alone", "centimetres"),
-}
-"""Of a moving skeleton: what its name adds to the skeleton's, its writer, what it holds, and its unit."""
-
 # fmt: off
 EXPORTS: dict[str, Export] = {
     **_group("Motion", {
@@ -131,12 +122,10 @@ EXPORTS: dict[str, Export] = {
                 "As tcfit fit writes it: every phase, joints and camera, in camera space"),
     }, needs="run"),
     **_group("Rigs", {
-        f"{skeleton}{end}": (f"{title} ({container.upper()})", f".{skeleton}.{container}", writer(skeleton.upper()),
-                             f"{held} on {joints}, with the person's bone lengths, from {pose} pose; y up, {unit}")
-        for skeleton, (title, joints, pose) in _SKELETONS.items()
-        for container, (end, writer, held, unit) in _CONTAINERS.items()
-    }),
-    **_group("Rigs", {
+        "mixamo": ("Mixamo", ".mixamo.glb", on_rig("MIXAMO"),
+                   "Skinned character on Mixamo's joints, with the person's bone lengths, from a T pose; y up, metres"),
+        "unreal": ("Unreal", ".unreal.glb", on_rig("UNREAL"),
+                   "The same on the mannequin's joints, from its A pose"),
         "vrm": ("Avatar (VRM)", ".vrm", write_avatar,
                 "The person as a VRM 1.0 avatar in T pose; VRM holds no motion, which VRM animation has"),
         "vrma": ("VRM animation", ".vrma", write_avatar_motion,
@@ -206,10 +195,12 @@ DEFAULTS = ("glb", "npz", "bvh")
 _RETARGET = "Export {} and retarget it to your character with the tools that docs/retargeting.md lists."
 REMOVED = {
     "rig-glb": _RETARGET.format("glb, mixamo, unreal or vrma"),
+    "mixamo-bvh": "Export mixamo, or bvh.",
+    "unreal-bvh": "Export unreal, or bvh.",
     "figures-json": "Export figures, a table of the same values.",
     "ply": "Export obj.",
     "report": "Use tcfit evaluate PROJECT, which writes report.html.",
-    "rig-bvh": _RETARGET.format("bvh, mixamo-bvh or unreal-bvh"),
+    "rig-bvh": _RETARGET.format("bvh, mixamo or unreal"),
 }
 """What replaces formats that were removed, by their names."""
 AXES_CHOICES = {"": "by format", "camera": "camera", "y-up": "y up", "z-up": "z up", OWN_WORLD: "calibration's"}

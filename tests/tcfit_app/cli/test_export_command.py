@@ -36,7 +36,6 @@ from tcfit_app.fitting.bodies import record_of
 from tcfit_app.project.project import Project
 from tests.drivers.processes import INTERRUPTIBLE
 from tests.fitting_core.io.motion.gltf_player import Player
-from tests.fitting_core.io.motion.rig_players import Bvh
 from tests.samples.clip_options import as_options
 from tests.samples.project_samples import CONFIG, sample_clip, sample_grounding, sample_keypoints
 from tests.samples.waving import waving_fit, waving_project
@@ -191,9 +190,9 @@ def test_a_known_floor_is_at_height_0_whatever_frames_are_exported(free_body: Bo
 
 
 def test_standard_rigs_of_a_result_s_frames(project: Path, tmp_path: Path):
-    names = exported(project, tmp_path, "--formats", "mixamo", "unreal-bvh", "vrma", "--frames", "8:10")
-    assert names == ["walk.mixamo.glb", "walk.unreal.bvh", "walk.vrma"]
-    assert len(Player.of(tmp_path / "walk.mixamo.glb").times) == len(Bvh.of(tmp_path / "walk.unreal.bvh").frames) == 3
+    names = exported(project, tmp_path, "--formats", "mixamo", "unreal", "vrma", "--frames", "8:10")
+    assert names == ["walk.mixamo.glb", "walk.unreal.glb", "walk.vrma"]
+    assert {len(Player.of(tmp_path / name).times) for name in names[:2]} == {3}
 
 
 @pytest.mark.usefixtures("off_screen_gl")
@@ -236,7 +235,7 @@ def test_the_project_as_one_file_and_back(project: Path, tmp_path: Path, monkeyp
     ("options", "said"),
     [
         (["--formats", "maya"], "expected some of glb, fbx, npz"),
-        (["--formats", "npz", "rig-bvh"], "rig-bvh: was removed. Export bvh, mixamo-bvh or unreal-bvh and retarget it"),
+        (["--formats", "npz", "rig-bvh"], "rig-bvh: was removed. Export bvh, mixamo or unreal and retarget it"),
         (["--run", "middle"], "'near' (#1), 'far' (#2)"),
         (["--frames", "0:3"], "from 7 to 12"),
         (["--frames", "9:8"], "from 7 to 12"),
