@@ -3,10 +3,7 @@
 Uploaded files are stored under our own names.
 """
 
-import io
-import re
-import zipfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,14 +14,11 @@ import numpy as np
 from fitting_core.camera import Camera, FocalFrom
 from fitting_core.clip import Clip
 from fitting_core.errors import InputError
-from fitting_core.files.archives import Member, open_members
 from fitting_core.files.atomic import scratch_folder
-from fitting_core.io.keypoints.openpose import SUFFIX, stem_of
+from fitting_core.io.keypoints.openpose import SUFFIX
 from fitting_core.keypoints import Keypoints
 from fitting_core.silhouettes import Silhouettes
-from fitting_core.video.frame_names import frame_numbers, natural_key
 from tcfit_app.imports.found_people import FoundPeople
-from tcfit_app.imports.uploads import kept_as
 
 if TYPE_CHECKING:
     from fitting_core.detect.detecting import Detected
@@ -90,7 +84,6 @@ class ImportUpload:
 
     def run(self, clip: Clip, report: ProgressReport) -> FoundKeypoints:
         """See `KeypointJob.run`."""
-        report("Unpacking the upload", None)
         with scratch_folder() as folder:
             path = received(self.name, self.content, folder)
             return ImportFiles(path=path).run(clip, report)
@@ -203,72 +196,28 @@ class Download:
                 report(f"{event.done / 1e6:.1f}{total} MB", event.share if event.total else None)
 
 
-MOST_BYTES = 1 << 30
-"""Of all files together, unpacked: twice the size of 100,000 frames of OpenPose JSON with hands and face."""
-MOST_FILES = 200_000
-_SUFFIXES = (".json", ".pose")
-_EXPECTED = "expected one JSON or .pose file, or a ZIP archive of OpenPose's JSON files"
+_SUFFIXES = (SUFFIX, ".json", ".pose")
+_EXPECTED = (
+    "expected one JSON or .pose file. Give a folder of OpenPose's files by its path on the computer that runs tcfit"
+)
 
 
 def received(name: str, content: bytes, folder: Path) -> Path:
     """Write an uploaded file into an empty folder; returns the path to read as keypoints.
 
-    No part of its name becomes a path: of an archive's entries only the frame number is used.
+    No part of its name becomes a path.
 
     Raises:
-        InputError: It is not a file of keypoints, or an archive with other content, too much content, or unsafe paths.
+        InputError: It is not a file of keypoints.
     """
-    shown = _shown(name)
-    if len(content) > MOST_BYTES:
-        raise InputError(f"{shown} has {len(content) >> 20} MB; expected {MOST_BYTES >> 20} MB at most.")
-    if zipfile.is_zipfile(io.BytesIO(content)):
-        with kept_as("upload.zip", content, shown) as path, open_members(path) as members:
-            return _unpacked(shown, members, folder)
     suffix = next((suffix for suffix in _SUFFIXES if name.lower().endswith(suffix)), None)
     if suffix is None or not content:
-        raise InputError(f"{shown} has {len(content)} bytes, and its name is not a keypoint file's; {_EXPECTED}.")
-    single = folder / (f"upload_0{SUFFIX}" if name.lower().endswith(SUFFIX) else f"upload{suffix}")
-    single.write_bytes(content)
-    return single
-
-
-def _unpacked(shown: str, members: Sequence[Member], folder: Path) -> Path:
-    # macOS adds a folder of its own; names starting with a dot are system files.
-    files = [m for m in members if not any(part.startswith(".") or part == "__MACOSX" for part in m.path.parts)]
-    wrong = [file.path.name for file in files if file.path.suffix.lower() not in _SUFFIXES]
-    if wrong or not files:
-        found = f"other files, such as {_shown(wrong[0])}" if wrong else "no file"
-        raise InputError(f"{shown} holds {found}; {_EXPECTED}.")
-    # As in a folder: among OpenPose's file names, other files are not keypoints.
-    files = [file for file in files if file.path.name.lower().endswith(SUFFIX)] or files
-    if len(files) > MOST_FILES or sum(file.size for file in files) > MOST_BYTES:
-        total = sum(file.size for file in files) >> 20
         raise InputError(
-            f"{shown} unpacks to {len(files)} files of {total} MB; expected {MOST_FILES} files and "
-            f"{MOST_BYTES >> 20} MB at most."
+            f"{_shown(name)} has {len(content)} bytes, and its name is not a keypoint file's; {_EXPECTED}."
         )
-    if len(files) == 1 and not files[0].path.name.lower().endswith(SUFFIX):
-        single = folder / f"upload{files[0].path.suffix.lower()}"
-        files[0].copy_to(single)
-        return single
-    for number, file in _numbered(shown, files):
-        file.copy_to(folder / f"upload_{number:012}{SUFFIX}")
-    return folder
-
-
-def _numbered(shown: str, files: Sequence[Member]) -> list[tuple[int, Member]]:
-    """Files with their frame numbers, or numbered in natural order if not all names have one."""
-    stems = [stem_of(file.path.name) for file in files]
-    numbers = frame_numbers(stems)
-    if numbers is None and all(re.search(r"\d", stem) for stem in stems):
-        some = ", ".join(sorted(map(_shown, stems))[:3])
-        raise InputError(
-            f"{shown} has keypoints of several clips, or names that differ in several numbers ({some}); expected "
-            "those of one clip, with one frame number per name."
-        )
-    if numbers is None or max(numbers) >= 10**12 or len(set(numbers)) < len(files):
-        return list(enumerate(sorted(files, key=lambda file: natural_key(str(file.path)))))
-    return sorted(zip(numbers, files, strict=True), key=lambda pair: pair[0])
+    path = folder / (f"upload_0{SUFFIX}" if suffix == SUFFIX else f"upload{suffix}")
+    path.write_bytes(content)
+    return path
 
 
 def _shown(name: str) -> str:

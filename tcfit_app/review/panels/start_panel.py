@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from fitting_core.detect.known_models import KnownModel
 
 _PATH_HINT = "On the computer that runs tcfit: a folder of OpenPose JSON, a COCO-WholeBody JSON, or a .pose file"
-_UPLOAD_HINT = "From this computer: one JSON or .pose file, or a ZIP archive of a folder of JSON files"
+_UPLOAD_HINT = "From this computer: one JSON or .pose file"
 
 
 class StartPanel:
@@ -56,7 +56,7 @@ class StartPanel:
                 path=TextRow("Path", _PATH_HINT),
                 button="Import from this path",
                 missing="The path is empty; expected a folder or file of keypoints on the computer that runs tcfit.",
-                upload=TextRow("Upload a file or ZIP", _UPLOAD_HINT),
+                upload=TextRow("Upload a file", _UPLOAD_HINT),
             )
 
     def _begin_import(self, file: Path | viser.UploadedFile) -> None:

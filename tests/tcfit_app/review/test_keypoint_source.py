@@ -1,9 +1,7 @@
 """Getting keypoints in the review: jobs beside the app, what they leave when they end, and the panel Start."""
 
-import io
 import threading
 import time
-import zipfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -94,16 +92,6 @@ def test_keypoints_of_this_computer(session: Session, files: Path):
     assert told(session)[-1].kind == "done"
     with pytest.raises(InputError, match="already has keypoints"):
         session.source.begin(ImportFiles(path=files))
-
-
-def test_an_uploaded_archive(session: Session, files: Path):
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w") as archive:
-        for path in files.iterdir():
-            archive.write(path, f"kp/{path.name}")
-    session.source.begin(ImportUpload(name="kp.zip", content=buffer.getvalue()))
-    ended(session)
-    assert np.array_equal(session.project.detections.xy, imported_xy())
 
 
 def two_people(frame: int) -> np.ndarray:
